@@ -21,7 +21,7 @@ from epuck_sim.overhead.robots import find_robots
 from epuck_sim.overhead.track import Track, analyse
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import require_model
-from tests.overhead.track.identities_score import Links, Truth, links_found
+from tests.overhead.identities_score import Links, Truth, links_found
 
 FILMS = 5
 FILM_S = 120.0

@@ -57,7 +57,7 @@ def main() -> None:
                 lambda: track.threshold_ms / 1000,
                 lambda _time_s: 0,
             ):
-                annotated = annotator.annotate(*tracked)
+                annotated = annotator.annotate(tracked)
                 if tracked.frame.time_s >= AT_S:
                     break
         pictures = {"in the light": picture_at(lit), "as the webcam saw it": picture_at(dark), "tracked": annotated}

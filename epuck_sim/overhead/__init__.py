@@ -1,6 +1,6 @@
 """The camera above the arena (thesis 4.3): the tracker of flashes in any film, and films of trials.
 
-A neighbour of the simulator: `render`, `filming` and `compare` may import recording, trial, the models and scenario; all
-else knows nothing of them but the section `overhead` of scenarios, which describes a camera. Never runs, sweep or
-statistics. docs/architecture.md has a map.
+A neighbour of the simulator. `render`, `filming` and `compare` may import recording, trial, the models and scenario;
+all else knows nothing of them but the section `overhead` of scenarios, which describes a camera. Never runs, sweep or
+statistics. A map is in docs/architecture.md.
 """

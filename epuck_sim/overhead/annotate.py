@@ -11,9 +11,8 @@ import cv2
 import numpy as np
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.overhead.frame import Frame, Picture
-from epuck_sim.overhead.rings import Ring
-from epuck_sim.overhead.synchrony import Evaluation
+from epuck_sim.overhead.counting import TrackedFrame
+from epuck_sim.overhead.frame import Picture
 
 PERIODS = 2  # past periods that the histogram shows
 STRIP_SHARE = 0.2  # height of the strip below the picture, relative to the picture's; about that of Fig. 4.5
@@ -22,8 +21,7 @@ FULL_COUNT = 4  # count that the full height of the bars stands for; the largest
 SUBPIXEL_BITS = 4  # fractional bits of coordinates that OpenCV draws at
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
-CYAN = (0, 230, 255)
-"""Colour of rings that were found; people who cannot tell green from red see it beside red, too."""
+CYAN = (0, 230, 255)  # colour of rings that were found; people who cannot tell green from red see it beside red, too
 
 BARS = (70, 170, 70)
 OLD_BARS = (40, 80, 40)  # bars that have left the interval of one period
@@ -41,13 +39,7 @@ class Annotator:
     """Height of the annotated pictures, with the strip; even, as H.264 requires."""
 
     def __init__(self, width_px: int, height_px: int, period_s: float) -> None:
-        """Begin a film.
-
-        Args:
-            width_px: Width of the film's pictures.
-            height_px: Height of the film's pictures.
-            period_s: Period of the oscillators.
-        """
+        """Begin a film with pictures of this size, of oscillators with this period."""
         self._period_s = period_s
         self._line_px = max(MIN_LINE_PX, round(min(width_px / 28, height_px / 24)))
         self._top_px = height_px + height_px % 2
@@ -59,15 +51,9 @@ class Annotator:
         self._max_count = FULL_COUNT
         self._spread_s: float | None = None
 
-    def annotate(
-        self,
-        frame: Frame,
-        rings: Sequence[Ring],
-        start_s: float,
-        evaluation: Evaluation | None,
-        t_sync_s: float | None,
-    ) -> Picture:
-        """Return (height_px, width_px, 3) the next frame, annotated with what is known by then; see `TrackedFrame`."""
+    def annotate(self, tracked: TrackedFrame) -> Picture:
+        """Return (height_px, width_px, 3) the next frame, annotated with what is known by then."""
+        frame, rings, start_s, evaluation, t_sync_s = tracked
         if start_s != self._start_s:
             self._start_s, self._spread_s, self._max_count = start_s, None, FULL_COUNT
             self._counts.clear()

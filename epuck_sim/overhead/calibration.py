@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
-from typing import Annotated, Any, NamedTuple, Protocol, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
@@ -20,9 +20,7 @@ from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection
 
 DESCRIPTION = "the film's description"
-CORNERS = "the corners given"
 LIGHT = "the floor's corners in the lit beginning"
-RINGS = "the size and shape of the rings, with the camera aimed at the arena's middle"
 
 LIT_FRAMES = 30
 """Number of frames of a lit beginning in which the floor is searched; robots or a hand may hide its corners in some."""
@@ -32,17 +30,6 @@ flicker have corners, too, but move."""
 MAX_TILT_DEG = 75.0  # largest angle between a camera's axis and straight down; from farther aside the floor is a line
 STUDIED_FRAMES = 400  # dark frames in which rings are studied; a swarm has then flashed a few times
 MIN_HEIGHT_CM = 10.0  # minimum height of a camera above the floor: twice the height of robots
-
-
-class FrameSource(Protocol):
-    """A film, or a camera while it films."""
-
-    name: str
-    width_px: int
-    height_px: int
-
-    def frames(self) -> Iterable[Frame]:
-        """Return the frames."""
 
 
 class FilmMetadata(BaseModel):
@@ -110,26 +97,21 @@ class TrackOptions(NamedTuple):
         return spread_threshold_s(period_s, flash_s)
 
 
-class Excerpt:
-    """The part of a film that the options choose, at the times that they say."""
-
-    def __init__(self, source: FrameSource, options: TrackOptions) -> None:
-        self.name, self.width_px, self.height_px = source.name, source.width_px, source.height_px
-        self._source, self._options = source, options
-
-    def frames(self) -> Iterator[Frame]:
-        """Yield the frames; those before the first one that counts are skipped, after the last none is read."""
-        fps = self._options.fps
-        for number, frame in enumerate(self._source.frames()):
-            time_s = number / fps if fps else frame.time_s
-            if time_s > self._options.end_s:
-                return
-            if time_s >= self._options.start_s:
-                yield Frame(time_s, frame.picture)
+def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
+    """Yield the frames of a film that the options choose, at the times that they say; after the last none is read."""
+    for number, frame in enumerate(frames):
+        time_s = number / options.fps if options.fps else frame.time_s
+        if time_s > options.end_s:
+            return
+        if time_s >= options.start_s:
+            yield Frame(time_s, frame.picture)
 
 
-def described_geometry(source: FrameSource, options: TrackOptions, metadata: FilmMetadata) -> Geometry | None:
-    """Return the geometry in a film's metadata; None if there is none, or the user's options describe another one."""
+def described_geometry(size_px: tuple[int, int], options: TrackOptions, metadata: FilmMetadata) -> Geometry | None:
+    """Return the geometry in a film's metadata; None if there is none, or the user's options describe another one.
+
+    The size is the width and height of the film's pictures, which may have been cropped or scaled.
+    """
     if metadata.overhead is None or metadata.arena_cm is None:
         return None
     if options.corners_px or options.arena_cm or options.height_cm or options.lens:
@@ -138,13 +120,18 @@ def described_geometry(source: FrameSource, options: TrackOptions, metadata: Fil
         camera = overhead_camera(OverheadSection(**metadata.overhead), *metadata.arena_cm)
     except (EpuckSimError, ValidationError):  # written by another version
         return None
-    if (camera.width_px, camera.height_px) != (source.width_px, source.height_px):
-        return None  # the film was cropped or scaled
+    if (camera.width_px, camera.height_px) != size_px:
+        return None
     return Geometry(camera, metadata.arena_cm, DESCRIPTION, True)
 
 
 def calibrate(
-    source: FrameSource, options: TrackOptions, most_frames: int = STUDIED_FRAMES, most_lit_s: float = math.inf
+    name: str,
+    size_px: tuple[int, int],
+    frames: Iterator[Frame],
+    options: TrackOptions,
+    most_frames: int = STUDIED_FRAMES,
+    most_lit_s: float = math.inf,
 ) -> Geometry:
     """Determine the camera that took a film, reading no more frames than needed.
 
@@ -152,7 +139,9 @@ def calibrate(
     in the light; without them the camera is aimed at the arena's middle. Distortion and scale follow from the rings.
 
     Args:
-        source: The film or camera; its next frames are read.
+        name: The film or camera, for errors.
+        size_px: Width and height of its pictures.
+        frames: Its next frames.
         options: What is known of it.
         most_frames: Number of frames in which rings are studied, once the room is dark.
         most_lit_s: Time for which it is waited for the dark.
@@ -160,7 +149,6 @@ def calibrate(
     Raises:
         FilmError: The options make no sense, or the film shows neither a floor nor a ring.
     """
-    size = source.width_px, source.height_px
     floor_cm = options.arena_cm or (REFERENCE_SIDE_CM, REFERENCE_SIDE_CM)
     above_cm = options.height_cm or REFERENCE_HEIGHT_CM / REFERENCE_SIDE_CM * max(floor_cm)
     if above_cm < MIN_HEIGHT_CM:
@@ -168,28 +156,26 @@ def calibrate(
             f"--arena-cm is {floor_cm[0]:g}x{floor_cm[1]:g}: a camera {above_cm:.3g} cm above it would be "
             f"among the robots; the unit is cm; give another height, {MIN_HEIGHT_CM:g} or more, by --height-cm"
         )
-    frames = iter(source.frames())
     corners: FloatArray | None = None if options.corners_px is None else np.array(options.corners_px, float)
-    origin = CORNERS
     if corners is None:
         corners, frames = _lit_corners(frames)
-        origin = RINGS if corners is None else LIGHT
     background = Background()
     dark = _after_light(frames, most_lit_s)
     rings = measure_rings(dark if corners is None else islice(dark, most_frames), background, most_frames)
     if corners is None and not rings.number:
         raise FilmError(
-            f"{source.name}: no lit ring is seen; is it the right film, and is the exposure long enough? If there are "
+            f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough? If there are "
             "rings, give the floor's corners by --corners, which determine their size"
         )
-    fitted = fit_camera(size, floor_cm, above_cm, rings, corners, options.lens)
-    if fitted.tilt_deg > MAX_TILT_DEG:
+    found = fit_camera(size_px, floor_cm, above_cm, rings, corners, options.lens)
+    if corners is not None and options.corners_px is None:
+        found = found._replace(calibration=LIGHT)
+    if found.tilt_deg > MAX_TILT_DEG:
         raise FilmError(
-            f"{source.name}: by {origin} the camera is tilted by {fitted.tilt_deg:.0f} degrees; allowed: up to "
-            f"{MAX_TILT_DEG:.0f}; give the floor's corners by --corners"
+            f"{name}: by {found.calibration} the camera is tilted by {found.tilt_deg:.0f} degrees; allowed: up "
+            f"to {MAX_TILT_DEG:.0f}; give the floor's corners by --corners"
         )
-    knows_floor, errors = corners is not None, (fitted.error_cm, fitted.tilt_deg)
-    return Geometry(fitted.camera, floor_cm, origin, knows_floor, *errors, background.picture, rings.light)
+    return found._replace(background=background.picture)
 
 
 def _after_light(frames: Iterator[Frame], most_lit_s: float) -> Iterator[Frame]:

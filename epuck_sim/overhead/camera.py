@@ -15,14 +15,9 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.overhead.frame import Picture
 from epuck_sim.scenario.overhead import OverheadSection
 
-REFERENCE_HEIGHT_CM = 110.0
-"""Height of the camera above the floor in the thesis's experiments (4.3.1)."""
-
-REFERENCE_SIDE_CM = 60.0
-"""Side of the arena in the thesis's experiments (4.3.1)."""
-
-WALL_HEIGHT_CM = 6.0
-"""Height of the arena's walls; our estimate: they hide a robot of 4.7 cm from its surroundings."""
+REFERENCE_HEIGHT_CM = 110.0  # height of the camera above the floor in the thesis's experiments (4.3.1)
+REFERENCE_SIDE_CM = 60.0  # side of the arena in the thesis's experiments (4.3.1)
+WALL_HEIGHT_CM = 6.0  # height of the arena's walls; our estimate: they hide a robot of 4.7 cm from its surroundings
 
 LOOKING_DOWN = np.diag([1.0, -1.0, -1.0])
 """Rotation from the arena's frame into that of a camera looking straight down (x right, y down, z ahead)."""
@@ -123,7 +118,8 @@ class Geometry(NamedTuple):
     knows_floor: bool
     """Whether the floor's place in the picture is known, so that rings outside of it are left out."""
     error_cm: float = 0.0
-    """Standard error of positions, as far as the film tells; 0 if it does not."""
+    """Standard error of positions at the floor's corners, as far as the film tells; without known corners, relative to
+    each other. 0 if nothing tells."""
     tilt_deg: float = 0.0
     """Angle between the camera's axis and straight down."""
     background: Picture | None = None
@@ -146,12 +142,7 @@ class Geometry(NamedTuple):
 
 
 def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float) -> CameraModel:
-    """Return the camera of a scenario, which looks at the middle of the arena.
-
-    Args:
-        section: The section `overhead` of the scenario.
-        width_cm: Width of the arena.
-        height_cm: Height of the arena, along y.
+    """Return the camera of a scenario, which looks at the middle of an arena of this width and height, along y.
 
     Raises:
         EpuckSimError: The camera would hang between the walls, or its distortion would fold the picture.

@@ -15,11 +15,15 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.geometry import polygon_area
-from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, Lens, fisheye_lens, simple_lens
+from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, Geometry, Lens, fisheye_lens, simple_lens
 from epuck_sim.overhead.floor import check_corners
 from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.light import LEAST_LIGHT, Background, RingLight, is_lit, ring_light
 from epuck_sim.overhead.rings import RingFinder
+
+CORNERS = "the corners given"
+RINGS = "the size and shape of the rings, with the camera aimed at the arena's middle"
+"""What a camera was determined from."""
 
 # rings of unknown size
 MIN_RADIUS_PX = 5.0  # radius of the smallest ring that is searched; the hollow of smaller ones is lost
@@ -75,12 +79,9 @@ class SeenRings(NamedTuple):
 
 
 def measure_rings(frames: Iterable[Frame], background: Background, most_frames: int) -> SeenRings:
-    """Measure rings of unknown size in the dark frames of a film; reading ends when there are enough.
+    """Measure rings of unknown size in the dark frames of a film, from which the background learns.
 
-    Args:
-        frames: Frames of the film in their order.
-        background: Learns from them.
-        most_frames: Number of frames after which reading ends, counted from the first one with a ring.
+    Reading ends when there are enough, or `most_frames` after the first frame with a ring.
     """
     survey = _Survey()
     first: Frame | None = None
@@ -187,17 +188,6 @@ def _seen_by(finder: RingFinder, light: RingLight) -> list[_SeenRing]:
     return rings
 
 
-class FittedCamera(NamedTuple):
-    """A camera, and how well its pictures determine it."""
-
-    camera: CameraModel
-    error_cm: float
-    """Standard error of positions at the floor's corners, as far as the fit knows; without corners, relative to each
-    other. 0 if nothing tells."""
-    tilt_deg: float
-    """Angle between the optical axis and straight down."""
-
-
 def fit_camera(
     size_px: tuple[int, int],
     floor_cm: tuple[float, float],
@@ -205,7 +195,7 @@ def fit_camera(
     rings: SeenRings,
     corners_px: npt.ArrayLike | None = None,
     lens: Lens | None = None,
-) -> FittedCamera:
+) -> Geometry:
     """Fit the camera that sees the floor's corners, if they are given, and rings where and as large as they are seen.
 
     Args:
@@ -225,7 +215,8 @@ def fit_camera(
     fits = [_Fit(size_px, floor_cm, above_cm, rings, corners, lens, is_fisheye) for is_fisheye in kinds]
     best = fits[-1] if fits[-1].cost < FISHEYE_GAIN * fits[0].cost else fits[0]
     tilt_deg = math.degrees(math.acos(min(1.0, -best.camera.rotation[2, 2])))
-    return FittedCamera(best.camera, best.error_cm(), tilt_deg)
+    told = (RINGS, False) if corners is None else (CORNERS, True)
+    return Geometry(best.camera, floor_cm, *told, best.error_cm(), tilt_deg, ring_light=rings.light)
 
 
 class _Fit:

@@ -27,11 +27,8 @@ from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.seeds import trial_seed
 
-UNUSUAL_PERCENT = 2.5
-"""Percentage of the trials beyond which a film is unusual, at either end."""
-
-NEAR_WALL_CM = 5.0
-"""Distance from a wall within which a robot's middle is near it, as in the measure `near_walls`."""
+UNUSUAL_PERCENT = 2.5  # percentage of the trials beyond which a film is unusual, at either end
+NEAR_WALL_CM = 5.0  # distance from a wall within which a robot's middle is near it, as in the measure `near_walls`
 
 SEEN_SHARE = 0.1
 """Share of an exposure for which a ring must be lit to be seen; our estimate: rings are much brighter than needed."""
@@ -88,15 +85,7 @@ def compare_film(
     trials: int,
     progress: Callable[[Iterable[int]], Iterable[int]],
 ) -> list[QuantityComparison]:
-    """Compare quantities of a film with those of simulated trials.
-
-    Args:
-        film: What was found in the film.
-        robots: Its robots.
-        scenario: The scenario of the trials; its seed is that of the first one.
-        trials: Number of trials.
-        progress: Shows how far the trials are.
-    """
+    """Compare quantities of a film and its robots with those of simulated trials, from the scenario's seed on."""
     values = np.full((len(QUANTITIES), trials), np.nan)
     for trial in progress(range(trials)):
         try:
@@ -109,17 +98,36 @@ def compare_film(
 
 
 def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Track, Robots]:
-    """Return what would be found in a film of a simulated trial, and its robots.
+    """Return what is found in a simulated trial as if it were filmed, judged by the rules of another film; its robots.
 
-    Args:
-        scenario: The scenario; its conditions of ending do not count.
-        seed: Seed of the trial.
-        film: The film with which the trial is compared.
+    The number of robots is told of the trial if it was told of the film, and tags are read in all frames if the film's
+    were read.
 
     Raises:
         FilmError: The film is too short, or has no flashes.
     """
-    track = track_simulated(simulate_film(scenario, seed, film), film)
+    times_s, poses, is_lit = simulate_film(scenario, seed, film)
+    linker = FlashLinker()
+    for time_s, places, lit in zip(times_s.tolist(), poses[..., :2], is_lit, strict=True):
+        rings = [Ring(x_cm, y_cm, epuck.RING_RADIUS_CM, 0.0, 0.0, 0.0, 100.0) for x_cm, y_cm in places[lit].tolist()]
+        linker.add(time_s, rings)
+    counted = CountedRings(
+        frames=len(times_s),
+        start_s=0.0,
+        times_s=times_s,
+        counts=is_lit.sum(axis=1),
+        areas_px=np.zeros(len(times_s), np.int64),
+        flashes=linker.flashes,
+        outside=0,
+        always_lit=(),
+        geometry=film.geometry._replace(floor_cm=(scenario.arena.width_cm, scenario.arena.height_cm)),
+    )
+    robots = None if film.options.robots is None else is_lit.shape[1]
+    options = film.options._replace(robots=robots, tag_numbers=None)
+    track = analyse(f"trial {seed} of {scenario.name}", counted, options, ())
+    if film.tags is not None:
+        at, who = np.nonzero(~np.isnan(poses[..., 0]))
+        track = track._replace(tags=Readings(times_s[at], who, poses[at, who]))
     return track, find_robots(track)
 
 
@@ -167,29 +175,18 @@ QUANTITIES = (
 class SimulatedFilm(NamedTuple):
     """Robots of a simulated trial in each frame of a film."""
 
-    name: str
     times_s: FloatArray
     """(frames,) s."""
     poses: FloatArray
     """(frames, robots, 3) cm, cm, rad: x, y, heading; NaN where a robot is not in the arena."""
     is_lit: BoolArray
     """(frames, robots) whether rings are seen to be lit."""
-    floor_cm: tuple[float, float]
-    """Width and height, along y, of the floor."""
-
-    def tag_readings(self) -> Readings:
-        """Return what is read if all tags are read in all frames."""
-        frames, robots = np.nonzero(~np.isnan(self.poses[..., 0]))
-        return Readings(self.times_s[frames], robots, self.poses[frames, robots])
 
 
 def simulate_film(scenario: EmbodiedScenario, seed: int, film: Track) -> SimulatedFilm:
     """Simulate a trial as if it were filmed, at the frame rate and for the duration of another film.
 
-    Args:
-        scenario: The scenario; its conditions of ending do not count.
-        seed: Seed of the trial.
-        film: The other film.
+    The scenario's conditions of ending do not count.
     """
     steps_s, poses, ring_on = _steps(scenario, seed, film.duration_s)
     exposure_s = min(scenario.overhead.exposure_ms / 1000, 1 / film.fps)
@@ -203,13 +200,7 @@ def simulate_film(scenario: EmbodiedScenario, seed: int, film: Track) -> Simulat
     begin, end = (ring_on[np.searchsorted(steps_s, moment, side="right") - 1] for moment in moments)
     # between a step with a robot and one without it, it is nowhere
     is_there: BoolArray = np.logical_not(np.isnan(seen).any(axis=2))
-    return SimulatedFilm(
-        f"trial {seed} of {scenario.name}",
-        frames_s,
-        np.where(is_there[..., None], seen, np.nan),
-        (begin | end) & is_there,
-        (scenario.arena.width_cm, scenario.arena.height_cm),
-    )
+    return SimulatedFilm(frames_s, np.where(is_there[..., None], seen, np.nan), (begin | end) & is_there)
 
 
 def _steps(scenario: EmbodiedScenario, seed: int, until_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -222,36 +213,6 @@ def _steps(scenario: EmbodiedScenario, seed: int, until_s: float) -> tuple[Float
         if step.time_s >= until_s:
             break
     return np.array(times), np.array(poses), np.array(ring_on)
-
-
-def track_simulated(simulated: SimulatedFilm, film: Track) -> Track:
-    """Return what is found in a simulated film, judged by the rules of another film.
-
-    Args:
-        simulated: The simulated film.
-        film: The other film. The number of robots is told of the simulated one if it was told of this one.
-
-    Raises:
-        FilmError: The simulated film is too short, or has no flashes.
-    """
-    linker = FlashLinker()
-    for time_s, poses, is_lit in zip(simulated.times_s.tolist(), simulated.poses, simulated.is_lit, strict=True):
-        places = poses[is_lit, :2].tolist()
-        linker.add(time_s, [Ring(x_cm, y_cm, epuck.RING_RADIUS_CM, 0.0, 0.0, 0.0, 100.0) for x_cm, y_cm in places])
-    counted = CountedRings(
-        frames=len(simulated.times_s),
-        start_s=0.0,
-        times_s=simulated.times_s,
-        counts=simulated.is_lit.sum(axis=1),
-        areas_px=np.zeros(len(simulated.times_s), np.int64),
-        flashes=linker.flashes,
-        outside=0,
-        always_lit=(),
-        geometry=film.geometry._replace(floor_cm=simulated.floor_cm),
-    )
-    robots = None if film.options.robots is None else simulated.is_lit.shape[1]
-    track = analyse(simulated.name, counted, film.options._replace(robots=robots, tag_numbers=None), ())
-    return track if film.tags is None else track._replace(tags=simulated.tag_readings())
 
 
 def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> dict[str, Fitted]:

@@ -114,12 +114,8 @@ def film_file(
 ) -> Iterator[FilmWriter]:
     """Yield a writer of a film, which gets the name `path` when the block ends without an error.
 
-    Args:
-        path: The film, whose name ends in .mp4.
-        width_px: Width of all pictures; even, as H.264 requires.
-        height_px: Height of all pictures; even.
-        description: Stored with the film, as JSON in the `comment` of its metadata.
-        title: Stored with the film.
+    Both sides of the pictures are even, as H.264 requires. The description is stored as JSON in the `comment` of the
+    film's metadata, beside the title.
 
     Raises:
         FilmError: The name does not end in .mp4, or a side is odd.

@@ -46,10 +46,6 @@ TIME_TOLERANCE_S = 1e-6  # times that differ by no more than this are taken as e
 HEIGHT_SHARE = 0.03  # height of a caption's capital letters, as a share of the picture's height
 CAPITAL_PX = 21  # height of capital letters at OpenCV's scale 1, in pixels
 
-Film = Callable[[float, FloatArray, BoolArray, FloatArray, Arena, tuple[int, float | None]], None]
-"""Films a control step: its time, (robots, 3) poses, rings that are on, (movables, 2) cm, the arena, and the state of
-the trial: cycles of the reference so far, and the order parameter at its last firing, None before the first."""
-
 
 @contextmanager
 def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Observer]:
@@ -77,7 +73,7 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
     """
     with _film(Path(path), _require_rings(scenario, scenario.name), seed) as observe:
         yield lambda step, state: observe(
-            *(step.time_s, step.poses, step.ring_on, step.movables, step.arena), (state.cycles, state.order_parameter)
+            state.cycles, state.order_parameter, step.time_s, step.poses, step.ring_on, step.movables, step.arena
         )
 
 
@@ -106,7 +102,7 @@ def film_recording(
     moments = zip(recorded.time_s, poses, recorded.ring_on, recorded.movables, _states(recorded), strict=True)
     with _film(path, scenario, recorded.seed, lens) as observe:
         for time_s, at, ring_on, places, state in progress(moments, float(recorded.time_s.max(initial=0))):
-            observe(float(time_s), at, ring_on, places, arenas[bisect_right(begin_s, time_s) - 1], state)
+            observe(*state, float(time_s), at, ring_on, places, arenas[bisect_right(begin_s, time_s) - 1])
 
 
 def _states(recorded: Recorded) -> Iterator[tuple[int, float | None]]:
@@ -135,8 +131,11 @@ def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], sourc
 
 
 @contextmanager
-def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None = None) -> Iterator[Film]:
-    """Yield a function that films control steps; films of a lit room, which are for people, have a caption."""
+def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None = None) -> Iterator[Callable[..., None]]:
+    """Yield a function that films a control step, given cycles and order parameter, and what `VirtualCamera` observes.
+
+    Films of a lit room, which are for people, have a caption.
+    """
     section = scenario.overhead
     size = section.width_px, section.height_px
     if lack := lack_of_memory(FILM_BYTES + PIXEL_BYTES * size[0] * size[1]):
@@ -153,16 +152,9 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None =
         captions = Captions(section.lit_start_s)
         finished = captions.write if section.light == "lit" else lambda frame: frame
 
-        def observe(
-            time_s: float,
-            poses: FloatArray,
-            ring_on: BoolArray,
-            movables: FloatArray,
-            arena: Arena,
-            state: tuple[int, float | None],
-        ) -> None:
-            captions.add(time_s, *state)
-            for frame in camera.observe(time_s, poses, ring_on, movables, arena):
+        def observe(cycles: int, order_parameter: float | None, time_s: float, *robots: Any) -> None:
+            captions.add(time_s, cycles, order_parameter)
+            for frame in camera.observe(time_s, *robots):
                 writer.write(finished(frame))
 
         yield observe
@@ -202,14 +194,7 @@ class VirtualCamera:
         robot: RobotKind = EPUCK,
         camera: CameraModel | None = None,
     ) -> None:
-        """Place the camera above an arena.
-
-        Args:
-            section: The section `overhead` of a scenario.
-            arena: The arena below the camera.
-            seed: Seed of the noise.
-            robot: What kind of robots are in it.
-            camera: Its geometry; by default that of the section.
+        """Place a camera above an arena, by default that of the section `overhead`; seed: that of its noise.
 
         Raises:
             EpuckSimError: The camera cannot see the arena (see `overhead_camera`).

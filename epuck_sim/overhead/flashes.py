@@ -9,11 +9,8 @@ import numpy as np
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.rings import Ring
 
-REACH_CM = 2.5
-"""Largest distance of a ring from its place in the frame before; less than the radius of a robot."""
-
-MAX_MISSED = 2
-"""Number of frames in a row in which a lit ring may be missed."""
+REACH_CM = 2.5  # largest distance of a ring from its place in the frame before; less than the radius of a robot
+MAX_MISSED = 2  # number of frames in a row in which a lit ring may be missed
 
 
 class Flash(NamedTuple):

@@ -39,12 +39,9 @@ MIN_FOUND = 0.4  # share of the places along a side at which its edge must be on
 
 
 def check_corners(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> FloatArray:
-    """Return (4, 2) px corners counter-clockwise as seen, from the lower left one on.
+    """Return (4, 2) px corners of a picture counter-clockwise as seen, from the lower left one on.
 
-    Args:
-        corners_px: (4, 2) px: columns and rows in any order.
-        width_px: Width of the picture.
-        height_px: Height of the picture.
+    They are given as (4, 2) px: columns and rows in any order.
 
     Raises:
         FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.

@@ -19,14 +19,9 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.overhead.flashes import FlashTable
 from epuck_sim.overhead.period import mean_shift
 
-ROUNDS = 5
-"""Number of times that flashes are linked, each time by what was learnt before."""
-
-BLOCK_PERIODS = 8.0
-"""Length of a part of the film whose flashes are linked at once."""
-
-SURE = 0.95
-"""Certainty of a link from which it counts as sure."""
+ROUNDS = 5  # number of times that flashes are linked, each time by what was learnt before
+BLOCK_PERIODS = 8.0  # length of a part of the film whose flashes are linked at once
+SURE = 0.95  # certainty of a link from which it counts as sure
 
 SHORTEST, LONGEST = 0.4, 1.15
 """Bounds of a robot's cycle, in periods: flashes that it sees shorten it (thesis eq. 4.1), waiting makes it longer."""
@@ -69,13 +64,7 @@ class Identities(NamedTuple):
 
 
 def link_flashes(flashes: FlashTable, period_s: float, floor_cm: tuple[float, float]) -> Identities:
-    """Return the identities of flashes, which are in order of their onsets.
-
-    Args:
-        flashes: The flashes of a film.
-        period_s: Period of the oscillators.
-        floor_cm: Width and height, along y, of the floor.
-    """
+    """Return the identities of a film's flashes, for the period of the oscillators and the floor's width and height."""
     if not len(flashes.onset_s):
         none = np.empty(0, np.int64)
         return Identities(none, none, np.empty(0), 0.0)

@@ -18,8 +18,7 @@ from epuck_sim.util.atomic_write import atomic_write, check_target
 
 SUFFIX = ".json"
 
-APART_S = 0.5
-"""Time between frames in which the board is searched."""
+APART_S = 0.5  # time between frames in which the board is searched
 
 MIN_VIEWS = 6  # pictures of the board from which a lens is calibrated; OpenCV recommends ten or more
 MAX_VIEWS = 40  # pictures of the board after which no more are read
@@ -73,13 +72,7 @@ class LensFile(BaseModel):
 
 
 def find_views(frames: Iterable[Frame], board: Board, apart_s: float = APART_S) -> list[View]:
-    """Return views of a board in a film in which it, or the camera, moves.
-
-    Args:
-        frames: The film.
-        board: The board.
-        apart_s: Time between frames in which the board is searched; 0 for pictures.
-    """
+    """Return views of a board in a film in which it, or the camera, moves; it is searched every `apart_s`."""
     find = _charuco_corners if board.kind == "charuco" else _checkerboard_corners
     views: list[View] = []
     last_s = -np.inf
@@ -128,13 +121,7 @@ def _charuco_corners(picture: Picture, board: Board) -> View | None:
 
 
 def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fisheye: bool) -> LensFile:
-    """Return the lens that shows a board as its views have it.
-
-    Args:
-        name: The film, for errors.
-        views: What `find_views` found.
-        size_px: Width and height of the pictures.
-        is_fisheye: Whether OpenCV's fisheye model is fitted.
+    """Return the lens, by OpenCV's usual or fisheye model, that shows a board as its views in a film have it.
 
     Raises:
         FilmError: There are too few views, or they do not determine a lens.

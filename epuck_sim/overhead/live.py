@@ -12,7 +12,6 @@ from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import chain
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple, Self
 
 import cv2
@@ -31,20 +30,14 @@ from epuck_sim.overhead.track import RingWriter, Track, analyse, current_thresho
 from epuck_sim.util.atomic_write import growing_text
 from epuck_sim.util.ports import HOST, check_port
 
-PATIENCE_S = 30.0
-"""Time for which a camera that drops out is tried again: a loose plug, a hub that restarts."""
-
-PAUSE_S = 0.5
-"""Time between two tries."""
+PATIENCE_S = 30.0  # time for which a camera that drops out is tried again: a loose plug, a hub that restarts
+PAUSE_S = 0.5  # time between two tries
 
 HEAD_FRAMES = 90
 """Number of frames kept while a live camera is calibrated, so that their flashes count: 6 s at 15 frames per second."""
 
-LIVE_FRAMES = 30
-"""Number of frames in which rings are studied while a live camera waits, once the room is dark."""
-
-LIVE_LIT_S = 30.0
-"""Time for which a live camera waits for the room to be dark before it is tracked as it is."""
+LIVE_FRAMES = 30  # number of frames in which rings are studied while a live camera waits, once the room is dark
+LIVE_LIT_S = 30.0  # time for which a live camera waits for the room to be dark before it is tracked as it is
 
 BOUNDARY = "picture"
 PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>
@@ -99,15 +92,17 @@ def track_camera(
         raise FilmError(f"camera {number}: the period of the oscillators is not known")
     with LiveCamera(number, tell) as live, ExitStack() as files:
         outputs = _Outputs(live, watching, period_s, files, tell)
+        size_px = (live.width_px, live.height_px)
         if lens is not None:
-            options = options._replace(lens=read_lens(lens, (live.width_px, live.height_px)))
-        waiting = _Waiting(live, outputs, tell)
-        counter = RingCounter(calibrate(waiting, options, LIVE_FRAMES, LIVE_LIT_S))
+            options = options._replace(lens=read_lens(lens, size_px))
+        head: deque[Frame] = deque(maxlen=HEAD_FRAMES)  # frames read for the calibration are tracked, too
+        waiting = _wait(live, outputs, head, tell)
+        counter = RingCounter(calibrate(live.name, size_px, waiting, options, LIVE_FRAMES, LIVE_LIT_S))
         outputs.begin()
         ends: list[str] = []
         reasons: tuple[str, ...] = ()
         later = map(outputs.record, _until_unplugged(live.frames(), ends))
-        frames = progress(chain(waiting.take_back(), later), None)
+        frames = progress(chain(_taken(head), later), None)
 
         def threshold_s() -> float:
             return current_threshold_s(counter, period_s, options)
@@ -131,36 +126,28 @@ def track_camera(
         return analyse(live.name, counter.counted(), options, (*live.warnings, *ends))
 
 
+def _wait(live: "LiveCamera", outputs: "_Outputs", head: deque[Frame], tell: Tell) -> Iterator[Frame]:
+    """Yield the frames as they arrive, and keep the last ones."""
+    for frame in map(outputs.record, live.frames()):
+        outputs.show(frame.picture)
+        if not head and is_lit(frame.picture):
+            tell(f"the room is lit; tracking begins when it is dark, or after {LIVE_LIT_S:g} s")
+        head.append(frame)
+        yield frame
+
+
+def _taken(head: deque[Frame]) -> Iterator[Frame]:
+    """Yield frames that were kept, and forget them: pictures are large."""
+    while head:
+        yield head.popleft()
+
+
 def _until_unplugged(frames: Iterable[Frame], ends: list[str]) -> Iterator[Frame]:
     """Yield a camera's frames; if the camera fails for good, end and say so."""
     try:
         yield from frames
     except FilmError as error:
         ends.append(str(error))
-
-
-class _Waiting:
-    """A camera whose last frames are kept, so that those read for the calibration are tracked, too."""
-
-    def __init__(self, camera: "LiveCamera", outputs: "_Outputs", tell: Tell) -> None:
-        self._tell = tell
-        self.name, self.width_px, self.height_px = camera.name, camera.width_px, camera.height_px
-        self._camera, self._outputs = camera, outputs
-        self._head: deque[Frame] = deque(maxlen=HEAD_FRAMES)
-
-    def frames(self) -> Iterator[Frame]:
-        """Yield the frames as they arrive."""
-        for frame in map(self._outputs.record, self._camera.frames()):
-            self._outputs.show(frame.picture)
-            if not self._head and is_lit(frame.picture):
-                self._tell(f"the room is lit; tracking begins when it is dark, or after {LIVE_LIT_S:g} s")
-            self._head.append(frame)
-            yield frame
-
-    def take_back(self) -> Iterator[Frame]:
-        """Yield the last frames again, and forget them: pictures are large."""
-        while self._head:
-            yield self._head.popleft()
 
 
 class _Outputs:
@@ -205,7 +192,7 @@ class _Outputs:
             self._write_rings(tracked.frame, tracked.rings)
         if self._annotated is None and self._page is None:
             return
-        picture = self._annotator.annotate(*tracked)
+        picture = self._annotator.annotate(tracked)
         self.show(picture)
         if self._annotated is not None:
             self._annotated.write(Frame(tracked.frame.time_s, picture))
@@ -226,11 +213,7 @@ class LiveCamera:
     """When it dropped out."""
 
     def __init__(self, number: int, tell: Tell) -> None:
-        """Open a camera.
-
-        Args:
-            number: 0 for the first camera, 1 for the second, and so on.
-            tell: Tells the user that the camera drops out or is back.
+        """Open a camera, 0 for the first one; the user is told when it drops out and when it is back.
 
         Raises:
             FilmError: The camera cannot be opened, or delivers no picture.
@@ -259,9 +242,7 @@ class LiveCamera:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._frames.close()
         self._capture.release()
 
@@ -360,11 +341,7 @@ class LivePage:
 
 @contextmanager
 def live_page(title: str, port: int) -> Iterator[LivePage]:
-    """Serve a page with the newest picture to browsers on this machine for as long as the block lasts.
-
-    Args:
-        title: Title of the page.
-        port: Where browsers find it; 0 for any that is free.
+    """Serve a page with the newest picture to browsers on this machine; port: where, 0 for any that is free.
 
     Raises:
         PortError: The port cannot be used.

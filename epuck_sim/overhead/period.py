@@ -13,8 +13,7 @@ from epuck_sim.overhead.synchrony import frame_ends
 Events = tuple[FloatArray, FloatArray]
 """Times, (n,) s, ascending, and sizes, (n,): how many rings go on or off."""
 
-MIN_PERIODS = 2.5
-"""Minimum number of periods in a film; with fewer, any chance repetition would pass for the period."""
+MIN_PERIODS = 2.5  # minimum number of periods in a film; with fewer, any chance repetition would pass for the period
 
 MIN_CORRELATION = 0.3
 """Minimum autocorrelation at the period in a film of many periods. Robots that flash at random stay below it in films

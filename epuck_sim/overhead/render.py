@@ -58,14 +58,12 @@ MARK_SLOPE = 0.45  # half its width per cm of distance from its tip
 MODULE_PX = 8  # pixels of a module in the pattern of a tag that is drawn; more than in pictures
 FINER = 4  # pixels along the side of a pixel, over which a tag is averaged
 
-NOISE_OFFSETS = 2**20
-"""Number of different places in the noise table at which the noise of a picture may begin."""
+NOISE_OFFSETS = 2**20  # number of different places in the noise table at which the noise of a picture may begin
 
 PERFECT = {"blur_px": 0.0, "vignetting": 0.0, "distortion": 0.0, "noise_levels": 0.0, "light": "lit"}
 """Values of the section `overhead` of a camera without faults in a lit room."""
 
-NO_MOVABLES = np.empty((0, 2))
-"""Places of the movables of an arena that has none."""
+NO_MOVABLES = np.empty((0, 2))  # places of the movables of an arena that has none
 
 _OCTAGON = np.array([(math.cos(angle), math.sin(angle)) for angle in np.arange(8) * math.pi / 4])
 """(8, 2) corners of an octagon around the origin; its inscribed circle has radius cos(pi / 8)."""
@@ -90,15 +88,7 @@ class Renderer:
     def __init__(
         self, section: OverheadSection, camera: CameraModel, arena: Arena, seed: int, robot: RobotKind = EPUCK
     ) -> None:
-        """Prepare what all pictures share.
-
-        Args:
-            section: The section `overhead` of a scenario: light and optics.
-            camera: Geometry of the camera.
-            arena: The arena below it.
-            seed: Seed of the noise.
-            robot: What kind of robots are in it.
-        """
+        """Prepare what all pictures share; section: light and optics; seed: that of the noise."""
         self._section, self._camera = section, camera
         self._body_cm = float(robot.radius_cm), float(robot.height_cm)
         self._ring_cm = float(robot.ring_radius_cm), float(robot.ring_height_cm)

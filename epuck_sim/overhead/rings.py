@@ -119,12 +119,7 @@ class RingFinder:
     """Finds rings in the pictures of one camera."""
 
     def __init__(self, camera: CameraModel, usual_light: float = 0.0) -> None:
-        """Prepare what all pictures share.
-
-        Args:
-            camera: The camera.
-            usual_light: Levels by which rings in the dark are brighter than their inside, if it is known.
-        """
+        """Prepare what all pictures share; usual_light: levels by which dark rings exceed their inside, if known."""
         self.camera = camera
         self._least_dark = max(MIN_LEVEL_DARK, MIN_RELATIVE_LIGHT * usual_light)
         self.view = rectified_view(camera)

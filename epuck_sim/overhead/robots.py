@@ -20,8 +20,7 @@ from epuck_sim.overhead.track import Track
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import versions
 
-MANY_UNSURE = 0.05
-"""Share of unsure links from which there is a warning."""
+MANY_UNSURE = 0.05  # share of unsure links from which there is a warning
 
 TOGETHER = 0.5  # share of the flashes of two robots from which they are a pair that flashes together
 MOST_KNOWN = 0.75  # share of the robots whose phase must be known for an order parameter

@@ -23,8 +23,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 
-ORDER_PARAMETER = 0.95
-"""Order parameter r_sync at which a swarm counts as synchronised (thesis 4.2.1)."""
+ORDER_PARAMETER = 0.95  # order parameter r_sync at which a swarm counts as synchronised (thesis 4.2.1)
 
 MAX_HOLD_INTERVALS = 3.0
 """Longest time for which a frame stands, in median intervals. It bridges one or two dropped frames, and a camera that
@@ -55,12 +54,7 @@ class SynchronyDetector:
     """Evaluates the histogram of a film, frame by frame; keeps the counts of one period, however long the film is."""
 
     def __init__(self, period_s: float, start_s: float) -> None:
-        """Begin before the first frame.
-
-        Args:
-            period_s: Period of the oscillators.
-            start_s: Time at which the robots start; earlier frames are ignored.
-        """
+        """Begin before the first frame; start_s: time at which robots start, before which frames are ignored."""
         self._period_s = period_s
         self._start_s = start_s
         self._times: list[float] = []
@@ -75,10 +69,6 @@ class SynchronyDetector:
         An evaluation is complete half a period after its mode, or later where frames are missing. A mode less than half
         a period after the first frame is not evaluated, because the period around it was not filmed. A frame whose time
         is not after that of the previous frame is ignored.
-
-        Args:
-            time_s: Time of the frame.
-            count: Number of rings lit in it.
         """
         if not self._times:
             if time_s < self._start_s:

@@ -61,13 +61,7 @@ def tag_pattern(name: str, number: int, module_px: int) -> npt.NDArray[np.uint8]
 
 
 def tag_corners_cm(pose: FloatArray, side_cm: float, height_cm: float) -> FloatArray:
-    """Return (4, 3) cm: corners of a square on a robot, from the one ahead on the left, clockwise from above.
-
-    Args:
-        pose: (3,) cm, cm, rad: x, y, heading of the robot.
-        side_cm: Side of the square.
-        height_cm: Height of the robot.
-    """
+    """Return (4, 3) cm: corners of a square on a robot at a (3,) pose, the one ahead on the left first, clockwise."""
     ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
     left = np.array([-ahead[1], ahead[0]])
     signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) * side_cm / 2

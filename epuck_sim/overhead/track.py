@@ -12,7 +12,7 @@ import numpy as np
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator
-from epuck_sim.overhead.calibration import Excerpt, TrackOptions, calibrate, described_geometry, parse_metadata
+from epuck_sim.overhead.calibration import TrackOptions, calibrate, described_geometry, excerpt, parse_metadata
 from epuck_sim.overhead.camera import Geometry
 from epuck_sim.overhead.counting import CountedRings, RingCounter, track_frames
 from epuck_sim.overhead.film import open_film
@@ -27,8 +27,7 @@ from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.verdict import Evidence, doubts, objections, why_never
 from epuck_sim.util.atomic_write import atomic_write
 
-FLASH_FRACTION = 0.075
-"""Fraction of a period for which a ring is lit (thesis 4.2.1)."""
+FLASH_FRACTION = 0.075  # fraction of a period for which a ring is lit (thesis 4.2.1)
 
 LONG_FLASHES = 6.0  # duration of a flash, in medians of all, from which a ring is always lit, without a known period
 SHORTEST_STEADY_S = 2.0  # shortest time for which such a ring is lit
@@ -149,41 +148,26 @@ def track_film(
         EpuckSimError: The table cannot be written.
     """
     with open_film(name) as film:
-        metadata = parse_metadata(film.description)
+        size_px, metadata = (film.width_px, film.height_px), parse_metadata(film.description)
         if lens is not None:
-            options = options._replace(lens=read_lens(lens, (film.width_px, film.height_px)))
-        described = described_geometry(film, options, metadata)
+            options = options._replace(lens=read_lens(lens, size_px))
+        geometry = described_geometry(size_px, options, metadata)
         options = options.with_defaults(metadata)
         options = options._replace(arena_cm=options.arena_cm or floor_cm)
-        geometry = described or calibrate(Excerpt(film, options), options)
+        geometry = geometry or calibrate(name, size_px, excerpt(film.frames(), options), options)
     counter = RingCounter(geometry)
     reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
-    with _excerpt(name, options, progress) as (frames, warnings), ring_table(rings) as write_rings:
-        for frame in frames:
+    with open_film(name) as film, ring_table(rings) as write_rings:
+        for frame in progress(excerpt(film.frames(), options), film.duration_s):
             start_s = counter.start_s
             write_rings(frame, counter.process(frame))
             if reader is not None:
                 if counter.start_s != start_s:
                     reader.restart()
                 reader.add(frame)
-    track = analyse(name, counter.counted(), options, tuple(warnings))
+        warnings = tuple(film.warnings)
+    track = analyse(name, counter.counted(), options, warnings)
     return track if reader is None else track._replace(tags=reader.readings)
-
-
-@contextmanager
-def _excerpt(
-    name: str, options: TrackOptions, progress: ProgressWrapper | None = None
-) -> Iterator[tuple[Iterator[Frame], list[str]]]:
-    """Yield the frames of a film that the options choose, and a list that has its defects once all are read."""
-    warnings: list[str] = []
-    with open_film(name) as film:
-        frames = Excerpt(film, options).frames()
-
-        def read() -> Iterator[Frame]:
-            yield from frames if progress is None else progress(frames, film.duration_s)
-            warnings.extend(film.warnings)
-
-        yield read(), warnings
 
 
 def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
@@ -196,12 +180,13 @@ def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
         return sum(flash.onset_s <= time_s < flash.end_s for flash in track.steady)
 
     with (
-        _excerpt(track.film, track.options, progress) as (frames, _),
+        open_film(track.film) as film,
         film_file(path, annotator.width_px, annotator.height_px, {"annotated": True}, path.stem) as writer,
     ):
+        frames = progress(excerpt(film.frames(), track.options), film.duration_s)
         for tracked in track_frames(frames, counter, track.period_s, lambda: threshold_s, steady):
             shown = tracked if track.confidence != "none" else tracked._replace(t_sync_s=None)
-            writer.write(Frame(tracked.frame.time_s, annotator.annotate(*shown)))
+            writer.write(Frame(tracked.frame.time_s, annotator.annotate(shown)))
 
 
 def snapshot(track: Track) -> Snapshot:
@@ -209,8 +194,8 @@ def snapshot(track: Track) -> Snapshot:
     at_s = math.inf if track.t_sync_s is None else track.start_s + track.t_sync_s
     begins_s = track.times_s[track.times_s <= at_s][-1]  # the frame that stands for that moment
     counter = RingCounter(track.geometry)
-    with _excerpt(track.film, track.options) as (frames, _):
-        for frame in frames:
+    with open_film(track.film) as film:
+        for frame in excerpt(film.frames(), track.options):
             if frame.time_s >= begins_s:
                 break
             counter.skip(frame)

@@ -63,12 +63,7 @@ class Evidence(NamedTuple):
 
 
 def objections(evidence: Evidence, sync: Evaluation | None) -> list[str]:
-    """Return the reasons for which nothing can be said about T_sync; none if it can be trusted.
-
-    Args:
-        evidence: What is known.
-        sync: The evaluation that shows synchrony; None if none does.
-    """
+    """Return the reasons for which nothing can be said about T_sync; sync: the evaluation that shows it, if any."""
     found = _about_robots(evidence, sync)
     if not evidence.period_is_given and recurs_after_two(evidence.flashes, evidence.period_s):
         found.append(
@@ -182,14 +177,7 @@ def count_images(flashes: Sequence[Flash]) -> int:
 
 
 def doubts(counted: CountedRings, evidence: Evidence, sync: Evaluation | None, lit_always: int) -> list[str]:
-    """Return sentences about what is doubtful in the lights, the geometry, and the period.
-
-    Args:
-        counted: The rings of the film.
-        evidence: What is known.
-        sync: The evaluation that shows synchrony; None if none does, or it is not believed.
-        lit_always: Number of places whose rings stay lit.
-    """
+    """Return sentences about what is doubtful in the lights, of which some are always lit, geometry, and period."""
     found, geometry, period_s = [], counted.geometry, evidence.period_s
     if lit_always:
         found.append(f"rings that stayed lit for longer than half a period, and are left out: {lit_always}")

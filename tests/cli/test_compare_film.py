@@ -10,7 +10,7 @@ from epuck_sim import Simulation, film_trial, load_scenario
 from epuck_sim.overhead import track
 from tests.cli.commands import call, called, refused
 from tests.cli.films import frames_and_description, names
-from tests.overhead.track.films import save
+from tests.overhead.films import save
 
 SETTINGS = [
     *("robots.0.count=4", "robots.0.parameters.speed_cm_s=1.5", "robots.0.parameters.period_s=2.0"),

@@ -16,7 +16,7 @@ from epuck_sim.overhead.frame import Frame
 from epuck_sim.recording.reader import read_recording
 from tests.cli.commands import call, called, contents, refused
 from tests.cli.films import frames_and_description, names, shut
-from tests.overhead.film.small_films import cut_off
+from tests.overhead.small_films import cut_off
 
 THREE = """
 name: three

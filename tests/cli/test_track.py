@@ -19,8 +19,8 @@ from epuck_sim.overhead.film import Film, open_film
 from epuck_sim.overhead.frame import Frame
 from tests.cli.commands import call, called, contents, refused
 from tests.cli.films import frames_and_description, names, shut
-from tests.overhead.film.small_films import cut_off
-from tests.overhead.track.films import PLACES, described, even, in_step, read_rings, save, shoot
+from tests.overhead.films import PLACES, described, even, in_step, read_rings, save, shoot
+from tests.overhead.small_films import cut_off
 from tests.processes import COMMAND, start, wait_until
 
 SIDE_PX = 160

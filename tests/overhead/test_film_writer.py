@@ -13,7 +13,7 @@ import pytest
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.film_writer import KEYFRAME_INTERVAL_S, TICKS_PER_S, film_file
 from epuck_sim.overhead.frame import Frame, Picture
-from tests.overhead.render.cameras import make_set, ring_centroid, standing
+from tests.overhead.cameras import make_set, ring_centroid, standing
 
 SIDE = (96, 64)
 DESCRIPTION = {"epuck_sim": "0.1.0", "seed": 3, "words": 'Ω "quoted" ; = #', "nested": {"list": [1, 2.5, None]}}
@@ -159,13 +159,6 @@ def test_nothing_is_left_after_an_error(tmp_path: Path, frames: int, capfd: pyte
     assert [file.name for file in tmp_path.iterdir()] == ["film.mp4"]
     assert (tmp_path / "film.mp4").read_bytes() == before  # an older film stays
     assert capfd.readouterr() == ("", "")
-
-
-def test_nowhere_to_write(tmp_path: Path) -> None:
-    (tmp_path / "folder.mp4").mkdir()
-    for path, words in (("folder.mp4", "is a directory"), ("none/film.mp4", "there is no directory")):
-        with pytest.raises(EpuckSimError, match=words):
-            write(tmp_path / path, make_frames())
 
 
 @pytest.mark.parametrize("room", [0, 20_000])

@@ -9,15 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim import epuck
-from epuck_sim.arena import make_arena
 from epuck_sim.arrays import FloatArray
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.overhead.camera import overhead_camera
 from epuck_sim.overhead.filming import SAMPLES, VirtualCamera
 from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.render import BODY_TOP, FLOOR, HEADING_MARK, ExposureSample, Renderer
 from epuck_sim.scenario.overhead import OverheadSection
-from tests.overhead.render.cameras import ARENA, CLEAN, pixel_at, ring_centroid
+from tests.overhead.cameras import ARENA, CLEAN, pixel_at, ring_centroid
 
 STILL = np.array([[30.0, 30.0, 0.0]])
 SMALL = {"width_px": 64, "height_px": 64}
@@ -113,11 +111,6 @@ def test_film_begins_lit_with_rings_off(spied: Spied) -> None:
     assert all((sample.poses == STILL).all() for samples, _ in spied for sample in samples)
 
 
-def test_lit_room_stays_lit(spied: Spied) -> None:
-    shoot(OverheadSection(light="lit", lit_start_s=1), flashing(lambda _: True, 1.0))
-    assert all(is_lit for _, is_lit in spied)
-
-
 def test_lit_start_shows_the_room_and_then_the_dark() -> None:
     section = OverheadSection(lit_start_s=1, frames_per_s=2, **CLEAN, **SMALL)
     frames = shoot(section, flashing(lambda _: False, 1.0))
@@ -176,8 +169,3 @@ def test_memory_stays_flat() -> None:
     for number in range(1000):
         list(camera.observe(number * 0.02, STILL, np.array([False])))
     assert len(camera._steps) <= 5
-
-
-def test_camera_between_the_walls_is_refused() -> None:
-    with pytest.raises(EpuckSimError, match=r"overhead\.height_cm"):
-        VirtualCamera(OverheadSection(height_cm=5), make_arena(60, 60, [], []), 0)

@@ -11,19 +11,18 @@ from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import (
-    CORNERS,
     LIGHT,
     LIT_FRAMES,
-    RINGS,
     STUDIED_FRAMES,
     TrackOptions,
     calibrate,
     described_geometry,
     parse_metadata,
 )
-from epuck_sim.overhead.camera import CameraModel
+from epuck_sim.overhead.camera import CameraModel, Geometry
+from epuck_sim.overhead.camera_fit import CORNERS, RINGS
 from epuck_sim.overhead.frame import Frame
-from tests.overhead.track.films import PLACES, SMALL, described, even, flashing, make_camera, shoot
+from tests.overhead.films import PLACES, SMALL, described, even, flashing, make_camera, shoot
 
 SIDE = SMALL["width_px"]
 
@@ -31,10 +30,7 @@ SIDE = SMALL["width_px"]
 class Reel:
     """A film in memory that counts the frames asked for."""
 
-    name = "reel"
-
-    def __init__(self, frames: Sequence[Frame], width_px: int = SIDE, height_px: int = SIDE) -> None:
-        self.width_px, self.height_px = width_px, height_px
+    def __init__(self, frames: Sequence[Frame]) -> None:
         self.asked = 0
         self._frames = frames
 
@@ -42,6 +38,11 @@ class Reel:
         for frame in self._frames:
             self.asked += 1
             yield frame
+
+
+def calibrated(film: Reel | Sequence[Frame], options: TrackOptions = TrackOptions(), *most: float) -> Geometry:  # noqa: B008
+    frames = film.frames() if isinstance(film, Reel) else iter(film)
+    return calibrate("reel", (SIDE, SIDE), frames, options, *most)
 
 
 def plain(level: int, count: int) -> list[Frame]:
@@ -64,7 +65,7 @@ def worst_cm(found: CameraModel, **settings: Any) -> float:
 
 
 def camera_and_origin(*film: Any) -> tuple[CameraModel, str]:
-    geometry = calibrate(*film)
+    geometry = calibrated(*film)
     assert geometry.knows_floor == (geometry.calibration != RINGS)
     return geometry.camera, geometry.calibration
 
@@ -96,9 +97,8 @@ def test_description_may_be_empty(description: dict[str, Any] | None) -> None:
 
 
 def test_described_geometry_is_that_of_the_scenario() -> None:
-    found = described_geometry(
-        Reel([]), TrackOptions(period_s=1.0, robots=3), parse_metadata(described(height_cm=80.0, distortion=-0.1))
-    )
+    told = parse_metadata(described(height_cm=80.0, distortion=-0.1))
+    found = described_geometry((SIDE, SIDE), TrackOptions(period_s=1.0, robots=3), told)
     assert found is not None
     assert (found.floor_cm, found.knows_floor) == ((60.0, 60.0), True)
     found = found.camera
@@ -129,7 +129,7 @@ def test_described_geometry_is_that_of_the_scenario() -> None:
 def test_described_geometry_is_not_believed(
     size: tuple[int, int], options: TrackOptions, description: dict[str, Any] | None
 ) -> None:
-    assert described_geometry(Reel([], *size), options, parse_metadata(description)) is None
+    assert described_geometry(size, options, parse_metadata(description)) is None
 
 
 # --- what is shown ----------------------------------------------------------------------------------
@@ -161,7 +161,7 @@ def test_lit_beginning_gives_the_floor() -> None:
 
 def test_floor_is_looked_for_in_a_beginning_with_a_hand_in_it() -> None:
     frames = plain(120, 9) + film(1, lit_until_s=0.3)
-    found, origin = camera_and_origin(Reel(frames), TrackOptions())
+    found, origin = camera_and_origin(frames)
     assert origin == LIGHT
     assert worst_cm(found) <= 0.3
 
@@ -171,7 +171,7 @@ def test_bands_of_light_that_move_are_no_floor() -> None:
     for number, frame in enumerate(bands):
         frame.picture[: 60 + 3 * number] = frame.picture[150 + 2 * number :] = 90
         frame.picture[:, :8] = frame.picture[:, -8:] = 90
-    found, origin = camera_and_origin(Reel(bands + film(1.2)), TrackOptions())
+    found, origin = camera_and_origin(bands + film(1.2))
     assert origin == RINGS
     assert worst_cm(found) <= 1.0
 
@@ -179,14 +179,14 @@ def test_bands_of_light_that_move_are_no_floor() -> None:
 def test_corners_of_a_camera_that_sees_the_floor_from_aside_are_refused() -> None:
     line = ((5.0, 100.0), (235.0, 100.0), (235.0, 124.1), (5.0, 124.1))
     with pytest.raises(FilmError, match=r"the camera is tilted by .* degrees; allowed: up to 75"):
-        calibrate(Reel(film(1.2)), TrackOptions(corners_px=line))
+        calibrated(Reel(film(1.2)), TrackOptions(corners_px=line))
 
 
 @pytest.mark.parametrize(
     "lit", [5, LIT_FRAMES, *(pytest.param(lit, marks=pytest.mark.slow) for lit in (LIT_FRAMES + 5, 3 * LIT_FRAMES))]
 )
 def test_rings_give_the_camera_if_the_beginning_shows_no_floor(lit: int) -> None:
-    found, origin = camera_and_origin(Reel(plain(120, lit) + film(1.2)), TrackOptions())
+    found, origin = camera_and_origin(plain(120, lit) + film(1.2))
     assert origin == RINGS
     assert worst_cm(found) <= 1.0
 
@@ -194,18 +194,18 @@ def test_rings_give_the_camera_if_the_beginning_shows_no_floor(lit: int) -> None
 def test_a_long_lit_beginning_leaves_the_frames_in_which_rings_are_studied() -> None:
     corners = tuple(map(tuple, make_camera().project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)]))))
     options = TrackOptions(corners_px=corners)
-    after = calibrate(Reel(plain(120, 90) + film(1.2)), options, 30)
-    at_once = calibrate(Reel(film(1.2)), options, 30)
+    after = calibrated(Reel(plain(120, 90) + film(1.2)), options, 30)
+    at_once = calibrated(Reel(film(1.2)), options, 30)
     assert after.ring_light == at_once.ring_light > 0
     assert after.error_cm == pytest.approx(at_once.error_cm)
     waited = Reel(plain(120, 90) + film(1.2))
-    assert calibrate(waited, options, 30, most_lit_s=1.0).ring_light == 0
+    assert calibrated(waited, options, 30, 1.0).ring_light == 0
     assert waited.asked == 60
 
 
 @pytest.mark.parametrize("settings", [{}, {"height_cm": 150.0}, {"field_of_view_deg": 45.0}, {"distortion": 0.0}])
 def test_rings_of_a_dark_film_give_its_scale(settings: dict[str, float]) -> None:
-    found, origin = camera_and_origin(Reel(film(1.2, robots=5, **settings)), TrackOptions())
+    found, origin = camera_and_origin(film(1.2, robots=5, **settings))
     assert origin == RINGS
     assert worst_cm(found, **settings) <= 1.0
 
@@ -220,7 +220,7 @@ def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
     flash = film(0.55)[-1:]
     assert flash[0].picture[..., 0].max() > 200
     reel = Reel(plain(0, dark) + flash + plain(0, 1000))
-    assert calibrate(reel, TrackOptions()).calibration == RINGS
+    assert calibrated(reel, TrackOptions()).calibration == RINGS
     assert reel.asked <= (dark + STUDIED_FRAMES + 3 if dark else 1001)  # in the first, it might be a lamp
 
 
@@ -231,9 +231,4 @@ def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
 )
 def test_film_without_light_is_refused(frames: list[Frame]) -> None:
     with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .*--corners"):
-        calibrate(Reel(frames), TrackOptions())
-
-
-def test_corners_that_are_none_are_refused() -> None:
-    with pytest.raises(FilmError, match=r"--corners"):
-        calibrate(Reel([]), TrackOptions(corners_px=((0, 0), (9, 9), (0, 0), (9, 9))))
+        calibrated(frames)

@@ -16,8 +16,8 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film import FilmClock, open_film
 from epuck_sim.overhead.film_writer import film_file
 from epuck_sim.overhead.frame import Frame
-from tests.overhead.film import small_films as kit
-from tests.overhead.film.small_films import cut_off, number_in, numbered_picture, write_film, write_packets, write_sound
+from tests.overhead import small_films as kit
+from tests.overhead.small_films import cut_off, number_in, numbered_picture, write_film, write_packets, write_sound
 
 UNEVEN = np.cumsum(np.random.default_rng(4).integers(4500, 8000, 60)).tolist()
 

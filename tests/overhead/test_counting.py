@@ -10,9 +10,9 @@ from epuck_sim.overhead.counting import RingCounter, track_frames
 from epuck_sim.overhead.light import LightMeter
 from epuck_sim.overhead.synchrony import evaluate, first_synchronised
 from epuck_sim.overhead.track import analyse
+from tests.overhead.counts import counted, uneven
+from tests.overhead.films import PLACES, code_rings, coded, even, in_step, make_geometry, shoot
 from tests.overhead.score import Score, compare
-from tests.overhead.track.counts import counted, uneven
-from tests.overhead.track.films import PLACES, code_rings, coded, even, in_step, make_geometry, shoot
 
 NOWHERE = np.empty((0, 2))
 

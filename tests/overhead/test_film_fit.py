@@ -9,7 +9,7 @@ from epuck_sim.overhead.film_fit import fit_film, fit_uniform
 from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.robots import find_robots
 from epuck_sim.overhead.track import Track
-from tests.overhead.track.films import TRACK
+from tests.overhead.films import TRACK
 
 FPS = 15.0
 CYCLES = 10

@@ -1,3 +1,5 @@
+"""A camera is found from the corners of the floor and from rings, and the corners in a lit picture."""
+
 import itertools
 import math
 
@@ -17,7 +19,7 @@ from epuck_sim.overhead.camera import (
 from epuck_sim.overhead.camera_fit import SeenRings, expected_rings, fit_camera
 from epuck_sim.overhead.floor import find_corners
 from epuck_sim.scenario.overhead import OverheadSection
-from tests.overhead.track.drawn_rings import (
+from tests.overhead.drawn_rings import (
     finder_for,
     matched,
     ring_picture,

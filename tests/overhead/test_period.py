@@ -16,7 +16,7 @@ from epuck_sim.overhead.period import (
     estimate_period_s,
 )
 from epuck_sim.overhead.synchrony import evaluate, firing_spread_s, spread_threshold_s
-from tests.overhead.track.counts import counted, frames, steady, uneven
+from tests.overhead.counts import counted, frames, steady, uneven
 
 PERIOD = 5.0
 FLASH = 0.375

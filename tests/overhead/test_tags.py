@@ -15,7 +15,7 @@ from epuck_sim.overhead.robots import find_robots, flash_columns, summary, trace
 from epuck_sim.overhead.tags import Readings, TagReader, tag_corners_cm, tag_pattern
 from epuck_sim.overhead.track import Track
 from epuck_sim.scenario.overhead import OverheadSection
-from tests.overhead.track.films import TRACK
+from tests.overhead.films import TRACK
 
 SIDE_CM = 36.0
 POSES = np.array([(8.0, 9.0, 0.4), (27.0, 10.0, 2.0), (10.0, 27.0, -3.0), (26.0, 26.0, -1.1)])

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.overhead.annotate import BARS, BLUE, CYAN, GREY, OLD_BARS, STRIP_SHARE, WHITE, Annotator
 from epuck_sim.overhead.annotate import _counts_by_column as counts_by_column
+from epuck_sim.overhead.counting import TrackedFrame
 from epuck_sim.overhead.frame import Frame
 
 PERIOD_S = 5.0
@@ -32,10 +33,14 @@ def rings(count: int) -> list[FoundRing]:
     return [FoundRing(30 + 40 * ring, 50, 15) for ring in range(count)]
 
 
+def annotate(annotator, frame, rings=(), start_s=0.0, evaluation=None, t_sync_s=None) -> np.ndarray:
+    return annotator.annotate(TrackedFrame(frame, rings, start_s, evaluation, t_sync_s))
+
+
 def annotate_counts(annotator: Annotator, counts: dict[float, int], start_s: float = 0.0) -> np.ndarray:
     """Return the strip below the last of some frames; counts: number of rings by time."""
     for time_s, count in counts.items():
-        picture = annotator.annotate(Frame(time_s, black()), rings(count), start_s, None, None)
+        picture = annotate(annotator, Frame(time_s, black()), rings(count), start_s)
     return picture[480:]
 
 
@@ -49,7 +54,7 @@ def test_both_sides_are_even_and_the_picture_is_untouched(size):
     picture = np.random.default_rng(0).integers(0, 256, (size[1], size[0], 3), np.uint8)
     before = picture.copy()
 
-    annotated = annotator.annotate(Frame(3.0, picture), [], 0.0, None, None)
+    annotated = annotate(annotator, Frame(3.0, picture))
 
     assert annotated.shape == (annotator.height_px, annotator.width_px, 3)
     assert annotated.dtype == np.uint8
@@ -57,7 +62,7 @@ def test_both_sides_are_even_and_the_picture_is_untouched(size):
     np.testing.assert_array_equal(annotated[: size[1], : size[0]], before)
     assert not annotated[: size[1], size[0] :].any()
     assert not annotated[size[1] : size[1] + size[1] % 2].any()
-    annotator.annotate(Frame(3.1, picture), [FoundRing(32, 32, 9)], 0.0, None, None)
+    annotate(annotator, Frame(3.1, picture), [FoundRing(32, 32, 9)])
     np.testing.assert_array_equal(picture, before)
 
 
@@ -69,9 +74,7 @@ def test_the_strip_is_about_a_fifth_of_the_picture(size):
 def test_rings_are_drawn_where_they_were_found():
     """The centre of gravity and the mean radius of their green part are those of the ring, to a fraction of a pixel."""
     for x, y, radius in [(100.0, 200.0, 26.0), (250.3, 100.7, 25.6), (20.5, 470.5, 27.25)]:
-        annotated = Annotator(480, 480, PERIOD_S).annotate(
-            Frame(0.0, black()), [FoundRing(x, y, radius)], 0.0, None, None
-        )[:480]
+        annotated = annotate(Annotator(480, 480, PERIOD_S), Frame(0.0, black()), [FoundRing(x, y, radius)])[:480]
         green = annotated[..., 1].astype(float)
         rows, columns = np.mgrid[:480, :480]
         far = np.hypot(columns - x, rows - y)
@@ -150,7 +153,7 @@ def test_a_mode_of_one_frame_is_seen_at_any_rate():
     """At 400 frames a second several share a column."""
     annotator = Annotator(64, 64, PERIOD_S)
     for number in range(1200):
-        picture = annotator.annotate(Frame(number / 400, black(64, 64)), rings(number == 901), 0.0, None, None)
+        picture = annotate(annotator, Frame(number / 400, black(64, 64)), rings(number == 901))
 
     assert has(picture, BARS).any()
 
@@ -158,7 +161,7 @@ def test_a_mode_of_one_frame_is_seen_at_any_rate():
 def test_no_more_is_remembered_than_is_shown():
     annotator = Annotator(64, 64, PERIOD_S)
     for number in range(2000):
-        annotator.annotate(Frame(number / 15, black(64, 64)), [], 0.0, None, None)
+        annotate(annotator, Frame(number / 15, black(64, 64)))
         assert len(annotator._counts) <= 2 * PERIOD_S * 15 + 2
 
 
@@ -174,14 +177,16 @@ def test_text():
     """Each statement is in its own corner above the bars, and cut off nowhere, however narrow the picture is."""
     for width_px, height_px in [(64, 64), (240, 240), (480, 480), (1920, 1080)]:
         annotator = Annotator(width_px, height_px, PERIOD_S)
-        text = annotator.annotate(Frame(0.1, black(width_px, height_px)), rings(2), 0.0, None, None)[height_px:]
+        text = annotate(annotator, Frame(0.1, black(width_px, height_px)), rings(2))[height_px:]
         rows = np.flatnonzero(has(text, BLUE).any(axis=1))[0]
         written = (text[:rows] != GREY).any(axis=-1)
         assert written[:, : width_px // 2].any()
         assert not written[:, width_px // 2 :].any()
 
-        annotator.annotate(Frame(0.2, black(width_px, height_px)), rings(2), 0.0, Spread(12.3456), None)
-        text = annotator.annotate(Frame(12345.6, black(width_px, height_px)), rings(100), 0.0, None, 9999.0)[height_px:]
+        annotate(annotator, Frame(0.2, black(width_px, height_px)), rings(2), 0.0, Spread(12.3456), None)
+        text = annotate(annotator, Frame(12345.6, black(width_px, height_px)), rings(100), 0.0, None, 9999.0)[
+            height_px:
+        ]
         written = (text[:rows] != GREY).any(axis=-1)
         assert written[: rows // 2, width_px // 2 :].any()
         assert written[rows // 2 :, width_px // 2 :].any()
@@ -191,10 +196,10 @@ def test_text():
 
 def test_text_of_the_right_colour_and_of_the_last_evaluation():
     annotator = Annotator(480, 480, PERIOD_S)
-    plain = annotator.annotate(Frame(1.0, black()), [], 0.0, None, None)[480:]
-    with_spread = annotator.annotate(Frame(1.0, black()), [], 0.0, Spread(0.2), None)[480:]
-    later = annotator.annotate(Frame(1.0, black()), [], 0.0, None, None)[480:]
-    synchronised = annotator.annotate(Frame(1.0, black()), [], 0.0, None, 0.5)[480:]
+    plain = annotate(annotator, Frame(1.0, black()))[480:]
+    with_spread = annotate(annotator, Frame(1.0, black()), [], 0.0, Spread(0.2), None)[480:]
+    later = annotate(annotator, Frame(1.0, black()))[480:]
+    synchronised = annotate(annotator, Frame(1.0, black()), [], 0.0, None, 0.5)[480:]
 
     assert not has(plain, CYAN).any()
     assert has(with_spread, WHITE).sum() > has(plain, WHITE).sum()

@@ -18,7 +18,7 @@ from epuck_sim.overhead.compare import (
     track_trial,
 )
 from epuck_sim.overhead.tags import Readings
-from tests.overhead.track.films import TRACK
+from tests.overhead.films import TRACK
 
 SCENARIO = load_scenario(
     "thesis", ["robots.0.count=4", "robots.0.parameters.speed_cm_s=1.5", "robots.0.parameters.period_s=2.0", "seed=3"]

@@ -7,7 +7,7 @@ from epuck_sim.overhead.flashes import Flash, FlashLinker, count_lit, count_plac
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import evaluate
 from epuck_sim.overhead.verdict import Evidence, count_images, may_be_half_a_period, objections, recurs_after_two
-from tests.overhead.track.counts import counted
+from tests.overhead.counts import counted
 
 TIMES = np.arange(240) / 30
 ONSETS = np.array([*(0.1 + np.arange(3)[:, None] + np.arange(4) / 5).ravel(), *np.repeat(3.5 + np.arange(4), 4)])

@@ -134,12 +134,6 @@ def test_pictures_of_another_size_are_left_out(monkeypatch):
     assert len(camera.warnings) == 1
 
 
-def test_a_camera_that_stays_with_another_size_is_an_end(monkeypatch):
-    monkeypatch.setattr(Imitation, "sizes", (SIZE, *[(32, 24)] * 1000))
-    with LiveCamera(0, print) as camera, pytest.raises(FilmError, match="32 x 24 px instead of 64 x 48, for 30 s now"):
-        list(camera.frames())
-
-
 @pytest.mark.parametrize(("name", "value"), [("sizes", ()), ("one_fails_to_decode", True)])
 def test_a_camera_without_a_picture_is_released(monkeypatch, name, value):
     monkeypatch.setattr(Imitation, name, value)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film import open_film
-from tests.overhead.film.small_films import AVI, GIF, MKV, MP4, TS, WEBM, Kind, number_in, write_film
+from tests.overhead.small_films import AVI, GIF, MKV, MP4, TS, WEBM, Kind, number_in, write_film
 
 KINDS = (MP4, MKV, AVI, TS, WEBM, GIF)
 FRAMES = 20
