@@ -217,12 +217,8 @@ class VirtualCamera:
     ) -> Iterator[Frame]:
         """Add a control step; yield the frames whose exposures have ended by then.
 
-        Args:
-            time_s: Time of the step; later than that of all steps before.
-            poses: (robots, 3) cm, cm, rad: x, y, heading; headings may be wrapped. Robots move evenly between steps.
-            ring_on: (robots,) which rings are on from now until the next step.
-            movables: (movables, 2) cm: where the arena's movables are; they move evenly, too.
-            arena: Walls and obstacles from now until the next step; by default those of the start.
+        It is later than all steps before. Robots, whose headings may be wrapped, and movables move evenly between
+        steps; rings and arena, by default that of the start, stay as they are until the next. See `ExposureSample`.
         """
         if not self._steps:
             self._offset_s = self._section.lit_start_s - time_s

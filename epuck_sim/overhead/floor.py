@@ -185,14 +185,10 @@ class Side(NamedTuple):
 def fit_side(
     shade: Float32Array, start: FloatArray, end: FloatArray, middle: FloatArray, reach_px: float
 ) -> Side | None:
-    """Return the floor's edge near a line, to a fraction of a pixel; None if too little of it is visible.
+    """Return the floor's edge within reach of a line, to a fraction of a pixel; None if too little of it is visible.
 
-    Args:
-        shade: (rows, columns) levels relative to the floor's, 1 on the floor.
-        start: (2,) px: beginning of the line.
-        end: (2,) px: end of the line.
-        middle: (2,) px: a point on the floor's side of the line.
-        reach_px: Largest distance of the edge from the line.
+    The line goes from start to end, (2,) px; middle, (2,) px, is on the floor's side of it. The shade is
+    (rows, columns) levels relative to the floor's, 1 on the floor.
     """
     along = end - start
     outward = np.array([along[1], -along[0]]) / np.hypot(*along)

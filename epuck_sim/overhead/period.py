@@ -1,6 +1,7 @@
 """Estimates the period of oscillators and the duration of their flashes from counts of lit rings (thesis Appendix C).
 
-Lags between events are located as peaks of their density, to a fraction of a frame.
+`times_s` are (n,) times of frames, `counts` (n,) the lit rings in them. Lags between events are located as peaks of
+their density, to a fraction of a frame.
 """
 
 import math
@@ -40,10 +41,6 @@ def estimate_period_s(times_s: FloatArray, counts: IntArray) -> float | None:
     weigh most. The period is then the commonest time between rings going on. Before synchrony many cycles are
     shortened, each by a different time; so the longest of nearly equally common times is taken. Clusters of nearly
     equal size that are spaced evenly over the period, all film long, look like one cluster of a shorter period.
-
-    Args:
-        times_s: (n,) times of the frames.
-        counts: (n,) lit rings in them.
     """
     times_s, counts = _increasing(times_s, counts)
     if len(times_s) < 4:
@@ -63,10 +60,6 @@ def estimate_flash_s(times_s: FloatArray, counts: IntArray) -> float | None:
     It is the commonest time from rings going on to rings going off. The light of all rings divided by the number of
     times one goes on would be too long where one ring goes on in the frame in which another goes off, and too short
     where a lit ring is missed in a frame and seems to go on twice.
-
-    Args:
-        times_s: (n,) times of the frames.
-        counts: (n,) lit rings in them.
     """
     times_s, counts = _increasing(times_s, counts)
     onsets, ends = _changes(times_s, counts, 1), _changes(times_s, counts, -1)
@@ -185,13 +178,7 @@ def _local_maxima(values: FloatArray) -> IntArray:
 
 
 def mean_shift(lags_s: FloatArray, weights: FloatArray, start_s: float, frame_s: float) -> tuple[float, float]:
-    """Climb to a peak of the density of lags.
-
-    Args:
-        lags_s: (pairs,) lags.
-        weights: (pairs,) their weights.
-        start_s: Lag from which to climb, within a few frames of some lag.
-        frame_s: Time from one frame to the next.
+    """Climb to a peak of the density of (pairs,) lags with weights, from a start within a few frames of some lag.
 
     Returns:
         The peak and the density there; `start_s` and 0 if no lag is near.

@@ -3,6 +3,10 @@
 An overexposed ring of LEDs has a saturated core, and a haze around it. Real films also have what good ones do not:
 rings seen as eight points, and mirror images in the walls. The lit room has floor, walls, obstacles, bodies and tags,
 whose grey levels are our estimates. Each robot is drawn within its bounding box, not over the whole picture.
+
+An `image` is (rows, columns) of light or levels, changed in place. `floor_cm` is (rows, columns, 2) cm, the point of
+the floor that each pixel shows, `eye_cm` (3,) cm the position of the camera, `poses` (n, 3) cm, cm, rad: x, y, heading,
+and `boxes` (n, 4) px what `bounding_boxes` returns. `ring_cm` and `body_cm` are a radius and a height.
 """
 
 import math
@@ -247,13 +251,9 @@ def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:
 def bounding_boxes(
     camera: CameraModel, centres_cm: FloatArray, radius_cm: float, heights_cm: tuple[float, ...]
 ) -> IntArray:
-    """Return the pixels within which each of some upright cylinders is seen.
+    """Return the pixels within which each of some upright cylinders, whose axes are at (n, 2) cm, is seen.
 
-    Args:
-        camera: The camera that sees them.
-        centres_cm: (n, 2) cm: x and y of their axes.
-        radius_cm: Radius of all of them.
-        heights_cm: Heights above the floor that they cover; the lowest and the highest are enough.
+    Of the heights that they cover, the lowest and the highest are enough.
 
     Returns:
         (n, 4) px: first row, row after the last, first column, column after the last; an empty box for what is outside
@@ -289,18 +289,9 @@ def add_rings(
     reach: float,
     ring_cm: tuple[float, float],
 ) -> None:
-    """Add the light of rings to an image.
+    """Add to an image the light of the rings of robots at some poses.
 
-    Args:
-        image: (rows, columns) light, changed in place.
-        floor_cm: (rows, columns, 2) cm: the point of the floor that each pixel shows.
-        eye_cm: (3,) cm: position of the camera.
-        poses: (rings, 3) cm, cm, rad: x, y, heading of the robots whose rings are on.
-        boxes: (rings, 4) px, as `bounding_boxes` returns them.
-        light: Light of an LED.
-        bloom: Brightness of the haze at the ring, relative to the LED's.
-        reach: Distance from a ring, in cm, beyond which nothing is added.
-        ring_cm: Radius of each ring, and its height above the floor.
+    An LED has this light, the haze at the ring `bloom` times as much; beyond `reach`, cm, nothing is added.
     """
     radius, height = ring_cm
     rise = height / eye_cm[2]
@@ -366,16 +357,7 @@ def mirror_images(poses: FloatArray, arena: Arena) -> FloatArray:
 
 
 def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Float32Array:
-    """Return the grey levels of the arena without robots and movables.
-
-    Args:
-        floor_cm: (rows, columns, 2) cm: the point of the floor that each pixel shows.
-        eye_cm: (3,) cm: position of the camera.
-        arena: The arena below it.
-
-    Returns:
-        (rows, columns) levels.
-    """
+    """Return (rows, columns) the grey levels of the arena without robots and movables."""
     rise = WALL_HEIGHT_CM / eye_cm[2]
     at_top = (1 - rise) * floor_cm + rise * eye_cm[:2]  # where a line of sight is at the height of the walls
     room = np.full(floor_cm.shape[:2], TABLE, np.float32)
@@ -414,16 +396,7 @@ def draw_bodies(
     boxes: IntArray,
     body_cm: tuple[float, float],
 ) -> None:
-    """Draw robots one after the other: cylinders with a mark that points ahead.
-
-    Args:
-        image: (rows, columns) levels, changed in place.
-        floor_cm: (rows, columns, 2) cm: the point of the floor that each pixel shows.
-        eye_cm: (3,) cm: position of the camera.
-        poses: (n, 3) cm, cm, rad: x, y, heading; those drawn later hide those drawn earlier.
-        boxes: (n, 4) px, as `bounding_boxes` returns them.
-        body_cm: Radius and height of each robot.
-    """
+    """Draw robots one after the other, each over those before: cylinders with a mark that points ahead."""
     radius, height = body_cm
     scale = radius / epuck.RADIUS_CM
     rise = height / eye_cm[2]
@@ -455,15 +428,9 @@ def _segment_meets_body(x: float, y: float, along_x: float, along_y: float, radi
 def draw_tags(
     image: Float32Array, camera: CameraModel, poses: FloatArray, dictionary: str, side_cm: float, height_cm: float
 ) -> None:
-    """Draw on each robot the tag with its number; robots with larger numbers than the dictionary has get none.
+    """Draw on each robot that is there, whose pose is not NaN, the tag with its number, if the dictionary has it.
 
-    Args:
-        image: (rows, columns) levels, changed in place.
-        camera: The camera that sees them.
-        poses: (n, 3) cm, cm, rad: x, y, heading; NaN for robots that are not there.
-        dictionary: Name of the dictionary.
-        side_cm: Side of a tag with its black border.
-        height_cm: Height of the robots.
+    The side of a tag is that with its black border; the height is that of robots.
     """
     paper_cm = side_cm * (1 + 1 / tag_modules(dictionary))
     for number, pose in enumerate(poses[: tag_count(dictionary)]):

@@ -114,13 +114,9 @@ def evaluate(times_s: FloatArray, counts: IntArray, period_s: float, start_s: fl
 
 
 def evaluate_around(middle_s: float, period_s: float, times_s: FloatArray, counts: IntArray) -> Evaluation:
-    """Return the evaluation of the period around a time.
+    """Return the evaluation of the period around a time, from (n,) times of frames and rings lit in them, not all 0.
 
-    Args:
-        middle_s: Middle of the period.
-        period_s: Its length.
-        times_s: (n,) times of the frames within it, and of the frame before, which stands for its beginning; n >= 2.
-        counts: (n,) rings lit in them, not all 0.
+    Frames are those within it, and the one before, which stands for its beginning; n >= 2.
     """
     window = middle_s - period_s / 2, middle_s + period_s / 2
     begins_s = np.clip(times_s, *window)
@@ -208,11 +204,7 @@ def order_over_time(onsets_s: FloatArray, period_s: float) -> tuple[FloatArray, 
     """Return (n,) order parameters (eq. 4.2) and numbers of the onsets within half a period of each onset.
 
     Every robot flashes once a period, so that these are one onset of each, whosever they are; before synchrony some
-    cycles are shortened, and a robot may be among them twice.
-
-    Args:
-        onsets_s: (n,) onsets of flashes, ascending.
-        period_s: Period of the oscillators.
+    cycles are shortened, and a robot may be among them twice. Onsets are ascending.
     """
     first = np.searchsorted(onsets_s, onsets_s - period_s / 2)
     end = np.searchsorted(onsets_s, onsets_s + period_s / 2)
