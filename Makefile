@@ -43,7 +43,7 @@ torture: $(VENV)/test-tools ## kills and full disks at every write, flipped byte
 	timeout 3600 $(BIN)/python -m pytest -m "slow or not slow" -s tests/sweep/test_kills.py tests/runs/test_checksums.py \
 	    tests/runs/test_durable.py tests/runs/test_merge.py \
 	    tests/cli/test_far_fetched.py tests/cli/test_job_array.py tests/util/test_memory.py \
-	    tests/recording/test_damaged.py tests/overhead/film/test_damaged.py tests/sweep/test_temporary_folders.py
+	    tests/recording/test_damaged.py tests/overhead/test_damaged_films.py tests/sweep/test_temporary_folders.py
 
 figures: $(VENV)/installed ## make the figures and tables of the docs anew; hours, but it can be stopped and goes on
 	mkdir -p runs

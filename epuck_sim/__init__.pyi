@@ -11,8 +11,8 @@ from .errors import (
     ScenarioError,
     StoreError,
 )
-from .overhead.render.arena_view import ArenaView
-from .overhead.render.film_trial import film_trial
+from .overhead.filming import film_trial
+from .overhead.render import ArenaView
 from .particles.simulation import Event, ParticleSimulation
 from .recording.notebook import show
 from .recording.reader import read_recording

@@ -34,7 +34,7 @@ from epuck_sim import (
     run_trial,
     summarize,
 )
-from epuck_sim.overhead.film.reader import open_film
+from epuck_sim.overhead.film import open_film
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.trial.model import simulate
 from epuck_sim.util.builtin import ARENAS, builtin_files

@@ -15,11 +15,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation
-from epuck_sim.overhead.camera_model import overhead_camera
-from epuck_sim.overhead.render.virtual_camera import VirtualCamera
-from epuck_sim.overhead.track.geometry import Geometry
-from epuck_sim.overhead.track.ring_counter import RingCounter
-from epuck_sim.overhead.track.spread import SynchronyDetector, is_synchronised
+from epuck_sim.overhead.camera import Geometry, overhead_camera
+from epuck_sim.overhead.counting import RingCounter
+from epuck_sim.overhead.filming import VirtualCamera
+from epuck_sim.overhead.synchrony import SynchronyDetector, is_synchronised
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import require_model

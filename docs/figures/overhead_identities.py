@@ -11,19 +11,17 @@ from itertools import islice
 from pathlib import Path
 
 from epuck_sim import Simulation, load_scenario
-from epuck_sim.overhead.camera_model import overhead_camera
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.render.virtual_camera import VirtualCamera
-from epuck_sim.overhead.track.analysis import analyse
-from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.geometry import Geometry
-from epuck_sim.overhead.track.identities import SURE
-from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.ring_counter import RingCounter
-from epuck_sim.overhead.track.robots import robots_by_motion
+from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.camera import Geometry, overhead_camera
+from epuck_sim.overhead.counting import RingCounter
+from epuck_sim.overhead.filming import VirtualCamera
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.identities import SURE
+from epuck_sim.overhead.robots import find_robots
+from epuck_sim.overhead.track import Track, analyse
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import require_model
-from tests.overhead.track.identities_score import Links, Truth, links_found
+from tests.overhead.identities_score import Links, Truth, links_found
 
 FILMS = 5
 FILM_S = 120.0
@@ -66,7 +64,7 @@ def main(films: int, side_px: int) -> None:
             total = Links()
             for seed in range(films):
                 tracked, truth = track(speed_cm_s, seed, side_px)
-                robots = robots_by_motion(tracked)
+                robots = find_robots(tracked)
                 whose = truth.whose(tracked.flashes)
                 total += links_found(whose, robots.identities, SURE)
             percents = (f"{100 * share:.1f}" for share in (total.right_share, total.sure_share, total.sure_right_share))

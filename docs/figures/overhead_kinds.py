@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.film.writer import film_file
-from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.track_film import track_film
+from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.track import track_film
+from tests.overhead.films import passed, read_rings
 from tests.overhead.hough import hough_rings
 from tests.overhead.score import Score, compare
-from tests.overhead.track.films import passed, read_rings
 from tests.overhead.webcam import KINDS, LED_CIRCLE_CM, LED_HEIGHT_CM, shoot, swarm
 
 FILMS = 20

@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 
 from epuck_sim import Simulation, load_scenario, run_trial
 from epuck_sim.figures.film_tracking import save_track_figure
-from epuck_sim.overhead.film.frame import Picture
-from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.render.film_trial import film_trial
-from epuck_sim.overhead.track.annotate import Annotator
-from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
-from epuck_sim.overhead.track.track_film import snapshot, track_film
+from epuck_sim.overhead.annotate import Annotator
+from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.counting import RingCounter, track_frames
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.filming import film_trial
+from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.track import snapshot, track_film
 
 OUT = Path(__file__).parent
 SCENARIO = "thesis"
@@ -57,7 +57,7 @@ def main() -> None:
                 lambda: track.threshold_ms / 1000,
                 lambda _time_s: 0,
             ):
-                annotated = annotator.annotate(*tracked)
+                annotated = annotator.annotate(tracked)
                 if tracked.frame.time_s >= AT_S:
                     break
         pictures = {"in the light": picture_at(lit), "as the webcam saw it": picture_at(dark), "tracked": annotated}

@@ -15,7 +15,6 @@ from epuck_sim.cli.film_options import (
     RobotsOption,
     TagsOption,
     arena_option,
-    robots_finder,
     scene_options,
 )
 
@@ -64,23 +63,20 @@ def compare_film(
         from epuck_sim.cli.film_comparison_tables import print_comparison, print_comparison_json
         from epuck_sim.cli.progress import print_stderr, progress_bar
         from epuck_sim.cli.trials_bar import trials_bar
-        from epuck_sim.overhead import film_comparison
-        from epuck_sim.overhead.scenario_fit import check_one_group, fit_scenario, fitted_values, save_fitted
-        from epuck_sim.overhead.track.track_film import describes_floor, track_film
+        from epuck_sim.overhead import compare
+        from epuck_sim.overhead.robots import find_robots
+        from epuck_sim.overhead.track import track_film
         from epuck_sim.scenario.embodied import EmbodiedScenario
         from epuck_sim.scenario.loader import load_scenario
         from epuck_sim.scenario.scenario import require_model
 
         loaded = require_model(load_scenario(scenario, overrides or ()), EmbodiedScenario, "films are of robots")
-        options = scene_options(arena, height, corners, period, robots)
-        find_robots = robots_finder(tags)
+        options = scene_options(arena, height, corners, period, robots, tags)
         _check_outputs({"the film": film, "SCENARIO": scenario}, plot, fit)
         if fit is not None:
-            check_one_group(loaded)
+            compare.check_one_group(loaded)
         simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
-        if options.arena_cm is None and not describes_floor(film):
-            options = options._replace(arena_cm=simulated_cm)
-        track = track_film(film, options, None, progress_bar("tracking"), lens)
+        track = track_film(film, options, None, progress_bar("tracking"), lens, simulated_cm)
         found = find_robots(track)
         floor_cm = track.geometry.floor_cm
         untold = track.reasons if track.confidence == "none" else ()
@@ -91,15 +87,15 @@ def compare_film(
                 f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
                 f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they are the same, check --arena-cm or SCENARIO"
             )
-        rows = film_comparison.compare_film(track, found, loaded, trials, trials_bar(trials))
-        fitted = fitted_values(loaded, track, found)
+        rows = compare.compare_film(track, found, loaded, trials, trials_bar(trials))
+        fitted = compare.fitted_values(loaded, track, found)
         (print_comparison_json if as_json else print_comparison)(film, loaded.name, rows, fitted)
         if plot is not None:
             from epuck_sim.figures.film_comparison import save_comparison_figure
 
             save_comparison_figure(plot, rows)
         if fit is not None:
-            save_fitted(fit, fit_scenario(loaded, fitted), fitted, film)
+            compare.save_fitted(fit, compare.fit_scenario(loaded, fitted), fitted, film)
 
 
 def _check_outputs(inputs: dict[str, str], plot: Path | None, fit: Path | None) -> None:

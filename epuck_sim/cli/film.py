@@ -27,7 +27,7 @@ def film(
     """Film a recorded trial with the webcam above the arena: lit rings in the dark, or everything in a lit room."""
     with exit_on_error():
         from epuck_sim.cli.progress import progress_bar
-        from epuck_sim.overhead.render.film_trial import film_recording
+        from epuck_sim.overhead.filming import film_recording
 
         film_recording(recording, overrides or (), to, progress_bar("filming"), lens)
 
@@ -48,8 +48,8 @@ def calibrate(
     with exit_on_error():
         from epuck_sim.cli.parsing import parse_board
         from epuck_sim.cli.progress import progress_bar
-        from epuck_sim.overhead.film.reader import open_film
-        from epuck_sim.overhead.lens_file import (
+        from epuck_sim.overhead.film import open_film
+        from epuck_sim.overhead.lens import (
             APART_S,
             Board,
             calibrate_lens,

@@ -12,8 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.cli.tables import WIDE
-from epuck_sim.overhead.film_comparison import QuantityComparison
-from epuck_sim.overhead.track.film_fit import Fitted
+from epuck_sim.overhead.compare import QuantityComparison
+from epuck_sim.overhead.film_fit import Fitted
 from epuck_sim.util.provenance import versions
 
 UNTOLD = (

@@ -1,6 +1,5 @@
-"""Options by which commands know the scene of a film, and how its robots are identified."""
+"""Options by which commands know the scene of a film."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,9 +8,7 @@ import typer
 from epuck_sim.cli.parsing import parse_arena, parse_corners, parse_tags
 
 if TYPE_CHECKING:
-    from epuck_sim.overhead.track.film_calibration import TrackOptions
-    from epuck_sim.overhead.track.result import Track
-    from epuck_sim.overhead.track.robots import Robots
+    from epuck_sim.overhead.calibration import TrackOptions
 
 FILM, GEOMETRY, DECISION = "Film", "Geometry", "Decision"
 """Headings of options, in the help."""
@@ -79,32 +76,23 @@ RobotsOption = Annotated[
 
 
 def scene_options(
-    arena: str | None, height_cm: float | None, corners: str | None, period_s: float | None, robots: int | None
+    arena: str | None,
+    height_cm: float | None,
+    corners: str | None,
+    period_s: float | None,
+    robots: int | None,
+    tags: str | None,
 ) -> "TrackOptions":
-    """Return what is known of the scene; raises FilmError for an arena or corners that cannot be read."""
-    from epuck_sim.overhead.track.film_calibration import TrackOptions
+    """Return what is known of the scene; raises FilmError for an arena, corners or tags that cannot be read."""
+    from epuck_sim.overhead.calibration import TrackOptions
 
+    dictionary, numbers = (None, None) if tags is None else parse_tags(tags)
     return TrackOptions(
         arena_cm=None if arena is None else parse_arena(arena),
         height_cm=height_cm,
         corners_px=None if corners is None else parse_corners(corners),
         period_s=period_s,
         robots=robots,
+        tags=dictionary,
+        tag_numbers=numbers,
     )
-
-
-def robots_finder(tags: str | None) -> "Callable[[Track], Robots]":
-    """Return the function that identifies the robots of a film: by their tags, or without any, by how they move.
-
-    Raises:
-        FilmError: There is no such dictionary of tags.
-    """
-    from epuck_sim.cli.progress import progress_bar
-    from epuck_sim.overhead.track.robots import robots_by_motion
-    from epuck_sim.overhead.track.tagged_robots import robots_by_tags
-    from epuck_sim.overhead.track.track_film import find_tags
-
-    if tags is None:
-        return robots_by_motion
-    dictionary, numbers = parse_tags(tags)
-    return lambda track: robots_by_tags(track, find_tags(track, dictionary, progress_bar("reading tags")), numbers)

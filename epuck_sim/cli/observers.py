@@ -81,7 +81,7 @@ def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iter
             )
         )
     if options.film is not None:
-        from epuck_sim.overhead.render.film_trial import film_trial  # OpenCV and PyAV take a while
+        from epuck_sim.overhead.filming import film_trial  # OpenCV and PyAV take a while
 
         filmed, film = require_bodies(scenario), options.film
         factories.append(lambda trial, seed: film_trial(trial_path(film, trial, trials), filmed, seed))

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
 
 from epuck_sim.display.numbers import in_words
-from epuck_sim.overhead.film.frame import ProgressWrapper, Timed
+from epuck_sim.overhead.frame import ProgressWrapper, Timed
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.trial.observer import TrialState
 

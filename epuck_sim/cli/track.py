@@ -17,7 +17,6 @@ from epuck_sim.cli.film_options import (
     PeriodOption,
     RobotsOption,
     TagsOption,
-    robots_finder,
     scene_options,
 )
 from epuck_sim.cli.replay import WEB_PORT
@@ -166,12 +165,12 @@ def track(
         from epuck_sim.cli.parsing import check_outputs
         from epuck_sim.cli.progress import print_stderr, progress_bar
         from epuck_sim.cli.track_tables import print_track, print_track_json
-        from epuck_sim.overhead.track.robots import save_robots
-        from epuck_sim.overhead.track.track_camera import Watching, track_camera
-        from epuck_sim.overhead.track.track_film import annotate_film, snapshot, track_film
+        from epuck_sim.overhead.live import Watching, track_camera
+        from epuck_sim.overhead.robots import find_robots, save_robots
+        from epuck_sim.overhead.track import annotate_film, snapshot, track_film
         from epuck_sim.util.ports import check_port
 
-        options = scene_options(arena, height, corners, period, robots)._replace(
+        options = scene_options(arena, height, corners, period, robots, tags)._replace(
             threshold_ms=threshold,
             order_parameter=order,
             start_s=start,
@@ -179,7 +178,6 @@ def track(
             fps=fps,
         )
         tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
-        find_robots = robots_finder(tags)
         check_outputs(film, plot, rings, tables, {"--annotate": annotate, "--record": record})
         if web:
             check_port(port or WEB_PORT)

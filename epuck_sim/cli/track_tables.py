@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.robots import Robots, summary
+from epuck_sim.overhead.robots import Robots, summary
+from epuck_sim.overhead.track import Track
 from epuck_sim.util.provenance import versions
 
 

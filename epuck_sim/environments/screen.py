@@ -5,8 +5,8 @@ from typing import Literal
 import gymnasium
 
 from epuck_sim.environments.rewards import Situation
-from epuck_sim.overhead.film.frame import Picture
-from epuck_sim.overhead.render.arena_view import ArenaView
+from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.render import ArenaView
 from epuck_sim.scenario.embodied import EmbodiedScenario
 
 RenderMode = Literal["rgb_array", "human"]

@@ -1,6 +1,6 @@
 """The figures, and the table beside each.
 
-May import: statistics, runs, recording, overhead.track and what they may import.
+May import: statistics, runs, recording, overhead, but for render and filming, and what they may import.
 
 From Python, `plot` draws what `read_points` returns, also into Axes of matplotlib.
 """

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from epuck_sim.figures.saving import Table, parse_target, rounded, save_figure
-from epuck_sim.overhead.film_comparison import QuantityComparison
+from epuck_sim.overhead.compare import QuantityComparison
 
 ACROSS = 3
 """Number of panels in a row."""

@@ -16,8 +16,8 @@ from epuck_sim.errors import FilmError
 from epuck_sim.figures.saving import Table, parse_target, rounded, save_figure
 from epuck_sim.figures.scales import make_logarithmic
 from epuck_sim.figures.style import add_shared_legend
-from epuck_sim.overhead.track.result import Snapshot, Track
-from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, frame_ends
+from epuck_sim.overhead.synchrony import MIN_COVERAGE, Evaluation, frame_ends
+from epuck_sim.overhead.track import Snapshot, Track
 
 COLUMNS = ("time_s", "periods", "count", "spread_ms")
 """Columns of the table, a row per evaluation: time of the mode on the film's clock and in periods, rings, spread."""

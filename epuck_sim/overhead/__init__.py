@@ -1,4 +1,6 @@
-"""The camera above the arena (thesis 4.3): films of trials, and the tracker of flashes in any film.
+"""The camera above the arena (thesis 4.3): the tracker of flashes in any film, and films of trials.
 
-May import: recording, to film recorded trials; trial, the models and scenario; never runs, sweep or statistics.
+A neighbour of the simulator. `render`, `filming` and `compare` may import recording, trial, the models and scenario;
+all else knows nothing of them but the section `overhead` of scenarios, which describes a camera. Never runs, sweep or
+statistics. A map is in docs/architecture.md.
 """

@@ -9,7 +9,7 @@ import pytest
 
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments import vector_env
-from epuck_sim.overhead.render.arena_view import ArenaView
+from epuck_sim.overhead.render import ArenaView
 from epuck_sim.scenario.loader import load_scenario
 
 pytestmark = pytest.mark.benchmark

@@ -16,12 +16,12 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.overhead.camera_model import overhead_camera
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.film.writer import film_file
-from epuck_sim.overhead.render.virtual_camera import VirtualCamera
-from epuck_sim.overhead.track.ring_counter import RingCounter
+from epuck_sim.overhead.camera import overhead_camera
+from epuck_sim.overhead.counting import RingCounter
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.filming import VirtualCamera
+from epuck_sim.overhead.frame import Frame
 from epuck_sim.scenario.overhead import OverheadSection
 
 pytestmark = pytest.mark.benchmark

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from epuck_sim import Simulation, film_trial, load_scenario
-from epuck_sim.overhead.track import track_film
+from epuck_sim.overhead import track
 from tests.cli.commands import call, called, refused
 from tests.cli.films import frames_and_description, names
-from tests.overhead.track.films import save
+from tests.overhead.films import save
 
 SETTINGS = [
     *("robots.0.count=4", "robots.0.parameters.speed_cm_s=1.5", "robots.0.parameters.period_s=2.0"),
@@ -107,6 +107,6 @@ def test_a_mistake_is_one_line_before_the_film_is_read(
     if "two.yaml" in arguments:
         (tmp_path / "two.yaml").write_text("robots: [{count: 2}, {count: 3}]")
     before = names(tmp_path)
-    monkeypatch.setattr(track_film, "open_film", lambda *_: pytest.fail("it ran"))
+    monkeypatch.setattr(track, "open_film", lambda *_: pytest.fail("it ran"))
     assert message in refused("compare-film", *(str(film) if word == "FILM" else word for word in arguments.split()))
     assert names(tmp_path) == before

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.film.writer import FilmWriter
+from epuck_sim.overhead.film_writer import FilmWriter
+from epuck_sim.overhead.frame import Frame
 from epuck_sim.recording.reader import read_recording
 from tests.cli.commands import call, called, contents, refused
 from tests.cli.films import frames_and_description, names, shut
-from tests.overhead.film.small_films import cut_off
+from tests.overhead.small_films import cut_off
 
 THREE = """
 name: three

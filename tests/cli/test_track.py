@@ -14,13 +14,13 @@ import cv2
 import numpy as np
 import pytest
 
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.film.reader import Film, open_film
-from epuck_sim.overhead.track import track_camera, track_film
+from epuck_sim.overhead import live, track
+from epuck_sim.overhead.film import Film, open_film
+from epuck_sim.overhead.frame import Frame
 from tests.cli.commands import call, called, contents, refused
 from tests.cli.films import frames_and_description, names, shut
-from tests.overhead.film.small_films import cut_off
-from tests.overhead.track.films import PLACES, described, even, in_step, read_rings, save, shoot
+from tests.overhead.films import PLACES, described, even, in_step, read_rings, save, shoot
+from tests.overhead.small_films import cut_off
 from tests.processes import COMMAND, start, wait_until
 
 SIDE_PX = 160
@@ -71,7 +71,7 @@ def here(tmp_path, monkeypatch) -> Path:
 @pytest.fixture
 def nothing_runs(monkeypatch) -> None:
     """Fail if a film is opened."""
-    monkeypatch.setattr(track_film, "open_film", lambda *_: pytest.fail("it ran"))
+    monkeypatch.setattr(track, "open_film", lambda *_: pytest.fail("it ran"))
 
 
 # What it finds
@@ -254,7 +254,7 @@ def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkey
             film.name = f"camera {number}"
             yield film
 
-    monkeypatch.setattr(track_camera, "LiveCamera", plugged_in)
+    monkeypatch.setattr(live, "LiveCamera", plugged_in)
     words = "track --camera 1 --period-s 1 --threshold-ms 40 --json --plot p.png --rings r.csv --annotate a.mp4"
     words += " --record raw.mp4"
     found = json.loads(called(*words.split()))

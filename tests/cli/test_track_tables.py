@@ -14,8 +14,8 @@ from epuck_sim.cli.parsing import parse_arena, parse_corners
 from epuck_sim.cli.progress import progress_bar
 from epuck_sim.cli.track_tables import print_track, print_track_json
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.film.frame import Frame
-from tests.overhead.track.films import TRACK
+from epuck_sim.overhead.frame import Frame
+from tests.overhead.films import TRACK
 
 NEVER = TRACK._replace(t_sync_s=None, t_sync_periods=None, t_sync_cycles=None, estimated=())
 

@@ -12,10 +12,10 @@ from matplotlib.patches import Circle, StepPatch
 
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.figures.film_tracking import ACROSS, COLUMNS, FOUND, MARK, choose_moments, draw_track, save_track_figure
-from epuck_sim.overhead.track.result import Snapshot, Track
-from epuck_sim.overhead.track.spread import evaluate, first_synchronised
-from tests.overhead.track.counts import counted, frames
-from tests.overhead.track.films import TRACK
+from epuck_sim.overhead.synchrony import evaluate, first_synchronised
+from epuck_sim.overhead.track import Snapshot, Track
+from tests.overhead.counts import counted, frames
+from tests.overhead.films import TRACK
 
 PERIOD = 5.0
 START = 2.0

@@ -16,7 +16,7 @@ from epuck_sim.figures.film_tracking import BAR, FOUND, MARK, SYNC
 from epuck_sim.figures.forms.violins import LINE, VIOLIN
 from epuck_sim.figures.scales import format_tick, is_plain
 from epuck_sim.figures.style import COLOURS, GREY, MARKERS, choose_looks, finish, make_panels, style, typeset
-from epuck_sim.overhead.track.annotate import CYAN
+from epuck_sim.overhead.annotate import CYAN
 
 MIN_CONTRAST = 3.0
 """Least contrast of graphical objects with what is behind them (Web Content Accessibility Guidelines 2.1, 1.4.11)."""

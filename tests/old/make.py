@@ -26,10 +26,10 @@ from epuck_sim import (
     run_trial,
     summarize,
 )
-from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.lens_file import Board, calibrate_lens, find_views, read_lens, save_lens
-from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.track_film import track_film
+from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.lens import Board, calibrate_lens, find_views, read_lens, save_lens
+from epuck_sim.overhead.track import track_film
 from epuck_sim.runs.share import Share
 from epuck_sim.runs.status import read_status
 from epuck_sim.trial.model import simulate

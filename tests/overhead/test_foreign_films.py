@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epuck_sim.overhead.film.writer import film_file
-from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.track_film import track_film
+from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.track import Track, track_film
+from tests.overhead.films import passed, read_rings
 from tests.overhead.score import Score, compare
-from tests.overhead.track.films import passed, read_rings
 from tests.overhead.webcam import GOOD, KINDS, Extra, Swarm, Webcam, shoot, swarm
 
 NOWHERE = np.empty((0, 2))

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from epuck_sim import Simulation, film_trial, record, run_trial
-from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.render.film_trial import film_recording
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.filming import film_recording
 from epuck_sim.scenario.embodied import EmbodiedScenario
 
 

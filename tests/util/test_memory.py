@@ -8,7 +8,7 @@ import pytest
 
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import FilmError, ScenarioError
-from epuck_sim.overhead.render.film_trial import film_trial
+from epuck_sim.overhead.filming import film_trial
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.checks import check_memory

@@ -1,0 +1,138 @@
+"""Draws the annotated film of thesis Figs. 4.5 and 4.6: found rings in green, and below them the evolving histogram.
+
+The histogram moves from right, the present, to left. Long blue lines mark an interval of one period; its spread is
+calculated when the mode passes the short blue line at its midpoint.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from epuck_sim.arrays import IntArray
+from epuck_sim.overhead.counting import TrackedFrame
+from epuck_sim.overhead.frame import Picture
+
+PERIODS = 2  # past periods that the histogram shows
+STRIP_SHARE = 0.2  # height of the strip below the picture, relative to the picture's; about that of Fig. 4.5
+MIN_LINE_PX = 13  # minimum height of a legible line of text; the bars are at least twice as high
+FULL_COUNT = 4  # count that the full height of the bars stands for; the largest so far if that is larger
+SUBPIXEL_BITS = 4  # fractional bits of coordinates that OpenCV draws at
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+CYAN = (0, 230, 255)  # colour of rings that were found; people who cannot tell green from red see it beside red, too
+
+BARS = (70, 170, 70)
+OLD_BARS = (40, 80, 40)  # bars that have left the interval of one period
+BLUE = (90, 165, 255)
+GREY = (28, 28, 28)
+WHITE = (235, 235, 235)
+
+
+class Annotator:
+    """Annotates the frames of a film one by one; keeps only the counts that it shows."""
+
+    width_px: int
+    """Width of the annotated pictures; even, as H.264 requires: an odd picture gets an additional black column."""
+    height_px: int
+    """Height of the annotated pictures, with the strip; even, as H.264 requires."""
+
+    def __init__(self, width_px: int, height_px: int, period_s: float) -> None:
+        """Begin a film with pictures of this size, of oscillators with this period."""
+        self._period_s = period_s
+        self._line_px = max(MIN_LINE_PX, round(min(width_px / 28, height_px / 24)))
+        self._top_px = height_px + height_px % 2
+        strip_px = max(round(STRIP_SHARE * height_px), 2 * self._line_px + 2 * MIN_LINE_PX)
+        self.width_px = width_px + width_px % 2
+        self.height_px = self._top_px + strip_px + strip_px % 2
+        self._counts: deque[tuple[float, int]] = deque()
+        self._start_s = 0.0
+        self._max_count = FULL_COUNT
+        self._spread_s: float | None = None
+
+    def annotate(self, tracked: TrackedFrame) -> Picture:
+        """Return (height_px, width_px, 3) the next frame, annotated with what is known by then."""
+        frame, rings, start_s, evaluation, t_sync_s = tracked
+        if start_s != self._start_s:
+            self._start_s, self._spread_s, self._max_count = start_s, None, FULL_COUNT
+            self._counts.clear()
+        if evaluation is not None:
+            self._spread_s = evaluation.spread_s
+        self._remember(frame.time_s, len(rings))
+        annotated = np.zeros((self.height_px, self.width_px, 3), np.uint8)
+        height, width = frame.picture.shape[:2]
+        annotated[:height, :width] = frame.picture
+        one, thick = 1 << SUBPIXEL_BITS, max(1, round(self._line_px / 10))
+        for ring in rings:
+            centre, radius = (round(ring.x_px * one), round(ring.y_px * one)), round(ring.radius_px * one)
+            cv2.circle(annotated, centre, radius, CYAN, thick, cv2.LINE_AA, SUBPIXEL_BITS)
+        strip = annotated[self._top_px :]
+        strip[:] = GREY
+        self._draw_bars(strip[2 * self._line_px :], frame.time_s)
+        self._write(strip, frame.time_s, len(rings), t_sync_s)
+        return annotated
+
+    def _remember(self, time_s: float, count: int) -> None:
+        self._counts.append((time_s, count))
+        self._max_count = max(self._max_count, count)
+        while len(self._counts) > 1 and self._counts[1][0] < time_s - PERIODS * self._period_s:
+            self._counts.popleft()
+
+    def _draw_bars(self, bars: Picture, now_s: float) -> None:
+        """Draw the histogram and its marks into (rows, width_px, 3) levels."""
+        rows, width = bars.shape[:2]
+        counts = _counts_by_column(self._counts, now_s, PERIODS * self._period_s, width)
+        heights = np.round(counts * (rows - 1) / self._max_count)
+        is_bar = np.arange(rows, 0, -1)[:, None] <= heights
+        begin = width - 1 - width // PERIODS
+        bars[:, :begin][is_bar[:, :begin]] = OLD_BARS
+        bars[:, begin:][is_bar[:, begin:]] = BARS
+        thick = max(1, self._line_px // 8)
+        bars[:, begin : begin + thick] = bars[:, -thick:] = BLUE
+        middle = width - 1 - width // (2 * PERIODS)
+        bars[rows * 2 // 3 :, middle : middle + thick] = BLUE
+
+    def _write(self, strip: Picture, now_s: float, count: int, t_sync_s: float | None) -> None:
+        since_s = now_s - self._start_s
+        _write_text(strip, 0, self._line_px, f"{since_s:.1f} s = {since_s / self._period_s:.1f} periods", WHITE, 0.0)
+        _write_text(strip, 1, self._line_px, "1 ring" if count == 1 else f"{count} rings", WHITE, 0.0)
+        if self._spread_s is not None:
+            _write_text(strip, 0, self._line_px, f"spread {1000 * self._spread_s:.0f} ms", WHITE, 1.0)
+        if t_sync_s is not None:
+            periods = (t_sync_s - self._start_s) / self._period_s
+            _write_text(strip, 1, self._line_px, f"synchronised at {periods:.1f} periods", CYAN, 1.0)
+
+
+def _counts_by_column(history: Sequence[tuple[float, int]], now_s: float, window_s: float, width: int) -> IntArray:
+    """Return (width,) the counts in a window whose last column is the present.
+
+    The count of a frame holds until the next frame. Of several frames in a column the largest count is shown, because a
+    mode may last for a single frame.
+    """
+    times = np.array([time_s for time_s, _ in history])
+    counts = np.array([count for _, count in history], np.int64)
+    places = width - 1 - (now_s - times) / window_s * width
+    first = np.ceil(places - 1e-6).astype(int)
+    held = np.searchsorted(first, np.arange(width), side="right") - 1
+    shown = np.where(held >= 0, counts[held], 0)
+    inside = first >= 0
+    np.maximum.at(shown, first[inside], counts[inside])
+    return shown
+
+
+def _write_text(
+    strip: Picture, line: int, line_px: int, text: str, colour: tuple[int, int, int], alignment: float
+) -> None:
+    """Write text into a line of the strip, flush left (alignment 0) or flush right (1).
+
+    Text that would take more than half of the width is made smaller; the other half belongs to the other text.
+    """
+    width_px = strip.shape[1]
+    margin = line_px // 3
+    thick = max(1, round(line_px / 20))
+    (width, height), _ = cv2.getTextSize(text, FONT, 1.0, thick)
+    scale = min(0.7 * line_px / height, (width_px / 2 - 2 * margin) / width)
+    (width, _), _ = cv2.getTextSize(text, FONT, scale, thick)  # not exactly proportional to the scale
+    left = margin + int(alignment * (width_px - 2 * margin - width))
+    cv2.putText(strip, text, (left, round((line + 0.82) * line_px)), FONT, scale, colour, thick, cv2.LINE_AA)

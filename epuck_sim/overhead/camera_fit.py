@@ -1,0 +1,334 @@
+"""Determines a camera from its pictures: from the floor's corners, and from the size and the shape of rings.
+
+A lens that bends straight lines and a camera that hangs askew show rings larger or smaller, and flattened, from place
+to place. So rings tell the distortion and the tilt; corners tell the place of the floor.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple, Self
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim import epuck
+from epuck_sim.arrays import FloatArray
+from epuck_sim.geometry import polygon_area
+from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, Geometry, Lens, fisheye_lens, simple_lens
+from epuck_sim.overhead.floor import check_corners
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.light import LEAST_LIGHT, Background, RingLight, is_lit, ring_light
+from epuck_sim.overhead.rings import RingFinder
+
+CORNERS = "the corners given"
+RINGS = "the size and shape of the rings, with the camera aimed at the arena's middle"
+"""What a camera was determined from."""
+
+# rings of unknown size
+MIN_RADIUS_PX = 5.0  # radius of the smallest ring that is searched; the hollow of smaller ones is lost
+MAX_RADIUS = 0.2  # radius of the largest ring that is searched, as a fraction of the picture's shorter side
+STEP = 1.18  # ratio of one radius that is searched to the next; a ring is found from 0.8 to 1.2 times a radius
+APART_S = 0.2  # time between pictures that are examined, unless more light comes on: one or two show a flash
+SURVEYED = 6  # pictures with rings in which all sizes are searched; later only those that were found
+ENOUGH_PICTURES = 30  # pictures with rings that are examined
+ENOUGH_RINGS = 60  # rings that are enough to determine a camera
+USUAL_SIZES = (0.5, 1.6)  # bounds of a ring's radius, relative to the median of all; others are not rings
+USUAL_LIGHT = 0.3  # light of a ring, relative to that of bright ones, below which it is none
+VIEW_HEIGHT_CM = 100.0  # height of the imagined camera that searches rings; only the scale that it gives matters
+
+# the fit
+TOLERANCE = 1e-12  # relative change of the squares, the pose or the gradient at which the fit of the camera ends
+TELLING_RINGS = 8  # rings from which they tell distortion and tilt
+CORNER_PX = 0.5  # standard deviation of a corner that is given
+SHAPE_ERRORS = (0.5, 0.1, 0.02)
+"""Standard deviation of a ring's size and flattening, relative to its radius, in one fit after the other: large errors
+count for little, and at first all are large."""
+SIZE_PRIOR = 0.05  # standard deviation of the radius of real rings around `epuck.RING_RADIUS_CM`, relative to it
+K1_PRIOR = 0.15  # standard deviation of usual lenses' radial distortion; keeps it small where rings do not tell
+TILT_PRIOR = 0.3  # standard deviation, in radians, of the tilt of a camera of which no corners are given
+FISHEYE_GAIN = 0.6  # squares of a fisheye lens, relative to those of a usual one, below which a lens is a fisheye
+
+_CIRCLE = np.arange(24) * math.tau / 24
+
+
+class SeenRings(NamedTuple):
+    """How rings look in pictures."""
+
+    places_px: FloatArray
+    """(n, 2) column and row of their middles."""
+    radius_px: FloatArray
+    """(n,) mean radii."""
+    flattening: FloatArray
+    """(n, 2) cosine and sine amplitudes of the radius along twice the angle, relative to the radius."""
+    light: float = 0.0
+    """Median levels by which they are brighter than their inside."""
+
+    @property
+    def number(self) -> int:
+        """Number of rings."""
+        return len(self.radius_px)
+
+    @classmethod
+    def from_moments(cls, places_px: FloatArray, squares: FloatArray) -> Self:
+        """Return rings from (n, 2, 2) second moments of their rims."""
+        across, down, mixed = squares[:, 0, 0], squares[:, 1, 1], squares[:, 0, 1]
+        total = across + down
+        flattening = np.column_stack([(across - down) / 2, mixed]) / total[:, None]
+        return cls(places_px, np.sqrt(total), flattening)
+
+
+def measure_rings(frames: Iterable[Frame], background: Background, most_frames: int) -> SeenRings:
+    """Measure rings of unknown size in the dark frames of a film, from which the background learns.
+
+    Reading ends when there are enough, or `most_frames` after the first frame with a ring.
+    """
+    survey = _Survey()
+    first: Frame | None = None
+    last_s, last_lit_px, since = -math.inf, 0, 0
+    for frame in frames:
+        if first is None and not is_lit(frame.picture):
+            first = frame
+            background.picture = frame.picture if background.picture is None else background.picture
+        since += bool(survey.found)
+        without = background.update(frame)
+        if without is None:
+            continue
+        light = ring_light(frame.picture, without)
+        lit_px = int(np.count_nonzero(light.levels >= LEAST_LIGHT))
+        if lit_px and (frame.time_s - last_s >= APART_S or lit_px > last_lit_px):
+            last_s, last_lit_px = frame.time_s, lit_px
+            survey.examine(light)
+        if survey.is_enough or since >= most_frames:
+            break
+    if first is not None and not survey.found:  # what shone in the first picture never went off
+        background.picture = None
+        survey.examine(ring_light(first.picture))
+    return survey.seen_rings()
+
+
+class _SeenRing(NamedTuple):
+    x_px: float
+    y_px: float
+    radius_px: float
+    flattening: tuple[float, float]
+    light: float
+    """Levels above those of its inside."""
+    misfit: float
+    """Distance of the light's edge from the fitted shape, relative to the radius."""
+
+
+class _Survey:
+    """Searches rings of all sizes in picture after picture, and later only of the sizes that were found."""
+
+    def __init__(self) -> None:
+        self.found: list[_SeenRing] = []
+        self._finders: list[RingFinder] = []
+        self._useful: list[int] = []
+        self._pictures = 0
+
+    @property
+    def is_enough(self) -> bool:
+        return len(self.found) >= ENOUGH_RINGS or self._pictures >= ENOUGH_PICTURES
+
+    def examine(self, light: RingLight) -> None:
+        """Search rings in the light of a dark picture."""
+        if not self._finders:
+            self._finders = [RingFinder(camera) for camera in _search_cameras(*light.levels.shape[::-1])]
+            self._useful = [0] * len(self._finders)
+        seen = []
+        for index, finder in enumerate(self._finders):
+            if self._pictures < SURVEYED or self._useful[index]:
+                rings = _seen_by(finder, light)
+                self._useful[index] += len(rings)
+                seen += rings
+        kept: list[_SeenRing] = []  # those that fit best where several were found at one place at different scales
+        for ring in sorted(seen, key=lambda each: each.misfit):
+            if all(math.dist(ring[:2], other[:2]) > max(ring.radius_px, other.radius_px) for other in kept):
+                kept.append(ring)
+        self.found += kept
+        self._pictures += bool(seen)
+
+    def seen_rings(self) -> SeenRings:
+        """Return the rings that are bright and of about one size."""
+        table = np.array([(*ring[:3], *ring.flattening, ring.light) for ring in self.found]).reshape(-1, 6)
+        if len(table):
+            table = table[table[:, 5] >= USUAL_LIGHT * np.quantile(table[:, 5], 0.9)]
+            relative = table[:, 2] / np.median(table[:, 2])
+            table = table[(relative >= USUAL_SIZES[0]) & (relative <= USUAL_SIZES[1])]
+        light = float(np.median(table[:, 5])) if len(table) else 0.0
+        return SeenRings(table[:, :2], table[:, 2], table[:, 3:5], light)
+
+
+def search_camera(width_px: int, height_px: int, radius_px: float) -> CameraModel:
+    """Return a camera that looks straight down and sees rings of this radius."""
+    focal_px = radius_px / epuck.RING_RADIUS_CM * (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)
+    lens = simple_lens(width_px, height_px, focal_px)
+    return CameraModel(width_px, height_px, lens, LOOKING_DOWN, np.array([0.0, 0.0, VIEW_HEIGHT_CM]))
+
+
+def _search_cameras(width_px: int, height_px: int) -> Iterator[CameraModel]:
+    radius_px = MIN_RADIUS_PX
+    while radius_px <= MAX_RADIUS * min(width_px, height_px):
+        yield search_camera(width_px, height_px, radius_px)
+        radius_px *= STEP
+
+
+def _seen_by(finder: RingFinder, light: RingLight) -> list[_SeenRing]:
+    """Return the rings that a finder with a search camera sees; rows of its view count upwards."""
+    fits = finder.fits(light)
+    if not fits:
+        return []
+    px_per_cm = finder.camera.lens.focal_px / (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)
+    places_px = finder.camera.project(finder.view.centres_cm(fits)).tolist()
+    rings = []
+    for (x_px, y_px), fit in zip(places_px, fits, strict=True):
+        flattening, misfit = (fit.flattening[0], -fit.flattening[1]), fit.misfit_cm / fit.radius_cm
+        rings.append(_SeenRing(x_px, y_px, fit.radius_cm * px_per_cm, flattening, fit.light, misfit))
+    return rings
+
+
+def fit_camera(
+    size_px: tuple[int, int],
+    floor_cm: tuple[float, float],
+    above_cm: float,
+    rings: SeenRings,
+    corners_px: npt.ArrayLike | None = None,
+    lens: Lens | None = None,
+) -> Geometry:
+    """Fit the camera that sees the floor's corners, if they are given, and rings where and as large as they are seen.
+
+    Args:
+        size_px: Width and height of the picture.
+        floor_cm: Width and height, along y, of the floor.
+        above_cm: Height of the camera above the floor, which corners seen from straight above do not determine.
+        rings: Rings in the film; may be none if corners are given.
+        corners_px: (4, 2) px: columns and rows in any order; the corner nearest to the picture's lower left corner is
+            the arena's origin. Without them, the camera is aimed at the arena's middle, and not turned.
+        lens: The lens, if it was calibrated.
+
+    Raises:
+        FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.
+    """
+    corners = None if corners_px is None else check_corners(corners_px, *size_px)
+    kinds = (False, True) if lens is None and rings.number >= TELLING_RINGS else (False,)
+    fits = [_Fit(size_px, floor_cm, above_cm, rings, corners, lens, is_fisheye) for is_fisheye in kinds]
+    best = fits[-1] if fits[-1].cost < FISHEYE_GAIN * fits[0].cost else fits[0]
+    tilt_deg = math.degrees(math.acos(min(1.0, -best.camera.rotation[2, 2])))
+    told = (RINGS, False) if corners is None else (CORNERS, True)
+    return Geometry(best.camera, floor_cm, *told, best.error_cm(), tilt_deg, ring_light=rings.light)
+
+
+class _Fit:
+    """Least squares over (8,) values; what the film does not tell is held.
+
+    0 to 2: rotation vector, of which the third, the turn, is held without corners, and all without enough rings. 3, 4:
+    offset relative to the height, held without corners. 5: logarithm of the focal length, or of the relative height if
+    the lens is known. 6: k1, held without enough rings. 7: logarithm of the rings' relative size, held without corners.
+    """
+
+    def __init__(
+        self,
+        size_px: tuple[int, int],
+        floor_cm: tuple[float, float],
+        above_cm: float,
+        rings: SeenRings,
+        corners: FloatArray | None,
+        lens: Lens | None,
+        is_fisheye: bool,
+    ) -> None:
+        # loading it takes half a second, and described films do without it
+        from scipy.optimize import least_squares  # noqa: PLC0415
+
+        self._size_px, self._above_cm, self._lens, self._is_fisheye = size_px, above_cm, lens, is_fisheye
+        self._rings, self._corners = rings, corners
+        self._floor = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) * (*floor_cm, 0.0)
+        start = np.zeros(8)
+        if corners is not None:
+            scale = math.sqrt(abs(polygon_area(corners)) / (floor_cm[0] * floor_cm[1]))
+            start[2] = math.atan2(*(corners[1] - corners[0])[::-1])
+            start[5] = math.log(scale * above_cm)
+        else:
+            scale = float(np.median(rings.radius_px)) / epuck.RING_RADIUS_CM
+            start[5] = math.log(scale * (above_cm - epuck.RING_HEIGHT_CM))
+        if lens is not None:  # then the film tells the height instead of the focal length
+            start[5] = math.log(lens.focal_px / above_cm) - (start[5] - math.log(above_cm))
+        has_corners, has_rings = corners is not None, rings.number >= TELLING_RINGS
+        tells_k1, tells_size = lens is None and has_rings and not is_fisheye, has_corners and rings.number > 0
+        self._free = np.array([has_corners or has_rings] * 2 + [has_corners] * 3 + [True, tells_k1, tells_size])
+        self._start = start
+        self._found = start[self._free]
+        for shape_error in SHAPE_ERRORS:
+            fit = least_squares(
+                self._misses,
+                self._found,
+                x_scale="jac",
+                ftol=TOLERANCE,
+                xtol=TOLERANCE,
+                gtol=TOLERANCE,
+                args=(shape_error,),
+            )
+            self._found = fit.x
+        self.cost = float(fit.cost)
+        self.camera = self._camera(self._filled(self._found))
+        self._covariance = np.linalg.pinv(fit.jac.T @ fit.jac)
+
+    def _filled(self, free_values: FloatArray) -> FloatArray:
+        values = self._start.copy()
+        values[self._free] = free_values
+        return values
+
+    def _camera(self, values: FloatArray) -> CameraModel:
+        rotation = np.asarray(cv2.Rodrigues(values[:3])[0], float) @ LOOKING_DOWN
+        middle = self._floor.mean(axis=0)
+        above_cm = self._above_cm * (1.0 if self._lens is None else math.exp(values[5]))
+        if self._corners is not None:
+            position = middle + above_cm * np.array([*values[3:5], 1.0])
+        else:
+            position = middle - rotation[2] * above_cm / -rotation[2, 2]
+        lens, focal_px = self._lens, math.exp(values[5])
+        if lens is None and self._is_fisheye:
+            lens = fisheye_lens(*self._size_px, focal_px)
+        return CameraModel(*self._size_px, lens or simple_lens(*self._size_px, focal_px, values[6]), rotation, position)
+
+    def _misses(self, free_values: FloatArray, shape_error: float) -> FloatArray:
+        values = self._filled(free_values)
+        with np.errstate(all="ignore"):
+            off = self._weighted_misses(self._camera(values), values, shape_error)
+        return np.nan_to_num(off, nan=1e3, posinf=1e3, neginf=-1e3)
+
+    def _weighted_misses(self, camera: CameraModel, values: FloatArray, shape_error: float) -> FloatArray:
+        priors = [values[6] / K1_PRIOR, values[7] / SIZE_PRIOR]
+        if self._corners is None:
+            priors += list(values[:2] / TILT_PRIOR)
+        parts = [np.array(priors)]
+        if self._corners is not None:
+            parts.append((camera.project(self._floor) - self._corners).ravel() / CORNER_PX)
+        if self._rings.number:
+            seen = expected_rings(camera, self._rings.places_px, epuck.RING_RADIUS_CM * math.exp(values[7]))
+            sizes = np.log(np.maximum(seen.radius_px, 1e-3) / self._rings.radius_px)
+            off = np.column_stack([sizes, seen.flattening - self._rings.flattening])
+            off = (off / shape_error).ravel()
+            parts.append(np.sign(off) * np.sqrt(2 * np.log1p(off**2 / 2)))  # a ring that is none counts for little
+        return np.concatenate(parts)
+
+    def error_cm(self) -> float:
+        """Return the standard error of the floor's corners on the floor, from draws of what was fitted."""
+        if not self._rings.number:
+            return 0.0
+        draws = np.random.default_rng(0).multivariate_normal(self._found, self._covariance, 32, method="svd")
+        pixels = self.camera.project(self._floor)
+        seen = [self._camera(self._filled(draw)).back_project(pixels, 0.0) for draw in draws]
+        return float(np.sqrt(np.mean(np.sum(np.square(seen - self._floor[:, :2]), axis=2))))
+
+
+def expected_rings(camera: CameraModel, places_px: FloatArray, radius_cm: float) -> SeenRings:
+    """Return how a camera would see rings whose middles are at (n, 2) px."""
+    centres = camera.back_project(places_px, epuck.RING_HEIGHT_CM)
+    rim = np.stack([np.cos(_CIRCLE), np.sin(_CIRCLE)], axis=-1) * radius_cm
+    points = np.concatenate([np.zeros((1, 2)), rim]) + centres[:, None]
+    height = np.full((*points.shape[:2], 1), epuck.RING_HEIGHT_CM)
+    pixels = camera.project(np.concatenate([points, height], axis=2).reshape(-1, 3)).reshape(len(centres), -1, 2)
+    away = pixels[:, 1:] - pixels[:, 1:].mean(axis=1, keepdims=True)
+    squares = (away[:, :, :, None] * away[:, :, None, :]).mean(axis=1)  # of an ellipse: half of its axes' squares
+    return SeenRings.from_moments(places_px, squares)

@@ -1,0 +1,262 @@
+"""Compares a film with simulated trials of a scenario, which can be fitted to it: the same quantities of both.
+
+Trials are not rendered: rings are given to the tracker where they are, at a film's frame rate and for its duration;
+what pictures add, tenths of a millimetre, is left out.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim import epuck
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.counting import CountedRings
+from epuck_sim.overhead.film_fit import Fitted, cycles_of, fit_film
+from epuck_sim.overhead.flashes import FlashLinker, FlashTable
+from epuck_sim.overhead.rings import Ring
+from epuck_sim.overhead.robots import Robots, find_robots
+from epuck_sim.overhead.tags import Readings
+from epuck_sim.overhead.track import Track, analyse
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario, write_scenario
+from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.util.seeds import trial_seed
+
+UNUSUAL_PERCENT = 2.5  # percentage of the trials beyond which a film is unusual, at either end
+NEAR_WALL_CM = 5.0  # distance from a wall within which a robot's middle is near it, as in the measure `near_walls`
+
+SEEN_SHARE = 0.1
+"""Share of an exposure for which a ring must be lit to be seen; our estimate: rings are much brighter than needed."""
+
+
+class Quantity(NamedTuple):
+    """A number that a film and trials have."""
+
+    name: str
+    unit: str
+    of: Callable[[Track, Robots], float]
+    """Returns it: NaN if the film does not tell, infinity if it is beyond the film's end."""
+
+
+class QuantityComparison(NamedTuple):
+    """A quantity of a film, compared with that of simulated trials."""
+
+    quantity: Quantity
+    film: float
+    trials: FloatArray
+    """(trials,) the same quantity of trials; NaN where they do not tell."""
+
+    @property
+    def beyond(self) -> int:
+        """Number of trials in which it is beyond the film's end."""
+        return int(np.isinf(self.trials).sum())
+
+    @property
+    def unknown(self) -> int:
+        """Number of trials in which it is not known."""
+        return int(np.isnan(self.trials).sum())
+
+    @property
+    def percentile(self) -> float:
+        """Percentage of the trials with smaller values, and half of those with the same; NaN if nothing tells."""
+        known = self.trials[~np.isnan(self.trials)]
+        if math.isnan(self.film) or not len(known):
+            return math.nan
+        return float(100 * (np.mean(known < self.film) + np.mean(known == self.film) / 2))
+
+    @property
+    def is_unusual(self) -> bool:
+        """Whether fewer than 2.5 % of the trials are as extreme; needs 40 trials."""
+        known = self.trials[~np.isnan(self.trials)]
+        if math.isnan(self.film) or len(known) * UNUSUAL_PERCENT < 100:
+            return False
+        return bool(100 * min(np.mean(known <= self.film), np.mean(known >= self.film)) < UNUSUAL_PERCENT)
+
+
+def compare_film(
+    film: Track,
+    robots: Robots,
+    scenario: EmbodiedScenario,
+    trials: int,
+    progress: Callable[[Iterable[int]], Iterable[int]],
+) -> list[QuantityComparison]:
+    """Compare quantities of a film and its robots with those of simulated trials, from the scenario's seed on."""
+    values = np.full((len(QUANTITIES), trials), np.nan)
+    for trial in progress(range(trials)):
+        try:
+            track, found = track_trial(scenario, trial_seed(scenario.seed, trial), film)
+        except FilmError:  # nothing is known of it
+            continue
+        values[:, trial] = [quantity.of(track, found) for quantity in QUANTITIES]
+    rows = zip(QUANTITIES, values, strict=True)
+    return [QuantityComparison(quantity, quantity.of(film, robots), row) for quantity, row in rows]
+
+
+def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Track, Robots]:
+    """Return what is found in a simulated trial as if it were filmed, judged by the rules of another film; its robots.
+
+    The number of robots is told of the trial if it was told of the film, and tags are read in all frames if the film's
+    were read.
+
+    Raises:
+        FilmError: The film is too short, or has no flashes.
+    """
+    times_s, poses, is_lit = simulate_film(scenario, seed, film)
+    linker = FlashLinker()
+    for time_s, places, lit in zip(times_s.tolist(), poses[..., :2], is_lit, strict=True):
+        rings = [Ring(x_cm, y_cm, epuck.RING_RADIUS_CM, 0.0, 0.0, 0.0, 100.0) for x_cm, y_cm in places[lit].tolist()]
+        linker.add(time_s, rings)
+    counted = CountedRings(
+        frames=len(times_s),
+        start_s=0.0,
+        times_s=times_s,
+        counts=is_lit.sum(axis=1),
+        areas_px=np.zeros(len(times_s), np.int64),
+        flashes=linker.flashes,
+        outside=0,
+        always_lit=(),
+        geometry=film.geometry._replace(floor_cm=(scenario.arena.width_cm, scenario.arena.height_cm)),
+    )
+    robots = None if film.options.robots is None else is_lit.shape[1]
+    options = film.options._replace(robots=robots, tag_numbers=None)
+    track = analyse(f"trial {seed} of {scenario.name}", counted, options, ())
+    if film.tags is not None:
+        at, who = np.nonzero(~np.isnan(poses[..., 0]))
+        track = track._replace(tags=Readings(times_s[at], who, poses[at, who]))
+    return track, find_robots(track)
+
+
+def _within(track: Track, value: float | None) -> float:
+    if value is not None:
+        return value
+    return math.nan if track.confidence == "none" else math.inf
+
+
+def _median_cycle(track: Track, robots: Robots) -> float:
+    robot = robots.identities.robot
+    cycles = cycles_of(FlashTable.of(track.flashes), robot, np.unique(robot[robot >= 0]))
+    every = np.concatenate([*cycles, np.empty(0)])
+    return float(np.median(every)) if len(every) else math.nan
+
+
+def _near_walls(track: Track, _: Robots) -> float:
+    places, floor_cm = FlashTable.of(track.flashes).places_cm, np.array(track.geometry.floor_cm)
+    from_walls_cm = np.minimum(places, floor_cm - places).min(axis=1, initial=math.inf)
+    return float(np.mean(from_walls_cm <= NEAR_WALL_CM)) if len(places) else math.nan
+
+
+def _slow(track: Track, robots: Robots) -> float:
+    speeds = FlashTable.of(track.flashes).speeds_cm_s
+    return float(np.mean(speeds < robots.identities.speed_cm_s / 2)) if len(speeds) else math.nan
+
+
+def _clock_rates(track: Track, robots: Robots) -> float:
+    fitted = fit_film(track, robots).get("spread.clock_rate")
+    return fitted.value if fitted else math.nan
+
+
+QUANTITIES = (
+    Quantity("T_sync", "periods", lambda track, _: _within(track, track.t_sync_periods)),
+    Quantity("T_sync by onsets", "periods", lambda track, _: _within(track, track.t_sync_onsets_periods)),
+    Quantity("flash", "ms", lambda track, _: track.flash_ms),
+    Quantity("median cycle", "s", _median_cycle),
+    Quantity("speed straight ahead", "cm/s", lambda _, robots: robots.identities.speed_cm_s),
+    Quantity("flashes of robots that turn or stand", "share", _slow),
+    Quantity(f"flashes within {NEAR_WALL_CM:g} cm of a wall", "share", _near_walls),
+    Quantity("half-width of clock rates", "share", _clock_rates),
+)
+
+
+class SimulatedFilm(NamedTuple):
+    """Robots of a simulated trial in each frame of a film."""
+
+    times_s: FloatArray
+    """(frames,) s."""
+    poses: FloatArray
+    """(frames, robots, 3) cm, cm, rad: x, y, heading; NaN where a robot is not in the arena."""
+    is_lit: BoolArray
+    """(frames, robots) whether rings are seen to be lit."""
+
+
+def simulate_film(scenario: EmbodiedScenario, seed: int, film: Track) -> SimulatedFilm:
+    """Simulate a trial as if it were filmed, at the frame rate and for the duration of another film.
+
+    The scenario's conditions of ending do not count.
+    """
+    steps_s, poses, ring_on = _steps(scenario, seed, film.duration_s)
+    exposure_s = min(scenario.overhead.exposure_ms / 1000, 1 / film.fps)
+    frames_s = np.arange(0.0, film.duration_s - exposure_s, 1 / film.fps)
+    at_s = frames_s + exposure_s / 2
+    seen = poses[np.searchsorted(steps_s, at_s, side="right") - 1]  # headings of the step before do
+    for robot in range(poses.shape[1]):
+        for axis in (0, 1):
+            seen[:, robot, axis] = np.interp(at_s, steps_s, poses[:, robot, axis])
+    moments = (frames_s + share * exposure_s for share in (SEEN_SHARE, 1 - SEEN_SHARE))
+    begin, end = (ring_on[np.searchsorted(steps_s, moment, side="right") - 1] for moment in moments)
+    # between a step with a robot and one without it, it is nowhere
+    is_there: BoolArray = np.logical_not(np.isnan(seen).any(axis=2))
+    return SimulatedFilm(frames_s, np.where(is_there[..., None], seen, np.nan), (begin | end) & is_there)
+
+
+def _steps(scenario: EmbodiedScenario, seed: int, until_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return (steps,) s, (steps, robots, 3) poses, and (steps, robots) whether rings are lit, of a trial."""
+    times, poses, ring_on = [], [], []
+    for step in Simulation(scenario, seed):
+        times.append(step.time_s)
+        poses.append(step.poses.copy())
+        ring_on.append(step.ring_on & step.present)
+        if step.time_s >= until_s:
+            break
+    return np.array(times), np.array(poses), np.array(ring_on)
+
+
+def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> dict[str, Fitted]:
+    """Return what a film determines, by the keys that a scenario has.
+
+    Of several groups of robots, a film does not show whose values are whose: it determines only those of the camera.
+    """
+    groups = len(scenario.robots)
+    known = {f"robots.0.parameters.{name}" for name in scenario.robots[0].parameters}
+    return {
+        key: value
+        for key, value in fit_film(track, robots).items()
+        if key.startswith("overhead.") or (groups == 1 and (key in known or not key.startswith("robots.")))
+    }
+
+
+def check_one_group(scenario: EmbodiedScenario) -> None:
+    """Raise FilmError if a scenario cannot be fitted to a film, because its robots are not all alike."""
+    if len(scenario.robots) > 1:
+        raise FilmError(
+            f"{scenario.name}: has {len(scenario.robots)} groups of robots; allowed: one, to fit it to a film"
+        )
+
+
+def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Fitted]) -> EmbodiedScenario:
+    """Return a scenario with fitted values in place of its own, and an exposure that is no longer than a frame.
+
+    Raises:
+        FilmError: The scenario has several groups of robots.
+        ScenarioError: A fitted value is not allowed.
+    """
+    check_one_group(scenario)
+    digits = {key: 3 if key.endswith(".period_s") else 6 for key in fitted}  # periods are whole milliseconds
+    values = {key: round(value.value, digits[key]) for key, value in fitted.items()}
+    longest_ms = 1000 / values.get("overhead.frames_per_s", scenario.overhead.frames_per_s)
+    if scenario.overhead.exposure_ms > longest_ms:
+        values["overhead.exposure_ms"] = longest_ms
+    settings = [f"{key}={value}" for key, value in values.items()]
+    return load_scenario(scenario, [*settings, f"name={scenario.name}-fitted"])
+
+
+def save_fitted(path: Path, scenario: EmbodiedScenario, fitted: dict[str, Fitted], film: str) -> None:
+    """Write a scenario that was fitted, with intervals as comments; raise EpuckSimError where it cannot be written."""
+    lines = [f"# Fitted to {film}, with 95 % intervals; all else is as it was."]
+    lines += [f"# {key}: {each.value:.6g} ({each.low:.6g} to {each.high:.6g})" for key, each in fitted.items()]
+    with atomic_write(path) as part:
+        part.write_text("\n".join([*lines, write_scenario(scenario)]), encoding="utf-8")

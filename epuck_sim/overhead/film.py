@@ -1,0 +1,331 @@
+"""Reads any film that FFmpeg can read, frame by frame, at its own time stamps and never at a nominal rate.
+
+A webcam's rate wanders (15 to 16 frames a second in thesis Appendix C), and its recording program drops or doubles
+frames; the spread of a histogram in seconds needs the true times.
+"""
+
+import json
+from array import array
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import av
+import numpy as np
+from av.container import InputContainer
+from av.error import FFmpegError
+from av.stream import Disposition
+from av.video.frame import VideoFrame
+from av.video.reformatter import VideoReformatter
+from av.video.stream import VideoStream
+
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.frame import Frame
+
+EARLY_S = 1.0  # time before its declared end from which a film counts as cut off; sound may outlast the pictures
+TIMEOUT_S = 15.0  # longest time that an address on the network may take to answer
+UNSTAMPED_RATE = 25  # frame rate where neither time stamps nor the file give one, as FFmpeg's for numbered pictures
+GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dropped frame
+RESTART_S = 1.0  # time before the last time stamp from which a clock counts as restarted, not a frame as out of order
+LONGEST_GAP_S = 86_400.0  # time after it from which a clock counts as set anew: no camera is still for a day
+
+TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})
+"""Codecs by which FFmpeg renders text files as films of a terminal; such a file is a mistake here."""
+
+MOVIE_BOXES = frozenset({b"ftyp", b"mdat", b"free", b"skip", b"wide", b"moov"})
+"""Types of the box that an MP4 or QuickTime file may begin with."""
+
+READABLE = "what FFmpeg reads, such as MP4, MKV, AVI or GIF"
+
+CUT_OFF = (
+    "was cut off before its recording was finished: the index at the end of an MP4 film (`moov`) is missing, and "
+    "without it nothing can be read; record it again, or copy it again if the original is whole"
+)
+
+
+@contextmanager
+def open_film(path_or_url: str) -> Iterator["Film"]:
+    """Open a film for the duration of a `with` block.
+
+    Args:
+        path_or_url: A file, numbered pictures (`frames_%04d.png`), or an address (`http://...`).
+
+    Raises:
+        FilmError: There is no such film, it is damaged beyond use, or none of its pictures can be decoded.
+    """
+    is_address = "://" in path_or_url
+    source = path_or_url if is_address else _resolve_file(path_or_url)
+    try:
+        container = av.open(source, metadata_errors="replace", timeout=TIMEOUT_S if is_address else None)
+    except (FFmpegError, OSError, ValueError) as error:
+        raise FilmError(f"{path_or_url}: {_explain_open_error(source, error)}") from error
+    with container:
+        film = Film(path_or_url, container, _picture_stream(path_or_url, container))
+        try:
+            yield film
+        finally:
+            film.close()
+
+
+class Film:
+    """A film that is being read; only one frame at a time is in memory, whatever the film's length."""
+
+    name: str
+    """The path or address."""
+    width_px: int
+    height_px: int
+    description: dict[str, Any] | None
+    """The description that this package stored in the film; None in a film from elsewhere."""
+    duration_s: float | None
+    """Duration that the file declares, which may be wrong; None if it declares none."""
+    is_pictures: bool
+    """Whether it is a series of numbered pictures, which have no times."""
+
+    def __init__(self, name: str, container: InputContainer, stream: VideoStream) -> None:
+        self.name = name
+        self.description = _read_description(container.metadata)
+        self.duration_s = _duration_s(container, stream)
+        self._container, self._stream = container, stream
+        self._format = container.format.name
+        self.is_pictures = self._format == "image2"
+        self._rate = stream.average_rate or Fraction(UNSTAMPED_RATE)
+        self._clock = FilmClock(1 / self._rate)
+        self._damaged = 0
+        self._ended_early = ""
+        decoded = self._decode()
+        first = next(decoded, None)
+        if first is None:
+            raise FilmError(f"{name}: none of its pictures can be decoded: damaged or cut off; record or copy it again")
+        is_sideways = first.rotation % 180 != 0
+        self.width_px, self.height_px = (first.height, first.width) if is_sideways else (first.width, first.height)
+        self._frames = self._read(first, decoded)
+
+    def frames(self) -> Iterator[Frame]:
+        """Return the frames in the order of their times; the first is at 0.
+
+        Only the first of several frames with the same time stamp is kept. A later call continues with the next frame.
+
+        Raises:
+            FilmError: The size of the pictures changes.
+        """
+        return self._frames
+
+    @property
+    def warnings(self) -> list[str]:
+        """Defects of the frames read so far, and of the film's end once all frames have been read."""
+        found = [self._ended_early] if self._ended_early else []
+        if self._damaged:
+            found.append(f"damaged frames: {self._damaged}; they were left out or patched from their neighbours")
+        if self.is_pictures:
+            found.append(
+                f"numbered pictures have no times: {float(self._rate):g} frames per second are assumed; for another "
+                f"rate, convert them to a film: ffmpeg -framerate RATE -i {self.name} film.mkv"
+            )
+        return found + self._clock.warnings()
+
+    def close(self) -> None:
+        """Stop reading; `frames` yields nothing more."""
+        self._frames.close()
+
+    def _decode(self) -> Iterator[VideoFrame]:
+        """Yield the pictures that can be decoded, skipping damaged ones."""
+        self._stream.codec_context.thread_count = 1  # each thread would hold a few frames
+        packets = self._container.demux(self._stream)
+        while True:
+            try:
+                packet = next(packets, None)
+            except FFmpegError as error:
+                self._ended_early = f"the film cannot be read to its end: {error.strerror}"
+                packet = None
+            try:
+                pictures = self._stream.decode(packet)
+            except FFmpegError as error:
+                self._damaged += not isinstance(error, EOFError)
+                pictures = []
+            self._damaged += sum(picture.is_corrupt for picture in pictures)
+            yield from pictures
+            if packet is None:
+                return
+
+    def _read(self, first: VideoFrame, others: Iterator[VideoFrame]) -> Generator[Frame]:
+        reformatter = VideoReformatter()  # shared by all frames: creating one takes longer than using it
+        picture: VideoFrame | None = first
+        while picture is not None:
+            if (picture.width, picture.height) != (first.width, first.height):
+                raise FilmError(
+                    f"{self.name}: the size of its pictures changes from {first.width} x {first.height} to "
+                    f"{picture.width} x {picture.height} px after {self._clock.last_s:.3f} s; cut the film there"
+                )
+            # AVI files store only decoding times, which have the same order
+            ticks, unit_s = picture.dts if self._format == "avi" else picture.pts, picture.time_base
+            time_s = self._clock.time_s(None if ticks is None or unit_s is None else ticks * unit_s)
+            if time_s is not None:
+                pixels = reformatter.reformat(picture, format="rgb24").to_ndarray()
+                turned = np.rot90(pixels, round(first.rotation / 90))  # as players show it
+                yield Frame(time_s, np.ascontiguousarray(turned, np.uint8))
+            lasted_s = picture.duration * unit_s if picture.duration and unit_s else 0
+            picture = next(others, None)
+        self._check_end(float(lasted_s))
+
+    def _check_end(self, lasted_s: float) -> None:
+        """Note whether the film ends before its declared end; lasted_s: duration of the last picture."""
+        usual_s = self._clock.median_interval_s
+        read_s = self._clock.last_s + max(lasted_s, usual_s)
+        missing_s = (self.duration_s or 0.0) - read_s
+        if not self._ended_early and missing_s > max(EARLY_S, 3 * usual_s):
+            self._ended_early = (
+                f"the film ends early: {read_s:.1f} of {self.duration_s:.1f} s could be read; the file was cut off "
+                "or is damaged"
+            )
+
+
+class FilmClock:
+    """Turns the time stamps of frames into times that increase from 0, and counts the stamps that do not."""
+
+    last_s: float
+    """Time of the last frame; -1 before the first one."""
+
+    def __init__(self, nominal_s: Fraction) -> None:
+        """Begin before the first frame; nominal_s: interval between frames that the file declares."""
+        self._nominal_s = float(nominal_s)
+        self._zero_s: Fraction | None = None
+        self._intervals_s = array("d")  # 8 bytes a frame: half a megabyte in an hour
+        self._doubled = self._unordered = self._missing = self._restarts = 0
+        self.last_s = -1.0
+
+    @property
+    def median_interval_s(self) -> float:
+        """Median time from one frame to the next."""
+        return median(self._intervals_s) if self._intervals_s else self._nominal_s
+
+    def time_s(self, stamp_s: Fraction | None) -> float | None:
+        """Return the time of the next frame, whose time stamp is `stamp_s`; None if the frame must be left out."""
+        if stamp_s is None:
+            self._missing += 1
+            return self._advance(self._expected_s())
+        if self._zero_s is None:
+            self._zero_s = stamp_s - Fraction(self._expected_s())
+        since_s = float(stamp_s - self._zero_s) - self.last_s
+        if self.last_s >= 0 and not -RESTART_S <= since_s <= LONGEST_GAP_S:
+            self._restarts += 1
+            self._zero_s = stamp_s - Fraction(self._expected_s())
+        elif self.last_s >= 0 and since_s <= 0:
+            self._doubled += since_s == 0
+            self._unordered += since_s < 0
+            return None
+        return self._advance(float(stamp_s - self._zero_s))
+
+    def _expected_s(self) -> float:
+        """Return the time of the next frame if it has no usable time stamp."""
+        return 0.0 if self.last_s < 0 else self.last_s + self._average_s()
+
+    def _average_s(self) -> float:
+        return self.last_s / len(self._intervals_s) if self._intervals_s else self._nominal_s
+
+    def _advance(self, time_s: float) -> float:
+        if self.last_s >= 0:
+            self._intervals_s.append(time_s - self.last_s)
+        self.last_s = time_s
+        return time_s
+
+    def warnings(self) -> list[str]:
+        """Return a sentence for each kind of defect among the time stamps so far."""
+        placed = f"placed {1000 * self._average_s():.3g} ms after the previous one"
+        defects = {
+            "frames left out because they have the time stamp of the previous one": self._doubled,
+            "frames left out because their time stamp is before that of the previous one": self._unordered,
+            "jumps of the time stamps, across which the film is taken to continue": self._restarts,
+            f"frames without a time stamp, {placed}": self._missing,
+        }
+        found = [f"{defect}: {number}" for defect, number in defects.items() if number]
+        usual_s = self.median_interval_s
+        gaps = [interval for interval in self._intervals_s if interval > GAP * usual_s]
+        if gaps:
+            found.append(
+                f"gaps longer than {GAP:g} times the usual {1000 * usual_s:.3g} ms between frames: {len(gaps)}, "
+                f"the longest {max(gaps):.3g} s; frames were dropped"
+            )
+        return found
+
+
+def _resolve_file(path: str) -> str:
+    """Return the absolute path for FFmpeg, which would take the relative path `film:2.mp4` for an address."""
+    file = Path(path).absolute()
+    if not path.strip():
+        raise FilmError("the film's name is empty; give the file of a film")
+    if file.is_fifo():
+        raise FilmError(f"{path}: is a pipe, which can be read only once; save the film in a file first")
+    if file.is_dir():
+        raise FilmError(
+            f"{path}: is a directory; give a film inside it, or numbered pictures such as {path}/frames_%04d.png"
+        )
+    if file.is_file() and not file.stat().st_size:
+        raise FilmError(f"{path}: is empty: nothing was recorded, or the copy failed; record or copy it again")
+    return str(file)
+
+
+def _explain_open_error(source: str, error: Exception) -> str:
+    if isinstance(error, FileNotFoundError):
+        return (
+            "no such file; allowed: a film, numbered pictures such as frames_%04d.png whose first number is 0 to 4, or "
+            "an address such as http://..."
+        )
+    if _lacks_index(source):
+        return CUT_OFF
+    reason = getattr(error, "strerror", None) or str(error)
+    return f"cannot be read as a film: {reason}; allowed: {READABLE}"
+
+
+def _lacks_index(source: str) -> bool:
+    """Return whether a file is an MP4 or QuickTime film without a complete index."""
+    if not Path(source).is_file():
+        return False
+    end, at = Path(source).stat().st_size, 0
+    with Path(source).open("rb") as file:
+        while at + 8 <= end:
+            file.seek(at)
+            size, kind = int.from_bytes(file.read(4)), file.read(4)
+            if kind not in MOVIE_BOXES and at == 0:
+                return False
+            size = int.from_bytes(file.read(8)) if size == 1 else size or end - at
+            if kind == b"moov":
+                return at + size > end
+            at += max(size, 8)
+    return at > 0
+
+
+def _picture_stream(name: str, container: InputContainer) -> VideoStream:
+    """Return the first video stream that is not a cover picture; raise FilmError if there is none to decode."""
+    for stream in container.streams.video:
+        if stream.disposition & Disposition.attached_pic:
+            continue
+        if stream.codec_context is None:
+            raise FilmError(f"{name}: no decoder for its pictures is available; convert it: ffmpeg -i {name} film.mp4")
+        if stream.codec_context.name in TEXT_CODECS:
+            raise FilmError(f"{name}: is a text file, not a film; allowed: {READABLE}")
+        return stream
+    if _lacks_index(container.name):
+        raise FilmError(f"{name}: {CUT_OFF}")
+    kinds = ", ".join(sorted({stream.type for stream in container.streams})) or "nothing"
+    raise FilmError(f"{name}: holds no moving pictures, only {kinds}; give the film itself")
+
+
+def _duration_s(container: InputContainer, stream: VideoStream) -> float | None:
+    if container.format.name == "avi" and stream.frames and stream.average_rate:
+        return float(stream.frames / stream.average_rate)  # FFmpeg would estimate the duration from the file's size
+    if stream.duration and stream.time_base:
+        return float(stream.duration * stream.time_base)
+    return container.duration / av.time_base if container.duration else None
+
+
+def _read_description(metadata: dict[str, str]) -> dict[str, Any] | None:
+    """Return the description that this package wrote into a film's comment; None if there is none."""
+    comments = [value for key, value in metadata.items() if key.lower() == "comment"]  # Matroska writes COMMENT
+    try:
+        parsed = json.loads(comments[0]) if comments else None
+    except ValueError:
+        return None
+    return parsed if isinstance(parsed, dict) and "epuck_sim" in parsed else None

@@ -1,1 +1,0 @@
-"""Films: reading, writing, and the times of their frames."""

@@ -1,0 +1,305 @@
+"""Films trials into files, with a simulated webcam above the arena: a recorded trial, or one while it runs."""
+
+import math
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from epuck_sim.arena import Arena
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.errors import EpuckSimError, FilmError
+from epuck_sim.overhead.camera import CameraModel, overhead_camera
+from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.frame import Frame, Picture, ProgressWrapper
+from epuck_sim.overhead.lens import read_lens
+from epuck_sim.overhead.render import NO_MOVABLES, ExposureSample, Renderer
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.parts import population_of
+from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording.recorded import Recorded
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.overrides import apply_override
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
+from epuck_sim.scenario.scenario import Scenario, require_model
+from epuck_sim.scenario.validation import validate
+from epuck_sim.trial.observer import Observer
+from epuck_sim.util.memory import lack_of_memory
+from epuck_sim.util.provenance import versions
+
+PIXEL_BYTES, FILM_BYTES = 110, 200_000_000
+"""Memory of encoder and camera for each pixel of a picture, and besides, as measured with 1 to 16 million pixels."""
+
+SAMPLES = 4
+"""Number of moments, evenly spread over an exposure, that are rendered into one picture.
+
+A robot at 12.8 cm/s moves by less than the width of a ring from one to the next, in exposures of up to 90 ms.
+"""
+
+TIME_TOLERANCE_S = 1e-6  # times that differ by no more than this are taken as equal; the difference is rounding
+HEIGHT_SHARE = 0.03  # height of a caption's capital letters, as a share of the picture's height
+CAPITAL_PX = 21  # height of capital letters at OpenCV's scale 1, in pixels
+
+
+@contextmanager
+def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Observer]:
+    """Film a trial with the overhead camera of its scenario while it runs.
+
+    Filming does not change the trial. The film gets its name when the `with` block ends; if the block ends with an
+    error, nothing is left behind.
+
+    >>> scenario = load_scenario("thesis")  # doctest: +SKIP
+    >>> with film_trial("trial.mp4", scenario, seed=1) as observer:  # doctest: +SKIP
+    ...     result = run_trial(Simulation(scenario, seed=1), [observer])
+
+    Args:
+        path: The film, whose name ends in .mp4.
+        scenario: Scenario of the trial, as `load_scenario` returns it; its model must be `embodied`.
+        seed: Seed of the trial; the camera's noise is drawn from it, too.
+
+    Yields:
+        An observer for `run_trial`.
+
+    Raises:
+        ScenarioError: The scenario is of another model.
+        FilmError: Its camera cannot see the arena, or the name does not end in .mp4.
+        EpuckSimError: The file cannot be written.
+    """
+    with _film(Path(path), _require_rings(scenario, scenario.name), seed) as observe:
+        yield lambda step, state: observe(
+            state.cycles, state.order_parameter, step.time_s, step.poses, step.ring_on, step.movables, step.arena
+        )
+
+
+def film_recording(
+    recording: Path, overrides: Sequence[str], path: Path, progress: ProgressWrapper, lens: Path | None = None
+) -> None:
+    """Film a recorded trial with the overhead camera of its scenario.
+
+    Args:
+        recording: The recording (.rrd) of an embodied trial, of any level but `summary`.
+        overrides: Changes to the camera, each `overhead.KEY=VALUE` as `--set` takes it.
+        path: The film, whose name ends in .mp4.
+        progress: Shows how far the film is.
+        lens: The file of a lens through which it is filmed.
+
+    Raises:
+        EpuckSimError: The recording cannot be filmed, an override is not of the camera, or the film cannot be written.
+    """
+    recorded = read_recording(recording)
+    recorded_scenario = _require_rings(recorded.scenario, str(recording))
+    if recorded.level is Level.SUMMARY:
+        raise FilmError(f"{recording}: holds no poses; record the trial again with --record-level poses or full")
+    scenario = _override_camera(recorded_scenario, overrides, str(recording))
+    poses = map(np.column_stack, zip(recorded.positions, recorded.headings, strict=True))
+    begin_s, arenas = zip(*recorded.arenas, strict=True)
+    moments = zip(recorded.time_s, poses, recorded.ring_on, recorded.movables, _states(recorded), strict=True)
+    with _film(path, scenario, recorded.seed, lens) as observe:
+        for time_s, at, ring_on, places, state in progress(moments, float(recorded.time_s.max(initial=0))):
+            observe(*state, float(time_s), at, ring_on, places, arenas[bisect_right(begin_s, time_s) - 1])
+
+
+def _states(recorded: Recorded) -> Iterator[tuple[int, float | None]]:
+    """Yield the cycles and the order parameter of each row, as the trial had them."""
+    reference_flashes = recorded.flash_s[recorded.flash_robot == population_of(recorded.scenario).reference]
+    cycles = np.searchsorted(reference_flashes, recorded.time_s, side="right")
+    measured = np.searchsorted(recorded.firing_s, recorded.time_s, side="right")
+    for cycle, count in zip(cycles.tolist(), measured.tolist(), strict=True):
+        yield cycle, float(recorded.firing_order[count - 1]) if count else None
+
+
+def _require_rings(scenario: Scenario, origin: str) -> EmbodiedScenario:
+    return require_model(scenario, EmbodiedScenario, "its agents have no rings; allowed: 'embodied'", origin)
+
+
+def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], source: str) -> EmbodiedScenario:
+    """Return a scenario with changes to its overhead camera; source: file to name in errors."""
+    mapping = scenario.model_dump(mode="json")
+    for override in overrides:
+        if not override.startswith("overhead."):
+            raise FilmError(
+                f"--set {override}: the trial is over; allowed: the camera's keys, as in overhead.light=lit"
+            )
+        mapping = apply_override(mapping, override)
+    return _require_rings(validate(mapping, source), source)
+
+
+@contextmanager
+def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None = None) -> Iterator[Callable[..., None]]:
+    """Yield a function that films a control step, given cycles and order parameter, and what `VirtualCamera` observes.
+
+    Films of a lit room, which are for people, have a caption.
+    """
+    section = scenario.overhead
+    size = section.width_px, section.height_px
+    if lack := lack_of_memory(FILM_BYTES + PIXEL_BYTES * size[0] * size[1]):
+        raise FilmError(f"{scenario.name}: a film of {size[0]} x {size[1]} pixels {lack}; give fewer pixels")
+    try:
+        model = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
+        if lens is not None:
+            model = model._replace(lens=read_lens(lens, size))
+        camera = VirtualCamera(section, scenario.arena.build(), seed, scenario.robot, model)
+    except EpuckSimError as error:
+        raise FilmError(f"{scenario.name}: {error}") from error
+    described = describe_film(scenario, seed) | ({} if lens is None else {"overhead": None})
+    with film_file(path, *size, described, scenario.name) as writer:
+        captions = Captions(section.lit_start_s)
+        finished = captions.write if section.light == "lit" else lambda frame: frame
+
+        def observe(cycles: int, order_parameter: float | None, time_s: float, *robots: Any) -> None:
+            captions.add(time_s, cycles, order_parameter)
+            for frame in camera.observe(time_s, *robots):
+                writer.write(finished(frame))
+
+        yield observe
+        for frame in camera.finish():
+            writer.write(finished(frame))
+
+
+def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:
+    """Return the description stored in a film: how to make it again, and what `track` can read from it."""
+    flashing = [group for group in scenario.robots if "period_s" in group.parameters]
+    periods = {group.parameters["period_s"] for group in flashing}
+    made_by = versions()
+    return {
+        "epuck_sim": made_by["epuck_sim"],
+        "scenario": scenario.name,
+        "seed": seed,
+        "versions": made_by,
+        "arena_cm": [scenario.arena.width_cm, scenario.arena.height_cm],
+        "robots": sum(group.count for group in flashing) or None,
+        "period_s": periods.pop() if len(periods) == 1 else None,
+        "overhead": scenario.overhead.model_dump(),
+    }
+
+
+class VirtualCamera:
+    """Films a trial: frame k begins at k / frames_per_s; only the steps of one exposure are kept in memory.
+
+    The film begins `lit_start_s` before the first step. Until then the room is lit, the robots stand where the first
+    step has them, and all rings are off.
+    """
+
+    def __init__(
+        self,
+        section: OverheadSection,
+        arena: Arena,
+        seed: int,
+        robot: RobotKind = EPUCK,
+        camera: CameraModel | None = None,
+    ) -> None:
+        """Place a camera above an arena, by default that of the section `overhead`; seed: that of its noise.
+
+        Raises:
+            EpuckSimError: The camera cannot see the arena (see `overhead_camera`).
+        """
+        camera = camera or overhead_camera(section, arena.width_cm, arena.height_cm)
+        self._renderer = Renderer(section, camera, arena, seed, robot)
+        self._section = section
+        self._exposure_s = section.exposure_ms / 1000
+        self._offset_s = 0.0  # film's clock minus trial's clock
+        self._steps: deque[tuple[float, ExposureSample]] = deque()  # with their times on the film's clock
+        self._frames = 0
+
+    def observe(
+        self,
+        time_s: float,
+        poses: FloatArray,
+        ring_on: BoolArray,
+        movables: FloatArray = NO_MOVABLES,
+        arena: Arena | None = None,
+    ) -> Iterator[Frame]:
+        """Add a control step; yield the frames whose exposures have ended by then.
+
+        It is later than all steps before. Robots, whose headings may be wrapped, and movables move evenly between
+        steps; rings and arena, by default that of the start, stay as they are until the next. See `ExposureSample`.
+        """
+        if not self._steps:
+            self._offset_s = self._section.lit_start_s - time_s
+        poses, ring_on = np.array(poses, float), np.array(ring_on, bool)
+        sample = ExposureSample(poses, ring_on & ~np.isnan(poses[:, 0]), np.array(movables, float), arena)
+        now_s = self._offset_s + time_s
+        self._steps.append((now_s, sample))
+        return self._frames_begun_by(now_s - self._exposure_s)
+
+    def finish(self) -> Iterator[Frame]:
+        """Yield the frames that had begun by the last step; nothing changes until their exposures end."""
+        return self._frames_begun_by(self._steps[-1][0] if self._steps else -math.inf)
+
+    def _frames_begun_by(self, time_s: float) -> Iterator[Frame]:
+        while (begin_s := self._frames / self._section.frames_per_s) <= time_s + TIME_TOLERANCE_S:
+            self._frames += 1
+            yield self._expose(begin_s)
+            next_s = self._frames / self._section.frames_per_s
+            while len(self._steps) > 1 and self._steps[1][0] <= next_s:
+                self._steps.popleft()
+
+    def _expose(self, begin_s: float) -> Frame:
+        samples = [self._sample(begin_s + (part + 0.5) / SAMPLES * self._exposure_s) for part in range(SAMPLES)]
+        is_lit_start = begin_s < self._section.lit_start_s - TIME_TOLERANCE_S
+        return Frame(begin_s, self._renderer.render(samples, room_is_lit=is_lit_start or self._section.light == "lit"))
+
+    def _sample(self, time_s: float) -> ExposureSample:
+        """Return the robots at a moment of the film, interpolated between the steps around it."""
+        begun = bisect_right(self._steps, time_s + TIME_TOLERANCE_S, key=lambda step: step[0])
+        last_s, last = self._steps[max(begun - 1, 0)]
+        if begun == 0:
+            return last._replace(ring_on=np.zeros_like(last.ring_on))
+        if begun == len(self._steps):
+            return last
+        next_s, following = self._steps[begun]
+        share = (time_s - last_s) / (next_s - last_s)
+        change = following.poses - last.poses
+        change[:, 2] = (change[:, 2] + math.pi) % math.tau - math.pi  # the shorter way round
+        pushed = last.movables + share * (following.movables - last.movables)
+        return last._replace(poses=last.poses + share * change, movables=pushed)
+
+
+class Captions:
+    """Writes into each frame what the trial had come to when its exposure began."""
+
+    def __init__(self, start_s: float) -> None:
+        """Begin the clock at `start_s`, the time on the film's clock at which robots start."""
+        self._start_s = start_s
+        self._states: deque[tuple[float, int, float | None]] = deque([(0.0, 0, None)])
+
+    def add(self, time_s: float, cycles: int, order_parameter: float | None) -> None:
+        """Add the state of the trial from `time_s` on; times rise."""
+        self._states.append((time_s, cycles, order_parameter))
+
+    def write(self, frame: Frame) -> Frame:
+        """Return a frame with its caption; frames come in the order of their times."""
+        time_s = max(0.0, frame.time_s - self._start_s)
+        begun = bisect_right(self._states, time_s + TIME_TOLERANCE_S, key=lambda state: state[0])
+        for _ in range(begun - 1):
+            self._states.popleft()
+        _, cycles, order_parameter = self._states[0]
+        return frame._replace(picture=_write(frame.picture, caption(time_s, cycles, order_parameter)))
+
+
+def caption(time_s: float, cycles: int, order_parameter: float | None) -> str:
+    """Return the caption: time alone until an order parameter is measured.
+
+    >>> caption(3.25, 0, None), caption(61, 12, 0.8)
+    ('3.2 s', '61.0 s   cycle 12   order parameter 0.80')
+    """
+    clock = f"{time_s:.1f} s"
+    return clock if order_parameter is None else f"{clock}   cycle {cycles}   order parameter {order_parameter:.2f}"
+
+
+def _write(picture: Picture, text: str) -> Picture:
+    written = picture.copy()
+    letter_px = HEIGHT_SHARE * len(picture)
+    left, base, edge_px = round(letter_px / 2), round(1.6 * letter_px), max(1, round(letter_px / 8))
+    around = [(x, y) for x in (-edge_px, 0, edge_px) for y in (-edge_px, 0, edge_px) if x or y]
+    for x, y in (*around, (0, 0)):  # thicker letters would also be wider
+        grey = (0, 0, 0) if x or y else (255, 255, 255)
+        place = (left + x, base + y)
+        cv2.putText(written, text, place, cv2.FONT_HERSHEY_SIMPLEX, letter_px / CAPITAL_PX, grey, 1, cv2.LINE_AA)
+    return written

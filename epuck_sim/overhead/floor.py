@@ -1,0 +1,246 @@
+"""The corners of the arena's floor in a picture: those that a user gives, or found in the lit room.
+
+The floor is an even grey, surrounded by brighter or darker walls.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
+from epuck_sim.errors import FilmError
+from epuck_sim.geometry import contains, is_convex, polygon_area
+from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.light import is_lit
+
+# corners that are given
+MIN_SIDE = 0.1  # of the floor, as a fraction of the picture's shorter side; rings are not located on less
+MAX_OUTSIDE = 1.0  # largest distance of a corner from the picture, as a fraction of the picture's sides
+
+# the floor's outline
+BAND = 0.15  # largest relative difference of the floor from its own smooth shade; walls and robots differ by more
+MIDDLE = 0.5  # radius, in half-diagonals, of the middle: vignetting is weak there, and one level is the floor's
+SHADE_FITS = 8  # fits of the floor's shade; each covers more of the picture, from the middle outwards
+MIN_FLOOR = 0.1  # minimum area of the floor, as a fraction of the picture
+CORNER_TOLERANCE = 0.004  # of approxPolyDP, as a fraction of the outline's length; lenses bow straight edges
+
+# the sides
+SEARCH_REACHES = (0.03, 0.015)
+"""Distances on either side of a line within which the edge is searched, as fractions of the picture's shorter side:
+first from the outline's lines, then from the lines that this gives."""
+PROBES = 160  # places along each side at which the edge is searched
+PROBE_STEP_PX = 0.25  # distance of samples across the side at each place
+BEYOND_PX = 3.0  # distance from the end of the floor at which its blur has ended, too
+MAX_OFF_LINE_PX = 3.0  # from the first line; edges farther off belong to robots that stand at the wall
+MAX_OFF_PARABOLA_PX = 1.0  # distance from the fitted parabola beyond which edges are left out
+MIN_FOUND = 0.4  # share of the places along a side at which its edge must be on the curve
+
+
+def check_corners(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> FloatArray:
+    """Return (4, 2) px corners of a picture counter-clockwise as seen, from the lower left one on.
+
+    They are given as (4, 2) px: columns and rows in any order.
+
+    Raises:
+        FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.
+    """
+    given = "--corners " + ",".join(f"{number:g}" for number in np.ravel(corners_px))
+    corners = np.asarray(corners_px, float)
+    if corners.shape != (4, 2) or not np.isfinite(corners).all():
+        raise FilmError(f"{given}: allowed: four corners of the floor, a column and a row for each")
+    size = np.array([width_px, height_px])
+    if not ((corners >= -MAX_OUTSIDE * size) & (corners <= (1 + MAX_OUTSIDE) * size)).all():
+        raise FilmError(
+            f"{given}: a corner is far outside of the picture of {width_px} x {height_px} px; allowed: up "
+            "to a picture's width or height beyond its edges; columns and rows count from the upper left corner"
+        )
+    away = corners - corners.mean(axis=0)
+    corners = corners[np.argsort(np.arctan2(-away[:, 1], away[:, 0]), kind="stable")]
+    if not is_convex(corners * (1, -1)):  # rows count downwards
+        raise FilmError(
+            f"{given}: these are not the corners of a convex quadrilateral; give the floor's four corners "
+            "as the picture shows them, in any order"
+        )
+    shortest = float(np.hypot(*(np.roll(corners, -1, axis=0) - corners).T).min())
+    least = MIN_SIDE * min(width_px, height_px)
+    if shortest < least:
+        raise FilmError(
+            f"{given}: the shortest side is {shortest:.3g} px; allowed: at least {least:.3g} px, because "
+            "rings cannot be located on a smaller floor"
+        )
+    lower_left = np.hypot(corners[:, 0], corners[:, 1] - (height_px - 1))
+    return np.roll(corners, -int(lower_left.argmin()), axis=0)
+
+
+def find_corners(picture: Picture) -> FloatArray | None:
+    """Return (4, 2) px: columns and rows of the floor's corners in a lit picture; None if no floor is found.
+
+    The shade of the floor is fitted from the picture's middle outwards, because lenses darken the corners and lamps
+    hang off-centre. Its outline gives four lines; across each, the edge is located to a fraction of a pixel at many
+    places. A parabola is fitted to each side, because distortion bows it, and neighbouring sides are intersected.
+    """
+    if not is_lit(picture):
+        return None
+    grey = cv2.GaussianBlur(picture, (0, 0), 1.0).mean(axis=2, dtype=np.float32)
+    shade = _relative_shade(np.asarray(grey, np.float32))
+    corners = None if shade is None else _outline_corners(shade)
+    if shade is None or corners is None or not _is_around_middle(corners, shade.shape):
+        return None
+    for reach in SEARCH_REACHES:
+        middle, reach_px = corners.mean(axis=0), reach * min(shade.shape)
+        sides = [fit_side(shade, corners[k], corners[(k + 1) % 4], middle, reach_px) for k in range(4)]
+        whole = [side for side in sides if side is not None]
+        if len(whole) < 4:
+            return None
+        corners = np.array([meeting_point(whole[k - 1], whole[k], corners[k]) for k in range(4)])
+    rows, columns = shade.shape
+    is_in = (corners >= 0).all() and (corners <= (columns - 1, rows - 1)).all()
+    return corners if is_in and _is_around_middle(corners, shade.shape) else None
+
+
+def _relative_shade(grey: Float32Array) -> Float32Array | None:
+    """Return (rows, columns) levels relative to the floor's, 1 on the floor; None if the picture's middle is not floor.
+
+    The floor's shade is modelled as a paraboloid: light from one side, and vignetting.
+    """
+    rows, columns = grey.shape
+    y, x = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : columns * 1j]
+    x, y = x * columns / np.hypot(rows, columns), y * rows / np.hypot(rows, columns)
+    design = np.stack([np.ones_like(x), x, y, x * x + y * y], axis=-1)
+    step = max(min(grey.shape) // 120, 1)
+    few, values = design[::step, ::step].reshape(-1, 4), grey[::step, ::step].ravel().astype(float)
+    middle = np.sqrt(few[:, 3]) < MIDDLE
+    levels = np.bincount(values[middle].astype(int), minlength=256)
+    shade = np.full(len(few), float(np.convolve(levels, np.ones(9), "same").argmax()))
+    for reach in np.linspace(MIDDLE, 1, SHADE_FITS):
+        floor = (np.abs(values - shade) < BAND * shade) & (np.sqrt(few[:, 3]) < reach)
+        if np.count_nonzero(floor) < MIN_FLOOR / 2 * len(few):
+            return None
+        terms, *_ = np.linalg.lstsq(few[floor], values[floor], rcond=None)
+        shade = few @ terms
+    return np.asarray(grey / np.maximum(design @ terms, 1), np.float32)
+
+
+def _outline_corners(shade: Float32Array) -> FloatArray | None:
+    """Return (4, 2) px: where the four longest sides of the floor's convex hull meet; None if the floor is cut off."""
+    floor = (np.abs(shade - 1) < BAND).astype(np.uint8)
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(floor, connectivity=4)
+    label = int(boxes[1:, cv2.CC_STAT_AREA].argmax()) + 1 if len(boxes) > 1 else 0
+    left, top, width, height, area = boxes[label]
+    rows, columns = shade.shape
+    if not label or area < MIN_FLOOR * shade.size:
+        return None
+    if left == 0 or top == 0 or left + width == columns or top + height == rows:
+        return None
+    outlines, _ = cv2.findContours((labels == label).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    hull = cv2.convexHull(max(outlines, key=len))
+    bends = cv2.approxPolyDP(hull, CORNER_TOLERANCE * cv2.arcLength(hull, True), True).reshape(-1, 2).astype(float)
+    if len(bends) < 4:
+        return None
+    along = np.roll(bends, -1, axis=0) - bends
+    longest = np.sort(np.argsort(-np.hypot(*along.T), kind="stable")[:4])
+    pairs = zip(longest, np.roll(longest, 1), strict=True)
+    return np.array([_intersection(bends[k], along[k], bends[before], along[before]) for k, before in pairs])
+
+
+def _intersection(point: FloatArray, along: FloatArray, before: FloatArray, back: FloatArray) -> FloatArray:
+    """Return (2,) px: where two lines meet, each a point and the vector to another; far away if they are parallel."""
+    cross = along[0] * back[1] - along[1] * back[0]
+    gap = before - point
+    meeting: FloatArray = point + along * ((gap[0] * back[1] - gap[1] * back[0]) / (cross or 1e-9))
+    return meeting
+
+
+def _is_around_middle(corners: FloatArray, shape: tuple[int, ...]) -> bool:
+    """Return whether (4, 2) corners, in either direction, bound a convex quadrilateral around the picture's middle."""
+    rows, columns = shape
+    if polygon_area(corners) < 0:
+        corners = corners[::-1]
+    return is_convex(corners) and bool(contains(corners, np.array([(columns - 1) / 2, (rows - 1) / 2])))
+
+
+class Side(NamedTuple):
+    """A side of the floor, slightly bowed."""
+
+    start: FloatArray
+    """(2,) px: beginning of a line near the side."""
+    along: FloatArray
+    """(2,) px: vector from the beginning of that line to its end."""
+    outward: FloatArray
+    """(2,) unit vector perpendicular to the line, away from the floor."""
+    bow: FloatArray
+    """(3,) px: polynomial, highest power first, of the side's distance outward of the line over the fraction of the way
+    along it."""
+
+    def signed_distance(self, point: FloatArray) -> tuple[float, FloatArray]:
+        """Return the distance of a (2,) point outward of the side, in px, and its (2,) gradient."""
+        unit = self.along / (self.along @ self.along)
+        share = (point - self.start) @ unit
+        off = (point - self.start) @ self.outward - np.polyval(self.bow, share)
+        return float(off), self.outward - np.polyval(np.polyder(self.bow), share) * unit
+
+
+def fit_side(
+    shade: Float32Array, start: FloatArray, end: FloatArray, middle: FloatArray, reach_px: float
+) -> Side | None:
+    """Return the floor's edge within reach of a line, to a fraction of a pixel; None if too little of it is visible.
+
+    The line goes from start to end, (2,) px; middle, (2,) px, is on the floor's side of it. The shade is
+    (rows, columns) levels relative to the floor's, 1 on the floor.
+    """
+    along = end - start
+    outward = np.array([along[1], -along[0]]) / np.hypot(*along)
+    outward *= np.sign(outward @ (start - middle))
+    share, offsets = np.linspace(0.03, 0.97, PROBES), np.arange(-reach_px, reach_px, PROBE_STEP_PX)
+    points = start + share[:, None, None] * along + offsets[:, None] * outward
+    at_column, at_row = np.moveaxis(points, -1, 0).astype(np.float32)
+    values = cv2.remap(shade, at_column, at_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    off, has = _edges(np.abs(np.asarray(values, float) - 1))
+    if not has.any():
+        return None
+    share, off = share[has], off[has] * PROBE_STEP_PX - reach_px
+    near = np.abs(off - np.polyval(_best_line(share, off), share)) <= MAX_OFF_LINE_PX
+    for _ in range(3):
+        if np.count_nonzero(near) < MIN_FOUND * PROBES:
+            return None
+        bow = np.polyfit(share[near], off[near], 2)
+        near = np.abs(off - np.polyval(bow, share)) <= MAX_OFF_PARABOLA_PX
+    return Side(start, along, outward, bow)
+
+
+def _edges(contrast: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return (n,) the place of the edge in each row, in samples from the first, and (n,) whether the row has an edge.
+
+    The edge is where the contrast, (n, m) differences from the floor's shade, is half of that slightly farther out.
+    """
+    width = contrast.shape[1]
+    rows, samples = np.arange(len(contrast)), np.arange(width)
+    leaves = (contrast > BAND).argmax(axis=1)
+    beyond = contrast[rows, np.minimum(leaves + round(BEYOND_PX / PROBE_STEP_PX), width - 1)]
+    level = np.maximum(beyond / 2, BAND)
+    after = ((samples >= leaves[:, None]) & (contrast >= level[:, None])).argmax(axis=1)
+    first, before = contrast[rows, after], contrast[rows, np.maximum(after - 1, 0)]
+    edge = after - np.clip((first - level) / np.maximum(first - before, 1e-9), 0, 1)
+    return edge, (leaves * PROBE_STEP_PX >= 1) & (after > 0)
+
+
+def _best_line(share: FloatArray, off: FloatArray) -> FloatArray:
+    """Return (2,) slope and offset of the line through two of (n,) points that is near to most of them."""
+    chosen = np.linspace(0, len(share) - 1, 12).astype(int)
+    one, other = np.triu_indices(12, 1)
+    one, other = chosen[one], chosen[other]
+    slope = (off[other] - off[one]) / np.maximum(share[other] - share[one], 1e-9)
+    lines = np.stack([slope, off[one] - slope * share[one]])
+    misses = np.abs(off - lines[0][:, None] * share - lines[1][:, None])
+    return np.asarray(lines[:, np.count_nonzero(misses <= MAX_OFF_LINE_PX, axis=1).argmax()])
+
+
+def meeting_point(one: Side, other: Side, guess: FloatArray) -> FloatArray:
+    """Return (2,) px: the intersection of two sides near a guess, by Newton's method."""
+    corner = guess
+    for _ in range(10):
+        misses, slopes = zip(*(side.signed_distance(corner) for side in (one, other)), strict=True)
+        corner = corner - np.linalg.solve(np.array(slopes), np.array(misses))
+    return corner

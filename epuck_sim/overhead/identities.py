@@ -1,0 +1,334 @@
+"""Finds out which flashes are of the same robot, in a film in which robots are dark between their flashes.
+
+Every flash has at most one that follows and one that it follows. Of all ways to link the flashes of some periods, the
+likeliest is taken (`scipy.optimize.linear_sum_assignment`); then what is usual is learnt from it, and they are linked
+again. How much less likely the best way without a link is tells how sure that link is.
+
+How likely one flash follows another is judged by the time between them, and by how robots move. While a robot's ring is
+lit, its place and its velocity are seen; in between it drives straight ahead, or turns once, or does anything that its
+speed allows.
+"""
+
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from epuck_sim import epuck
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.overhead.flashes import FlashTable
+from epuck_sim.overhead.period import mean_shift
+
+ROUNDS = 5  # number of times that flashes are linked, each time by what was learnt before
+BLOCK_PERIODS = 8.0  # length of a part of the film whose flashes are linked at once
+SURE = 0.95  # certainty of a link from which it counts as sure
+
+SHORTEST, LONGEST = 0.4, 1.15
+"""Bounds of a robot's cycle, in periods: flashes that it sees shorten it (thesis eq. 4.1), waiting makes it longer."""
+
+BINS = 30  # bins between these bounds in which usual cycles are learnt
+PLAIN_SPREAD = 0.02  # standard deviation of cycles around the period, in periods, before any are known
+MISSED = 0.01  # probability that a flash is not seen
+SPEED_SPREAD = 0.1  # width, relative to the speed, over which the density of speeds is smoothed
+REACH_CM = 1.5  # distance by which a robot may be farther than its speed allows: errors of places and of the speed
+PLACE_CM = 0.3  # standard deviation of places, and of what the straight line ignores, whatever the distance
+TURN_EDGE_S = 0.15  # time by which a turn may seem to have lasted less than nothing
+LEAST_SINE = 0.15  # of the angle between two headings, below which their lines do not tell where a robot turned
+PARALLEL_SINE = 0.03  # of the angle between two headings, below which their lines count as parallel
+EDGE_CM = epuck.RADIUS_CM  # distance from the walls within which no robot's middle can be
+
+
+class Identities(NamedTuple):
+    """Whose flashes are whose."""
+
+    robot: IntArray
+    """(flashes,) number of the robot, from 0, in order of their first flashes."""
+    cycle: IntArray
+    """(flashes,) which of its own flashes this is, from 1."""
+    certainty: FloatArray
+    """(flashes,) probability that the link to the robot's flash before is right, against the best alternative; NaN for
+    a robot's first flash."""
+    speed_cm_s: float
+    """Speed of a robot that drives straight ahead."""
+
+    @property
+    def robots(self) -> int:
+        """Number of robots; one that was lost and found again counts twice."""
+        return int(self.robot.max(initial=-1)) + 1
+
+    @property
+    def unsure(self) -> float:
+        """Share of the links whose best alternative is nearly as good."""
+        links = self.certainty[~np.isnan(self.certainty)]
+        return float(np.mean(links < SURE)) if len(links) else 0.0
+
+
+def link_flashes(flashes: FlashTable, period_s: float, floor_cm: tuple[float, float]) -> Identities:
+    """Return the identities of a film's flashes, for the period of the oscillators and the floor's width and height."""
+    if not len(flashes.onset_s):
+        none = np.empty(0, np.int64)
+        return Identities(none, none, np.empty(0), 0.0)
+    habits = Habits.at_first(flashes, period_s, floor_cm)
+    candidates = _candidates(flashes.onset_s, period_s)
+    ways = ways_between(flashes, *candidates, habits)
+    for _ in range(ROUNDS):
+        costs = _Costs(flashes.onset_s, habits, candidates, -habits.log_likelihood(ways))
+        links = _link(flashes.onset_s, costs, BLOCK_PERIODS * period_s)
+        is_linked = links[candidates[0]] == candidates[1]
+        if not is_linked.any():
+            break
+        habits = habits.relearnt(Ways(*(column[is_linked] for column in ways)))
+    certainty = _certainties(links, costs, flashes.onset_s, period_s)
+    return Identities(*_number(links), certainty, habits.speed_cm_s)
+
+
+def _candidates(onset_s: FloatArray, period_s: float) -> tuple[IntArray, IntArray]:
+    """Return the pairs of flashes that a robot may have made one after the other, as their times allow."""
+    first = np.searchsorted(onset_s, onset_s + SHORTEST * period_s)
+    end = np.searchsorted(onset_s, onset_s + 2 * LONGEST * period_s)
+    source = np.repeat(np.arange(len(first)), end - first)
+    target = np.arange(len(source)) + np.repeat(end - np.cumsum(end - first), end - first)
+    return source, target
+
+
+class _Costs:
+    """Costs of links, relative to no link.
+
+    They are negative where a link is likelier than the end of one robot's flashes and the beginning of another's.
+    """
+
+    def __init__(
+        self, onset_s: FloatArray, habits: "Habits", candidates: tuple[IntArray, IntArray], costs: FloatArray
+    ) -> None:
+        area = math.tau * habits.floor_cm[0] * habits.floor_cm[1]
+        since, until = (onset_s - onset_s[0]) / habits.period_s, (onset_s[-1] - onset_s) / habits.period_s
+        begin, end = (np.log(np.clip(1.0 - share, MISSED / 4, 1.0)) for share in (since, until))
+        source, self._target = candidates
+        self._gain = costs + begin[self._target] - math.log(area) + end[source]
+        self._first = np.searchsorted(source, np.arange(len(onset_s) + 1))
+
+    def of(self, sources: IntArray) -> tuple[IntArray, FloatArray]:
+        """Return (m,) the targets of some sources, ascending, and (sources, m) costs, 0 at most."""
+        spans = [slice(self._first[source], self._first[source + 1]) for source in sources]
+        targets = np.unique(np.concatenate([self._target[span] for span in spans]))
+        costs = np.zeros((len(sources), len(targets)))
+        for row, span in enumerate(spans):
+            costs[row, np.searchsorted(targets, self._target[span])] = np.minimum(self._gain[span], 0.0)
+        return targets, costs
+
+
+def _assign(costs: FloatArray) -> tuple[IntArray, IntArray]:
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 takes a while to load
+
+    rows, columns = linear_sum_assignment(costs)
+    return rows, columns
+
+
+def _link(onset_s: FloatArray, costs: _Costs, block_s: float) -> IntArray:
+    """Return (flashes,) the flash that follows each, or -1; blocks overlap, so that their ends do not matter."""
+    links = np.full(len(onset_s), -1)
+    begin = 0
+    while begin < len(onset_s):
+        end, half = (int(np.searchsorted(onset_s, onset_s[begin] + part * block_s)) for part in (1.0, 0.5))
+        keep = half if end < len(onset_s) else end
+        targets, table = costs.of(np.arange(begin, end))
+        table[:, np.isin(targets, links[:begin])] = 0.0
+        rows, columns = _assign(table)
+        is_link = (table[rows, columns] < 0) & (rows < keep - begin)
+        links[begin + rows[is_link]] = targets[columns[is_link]]
+        begin = keep
+    return links
+
+
+def _certainties(links: IntArray, costs: _Costs, onset_s: FloatArray, period_s: float) -> FloatArray:
+    """Return (flashes,) the certainty of the link to each flash from the one before; NaN where there is none.
+
+    Each link is forbidden in turn, and the flashes of the periods around it are linked anew.
+    """
+    certainty = np.full(len(links), np.nan)
+    linked = np.flatnonzero(links >= 0)
+    before = np.full(len(links), -1)
+    before[links[linked]] = linked
+    for source in linked:
+        first, end = np.searchsorted(onset_s, onset_s[source] + period_s * np.array([-1.0, 1.0]))
+        targets, table = costs.of(np.arange(first, end))
+        elsewhere = (before[targets] >= 0) & ((before[targets] < first) | (before[targets] >= end))
+        table[:, elsewhere] = 0.0
+        rows = np.flatnonzero(links[first:end] >= 0)
+        columns = np.searchsorted(targets, links[first:end][rows])
+        best = table[rows, columns].sum()
+        table[source - first, np.searchsorted(targets, links[source])] = 0.0
+        margin = max(float(table[_assign(table)].sum() - best), 0.0)
+        certainty[links[source]] = 1 / (1 + math.exp(-margin))
+    return certainty
+
+
+def _number(links: IntArray) -> tuple[IntArray, IntArray]:
+    """Return (flashes,) numbers of the robots, in order of their first flashes, and of their own flashes, from 1."""
+    robot, cycle = np.full(len(links), -1), np.ones(len(links), np.int64)
+    robots = 0
+    for source, target in enumerate(links):
+        if robot[source] < 0:
+            robot[source] = robots
+            robots += 1
+        if target >= 0:
+            robot[target], cycle[target] = robot[source], cycle[source] + 1
+    return robot, cycle
+
+
+class Ways(NamedTuple):
+    """Ways from one flash to another: how they would differ from a straight one, and from one with a single turn."""
+
+    gap_s: FloatArray
+    distance: FloatArray
+    """Distance in cm."""
+    along: FloatArray
+    """Distance, along the mean heading, from the end of a straight way, cm."""
+    aside: FloatArray
+    """The same across the mean heading."""
+    swerve: FloatArray
+    """Difference of the headings, rad from -pi to pi."""
+    has_turn: BoolArray
+    """Whether the lines ahead of the first and back from the second flash meet on the floor, in time."""
+    turn_s: FloatArray
+    """Time left for the turn, where they do."""
+    wall_s: FloatArray
+    """Time after which the line ahead of the first flash meets a wall."""
+
+
+class Habits(NamedTuple):
+    """What is usual of the robots of a film."""
+
+    period_s: float
+    speed_cm_s: float
+    """Speed of a robot that drives straight ahead."""
+    floor_cm: tuple[float, float]
+    cycles: FloatArray
+    """(BINS,) density of cycles between `SHORTEST` and `LONGEST` periods, per period."""
+    kinds: FloatArray
+    """(3,) shares of ways that are straight, have one turn, or are anything else."""
+    along: float
+    """Standard deviation along a straight way, relative to its length."""
+    aside: float
+    """Standard deviation across a straight way, relative to its length."""
+    swerve: float
+    """Standard deviation of the heading's change on a straight way, rad."""
+    turn_s: float
+    """Mean duration of a turn."""
+
+    @classmethod
+    def at_first(cls, flashes: FlashTable, period_s: float, floor_cm: tuple[float, float]) -> Self:
+        """Return what is assumed before any flash is linked."""
+        middles = SHORTEST + (np.arange(BINS) + 0.5) * (LONGEST - SHORTEST) / BINS
+        plain = np.exp(-(((middles - 1) / PLAIN_SPREAD) ** 2) / 2)
+        shortened = np.where((middles > 0.5) & (middles < 1), 1.0, 0.02)
+        cycles = 0.5 * plain / plain.sum() + 0.5 * shortened / shortened.sum()
+        return cls(
+            period_s,
+            commonest_speed(flashes.speeds_cm_s),
+            floor_cm,
+            cycles * BINS / (LONGEST - SHORTEST),
+            np.array([0.5, 0.3, 0.2]),
+            along=0.03,
+            aside=0.06,
+            swerve=0.2,
+            turn_s=0.7,
+        )
+
+    def relearnt(self, ways: Ways) -> Self:
+        """Return what is usual of ways that robots have gone, with a little of what was assumed before."""
+        counts, _ = np.histogram(ways.gap_s / self.period_s, BINS, (SHORTEST, LONGEST))
+        smooth = np.convolve(counts + 0.02 * len(ways.gap_s) / BINS, (0.2, 0.6, 0.2), "same")
+        likely = self._parts(ways)
+        shares = likely / np.maximum(likely.sum(axis=0), 1e-300)
+        kinds = shares.sum(axis=1) + 1.0
+        straight = shares[0] + 1e-9
+        length = np.maximum(self.speed_cm_s * ways.gap_s, 1.0)
+        ends, sides = (np.sqrt(np.average((off / length) ** 2, weights=straight)) for off in (ways.along, ways.aside))
+        swerve = math.sqrt(np.average(ways.swerve**2, weights=straight))
+        turn_s = np.average(np.clip(ways.turn_s, 0.0, None), weights=np.where(ways.has_turn, shares[1], 0.0) + 1e-9)
+        return self._replace(
+            cycles=smooth / smooth.sum() * BINS / (LONGEST - SHORTEST),
+            kinds=kinds / kinds.sum(),
+            along=max(float(ends), 0.005),
+            aside=max(float(sides), 0.01),
+            swerve=max(swerve, 0.03),
+            turn_s=max(float(turn_s), 0.1),
+        )
+
+    def log_likelihood(self, ways: Ways) -> FloatArray:
+        """Return (ways,) the logarithm of the density of each way's end, per cm, cm, rad and period."""
+        share = ways.gap_s / self.period_s
+        single, double = self._cycle_density(share), self._cycle_density(share / 2) / 2
+        total: FloatArray = np.log(np.maximum(single + MISSED * double, 1e-300))
+        total += np.log(np.maximum(self.kinds @ (self._parts(ways) / self.kinds[:, None]), 1e-300))
+        return total
+
+    def _cycle_density(self, share: FloatArray) -> FloatArray:
+        place = np.floor((share - SHORTEST) / (LONGEST - SHORTEST) * BINS).astype(int)
+        inside = (place >= 0) & (place < BINS)
+        density: FloatArray = np.where(inside, self.cycles[np.clip(place, 0, BINS - 1)], 0.0)
+        return density
+
+    def _parts(self, ways: Ways) -> FloatArray:
+        """Return (3, ways) densities of a way's end if it is straight, has one turn, or is anything, times `kinds`."""
+        length = self.speed_cm_s * ways.gap_s
+        straight = (
+            _normal(ways.along, np.hypot(self.along * length, PLACE_CM))
+            * _normal(ways.aside, np.hypot(self.aside * length, PLACE_CM))
+            * _normal(ways.swerve, self.swerve)
+        )
+        late = np.exp(-np.maximum(ways.turn_s, 0) / self.turn_s) / (self.turn_s + TURN_EDGE_S)
+        late *= np.exp(-((np.minimum(ways.turn_s, 0) / TURN_EDGE_S) ** 2) / 2)
+        where = 1 / np.clip(np.minimum(ways.gap_s, ways.wall_s), 0.3, None)
+        spread = math.tau * max(self.speed_cm_s, 0.1) ** 2 * np.maximum(np.abs(np.sin(ways.swerve)), LEAST_SINE)
+        turned = np.where(ways.has_turn, late * where / spread, 0.0)
+        area = np.minimum(math.pi * (length + REACH_CM) ** 2, self.floor_cm[0] * self.floor_cm[1])
+        anything = np.where(ways.distance <= length + REACH_CM, 1 / (math.tau * area), 0.0)
+        parts: FloatArray = self.kinds[:, None] * np.array([straight, turned, anything])
+        return parts
+
+
+def _normal(off: FloatArray, spread: FloatArray | float) -> FloatArray:
+    density: FloatArray = np.exp(-((off / spread) ** 2) / 2) / (spread * math.sqrt(math.tau))
+    return density
+
+
+def commonest_speed(speeds_cm_s: FloatArray) -> float:
+    """Return the speed that is commonest among the faster half: that of robots that do not turn."""
+    fast = float(np.median(speeds_cm_s[speeds_cm_s >= np.median(speeds_cm_s)]))
+    return mean_shift(speeds_cm_s, np.ones(len(speeds_cm_s)), fast, SPEED_SPREAD * fast)[0] if fast else 0.0
+
+
+def ways_between(flashes: FlashTable, first: IntArray, second: IntArray, habits: Habits) -> Ways:
+    """Return the ways from some flashes to others, (ways,) numbers of each."""
+    gap_s = flashes.onset_s[second] - flashes.onset_s[first]
+    apart = flashes.places_cm[second] - flashes.places_cm[first]
+    ahead, after = (_directions(flashes.velocities_cm_s[each]) for each in (first, second))
+    speed = max(habits.speed_cm_s, 0.05)
+    mean = _directions(ahead + after)
+    way = speed * gap_s
+    along = np.sum(apart * mean, axis=1) - way
+    aside = mean[:, 0] * apart[:, 1] - mean[:, 1] * apart[:, 0]
+    sine = ahead[:, 0] * after[:, 1] - ahead[:, 1] * after[:, 0]
+    swerve = np.arctan2(sine, np.sum(ahead * after, axis=1))
+    safe = np.where(sine == 0, 1.0, sine)
+    ahead_cm = (apart[:, 0] * after[:, 1] - apart[:, 1] * after[:, 0]) / safe
+    back_cm = (ahead[:, 0] * apart[:, 1] - ahead[:, 1] * apart[:, 0]) / safe
+    corner = flashes.places_cm[first] + ahead_cm[:, None] * ahead
+    is_inside = np.all((corner >= EDGE_CM - 1) & (corner <= np.array(habits.floor_cm) - EDGE_CM + 1), axis=1)
+    turn_s = gap_s - (ahead_cm + back_cm) / speed
+    meet = np.abs(sine) > PARALLEL_SINE
+    has_turn = meet & is_inside & (ahead_cm >= -0.5) & (back_cm >= -0.5) & (turn_s > -3 * TURN_EDGE_S)
+    sides = np.where(ahead > 0, np.array(habits.floor_cm) - EDGE_CM, EDGE_CM)
+    is_along = np.abs(ahead) < PARALLEL_SINE
+    to_sides = np.where(is_along, np.inf, (sides - flashes.places_cm[first]) / np.where(is_along, 1.0, ahead))
+    wall_s = np.maximum(to_sides.min(axis=1), 0.0) / speed
+    return Ways(gap_s, np.hypot(*apart.T), along, aside, swerve, has_turn, turn_s, wall_s)
+
+
+def _directions(vectors: FloatArray) -> FloatArray:
+    """Return (n, 2) vectors of length 1; (1, 0) for those of length 0."""
+    length = np.hypot(*vectors.T)[:, None]
+    unit: FloatArray = np.where(length > 0, vectors / np.maximum(length, 1e-12), (1.0, 0.0))
+    return unit

@@ -1,0 +1,206 @@
+"""Calibrates a lens from pictures of a board, and keeps it in a file that `track` and `film` take."""
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import cv2
+import numpy as np
+from pydantic import BaseModel, Field
+
+from epuck_sim.arrays import Float32Array, FloatArray
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.camera import Lens
+from epuck_sim.overhead.frame import Frame, Picture
+from epuck_sim.scenario.base import Positive, WholeNumber
+from epuck_sim.util.atomic_write import atomic_write, check_target
+
+SUFFIX = ".json"
+
+APART_S = 0.5  # time between frames in which the board is searched
+
+MIN_VIEWS = 6  # pictures of the board from which a lens is calibrated; OpenCV recommends ten or more
+MAX_VIEWS = 40  # pictures of the board after which no more are read
+MIN_POINTS = 8  # corners of a board that must be seen in a picture
+MIN_MOVE_PX = 8.0  # mean distance by which the board must have moved since the last picture that counts
+SUBPIXEL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)  # iterations, px: end corners' refinement
+MARKER_SHARE = 0.7  # side of a ChArUco board's markers, relative to that of its squares
+UNSURE_FOCUS = 0.03
+"""Relative difference of the focal lengths by half of the views and by all from which they do not determine a lens:
+seen straight on, or always askew in the same way, a board nearby looks as one farther away through a longer lens."""
+
+
+class Board(NamedTuple):
+    """A board of squares."""
+
+    kind: Literal["checkerboard", "charuco"]
+    columns: int
+    """Number of squares across."""
+    rows: int
+    """Number of squares down."""
+
+
+class View(NamedTuple):
+    """The corners of a board in one picture."""
+
+    board: Float32Array
+    """(n, 1, 3) places on the board, in squares."""
+    pixels: Float32Array
+    """(n, 1, 2) px."""
+
+
+class LensFile(BaseModel):
+    """What the file holds."""
+
+    width_px: Annotated[WholeNumber, Field(ge=1)]
+    height_px: Annotated[WholeNumber, Field(ge=1)]
+    focal_px: Positive
+    focal_down_px: Positive
+    middle_px: tuple[float, float]
+    coefficients: tuple[float, ...] = Field(min_length=4, max_length=14)
+    is_fisheye: bool
+    views: int = 0
+    """Number of pictures that it was calibrated from."""
+    error_px: float = 0.0
+    """Root mean square distance of the board's corners from where this lens would show them."""
+
+    @property
+    def lens(self) -> Lens:
+        """The lens."""
+        return Lens(self.focal_px, self.focal_down_px, self.middle_px, self.coefficients, self.is_fisheye)
+
+
+def find_views(frames: Iterable[Frame], board: Board, apart_s: float = APART_S) -> list[View]:
+    """Return views of a board in a film in which it, or the camera, moves; it is searched every `apart_s`."""
+    find = _charuco_corners if board.kind == "charuco" else _checkerboard_corners
+    views: list[View] = []
+    last_s = -np.inf
+    for frame in frames:
+        if frame.time_s - last_s < apart_s:
+            continue
+        last_s = frame.time_s
+        view = find(frame.picture, board)
+        if view is not None and (not views or _has_moved(view, views[-1])):
+            views.append(view)
+        if len(views) >= MAX_VIEWS:
+            break
+    return views
+
+
+def _has_moved(view: View, last: View) -> bool:
+    now, before = (
+        {tuple(place): pixel for place, pixel in zip(each.board[:, 0].tolist(), each.pixels[:, 0], strict=True)}
+        for each in (view, last)
+    )
+    moves = [float(np.linalg.norm(now[place] - before[place])) for place in now.keys() & before.keys()]
+    return not moves or sum(moves) / len(moves) >= MIN_MOVE_PX
+
+
+def _checkerboard_corners(picture: Picture, board: Board) -> View | None:
+    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+    inner = board.columns - 1, board.rows - 1
+    found, pixels = cv2.findChessboardCorners(grey, inner, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_FAST_CHECK)
+    if not found:
+        return None
+    pixels = cv2.cornerSubPix(grey, pixels, (5, 5), (-1, -1), SUBPIXEL)
+    across, down = np.meshgrid(np.arange(inner[0]), np.arange(inner[1]))
+    points = np.column_stack([across.ravel(), down.ravel(), np.zeros(across.size)])
+    return View(points.astype(np.float32)[:, None], np.asarray(pixels, np.float32).reshape(-1, 1, 2))
+
+
+def _charuco_corners(picture: Picture, board: Board) -> View | None:
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
+    pattern = cv2.aruco.CharucoBoard((board.columns, board.rows), 1.0, MARKER_SHARE, dictionary)
+    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+    pixels, numbers, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(grey)
+    if numbers is None or len(numbers) < MIN_POINTS:
+        return None
+    points = np.asarray(pattern.getChessboardCorners(), np.float32)[np.ravel(numbers)]
+    return View(points[:, None], np.asarray(pixels, np.float32).reshape(-1, 1, 2))
+
+
+def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fisheye: bool) -> LensFile:
+    """Return the lens, by OpenCV's usual or fisheye model, that shows a board as its views in a film have it.
+
+    Raises:
+        FilmError: There are too few views, or they do not determine a lens.
+    """
+    if len(views) < MIN_VIEWS:
+        raise FilmError(
+            f"{name}: the board is found in {len(views)} different positions; allowed: {MIN_VIEWS} or more; check "
+            "--board (squares across and down), light it evenly, and show it in all parts of the picture and tilted"
+        )
+    try:
+        error, matrix, terms = _fit_lens(views, size_px, is_fisheye)
+        halves = [_fit_lens(views[first::2], size_px, is_fisheye)[1] for first in (0, 1)]
+        if not all(abs(half[0, 0] / matrix[0, 0] - 1) <= UNSURE_FOCUS for half in halves):
+            raise ValueError("half of the views give another lens")  # noqa: TRY301 is undetermined, too
+        return LensFile(
+            width_px=size_px[0],
+            height_px=size_px[1],
+            focal_px=float(matrix[0, 0]),
+            focal_down_px=float(matrix[1, 1]),
+            middle_px=(float(matrix[0, 2]), float(matrix[1, 2])),
+            coefficients=tuple(np.ravel(terms).tolist()),
+            is_fisheye=is_fisheye,
+            views=len(views),
+            error_px=error,
+        )
+    except (cv2.error, ValueError) as failed:  # pydantic's are ValueErrors
+        raise FilmError(
+            f"{name}: the views of the board do not determine a lens; show it tilted, near and far, and in the corners"
+        ) from failed
+
+
+def _fit_lens(
+    views: Sequence[View], size_px: tuple[int, int], is_fisheye: bool
+) -> tuple[float, FloatArray, FloatArray]:
+    """Return the root mean square error in px, the (3, 3) camera matrix and the coefficients of a lens."""
+    points, pixels = [view.board for view in views], [view.pixels for view in views]
+    if is_fisheye:
+        error, matrix, terms, _, _ = cv2.fisheye.calibrate(
+            [each.astype(float).reshape(1, -1, 3) for each in points],
+            [each.astype(float).reshape(1, -1, 2) for each in pixels],
+            size_px,
+            np.zeros((3, 3)),
+            np.zeros((4, 1)),
+            flags=cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW,
+        )
+    else:
+        error, matrix, terms, _, _ = cv2.calibrateCamera(points, pixels, size_px, np.eye(3), np.zeros(5))
+    return float(error), np.asarray(matrix, float), np.asarray(terms, float)
+
+
+def check_lens_target(path: Path) -> None:
+    """Raise FilmError if a lens cannot be written to a path, or its name does not end in .json."""
+    if path.suffix != SUFFIX:
+        raise FilmError(f"{path}: is no name for a lens; allowed: names that end in {SUFFIX}")
+    check_target(path)
+
+
+def save_lens(path: Path, lens: LensFile) -> None:
+    """Write the file of a lens; raises as `check_lens_target`."""
+    check_lens_target(path)
+    with atomic_write(path) as part:
+        part.write_text(lens.model_dump_json(indent=2) + "\n")
+
+
+def read_lens(path: Path, size_px: tuple[int, int]) -> Lens:
+    """Return the lens in a file for pictures of this width and height.
+
+    Raises:
+        FilmError: It is no file of a lens, or of a camera with pictures of another size.
+    """
+    try:
+        held = LensFile(**json.loads(path.read_text()))
+    except FileNotFoundError as error:
+        raise FilmError(f"{path}: no such file; epuck-sim calibrate writes one") from error
+    except (ValueError, TypeError) as error:
+        raise FilmError(f"{path}: is not a lens that epuck-sim calibrate wrote") from error
+    if size_px != (held.width_px, held.height_px):
+        raise FilmError(
+            f"{path}: was calibrated for pictures of {held.width_px} x {held.height_px} px, but these are "
+            f"{size_px[0]} x {size_px[1]} px; calibrate with the camera's mode that films"
+        )
+    return held.lens

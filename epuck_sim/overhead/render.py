@@ -1,0 +1,463 @@
+"""Renders one exposure of the overhead camera: lit rings in the dark, or everything in a lit room (thesis 4.3.1).
+
+An overexposed ring of LEDs has a saturated core, and a haze around it. Real films also have what good ones do not:
+rings seen as eight points, and mirror images in the walls. The lit room has floor, walls, obstacles, bodies and tags,
+whose grey levels are our estimates. Each robot is drawn within its bounding box, not over the whole picture.
+
+An `image` is (rows, columns) of light or levels, changed in place. `floor_cm` is (rows, columns, 2) cm, the point of
+the floor that each pixel shows, `eye_cm` (3,) cm the position of the camera, `poses` (n, 3) cm, cm, rad: x, y, heading,
+and `boxes` (n, 4) px what `bounding_boxes` returns. `ring_cm` and `body_cm` are a radius and a height.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim import epuck
+from epuck_sim.arena import Arena, brightness_at
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from epuck_sim.geometry import contains
+from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, overhead_camera
+from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.tags import tag_corners_cm, tag_count, tag_modules, tag_pattern
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
+from epuck_sim.util.jit import jit
+
+COLOUR_LEVELS = (900.0, 130.0, 120.0)
+"""Levels of red, green and blue that a ring of light 1 adds; our estimate.
+
+A pixel holds at most 255: red is saturated all along the ring, and what leaks into green and blue makes its core
+pinkish, as in Fig. 4.5 of the thesis.
+"""
+
+# rings; widths and brightnesses are our estimates
+NOMINAL_EXPOSURE_MS = 20.0  # exposure at which an LED has light 1; our definition
+WIDTH_CM = 0.3  # standard deviation of the brightness across a ring, which shines through a diffuser
+DEPTH = 0.5  # share by which a ring is darker midway between two of its eight LEDs
+FADE_CM = 1.0  # distance from a ring at which its haze has fallen to 1/e of its brightness
+CORE_CM = 5 * WIDTH_CM  # beyond, the core of a ring adds less than half a level, even in an exposure of one second
+FAINT_LEVELS = 0.5  # levels of haze below which it rounds to nothing
+LED_ANGLES = np.arange(8) * math.tau / 8  # of the LEDs of an e-puck, from its heading
+
+# grey levels
+TABLE, FLOOR = 30.0, 145.0  # the table around the arena, and its floor where that is white
+WALL_FACE, WALL_TOP = 200.0, 240.0  # inner side and top of the walls
+OBSTACLE = 85.0  # obstacles and movables, which are drawn flat on the floor
+BODY_SIDE, BODY_TOP = 40.0, 75.0
+HEADING_MARK = 225.0  # the wedge on a robot's top that points ahead
+PAPER, INK = 225.0, 20.0  # white and black on a tag
+
+WALL_THICKNESS_CM = 1.0
+MARK_TIP_CM = 3.2  # heading mark's tip ahead of an e-puck's centre; other robots' marks are in proportion
+MARK_END_CM = 0.4  # its broad end ahead of an e-puck's centre
+MARK_SLOPE = 0.45  # half its width per cm of distance from its tip
+MODULE_PX = 8  # pixels of a module in the pattern of a tag that is drawn; more than in pictures
+FINER = 4  # pixels along the side of a pixel, over which a tag is averaged
+
+NOISE_OFFSETS = 2**20  # number of different places in the noise table at which the noise of a picture may begin
+
+PERFECT = {"blur_px": 0.0, "vignetting": 0.0, "distortion": 0.0, "noise_levels": 0.0, "light": "lit"}
+"""Values of the section `overhead` of a camera without faults in a lit room."""
+
+NO_MOVABLES = np.empty((0, 2))  # places of the movables of an arena that has none
+
+_OCTAGON = np.array([(math.cos(angle), math.sin(angle)) for angle in np.arange(8) * math.pi / 4])
+"""(8, 2) corners of an octagon around the origin; its inscribed circle has radius cos(pi / 8)."""
+
+
+class ExposureSample(NamedTuple):
+    """The robots at one moment of an exposure."""
+
+    poses: FloatArray
+    """(robots, 3) cm, cm, rad: x, y, heading."""
+    ring_on: BoolArray
+    """(robots,) which rings are on."""
+    movables: FloatArray = NO_MOVABLES
+    """(movables, 2) cm: where the arena's movables are."""
+    arena: Arena | None = None
+    """Walls and obstacles; by default those that the renderer was made with."""
+
+
+class Renderer:
+    """Renders pictures of one arena; the same pictures in the same order with the same seed are equal."""
+
+    def __init__(
+        self, section: OverheadSection, camera: CameraModel, arena: Arena, seed: int, robot: RobotKind = EPUCK
+    ) -> None:
+        """Prepare what all pictures share; section: light and optics; seed: that of the noise."""
+        self._section, self._camera = section, camera
+        self._body_cm = float(robot.radius_cm), float(robot.height_cm)
+        self._ring_cm = float(robot.ring_radius_cm), float(robot.ring_height_cm)
+        self._light = section.gain * section.exposure_ms / NOMINAL_EXPOSURE_MS
+        self._floor_cm = camera.plane_map(0.0)
+        self._dimming = dimming(camera.width_px, camera.height_px, section.vignetting)
+        self._movable_cm = arena.circles[arena.first_movable :, 2]
+        self._room = render_room(self._floor_cm, camera.position_cm, arena)
+        self._arena = self._first_arena = arena
+        self._random = np.random.default_rng(seed)
+        self._noise = np.zeros(3 * camera.width_px * camera.height_px + NOISE_OFFSETS, np.int16)
+        if section.noise_levels > 0:
+            drawn = self._random.standard_normal(len(self._noise), np.float32)
+            self._noise[:] = np.rint(section.noise_levels * drawn)
+
+    def render(self, samples: Sequence[ExposureSample], *, room_is_lit: bool) -> Picture:
+        """Return the picture of one exposure, to which all samples contribute equally.
+
+        A lit room is as bright in a long exposure as in a short one, as if its lamps were dimmed; rings are not.
+        """
+        ambient = 1.0 if room_is_lit else self._section.ambient
+        if not ambient and not any(sample.ring_on.any() for sample in samples):
+            return np.clip(self._next_noise(), 0, 255).astype(np.uint8)
+        light = self._through_lens(self._rings(samples))
+        channels = [levels * light for levels in COLOUR_LEVELS]
+        if ambient:
+            grey = np.float32(ambient) * self._through_lens(self._scene(samples))
+            channels = [grey + channel for channel in channels]
+        noisy = cv2.add(cv2.merge(channels), self._next_noise(), dtype=cv2.CV_8U)  # rounds, and clips to 0..255
+        return np.asarray(noisy, np.uint8)
+
+    def _rings(self, samples: Sequence[ExposureSample]) -> Float32Array:
+        """Return (rows, columns) the light of all rings."""
+        image = np.zeros(self._room.shape, np.float32)
+        lit = _in_arena(np.concatenate([sample.poses[sample.ring_on] for sample in samples]))
+        light = self._light / len(samples)
+        self._add_rings(image, lit, light)
+        if self._section.gloss:
+            images = mirror_images(lit, samples[0].arena or self._first_arena)
+            self._add_rings(image, images, self._section.gloss * light)
+        return image
+
+    def _add_rings(self, image: Float32Array, poses: FloatArray, light: float) -> None:
+        """Add the light of rings at (n, 3) poses to an image, in place."""
+        if self._section.led_points:
+            add_points(image, self._camera, poses, light, self._ring_cm)
+            return
+        bloom = self._section.bloom
+        reach = reach_cm(self._light, bloom)
+        radius_cm, height_cm = self._ring_cm
+        boxes = bounding_boxes(self._camera, poses[:, :2], radius_cm + reach, (height_cm,))
+        add_rings(image, self._floor_cm, self._camera.position_cm, poses, boxes, light, bloom, reach, self._ring_cm)
+
+    def _scene(self, samples: Sequence[ExposureSample]) -> Float32Array:
+        """Return (rows, columns) the levels of the lit room with the robots in it."""
+        camera, tags = self._camera, self._section.tags
+        scene = np.zeros(self._room.shape, np.float32)
+        for sample in samples:
+            arena = sample.arena or self._first_arena
+            if arena is not self._arena:
+                self._arena, self._room = arena, render_room(self._floor_cm, camera.position_cm, arena)
+            image = self._room.copy()
+            for place, radius in zip(sample.movables, self._movable_cm, strict=True):
+                _draw_circle(image, self._floor_cm, place[0], place[1], radius)
+            poses = farthest_first(_in_arena(sample.poses), camera.position_cm)
+            radius_cm, height_cm = self._body_cm
+            boxes = bounding_boxes(camera, poses[:, :2], radius_cm, (0.0, height_cm))
+            draw_bodies(image, self._floor_cm, camera.position_cm, poses, boxes, self._body_cm)
+            if tags is not None:
+                draw_tags(image, camera, sample.poses, tags, float(self._section.tag_cm), height_cm)
+            scene += image
+        scene /= len(samples)
+        return scene
+
+    def _through_lens(self, image: Float32Array) -> Float32Array:
+        """Return (rows, columns) an image blurred and dimmed by the lens."""
+        if self._section.blur_px > 0:
+            blurred = cv2.GaussianBlur(image, (0, 0), self._section.blur_px, borderType=cv2.BORDER_REPLICATE)
+            image = np.asarray(blurred, np.float32)
+        return self._dimming * image
+
+    def _next_noise(self) -> npt.NDArray[np.int16]:
+        """Return (rows, columns, 3) levels: the noise table from a random place on.
+
+        Drawing new numbers for each picture would take longer than all the rest.
+        """
+        rows, columns = self._room.shape
+        first = self._random.integers(NOISE_OFFSETS)
+        return self._noise[first : first + rows * columns * 3].reshape(rows, columns, 3)
+
+
+class ArenaView:
+    """Draws the robots of one scenario in their arena for people: as the camera sees a lit room, without its faults.
+
+    >>> from epuck_sim import ArenaView, Simulation
+    >>> simulation = Simulation("thesis", seed=1)
+    >>> view = ArenaView(simulation.scenario, width_px=240, height_px=240)
+    >>> step = next(simulation)
+    >>> view.draw(step.poses, step.ring_on).shape
+    (240, 240, 3)
+    """
+
+    def __init__(self, scenario: EmbodiedScenario, width_px: int | None = None, height_px: int | None = None) -> None:
+        """Place the camera.
+
+        Args:
+            scenario: The scenario, with its arena and the section `overhead`: where the camera hangs.
+            width_px: Width of pictures, an even number; the scenario's by default.
+            height_px: Height of pictures, an even number; the scenario's by default.
+
+        Raises:
+            ScenarioError: The size is not allowed.
+            EpuckSimError: The camera would hang between the walls.
+        """
+        sides = {"width_px": width_px, "height_px": height_px}
+        changes = {**PERFECT, **{name: side for name, side in sides.items() if side is not None}}
+        section = load_scenario(scenario, [f"overhead.{key}={value}" for key, value in changes.items()]).overhead
+        camera = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
+        arena = scenario.arena.build()
+        self._movables = arena.circles[arena.first_movable :, :2]
+        self._renderer = Renderer(section, camera, arena, seed=0, robot=scenario.robot)
+
+    def draw(
+        self,
+        poses: FloatArray,
+        ring_on: BoolArray,
+        movables: FloatArray | None = None,
+        arena: Arena | None = None,
+    ) -> Picture:
+        """Return (height, width, 3) the picture of robots in red, green and blue from 0 to 255.
+
+        Args:
+            poses: (robots, 3) cm, cm, rad: x, y, heading.
+            ring_on: (robots,) whether each ring is lit.
+            movables: (movables, 2) cm: where the arena's movables are, as steps have it; by default where they begin.
+            arena: Walls and obstacles, as steps have it; by default those of the start.
+        """
+        places = self._movables if movables is None else np.asarray(movables)
+        sample = ExposureSample(np.asarray(poses), np.asarray(ring_on), places, arena)
+        return self._renderer.render([sample], room_is_lit=True)
+
+
+def _in_arena(poses: FloatArray) -> FloatArray:
+    """Return those of (n, 3) poses that are not NaN."""
+    return poses[~np.isnan(poses[:, 0])]
+
+
+def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:
+    """Return (height_px, width_px) the fraction of light that the lens passes: 1 - `vignetting` in the corners."""
+    across = np.linspace(-1, 1, width_px) * width_px
+    down = np.linspace(-1, 1, height_px) * height_px
+    square = (across**2 + down[:, None] ** 2) / (width_px**2 + height_px**2)
+    return (1 - vignetting * square).astype(np.float32)
+
+
+def bounding_boxes(
+    camera: CameraModel, centres_cm: FloatArray, radius_cm: float, heights_cm: tuple[float, ...]
+) -> IntArray:
+    """Return the pixels within which each of some upright cylinders, whose axes are at (n, 2) cm, is seen.
+
+    Of the heights that they cover, the lowest and the highest are enough.
+
+    Returns:
+        (n, 4) px: first row, row after the last, first column, column after the last; an empty box for what is outside
+        of the picture.
+    """
+    if not len(centres_cm):  # OpenCV refuses empty arrays
+        return np.empty((0, 4), np.int64)
+    octagons = (centres_cm[:, None] + radius_cm / math.cos(math.pi / 8) * _OCTAGON).reshape(-1, 2)
+    points = np.vstack([np.column_stack([octagons, np.full(len(octagons), height)]) for height in heights_cm])
+    pixels = camera.project(points).reshape(len(heights_cm), len(centres_cm), len(_OCTAGON), 2)
+    low = np.floor(pixels.min(axis=(0, 2)))
+    high = np.ceil(pixels.max(axis=(0, 2))) + 1
+    bounds = np.clip(np.stack([low, high], axis=-1), 0, [[camera.width_px], [camera.height_px]])
+    boxes: IntArray = bounds[:, ::-1].reshape(-1, 4).astype(np.int64)
+    return boxes
+
+
+def reach_cm(light: float, bloom: float) -> float:
+    """Return the distance from a ring up to which its core or haze is visible; bloom: see `add_rings`."""
+    brightest = light * bloom * max(COLOUR_LEVELS) / FAINT_LEVELS
+    return max(CORE_CM, FADE_CM * math.log(max(brightest, 1.0)))
+
+
+@jit
+def add_rings(
+    image: Float32Array,
+    floor_cm: Float32Array,
+    eye_cm: FloatArray,
+    poses: FloatArray,
+    boxes: IntArray,
+    light: float,
+    bloom: float,
+    reach: float,
+    ring_cm: tuple[float, float],
+) -> None:
+    """Add to an image the light of the rings of robots at some poses.
+
+    An LED has this light, the haze at the ring `bloom` times as much; beyond `reach`, cm, nothing is added.
+    """
+    radius, height = ring_cm
+    rise = height / eye_cm[2]
+    for ring in range(len(poses)):
+        # the ring's centre, projected along the lines of sight onto the floor, where the ring appears enlarged
+        x, y = poses[ring, 0] - rise * eye_cm[0], poses[ring, 1] - rise * eye_cm[1]
+        ahead_x, ahead_y = math.cos(poses[ring, 2]), math.sin(poses[ring, 2])
+        for row in range(boxes[ring, 0], boxes[ring, 1]):
+            for column in range(boxes[ring, 2], boxes[ring, 3]):
+                dx = (1.0 - rise) * floor_cm[row, column, 0] - x
+                dy = (1.0 - rise) * floor_cm[row, column, 1] - y
+                distance = math.sqrt(dx * dx + dy * dy)
+                off_ring = abs(distance - radius)
+                if off_ring <= reach:
+                    brightness = bloom * math.exp(-off_ring / FADE_CM)
+                    if off_ring <= CORE_CM:
+                        ahead = (dx * ahead_x + dy * ahead_y) / max(distance, 1e-9)
+                        brightness += _led_light(ahead) * math.exp(-0.5 * (off_ring / WIDTH_CM) ** 2)
+                    image[row, column] += light * brightness
+
+
+@jit
+def _led_light(ahead: float) -> float:
+    """Return the light of a ring, 1 at each of its eight LEDs; ahead: cosine of the angle to the heading."""
+    for _ in range(3):  # each round gives the cosine of twice the angle
+        ahead = 2.0 * ahead * ahead - 1.0
+    return 1.0 - DEPTH * 0.5 * (1.0 - ahead)
+
+
+def add_points(
+    image: Float32Array, camera: CameraModel, poses: FloatArray, light: float, ring_cm: tuple[float, float]
+) -> None:
+    """Add to an image the LEDs of robots as points of light, as wide as a ring is thick; see `add_rings`."""
+    if not len(poses):
+        return
+    radius_cm, height_cm = ring_cm
+    angles = poses[:, 2:] + LED_ANGLES
+    x = poses[:, :1] + radius_cm * np.cos(angles)
+    y = poses[:, 1:2] + radius_cm * np.sin(angles)
+    pixels = camera.project(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, height_cm)]))
+    width_px = WIDTH_CM * camera.lens.focal_px / (camera.position_cm[2] - height_cm)
+    points = np.zeros_like(image)
+    rows, columns = image.shape
+    whole = np.floor(pixels).astype(int)
+    part = pixels - whole
+    for right, below in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        column, row = whole[:, 0] + right, whole[:, 1] + below
+        share = np.abs(1 - right - part[:, 0]) * np.abs(1 - below - part[:, 1])
+        is_in = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+        np.add.at(points, (row[is_in], column[is_in]), share[is_in])
+    image += light * math.tau * width_px**2 * cv2.GaussianBlur(points, (0, 0), width_px)
+
+
+def mirror_images(poses: FloatArray, arena: Arena) -> FloatArray:
+    """Return (4 n, 3) cm, cm, rad: the mirror images in the four walls of robots at (n, 3) poses."""
+    x, y, heading = poses.T
+    return np.concatenate([
+        np.column_stack([-x, y, math.pi - heading]),
+        np.column_stack([2 * arena.width_cm - x, y, math.pi - heading]),
+        np.column_stack([x, -y, -heading]),
+        np.column_stack([x, 2 * arena.height_cm - y, -heading]),
+    ])  # fmt: skip
+
+
+def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Float32Array:
+    """Return (rows, columns) the grey levels of the arena without robots and movables."""
+    rise = WALL_HEIGHT_CM / eye_cm[2]
+    at_top = (1 - rise) * floor_cm + rise * eye_cm[:2]  # where a line of sight is at the height of the walls
+    room = np.full(floor_cm.shape[:2], TABLE, np.float32)
+    room[_is_within(at_top, arena, WALL_THICKNESS_CM)] = WALL_TOP
+    room[_is_within(at_top, arena, 0.0)] = WALL_FACE
+    on_floor = _is_within(floor_cm, arena, 0.0)
+    room[on_floor] = FLOOR * brightness_at(arena, *floor_cm[on_floor].T)
+    for x, y, radius in arena.circles[: arena.first_movable]:
+        _draw_circle(room, floor_cm, x, y, radius)
+    for corners in arena.polygons:
+        room[contains(corners, floor_cm)] = OBSTACLE
+    return room
+
+
+def _draw_circle(image: Float32Array, floor_cm: Float32Array, x: float, y: float, radius: float) -> None:
+    image[np.hypot(floor_cm[..., 0] - x, floor_cm[..., 1] - y) <= radius] = OBSTACLE
+
+
+def _is_within(points: npt.NDArray[np.floating], arena: Arena, margin_cm: float) -> BoolArray:
+    """Return whether each of (..., 2) points is in the arena or at most `margin_cm` beyond its walls."""
+    within: BoolArray = (points >= -margin_cm) & (points <= (arena.width_cm + margin_cm, arena.height_cm + margin_cm))
+    return within[..., 0] & within[..., 1]
+
+
+def farthest_first(poses: FloatArray, eye_cm: FloatArray) -> FloatArray:
+    """Return (n, 3) poses, farthest from the camera's axis first: no robot is hidden by one farther out."""
+    order = np.argsort(-np.hypot(poses[:, 0] - eye_cm[0], poses[:, 1] - eye_cm[1]), kind="stable")
+    return poses[order]
+
+
+@jit
+def draw_bodies(
+    image: Float32Array,
+    floor_cm: Float32Array,
+    eye_cm: FloatArray,
+    poses: FloatArray,
+    boxes: IntArray,
+    body_cm: tuple[float, float],
+) -> None:
+    """Draw robots one after the other, each over those before: cylinders with a mark that points ahead."""
+    radius, height = body_cm
+    scale = radius / epuck.RADIUS_CM
+    rise = height / eye_cm[2]
+    for body in range(len(poses)):
+        x, y = poses[body, 0], poses[body, 1]
+        cos, sin = math.cos(poses[body, 2]), math.sin(poses[body, 2])
+        for row in range(boxes[body, 0], boxes[body, 1]):
+            for column in range(boxes[body, 2], boxes[body, 3]):
+                foot_x, foot_y = floor_cm[row, column, 0] - x, floor_cm[row, column, 1] - y
+                along_x = rise * (eye_cm[0] - floor_cm[row, column, 0])
+                along_y = rise * (eye_cm[1] - floor_cm[row, column, 1])
+                top_x, top_y = foot_x + along_x, foot_y + along_y
+                if top_x * top_x + top_y * top_y <= radius**2:
+                    ahead, aside = cos * top_x + sin * top_y, abs(cos * top_y - sin * top_x)
+                    is_mark = ahead >= scale * MARK_END_CM and aside <= MARK_SLOPE * (scale * MARK_TIP_CM - ahead)
+                    image[row, column] = HEADING_MARK if is_mark else BODY_TOP
+                elif _segment_meets_body(foot_x, foot_y, along_x, along_y, radius):
+                    image[row, column] = BODY_SIDE
+
+
+@jit
+def _segment_meets_body(x: float, y: float, along_x: float, along_y: float, radius: float) -> bool:
+    """Return whether the segment from (x, y) along (along_x, along_y) comes within a body's radius of the origin."""
+    square = along_x * along_x + along_y * along_y
+    share = 0.0 if square == 0.0 else min(max(-(x * along_x + y * along_y) / square, 0.0), 1.0)
+    return (x + share * along_x) ** 2 + (y + share * along_y) ** 2 <= radius**2
+
+
+def draw_tags(
+    image: Float32Array, camera: CameraModel, poses: FloatArray, dictionary: str, side_cm: float, height_cm: float
+) -> None:
+    """Draw on each robot that is there, whose pose is not NaN, the tag with its number, if the dictionary has it.
+
+    The side of a tag is that with its black border; the height is that of robots.
+    """
+    paper_cm = side_cm * (1 + 1 / tag_modules(dictionary))
+    for number, pose in enumerate(poses[: tag_count(dictionary)]):
+        if not np.isnan(pose[0]):
+            corners = camera.project(tag_corners_cm(pose, paper_cm, height_cm))
+            _draw_between(image, _tag_levels(dictionary, number), corners)
+
+
+@cache
+def _tag_levels(dictionary: str, number: int) -> Float32Array:
+    pattern = tag_pattern(dictionary, number, MODULE_PX)
+    return np.where(pattern > 0, PAPER, INK).astype(np.float32)
+
+
+def _draw_between(image: Float32Array, levels: Float32Array, corners_px: FloatArray) -> None:
+    """Draw a square pattern between four corners, averaged over each pixel."""
+    low = np.maximum(np.floor(corners_px.min(axis=0)).astype(int) - 1, 0)
+    high = np.minimum(np.ceil(corners_px.max(axis=0)).astype(int) + 2, image.shape[::-1])
+    if (high <= low).any():
+        return
+    side = len(levels)
+    pattern_px = np.array([(0, 0), (side, 0), (side, side), (0, side)], np.float32) - 0.5
+    box_px = ((corners_px - low + 0.5) * FINER - 0.5).astype(np.float32)
+    size = tuple(int(side_px) for side_px in (high - low) * FINER)
+    way = cv2.getPerspectiveTransform(pattern_px, box_px)
+    fine = (cv2.warpPerspective(each, way, size) for each in (levels, np.ones_like(levels)))
+    ink, cover = (cv2.resize(each, None, fx=1 / FINER, fy=1 / FINER, interpolation=cv2.INTER_AREA) for each in fine)
+    box = image[low[1] : high[1], low[0] : high[0]]
+    box[:] = (1 - cover) * box + ink

@@ -1,1 +1,0 @@
-"""Rendering of a trial as the pictures that a camera above the arena takes."""

@@ -1,0 +1,404 @@
+"""Finds the lit rings in a picture of the overhead camera (thesis 4.3.1).
+
+The light is rectified to a view from straight above. A matched filter on a coarse grid finds candidates. From the
+brightest on, each candidate is a ring if a circle of the right size is lit nearly all round, is hollow, and does not
+overlap the rings found before: robots may touch, but not overlap.
+"""
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim import epuck
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
+from epuck_sim.overhead.camera import CameraModel
+from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.light import Light, RingLight, ring_light
+
+# the view from above
+COARSE_PER_CM = 2  # cells per cm of the coarse grid in which rings are searched; a ring is 14 cells wide
+MAX_FINE_CELLS = 3  # fine cells along a coarse one, at most: 6 a cm locate a ring to a tenth of a millimetre
+MAX_CELLS_PER_PIXEL = 4  # fine cells, at most, unless the coarse grid has more: oblique pixels show much of the plane
+MAX_REACH_HEIGHTS = 2.0  # reach of the view from below the camera, in its heights; a visible horizon has no end
+STRAY_CM = 0.5  # largest error of projecting a point and back; beyond the fold of a strong distortion it is larger
+
+# candidates
+MAX_CANDIDATES = 200  # candidates that are examined in a picture, the brightest ones
+FILTER_WIDTH_CM = 0.45  # standard deviation of the matched filter across the ring, about 1 cm thick when overexposed
+DARK_RADIUS_CM = 2.3  # radius of the dark inside of a ring in the matched filter
+MIN_RELATIVE_LIGHT = 0.25
+"""Minimum light of a ring, relative to the brightest one. A ring lit for less of the exposure may be missed;
+reflections on walls and floor are weaker."""
+MIN_LEVEL_DARK = 8  # levels by which a ring in the dark is brighter than its inside, at its eight points
+POINTS_SHARE = 0.25  # mean light along a ring, relative to that at its points: a short exposure is dark between them
+MIN_LEVEL_LIT = 12
+"""Minimum levels by which a ring in a lit room is more coloured than its inside. Its core is nearly white there;
+averaged over a whole ring, noise of 10 levels gives less than 1."""
+CORE_CM = 1.0  # width of gaps in the colour that are filled in a lit room, where a ring is white between colours
+
+# the fit
+BINS = 72  # directions in which a ring is examined: nine for each of its LEDs
+LED_BINS = BINS // 8  # directions from one LED to the next, over which light is joined: short exposures show points
+STEP_CM = 0.125  # distance of samples along a direction
+REACH_CM = 6.0  # distance from the centre up to which a direction is sampled
+INSIDE = 0.5  # share of the radius beyond which a ring's light is searched
+OUTSIDE_CM = 1.0  # distance outside of the radius up to which a ring's light is searched
+EDGE = 0.5  # level of the edge of a ring, between that of its inside (0) and its median brightness (1)
+HALF_CM = 0.4  # distance from the inner edge of a ring to its crest, as a first estimate
+ON_CM = 0.25  # largest distance from a circle of light that counts as on it
+BEYOND_CM = (0.5, 1.2)  # distances outside of a circle between which the light of neighbours is measured
+MIN_BETWEEN_LEDS = 0.35  # brightness of a ring between two LEDs, between that of its inside (0) and its median (1)
+OUTLIER_CM = 0.25  # distance from the circle beyond which edges are left out of the fit
+STEADY_CM = 0.02  # movement of the centre below which the fit ends
+MAX_ROUNDS = 5  # rounds of the fit
+MIN_CM, MAX_CM = 1.0, 4.2  # bounds of the radius while it is fitted
+RIDGE = 1e-6  # weight that keeps the least squares solvable where few directions have an edge
+
+# what is a ring
+MIN_DISTANCE_CM = 0.88 * 2 * epuck.RADIUS_CM  # of two centres: robots touch at 2 radii; the scale may be off by a tenth
+RADII = (0.75, 1.2)
+"""Bounds of a ring's radius, relative to `epuck.RING_RADIUS_CM`: perspective and scale are estimates, and in a lit room
+a ring looks smaller, because its outer side is pale."""
+MAX_RELATIVE_RADIUS = 1.12
+"""Maximum radius of a ring, relative to the mean of those found before. Faint rings look slightly larger; what six lit
+rings enclose is larger by a sixth."""
+MAX_FLATTENING = 0.25  # of a ring, relative to its radius: the lens and the tilt are estimates, too
+MAX_MISFIT_CM = 0.2  # root mean square distance of the light's inner edge from the circle; 0.04 cm in usual pictures
+MIN_COVERED = 0.85  # share of the directions in which a ring is lit
+MAX_INSIDE = 0.9  # light within half a ring's radius, relative to that on the ring; a webcam burns rings out
+MAX_BEYOND = 0.85
+"""Maximum light outside of a ring, relative to that on it. Around an unlit robot, be it in a lit room or
+between six lit ones, light grows outwards."""
+MAX_BEYOND_LIT = 1.5  # the same in a lit room, where haze is coloured and cores are pale; grey things have no colour
+
+_ANGLES = np.arange(BINS) * (2 * np.pi / BINS)
+_RADII = np.arange(round(REACH_CM / STEP_CM)) * STEP_CM
+_ROUND = np.column_stack([np.ones(BINS), np.cos(_ANGLES), np.sin(_ANGLES)])
+_DESIGN = np.column_stack([_ROUND, np.cos(2 * _ANGLES), np.sin(2 * _ANGLES)])
+
+
+class Ring(NamedTuple):
+    """Centre and radius of a lit ring: in cm in the arena's frame, and in px (column, row)."""
+
+    x_cm: float
+    y_cm: float
+    radius_cm: float
+    x_px: float
+    y_px: float
+    radius_px: float
+    light: float = 0.0
+    """Levels by which the ring is brighter than its inside."""
+
+
+class Fit(NamedTuple):
+    """A circle fitted to a ring of light."""
+
+    column: float
+    """Column of its centre in the view."""
+    row: float
+    """Row of its centre in the view."""
+    radius_cm: float
+    flattening: tuple[float, float]
+    """Amplitude of the radius along twice the angle, cosine and sine, relative to the radius: 0 for a circle."""
+    misfit_cm: float
+    """Root mean square distance of the inner edge from the circle, without edges more than `OUTLIER_CM` off."""
+    covered: BoolArray
+    """(BINS,) whether there is light on the circle in each direction."""
+    light: float
+    """Median level on the circle, above that of its inside."""
+    inside: float
+    """Mean level within half the radius, relative to the median level on the circle."""
+    beyond: float
+    """Mean level outside of the circle, relative to that on the circle; both above the inside."""
+
+
+class RingFinder:
+    """Finds rings in the pictures of one camera."""
+
+    def __init__(self, camera: CameraModel, usual_light: float = 0.0) -> None:
+        """Prepare what all pictures share; usual_light: levels by which dark rings exceed their inside, if known."""
+        self.camera = camera
+        self._least_dark = max(MIN_LEVEL_DARK, MIN_RELATIVE_LIGHT * usual_light)
+        self.view = rectified_view(camera)
+
+    def find(self, picture: Picture, background: Picture | None = None) -> list[Ring]:
+        """Return the lit rings in a picture, from left to right.
+
+        Args:
+            picture: (height_px, width_px, 3) levels.
+            background: The same without rings, in the dark.
+
+        Raises:
+            ValueError: The picture's size is not the camera's.
+        """
+        return self.find_in(ring_light(picture, background))
+
+    def find_in(self, light: RingLight) -> list[Ring]:
+        """Return the lit rings in the light of a picture, from left to right."""
+        fits = self.fits(light)
+        if not fits:
+            return []
+        centres = self.view.centres_cm(fits)
+        around = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
+        radii = np.array([fit.radius_cm for fit in fits])
+        points = (centres[:, None] + radii[:, None, None] * around).reshape(-1, 3)
+        pixels = self.camera.project(points).reshape(-1, 5, 2)
+        radii_px = np.linalg.norm(pixels[:, 1:] - pixels[:, :1], axis=2).mean(axis=1)
+        table = np.column_stack([centres[:, :2], radii, pixels[:, 0], radii_px, [fit.light for fit in fits]])
+        return [Ring(*row) for row in table[np.lexsort((table[:, 4], table[:, 3]))].tolist()]
+
+    def fits(self, light: RingLight) -> list[Fit]:
+        """Return circles fitted to the rings in the light of a picture, in its rectified view, brightest first."""
+        camera, (levels, lit) = self.camera, light
+        if levels.shape != (camera.height_px, camera.width_px):
+            raise ValueError(f"a picture of {levels.shape}; allowed: {(camera.height_px, camera.width_px)}")
+        least = float(MIN_LEVEL_LIT) if lit else self._least_dark
+        if cv2.minMaxLoc(levels)[1] < least:
+            return []
+        view = self.view.sample(levels)
+        if lit:
+            view = self.view.close_gaps(view, CORE_CM)
+        response = self.view.match(view)
+        mean_least = max(least if lit else POINTS_SHARE * least, MIN_RELATIVE_LIGHT * float(response.max()))
+        most_beyond, cells = MAX_BEYOND_LIT if lit else MAX_BEYOND, self.view.cells_per_cm
+        fits: list[Fit] = []
+        for column, row in self.view.candidates(response, mean_least):
+            if _is_free(column, row, fits, cells):
+                fit = fit_ring(view, cells, column, row, max(least, mean_least))
+                if fit is not None and _is_ring(fit, most_beyond) and _is_new(fit, fits, cells):
+                    fits.append(fit)
+        return fits
+
+
+def _is_ring(fit: Fit, most_beyond: float) -> bool:
+    return bool(
+        RADII[0] <= fit.radius_cm / epuck.RING_RADIUS_CM <= RADII[1]
+        and fit.misfit_cm <= MAX_MISFIT_CM
+        and math.hypot(*fit.flattening) <= MAX_FLATTENING
+        and fit.inside <= MAX_INSIDE
+        and fit.beyond <= most_beyond
+        and fit.covered.mean() >= MIN_COVERED
+    )
+
+
+def _is_new(fit: Fit, found: list[Fit], cells_per_cm: int) -> bool:
+    """Return whether a fit is a ring beside those found, and not the space that they enclose."""
+    if found and fit.radius_cm > MAX_RELATIVE_RADIUS * np.mean([other.radius_cm for other in found]):
+        return False
+    return _is_free(fit.column, fit.row, found, cells_per_cm)
+
+
+def _is_free(column: float, row: float, found: list[Fit], cells_per_cm: int) -> bool:
+    distance = MIN_DISTANCE_CM * cells_per_cm
+    return all((column - other.column) ** 2 + (row - other.row) ** 2 >= distance * distance for other in found)
+
+
+def _ring_filter() -> Float32Array:
+    """Return the matched filter on the coarse grid: mean light on the circle minus mean light inside."""
+    half = round((epuck.RING_RADIUS_CM + 2 * FILTER_WIDTH_CM) * COARSE_PER_CM)
+    offsets = np.arange(-half, half + 1) / COARSE_PER_CM
+    radius = np.hypot(offsets[:, None], offsets)
+    ring = np.exp(-(((radius - epuck.RING_RADIUS_CM) / FILTER_WIDTH_CM) ** 2) / 2)
+    inner = (radius <= DARK_RADIUS_CM).astype(float)
+    return np.asarray(ring / ring.sum() - inner / inner.sum(), np.float32)
+
+
+_RING_FILTER = _ring_filter()
+
+
+class RectifiedView(NamedTuple):
+    """The plane of the rings seen straight from above: a grid of square cells along the arena's axes, row 0 lowest."""
+
+    origin_cm: FloatArray
+    """(2,) middle of the cell in row 0, column 0."""
+    cells_per_cm: int
+    """Resolution; a multiple of `COARSE_PER_CM`."""
+    pixels: npt.NDArray[np.int16]
+    """(rows, columns, 2) whole pixels of OpenCV's fixed-point map from cells to the picture."""
+    fractions: npt.NDArray[np.uint16]
+    """(rows, columns) fractions of a pixel of that map."""
+
+    def sample(self, light: Light) -> Light:
+        """Return (rows, columns) the view of one channel of a picture, (height_px, width_px)."""
+        return np.asarray(cv2.remap(light, self.pixels, self.fractions, cv2.INTER_LINEAR), np.uint8)
+
+    def match(self, view: Light) -> Float32Array:
+        """Return how much a ring seems to be around each cell of the coarse grid: light on it less light inside."""
+        cells = self.cells_per_cm // COARSE_PER_CM
+        rows, columns = view.shape
+        coarse = cv2.resize(view, (columns // cells, rows // cells), interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.filter2D(coarse, cv2.CV_32F, _RING_FILTER), np.float32)
+
+    def candidates(self, response: Float32Array, least: float) -> FloatArray:
+        """Return (n, 2) columns and rows of cells whose response is highest within 1 cm, in descending order."""
+        size = 2 * COARSE_PER_CM + 1
+        highest = np.asarray(cv2.dilate(response, np.ones((size, size), np.uint8)))
+        rows, columns = np.nonzero((response >= highest) & (response >= least))
+        order = np.argsort(-response[rows, columns], kind="stable")[:MAX_CANDIDATES]
+        cells = self.cells_per_cm // COARSE_PER_CM
+        return np.asarray(np.column_stack([columns[order], rows[order]]) * cells + (cells - 1) / 2, np.float64)
+
+    def close_gaps(self, view: Light, width_cm: float) -> Light:
+        """Return a view in which dark gaps and dots up to `width_cm` wide are filled (morphological closing)."""
+        size = round(width_cm * self.cells_per_cm) // 2 * 2 + 1
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+        return np.asarray(cv2.morphologyEx(view, cv2.MORPH_CLOSE, disc), np.uint8)
+
+    def centres_cm(self, fits: list[Fit]) -> FloatArray:
+        """Return (fits, 3) cm: the centres of rings in the arena's frame."""
+        cells = np.array([(fit.column, fit.row) for fit in fits])
+        return np.column_stack([self.origin_cm + cells / self.cells_per_cm, np.full(len(fits), epuck.RING_HEIGHT_CM)])
+
+
+def rectified_view(camera: CameraModel) -> RectifiedView:
+    """Return the view of the plane `epuck.RING_HEIGHT_CM` above the floor, as far as the camera sees it."""
+    above_cm = camera.position_cm[2] - epuck.RING_HEIGHT_CM
+    low, high = _extent_cm(camera, above_cm)
+    densest = math.sqrt(MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px / np.prod(high - low))
+    cells = min(max(round(min(camera.lens.focal_px / above_cm, densest) / COARSE_PER_CM), 1), MAX_FINE_CELLS)
+    columns, rows = np.ceil((high - low) * COARSE_PER_CM).astype(int) * cells
+    per_cm = cells * COARSE_PER_CM
+    x, y = np.meshgrid(low[0] + np.arange(columns) / per_cm, low[1] + np.arange(rows) / per_cm)
+    points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, epuck.RING_HEIGHT_CM)])
+    pixels = camera.project(points)
+    strays = np.abs(camera.back_project(pixels, epuck.RING_HEIGHT_CM) - points[:, :2]).max(axis=1) > STRAY_CM
+    pixels[strays] = -10  # outside of the picture, where there is no light
+    at_column, at_row = pixels.T.astype(np.float32).reshape(2, int(rows), int(columns))
+    whole, fractions = cv2.convertMaps(at_column, at_row, cv2.CV_16SC2)
+    return RectifiedView(low, per_cm, np.asarray(whole, np.int16), np.asarray(fractions, np.uint16))
+
+
+def _extent_cm(camera: CameraModel, above_cm: float) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest x and y of the plane that the picture shows."""
+    edge = np.linspace(0, 1, 33)
+    border = np.concatenate([np.column_stack([edge, np.full(33, end)]) for end in (0.0, 1.0)])
+    border = np.concatenate([border, border[:, ::-1]]) * (camera.width_px - 1, camera.height_px - 1)
+    below = camera.position_cm[:2]
+    shown = camera.back_project(border, epuck.RING_HEIGHT_CM)
+    reach = MAX_REACH_HEIGHTS * above_cm
+    low, high = np.clip([shown.min(axis=0), shown.max(axis=0)], below - reach, below + reach)
+    return low, high
+
+
+def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: float) -> Fit | None:
+    """Fit a circle to a ring whose centre is within about 1 cm of a cell.
+
+    The inner edge of the light is at r(theta) = R + dx cos(theta) + dy sin(theta), and two terms of twice the angle,
+    for a centre that is off by (dx, dy). Least squares over `BINS` directions give them; this is repeated from the new
+    centre. The inner edge is used, because other rings that touch the ring shine outside of it.
+
+    Args:
+        view: (rows, columns) light on the plane of the rings (see `rectified_view`).
+        cells_per_cm: Resolution of the view.
+        column: Column of the cell.
+        row: Row of the cell.
+        least: Minimum median level of a ring above its inside.
+
+    Returns:
+        The circle; None if half of the ring is missing or it is too faint.
+    """
+    radius = epuck.RING_RADIUS_CM
+    for _ in range(MAX_ROUNDS):
+        profile = _polar(view, cells_per_cm, column, row)
+        joined = _join_leds(profile)
+        ring = (INSIDE * radius <= _RADII) & (radius + OUTSIDE_CM >= _RADII)
+        inside = float(profile[:, max(radius / 2, STEP_CM) >= _RADII].mean())
+        bright = float(np.median(joined[:, ring].max(axis=1)))
+        if bright - inside < least:
+            return None
+        edge, has = _edge(joined[:, ring], inside + EDGE * (bright - inside))
+        if np.count_nonzero(has) <= BINS / 2:
+            return None
+        shape, off = _circle(edge + _RADII[ring][0], has)
+        column, row = column + shape[1] * cells_per_cm, row + shape[2] * cells_per_cm
+        radius = float(shape[0]) + HALF_CM
+        if not MIN_CM < radius < MAX_CM:
+            return None
+        if np.hypot(shape[1], shape[2]) < STEADY_CM:
+            break
+    outline = _outline(profile, _DESIGN @ shape + HALF_CM, inside + EDGE / 2 * (bright - inside))
+    radius = float(outline[0])
+    if not MIN_CM < radius < MAX_CM:
+        return None
+    is_on = np.abs(_RADII - radius) <= ON_CM
+    on = joined[:, is_on].max(axis=1)
+    bright = float(np.median(on))
+    if bright - inside < least:
+        return None
+    near = off <= OUTLIER_CM
+    beyond = (radius + BEYOND_CM[0] <= _RADII) & (radius + BEYOND_CM[1] >= _RADII)
+    crest = float(profile[:, is_on].mean()) - inside
+    return Fit(
+        column,
+        row,
+        radius,
+        flattening=(float(outline[3] / radius), float(outline[4] / radius)),
+        misfit_cm=float(np.sqrt(np.mean(off[near] ** 2))) if near.any() else math.inf,
+        covered=(on - inside >= MIN_BETWEEN_LEDS * (bright - inside)) & ~(off > OUTLIER_CM),
+        light=bright - inside,
+        inside=inside / bright,
+        beyond=(float(profile[:, beyond].mean()) - inside) / max(crest, 1e-9),
+    )
+
+
+def _polar(view: Light, cells_per_cm: int, column: float, row: float) -> Float32Array:
+    """Return (BINS, radii) the light along each direction from a cell."""
+    flags = cv2.INTER_LINEAR | cv2.WARP_POLAR_LINEAR | cv2.WARP_FILL_OUTLIERS
+    size = len(_RADII), BINS
+    return np.asarray(cv2.warpPolar(view, size, (column, row), REACH_CM * cells_per_cm, flags), np.float32)
+
+
+def _join_leds(profile: Float32Array) -> Float32Array:
+    """Return (BINS, radii) light whose gaps along the circle are filled from one LED to the next."""
+    around = np.concatenate([profile[-LED_BINS:], profile, profile[:LED_BINS]])
+    joined = cv2.morphologyEx(around, cv2.MORPH_CLOSE, np.ones((LED_BINS, 1), np.uint8))
+    return np.asarray(joined[LED_BINS:-LED_BINS], np.float32)
+
+
+def _edge(profile: Float32Array, level: float) -> tuple[FloatArray, BoolArray]:
+    """Return (BINS,) cm: where (BINS, n) samples first reach a level, from the first sample; and whether they do."""
+    above = profile >= level
+    first = above.argmax(axis=1)
+    rows = np.arange(BINS)
+    after, before = profile[rows, first], profile[rows, np.maximum(first - 1, 0)]
+    back = np.where(after > before, (after - level) / np.maximum(after - before, 1), 0.0)
+    return STEP_CM * (first - back), np.asarray(above.any(axis=1))
+
+
+def _circle(edge: FloatArray, has: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Fit a circle, and then a flattened one, to the (BINS,) distances of the edge in the directions that have one.
+
+    Returns:
+        (5,) cm: radius, centre, and amplitudes along twice the angle; (BINS,) cm: distance of the edge from it, NaN
+        where there is none.
+    """
+    near = has
+    for terms in (_ROUND, _DESIGN):
+        design = terms[near]
+        shape = np.linalg.solve(design.T @ design + RIDGE * np.eye(terms.shape[1]), design.T @ edge[near])
+        off = np.abs(edge - terms @ shape)
+        near = has & (off <= max(OUTLIER_CM, float(np.median(off[has]))))
+    return shape, np.where(has, off, np.nan)
+
+
+def _outline(profile: Float32Array, expected: FloatArray, level: float) -> FloatArray:
+    """Fit the middle of the light, which joining gaps would flatten less: the light itself counts, at the LEDs most.
+
+    Args:
+        profile: (BINS, radii) light.
+        expected: (BINS,) cm: about where it is brightest.
+        level: Level below which light does not count.
+
+    Returns:
+        (5,) cm: radius, centre, and amplitudes along twice the angle.
+    """
+    away = _RADII - expected[:, None]
+    weights = np.where(np.abs(away) <= OUTSIDE_CM, np.maximum(profile - level, 0.0), 0.0)
+    total = weights.sum(axis=1)
+    middles = expected + (weights * away).sum(axis=1) / np.maximum(total, RIDGE)
+    design = _DESIGN * total[:, None]
+    outline: FloatArray = np.linalg.solve(_DESIGN.T @ design + RIDGE * np.eye(5), design.T @ middles)
+    return outline

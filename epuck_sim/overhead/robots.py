@@ -1,0 +1,356 @@
+"""Who is who in a film, by motion or by tags, and the tables that follow: flashes, a trace, pairs of robots."""
+
+import csv
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim import epuck
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.flashes import FlashTable, frames_lit
+from epuck_sim.overhead.identities import LONGEST, Identities, commonest_speed, link_flashes
+from epuck_sim.overhead.synchrony import ORDER_PARAMETER, order_over_time
+from epuck_sim.overhead.tags import Readings
+from epuck_sim.overhead.track import Track
+from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.util.provenance import versions
+
+MANY_UNSURE = 0.05  # share of unsure links from which there is a warning
+
+TOGETHER = 0.5  # share of the flashes of two robots from which they are a pair that flashes together
+MOST_KNOWN = 0.75  # share of the robots whose phase must be known for an order parameter
+SELDOM = 0.02  # share of the frames below which a number is a misreading of another tag, or of none
+NEAR_CM = 0.8 * epuck.RADIUS_CM  # largest distance of a flash from its robot's tag; the next robot is two radii away
+MAX_GAP_S = 1.5  # longest time without a reading over which a robot's way is taken to be straight
+
+Columns = dict[str, npt.NDArray[Any]]
+"""Columns of equal length, by their names."""
+
+
+class Robots(NamedTuple):
+    """The robots of a film, and whose flashes are whose."""
+
+    by: Literal["motion", "tags"]
+    """How they are identified."""
+    identities: Identities
+    numbers: IntArray
+    """(robots,) their numbers, ascending: those of their tags, or from 0."""
+    poses: FloatArray | None
+    """(frames, robots, 3) cm, cm, rad: x, y, heading by tags, NaN where none is read; None without tags."""
+    warnings: tuple[str, ...]
+    """Sentences about what is doubtful."""
+
+
+class Pair(NamedTuple):
+    """Two robots, and how often they flash together."""
+
+    robot: int
+    other: int
+    flashes: int
+    """Number of flashes of the one with fewer."""
+    together: int
+    """Number of these that overlap with one of the other."""
+
+
+def find_robots(track: Track) -> Robots:
+    """Return the robots of a film: by their tags if these were read, or else by how they move from flash to flash.
+
+    Raises:
+        FilmError: No tag is read.
+    """
+    return _by_motion(track) if track.tags is None else _by_tags(track, track.tags)
+
+
+def _by_motion(track: Track) -> Robots:
+    identities = link_flashes(FlashTable.of(track.flashes), track.period_s, track.geometry.floor_cm)
+    warnings = []
+    if identities.unsure > MANY_UNSURE:
+        warnings.append(
+            f"{100 * identities.unsure:.0f} % of the links from flash to flash have an alternative that is nearly as "
+            "good: robots move too far while they are dark; tags tell them apart (--tags)"
+        )
+    expected = track.options.robots
+    if expected is not None and identities.robots != expected:
+        warnings.append(
+            f"flashes are linked to {identities.robots} robots, but there are {expected}: some were lost and count anew"
+        )
+    return Robots("motion", identities, np.arange(identities.robots), None, tuple(warnings))
+
+
+def _by_tags(track: Track, readings: Readings) -> Robots:
+    warnings: list[str] = []
+    expected, expected_robots = track.options.tag_numbers, track.options.robots
+    readings = _only_expected(readings, expected, len(track.times_s), warnings)
+    readings = _only_once(readings, warnings)
+    if not len(readings.number):
+        raise FilmError(
+            f"{track.film}: no tag is read, or all are seen twice; check the dictionary, that the film is lit, by "
+            "infrared light at least, and that a module of a tag is three pixels wide or more"
+        )
+    numbers = np.unique(readings.number)
+    if expected is not None and (unread := sorted(expected - set(numbers.tolist()))):
+        warnings.append(f"tags that are never read: {_listed(unread)}")
+    own = [readings.of(readings.number == number) for number in numbers]
+    poses = np.stack([_poses_at(track.times_s, each) for each in own], axis=1)
+    flashes = FlashTable.of(track.flashes)
+    robot = _whose(flashes, numbers, poses, track.times_s)
+    unknown = int(np.count_nonzero(robot < 0))
+    if unknown:
+        warnings.append(
+            f"flashes that are under no tag: {unknown} of {len(robot)}; there are robots without a tag, or whose tag "
+            "cannot be read"
+        )
+    if expected_robots is not None and expected_robots != len(numbers):
+        warnings.append(f"robots whose tags are read: {len(numbers)}, but there are {expected_robots}")
+    cycle = np.array([1 if number < 0 else np.sum(robot[: index + 1] == number) for index, number in enumerate(robot)])
+    certainty = np.where(cycle > 1, 1.0, np.nan)  # links by tags are certain
+    speed_cm_s = commonest_speed(flashes.speeds_cm_s) if len(robot) else 0.0
+    identities = Identities(robot, cycle.astype(np.int64), certainty, speed_cm_s)
+    return Robots("tags", identities, numbers, poses, tuple(warnings))
+
+
+def _only_expected(readings: Readings, expected: frozenset[int] | None, frames: int, warnings: list[str]) -> Readings:
+    """Return the readings of tags that there are, and say which others there were."""
+    numbers, counts = np.unique(readings.number, return_counts=True)
+    seldom = counts < max(2.0, SELDOM * frames)
+    if expected is not None:
+        others = ~np.isin(numbers, list(expected))
+        named, why = numbers[others & ~seldom], "are not among those given"
+    else:
+        others = seldom
+        named, why = numbers[seldom], f"are read in less than {100 * SELDOM:.0f} % of the frames"
+    if len(named):
+        warnings.append(f"tags that {why}, and are left out: {_listed(named)}")
+    return readings.of(np.isin(readings.number, numbers[~others]))
+
+
+def _only_once(readings: Readings, warnings: list[str]) -> Readings:
+    """Return the readings of numbers that a frame has once, and say which it has twice."""
+    key = np.stack([readings.time_s, readings.number])
+    _, inverse, counts = np.unique(key, axis=1, return_inverse=True, return_counts=True)
+    is_twice = counts[np.ravel(inverse)] > 1
+    for number in np.unique(readings.number[is_twice]):
+        frames = len(np.unique(readings.time_s[is_twice & (readings.number == number)]))
+        warnings.append(
+            f"tag {number} is seen twice in {frames} frames, and left out there: two robots have it, or it is mirrored"
+        )
+    return readings.of(~is_twice)
+
+
+def _poses_at(times_s: FloatArray, own: Readings) -> FloatArray:
+    """Return (times, 3) cm, cm, rad: the poses of a robot between its readings; NaN where these are too far apart."""
+    columns = (own.poses[:, 0], own.poses[:, 1], np.unwrap(own.poses[:, 2]))
+    poses = np.column_stack([np.interp(times_s, own.time_s, column) for column in columns])
+    after = np.searchsorted(own.time_s, times_s)
+    before_s = own.time_s[np.maximum(np.searchsorted(own.time_s, times_s, side="right") - 1, 0)]
+    after_s = own.time_s[np.minimum(after, len(own.time_s) - 1)]
+    is_known: BoolArray = (before_s <= times_s) & (times_s <= after_s) & (after_s - before_s <= MAX_GAP_S)
+    poses[~is_known] = np.nan
+    return poses
+
+
+def _whose(flashes: FlashTable, numbers: IntArray, poses: FloatArray, times_s: FloatArray) -> IntArray:
+    """Return (flashes,) the numbers of the tags nearest to flashes, -1 where none is near."""
+    middle = np.searchsorted(times_s, (flashes.onset_s + flashes.end_s) / 2)
+    at = poses[np.clip(middle, 0, len(times_s) - 1), :, :2]
+    distances = np.linalg.norm(at - flashes.places_cm[:, None], axis=2)
+    distances = np.where(np.isnan(distances), np.inf, distances)
+    nearest = distances.argmin(axis=1)
+    whose: IntArray = np.where(distances.min(axis=1) <= NEAR_CM, numbers[nearest], -1)
+    return whose
+
+
+def _listed(numbers: Iterable[int]) -> str:
+    return ", ".join(str(number) for number in numbers)
+
+
+def phase_shares(
+    onset_s: FloatArray, robot: IntArray, robots: IntArray, times_s: FloatArray, period_s: float
+) -> FloatArray:
+    """Return (times, robots) the phases of robots, as shares of their cycles; NaN where they are not known.
+
+    A phase rises evenly from one flash of a robot to its next. It is not known before its first flash, after a period
+    since its last, and where flashes are missing.
+
+    Args:
+        onset_s: (flashes,) onsets, ascending.
+        robot: (flashes,) whose they are.
+        robots: (robots,) numbers of the robots.
+        times_s: (times,) times at which phases are wanted.
+        period_s: Period of the oscillators.
+    """
+    shares = np.full((len(times_s), len(robots)), np.nan)
+    for column, number in enumerate(robots):
+        own_s = onset_s[robot == number]
+        if not len(own_s):
+            continue
+        cycle_s = np.append(np.diff(own_s), period_s)
+        begun = np.searchsorted(own_s, times_s, side="right") - 1
+        since_s = times_s - own_s[np.maximum(begun, 0)]
+        lasts_s = cycle_s[np.maximum(begun, 0)]
+        is_known = (begun >= 0) & (lasts_s <= LONGEST * period_s) & (since_s < lasts_s)
+        shares[is_known, column] = (since_s / lasts_s)[is_known]
+    return shares
+
+
+def order_of_shares(shares: FloatArray) -> FloatArray:
+    """Return (times,) order parameters (eq. 4.2) of (times, robots) phases; NaN where too few are known."""
+    known = ~np.isnan(shares)
+    number = known.sum(axis=1)
+    total = np.where(known, np.exp(2j * np.pi * np.nan_to_num(shares)), 0.0).sum(axis=1)
+    enough = number >= max(2.0, MOST_KNOWN * shares.shape[1])
+    order: FloatArray = np.where(enough, np.abs(total) / np.maximum(number, 1), np.nan)
+    return order
+
+
+def first_in_order(times_s: FloatArray, order: FloatArray) -> float | None:
+    """Return the first time at which the order parameter is that of synchrony; None if there is none."""
+    found = times_s[np.nan_to_num(order) >= ORDER_PARAMETER]
+    return float(found[0]) if len(found) else None
+
+
+def pairs(onset_s: FloatArray, end_s: FloatArray, robot: IntArray, robots: IntArray) -> list[Pair]:
+    """Return how often each two robots flash together, those that do so most often first."""
+    spans = [(onset_s[robot == number], end_s[robot == number]) for number in robots]
+    found = []
+    for one in range(len(robots)):
+        for two in range(one + 1, len(robots)):
+            few, many = sorted((spans[one], spans[two]), key=lambda span: len(span[0]))
+            begun = np.searchsorted(many[0], few[1])  # flashes of the other that begin before each ends
+            over = np.searchsorted(many[1], few[0], side="right")  # and those that end before it begins
+            found.append(Pair(int(robots[one]), int(robots[two]), len(few[0]), int((begun > over).sum())))
+    return sorted(found, key=lambda pair: (-pair.together / max(pair.flashes, 1), pair.robot, pair.other))
+
+
+def summary(track: Track, robots: Robots) -> dict[str, Any]:
+    """Return what is known of the robots, as the numbers and texts of a JSON object."""
+    in_order_s = first_in_order(FlashTable.of(track.flashes).onset_s, _order(track, robots))
+    after_s = None if in_order_s is None else in_order_s - track.start_s
+    return {
+        "by": robots.by,
+        "robots": robots.numbers.tolist(),
+        "links": int(np.count_nonzero(~np.isnan(robots.identities.certainty))),
+        "unsure_share": robots.identities.unsure,
+        "flashes_of_no_robot": int(np.count_nonzero(robots.identities.robot < 0)),
+        "t_sync_s": after_s,
+        "t_sync_periods": None if after_s is None else after_s / track.period_s,
+        "pairs_together": sum(pair.together >= TOGETHER * max(pair.flashes, 1) for pair in _pairs(track, robots)),
+        "warnings": list(robots.warnings),
+    }
+
+
+def flash_columns(track: Track, robots: Robots) -> Columns:
+    """Return a table with a row for each flash: when, how long and where, whose, and how sure that is."""
+    flashes, who = FlashTable.of(track.flashes), robots.identities
+    return {
+        "onset_s": flashes.onset_s,
+        "duration_s": flashes.end_s - flashes.onset_s,
+        "x_cm": flashes.places_cm[:, 0],
+        "y_cm": flashes.places_cm[:, 1],
+        "light": flashes.light,
+        "order_parameter": order_over_time(flashes.onset_s, track.period_s)[0],
+        "robot": who.robot,
+        "cycle": who.cycle,
+        "certainty": who.certainty,
+        "phase_order_parameter": _order(track, robots),
+    }
+
+
+def trace_columns(track: Track, robots: Robots) -> Columns:
+    """Return a table with a row for each robot in each frame, whose columns a trace of a simulation has, too."""
+    times_s, who = track.times_s, robots.identities.robot
+    flashes = FlashTable.of(track.flashes)
+    places, is_lit = _while_lit(flashes, robots, times_s)
+    poses = np.full((*is_lit.shape, 3), np.nan) if robots.poses is None else robots.poses.copy()
+    unread = np.isnan(poses[..., 0])
+    poses[unread, :2] = places[unread]
+    shares = phase_shares(flashes.onset_s, who, robots.numbers, times_s, track.period_s)
+    return {
+        "time_s": np.repeat(times_s, len(robots.numbers)),
+        "robot": np.tile(robots.numbers, len(times_s)),
+        **{name: poses[..., axis].ravel() for axis, name in enumerate(("x_cm", "y_cm", "heading_rad"))},
+        "ring_on": is_lit.ravel(),
+        "phase_ms": 1000 * track.period_s * shares.ravel(),
+    }
+
+
+def pair_columns(track: Track, robots: Robots) -> Columns:
+    """Return a table with a row for each two robots: how many of their flashes come together."""
+    rows = np.array(_pairs(track, robots), np.int64).reshape(-1, len(Pair._fields))
+    columns: Columns = dict(zip(Pair._fields, rows.T, strict=True))
+    return columns | {"share": columns["together"] / np.maximum(columns["flashes"], 1)}
+
+
+def save_robots(
+    track: Track, robots: Robots, flashes: Path | None, trace: Path | None, pairs_file: Path | None
+) -> None:
+    """Write the tables that are asked for; raise EpuckSimError where one cannot be written."""
+    tables = ((flashes, flash_columns), (trace, trace_columns), (pairs_file, pair_columns))
+    for path, columns in tables:
+        if path is not None:
+            write_table(path, columns(track, robots), {"film": track.film, "versions": json.dumps(versions())})
+
+
+def _order(track: Track, robots: Robots) -> FloatArray:
+    """Return (flashes,) order parameters of the robots' phases at each onset."""
+    onsets_s = FlashTable.of(track.flashes).onset_s
+    return order_of_shares(phase_shares(onsets_s, robots.identities.robot, robots.numbers, onsets_s, track.period_s))
+
+
+def _pairs(track: Track, robots: Robots) -> list[Pair]:
+    flashes = FlashTable.of(track.flashes)
+    return pairs(flashes.onset_s, flashes.end_s, robots.identities.robot, robots.numbers)
+
+
+def _while_lit(flashes: FlashTable, robots: Robots, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return (frames, robots, 2) cm: where robots are while they are lit, else NaN; and (frames, robots) whether."""
+    places = np.full((len(times_s), len(robots.numbers), 2), np.nan)
+    is_lit = np.zeros(places.shape[:2], bool)
+    spans = frames_lit(flashes.onset_s, flashes.end_s, times_s)
+    for index, number in enumerate(robots.identities.robot):
+        if number < 0:
+            continue
+        column, span = np.searchsorted(robots.numbers, number), slice(*spans[index])
+        since_s = times_s[span] - times_s[span].mean()
+        places[span, column] = flashes.places_cm[index] + since_s[:, None] * flashes.velocities_cm_s[index]
+        is_lit[span, column] = True
+    return places, is_lit
+
+
+def write_table(path: Path, columns: Columns, metadata: Mapping[str, str]) -> None:
+    """Write columns as CSV or Parquet, by the ending of the file's name, which alone has metadata.
+
+    What is not known, NaN, is empty in CSV and null in Parquet.
+
+    Raises:
+        EpuckSimError: The file cannot be written.
+    """
+    with atomic_write(path) as part:
+        if path.suffix == ".parquet":
+            _write_parquet(part, columns, metadata)
+            return
+        with part.open("w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*(_texts(name, values) for name, values in columns.items()), strict=True))
+
+
+def _texts(name: str, values: npt.NDArray[Any]) -> list[str]:
+    if values.dtype.kind != "f":
+        return [str(value) for value in values.tolist()]
+    form = ".6f" if name.endswith("_s") and not name.endswith("cm_s") else ".6g"  # microseconds, however long a film is
+    return ["" if np.isnan(value) else format(value, form) for value in values.tolist()]
+
+
+def _write_parquet(part: Path, columns: Columns, metadata: Mapping[str, str]) -> None:
+    import pyarrow as pa  # noqa: PLC0415 is for Parquet alone
+    from pyarrow import parquet  # noqa: PLC0415
+
+    arrays = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
+    with part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
+        parquet.write_table(pa.table(arrays).replace_schema_metadata(dict(metadata)), file, compression="zstd")

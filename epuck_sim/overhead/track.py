@@ -1,0 +1,356 @@
+"""Tracks a film from its file to its `Track`: period, spread of the flashes, and T_sync (thesis 4.3.1, Appendix C)."""
+
+import csv
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, TextIO
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.annotate import Annotator
+from epuck_sim.overhead.calibration import TrackOptions, calibrate, described_geometry, excerpt, parse_metadata
+from epuck_sim.overhead.camera import Geometry
+from epuck_sim.overhead.counting import CountedRings, RingCounter, track_frames
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.flashes import REACH_CM, Flash, count_lit, count_places
+from epuck_sim.overhead.frame import Frame, Picture, ProgressWrapper
+from epuck_sim.overhead.lens import read_lens
+from epuck_sim.overhead.period import estimate_flash_s, estimate_period_s
+from epuck_sim.overhead.rings import Ring
+from epuck_sim.overhead.synchrony import Evaluation, evaluate, first_in_order_s, first_synchronised, frame_ends
+from epuck_sim.overhead.tags import Readings, TagReader
+from epuck_sim.overhead.verdict import Evidence, doubts, objections, why_never
+from epuck_sim.util.atomic_write import atomic_write
+
+FLASH_FRACTION = 0.075  # fraction of a period for which a ring is lit (thesis 4.2.1)
+
+LONG_FLASHES = 6.0  # duration of a flash, in medians of all, from which a ring is always lit, without a known period
+SHORTEST_STEADY_S = 2.0  # shortest time for which such a ring is lit
+
+RingWriter = Callable[[Frame, Sequence[Ring]], None]
+"""Writes the rings of a frame into a table."""
+
+
+class Track(NamedTuple):
+    """What was found in a film."""
+
+    film: str
+    """Name of the film or camera."""
+    frames: int
+    """Number of frames, including those of a lit beginning."""
+    fps: float
+    """Frames per second, by the median time from one frame to the next."""
+    duration_s: float
+    """Duration of the trial."""
+    start_s: float
+    """Beginning of the trial on the film's clock: the first dark frame."""
+    calibration: str
+    """What the camera was determined from."""
+    period_s: float
+    """Period of the oscillators."""
+    flash_ms: float
+    """Duration of a flash; 0.075 periods if it cannot be estimated."""
+    threshold_ms: float
+    """Standard deviation of the histogram at which the swarm counts as synchronised."""
+    estimated: tuple[str, ...]
+    """Which of `period_s` and `threshold_ms` were estimated from the film."""
+    rings_outside: int
+    """Number of rings seen outside of the floor, in all frames; they are left out."""
+    always_lit: int
+    """Number of places with rings that stayed lit for longer than half a period; they are left out."""
+    position_error_mm: float | None
+    """Standard error of positions that the geometry gives; None if the film does not tell."""
+    robots_seen: int
+    """Largest number of rings lit at once in two consecutive frames."""
+    flashes_per_period: float
+    """Mean number of flashes per period, over the time without gaps between frames."""
+    t_sync_s: float | None
+    """Time from the beginning of the trial to the flash around which the histogram was first narrow enough."""
+    t_sync_periods: float | None
+    """The same time in periods."""
+    t_sync_cycles: float | None
+    """Mean number of flashes of a robot by that time, as simulated trials count cycles; coupling makes them shorter
+    than periods."""
+    t_sync_onsets_s: float | None
+    """Time from the beginning of the trial to the first flash around which the onsets in a period have an order
+    parameter of 0.95 or more."""
+    t_sync_onsets_periods: float | None
+    """The same time in periods."""
+    confidence: Literal["high", "low", "none"]
+    """Whether T_sync, or that there is none, can be trusted: `low` if something is doubtful, `none` if nothing can be
+    said."""
+    reasons: tuple[str, ...]
+    """Sentences about why there is no T_sync; empty if there is one."""
+    warnings: tuple[str, ...]
+    """Sentences about what is doubtful."""
+    times_s: FloatArray
+    """(frames,) s: times of the trial's frames on the film's clock."""
+    counts: IntArray
+    """(frames,) lit rings in each of them."""
+    evaluations: tuple[Evaluation, ...]
+    """Evaluations of the histogram, in order of time."""
+    flashes: tuple[Flash, ...]
+    """Flashes of the trial, in order of their onsets, without those of rings that are always lit."""
+    steady: tuple[Flash, ...]
+    """Rings that are always lit, as flashes."""
+    geometry: Geometry
+    """The camera that took the film, and the floor."""
+    options: TrackOptions
+    """What was known of the film."""
+    tags: Readings | None = None
+    """The tags that were read, if they were looked for."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return the fields that are texts, numbers, or tuples of texts."""
+        others = {"times_s", "counts", "evaluations", "flashes", "steady", "geometry", "options", "tags"}
+        return {name: value for name, value in self._asdict().items() if name not in others}
+
+    def periods_at(self, time_s: Any) -> Any:
+        """Return a time, or (n,) times, on the film's clock in periods since the beginning of the trial."""
+        return (time_s - self.start_s) / self.period_s
+
+
+class Snapshot(NamedTuple):
+    """A frame of a film, and the rings found in it."""
+
+    time_s: float
+    """Time of the frame on the film's clock."""
+    picture: Picture
+    rings_px: FloatArray
+    """(rings, 3) px: column, row, radius."""
+
+
+def track_film(
+    name: str,
+    options: TrackOptions,
+    rings: Path | None,
+    progress: ProgressWrapper,
+    lens: Path | None = None,
+    floor_cm: tuple[float, float] | None = None,
+) -> Track:
+    """Track a film.
+
+    Args:
+        name: A path or an address.
+        options: What is known of the film.
+        rings: A CSV table to write with all rings in all frames.
+        progress: Shows how far the film has been read.
+        lens: The file of a calibrated lens.
+        floor_cm: Width and height of the floor, if neither the options nor the film's description have it.
+
+    Raises:
+        FilmError: The film cannot be read, or shows no swarm.
+        EpuckSimError: The table cannot be written.
+    """
+    with open_film(name) as film:
+        size_px, metadata = (film.width_px, film.height_px), parse_metadata(film.description)
+        if lens is not None:
+            options = options._replace(lens=read_lens(lens, size_px))
+        geometry = described_geometry(size_px, options, metadata)
+        options = options.with_defaults(metadata)
+        options = options._replace(arena_cm=options.arena_cm or floor_cm)
+        geometry = geometry or calibrate(name, size_px, excerpt(film.frames(), options), options)
+    counter = RingCounter(geometry)
+    reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
+    with open_film(name) as film, ring_table(rings) as write_rings:
+        for frame in progress(excerpt(film.frames(), options), film.duration_s):
+            start_s = counter.start_s
+            write_rings(frame, counter.process(frame))
+            if reader is not None:
+                if counter.start_s != start_s:
+                    reader.restart()
+                reader.add(frame)
+        warnings = tuple(film.warnings)
+    track = analyse(name, counter.counted(), options, warnings)
+    return track if reader is None else track._replace(tags=reader.readings)
+
+
+def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
+    """Read a tracked film again, and write it with the rings found and the histogram drawn; raises as `film_file`."""
+    camera = track.geometry.camera
+    annotator = Annotator(camera.width_px, camera.height_px, track.period_s)
+    counter, threshold_s = RingCounter(track.geometry), track.threshold_ms / 1000
+
+    def steady(time_s: float) -> int:
+        return sum(flash.onset_s <= time_s < flash.end_s for flash in track.steady)
+
+    with (
+        open_film(track.film) as film,
+        film_file(path, annotator.width_px, annotator.height_px, {"annotated": True}, path.stem) as writer,
+    ):
+        frames = progress(excerpt(film.frames(), track.options), film.duration_s)
+        for tracked in track_frames(frames, counter, track.period_s, lambda: threshold_s, steady):
+            shown = tracked if track.confidence != "none" else tracked._replace(t_sync_s=None)
+            writer.write(Frame(tracked.frame.time_s, annotator.annotate(shown)))
+
+
+def snapshot(track: Track) -> Snapshot:
+    """Return the frame of a tracked film in which the swarm becomes synchronised, or else the last one."""
+    at_s = math.inf if track.t_sync_s is None else track.start_s + track.t_sync_s
+    begins_s = track.times_s[track.times_s <= at_s][-1]  # the frame that stands for that moment
+    counter = RingCounter(track.geometry)
+    with open_film(track.film) as film:
+        for frame in excerpt(film.frames(), track.options):
+            if frame.time_s >= begins_s:
+                break
+            counter.skip(frame)
+    steady_cm = [(flash.x_cm, flash.y_cm) for flash in track.steady if flash.onset_s <= frame.time_s <= flash.end_s]
+    rings = [
+        ring[3:6]
+        for ring in counter.process(frame)
+        if all(math.dist(ring[:2], place_cm) > REACH_CM for place_cm in steady_cm)
+    ]
+    return Snapshot(frame.time_s, frame.picture, np.array(rings).reshape(-1, 3))
+
+
+@contextmanager
+def ring_table(path: Path | None) -> Iterator[RingWriter]:
+    """Yield a function that writes the rings of a frame into a CSV table; it writes nothing if `path` is None."""
+    if path is None:
+        yield lambda *_: None
+        return
+    with atomic_write(path) as part, part.open("w", newline="") as file:
+        yield ring_writer(file)
+
+
+def ring_writer(file: TextIO) -> RingWriter:
+    """Write the head of a CSV table of rings, and return a function that writes the rings of a frame."""
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(["time_s", *Ring._fields])
+
+    def write_rings(frame: Frame, rings: Sequence[Ring]) -> None:
+        time_s = f"{frame.time_s:.6f}"  # microseconds, however long the film is
+        writer.writerows([time_s, *(f"{value:.6g}" for value in ring)] for ring in rings)
+
+    return write_rings
+
+
+def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: tuple[str, ...]) -> Track:
+    """Analyse the counts of a whole film.
+
+    Args:
+        film: Name of the film.
+        counted: The rings of all frames.
+        options: What is known and need not be estimated.
+        warnings: Warnings about the film so far.
+
+    Raises:
+        FilmError: There is no light in the film, its trial is a single frame, or its period is neither given nor clear.
+    """
+    start_s, times_s, geometry = counted.start_s, counted.times_s, counted.geometry
+    if not counted.counts.any():
+        raise FilmError(
+            f"{film}: no lit ring is seen in {counted.frames} frames; is it the right film, are the rings about 7 cm "
+            "wide, and is the exposure long enough? If --corners, --arena-cm or --height-cm were given, check them"
+        )
+    if len(times_s) < 2:
+        raise FilmError(f"{film}: its trial is one frame long; allowed: two or more, preferably several periods")
+    flashes, steady, counts = without_steady(counted.flashes, times_s, counted.counts, options.period_s)
+    period_s = options.period_s or estimate_period_s(times_s, counts)
+    if period_s is None:
+        raise FilmError(
+            f"{film}: the period cannot be estimated from {times_s[-1] - times_s[0]:.3g} s of film, because the "
+            "flashes do not clearly repeat; give --period-s"
+        )
+    flash_s = _flash_s(times_s, counts, period_s)
+    threshold_s = options.threshold_s(period_s, flash_s)
+    evaluations = evaluate(times_s, counts, period_s, start_s)
+    sync = first_synchronised(evaluations, threshold_s)
+    evidence = Evidence(
+        times_s=times_s,
+        counts=counts,
+        area=counted.areas_px,
+        flashes=flashes,
+        period_s=period_s,
+        threshold_s=threshold_s,
+        start_s=start_s,
+        robots=options.robots,
+        period_is_given=options.period_s is not None,
+    )
+    reasons = objections(evidence, sync)
+    t_sync_s = None if reasons or sync is None else sync.time_s
+    in_order_s = None if reasons else _in_order_s(evidence)
+    lit_always = count_places([*(ring[:2] for ring in counted.always_lit), *(each[2:4] for each in steady)])
+    found, most_lit = doubts(counted, evidence, sync, lit_always), evidence.most_lit
+    if t_sync_s is not None and options.robots and most_lit < options.robots:
+        found.append(
+            f"the swarm is synchronised, but at most {most_lit} rings were lit at once, of {options.robots} robots"
+        )
+    frame_s = float(np.median(np.diff(times_s)))
+    frames_s = frame_ends(times_s, times_s[-1]) - times_s
+    lit_s = frames_s * counts / flash_s  # all rings' light over that of one flash
+    until_s = math.nan if t_sync_s is None else t_sync_s + period_s / 4  # when that flash is over
+    cycles = float(lit_s[times_s <= until_s].sum()) / (options.robots or max(most_lit, 1))
+    return Track(
+        film=film,
+        frames=counted.frames,
+        fps=1 / frame_s,
+        duration_s=float(times_s[-1] - times_s[0]) + frame_s,
+        start_s=start_s,
+        calibration=geometry.calibration,
+        period_s=period_s,
+        flash_ms=1000 * flash_s,
+        threshold_ms=1000 * threshold_s,
+        estimated=tuple(name for name in ("period_s", "threshold_ms") if getattr(options, name) is None),
+        rings_outside=counted.outside,
+        always_lit=lit_always,
+        position_error_mm=10 * geometry.error_cm or None,
+        robots_seen=most_lit,
+        flashes_per_period=float(lit_s.sum() / frames_s.sum()) * period_s,
+        t_sync_s=_since(start_s, t_sync_s),
+        t_sync_periods=_since(start_s, t_sync_s, period_s),
+        t_sync_cycles=None if t_sync_s is None else cycles,
+        t_sync_onsets_s=_since(start_s, in_order_s),
+        t_sync_onsets_periods=_since(start_s, in_order_s, period_s),
+        confidence="none" if reasons else "low" if found or warnings else "high",
+        reasons=tuple(reasons or ([] if sync else [why_never(evaluations, period_s, flash_s, threshold_s)])),
+        warnings=(*warnings, *found),
+        times_s=times_s,
+        counts=counts,
+        evaluations=tuple(evaluations),
+        flashes=flashes,
+        steady=steady,
+        geometry=geometry,
+        options=options,
+    )
+
+
+def _since(start_s: float, time_s: float | None, unit_s: float = 1.0) -> float | None:
+    return None if time_s is None else (time_s - start_s) / unit_s
+
+
+def _in_order_s(evidence: Evidence) -> float | None:
+    """Return when the onsets of flashes were first in order, on the film's clock; None if they never were."""
+    onsets_s = np.array([flash.onset_s for flash in evidence.flashes])
+    filmed_s = float(evidence.times_s[0]), float(evidence.times_s[-1])
+    return first_in_order_s(onsets_s, evidence.period_s, filmed_s, evidence.usual_flashes)
+
+
+def without_steady(
+    flashes: tuple[Flash, ...], times_s: FloatArray, counts: IntArray, period_s: float | None
+) -> tuple[tuple[Flash, ...], tuple[Flash, ...], IntArray]:
+    """Return flashes, those of rings that are always lit, and (frames,) counts without these.
+
+    Without a period, a ring is always lit if it is lit for much longer than usual.
+    """
+    usual_s = float(np.median([flash.end_s - flash.onset_s for flash in flashes]))
+    longest_s = period_s / 2 if period_s else max(LONG_FLASHES * usual_s, SHORTEST_STEADY_S)
+    steady = tuple(flash for flash in flashes if flash.end_s - flash.onset_s > longest_s)
+    others = tuple(flash for flash in flashes if flash.end_s - flash.onset_s <= longest_s)
+    if not others:
+        return flashes, (), counts
+    return others, steady, np.maximum(counts - count_lit(steady, times_s), 0)
+
+
+def current_threshold_s(counter: RingCounter, period_s: float, options: TrackOptions) -> float:
+    """Return the threshold that `analyse` would choose from the counts so far."""
+    return options.threshold_s(period_s, _flash_s(counter.times_s, counter.counts, period_s))
+
+
+def _flash_s(times_s: FloatArray, counts: IntArray, period_s: float) -> float:
+    return estimate_flash_s(times_s, counts) or FLASH_FRACTION * period_s

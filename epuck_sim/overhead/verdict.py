@@ -1,0 +1,226 @@
+"""Judges whether an answer about synchrony can be trusted: reasons to give none, doubts, and why there is none."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim import epuck
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.overhead.counting import CountedRings
+from epuck_sim.overhead.flashes import Flash, FlashTable
+from epuck_sim.overhead.synchrony import MIN_COVERAGE, MIN_RINGS, Evaluation, evaluate, frame_ends, spread_at_s
+
+MOST = 0.75  # share of the robots that counts as most of them
+MOST_OF_USUAL = 0.6  # the same where their number is not known, relative to the flashes in a usual period
+FEWEST_PER_ROBOT = 0.65  # flashes of a robot in a period below which some are missed
+MOST_PER_ROBOT = 1.9
+"""Flashes of a robot in a period above which the period is too long, or something else flashes. Coupling shortens
+cycles until all are in step: with a coupling of 1, ten simulated robots flash up to 18.6 times in a period."""
+LIGHT_TOLERANCE = 1.5  # factor by which spreads by the total light and by rings may differ without contradiction
+LATE_PERIODS = 0.75  # time in periods by which the total light may be synchronised before the rings
+FEW = 5  # flashes below which nothing is said about them
+TWIN_S = 0.1  # time by which a flash and its mirror image may seem to begin or end apart
+DIMMER = 0.8  # light of a mirror image, relative to that of its robot, at most
+STRAIGHT_CM = 1.0  # distance aside of a mirror image from the line across the wall through its robot
+COMMON_IMAGES = 0.1  # share of all flashes that look like mirror images from which it is not chance
+ENOUGH_PERIODS = 3.5  # periods in a film below which the estimated period may be wrong
+TILTED_DEG = 3.0  # tilt of a camera from which positions are doubtful if no corners are given
+
+
+class Evidence(NamedTuple):
+    """What is known of a film once its counts are evaluated."""
+
+    times_s: FloatArray
+    counts: IntArray
+    """(frames,) rings lit, without those that are no flashes."""
+    area: IntArray
+    """(frames,) pixels of the floor that are lit."""
+    flashes: Sequence[Flash]
+    period_s: float
+    threshold_s: float
+    start_s: float
+    robots: int | None
+    """Number of robots, if it is given."""
+    period_is_given: bool
+
+    @property
+    def most_lit(self) -> int:
+        """Largest number of rings lit at once in two consecutive frames."""
+        return int(np.minimum(self.counts[1:], self.counts[:-1]).max(initial=0))
+
+    @property
+    def flashes_per_period(self) -> float:
+        """Mean number of flashes in a period, over the time without gaps between frames."""
+        seen_s = float((frame_ends(self.times_s, self.times_s[-1]) - self.times_s).sum())
+        return len(self.flashes) / seen_s * self.period_s
+
+    @property
+    def usual_flashes(self) -> float:
+        """Least number of flashes that counts as those of most robots; two at least."""
+        return max(2.0, MOST_OF_USUAL * self.flashes_per_period if self.robots is None else MOST * self.robots)
+
+
+def objections(evidence: Evidence, sync: Evaluation | None) -> list[str]:
+    """Return the reasons for which nothing can be said about T_sync; sync: the evaluation that shows it, if any."""
+    found = _about_robots(evidence, sync)
+    if not evidence.period_is_given and recurs_after_two(evidence.flashes, evidence.period_s):
+        found.append(
+            f"places flash again after two periods of {evidence.period_s:.4g} s rather than after one: two groups may "
+            f"flash in turn; half of the period fits as well; give --period-s"
+        )
+    return found + _about_light(evidence, sync)
+
+
+def _about_robots(evidence: Evidence, sync: Evaluation | None) -> list[str]:
+    """Return what does not add up to the number of robots: rings lit at once, or flashes in a period."""
+    robots, most_lit, per_period = evidence.robots, evidence.most_lit, evidence.flashes_per_period
+    if robots is not None and most_lit > robots:
+        return [
+            f"{most_lit} rings were lit at once, but there are {robots} robots: check --robots, or what else is lit"
+        ]
+    if robots is not None and not FEWEST_PER_ROBOT <= per_period / robots <= MOST_PER_ROBOT:
+        return [f"there were {per_period:.1f} flashes per period, but there are {robots} robots"]
+    if sync is None:
+        return []
+    middles_s = np.array([(flash.onset_s + flash.end_s) / 2 for flash in evidence.flashes])
+    together = np.count_nonzero(np.abs(middles_s - sync.time_s) <= evidence.period_s / 2)
+    if together >= evidence.usual_flashes:
+        return []
+    usual = f"a usual period {per_period:.1f}" if robots is None else f"there are {robots} robots"
+    return [f"the narrow histogram holds {together} flashes, but {usual}"]
+
+
+def recurs_after_two(flashes: Sequence[Flash], period_s: float) -> bool:
+    """Return whether places flash again two periods later rather than one period later."""
+    one_cm, two_cm = _moves_cm(flashes, period_s)
+    return one_cm > 2 * two_cm + 1.0
+
+
+def may_be_half_a_period(evidence: Evidence) -> bool:
+    """Return whether an estimated period may be half of the true one, of two groups that flash in turn.
+
+    Robots that move by more than their diameter between flashes do not tell, unless their number is known.
+    """
+    if evidence.period_is_given or evidence.robots is not None:
+        return False
+    return _moves_cm(evidence.flashes, evidence.period_s)[0] > 2 * epuck.RADIUS_CM
+
+
+def _moves_cm(flashes: Sequence[Flash], period_s: float) -> tuple[float, float]:
+    """Return the median distances from flashes to the nearest one a period and two later; 0 if there are few."""
+    after = np.array([_distances_later(FlashTable.of(flashes), delay * period_s, period_s / 4) for delay in (1, 2)])
+    both = after[:, ~np.isnan(after).any(axis=0)]
+    one_cm, two_cm = np.median(both, axis=1).tolist() if both.shape[1] >= FEW else (0.0, 0.0)
+    return one_cm, two_cm
+
+
+def _distances_later(flashes: FlashTable, delay_s: float, within_s: float) -> FloatArray:
+    """Return (flashes,) cm from each flash to the nearest one about `delay_s` later; NaN if there is none."""
+    onsets, places = flashes.onset_s, flashes.places_cm
+    nearest = np.full(len(onsets), np.nan)
+    for index, (onset_s, place) in enumerate(zip(onsets, places, strict=True)):
+        first, end = np.searchsorted(onsets, (onset_s + delay_s - within_s, onset_s + delay_s + within_s))
+        if end > first:
+            nearest[index] = np.hypot(*(places[first:end] - place).T).min()
+    return nearest
+
+
+def _about_light(evidence: Evidence, sync: Evaluation | None) -> list[str]:
+    """Return how the total light contradicts the rings: it needs neither shapes nor sizes."""
+    lit = evidence.counts > 0
+    if not evidence.area.any() or np.count_nonzero(lit) < FEW:
+        return []
+    dark = np.quantile(evidence.area, 0.05) if lit.all() else np.median(evidence.area[~lit])
+    area = np.maximum(evidence.area - dark, 0.0)
+    both = lit & (area > 0)
+    if not both.any():
+        return []
+    by_light = np.rint(area / float(np.median(area[both] / evidence.counts[both]))).astype(np.int64)
+    evaluations = [
+        each
+        for each in evaluate(evidence.times_s, by_light, evidence.period_s, evidence.start_s)
+        if each.coverage >= MIN_COVERAGE
+    ]
+    narrow_s = [each.time_s for each in evaluations if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
+    late_s = LATE_PERIODS * evidence.period_s
+    blame = "rings are missed, or something else is lit; give --corners, --arena-cm and --height-cm"
+    if narrow_s and (sync is None or narrow_s[0] < sync.time_s - late_s):
+        return [
+            f"the total light is synchronised at {narrow_s[0] - evidence.start_s:.1f} s, but the rings that are found "
+            f"are not: {blame}"
+        ]
+    near_s = [each.spread_s for each in evaluations if sync is not None and abs(each.time_s - sync.time_s) <= late_s]
+    if near_s and min(near_s) > LIGHT_TOLERANCE * evidence.threshold_s:
+        return [
+            f"the total light is spread by {1000 * min(near_s):.0f} ms where the rings that are found are "
+            f"synchronised: {blame}"
+        ]
+    return []
+
+
+def count_images(flashes: Sequence[Flash]) -> int:
+    """Return how many flashes may be mirror images; 0 if it may be chance.
+
+    Each is dimmer than another one that is straight across or above or below it, and begins and ends with it.
+    """
+    if len(flashes) < FEW:
+        return 0
+    table = np.array(flashes)
+    images = 0
+    for onset_s, end_s, x_cm, y_cm, light, *_ in table:
+        off_s = np.maximum(np.abs(table[:, 0] - onset_s), np.abs(table[:, 1] - end_s))
+        off_cm = np.minimum(np.abs(table[:, 2] - x_cm), np.abs(table[:, 3] - y_cm))
+        images += bool(((off_s <= TWIN_S) & (off_cm <= STRAIGHT_CM) & (light < DIMMER * table[:, 4])).any())
+    return images if images >= max(FEW, COMMON_IMAGES * len(flashes)) else 0
+
+
+def doubts(counted: CountedRings, evidence: Evidence, sync: Evaluation | None, lit_always: int) -> list[str]:
+    """Return sentences about what is doubtful in the lights, of which some are always lit, geometry, and period."""
+    found, geometry, period_s = [], counted.geometry, evidence.period_s
+    if lit_always:
+        found.append(f"rings that stayed lit for longer than half a period, and are left out: {lit_always}")
+    if counted.outside:
+        found.append(
+            f"rings outside of the floor, and left out: {counted.outside} in {len(counted.times_s)} frames; they are "
+            "mirror images, a neighbour's, or --corners or --arena-cm are wrong"
+        )
+    if not geometry.knows_floor and geometry.tilt_deg >= TILTED_DEG:
+        found.append(
+            f"the camera seems to be tilted by {geometry.tilt_deg:.0f} degrees: positions depend on it; "
+            "give the floor's corners by --corners"
+        )
+    early = [each for each in evidence.flashes if sync is None or each.onset_s < sync.time_s - period_s / 2]
+    if not geometry.knows_floor and (images := count_images(early)):
+        found.append(
+            f"flashes that may be mirror images in the walls: {images}; they come with those of their robots and do "
+            "not move T_sync, but they count as robots; give the floor's corners by --corners"
+        )
+    periods = float(evidence.times_s[-1] - evidence.times_s[0]) / period_s
+    if not evidence.period_is_given and periods < ENOUGH_PERIODS:
+        found.append(
+            f"the period of {period_s:.4g} s is estimated from only {periods:.1f} periods of film; "
+            "better give --period-s"
+        )
+    if may_be_half_a_period(evidence):
+        found.append(
+            f"the period is estimated; {2 * period_s:.4g} s fit as well, if two groups flash in turn, and robots move "
+            "too far between flashes to tell; give --period-s or --robots"
+        )
+    return found
+
+
+def why_never(evaluations: Sequence[Evaluation], period_s: float, flash_s: float, threshold_s: float) -> str:
+    """Return how near to synchrony the swarm came, and which criterion it would have met."""
+    seen = [each for each in evaluations if each.coverage >= MIN_COVERAGE]
+    seen_s = [each.spread_s for each in seen if each.rings >= MIN_RINGS]
+    if seen and not seen_s:
+        return "no two rings were lit at once, and a robot that flashes alone is in step with nobody"
+    if not seen_s:
+        return f"no whole period of {period_s:.4g} s was seen around a flash; film for longer, or check --period-s"
+    loose_s, least_s = spread_at_s(period_s, flash_s), min(seen_s)
+    what = f"the flashes were spread by {1000 * least_s:.0f} ms or more, the threshold is {1000 * threshold_s:.0f} ms"
+    if least_s <= loose_s > threshold_s:
+        return f"{what}; --order-parameter 0.95, a threshold of {1000 * loose_s:.0f} ms, would be met"
+    return f"{what}; a criterion that would be met is --threshold-ms {math.ceil(1000 * least_s)}"

@@ -1,0 +1,220 @@
+"""Analysis of the counts of a whole film: period, flash, synchrony, number of flashes, and warnings."""
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.counting import RingCounter
+from epuck_sim.overhead.synchrony import spread_at_s, spread_threshold_s
+from epuck_sim.overhead.track import Track, analyse
+from tests.overhead.counts import counted
+from tests.overhead.films import code_rings, coded, make_geometry
+
+RATE = 30.0
+PHASES = 0.5 + np.arange(6) / 6
+
+
+@pytest.fixture(autouse=True)
+def finder(monkeypatch: pytest.MonkeyPatch) -> None:
+    code_rings(monkeypatch)
+
+
+def analysed(times_s: Any, counts: Any, options: TrackOptions = TrackOptions(), lit_until_s: float = 0.0) -> Track:  # noqa: B008
+    """Return the track of a film with these counts."""
+    counter = RingCounter(make_geometry()._replace(knows_floor=False))
+    for frame in coded(times_s, counts, np.asarray(times_s) < lit_until_s):
+        counter.process(frame)
+    return analyse("film", counter.counted(), options, ("first",))
+
+
+def swarm(seconds: float = 8.0, from_s: float = 3.0, robots: int = 6) -> tuple[FloatArray, IntArray]:
+    """Return times and counts of robots of a period of 1 s that flash for 0.1 s, and together from a time on."""
+    times_s = np.arange(round(seconds * RATE)) / RATE
+    cycles = np.arange(-1, math.ceil(seconds) + 1)[:, None]
+    onsets = cycles + np.where(cycles + 1 < from_s, PHASES[:robots], 0.5)
+    return times_s, counted(onsets, 0.1, times_s)
+
+
+def test_track_of_a_swarm() -> None:
+    track = analysed(*swarm())
+    assert (track.film, track.calibration, track.frames, track.robots_seen) == ("film", "somewhere", 240, 6)
+    assert track.fps == pytest.approx(RATE)
+    assert track.duration_s == pytest.approx(8)
+    assert track.period_s == pytest.approx(1, abs=0.01)
+    assert track.flash_ms == pytest.approx(100, abs=5)
+    assert track.threshold_ms == pytest.approx(1000 * spread_threshold_s(track.period_s, track.flash_ms / 1000))
+    assert track.estimated == ("period_s", "threshold_ms")
+    assert track.flashes_per_period == pytest.approx(51 / 8, rel=0.02)
+    assert track.t_sync_s == pytest.approx(2.55, abs=0.04) or track.t_sync_s == pytest.approx(3.55, abs=0.04)
+    assert track.t_sync_periods == pytest.approx(track.t_sync_s, rel=0.02)
+    first, doubt = track.warnings
+    assert (first, "2 s fit as well" in doubt) == ("first", True)  # no ring of these pictures has its own place
+    assert analysed(*swarm(), TrackOptions(robots=6)).warnings == ("first",)
+    assert json.loads(json.dumps(track.summary(), allow_nan=False))["robots_seen"] == 6
+    assert set(track.summary()) == set(Track._fields) - {
+        *("times_s", "counts", "evaluations", "flashes", "steady", "geometry", "options", "tags")
+    }
+
+
+@pytest.mark.parametrize("cycle", [0, 1, 4])
+def test_flashes_until_synchrony_are_those_of_a_robot(cycle: int) -> None:
+    times_s, counts = swarm(from_s=0)
+    counts[times_s < cycle] = 0
+    track = analysed(times_s, counts, TrackOptions(period_s=1.0))
+    assert track.t_sync_s == pytest.approx(cycle + 0.55, abs=1 / RATE)
+    assert track.t_sync_cycles == pytest.approx(1, abs=0.05)
+    assert track.t_sync_periods == pytest.approx(cycle + 0.55, abs=1 / RATE)
+
+
+def test_flashes_until_synchrony_count_for_each_robot() -> None:
+    times_s = np.arange(600) / RATE
+    onsets = np.array([*(0.5 + 0.8 * np.arange(8)), *(7.1 + np.arange(13))])  # cycles are shortened at first
+    both = np.where(np.arange(21) < 8, onsets + 0.3, onsets)
+    track = analysed(times_s, counted(np.concatenate([onsets, both]), 0.1, times_s), TrackOptions(period_s=1.0))
+    assert track.robots_seen == 2
+    assert track.t_sync_s == pytest.approx(7.15, abs=1 / RATE)
+    assert track.t_sync_cycles == pytest.approx(9, abs=0.3)
+    assert track.t_sync_periods == pytest.approx(7.15, abs=1 / RATE)
+    three = counted(np.concatenate([onsets, both, onsets]), 0.1, times_s)
+    assert analysed(times_s, three, TrackOptions(period_s=1.0, robots=3)).t_sync_cycles == pytest.approx(9, abs=0.3)
+
+
+def test_swarm_that_never_synchronises() -> None:
+    times_s, counts = swarm(from_s=math.inf)
+    track = analysed(times_s, counts, TrackOptions(period_s=1.0))
+    assert (track.t_sync_s, track.t_sync_periods, track.t_sync_cycles) == (None, None, None)
+    (reason,) = track.reasons
+    assert (track.confidence, reason.startswith("no two rings were lit at once")) == ("low", True)
+    (reason,) = analysed(times_s, 2 * counts, TrackOptions(period_s=1.0)).reasons
+    assert ("spread by" in reason, "--threshold-ms" in reason) == (True, True)
+    assert track.flashes_per_period == pytest.approx(6, rel=0.1)
+    assert json.loads(json.dumps(track.summary(), allow_nan=False))["t_sync_s"] is None
+
+
+def test_time_counts_from_the_first_dark_frame() -> None:
+    plain = analysed(*swarm(), TrackOptions(period_s=1.0))
+    times_s, counts = swarm()
+    before = np.arange(90) / RATE
+    track = analysed(
+        np.concatenate([before, 3 + times_s]),
+        np.concatenate([np.full(90, 9), counts]),
+        TrackOptions(period_s=1.0),
+        lit_until_s=3 - 1e-9,
+    )
+    assert track.start_s == pytest.approx(3)
+    assert track.frames == plain.frames + 90
+    for name in ("duration_s", "robots_seen", "t_sync_s", "t_sync_periods", "t_sync_cycles", "flashes_per_period"):
+        assert getattr(track, name) == pytest.approx(getattr(plain, name)), name
+    assert track.periods_at(track.start_s + track.t_sync_s) == pytest.approx(plain.t_sync_periods)
+    assert track.periods_at(np.array([3.0, 4.5])) == pytest.approx([0, 1.5])
+
+
+def test_ring_in_one_frame_only_is_not_seen() -> None:
+    times_s, counts = swarm()
+    counts[counts.argmax() + 1] = 7
+    assert analysed(times_s, counts, TrackOptions(period_s=1.0)).robots_seen == 6
+
+
+# --- what is known beforehand -----------------------------------------------------------------------
+
+
+def test_what_is_known_is_not_estimated() -> None:
+    track = analysed(*swarm(), TrackOptions(period_s=1.25, threshold_ms=77.0))
+    assert (track.period_s, track.threshold_ms, track.estimated) == (1.25, 77.0, ())
+    assert analysed(*swarm(), TrackOptions(threshold_ms=77.0)).estimated == ("period_s",)
+
+
+@pytest.mark.parametrize(
+    ("options", "expected_s"),
+    [
+        (TrackOptions(), spread_threshold_s(5.0, 0.375)),
+        (TrackOptions(order_parameter=0.95), spread_at_s(5.0, 0.375)),
+        (TrackOptions(order_parameter=0.8), spread_at_s(5.0, 0.375, 0.8)),
+        (TrackOptions(threshold_ms=130.0), 0.13),
+        (TrackOptions(threshold_ms=130.0, order_parameter=0.8), 0.13),
+    ],
+)
+def test_threshold_is_the_given_one_or_that_of_an_order_parameter_or_of_the_thesis(
+    options: TrackOptions, expected_s: float
+) -> None:
+    assert options.threshold_s(5.0, 0.375) == pytest.approx(expected_s)
+
+
+def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
+    times_s = np.arange(300) / RATE
+    offsets = np.where(np.arange(11) < 5, 0.05, 0.0)[:, None] * [
+        -1,
+        -1,
+        1,
+        1,
+    ]  # first half in step to 0.1 s, then wholly
+    counts = counted(np.arange(11)[:, None] + 0.5 + offsets, 0.1, times_s)
+    strict, loose = (analysed(times_s, counts, TrackOptions(period_s=1.0, order_parameter=r)) for r in (0.9999, 0.9))
+    assert loose.t_sync_s == pytest.approx(0.55, abs=0.1)
+    assert strict.t_sync_s == pytest.approx(5.55, abs=0.1)
+
+
+# --- what is odd ------------------------------------------------------------------------------------
+
+
+def test_no_doubt_about_the_right_number_of_robots() -> None:
+    assert analysed(*swarm(), TrackOptions(period_s=1.0, robots=6)).warnings == ("first",)
+    assert analysed(*swarm(from_s=math.inf), TrackOptions(period_s=1.0, robots=6)).warnings == ("first",)
+
+
+def test_fewer_rings_than_robots_are_doubted_once_they_are_synchronised() -> None:
+    _, doubt = analysed(*swarm(), TrackOptions(period_s=1.0, robots=7)).warnings
+    assert doubt == "the swarm is synchronised, but at most 6 rings were lit at once, of 7 robots"
+
+
+def test_pause_of_the_recording_is_no_reason_to_doubt() -> None:
+    times_s, counts = swarm(16.0, from_s=math.inf)
+    goes = (times_s < 5) | (times_s > 12)
+    track = analysed(times_s[goes], counts[goes], TrackOptions(period_s=1.0, robots=6))
+    assert track.flashes_per_period == pytest.approx(6, rel=0.1)
+    assert track.warnings == ("first",)
+
+
+@pytest.mark.parametrize(("frames", "lit"), [(0, 0), (1, 0), (100, 0), (60, 30)])
+def test_film_without_light_in_the_dark_is_refused(frames: int, lit: int) -> None:
+    counts = np.where(np.arange(frames) < lit, 4, 0)
+    with pytest.raises(FilmError, match=rf"^film: no lit ring is seen in {frames} frames;"):
+        analysed(np.arange(frames) / RATE, counts, TrackOptions(period_s=1.0), lit_until_s=(lit - 0.5) / RATE)
+
+
+@pytest.mark.parametrize("options", [TrackOptions(), TrackOptions(period_s=1.0)])
+@pytest.mark.parametrize("lit", [0, 5])
+def test_trial_of_one_frame_is_refused(options: TrackOptions, lit: int) -> None:
+    with pytest.raises(FilmError, match=r"^film: .*one frame"):
+        analysed(np.arange(lit + 1) / RATE, [3] * (lit + 1), options, lit_until_s=(lit - 0.5) / RATE)
+
+
+@pytest.mark.parametrize("counts", [[3, 3], [0, 3], [3, 0]])
+def test_trial_of_two_frames_has_few_results(counts: list[int]) -> None:
+    track = analysed([0.0, 0.1], counts, TrackOptions(period_s=1.0))
+    assert track.t_sync_s is None
+    assert track.evaluations == ()
+    json.dumps(track.summary(), allow_nan=False)
+    with pytest.raises(FilmError, match=r"^film: the period cannot be estimated from 0\.1 s of film.*--period-s$"):
+        analysed([0.0, 0.1], counts)
+
+
+def test_flashes_at_random_have_no_period() -> None:
+    random = np.random.default_rng(4)
+    times_s = np.arange(1800) / RATE
+    counts = counted(random.uniform(0, 60, 300), 0.1, times_s)
+    with pytest.raises(FilmError, match=r"^film: the period cannot be estimated from 60 s of film"):
+        analysed(times_s, counts)
+
+
+def test_light_that_stays_on_is_no_flash() -> None:
+    times_s = np.arange(150) / RATE
+    track = analysed(times_s, np.full(150, 2), TrackOptions(period_s=2.0))
+    assert track.flash_ms == pytest.approx(150)
+    assert track.t_sync_s is None

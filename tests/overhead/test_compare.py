@@ -1,0 +1,137 @@
+"""A film beside simulated trials."""
+
+import math
+
+import numpy as np
+import pytest
+
+from epuck_sim import load_scenario
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.compare import (
+    QUANTITIES,
+    QuantityComparison,
+    compare_film,
+    fit_scenario,
+    fitted_values,
+    save_fitted,
+    simulate_film,
+    track_trial,
+)
+from epuck_sim.overhead.tags import Readings
+from tests.overhead.films import TRACK
+
+SCENARIO = load_scenario(
+    "thesis", ["robots.0.count=4", "robots.0.parameters.speed_cm_s=1.5", "robots.0.parameters.period_s=2.0", "seed=3"]
+)
+FILM = TRACK._replace(fps=15.0, duration_s=24.0, options=TRACK.options._replace(period_s=2.0))
+TAGGED = FILM._replace(tags=Readings(np.empty(0), np.empty(0, int), np.empty((0, 3))))
+
+
+def compared(film: float, trials: list[float]) -> QuantityComparison:
+    return QuantityComparison(QUANTITIES[0], film, np.array(trials))
+
+
+def test_the_percentile_counts_trials_with_smaller_values() -> None:
+    assert compared(3.0, [1, 2, 3, 4]).percentile == 62.5
+    assert compared(3.0, [1, 2, math.nan, 4]).percentile == pytest.approx(200 / 3)
+    assert compared(math.inf, [1, 2, math.inf, math.inf]).percentile == 75
+    assert math.isnan(compared(math.nan, [1, 2]).percentile)
+    assert math.isnan(compared(1.0, [math.nan]).percentile)
+
+
+def test_only_many_trials_show_that_a_film_is_unusual() -> None:
+    assert compared(50.0, [*range(40)]).is_unusual
+    assert compared(-1.0, [*range(40)]).is_unusual
+    assert not compared(39.0, [*range(40)]).is_unusual
+    assert not compared(50.0, [*range(39)]).is_unusual
+    assert not compared(math.nan, [*range(60)]).is_unusual
+
+
+def test_a_trial_is_tracked_as_if_it_were_filmed() -> None:
+    track, robots = track_trial(SCENARIO, 5, FILM)
+    assert len(track.times_s) == pytest.approx(24 * 15, abs=1)
+    assert track.robots_seen <= 4
+    assert track.flashes_per_period == pytest.approx(4, abs=0.6)
+    assert track.flash_ms == pytest.approx(200, abs=20)  # two control steps
+    assert robots.identities.robots == 4
+    assert robots.identities.speed_cm_s == pytest.approx(1.5, rel=0.03)
+    assert track_trial(SCENARIO, 5, FILM)[0].flashes == track.flashes
+    assert track_trial(SCENARIO, 6, FILM)[0].flashes != track.flashes
+
+
+def test_a_film_of_the_scenario_itself_is_like_its_trials() -> None:
+    film, robots = track_trial(SCENARIO, 12345, FILM)
+    rows = compare_film(film, robots, SCENARIO, 6, lambda trials: trials)
+    assert [row.quantity for row in rows] == list(QUANTITIES)
+    by_name = {row.quantity.name: row for row in rows}
+    speeds = by_name["speed straight ahead"]
+    assert speeds.film == pytest.approx(np.median(speeds.trials), rel=0.02)
+    assert all(len(row.trials) == 6 for row in rows)
+    fast = load_scenario(SCENARIO, ["robots.0.parameters.speed_cm_s=3"])
+    other = compare_film(film, robots, fast, 2, lambda trials: trials)
+    assert next(row for row in other if row.quantity.name == "speed straight ahead").percentile == 0
+
+
+def test_what_a_film_tells_is_written_as_a_scenario(tmp_path) -> None:
+    film, robots = track_trial(SCENARIO, 1, FILM)
+    start = load_scenario(SCENARIO, ["robots.0.parameters.speed_cm_s=9", "overhead.frames_per_s=10"])
+    values = fitted_values(start, film, robots)
+    fitted = fit_scenario(start, values)
+    assert fitted.name == "thesis-fitted"
+    speed = values["robots.0.parameters.speed_cm_s"]
+    assert speed.low <= 1.5 <= speed.high
+    assert fitted.robots[0].parameters["speed_cm_s"] == pytest.approx(speed.value, abs=1e-6)
+    assert fitted.overhead.frames_per_s == pytest.approx(15)
+    save_fitted(tmp_path / "lab.yaml", fitted, values, "film.mp4")
+    assert load_scenario(tmp_path / "lab.yaml") == fitted
+    comments = [line for line in (tmp_path / "lab.yaml").read_text().splitlines() if line.startswith("#")]
+    assert comments[0] == "# Fitted to film.mp4, with 95 % intervals; all else is as it was."
+    assert len(comments) == 1 + len(values)
+
+
+def test_robots_of_several_groups_are_not_fitted_but_shown() -> None:
+    film, robots = track_trial(SCENARIO, 1, FILM)
+    both = load_scenario({"robots": [{"count": 2}, {"count": 3}]})
+    values = fitted_values(both, film, robots)
+    assert values.keys() == {"overhead.frames_per_s"}
+    with pytest.raises(FilmError, match=r"has 2 groups of robots; allowed: one"):
+        fit_scenario(both, values)
+
+
+def test_an_exposure_that_is_too_long_for_the_film_becomes_a_frame_long() -> None:
+    fast = FILM._replace(fps=60.0, duration_s=6.0)
+    film, robots = track_trial(SCENARIO, 1, fast)
+    fitted = fit_scenario(SCENARIO, fitted_values(SCENARIO, film, robots))
+    assert fitted.overhead.frames_per_s == pytest.approx(60)
+    assert fitted.overhead.exposure_ms == pytest.approx(1000 / 60)
+
+
+@pytest.mark.parametrize(("told", "expected"), [(None, None), (9, 4)])
+def test_the_number_of_robots_is_told_of_trials_if_it_is_of_the_film(told: int | None, expected: int | None) -> None:
+    film = FILM._replace(options=FILM.options._replace(robots=told, corners_px=((0.0, 0.0),) * 4))
+    track, _ = track_trial(SCENARIO, 5, film)
+    assert track.options == film.options._replace(robots=expected)
+    assert track.confidence != "none"
+
+
+def test_robots_of_trials_are_told_apart_by_tags_where_those_of_the_film_are() -> None:
+    mixed = load_scenario(SCENARIO, ["robots.0.count=8", "robots.0.parameters.speed_cm_s=12"])
+    by_motion, by_tags = (track_trial(mixed, 5, film)[1] for film in (FILM, TAGGED))
+    assert by_motion.identities.unsure > 0.2
+    assert (by_tags.by, by_tags.identities.unsure) == ("tags", 0)
+    assert by_tags.numbers.tolist() == list(range(8))
+    assert (by_tags.identities.robot >= 0).all()
+    film, robots = track_trial(mixed, 6, TAGGED)
+    rows = compare_film(film, robots, mixed, 2, lambda trials: trials)
+    clocks = next(row for row in rows if row.quantity.name == "half-width of clock rates")
+    assert clocks.unknown == 0
+
+
+def test_robots_that_leave_while_they_are_lit_are_nowhere() -> None:
+    leaves = [{"at_s": 5 + number / 10, "remove": [number]} for number in range(1, 4)]  # robot 0 is the reference
+    scenario = load_scenario(SCENARIO, [f"schedule={leaves}"])
+    for seed in range(6):
+        simulated = simulate_film(scenario, seed, FILM)
+        assert np.isnan(simulated.poses[simulated.times_s > 6, 1:]).all()
+        assert not np.isnan(simulated.poses[simulated.is_lit]).any()
+        assert not np.isnan(track_trial(scenario, seed, FILM)[0].flashes).any()

@@ -1,0 +1,67 @@
+"""A damaged film is refused in words, or read with times that increase; never a traceback."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.film import open_film
+from tests.overhead.small_films import AVI, GIF, MKV, MP4, TS, WEBM, Kind, number_in, write_film
+
+KINDS = (MP4, MKV, AVI, TS, WEBM, GIF)
+FRAMES = 20
+SEARCH = settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(1, 255)), min_size=1, max_size=3)
+
+
+@pytest.fixture(scope="module", params=KINDS, ids=lambda kind: f"{kind.ending}-{kind.codec}")
+def kind(request) -> Kind:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def film(kind: Kind, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("film") / f"f.{kind.ending}"
+    return write_film(path, [ticks_between(kind) * number for number in range(FRAMES)], kind)
+
+
+def ticks_between(kind: Kind) -> int:
+    return max(1, round(1 / (15 * kind.tick_s)))
+
+
+def read(path: Path) -> list[tuple[float, int]]:
+    """Return the times and numbers of a film's pictures; none if it is refused."""
+    try:
+        with open_film(str(path)) as opened:
+            return [(frame.time_s, number_in(frame.picture)) for frame in opened.frames()]
+    except FilmError as error:
+        message = str(error)
+    assert message.startswith(f"{path}: ")
+    return []
+
+
+@SEARCH
+@given(flips=FLIPS)
+def test_changed_bytes_of_a_film_end_in_no_traceback(film: Path, kind: Kind, tmp_path, flips) -> None:
+    damaged = bytearray(film.read_bytes())
+    for place, change in flips:
+        damaged[int(place * len(damaged))] ^= change
+    path = tmp_path / f"f.{kind.ending}"
+    path.write_bytes(damaged)
+    times = [time_s for time_s, _ in read(path)]
+    assert times == sorted(set(times))
+
+
+@SEARCH
+@given(share=st.floats(0, 1, exclude_max=True))
+def test_of_a_film_that_is_cut_off_what_comes_before_the_last_picture_is_right(
+    film: Path, kind: Kind, tmp_path, share: float
+) -> None:
+    path = tmp_path / f"f.{kind.ending}"
+    whole = film.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    interval_s = float(ticks_between(kind) * kind.tick_s)
+    for time_s, number in read(path)[:-1]:  # the last one may be half a picture
+        assert number == round(time_s / interval_s)

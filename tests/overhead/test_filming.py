@@ -1,0 +1,296 @@
+"""A trial that runs and its recording give the same film, and what cannot be filmed is refused."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import av
+import numpy as np
+import pytest
+
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
+from epuck_sim.errors import FilmError, ScenarioError
+from epuck_sim.overhead import filming
+from epuck_sim.overhead.calibration import DESCRIPTION, TrackOptions
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.filming import Captions, describe_film, film_recording, film_trial
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.track import track_film
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.recorder import record
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.trial.model import run_trial
+from epuck_sim.trial.synchrony import SynchronyWatch
+from tests.overhead.films import passed, read_rings
+from tests.overhead.score import Score, compare
+
+SEED = 4
+"""With which flashes last two control steps each, and hardly overlap."""
+
+GIVEN = {
+    "name": "small",
+    "robots": [{"count": 5, "parameters": {"period_s": 1.0, "flash_fraction": 0.1, "coupling": 1e-6}}],
+    "stop": {"max_time_s": 5, "order_parameter": 1},
+    "overhead": {"width_px": 240, "height_px": 240, "frames_per_s": 30},
+}
+
+
+def load(**changes: Any) -> EmbodiedScenario:
+    scenario = load_scenario({**GIVEN, **changes})
+    assert isinstance(scenario, EmbodiedScenario)
+    return scenario
+
+
+class Truth:
+    """An observer that notes where robots are and whose rings are lit."""
+
+    def __init__(self) -> None:
+        self.time_s: list[float] = []
+        self.places: list[FloatArray] = []
+        self.ring_on: list[BoolArray] = []
+
+    def __call__(self, step: Step, _: SynchronyWatch) -> None:
+        self.time_s.append(step.time_s)
+        self.places.append(step.poses[:, :2].copy())
+        self.ring_on.append(step.ring_on.copy())
+
+    def lit(self, frame_s: float, section: OverheadSection) -> tuple[FloatArray, ...]:
+        """Return (n, 2) cm, in mid-exposure, of the rings lit for a frame's whole exposure, and (m, 2) for a part."""
+        begins_s, ends_s = frame_s, frame_s + section.exposure_ms / 1000
+        first = np.searchsorted(self.time_s, begins_s + 1e-6, side="right") - 1
+        last = np.searchsorted(self.time_s, ends_s - 1e-6, side="right") - 1
+        on = np.array(self.ring_on[first : last + 1])
+        columns = np.moveaxis(np.array(self.places), 0, 2)
+        middle_s = min((begins_s + ends_s) / 2, self.time_s[-1])
+        here = np.array([[np.interp(middle_s, self.time_s, axis) for axis in robot] for robot in columns])
+        return here[on.all(axis=0)], here[on.any(axis=0) & ~on.all(axis=0)]
+
+
+class Filmed(NamedTuple):
+    """A trial that was filmed and recorded while it ran."""
+
+    scenario: EmbodiedScenario
+    film: Path
+    recording: Path
+    truth: Truth
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Filmed:
+    folder = tmp_path_factory.mktemp("trial")
+    scenario, truth = load(), Truth()
+    with (
+        film_trial(folder / "run.mp4", scenario, SEED) as filming,
+        record(folder / "run.rrd", scenario, SEED, Level.POSES) as recording,
+    ):
+        run_trial(Simulation(scenario, SEED), [filming, recording, truth])
+    return Filmed(scenario, folder / "run.mp4", folder / "run.rrd", truth)
+
+
+def frames_of(path: Path) -> list[Frame]:
+    with open_film(str(path)) as film:
+        return list(film.frames())
+
+
+def comment_of(path: Path) -> dict[str, Any]:
+    with av.open(path) as container:
+        comment: dict[str, Any] = json.loads(container.metadata["comment"])
+        return comment
+
+
+# --- round trip -------------------------------------------------------------------------------------
+
+
+def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -> None:
+    track = track_film(str(filmed.film), TrackOptions(), tmp_path / "rings.csv", passed)
+    rows = read_rings(tmp_path / "rings.csv")
+    total, certain, possible = Score(), [], []
+    for time_s in track.times_s:
+        reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 1e-3]
+        lit_cm, part_cm = filmed.truth.lit(float(time_s), filmed.scenario.overhead)
+        total += compare(np.array(reported).reshape(-1, 2), lit_cm, part_cm)
+        certain.append(len(lit_cm))
+        possible.append(len(lit_cm) + len(part_cm))
+    assert (total.missed, total.false) == (0, 0)
+    assert total.found >= sum(certain) > 60
+    assert total.worst_cm <= 0.2
+    assert (track.counts >= certain).all()
+    assert (track.counts <= possible).all()
+    assert len(rows) == track.counts.sum()
+
+    assert (track.calibration, track.period_s, track.warnings) == (DESCRIPTION, 1.0, ())
+    assert track.estimated == ("threshold_ms",)
+    assert track.times_s == pytest.approx(np.arange(round(filmed.truth.time_s[-1] * 30) + 1) / 30, abs=1e-4)
+    assert track.flash_ms == pytest.approx(200, abs=10)
+    assert track.flashes_per_period == pytest.approx(5, rel=0.15)
+    assert track.robots_seen == max(certain)
+
+
+def test_tracking_without_the_description_gives_the_same(filmed: Filmed, tmp_path: Path) -> None:
+    described = track_film(str(filmed.film), TrackOptions(), None, passed)
+    foreign = tmp_path / "foreign.mkv"
+    with av.open(filmed.film) as source, av.open(foreign, "w") as target:
+        stream = target.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = stream
+                target.mux(packet)
+    track = track_film(str(foreign), TrackOptions(), None, passed)
+    assert track.calibration != DESCRIPTION
+    assert track.counts.tolist() == described.counts.tolist()
+    assert track.times_s == pytest.approx(described.times_s, abs=2e-3)
+    assert track.period_s == pytest.approx(1, abs=0.03)
+
+
+# --- from a recording -------------------------------------------------------------------------------
+
+
+def test_recording_gives_the_film_of_the_run(filmed: Filmed, tmp_path: Path) -> None:
+    film_recording(filmed.recording, [], tmp_path / "again.mp4", passed)
+    then, again = frames_of(filmed.film), frames_of(tmp_path / "again.mp4")
+    assert [frame.time_s for frame in again] == [frame.time_s for frame in then]
+    for one, other in zip(then, again, strict=True):
+        assert np.abs(one.picture.astype(int) - other.picture).mean() < 0.3
+    assert comment_of(tmp_path / "again.mp4") == comment_of(filmed.film)
+
+
+def test_camera_of_a_recording_may_be_changed(filmed: Filmed, tmp_path: Path) -> None:
+    settings = ["overhead.light=lit", "overhead.width_px=96", "overhead.height_px=64", "overhead.frames_per_s=5"]
+    film_recording(filmed.recording, settings, tmp_path / "lit.mp4", passed)
+    frames = frames_of(tmp_path / "lit.mp4")
+    assert frames[0].picture.shape == (64, 96, 3)
+    assert np.median(frames[0].picture) > 100
+    assert [frame.time_s for frame in frames] == pytest.approx(np.arange(len(frames)) / 5, abs=1e-4)
+    assert comment_of(tmp_path / "lit.mp4")["overhead"]["light"] == "lit"
+
+
+@pytest.mark.parametrize("setting", ["seed=2", "robots.0.count=3", "overheads.light=lit", "overhead=null", "light=lit"])
+def test_setting_of_anything_but_the_camera_is_refused(filmed: Filmed, tmp_path: Path, setting: str) -> None:
+    with pytest.raises(FilmError, match=rf"^--set {setting}: the trial is over; .*overhead.light=lit"):
+        film_recording(filmed.recording, ["overhead.light=lit", setting], tmp_path / "no.mp4", passed)
+    assert not list(tmp_path.iterdir())
+
+
+def test_trial_of_point_like_agents_is_refused(tmp_path: Path) -> None:
+    scenario = load_scenario({"name": "p", "model": "particles"})
+    with (
+        pytest.raises(ScenarioError, match=r"^p: model is 'particles'; its agents have no rings; allowed: 'embodied'$"),
+        film_trial(tmp_path / "no.mp4", scenario, SEED),
+    ):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
+# --- whole or nothing -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, FilmError])
+def test_interrupted_film_is_no_film(tmp_path: Path, error: type[BaseException]) -> None:
+    scenario = load()
+
+    def stop(step: Step, _: SynchronyWatch) -> None:
+        if step.time_s > 1:
+            raise error
+
+    def run(observer: Callable[[Step, SynchronyWatch], None]) -> None:
+        run_trial(Simulation(scenario, SEED), [observer, stop])
+
+    with pytest.raises(error), film_trial(tmp_path / "film.mp4", scenario, SEED) as filming:
+        run(filming)
+    assert not list(tmp_path.iterdir())
+
+
+# --- what a film says of itself ---------------------------------------------------------------------
+
+
+def test_film_says_how_to_make_it_again(filmed: Filmed) -> None:
+    description = comment_of(filmed.film)
+    assert (description["scenario"], description["seed"], description["arena_cm"], description["robots"]) == (
+        "small",
+        SEED,
+        [60, 60],
+        5,
+    )
+    assert description["period_s"] == 1.0
+    assert OverheadSection(**description["overhead"]) == filmed.scenario.overhead
+    assert description["versions"]["epuck_sim"] == description["epuck_sim"]
+
+
+@pytest.mark.parametrize(
+    ("groups", "robots", "period_s"),
+    [
+        ([{"count": 3}], 3, 5.0),
+        ([{"count": 3}, {"count": 4}], 7, 5.0),
+        ([{"count": 3}, {"count": 4, "parameters": {"period_s": 2.0}}], 7, None),
+        ([{"count": 3}, {"count": 4, "controller": "constant"}], 3, 5.0),
+        ([{"count": 4, "controller": "constant"}], None, None),
+    ],
+    ids=["one group", "two groups", "two periods", "some that never flash", "none that flashes"],
+)
+def test_film_says_how_many_flash_and_in_which_period(
+    groups: list[dict[str, Any]], robots: int | None, period_s: float | None
+) -> None:
+    description = describe_film(load(robots=groups), SEED)
+    assert (description["robots"], description["period_s"]) == (robots, period_s)
+    json.dumps(description, allow_nan=False)
+
+
+# --- captions ---------------------------------------------------------------------------------------
+
+
+def frame(time_s: float) -> Frame:
+    return Frame(time_s, np.full((720, 960, 3), 90, np.uint8))
+
+
+def test_a_frame_says_what_the_trial_had_come_to(monkeypatch) -> None:
+    written: list[str] = []
+    monkeypatch.setattr(filming, "_write", lambda picture, text: written.append(text) or picture)
+    captions = Captions(start_s=2.0)
+    for state in ((0.0, 0, None), (0.5, 1, 0.25), (1.0, 2, 0.75), (1.5, 2, 0.75)):
+        captions.add(*state)
+    for time_s in (1.0, 2.4, 2.5, 2.9, 3.25, 9.0):
+        captions.write(frame(time_s))
+    measured = "cycle 2   order parameter 0.75"
+    assert written[:2] == ["0.0 s", "0.4 s"]
+    assert written[2] == "0.5 s   cycle 1   order parameter 0.25"
+    assert [text.partition("   ")[2] for text in written[3:]] == ["cycle 1   order parameter 0.25", measured, measured]
+
+
+def test_letters_are_white_edged_in_black_in_the_upper_left_corner() -> None:
+    captions = Captions(0.0)
+    picture = captions.write(frame(1.0)).picture
+    changed = (picture != 90).any(axis=-1)
+    assert changed[:50].any()
+    assert not changed[50:].any()
+    assert picture.max() == 255
+    assert picture.min() < 10
+    assert (frame(1.0).picture == 90).all()
+
+
+@pytest.mark.parametrize("light", ["lit", "dark"])
+def test_a_trial_and_its_recording_have_the_same_captions_in_the_light_alone(tmp_path, monkeypatch, light: str) -> None:
+    given = {
+        "robots": [{"count": 3, "parameters": {"period_s": 1.0}}],
+        "stop": {"max_time_s": 3, "order_parameter": 1},
+        "overhead": {"width_px": 160, "height_px": 160, "frames_per_s": 5, "light": light},
+    }
+    written: list[str] = []
+    monkeypatch.setattr(filming, "_write", lambda picture, text: written.append(text) or picture)
+    scenario = load_scenario(given)
+    with (
+        record(tmp_path / "t.rrd", scenario, 1, Level.POSES) as recorder,
+        film_trial(tmp_path / "t.mp4", scenario, 1) as camera,
+    ):
+        run_trial(Simulation(scenario, 1), [recorder, camera])
+    live = list(written)
+    written.clear()
+    film_recording(tmp_path / "t.rrd", [], tmp_path / "r.mp4", passed)
+    assert live == written
+    with open_film(str(tmp_path / "t.mp4")) as film:
+        assert len(live) == (len([*film.frames()]) if light == "lit" else 0)
+    assert any("order parameter" in text for text in live) == (light == "lit")

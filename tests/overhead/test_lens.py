@@ -1,0 +1,142 @@
+"""A lens is calibrated from a board, kept in a file, and read again; what cannot be is refused in clear words."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead import lens
+from epuck_sim.overhead.camera import CameraModel
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.lens import MIN_VIEWS, Board, View, calibrate_lens, find_views, read_lens, save_lens
+from tests.overhead.boards import charuco, checkerboard, film, lens_matrix
+
+SIZE = (640, 480)
+
+
+def error_px(lens, matrix, coefficients, is_fisheye):
+    """Return by how many pixels, at most, a lens shows points elsewhere than the true one."""
+    points = np.array([(x, y, 10.0) for x in (-4.0, 0.0, 4.0) for y in (-3.0, 0.0, 3.0)])
+    true_lens = lens._replace(
+        focal_px=matrix[0, 0],
+        focal_down_px=matrix[1, 1],
+        middle_px=(matrix[0, 2], matrix[1, 2]),
+        coefficients=tuple(coefficients),
+        is_fisheye=is_fisheye,
+    )
+    shown = [CameraModel(*SIZE, each, np.eye(3), np.zeros(3)).project(points) for each in (lens, true_lens)]
+    return np.linalg.norm(shown[0] - shown[1], axis=1).max()
+
+
+@pytest.mark.parametrize(
+    ("kind", "draw", "coefficients", "is_fisheye"),
+    [
+        ("checkerboard", checkerboard, (-0.25, 0.05, 0.0, 0.0), False),
+        ("charuco", charuco, (-0.1, 0.0, 0.0, 0.0), False),
+        ("checkerboard", checkerboard, (0.02, -0.01, 0.0, 0.0), True),
+    ],
+)
+def test_a_board_tells_the_lens(kind, draw, coefficients, is_fisheye, tmp_path) -> None:
+    matrix = lens_matrix(420.0)
+    frames = film(draw(9, 6), matrix, np.array(coefficients), is_fisheye)
+    views = find_views(frames, Board(kind, 9, 6))
+    found = calibrate_lens("film", views, SIZE, is_fisheye)
+    assert found.views >= MIN_VIEWS
+    assert found.error_px < 0.5
+    assert error_px(found.lens, matrix, coefficients, is_fisheye) < 3.0
+    save_lens(tmp_path / "lens.json", found)
+    assert read_lens(tmp_path / "lens.json", SIZE) == found.lens
+
+
+def test_a_board_that_is_not_there_is_missed_in_clear_words() -> None:
+    nothing = [Frame(float(second), np.full((120, 160, 3), 120, np.uint8)) for second in range(10)]
+    views = find_views(nothing, Board("checkerboard", 9, 6))
+    with pytest.raises(FilmError, match=r"^dull\.mp4: the board is found in 0 different positions; .*--board"):
+        calibrate_lens("dull.mp4", views, (160, 120), False)
+
+
+def test_a_board_that_does_not_move_is_one_view() -> None:
+    (frame,) = film(checkerboard(9, 6), lens_matrix(420.0), np.zeros(4), views=1)
+    still = [frame._replace(time_s=float(second)) for second in range(4)]
+    assert len(find_views(still, Board("checkerboard", 9, 6))) == 1
+
+
+def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool, seed: int = 3) -> list[View]:
+    """Return views through a lens of 600 px, with noise of 0.1 px, of a board that is moved, turned and tilted."""
+    random = np.random.default_rng(seed)
+    across, down = np.meshgrid(np.arange(8.0), np.arange(5.0))
+    board = np.column_stack([across.ravel(), down.ravel(), np.zeros(across.size)])[:, None]
+    views = []
+    for tilt_deg in tilts_deg:
+        turn = Rotation.from_euler("zx", [random.uniform(-40, 40), tilt_deg], degrees=True).as_rotvec()
+        shift = np.array([*random.uniform(-6, -1, 2), random.uniform(12, 18)])
+        matrix, none = lens_matrix(600.0), np.zeros(4)
+        if is_fisheye:
+            pixels, _ = cv2.fisheye.projectPoints(board, turn, shift, matrix, none)
+        else:
+            pixels, _ = cv2.projectPoints(board, turn, shift, matrix, none)
+        noisy = pixels + random.normal(0, 0.1, pixels.shape)
+        views.append(View(board.astype(np.float32), noisy.astype(np.float32).reshape(-1, 1, 2)))
+    return views
+
+
+@pytest.mark.parametrize("is_fisheye", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("tilt_deg", [0.0, 12.0])
+def test_a_board_that_is_never_or_always_tilted_alike_does_not_determine_a_lens(
+    is_fisheye: bool, seed: int, tilt_deg: float
+) -> None:
+    views = views_of_a_board(np.linspace(-35, 35, 12), is_fisheye, seed)
+    assert calibrate_lens("film", views, SIZE, is_fisheye).focal_px == pytest.approx(600, rel=0.02)
+    with pytest.raises(FilmError, match=r"^film: the views of the board do not determine a lens; show it tilted"):
+        calibrate_lens("film", views_of_a_board([tilt_deg] * 12, is_fisheye, seed), SIZE, is_fisheye)
+
+
+def test_corners_that_come_and_go_are_no_movement() -> None:
+    (view,) = views_of_a_board([20.0], False)
+    flickers = [View(view.board[number:], view.pixels[number:]) for number in (0, 1, 0, 1)]
+    board = Board("charuco", 9, 6)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lens, "_charuco_corners", lambda *_: flickers.pop())
+        frames = [Frame(float(second), np.zeros((4, 4, 3), np.uint8)) for second in range(4)]
+        assert len(find_views(frames, board)) == 1
+
+
+def test_pictures_are_all_searched() -> None:
+    views = views_of_a_board(np.linspace(-30, 30, 10), False)
+    pictures = [Frame(number / 25, np.zeros((4, 4, 3), np.uint8)) for number in range(10)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lens, "_checkerboard_corners", lambda *_: views.pop())
+        assert len(find_views(pictures, Board("checkerboard", 9, 6), apart_s=0.0)) == 10
+
+
+LENS = (
+    '{"width_px": 640, "height_px": 480, "focal_px": 500, "focal_down_px": 500, "middle_px": [319, 239],'
+    ' "coefficients": [0, 0, 0, 0], "is_fisheye": false}'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (None, "no such file"),
+        ("nothing", "is not a lens"),
+        ("{}", "is not a lens"),
+        (LENS.replace("500", "-5"), "is not a lens"),
+        (LENS, "calibrated for pictures of 640 x 480 px, but these are 480 x 480"),
+    ],
+)
+def test_files_that_are_no_lens_of_this_camera_are_refused(tmp_path, text, why) -> None:
+    path = tmp_path / "lens.json"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(FilmError, match=rf"lens\.json: .*{why}"):
+        read_lens(path, (480, 480))
+
+
+def test_another_name_is_refused(tmp_path) -> None:
+    with pytest.raises(FilmError, match=r"lens\.yaml: is no name for a lens; allowed: .*\.json"):
+        save_lens(tmp_path / "lens.yaml", None)

@@ -1,0 +1,231 @@
+"""Claims about the estimates of period and flash, and about the threshold of Appendix C."""
+
+import math
+from itertools import combinations_with_replacement
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from epuck_sim.order_parameter import order_parameter
+from epuck_sim.overhead.period import (
+    MIN_PERIODS,
+    _lags,
+    estimate_flash_s,
+    estimate_period_s,
+)
+from epuck_sim.overhead.synchrony import evaluate, firing_spread_s, spread_threshold_s
+from tests.overhead.counts import counted, frames, steady, uneven
+
+PERIOD = 5.0
+FLASH = 0.375
+SPREAD = np.array([0, 0, 0.05, 0.1, 0.1, 0.13, 0.2, 0.2, 0.2, 0.25])
+
+
+@pytest.fixture
+def random() -> np.random.Generator:
+    return np.random.default_rng(7)
+
+
+# --- the period -------------------------------------------------------------------------------------
+
+
+@given(st.floats(1.5, 12), st.floats(14, 60), st.floats(0.05, 0.15))
+@example(1.5, 15.0, 0.0625)
+def test_the_period_of_a_synchronised_minute_is_right_to_half_a_percent(period, rate, flash_fraction):
+    times = frames(max(60, 4 * period), rate)
+    counts = counted(steady(SPREAD * period / 5 + 1, period, times[-1]), flash_fraction * period, times)
+    assert estimate_period_s(times, counts) == pytest.approx(period, rel=0.005)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_uneven_and_dropped_frames_do_not_change_the_period(seed):
+    times = uneven(frames(60, 15.4), np.random.default_rng(seed), dropped=0.1)
+    counts = counted(steady(SPREAD + 1, PERIOD, 60), FLASH, times)
+    assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.005)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_robots_that_never_meet_show_their_period_too(seed):
+    phases = np.random.default_rng(seed).uniform(0, PERIOD, 10)
+    times = frames(60, 15.4)
+    counts = counted(steady(phases, PERIOD, 60), FLASH, times)
+    assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.005)
+
+
+@pytest.mark.parametrize("clusters", [[3.5, 1.5], [2, 1], [4, 2, 2]])
+def test_clusters_that_share_a_period_do_not_make_it_a_part_of_it(clusters):
+    phases = [PERIOD * n / len(clusters) for n, size in enumerate(clusters) for _ in range(int(2 * size))]
+    times = frames(60, 15.4)
+    counts = counted(steady(phases, PERIOD, 60), FLASH, times)
+    assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.01)
+
+
+@pytest.mark.parametrize("minutes", [1, 5, 60])
+def test_a_long_film_shows_the_period_and_no_multiple_of_it(minutes):
+    times = frames(60 * minutes, 15.0)
+    counts = counted(steady(SPREAD, 4.77, 60 * minutes), FLASH, times)
+    assert estimate_period_s(times, counts) == pytest.approx(4.77, rel=0.002)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_shortened_cycles_before_synchrony_do_not_shorten_the_period(seed):
+    random = np.random.default_rng(seed)
+    cycles = np.where(random.random((12, 10)) < 0.7, random.uniform(3.3, 5, (12, 10)), PERIOD)
+    before = random.uniform(0, PERIOD, 10) + np.cumsum(cycles, axis=0)
+    times = frames(85, 15.4)
+    after = 65 + steady(SPREAD, PERIOD, 20)[1:]
+    counts = counted(np.append(before[before < 64], after), FLASH, times)
+    assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.005)
+
+
+def test_rings_that_are_missed_or_seen_where_none_is_do_not_change_the_period(random):
+    times = frames(60, 15.4)
+    true = counted(steady(SPREAD, PERIOD, 60), FLASH, times)
+    counts = random.binomial(true, 0.97) + (random.random(len(times)) < 0.02)
+    assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.005)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_flashes_at_random_have_no_period(seed):
+    random = np.random.default_rng(seed)
+    times = frames(60, 15.4)
+    counts = counted(random.uniform(-5, 60, 120), FLASH, times)
+    assert estimate_period_s(times, counts) is None
+
+
+def test_a_film_of_too_few_periods_has_no_estimate():
+    times = frames(MIN_PERIODS * PERIOD * 0.95, 15.0)
+    assert estimate_period_s(times, counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)) is None
+    times = frames(MIN_PERIODS * PERIOD * 1.1, 15.0)
+    assert estimate_period_s(times, counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)) is not None
+
+
+@pytest.mark.parametrize("estimate", [estimate_period_s, estimate_flash_s])
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 500])
+@pytest.mark.parametrize("lit", [0, 2])
+def test_films_in_which_nothing_flashes_have_no_estimate(estimate, count, lit):
+    assert estimate(np.arange(count) / 15, np.full(count, lit)) is None
+
+
+@given(st.lists(st.tuples(st.sampled_from([0, 1, 1, 1, 2, 40]), st.integers(0, 3)), max_size=60))
+def test_whatever_is_counted_the_estimates_are_none_or_within_the_film(film):
+    times = np.cumsum([step for step, _ in film], dtype=float) / 15
+    counts = np.array([count for _, count in film], np.int64)
+    for estimate in (estimate_period_s(times, counts), estimate_flash_s(times, counts)):
+        assert estimate is None or 0 < estimate < times[-1] - times[0]
+
+
+def test_frames_that_come_twice_change_no_estimate():
+    times = frames(60, 15.4)
+    counts = counted(steady(SPREAD, PERIOD, 60), FLASH, times)
+    twice = np.repeat(times, 2), np.repeat(counts, 2)
+    assert estimate_period_s(*twice) == estimate_period_s(times, counts)
+    assert estimate_flash_s(*twice) == estimate_flash_s(times, counts)
+
+
+events = st.lists(st.tuples(st.integers(0, 40), st.integers(1, 3)), max_size=12).map(sorted)
+
+
+@given(events, events, st.integers(0, 10), st.integers(0, 30))
+def test_lags_are_those_of_all_pairs(causes, effects, least, width):
+    expected = [(b - a, m * n) for a, m in causes for b, n in effects if least <= b - a < least + width]
+    pairs = (np.array(each, float).reshape(-1, 2).T for each in (causes, effects))
+    found = _lags(*map(tuple, pairs), (least, least + width))
+    assert list(zip(*(each.tolist() for each in found), strict=True)) == expected
+
+
+# --- the flash --------------------------------------------------------------------------------------
+
+
+@given(st.floats(0.2, 1.0), st.floats(14, 60))
+def test_the_flash_of_rings_that_go_on_together_is_right_to_a_frame(flash, rate):
+    times = frames(60, rate)
+    counts = counted(steady(np.zeros(10), 4.99, 60), flash, times)
+    assert estimate_flash_s(times, counts) == pytest.approx(flash, abs=1 / rate)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_flash_is_not_longer_where_one_goes_on_as_another_goes_off(seed):
+    random = np.random.default_rng(seed)
+    times = frames(60, 15.4)
+    counts = counted(np.cumsum(random.uniform(3.5, 5, (13, 10)), axis=0) - 5, FLASH, times)
+    by_light = counts.mean() * 60 / np.maximum(np.diff(counts), 0).sum()
+    assert by_light > 1.08 * FLASH
+    assert estimate_flash_s(times, counts) == pytest.approx(FLASH, abs=0.6 / 15.4)
+
+
+def test_rings_that_are_missed_now_and_then_do_not_change_the_flash(random):
+    times = frames(120, 15.4)
+    true = counted(steady(np.zeros(10), PERIOD, 120), FLASH, times)
+    assert estimate_flash_s(times, random.binomial(true, 0.98)) == pytest.approx(FLASH, abs=0.6 / 15.4)
+
+
+# --- Appendix C -------------------------------------------------------------------------------------
+
+
+def test_half_early_and_half_late_by_sigma_a_have_that_order_parameter():
+    for r in (0.5, 0.95, 0.99):
+        sigma_s = firing_spread_s(PERIOD, r)
+        assert order_parameter(np.array([sigma_s, PERIOD - sigma_s]), PERIOD) == pytest.approx(r)
+    assert firing_spread_s(PERIOD) == pytest.approx(0.25, abs=0.005)  # the thesis's figure
+    assert firing_spread_s(PERIOD) * 15.5 == pytest.approx(3.8, abs=0.15)
+
+
+def half_and_half(robots, sigma, flash):
+    """Return (robots, 2) frames of Fig. C.1b: half are lit from -sigma on, the others until sigma."""
+    begins = np.repeat([-sigma, sigma + 1 - flash], robots // 2)
+    return np.column_stack([begins, begins + flash])
+
+
+def spread_frames(onsets, flash):
+    """Return the histogram's spread, in frames, of rings that go on in some frames, as a film shows it."""
+    period, middle = 75, 40
+    times = np.arange(2.0 * period)
+    counts = sum(((times >= middle + onset) & (times < middle + onset + flash)).astype(int) for onset in onsets)
+    (evaluation,) = evaluate(times, counts, period, 0.0)
+    return evaluation.spread_s
+
+
+@pytest.mark.parametrize("robots", [2, 4, 10, 50])
+def test_the_discrete_bound_is_the_root_of_6_frames_for_every_even_number_of_robots(robots):
+    by_formula = math.sqrt(2 / (5 * robots) * (robots / 2 * (4**2 + 3**2 + 2**2 + 1**2)))
+    assert by_formula == pytest.approx(math.sqrt(6))
+    assert spread_frames(half_and_half(robots, 4, 5)[:, 0], 5) == pytest.approx(math.sqrt(6))
+
+
+@pytest.mark.parametrize("robots", [2, 4, 6])
+def test_no_flashes_within_sigma_a_are_wider_than_half_early_and_half_late(robots):
+    widths = [spread_frames(onsets, 5) for onsets in combinations_with_replacement(range(-4, 1), robots)]
+    assert max(widths) == pytest.approx(math.sqrt(6))
+    assert np.isclose(widths, math.sqrt(6)).sum() == 1
+
+
+def test_the_threshold_at_the_settings_of_the_experiments_is_two_frames():
+    threshold_s = spread_threshold_s(PERIOD, 0.075 * PERIOD)
+    assert threshold_s == pytest.approx(0.126, abs=0.001)
+    assert threshold_s * 15.5 == pytest.approx(2, abs=0.06)
+
+
+@pytest.mark.parametrize("flash_s", [0.05, 0.2, FLASH])
+def test_the_threshold_is_the_spread_of_half_early_and_half_late_in_a_fast_film(flash_s):
+    sigma_s = firing_spread_s(PERIOD)
+    times = frames(10, 2000.0)
+    onsets = 5 + np.repeat([-sigma_s, sigma_s - flash_s], 5)
+    (evaluation,) = evaluate(times, counted(onsets, flash_s, times), PERIOD, 0.0)
+    assert evaluation.spread_s == pytest.approx(spread_threshold_s(PERIOD, flash_s), rel=0.005)
+
+
+@given(st.floats(0.1, 100), st.floats(0.001, 0.5), st.floats(0.001, 0.5))
+def test_the_threshold_leaves_room_above_perfect_synchrony_and_scales_with_time(period, short, long):
+    short, long = sorted((short, long))
+    sigma_s = firing_spread_s(period)
+    at_short, at_long = spread_threshold_s(period, short * period), spread_threshold_s(period, long * period)
+    assert at_long > long * period / math.sqrt(12)
+    assert at_long == pytest.approx(period * spread_threshold_s(1.0, long))
+    assert min(at_short, at_long) >= sigma_s / 2 * (1 - 1e-9)
+    if short * period > 1.5 * sigma_s:
+        assert at_short <= at_long
+    if long * period < 1.5 * sigma_s:
+        assert at_short >= at_long

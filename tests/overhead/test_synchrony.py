@@ -1,0 +1,301 @@
+"""Claims about the evolving histogram: when it is evaluated, how wide it is, and what bad films do to it."""
+
+import pickle
+from itertools import pairwise
+from statistics import median
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.order_parameter import order_parameter
+from epuck_sim.overhead.synchrony import (
+    MAX_HOLD_INTERVALS,
+    MIN_COVERAGE,
+    Evaluation,
+    SynchronyDetector,
+    evaluate,
+    first_in_order_s,
+    first_synchronised,
+    frame_ends,
+    is_synchronised,
+    order_over_time,
+    weighted_spread,
+)
+from tests.overhead.counts import counted, frames, steady, uneven
+
+PERIOD = 5.0
+FLASH = 0.375
+RATE = 16.0  # frames begin at floating-point numbers that are exact
+
+TOGETHER = np.zeros(10)
+SPREAD = np.array([0, 0, 0.05, 0.1, 0.1, 0.13, 0.2, 0.2, 0.2, 0.25])
+
+
+def slow_evaluations(times, counts, period, start):
+    """Return evaluations by the words of the module's docstring, with the whole film at hand."""
+    film = []
+    for time, count in zip(times, counts, strict=True):
+        if time >= start and (not film or time > film[-1][0]):
+            film.append((time, count))
+    runs = []
+    for time, count in film:
+        if not runs or runs[-1][2] != count:
+            if runs:
+                runs[-1][1] = time
+            runs.append([time, None, count])
+    found = []
+    for begin, end, count in runs:
+        if end is None or not count or end - begin >= period:
+            continue
+        middle = (begin + end) / 2
+        left, right = middle - period / 2, middle + period / 2
+        after_last = found[-1].time_s + period / 2 if found else film[0][0] + period / 2
+        shown = [
+            n for n, (time, _) in enumerate(film) if time < right and (n + 1 == len(film) or film[n + 1][0] > left)
+        ]
+        if middle < after_last or film[-1][0] < right or max(film[n][1] for n in shown) > count:
+            continue
+        found.append(slow_evaluation([film[n] for n in shown], middle, period))
+    return found
+
+
+def slow_evaluation(shown, middle, period):
+    left, right = middle - period / 2, middle + period / 2
+    times = [time for time, _ in shown]
+    longest = MAX_HOLD_INTERVALS * median(b - a for a, b in pairwise(times))
+    seconds, places, lit = [], [], []
+    for (time, count), following in zip(shown, [*times[1:], right], strict=True):
+        begin, end = max(time, left), min(following, time + longest, right)
+        seconds.append(max(0.0, end - begin))
+        places.append((begin + end) / 2)
+        lit.append(seconds[-1] * count)
+    mean = sum(w * x for w, x in zip(lit, places, strict=True)) / sum(lit)
+    variance = sum(w * (x - mean) ** 2 for w, x in zip(lit, places, strict=True)) / sum(lit)
+    return Evaluation(middle, max(count for _, count in shown), variance**0.5, sum(seconds) / period)
+
+
+steps = st.sampled_from([0, 1, 1, 1, 1, 1, 1, 2, 3, 8, 30])
+films = st.lists(st.tuples(steps, st.sampled_from([0, 0, 0, 1, 1, 2, 3])), min_size=1, max_size=150)
+
+
+@given(films, st.sampled_from([0.5, 1.0, 2.25]), st.sampled_from([0.0, 0.5]))
+def test_evaluations_are_those_of_the_slow_twin(film, period, start):
+    times = np.cumsum([step for step, _ in film]) / RATE
+    counts = np.array([count for _, count in film])
+    found, expected = evaluate(times, counts, period, start), slow_evaluations(times, counts, period, start)
+    assert [each[:2] for each in found] == [each[:2] for each in expected]
+    for one, other in zip(found, expected, strict=True):
+        assert one == pytest.approx(other, abs=1e-9)
+
+
+# --- closed forms -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lit_frames", [1, 2, 5, 6, 40])
+def test_rings_together_for_k_frames_are_as_wide_as_k_equal_numbers(lit_frames):
+    times = frames(4 * PERIOD, RATE)
+    counts = counted(steady([1.0], PERIOD, 20), lit_frames / RATE, times)
+    for each in evaluate(times, counts, PERIOD, 0.0):
+        assert each.spread_s * RATE == pytest.approx(np.sqrt((lit_frames**2 - 1) / 12))
+        assert each.coverage == 1
+
+
+def test_each_cycle_is_evaluated_around_the_middle_of_its_flash():
+    times = frames(4 * PERIOD, RATE)
+    counts = counted(steady(TOGETHER + 3, PERIOD, 20), 6 / RATE, times)
+    found = evaluate(times, counts, PERIOD, 0.0)
+    assert [each.time_s for each in found] == [3 + 3 / RATE, 8 + 3 / RATE, 13 + 3 / RATE]
+    assert {each.rings for each in found} == {10}
+
+
+def test_an_evaluation_comes_with_the_first_frame_half_a_period_after_its_mode():
+    detector = SynchronyDetector(PERIOD, 0.0)
+    times = frames(3 * PERIOD, RATE)
+    for time, count in zip(times, counted(steady(TOGETHER + 3, PERIOD, 15), FLASH, times), strict=True):
+        evaluation = detector.update(float(time), int(count))
+        if evaluation is not None:
+            assert 0 <= time - (evaluation.time_s + PERIOD / 2) < 1 / RATE
+
+
+def test_two_equal_clusters_half_a_period_apart_are_evaluated_each_cycle_and_are_wide():
+    times = frames(10 * PERIOD, RATE)
+    counts = counted(steady([1, 1, 1, 3.5, 3.5, 3.5], PERIOD, 50), FLASH, times)
+    near = counted(steady([1, 1, 1, 3.4, 3.4, 3.4], PERIOD, 50), FLASH, times)
+    found, later = evaluate(times, counts, PERIOD, 0.0), evaluate(times, near, PERIOD, 0.0)
+    assert np.diff([each.time_s for each in found]) == pytest.approx(PERIOD / 2)
+    assert np.diff([each.time_s for each in later[1:]]) == pytest.approx(PERIOD, abs=1 / RATE)
+    assert min(each.spread_s for each in found + later) > 0.2 * PERIOD
+
+
+def test_the_larger_cluster_is_the_mode_though_the_smaller_comes_first():
+    times = frames(5 * PERIOD, RATE)
+    counts = counted(steady([1, 1, 3, 3, 3], PERIOD, 25), FLASH, times)
+    found = evaluate(times, counts, PERIOD, 0.0)
+    assert {each.rings for each in found} == {3}
+    assert np.allclose([(each.time_s - 3) % PERIOD for each in found], FLASH / 2)
+
+
+# --- how films begin and end ------------------------------------------------------------------------
+
+
+def test_a_flash_that_is_on_when_the_film_begins_is_not_evaluated():
+    times = frames(2.2 * PERIOD, RATE)
+    counts = counted(steady(TOGETHER - 0.1, PERIOD, 11), FLASH, times)
+    assert [round(each.time_s, 1) for each in evaluate(times, counts, PERIOD, 0.0)] == [5.1]
+
+
+def test_frames_before_the_start_do_not_count():
+    times = frames(6 * PERIOD, RATE)
+    counts = counted(steady(TOGETHER + 3, PERIOD, 30), FLASH, times)
+    lit = np.where(times < 7, 99, counts)
+    late = times >= 7
+    assert evaluate(times, lit, PERIOD, 7.0) == evaluate(times[late], counts[late], PERIOD, 0.0)
+
+
+def test_the_last_flash_is_not_evaluated_before_half_a_period_has_followed():
+    times = frames(3 + FLASH / 2 + PERIOD / 2, RATE)
+    counts = counted([3.0], FLASH, times)
+    assert not evaluate(times, counts, PERIOD, 0.0)
+    assert len(evaluate(np.append(times, times[-1] + 1 / RATE), np.append(counts, 0), PERIOD, 0.0)) == 1
+
+
+def test_a_light_that_stays_on_is_no_mode_and_is_not_remembered():
+    detector = SynchronyDetector(PERIOD, 0.0)
+    sizes = set()
+    for number in range(4000):
+        assert detector.update(number / RATE, 3) is None
+        if number > 2 * PERIOD * RATE:
+            sizes.add(len(pickle.dumps(detector)))
+    assert max(sizes) - min(sizes) < 50
+    assert all(detector.update((4000 + number) / RATE, 0) is None for number in range(200))
+
+
+def test_a_period_is_remembered_however_long_the_film_is():
+    detector = SynchronyDetector(PERIOD, 0.0)
+    times = frames(200 * PERIOD, RATE)
+    sizes = []
+    for time, count in zip(times, counted(steady(SPREAD, PERIOD, 1000), FLASH, times), strict=True):
+        detector.update(float(time), int(count))
+        sizes.append(len(pickle.dumps(detector)))
+    assert max(sizes[2000:]) <= max(sizes[200:2000]) + 50
+
+
+# --- bad films --------------------------------------------------------------------------------------
+
+
+def test_frames_that_come_twice_add_nothing():
+    times = frames(4 * PERIOD, RATE)
+    counts = counted(steady(SPREAD, PERIOD, 20), FLASH, times)
+    twice = np.repeat(times, 2), np.repeat(counts, 2)
+    assert evaluate(*twice, PERIOD, 0.0) == evaluate(times, counts, PERIOD, 0.0)
+
+
+def test_a_frame_from_before_adds_nothing():
+    times, counts = np.array([0.0, 1.0, 0.5, 1.5, 2.0, 3.0]), np.array([0, 1, 9, 0, 0, 0])
+    in_order = np.array([0, 1, 3, 4, 5])
+    assert evaluate(times, counts, 2.0, 0.0) == evaluate(times[in_order], counts[in_order], 2.0, 0.0) != []
+
+
+@pytest.mark.parametrize("phases", [TOGETHER, SPREAD, SPREAD * 4])
+@pytest.mark.parametrize("rate", [12.0, 15.0, 30.0, 60.0])
+def test_dropped_frames_and_uneven_times_change_a_spread_by_a_frame_at_most(phases, rate, random):
+    times = frames(60 * PERIOD, rate)
+    bad_times = uneven(times, random, dropped=0.05)
+    true, bad = (
+        evaluate(t, counted(steady(phases + 1, PERIOD, 300), FLASH, t), PERIOD, 0.0) for t in (times, bad_times)
+    )
+    true_s, bad_s = (np.array([each.spread_s for each in found]) for found in (true, bad))
+    assert len(true_s) == len(bad_s)
+    assert np.abs(bad_s - true_s).max() * rate < 1
+    assert abs(bad_s.mean() - true_s.mean()) * rate < 0.1
+
+
+def test_a_rate_that_halves_in_the_middle_changes_nothing_much():
+    times = np.concatenate([frames(20, 30.0), 20 + frames(20, 15.0)])
+    found = evaluate(times, counted(steady(SPREAD + 1, PERIOD, 40), FLASH, times), PERIOD, 0.0)
+    assert all(each.coverage == pytest.approx(1) for each in found)
+    assert np.ptp([each.spread_s for each in found]) < 0.01
+
+
+def test_what_is_lit_in_a_gap_is_unknown_and_proves_no_synchrony():
+    times = frames(3 * PERIOD, RATE)
+    counts = counted(steady([1, 1, 1, 3], PERIOD, 15), FLASH, times)  # the lone one is lit in the gap
+    seen = (times % PERIOD < 2.9) | (times % PERIOD > 3.5)
+    found = evaluate(times[seen], counts[seen], PERIOD, 0.0)
+    narrow = [each for each in found if each.spread_s < 0.13]
+    assert narrow
+    assert all(
+        each.coverage == pytest.approx(1 - (10 - MAX_HOLD_INTERVALS) / RATE / PERIOD, abs=0.02) for each in narrow
+    )
+    assert first_synchronised(found, 0.13) is None
+
+
+def test_no_frame_stands_for_more_than_some_usual_ones():
+    assert frame_ends(np.array([0.0, 1.0, 2.0, 12.0]), 13.0).tolist() == [1.0, 2.0, 2.0 + MAX_HOLD_INTERVALS, 13.0]
+
+
+# --- synchrony --------------------------------------------------------------------------------------
+
+
+def test_the_first_narrow_evaluation_is_the_time_of_synchrony():
+    found = [Evaluation(time, 9, spread, 1.0) for time, spread in ((3, 0.3), (8, 0.125), (13, 0.1))]
+    assert first_synchronised(found, 0.125) is found[1]
+    assert first_synchronised(found, 0.09) is None
+    assert first_synchronised([], 0.125) is None
+
+
+def test_a_period_must_have_been_seen_nearly_whole():
+    assert is_synchronised(Evaluation(3.0, 9, 0.1, MIN_COVERAGE), 0.125)
+    assert not is_synchronised(Evaluation(3.0, 9, 0.1, MIN_COVERAGE - 0.001), 0.125)
+
+
+def test_a_lone_flash_is_no_synchrony() -> None:
+    assert is_synchronised(Evaluation(3.0, 2, 0.1, 1.0), 0.125)
+    assert not is_synchronised(Evaluation(3.0, 1, 0.1, 1.0), 0.125)
+
+
+values = st.lists(st.tuples(st.floats(-1e3, 1e3), st.integers(0, 5)), min_size=1).filter(lambda v: any(w for _, w in v))
+
+
+@given(values)
+def test_weights_count_a_value_so_often(pairs):
+    repeated = [value for value, weight in pairs for _ in range(weight)]
+    numbers, weights = np.array(pairs, float).T
+    assert weighted_spread(numbers, weights) == pytest.approx(np.std(repeated), abs=1e-9)
+
+
+@pytest.fixture
+def random() -> np.random.Generator:
+    return np.random.default_rng(4)
+
+
+# --- onsets -----------------------------------------------------------------------------------------
+
+ONSETS_TOGETHER = np.sort(
+    np.concatenate([np.arange(6) / 6 + cycle for cycle in range(3)] + [np.full(6, 4.5), np.full(6, 5.5)])
+)
+"""Onsets of six robots of a period of 1 s that flash together from 4.5 s on."""
+
+
+@given(st.lists(st.integers(0, 2000), min_size=1, max_size=30), st.integers(100, 3000))
+def test_it_is_that_of_the_onsets_within_half_a_period(onsets_ms: list[int], period_ms: int) -> None:
+    onsets = np.sort(np.array(onsets_ms, float))
+    order, numbers = order_over_time(onsets, float(period_ms))
+    for onset, value, number in zip(onsets, order, numbers, strict=True):
+        near = onsets[(onsets >= onset - period_ms / 2) & (onsets < onset + period_ms / 2)]
+        assert number == len(near)
+        assert value == pytest.approx(float(order_parameter(near, float(period_ms))), abs=1e-9)
+
+
+def test_synchrony_begins_with_the_first_flash_together() -> None:
+    assert first_in_order_s(ONSETS_TOGETHER, 1.0, (0.0, 6.0), 5) == 4.5
+    assert first_in_order_s(ONSETS_TOGETHER, 1.0, (0.0, 4.9), 5) is None
+    assert first_in_order_s(ONSETS_TOGETHER, 1.0, (4.1, 6.0), 5) == 5.5
+    assert first_in_order_s(ONSETS_TOGETHER, 1.0, (0.0, 6.0), 7) is None
+
+
+def test_a_lone_flash_is_in_step_with_nobody() -> None:
+    assert first_in_order_s(np.array([1.0, 3.0, 5.0]), 1.0, (0.0, 6.0), 2) is None
+    assert first_in_order_s(np.empty(0), 1.0, (0.0, 6.0), 2) is None

@@ -1,0 +1,183 @@
+"""Tags on top of robots are drawn and read, and tell whose flashes are whose."""
+
+import math
+
+import numpy as np
+import pytest
+
+from epuck_sim.arena import make_arena
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.camera import overhead_camera
+from epuck_sim.overhead.flashes import Flash
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.render import ExposureSample, Renderer
+from epuck_sim.overhead.robots import find_robots, flash_columns, summary, trace_columns
+from epuck_sim.overhead.tags import Readings, TagReader, tag_corners_cm, tag_pattern
+from epuck_sim.overhead.track import Track
+from epuck_sim.scenario.overhead import OverheadSection
+from tests.overhead.films import TRACK
+
+SIDE_CM = 36.0
+POSES = np.array([(8.0, 9.0, 0.4), (27.0, 10.0, 2.0), (10.0, 27.0, -3.0), (26.0, 26.0, -1.1)])
+TIMES = np.arange(60) / 10
+
+
+def section(**settings: object) -> OverheadSection:
+    return OverheadSection(width_px=240, height_px=240, tags="4X4_50", **settings)
+
+
+def shown(poses=POSES, lit=(), in_the_light=True, **settings: object):
+    """Return a camera, and its picture of robots with tags of which some are lit."""
+    camera = overhead_camera(section(**settings), SIDE_CM, SIDE_CM)
+    renderer = Renderer(section(**settings), camera, make_arena(SIDE_CM, SIDE_CM, [], []), 0)
+    on = np.isin(np.arange(len(poses)), lit)
+    return camera, renderer.render([ExposureSample(poses, on)], room_is_lit=in_the_light)
+
+
+@pytest.mark.parametrize(
+    ("in_the_light", "lit", "settings"),
+    [
+        (True, (), {}),
+        (True, (0, 2), {}),
+        (False, (), {"ambient": 0.2}),
+        (False, (1,), {"ambient": 0.2, "tilt_deg": 15.0}),
+    ],
+)
+def test_tags_are_read_where_robots_are(in_the_light: bool, lit: tuple[int, ...], settings: dict) -> None:
+    camera, picture = shown(lit=lit, in_the_light=in_the_light, **settings)
+    tags = TagReader(camera, "4X4_50").read(picture)
+    assert [tag.number for tag in tags] == [0, 1, 2, 3]
+    for tag, (x, y, heading) in zip(tags, POSES, strict=True):
+        assert math.hypot(tag.x_cm - x, tag.y_cm - y) < 0.15
+        assert math.remainder(tag.heading_rad - heading, math.tau) == pytest.approx(0, abs=0.06)
+
+
+def test_in_the_dark_there_is_nothing_to_read() -> None:
+    camera, picture = shown(in_the_light=False)
+    assert TagReader(camera, "4X4_50").read(picture) == []
+
+
+def test_robots_that_are_not_there_and_those_beyond_the_dictionary_have_no_tag() -> None:
+    gone = POSES.copy()
+    gone[1] = np.nan
+    camera, picture = shown(gone)
+    assert [tag.number for tag in TagReader(camera, "4X4_50").read(picture)] == [0, 2, 3]
+    assert shown(np.vstack([np.full((50, 3), np.nan), POSES]))[1].shape == picture.shape
+
+
+def test_the_pattern_has_white_around_it() -> None:
+    pattern = tag_pattern("4X4_50", 3, 4)
+    assert pattern.shape == (28, 28)
+    assert (pattern[:2] == 255).all()
+    assert (pattern[2:6, 2:-2] == 0).all()
+    corners = tag_corners_cm(np.array([1.0, 2.0, math.pi / 2]), 4.0, 4.7)
+    assert corners[0] == pytest.approx([-1, 4, 4.7])  # ahead on the left
+    assert corners[1] == pytest.approx([3, 4, 4.7])
+
+
+def test_tags_of_a_film_are_gathered() -> None:
+    camera, picture = shown()
+    reader = TagReader(camera, "4X4_50")
+    reader.add(Frame(0.0, picture))
+    reader.restart()
+    for frame in (Frame(1.0, picture), Frame(2.0, np.zeros_like(picture)), Frame(3.0, picture)):
+        reader.add(frame)
+    readings = reader.readings
+    assert readings.time_s.tolist() == [1] * 4 + [3] * 4
+    assert readings.number.tolist() == [0, 1, 2, 3] * 2
+    assert readings.poses.shape == (8, 3)
+
+
+def read(numbers=(4, 7), without=()) -> Readings:
+    """Return readings of robots that drive along x, but for those of (time, number)."""
+    rows = [
+        (time, number, 5.0 + time + 10 * row, 10.0, 3.1 + 0.1 * time)
+        for time in TIMES
+        for row, number in enumerate(numbers)
+        if (round(time, 1), number) not in without
+    ]
+    columns = np.array(rows)
+    return Readings(columns[:, 0], columns[:, 1].astype(int), columns[:, 2:])
+
+
+def track(*flashes: tuple[float, float], robots: int | None = None) -> Track:
+    """Return a track with flashes at times, of robots that were at x 0 s after the start."""
+    made = tuple(Flash(time, time + 0.3, x + time + 0.15, 10.3, 80.0) for time, x in flashes)
+    return TRACK._replace(flashes=made, times_s=TIMES, start_s=0.0, options=TRACK.options._replace(robots=robots))
+
+
+def tagged(track: Track, tags: Readings, *numbers: int) -> Track:
+    """Return a track with tags that were read, of robots that have some numbers."""
+    return track._replace(tags=tags, options=track.options._replace(tag_numbers=frozenset(numbers)))
+
+
+def test_flashes_are_those_of_the_tags_above_them() -> None:
+    dark = {(round(0.1 * k, 1), 7) for k in range(20, 26)}  # unread while lit
+    tracked = track((1.0, 5.0), (2.1, 15.0), (2.2, 5.0), (3.0, 5.0), robots=2)
+    robots = find_robots(tracked._replace(tags=read(without=dark)))
+    assert robots.warnings == ()
+    assert robots.numbers.tolist() == [4, 7]
+    table = flash_columns(tracked, robots)
+    assert table["robot"].tolist() == [4, 7, 4, 4]
+    assert table["cycle"].tolist() == [1, 1, 2, 3]
+    assert table["certainty"] == pytest.approx([np.nan, np.nan, 1, 1], nan_ok=True)
+    trace = trace_columns(tracked, robots)
+    own = {name: column[trace["robot"] == 7] for name, column in trace.items()}
+    assert own["x_cm"] == pytest.approx(15 + TIMES)  # also where it was not read
+    assert own["heading_rad"] == pytest.approx(3.1 + 0.1 * TIMES)
+    assert own["ring_on"].sum() == 3
+    assert summary(tracked, robots)["by"] == "tags"
+
+
+def test_where_a_tag_is_unread_for_long_it_is_not_known_where_the_robot_is() -> None:
+    gap = {(round(0.1 * k, 1), 4) for k in range(20, 40)}
+    robots = find_robots(track((3.0, 5.0))._replace(tags=read(without=gap)))
+    assert robots.poses is not None
+    assert np.isnan(robots.poses[20:40, 0]).all()
+    assert not np.isnan(robots.poses[:20, 0]).any()
+    assert robots.identities.robot.tolist() == [-1]
+    (warning,) = robots.warnings
+    assert warning.startswith("flashes that are under no tag: 1 of 1; there are robots without a tag")
+
+
+def test_a_tag_that_is_seen_twice_is_said_and_left_out() -> None:
+    once, other = read(), read(numbers=(4,))
+    double = Readings(
+        *(np.concatenate([a, b[:20]]) for a, b in zip(once, other._replace(poses=other.poses + 20), strict=True))
+    )
+    robots = find_robots(track((1.0, 5.0))._replace(tags=double))
+    assert "tag 4 is seen twice in 20 frames, and left out there" in robots.warnings[0]
+    assert robots.poses is not None
+    assert np.isnan(robots.poses[:19, 0]).all()
+    assert robots.poses[30, 0, 0] == pytest.approx(8)
+
+
+def test_a_film_in_which_each_tag_is_seen_twice_is_refused() -> None:
+    double = Readings(*(np.concatenate([column, column]) for column in read()))
+    with pytest.raises(FilmError, match="no tag is read, or all are seen twice"):
+        find_robots(track((1.0, 5.0))._replace(tags=double))
+
+
+def test_a_tagged_robot_that_never_flashes_has_places_and_no_phase() -> None:
+    tracked = track((1.0, 5.0), (2.0, 5.0))
+    robots = find_robots(tracked._replace(tags=read()))
+    assert summary(tracked, robots)["by"] == "tags"
+    trace = trace_columns(tracked, robots)
+    dark = trace["robot"] == 7
+    assert trace["x_cm"][dark] == pytest.approx(15 + TIMES)
+    assert np.isnan(trace["phase_ms"][dark]).all()
+
+
+def test_unknown_seldom_and_missing_tags_are_said() -> None:
+    seldom = Readings(np.array([1.0]), np.array([33]), np.zeros((1, 3)))
+    both = Readings(*(np.concatenate(columns) for columns in zip(read(), seldom, strict=True)))
+    (warning,) = find_robots(track()._replace(tags=both)).warnings
+    assert warning == "tags that are read in less than 2 % of the frames, and are left out: 33"
+    found = find_robots(tagged(track(robots=5), both, 4, 5)).warnings
+    assert found == (
+        "tags that are not among those given, and are left out: 7",
+        "tags that are never read: 5",
+        "robots whose tags are read: 1, but there are 5",
+    )
+    with pytest.raises(FilmError, match=r"^film.mp4: no tag is read, or all are seen twice; check the dictionary"):
+        find_robots(tagged(track(), both, 8))

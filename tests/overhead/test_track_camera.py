@@ -1,0 +1,293 @@
+"""A camera is tracked while it films; what it saw is shown and written as it goes."""
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any, Self
+
+import cv2
+import numpy as np
+import pytest
+
+from epuck_sim.errors import EpuckSimError, FilmError, PortError
+from epuck_sim.overhead.calibration import LIGHT, TrackOptions
+from epuck_sim.overhead.camera_fit import RINGS
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.film_writer import FilmWriter
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.live import Watching, live_page, track_camera
+from epuck_sim.overhead.track import Track
+from epuck_sim.util.ports import check_port, free_port
+from tests.overhead.films import SMALL, even, in_step, make_camera, passed, read_rings, shoot
+
+TIMES = even(4.5)
+LIT = in_step(TIMES)
+CORNERS_PX = tuple(
+    (float(x), float(y))
+    for x, y in make_camera().project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
+)
+
+
+@pytest.fixture(scope="module")
+def reel() -> list[Frame]:
+    """Frames of six robots that flash together from 2 s on."""
+    return shoot(TIMES, LIT)
+
+
+class Imitation:
+    """A camera that delivers some frames, and then raises an exception."""
+
+    name = "camera 7"
+    width_px, height_px = SMALL["width_px"], SMALL["height_px"]
+
+    def __init__(self, frames: Iterable[Frame], end: BaseException) -> None:
+        self._frames, self._end = self._give(frames), end
+        self.is_open = False
+        self.given = 0
+        self.warnings: list[str] = []
+
+    def _give(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        for frame in frames:
+            self.given += 1
+            yield frame
+        raise self._end
+
+    def __enter__(self) -> Self:
+        self.is_open = True
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.is_open = False
+
+    def frames(self) -> Iterator[Frame]:
+        return self._frames
+
+
+Plug = Callable[..., Imitation]
+
+
+@pytest.fixture
+def plug(monkeypatch: pytest.MonkeyPatch) -> Plug:
+    def plug_in(frames: Iterable[Frame], end: BaseException | None = None) -> Imitation:
+        camera = Imitation(frames, end or KeyboardInterrupt())
+        monkeypatch.setattr("epuck_sim.overhead.live.LiveCamera", lambda number, _: camera if number == 7 else None)
+        return camera
+
+    return plug_in
+
+
+def watch(options: TrackOptions, tell: Callable[[str], None] = print, **watching: Any) -> Track:
+    return track_camera(7, options._replace(period_s=1.0), Watching(**watching), passed, tell)
+
+
+def frames_in(path: Path) -> int:
+    with open_film(str(path)) as film:
+        return len(list(film.frames()))
+
+
+def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
+    camera = plug(reel)
+    table, seen, record = tmp_path / "rings.csv", tmp_path / "seen.mp4", tmp_path / "raw.mp4"
+    track = watch(TrackOptions(robots=6, order_parameter=0.99), rings=table, annotate=seen, record=record)
+    assert not camera.is_open
+    assert (track.film, track.calibration, track.period_s) == ("camera 7", RINGS, 1.0)
+    assert track.estimated == ("threshold_ms",)
+    assert track.start_s + track.t_sync_s == pytest.approx(2.55, abs=1e-3)
+    assert camera.given == round(3.05 * 30) + 1
+    assert track.times_s[-1] == pytest.approx(3.05, abs=0.04)
+    assert len(read_rings(table)) == track.counts.sum()
+    assert (frames_in(seen), frames_in(record)) == (track.frames, camera.given)
+
+
+def test_camera_needs_no_frame_of_the_dark_if_it_saw_the_floor(plug: Plug) -> None:
+    times_s = even(5)
+    plug(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
+    track = watch(TrackOptions(threshold_ms=50.0))
+    assert track.calibration == LIGHT
+    assert track.start_s == pytest.approx(1)
+    assert track.t_sync_s == pytest.approx(2.55, abs=1e-3)
+
+
+def test_threshold_of_a_camera_is_the_one_that_is_known(plug: Plug, reel: list[Frame]) -> None:
+    plug(reel)
+    track = watch(TrackOptions(threshold_ms=1.0))
+    assert (track.threshold_ms, track.t_sync_s) == (1.0, None)
+
+
+def test_synchrony_that_is_not_believed_is_told_and_filmed_on(plug: Plug, reel: list[Frame]) -> None:
+    camera, told = plug(reel), []
+    track = watch(TrackOptions(robots=12, threshold_ms=50.0), told.append)
+    assert (track.t_sync_s, track.confidence) == (None, "none")
+    assert camera.given == len(reel)
+    assert len(told) == 1
+    assert told[0].startswith("not yet believed to be synchronised: ")
+
+
+def test_ctrl_c_gives_what_is_known_so_far(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
+    plug(reel[:70])
+    track = watch(TrackOptions(corners_px=CORNERS_PX), rings=tmp_path / "r.csv", annotate=tmp_path / "s.mp4")
+    assert track.t_sync_s is None
+    assert track.frames == 70
+    assert track.counts.tolist() == LIT[:70].sum(axis=1).tolist()
+    assert len(read_rings(tmp_path / "r.csv")) == LIT[:70].sum()
+    assert frames_in(tmp_path / "s.mp4") == 70
+
+
+def test_ctrl_c_before_the_calibration_leaves_the_film(plug: Plug, tmp_path: Path) -> None:
+    camera = plug(shoot(even(1), np.zeros((30, 6), bool)))
+    with pytest.raises(KeyboardInterrupt):
+        watch(TrackOptions(), rings=tmp_path / "rings.csv", annotate=tmp_path / "s.mp4", record=tmp_path / "raw.mp4")
+    assert not camera.is_open
+    assert [path.name for path in tmp_path.iterdir()] == ["raw.mp4"]
+    assert frames_in(tmp_path / "raw.mp4") == 30
+
+
+def test_camera_that_fails_for_good_is_tracked_until_then(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
+    camera = plug(reel[:70], FilmError("camera 7 delivers no pictures"))
+    camera.warnings.append("camera 7 dropped out from 0.1 to 0.2 s")
+    track = watch(TrackOptions(corners_px=CORNERS_PX), rings=tmp_path / "rings.csv")
+    assert track.warnings == ("camera 7 dropped out from 0.1 to 0.2 s", "camera 7 delivers no pictures")
+    assert track.frames == 70
+    assert not camera.is_open
+    assert len(read_rings(tmp_path / "rings.csv")) == LIT[:70].sum()
+
+
+def test_a_film_that_cannot_be_written_ends_it_and_leaves_the_table(
+    plug: Plug, reel: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def write(*_: Any) -> None:
+        raise FilmError("no space left")
+
+    camera = plug(reel)
+    monkeypatch.setattr(FilmWriter, "write", write)
+    with pytest.raises(FilmError, match="no space left"):
+        watch(TrackOptions(corners_px=CORNERS_PX), rings=tmp_path / "rings.csv", annotate=tmp_path / "seen.mp4")
+    assert not camera.is_open
+    assert (tmp_path / "rings.csv").read_text().startswith("time_s,")
+
+
+def test_a_record_that_cannot_be_written_is_no_camera_that_drops_out(
+    plug: Plug, reel: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = FilmWriter.write
+
+    def write(writer: FilmWriter, frame: Frame) -> None:
+        if frame.time_s > 2:
+            raise FilmError("no space left")
+        whole(writer, frame)
+
+    camera = plug(reel)
+    monkeypatch.setattr(FilmWriter, "write", write)
+    with pytest.raises(FilmError, match="no space left"):
+        watch(TrackOptions(corners_px=CORNERS_PX), record=tmp_path / "raw.mp4")
+    assert not camera.is_open
+    assert frames_in(tmp_path / "raw.mp4") > 10
+
+
+def test_a_page_is_gone_if_the_film_cannot_be_begun(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
+    port = free_port()
+    plug(reel)
+    with pytest.raises(EpuckSimError):
+        watch(TrackOptions(corners_px=CORNERS_PX), port=port, record=tmp_path / "none" / "raw.mp4")
+    check_port(port)
+
+
+def test_a_camera_whose_period_is_not_known_is_refused() -> None:
+    with pytest.raises(FilmError, match="camera 7: the period of the oscillators is not known"):
+        track_camera(7, TrackOptions(), Watching(), passed, print)
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+
+sys.path.insert(0, sys.argv[1])
+import epuck_sim.overhead.live as module
+from tests.overhead.test_track_camera import CORNERS_PX, LIT, TIMES, Imitation, TrackOptions, shoot, watch
+
+
+class Killed(Imitation):
+    def _give(self, frames):
+        yield from frames
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+module.LiveCamera = lambda *_: Killed(shoot(TIMES[:70], LIT[:70]), KeyboardInterrupt())
+watch(
+    TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0),
+    rings=Path("rings.csv"), annotate=Path("seen.mp4"), record=Path("raw.mp4"),
+)
+"""
+
+
+def test_what_was_written_until_a_kill_can_be_read(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-c", KILLED, str(root)]
+    ended = subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(root)}, check=False)
+    assert ended.returncode == -signal.SIGKILL
+    rows = read_rings(tmp_path / "rings.csv")
+    assert len(rows) == LIT[:70].sum()
+    for name in ("seen.mp4", "raw.mp4"):
+        assert 30 <= frames_in(tmp_path / name) <= 70  # all but about the last second
+
+
+def test_a_camera_is_shown_on_a_page(plug: Plug, reel: list[Frame]) -> None:
+    told: list[str] = []
+    shown: list[int] = []
+
+    def tell(words: str) -> None:
+        told.append(words)
+        address = words.split(" ", maxsplit=1)[0]
+        threading.Thread(target=lambda: shown.append(len(read_pictures(address, 2))), daemon=True).start()
+
+    def slowly() -> Iterator[Frame]:
+        for frame in reel[70:]:
+            time.sleep(0.02 if shown else 0.3)
+            yield frame
+
+    plug(itertools.chain(reel[:70], slowly()))
+    track = watch(TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), tell, port=0)
+    assert track.frames == len(reel)
+    assert told[0].endswith("/ shows camera 7")
+    assert shown == [2]
+
+
+def read_pictures(address: str, number: int) -> list[np.ndarray]:
+    """Return the next pictures on a page."""
+    pictures = []
+    with urllib.request.urlopen(f"{address}film", timeout=20) as stream:
+        for _ in range(number):
+            assert stream.readline() == b"--picture\r\n"
+            assert stream.readline() == b"Content-Type: image/jpeg\r\n"
+            length = int(stream.readline().split(b":")[1])
+            stream.readline()
+            pictures.append(cv2.imdecode(np.frombuffer(stream.read(length), np.uint8), cv2.IMREAD_COLOR))
+            stream.readline()
+    return pictures
+
+
+def test_a_page_shows_the_newest_picture() -> None:
+    red = np.full((40, 60, 3), (200, 0, 0), np.uint8)
+    with live_page("camera <7>", 0) as page:
+        with urllib.request.urlopen(page.address, timeout=20) as answer:
+            assert "<title>camera &lt;7&gt;</title>" in answer.read().decode()
+        showing = threading.Timer(0.2, page.show, [red])
+        showing.start()
+        (shown,) = read_pictures(page.address, 1)
+        showing.join()
+    assert shown.shape == red.shape
+    assert np.abs(shown[:, :, ::-1].astype(int) - red).max() < 10
+
+
+def test_a_port_that_is_taken_is_refused() -> None:
+    with live_page("one", 0) as page:
+        port = int(page.address.split(":")[2].strip("/"))
+        with pytest.raises(PortError, match=rf"port {port} cannot be used: .*; give another"), live_page("two", port):
+            pass
