@@ -5,11 +5,10 @@ from collections.abc import Iterator, Mapping
 
 from epuck_sim.display.numbers import in_words
 from epuck_sim.replication.checks import FormulaCheck
-from epuck_sim.replication.claims import Claim
 from epuck_sim.replication.contents import Contents
 from epuck_sim.replication.cost import Cost
 from epuck_sim.replication.markdown import Cell, Code, Link, paragraph, table
-from epuck_sim.replication.sweeps import Version, sweep_folder
+from epuck_sim.replication.sweeps import Version
 from epuck_sim.replication.verdicts import Answer, Judged, Verdict
 from epuck_sim.replication.wording import describe_check, describe_effect, describe_prediction, format_p
 
@@ -36,14 +35,16 @@ def make_page(contents: Contents, pictures: Mapping[str, str]) -> Iterator[str]:
     """
     yield f"# {TITLE}"
     yield paragraph(
-        _count_verdicts(contents), " This page is what this command wrote: ", _command(contents, *contents.chosen), "."
+        _count_verdicts(contents),
+        " This page is what this command wrote: ",
+        _command(contents, *contents.chosen),
+        "; followed by the ids of claims, it asks these alone.",
     )
     yield paragraph(QUICK if contents.version == Version.QUICK else "", RULES, f"{contents.checks}.")
     yield _verdict_table(contents)
     for answer in contents.answers:
         if answer.checks:
             yield from _show_claim(contents, answer, pictures)
-    yield from _not_asked(contents)
     if contents.notes:
         yield "## Contradictions, misprints and identities"
         for note in contents.notes:
@@ -72,16 +73,11 @@ def _verdict_table(contents: Contents) -> str:
                 claim.claim,
                 claim.section,
                 claim.says,
-                "; ".join(_in_short(each) for each in answer.checks) or claim.not_asked,
+                "; ".join(describe_effect(each.tested.effect) for each in answer.checks) or claim.not_asked,
                 answer.verdict.value,
-                _command(contents, claim.id) if is_asked else "",
             ]
         )
-    return table(["", "claim", "section", "it says", "ours", "verdict", "command"], rows)
-
-
-def _in_short(judged: Judged) -> str:
-    return f"{describe_effect(judged.tested.effect)}, predicted {describe_prediction(judged.tested.check)}"
+    return table(["", "claim", "section", "it says", "ours", "verdict"], rows)
 
 
 def _show_claim(contents: Contents, answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
@@ -96,12 +92,8 @@ def _show_claim(contents: Contents, answer: Answer, pictures: Mapping[str, str])
         yield f"![Claim {claim.id}: the curves that its tests look at]({pictures[claim.id]})"
     if claim.otherwise:
         yield paragraph(f"What would change this: {claim.otherwise}")
-    yield paragraph("Command: ", _command(contents, claim.id), _full_version(contents, claim))
-
-
-def _full_version(contents: Contents, claim: Claim) -> str:
-    cost = contents.costs.get(claim.sweep or "")
-    return "" if cost is None else f"; the full version takes {_in_time(cost)} of one core."
+    if cost := contents.costs.get(claim.sweep or ""):
+        yield paragraph(f"The full version takes {_in_time(cost)} of one core.")
 
 
 def _in_time(cost: Cost) -> str:
@@ -127,13 +119,6 @@ def _check_row(judged: Judged) -> list[Cell]:
     ]
 
 
-def _not_asked(contents: Contents) -> Iterator[str]:
-    left = [answer.claim for answer in contents.answers if not answer.checks]
-    if left:
-        yield "## Not asked"
-        yield table(["", "claim", "why"], [[claim.id, claim.claim, claim.not_asked] for claim in left])
-
-
 def _sweeps(contents: Contents) -> Iterator[str]:
     if not contents.sweeps:
         return
@@ -148,7 +133,6 @@ def _sweeps(contents: Contents) -> Iterator[str]:
             str(contents.limits[name]),
             in_words(status.wall_s),
             _in_time(contents.costs[name]) if name in contents.costs else "",
-            Code(f"epuck-sim summarize {sweep_folder(contents.folder, name, contents.version)}"),
         ]
         for name, status in contents.sweeps.items()
     ]
@@ -162,7 +146,6 @@ def _sweeps(contents: Contents) -> Iterator[str]:
             "limit of cycles",
             "time of trials",
             "of the full version",
-            "numbers",
         ],
         rows,
     )

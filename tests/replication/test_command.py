@@ -37,9 +37,8 @@ def test_the_page_has_a_row_for_each_claim_and_a_section_for_each_that_is_asked(
     rows = {row[0]: row for row in (line[2:-2].split(" | ") for line in page.splitlines() if line.startswith("| [A"))}
     assert rows.keys() == {f"[A{n}](#a{n})" for n in (1, 2, 3, 5)}
     assert [row[5] for row in rows.values()] == ["holds", "contradicted", "undecided", "holds"]
-    for number, row in zip((1, 2, 3, 5), rows.values(), strict=True):
-        assert row[6] == f"`epuck-sim replicate A{number} --quick --out {folder}`"
-    assert "| A4 | Claim A4 | 9 | so | It takes 900 CPU hours. | not asked |  |" in page
+    assert page.count("epuck-sim replicate") == 1
+    assert "| A4 | Claim A4 | 9 | so | It takes 900 CPU hours. | not asked |" in page
     assert re.findall(r"^## (.*)$", page, re.MULTILINE)[:4] == ["A1", "A2", "A3", "A5"]
     assert "5 claims: holds 2, contradicted 1, undecided 1, not asked 1." in page
     assert "of which there are 3." in page
