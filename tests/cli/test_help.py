@@ -38,7 +38,7 @@ def test_no_example_in_the_help_of_run_is_cut_off() -> None:
 
 def test_lists_are_also_json() -> None:
     listed = json.loads(called("list", "--json"))
-    assert list(listed) == ["scenarios", "sweeps", "controllers"]
+    assert list(listed) == ["scenarios", "sweeps", "controllers", "robots"]
     sweeps = list(listed["sweeps"])
     assert sweeps.index("fig-5-9") < sweeps.index("fig-5-10")
     assert listed["scenarios"]["pair"].startswith("two e-pucks")

@@ -18,7 +18,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util import atomic_write
-from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
+from epuck_sim.util.builtin import ARENAS, CONTROLLERS, ROBOTS, SWEEPS, builtin_files
 from epuck_sim.util.messages import natural_order
 from tests.processes import COMMAND, start, wait_until
 
@@ -105,7 +105,7 @@ def test_a_censored_trial_says_so() -> None:
 def test_list_names_arenas_and_controllers_a_line_each() -> None:
     lines = call("list").stdout.splitlines()
     names = [line.split()[0] for line in lines if line.startswith("  ")]
-    kinds = [sorted(builtin_files(kind), key=natural_order) for kind in (ARENAS, SWEEPS, CONTROLLERS)]
+    kinds = [sorted(builtin_files(kind), key=natural_order) for kind in (ARENAS, SWEEPS, CONTROLLERS, ROBOTS)]
     assert names == [name for kind in kinds for name in kind]
     assert names.index("fig-5-3") < names.index("fig-5-10")
     assert all(len(line.split()) > 3 for line in lines if line.startswith("  "))
@@ -144,7 +144,7 @@ def test_the_version_is_printed() -> None:
             ["run", "thesis", "--set", "robot=kilobot"],
             "signal.kind is 'camera', and the robot 'kilobot' has none",
         ),
-        (["run", "thesis", "--set", "robot=thymio"], "robot.kind: is 'thymio'; allowed: 'epuck' or 'kilobot'"),
+        (["run", "thesis", "--set", "robot=thymio"], "robot.kind: unknown 'thymio'; shipped robots: epuck, kilobot"),
         (["run", "thesis", "--set", "robot.kind=kilobot"], "give robot=kilobot instead"),
         (["run", "thesis", "--seed", "-1"], "--seed"),
         (["run", "thesis", "--seed", "1.5"], "--seed"),

@@ -114,9 +114,9 @@ def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_c
 
 def test_the_check_above_finds_a_constant_in_a_file_that_is_not_covered() -> None:
     seen: set[tuple[Path, str]] = set()
-    sources_of(PACKAGE / "runs" / "run_lock.py", "acquire", seen)
-    assert (PACKAGE / "runs" / "schema.py", "DATABASE") in seen
-    assert PACKAGE / "runs" / "schema.py" not in kernel_files("embodied")
+    sources_of(PACKAGE / "runs" / "share.py", "merge_folders", seen)
+    assert (PACKAGE / "runs" / "folder.py", "DATABASE") in seen
+    assert PACKAGE / "runs" / "folder.py" not in kernel_files("embodied")
 
 
 @pytest.fixture
