@@ -1,11 +1,11 @@
-"""Writes the reference of what is shipped: each scenario, sweep, controller and measure with its line and picture."""
+"""Writes the reference of what is shipped: scenarios, sweeps, robots, controllers, measures, with line and picture."""
 
 import ast
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from epuck_sim.cli.listing import list_measures, list_names
-from epuck_sim.util.builtin import CONTROLLERS, builtin_files
+from epuck_sim.util.builtin import CONTROLLERS, ROBOTS, builtin_files
 
 FIGURES = Path(__file__).parent.parent / "figures"
 """Folder of the pictures: of sweeps named after them, of others in `shipped`."""
@@ -37,6 +37,16 @@ def write_controllers() -> str:
     return "\n\n".join(parts)
 
 
+def write_robots() -> str:
+    """Return the shipped robots as Markdown: what each is, and its file."""
+    files = builtin_files(ROBOTS)
+    parts = [
+        (f"### `{name}`", description, f"```yaml\n{files[name].read_text(encoding='utf-8')}```")
+        for name, description in list_names()["robots"].items()
+    ]
+    return "\n\n".join(part for section in parts for part in section)
+
+
 def _parameters_in(source: str) -> str:
     """Return the lines of a controller's file that declare its parameters."""
     for statement in ast.parse(source).body:
@@ -60,6 +70,7 @@ def _pictures(kind: str, name: str) -> list[str]:
 WRITERS: dict[str, Callable[[], str]] = {
     "scenarios": write_scenarios,
     "sweeps": write_sweeps,
+    "robots": write_robots,
     "controllers": write_controllers,
     "measures": write_measures,
 }

@@ -268,6 +268,7 @@ def test_flashes_and_firings_of_made_up_steps(story: tuple[BoolArray, FloatArray
             np.ones(len(ring_on), bool),
             None,
             (memory,),
+            (),
             None,
         )
         cycles = watch.cycles
