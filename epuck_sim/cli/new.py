@@ -2,6 +2,7 @@
 
 import keyword
 import re
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -39,7 +40,11 @@ def new_sensor(
 ) -> None:
     """Write NAME.py, a commented sensor of robots that runs as it stands."""
     with exit_on_error():
+        from epuck_sim.control.interface import Sensors
+
         _reject_no_name(name, "sensor", "ground")
+        taken = name in Sensors._fields or name in sys.stdlib_module_names
+        reject_first((taken, f"{name!r} is taken, by what robots sense anyway or by Python; give another name"))
         command = f'run thesis --set "robots.0.sensors=[{name}.py]" --trace {name}.parquet'
         _write_new(Path(f"{name}.py"), SENSOR.format(name=name), command)
 

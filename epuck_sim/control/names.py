@@ -25,18 +25,44 @@ ARGUMENTS: Mapping[str, tuple[str, ...]] = {
 """What a controller's functions, and a sensor's, are given, in this order."""
 
 
+SEEN_OF_ROBOTS = ("x", "y", "heading", "ring_on", "present", "number")
+"""What a sensor sees of a robot's record."""
+
+
 def check_own_names(user: Controller | Sensor) -> None:
     """Reject a file that uses names which its memory, actuators, readings, world or parameters do not have.
 
     Raises:
         ControllerError: The message has file, line, and the nearest name.
     """
+    if isinstance(user, Sensor):
+        _check_nothing_set(user)
     own: dict[str, Sequence[str]] = (
-        {"readings": user.readings.names or (), "world": World._fields}
+        {"readings": user.readings.names or (), "world": World._fields, "robot": SEEN_OF_ROBOTS}
         if isinstance(user, Sensor)
         else {"memory": user.memory.names or (), "actuators": ACTUATORS.names or ()}
     )
     _check_names(user, {**own, "parameters": tuple(user.parameters)})
+
+
+def _check_nothing_set(sensor: Sensor) -> None:
+    """Refuse a sensor that sets anything of the world, a robot or its parameters: it would change outcomes."""
+    if not isinstance(sensor.sense, FunctionType):
+        return
+    definition = _definition_of(sensor.sense, {str(sensor.path): ast.parse(sensor.sources[sensor.path])})
+    if definition is None:
+        return
+    names = _names_of_arguments(definition, ARGUMENTS["sense"])
+    for node in ast.walk(definition):
+        if isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(node.ctx, ast.Load):
+            root: ast.expr = node
+            while isinstance(root, ast.Attribute | ast.Subscript):
+                root = root.value
+            role = names.get(root.id) if isinstance(root, ast.Name) else None
+            if role in ("world", "robot", "parameters"):
+                raise ControllerError(
+                    f"{sensor.path}:{node.lineno}: sets {ast.unparse(node)}; a sensor sets its readings alone"
+                )
 
 
 @lru_cache

@@ -12,6 +12,8 @@ keep their values until they are set again. `random` is a stream of the robot's 
 that nobody reads changes no outcome. The functions of `epuck_sim.embodied.sensing` tell what is at a place.
 """
 
+import keyword
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.control.interface import Sensor, Sensors
-from epuck_sim.control.names import check_own_names
+from epuck_sim.control.names import ARGUMENTS, check_own_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import Kind, Place, kept, load_python_file
 
@@ -30,6 +32,10 @@ def _shipped() -> Mapping[str, Path | None]:
 
 SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=_shipped)
 """What sensors in files of their own are found by."""
+
+
+MOST_NUMBERS = 10_000
+"""Most numbers of a reading."""
 
 
 def find_sensor(name: str, folder: Path | None = None) -> Sensor:
@@ -60,15 +66,30 @@ def _load(place: Place) -> Sensor:
         raise file.refusal("READINGS", "READINGS has no reading; allowed: at least one")
     if taken := next((name for name in parts["READINGS"] if name in Sensors._fields), None):
         raise file.refusal("READINGS", f"READINGS: {taken!r} is taken by a sensor that all robots have; choose another")
+    for name in parts["READINGS"]:
+        if keyword.iskeyword(name) or str(name).startswith("_"):
+            raise file.refusal("READINGS", f"READINGS: {name!r} is no name that `sensors` can have; choose another")
+    parameters, readings = file.parameters(), file.record_type("READINGS")
+    for name in readings.names or ():
+        if not 0 < math.prod(readings[name].shape) <= MOST_NUMBERS:
+            said = f"READINGS: {name!r} has the shape {readings[name].shape}; allowed: 1 to {MOST_NUMBERS} numbers"
+            raise file.refusal("READINGS", said)
+    if "file" in parameters:
+        raise file.refusal("PARAMETERS", "PARAMETERS: 'file' is the key of the sensor's file; choose another")
+    code = getattr(parts["sense"], "__code__", None)
+    if code is not None and code.co_argcount != len(ARGUMENTS["sense"]):
+        raise file.refusal(
+            "sense", f"sense takes {code.co_argcount} arguments; allowed: {', '.join(ARGUMENTS['sense'])}"
+        )
     sensor = Sensor(
         place.short_name,
         place.name,
         file.path,
-        file.parameters(),
+        parameters,
         parts.get("check"),
         file.sources,
         file.modules,
-        _floats_first(file.record_type("READINGS")),
+        _floats_first(readings),
         parts["sense"],
     )
     check_own_names(sensor)

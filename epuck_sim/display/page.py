@@ -25,7 +25,7 @@ pre, code { font: .875em/1.45 ui-monospace, monospace } code { overflow-wrap: an
 pre { background: var(--box); border-radius: 6px; padding: .75rem 1rem; overflow: auto; max-height: 34rem }
 summary { cursor: pointer; margin: .75rem 0 }
 figure { margin: 1.5rem 0 } figcaption { color: var(--faint); max-width: 48rem }
-figure > svg { display: block; width: 100%; max-width: 60rem; height: auto; background: #ffffff; border-radius: 6px }
+figure > svg { display: block; width: 100%; max-width: 40rem; height: auto; background: #ffffff; border-radius: 6px }
 """
 """Style of the page."""
 

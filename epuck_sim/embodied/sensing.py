@@ -36,8 +36,8 @@ def brightness_at(world: World, x: float, y: float) -> float:
     if scene.picture_rows == 0:
         return float(scene.brightness)
     rows, columns = scene.picture_rows, scene.picture_columns
-    column = min(max(int(x / world.width_cm * columns), 0), columns - 1)
-    row = rows - 1 - min(max(int(y / world.height_cm * rows), 0), rows - 1)
+    column = int(min(max(x / world.width_cm * columns, 0.0), columns - 1.0))
+    row = rows - 1 - int(min(max(y / world.height_cm * rows, 0.0), rows - 1.0))
     return float(swarm.picture[row * columns + column]) / 255.0
 
 
@@ -75,11 +75,14 @@ def nearest_robot(world: World, x: float, y: float, range_cm: float, but: int = 
         but: Number of a robot that does not count, such as the one that senses.
     """
     swarm, scene = world.swarm, world.swarm.scene[0]
-    first_column = cell_index(x - range_cm, scene.cell_width_cm, scene.columns)
-    last_column = cell_index(x + range_cm, scene.cell_width_cm, scene.columns)
-    first_row = cell_index(y - range_cm, scene.cell_height_cm, scene.rows)
+    left, right = max(x - range_cm, 0.0), min(x + range_cm, world.width_cm)  # no whole number is as large as a far x
+    low, high = max(y - range_cm, 0.0), min(y + range_cm, world.height_cm)
+    first_column = cell_index(min(left, world.width_cm), scene.cell_width_cm, scene.columns)
+    last_column = cell_index(max(right, 0.0), scene.cell_width_cm, scene.columns)
+    first_row = cell_index(min(low, world.height_cm), scene.cell_height_cm, scene.rows)
+    last_row = cell_index(max(high, 0.0), scene.cell_height_cm, scene.rows)
     nearest, least = NOBODY, range_cm * range_cm
-    for row in range(first_row, cell_index(y + range_cm, scene.cell_height_cm, scene.rows) + 1):
+    for row in range(first_row, last_row + 1):
         first = row * scene.columns
         for place in range(swarm.cells[first + first_column], swarm.cells[first + last_column + 1]):
             member = swarm.members[place]
@@ -94,6 +97,8 @@ def nearest_robot(world: World, x: float, y: float, range_cm: float, but: int = 
 @jit_no_alloc
 def distance_cm(world: World, x: float, y: float, direction: float, range_cm: float, but: int = NOBODY) -> float:
     """Return the distance along a ray to the first wall, obstacle, movable or robot; infinity if none is in range.
+
+    A ray that begins beyond a wall meets it at once.
 
     Args:
         world: The world.
@@ -119,4 +124,4 @@ def distance_cm(world: World, x: float, y: float, direction: float, range_cm: fl
         if number != but:
             other = world.robots[number]
             nearest = min(nearest, to_disc(x, y, dx, dy, other.x, other.y, world.radius_cm))
-    return nearest if nearest <= range_cm else math.inf
+    return max(nearest, 0.0) if nearest <= range_cm else math.inf

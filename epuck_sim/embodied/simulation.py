@@ -131,13 +131,13 @@ class Simulation:
             GroupControllers(block, swarm, number, controller, self._own_sensors[number], interpret=self._interpret)
             for number, controller in enumerate(controllers)
         ]
-        self._sensors = [
-            OwnSensor(block, swarm, number, sensor, interpret=self._interpret)
-            for number, sensor in enumerate(itertools.chain(*self._own_sensors))
-        ]
-        sections = itertools.chain(*(group.sensors.values() for group in scenario.robots))
-        for own, section in zip(self._sensors, sections, strict=True):
-            own.parameters[:] = own.sensor.parameter_record({name: section[name] for name in own.sensor.parameters})
+        sections = [item for group in scenario.robots for item in group.sensors.items()]
+        sensors = itertools.chain(*self._own_sensors)
+        self._sensors = []
+        for number, ((name, section), sensor) in enumerate(zip(sections, sensors, strict=True)):
+            own = OwnSensor(block, swarm, number, name, sensor, interpret=self._interpret)
+            own.parameters[:] = sensor.parameter_record({key: section[key] for key in sensor.parameters})
+            self._sensors.append(own)
         for group, record in zip(self._groups, parameters, strict=True):
             group.parameters[:] = record
         self._first_parameters = parameters

@@ -24,6 +24,7 @@ from epuck_sim.scenario.robot_schedule import RobotScheduleEntry, check_schedule
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.schedule import conditions_in
+from epuck_sim.scenario.sensors import check_readings
 from epuck_sim.scenario.stop import StopSection
 
 ROBOT_BYTES, GROUP_BYTES, PIXEL_BYTES = 4800, 15_000, 8
@@ -194,6 +195,7 @@ class EmbodiedScenario(Scenario):
             else resolve_group(group, self.timing.step_ms, f"{origin}: robots.{number}", folder)
             for number, group in enumerate(self.robots)
         )
+        check_readings([group.sensors for group in robots], origin)
         check_oscillators(self.faults, robots, swept, origin)
         check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
         if any(entry.arena_values() for entry in self.schedule) and not any(

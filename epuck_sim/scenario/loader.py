@@ -1,5 +1,6 @@
 """Scenarios from YAML files: find the file, apply changes, validate, resolve, and write the scenario again."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, overload
@@ -110,12 +111,14 @@ def load_scenario(
     if isinstance(source, Scenario) and not any((settings, axes, measures, controller, quick)):
         return source.resolved(source.name)
     given, origin, folder = _read(source)
-    given = _expanded(_choose_version(given, origin, quick=quick), origin, folder)
+    given = _choose_version(given, origin, quick=quick)
     if controller is not None:
         given = note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"], [])
     if measures:
         given = add_measures(given, measures, origin)
     for setting in settings:
+        if re.match(r"robots\.\d+\.sensors\.", setting):  # which leads into a sensor that may be given in a list
+            given = _expanded(given, origin, folder)
         given = apply_override(given, setting)
     for axis in axes:
         given = add_axis(given, axis)
@@ -130,10 +133,11 @@ def load_scenario(
 
 
 def _expanded(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
-    """Return a scenario's keys with its robot's file and with sensors in each group, so that keys lead to them."""
+    """Return a scenario's keys with the path of its robot's file, and with sensors by name in each group."""
     if given.get("model", "embodied") != "embodied":
         return dict(given)
-    return spread(with_robot(given, origin, folder), origin)
+    found, sensors = with_robot(given, origin, folder)
+    return spread(found, sensors, origin)
 
 
 def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str, Path | None]:

@@ -6,6 +6,8 @@ from typing import Any
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
+from epuck_sim.scenario.robot_kind import sensors_of_robot
+from epuck_sim.scenario.sensors import given_to_all, without_those_of
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.messages import short_repr
 
@@ -34,6 +36,10 @@ def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> di
     """
     if key == "robot.kind":
         raise ScenarioError(f"{origin}: another kind of robot has other values in all keys; give robot={value} instead")
+    if key == "sensors":  # of all robots
+        return {**given, "robots": given_to_all(given.get("robots") or [{}], value), "sensors": None}
+    if key == "robot" and "robots" in given:
+        given = {**given, "robots": without_those_of(sensors_of_robot(given.get("robot")), given["robots"])}
     parts = key.split(".")
     if len(parts) > MAX_PARTS:
         raise ScenarioError(f"{origin[:60]}...: a key of {len(parts)} parts; allowed: at most {MAX_PARTS}")

@@ -69,15 +69,17 @@ def find_robot(name: str, folder: Path | None = None) -> RobotFile:
     given = read_yaml(place.path)
     if not isinstance(given, Mapping):
         raise ScenarioError(f"{place.path}: is {short_repr(given)}; a robot is a mapping of keys to values")
-    keys = {key: value for key, value in given.items() if key not in ("description", "sensors", "kind")}
+    if "kind" in given:
+        raise ScenarioError(f"{place.path}: kind: a robot's file has none; what it leaves out is the e-puck's")
+    keys = {key: value for key, value in given.items() if key not in ("description", "sensors")}
     return RobotFile(place.name, keys, beside(given.get("sensors") or [], place.path.parent))
 
 
-def with_robot(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
-    """Return a scenario's keys with the path of its robot's file, and with the sensors that come with that robot.
+def with_robot(given: Mapping[str, Any], origin: str, folder: Path | None) -> tuple[dict[str, Any], Any]:
+    """Return a scenario's keys with the path of its robot's file, and the sensors that come with that robot.
 
     Args:
-        given: The keys; sensors that they give for all robots take the place of the robot's.
+        given: The keys.
         origin: Begins every message.
         folder: The robot's file is looked for here first, then in the working directory.
 
@@ -87,13 +89,21 @@ def with_robot(given: Mapping[str, Any], origin: str, folder: Path | None) -> di
     robot = given.get("robot")
     section = {"kind": robot} if isinstance(robot, str) else robot
     if not isinstance(section, Mapping) or not isinstance(section.get("kind"), str) or _is_whole(section):
-        return dict(given)
+        return dict(given), {}
     try:
         found = find_robot(section["kind"], folder)
     except ScenarioError as error:
         raise ScenarioError(f"{origin}: robot.kind: {error}") from error
-    sensors = {"sensors": found.sensors} if found.sensors else {}
-    return {**sensors, **given, "robot": {**section, "kind": found.name}}
+    return {**given, "robot": {**section, "kind": found.name}}, found.sensors
+
+
+def sensors_of_robot(robot: Any) -> Mapping[str, Any]:
+    """Return the sensors that come with a robot, given as in a scenario; none if there is no such robot."""
+    name = robot.get("kind") if isinstance(robot, Mapping) else robot
+    try:
+        return find_robot(name).sensors if isinstance(name, str) else {}
+    except ScenarioError:
+        return {}
 
 
 def _is_whole(section: Mapping[str, Any]) -> bool:

@@ -4,7 +4,7 @@ They are given as a list of files, `[ground.py, {light.py: {range_cm: 30}}]`, or
 scenario keeps them by names, which are those of their files, so that `robots.0.sensors.ground.noise` is a key.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ def by_name(given: Any) -> dict[str, dict[str, Any]]:
         if not name.isidentifier():
             raise ValueError(f"{name!r} is no name for a sensor; allowed: letters, digits and _")
         if name in named:
-            raise ValueError(f"{name} is there twice; give names, such as {{left: {{file: {name}.py}}}}")
+            raise ValueError(f"{name} is there twice; allowed: each sensor once in a group")
         named[name] = dict(sensor)
     return named
 
@@ -68,29 +68,75 @@ def beside(given: Any, folder: Path) -> dict[str, dict[str, Any]]:
     return named
 
 
-def spread(given: Mapping[str, Any], origin: str) -> dict[str, Any]:
+def spread(given: Mapping[str, Any], of_robot: Any, origin: str) -> dict[str, Any]:
     """Return a scenario's keys with the sensors of all robots in each group, and with names for those of each.
 
     Args:
         given: The keys; `sensors` stands for all groups that have no sensors of their own.
+        of_robot: Sensors that come with the robot; those that are given take their place.
         origin: Begins every message.
 
     Raises:
-        ScenarioError: They are given in another way.
+        ScenarioError: They are given in another way, or for all robots where each group has its own.
     """
-    common, groups = given.get("sensors"), given.get("robots") or [{}]
-    lists = isinstance(groups, list | tuple) and all(isinstance(group, Mapping) for group in groups)
-    if not lists or (common is None and not any("sensors" in group for group in groups)):
-        return dict(given)
-    spread = []
-    for number, group in enumerate(groups):
-        where = f"robots.{number}.sensors" if "sensors" in group else "sensors"
-        try:
-            named = by_name(group.get("sensors", common) or {})
-        except ValueError as error:
-            raise ScenarioError(f"{origin}: {where}: {error}") from error
-        spread.append({**group, "sensors": named})
-    return {**{key: value for key, value in given.items() if key != "sensors"}, "robots": spread}
+    others, groups = {key: value for key, value in given.items() if key != "sensors"}, given.get("robots") or [{}]
+    for_all = given.get("sensors")
+    common = of_robot if for_all is None else for_all
+    if not isinstance(groups, list | tuple) or not all(isinstance(group, Mapping) for group in groups):
+        return others
+    has_own = ["sensors" in group for group in groups]
+    if for_all is not None and all(has_own):
+        raise ScenarioError(f"{origin}: sensors: each group of robots has sensors of its own; leave sensors out")
+    if not common and not any(has_own):
+        return others
+    named = [
+        {**group, "sensors": _named(group["sensors"] or {}, f"{origin}: robots.{number}.sensors")}
+        if "sensors" in group
+        else {**group, "sensors": _named(common, f"{origin}: sensors")}
+        for number, group in enumerate(groups)
+    ]
+    return {**others, "robots": named}
+
+
+def _named(given: Any, where: str) -> dict[str, dict[str, Any]]:
+    """Do what `by_name` does; raise ScenarioError, with where they are given."""
+    try:
+        return by_name(given)
+    except ValueError as error:
+        raise ScenarioError(f"{where}: {error}") from error
+
+
+def given_to_all(groups: Any, sensors: Any) -> Any:
+    """Return groups of robots which all have these sensors, and none of their own."""
+    if not isinstance(groups, list | tuple) or not all(isinstance(group, Mapping) for group in groups):
+        return groups
+    return [{**group, "sensors": sensors} for group in groups]
+
+
+def without_those_of(robot_sensors: Mapping[str, Any], groups: Any) -> Any:
+    """Return groups of robots without sensors that came with a robot, or with none: another robot brings its own."""
+    if not isinstance(groups, list | tuple) or not all(isinstance(group, Mapping) for group in groups):
+        return groups
+    brought: tuple[set[str], ...] = (set(), set(robot_sensors))
+    return [
+        {key: value for key, value in group.items() if key != "sensors" or set(value or ()) not in brought}
+        for group in groups
+    ]
+
+
+def check_readings(groups: Sequence[Mapping[str, Mapping[str, Any]]], origin: str) -> None:
+    """Raise ScenarioError if sensors of two groups tell readings of one name and of different shapes."""
+    shapes: dict[str, tuple[int, tuple[int, ...]]] = {}
+    for number, sensors in enumerate(groups):
+        for name, given in sensors.items():
+            readings = find_sensor(given[FILE]).readings
+            for reading in readings.names or ():
+                first, shape = shapes.setdefault(reading, (number, readings[reading].shape))
+                if shape != readings[reading].shape:
+                    raise ScenarioError(
+                        f"{origin}: robots.{number}.sensors.{name}: tells {reading!r} with the shape "
+                        f"{readings[reading].shape}, and robots.{first} with {shape}; rename one of them"
+                    )
 
 
 def sensor_parameters(

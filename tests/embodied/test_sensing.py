@@ -8,11 +8,14 @@ from epuck_sim import Simulation
 from epuck_sim.arena import brightness_at, clearance_cm, light_at
 
 LOOKS = """
+import math
+
 from epuck_sim.embodied import sensing
 
 PARAMETERS = {"range_cm": 20.0}
 READINGS = {
-    "brightness": float, "light": float, "clearance": float, "distance": float, "nearest": int, "alone": int,
+    "brightness": float, "light": float, "clearance": float, "distance": float,
+    "nearest": int, "alone": int, "anywhere": int,
 }
 
 
@@ -21,6 +24,7 @@ def sense(world, robot, readings, parameters, random):
     readings.light = sensing.light_at(world, robot.x, robot.y)
     readings.clearance = sensing.clearance_cm(world, robot.x, robot.y)
     readings.nearest = sensing.nearest_robot(world, robot.x, robot.y, parameters.range_cm, robot.number)
+    readings.anywhere = sensing.nearest_robot(world, robot.x, robot.y, math.inf, robot.number)
     readings.alone = sensing.nearest_robot(world, robot.x, robot.y, parameters.range_cm)
     readings.distance = sensing.distance_cm(
         world, robot.x, robot.y, robot.heading, parameters.range_cm, robot.number
@@ -78,6 +82,7 @@ def test_slow_twins_see_the_same(tmp_path, monkeypatch, interpret, has_picture):
         nearest = np.where(apart.min(axis=1) < 20, apart.argmin(axis=1), -1)
         np.testing.assert_array_equal(seen["nearest"], nearest)
         np.testing.assert_array_equal(seen["alone"], np.arange(30))
+        np.testing.assert_array_equal(seen["anywhere"], apart.argmin(axis=1))
         np.testing.assert_allclose(
             seen["clearance"], [clearance_cm(step.arena, *each) for each in zip(x, y, strict=True)]
         )

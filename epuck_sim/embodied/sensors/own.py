@@ -91,6 +91,8 @@ class OwnSensor:
     """A sensor of one group of robots of a block, which must stay where it is."""
 
     sensor: Sensor
+    name: str
+    """Its name in the scenario."""
     robots: slice
     """Numbers of the robots that have it."""
     run: Callable[[ByteArray, IntArray, int], None]
@@ -98,13 +100,16 @@ class OwnSensor:
     address: int
     """Address of `run` in this process; 0 if it is interpreted."""
 
-    def __init__(self, block: ByteArray, swarm: Swarm, number: int, sensor: Sensor, *, interpret: bool = False) -> None:
+    def __init__(
+        self, block: ByteArray, swarm: Swarm, number: int, name: str, sensor: Sensor, *, interpret: bool = False
+    ) -> None:
         """Compile a sensor, without calling it.
 
         Args:
             block: The swarm, in which the sensor has its bytes, see `assign_sense`.
             swarm: The arrays of the block.
             number: Index of the sensor in `Swarm.senses`.
+            name: Its name in the scenario.
             sensor: The sensor.
             interpret: Whether it runs as plain Python instead of compiled.
 
@@ -112,7 +117,7 @@ class OwnSensor:
             ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
         """
         check_imported_copies(sensor)
-        self.sensor, self._number, self._is_compiled = sensor, number, not interpret
+        self.sensor, self.name, self._number, self._is_compiled = sensor, name, number, not interpret
         self._block, self._swarm = block, swarm
         self._scene, self._own = self._swarm.scene[0], self._swarm.senses[number]
         self.robots = slice(int(self._own.first), int(self._own.first + self._own.count))
@@ -145,7 +150,7 @@ class OwnSensor:
 
     def draw_streams(self, seed: int) -> None:
         """Set the robots' streams for the trial with a seed: they depend on the sensor's name and the robot alone."""
-        sequence = np.random.SeedSequence(seed, spawn_key=(Part.SENSORS, crc32(self.sensor.name.encode())))
+        sequence = np.random.SeedSequence(seed, spawn_key=(Part.SENSORS, crc32(self.name.encode())))
         streams = robot_streams(sequence, self.robots.stop)[self.robots]
         self._swarm.sensed[self._own.random : self._own.end] = streams.view(np.uint8).ravel()
 

@@ -6,6 +6,7 @@ import pytest
 
 from epuck_sim import Simulation, load_scenario, run_trial
 from epuck_sim.errors import ControllerError, EpuckSimError
+from epuck_sim.scenario.points import points
 from epuck_sim.testing import TestRobot
 from epuck_sim.trial.trace import Trace
 
@@ -219,6 +220,19 @@ MISTAKES = {
     "taken": (GROUND.replace('"own_number": int', '"camera": int'), r"READINGS: 'camera' is taken"),
     "a name": (GROUND.replace("readings.own_number", "readings.own"), r"ground\.py:13: readings have no 'own'"),
     "world": (GROUND.replace("world.width_cm", "world.width"), r"ground\.py:11: world has no 'width'; did you mean"),
+    "robot": (GROUND.replace("robot.heading", "robot.hedaing"), r"ground\.py:10: robot has no 'hedaing'; did you mean"),
+    "moves": (
+        GROUND.replace("readings.own_number = ", "robot.x = "),
+        r"ground\.py:13: sets robot\.x; a sensor sets",
+    ),
+    "pushes": (GROUND.replace("readings.own_number = ", "world.robots[0].x = "), r"ground\.py:13: sets world\.robots"),
+    "keyword": (GROUND.replace('"own_number"', '"class"'), r"READINGS: 'class' is no name that `sensors` can have"),
+    "file": (GROUND.replace('"noise": 0.0', '"file": 0.0'), r"PARAMETERS: 'file' is the key of the sensor's file"),
+    "empty": (GROUND.replace("(float, 2)", "(float, 0)"), r"READINGS: 'ground' has the shape \(0,\); allowed: 1 to"),
+    "arguments": (
+        GROUND.replace("(world, robot, ", "(robot, "),
+        r"ground\.py:9: sense takes 4 arguments; allowed: w",
+    ),
     "syntax": (GROUND.replace("def sense", "def sense("), r"ground\.py:9: cannot be loaded: SyntaxError"),
     "compiled": (
         GROUND.replace("math.cos(robot", "math.cos('a', robot"),
@@ -243,7 +257,7 @@ def test_a_file_that_is_no_sensor_is_refused_with_its_line(files, text, message)
             r"sensors\.ground: .*'nois'.*did you mean 'noise'",
         ),
         (scenario([{"ground.py": {"noise": "a"}}]), r"sensors\.ground: noise is 'a'; allowed: a number"),
-        (scenario(["ground.py", "ground.py"]), r"robots\.0\.sensors: ground is there twice; give names"),
+        (scenario(["ground.py", "ground.py"]), r"robots\.0\.sensors: ground is there twice; allowed: each"),
         (scenario({"a": {"file": "ground.py"}, "b": {"file": "ground.py"}}.items()), r"sensors: has \('a'"),
         (scenario([3]), r"robots\.0\.sensors: has 3; allowed: a list of files"),
         (scenario([]), r"follower\.py:\d+: sensors have no 'ground'"),
@@ -258,6 +272,47 @@ def test_a_file_that_is_no_sensor_is_refused_with_its_line(files, text, message)
 def test_a_scenario_that_names_sensors_wrongly_is_refused(given, message):
     with pytest.raises(EpuckSimError, match=message):
         load_scenario(given)
+
+
+@pytest.mark.usefixtures("files")
+def test_sensors_given_anew_take_the_place_of_those_of_all_robots_in_settings_and_in_sweeps():
+    given = {"robots": [{"count": 2, "controller": "wanderer.py"}], "sensors": ["ground.py"], "stop": {"max_time_s": 1}}
+    assert set(load_scenario(given, ["sensors=[dice.py]"]).robots[0].sensors) == {"dice"}
+    assert load_scenario(load_scenario(given), ["sensors=[]"]).robots[0].sensors == {}
+    swept = points(load_scenario(given, axes=["sensors=[dice.py],[ground.py, dice.py]"]))
+    assert [set(point.scenario.robots[0].sensors) for point in swept] == [{"dice"}, {"ground", "dice"}]
+    with pytest.raises(EpuckSimError, match="sensors: each group of robots has sensors of its own; leave sensors out"):
+        load_scenario({**scenario(), "sensors": ["dice.py"]})
+
+
+@pytest.mark.usefixtures("files")
+def test_another_robot_brings_its_own_sensors(tmp_path):
+    for name, sensor in (("one", "dice.py"), ("other", "ground.py")):
+        (tmp_path / f"{name}.yaml").write_text(f"radius_cm: 4\nsensors: [{sensor}]\n")
+    given = {"robots": [{"count": 2, "controller": "wanderer.py"}], "robot": "one.yaml", "stop": {"max_time_s": 1}}
+    for base in (given, load_scenario(given)):
+        assert set(load_scenario(base, ["robot=other.yaml"]).robots[0].sensors) == {"ground"}
+        assert load_scenario(base, ["robot=epuck"]).robots[0].sensors == {}
+    swept = points(load_scenario(given, axes=["robot=one.yaml,other.yaml,epuck"]))
+    assert [set(point.scenario.robots[0].sensors) for point in swept] == [{"dice"}, {"ground"}, set()]
+
+
+def test_two_files_of_one_name_draw_from_streams_of_their_own(tmp_path, files):
+    files(other=RANDOM % ("second", "second"))
+    (tmp_path / "left").mkdir()
+    (tmp_path / "left" / "dice.py").write_text(RANDOM % ("left", "left"))
+    sensors = {"a": "dice.py", "b": "left/dice.py"}
+    given = {"robots": [{"count": 3, "controller": "wanderer.py", "sensors": sensors}]}
+    readings = Simulation(given, 1).advance(1).readings
+    assert not (readings["left"] == readings["dice"]).any()
+
+
+def test_readings_of_one_name_and_of_two_shapes_are_refused(files):
+    wide = RANDOM.replace("float}", "(float, 3)}").replace(" = uniform", "[0] = uniform")
+    files(wide=wide % ("dice", "dice"))
+    groups = [{"count": 1, "sensors": ["dice.py"]}, {"count": 1, "sensors": ["wide.py"]}]
+    with pytest.raises(EpuckSimError, match=r"robots\.1\.sensors\.wide: tells 'dice' with the shape \(3,\), and"):
+        load_scenario({"robots": groups})
 
 
 @pytest.mark.usefixtures("files")
