@@ -110,8 +110,10 @@ def test_what_packages_offer_is_used_by_name():
 def test_a_sweep_s_workers_find_what_packages_offer_and_its_folder_knows_their_files(tmp_path):
     sweep = ("plaza", "--sweep", "robots.0.controller=firefly,dark_walk", "--workers", "2")
     for trials in ("2", "3"):
-        result = call("run", *sweep, "--trials", trials, "--out", tmp_path / "runs")
-        assert result.exit_code == 0, result.stderr
+        # in a process of its own: workers are forks of what was started first, which may not know the packages
+        command = [sys.executable, "-m", "epuck_sim", "run", *sweep, "--trials", trials, "--out", tmp_path / "runs"]
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert ended.returncode == 0, ended.stderr
     scenario = points(load_scenario("plaza", axes=["robots.0.controller=firefly,dark_walk"]))[1].scenario
     assert scenario.robots[0].controller == "dark_walk"
     assert [name.partition(" with digest ")[0] for name in own_files(scenario)] == ["dark_walk", "nearest_robot"]
