@@ -246,6 +246,13 @@ class PythonFile(NamedTuple):
             raise self.refusal("PARAMETERS", f"PARAMETERS: {error}") from error
         return parameters
 
+    def check(self) -> Callable[[SimpleNamespace], None] | None:
+        """Return the function `check(parameters)`, if there is one; raise EpuckSimError if it is no function."""
+        check: Callable[[SimpleNamespace], None] | None = self.parts.get("check")
+        if "check" in self.parts and not callable(check):
+            raise self.refusal("check", "check must be a function check(parameters), or not be there")
+        return check
+
     def record_type(self, part: str) -> np.dtype[Any]:
         """Return the record type whose fields a mapping of the file declares, see `record_type`.
 

@@ -60,8 +60,6 @@ def _load(place: Place) -> Controller:
     for part, wanted in PARTS.items():
         if not (isinstance(parts.get(part), dict) if part.isupper() else callable(parts.get(part))):
             raise file.refusal(part, f"a controller needs {part}: {wanted}")
-    if not callable(parts.get("check", print)):
-        raise file.refusal("check", "check must be a function check(parameters), or not be there")
     external = parts.get("EXTERNAL", ())
     if not isinstance(external, tuple) or any(part not in EXTERNAL for part in external):
         allowed = comma_list(list(EXTERNAL))
@@ -71,7 +69,7 @@ def _load(place: Place) -> Controller:
         place.name,
         file.path,
         file.parameters(),
-        parts.get("check"),
+        file.check(),
         file.sources,
         file.modules,
         file.record_type("MEMORY"),

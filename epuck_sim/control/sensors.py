@@ -14,7 +14,6 @@ that nobody reads changes no outcome. The functions of `epuck_sim.embodied.sensi
 
 import keyword
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +24,7 @@ from epuck_sim.control.names import ARGUMENTS, check_own_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import Kind, Place, kept, load_python_file
 
-
-def _shipped() -> Mapping[str, Path | None]:
-    return {}
-
-
-SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=_shipped)
+SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=dict)
 """What sensors in files of their own are found by."""
 
 
@@ -60,8 +54,6 @@ def _load(place: Place) -> Sensor:
     if not callable(parts.get("sense")):
         said = "a sensor needs sense: a function sense(world, robot, readings, parameters, random)"
         raise file.refusal("sense", said)
-    if not callable(parts.get("check", print)):
-        raise file.refusal("check", "check must be a function check(parameters), or not be there")
     if not parts["READINGS"]:
         raise file.refusal("READINGS", "READINGS has no reading; allowed: at least one")
     if taken := next((name for name in parts["READINGS"] if name in Sensors._fields), None):
@@ -86,7 +78,7 @@ def _load(place: Place) -> Sensor:
         place.name,
         file.path,
         parameters,
-        parts.get("check"),
+        file.check(),
         file.sources,
         file.modules,
         _floats_first(readings),

@@ -23,7 +23,7 @@ from epuck_sim.embodied.sensors.completion import completion, names_of_readings
 from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, open_block, swarm_at
 from epuck_sim.embodied.user_code import RobotError, as_python, line_again, view_at
 from epuck_sim.user_files import line_of_error
-from epuck_sim.util.jit import address_of, jit_no_alloc, kernel_digest
+from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest
 from epuck_sim.util.native import array_at, call_c, function_address
 
 Records = npt.NDArray[np.void]
@@ -166,7 +166,7 @@ class GroupControllers:
         """
         check_imported_copies(controller)
         check_sensed(controller, names_of_readings(sensors))
-        self.controller, self._sensors = controller, sensors
+        self.controller, self._sensors = controller, tuple(sensors)
         self._block, self._number, self._swarm = block, number, swarm
         self._scene, self._group = swarm.scene[0], swarm.groups[number]
         self.robots = slice(int(self._group.first), int(self._group.first + self._group.count))
@@ -182,7 +182,7 @@ class GroupControllers:
         elif interpret:
             self.run = self._interpreted(swarm)
         else:
-            names = {"start": controller.start, "step": controller.step, "complete": completion(sensors)}
+            names = {"start": controller.start, "step": controller.step, "complete": completion(self._sensors)}
             types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
             contents = repr([(each.name, each.readings) for each in sensors])
             self.run = compile_for(controller, _run, kernel_digest("embodied"), {**names, **types}, contents)
@@ -270,7 +270,7 @@ class GroupControllers:
 
     def _interpreted(self, swarm: Swarm) -> Any:
         """Return `_run` as plain Python."""
-        controller, complete = self.controller, completion(self._sensors, view_at)
+        controller, complete = self.controller, bind(completion(self._sensors).function, array_at=view_at)
         functions = {"start": controller.start, "step": controller.step, "complete": complete}
         types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
         return as_python(_run, _views(swarm), {**functions, **types})

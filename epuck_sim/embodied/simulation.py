@@ -339,8 +339,8 @@ class Simulation:
         self._find_periods()
 
     def _set_sensor(self, group: int, name: str, values: Mapping[str, Value]) -> None:
-        names = [(number, key) for number, section in enumerate(self.scenario.robots) for key in section.sensors]
-        changed = self._sensors[names.index((group, name))]
+        of = name, self._groups[group].robots
+        changed = next(sensor for sensor in self._sensors if (sensor.name, sensor.robots) == of)
         now = {**self.scenario.robots[group].sensors[name], **changed.sensor.parameter_values(changed.parameters[0])}
         origin = f"{self.scenario.name}: robots.{group}.sensors"
         resolved = sensor_parameters({name: now}, name, values, origin)

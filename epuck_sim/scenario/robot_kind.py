@@ -15,7 +15,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive
 from epuck_sim.scenario.sensors import beside
 from epuck_sim.scenario.yaml_io import read_yaml
-from epuck_sim.user_files import Kind
+from epuck_sim.user_files import Kind, Place, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
 from epuck_sim.util.messages import short_repr
 
@@ -29,9 +29,6 @@ _EPUCK_SENSORS = tuple(
     )
 )
 
-
-DEFAULT = "epuck"
-"""The robot whose values stand for those that are not given."""
 
 ROBOT = Kind(
     noun="robot",
@@ -50,8 +47,10 @@ class RobotFile(NamedTuple):
     """Name by which it is found again."""
     keys: dict[str, Any]
     """Values of the keys of a `RobotKind`."""
-    sensors: Any
+    sensors: Mapping[str, Any]
     """Its sensors in files of their own, as a scenario gives them."""
+    sources: Mapping[Path, bytes]
+    """Contents of the file, at the time of loading."""
 
 
 def find_robot(name: str, folder: Path | None = None) -> RobotFile:
@@ -64,7 +63,11 @@ def find_robot(name: str, folder: Path | None = None) -> RobotFile:
     Raises:
         ScenarioError: There is no such robot, or its file is no mapping of keys to values.
     """
-    place = ROBOT.locate(name, folder)
+    return _load(ROBOT.locate(name, folder))
+
+
+@kept
+def _load(place: Place) -> RobotFile:
     assert place.path is not None  # each has a file
     given = read_yaml(place.path)
     if not isinstance(given, Mapping):
@@ -72,7 +75,8 @@ def find_robot(name: str, folder: Path | None = None) -> RobotFile:
     if "kind" in given:
         raise ScenarioError(f"{place.path}: kind: a robot's file has none; what it leaves out is the e-puck's")
     keys = {key: value for key, value in given.items() if key not in ("description", "sensors")}
-    return RobotFile(place.name, keys, beside(given.get("sensors") or [], place.path.parent))
+    sensors = beside(given.get("sensors") or [], place.path.parent)
+    return RobotFile(place.name, keys, sensors, {place.path: place.path.read_bytes()})
 
 
 def with_robot(given: Mapping[str, Any], origin: str, folder: Path | None) -> tuple[dict[str, Any], Any]:
@@ -86,9 +90,8 @@ def with_robot(given: Mapping[str, Any], origin: str, folder: Path | None) -> tu
     Raises:
         ScenarioError: There is no such robot.
     """
-    robot = given.get("robot")
-    section = {"kind": robot} if isinstance(robot, str) else robot
-    if not isinstance(section, Mapping) or not isinstance(section.get("kind"), str) or _is_whole(section):
+    section = _as_section(given.get("robot"))
+    if not _needs_file(section):
         return dict(given), {}
     try:
         found = find_robot(section["kind"], folder)
@@ -99,16 +102,23 @@ def with_robot(given: Mapping[str, Any], origin: str, folder: Path | None) -> tu
 
 def sensors_of_robot(robot: Any) -> Mapping[str, Any]:
     """Return the sensors that come with a robot, given as in a scenario; none if there is no such robot."""
-    name = robot.get("kind") if isinstance(robot, Mapping) else robot
+    section = _as_section(robot)
+    name = section.get("kind") if isinstance(section, Mapping) else None
     try:
         return find_robot(name).sensors if isinstance(name, str) else {}
     except ScenarioError:
         return {}
 
 
-def _is_whole(section: Mapping[str, Any]) -> bool:
-    """Return whether a section `robot` has all keys, as scenarios are stored, and needs no file."""
-    return RobotKind.model_fields.keys() <= section.keys()
+def _as_section(robot: Any) -> Any:
+    """Return what is given as `robot` with its name, if it is one, as a section's."""
+    return {"kind": robot} if isinstance(robot, str) else robot
+
+
+def _needs_file(section: Any) -> bool:
+    """Return whether a section `robot` names a robot whose file it needs; scenarios are stored with all keys."""
+    named = isinstance(section, Mapping) and isinstance(section.get("kind"), str)
+    return named and not RobotKind.model_fields.keys() <= section.keys()
 
 
 class ProximitySection(ConfigModel):
@@ -172,14 +182,11 @@ class RobotKind(ConfigModel):
     @model_validator(mode="before")
     @classmethod
     def _start_from_kind(cls, given: Any) -> Any:
-        section = {"kind": given} if isinstance(given, str) else given
-        if not isinstance(section, Mapping):
-            return section
-        kind = section.get("kind", DEFAULT)
-        if not isinstance(kind, str) or _is_whole(section):
+        section = _as_section(given)
+        if not _needs_file(section):
             return section
         try:
-            return {**find_robot(kind).keys, **section}
+            return {**find_robot(section["kind"]).keys, **section}
         except ScenarioError as error:
             raise ValueError(f"kind: {error}") from error
 

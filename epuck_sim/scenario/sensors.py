@@ -58,10 +58,7 @@ def beside(given: Any, folder: Path) -> dict[str, dict[str, Any]]:
     Raises:
         ScenarioError: They are given in another way than a scenario gives them.
     """
-    try:
-        named = by_name(given)
-    except ValueError as error:
-        raise ScenarioError(f"{folder}: sensors: {error}") from error
+    named = _named(given, f"{folder}: sensors")
     for sensor in named.values():
         if (folder / sensor[FILE]).is_file():
             sensor[FILE] = str(folder / sensor[FILE])
@@ -82,7 +79,7 @@ def spread(given: Mapping[str, Any], of_robot: Any, origin: str) -> dict[str, An
     others, groups = {key: value for key, value in given.items() if key != "sensors"}, given.get("robots") or [{}]
     for_all = given.get("sensors")
     common = of_robot if for_all is None else for_all
-    if not isinstance(groups, list | tuple) or not all(isinstance(group, Mapping) for group in groups):
+    if not _are_groups(groups):
         return others
     has_own = ["sensors" in group for group in groups]
     if for_all is not None and all(has_own):
@@ -106,16 +103,21 @@ def _named(given: Any, where: str) -> dict[str, dict[str, Any]]:
         raise ScenarioError(f"{where}: {error}") from error
 
 
+def _are_groups(given: Any) -> bool:
+    """Return whether what is given as `robots` is a list of sections; else it is refused when it is validated."""
+    return isinstance(given, list | tuple) and all(isinstance(group, Mapping) for group in given)
+
+
 def given_to_all(groups: Any, sensors: Any) -> Any:
     """Return groups of robots which all have these sensors, and none of their own."""
-    if not isinstance(groups, list | tuple) or not all(isinstance(group, Mapping) for group in groups):
+    if not _are_groups(groups):
         return groups
     return [{**group, "sensors": sensors} for group in groups]
 
 
 def without_those_of(robot_sensors: Mapping[str, Any], groups: Any) -> Any:
     """Return groups of robots without sensors that came with a robot, or with none: another robot brings its own."""
-    if not isinstance(groups, list | tuple) or not all(isinstance(group, Mapping) for group in groups):
+    if not _are_groups(groups):
         return groups
     brought: tuple[set[str], ...] = (set(), set(robot_sensors))
     return [

@@ -1,13 +1,13 @@
 """What controllers read of sensors in files of their own: further fields of `Sensors`, by the names of the readings."""
 
 from collections import namedtuple
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Sensor, Sensors
 from epuck_sim.embodied.swarm import SENSED_BYTES
-from epuck_sim.embodied.user_code import view_at
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel, array_at
 
@@ -17,15 +17,15 @@ def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
     return tuple(name for sensor in sensors for name in sensor.readings.names or ())
 
 
-def completion(sensors: Sequence[Sensor], array_at: Callable[..., Any] = array_at) -> Any:
-    """Return a function (sensors, block, swarm, first, member) that adds the readings of further sensors to `Sensors`.
+@lru_cache
+def completion(sensors: tuple[Sensor, ...]) -> Any:
+    """Return a kernel (sensors, block, swarm, first, member) that adds the readings of further sensors to `Sensors`.
 
     Args:
         sensors: Sensors in files of their own, of one group; the first has index `first` in `Swarm.senses`.
-        array_at: `native.array_at`, for compiled code; `view_at` for plain Python.
     """
     if not sensors:
-        return _as_they_are if array_at is not view_at else lambda sensors, *_: sensors
+        return _as_they_are
     known: dict[str, Any] = {
         "array_at": array_at,
         "Complete": namedtuple("Sensors", (*Sensors._fields, *names_of_readings(sensors))),
@@ -49,8 +49,6 @@ def completion(sensors: Sequence[Sensor], array_at: Callable[..., Any] = array_a
     ]
     exec("\n".join(source), known)
     complete = known["complete"]
-    if array_at is view_at:
-        return complete
     return Kernel(complete, complete, error_model="numpy", **WITHOUT_ALLOCATION, forceinline=True)
 
 

@@ -121,18 +121,16 @@ class OwnSensor:
         self._block, self._swarm = block, swarm
         self._scene, self._own = self._swarm.scene[0], self._swarm.senses[number]
         self.robots = slice(int(self._own.first), int(self._own.first + self._own.count))
+        self._names = {"sense": sensor.sense, "READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
         if interpret:
             self.run, self.address = self._interpreted(self._swarm), 0
             return
-        names = {"sense": sensor.sense, "READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
-        self.run = compile_for(sensor, _sense, kernel_digest("embodied"), names)
+        self.run = compile_for(sensor, _sense, kernel_digest("embodied"), self._names)
         self.address = function_address(self.run)
 
     def _interpreted(self, swarm: Swarm) -> Any:
         """Return `_sense` as plain Python."""
-        sensor = self.sensor
-        names = {"sense": sensor.sense, "READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
-        return as_python(_sense, swarm, names)
+        return as_python(_sense, swarm, self._names)
 
     @property
     def readings(self) -> npt.NDArray[np.void]:
