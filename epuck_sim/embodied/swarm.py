@@ -19,7 +19,7 @@ from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
 from epuck_sim.util.generators import GENERATOR_WORDS
 from epuck_sim.util.jit import jit_inline
-from epuck_sim.util.native import array_at, record_type
+from epuck_sim.util.native import carve, record_type
 
 RAYS = 3
 """Rays of each infrared sensor."""
@@ -365,6 +365,9 @@ _DTYPES: tuple[np.dtype[Any], ...] = (
 )
 assert len(_DTYPES) == len(Swarm._fields) == ARRAYS
 
+_parts: Any = Swarm
+_parts.places = [(dtype, 8 * number) for number, dtype in enumerate(_DTYPES)]  # of `scene.at`, for `native.carve`
+
 SCENE_BYTES = SCENE.itemsize
 
 SENSED_BYTES, BYTES, PIXELS, PATCHES = map(Swarm._fields.index, ("sensed", "bytes", "pixels", "patches"))
@@ -375,33 +378,8 @@ trial; from the fourth on, nothing changes while trials run."""
 @jit_inline
 def swarm_at(block: ByteArray) -> Swarm:
     """Return the arrays of a block in compiled code; Python has `open_block`."""
-    scene = array_at(block, 0, SCENE_BYTES, SCENE)
-    at = scene[0].at
-    return Swarm(
-        scene,
-        array_at(block, at[1], at[2], ROBOT),
-        array_at(block, at[2], at[3], GROUP),
-        array_at(block, at[3], at[4], CALL),
-        array_at(block, at[4], at[5], INT64),
-        array_at(block, at[5], at[6], MEMBER),
-        array_at(block, at[6], at[7], CIRCLE),
-        array_at(block, at[7], at[8], EDGE),
-        array_at(block, at[8], at[9], RAY),
-        array_at(block, at[9], at[10], FAULT),
-        array_at(block, at[10], at[11], AFFECTED),
-        array_at(block, at[11], at[12], SENSE),
-        array_at(block, at[12], at[13], BYTE),
-        array_at(block, at[13], at[14], BYTE),
-        array_at(block, at[14], at[15], INT64),
-        array_at(block, at[15], at[16], PULSES),
-        array_at(block, at[16], at[17], CHANGE),
-        array_at(block, at[17], at[18], INT64),
-        array_at(block, at[18], at[19], FLOAT64),
-        array_at(block, at[19], at[20], PATCH),
-        array_at(block, at[20], at[21], EDGE),
-        array_at(block, at[21], at[22], LAMP),
-        array_at(block, at[22], at[23], BYTE),
-    )
+    arrays: Swarm = carve(block, Swarm)
+    return arrays
 
 
 def make_block(lengths: Mapping[str, int]) -> ByteArray:
