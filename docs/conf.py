@@ -12,7 +12,7 @@ author = "The epuck-sim developers"
 project_copyright = "2026, the epuck-sim developers"
 release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "reference"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "play", "reference"]
 exclude_patterns = ["figures", "notebook.ipynb"]
 myst_heading_anchors = 3
 myst_enable_extensions = ["attrs_inline"]  # widths of pictures

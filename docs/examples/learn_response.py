@@ -19,9 +19,9 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation, TrialResult, load_scenario, run_trial
+from epuck_sim.estimate import Estimate
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.comparison import compare
-from epuck_sim.statistics.estimate import Estimate
+from epuck_sim.statistics.comparison import Samples, compare
 from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.util.seeds import trial_seed
@@ -142,14 +142,12 @@ def table(executor: Executor, learnt: Response) -> Iterator[str]:
     for name, response, speed in rows:
         if speed not in thesis:
             thesis[speed] = held_out(executor, THESIS, speed, TESTS)
-        comparison = compare([({}, thesis[speed], held_out(executor, response, speed, TESTS))])
+        (comparison,) = compare(
+            Samples(["thesis", name], [({}, [thesis[speed], held_out(executor, response, speed, TESTS)])])
+        )
         (point,) = comparison.points
-        shown = "".join(f"{_text(estimate):>24}" for estimate in (point.second, point.first, point.ratio))
+        shown = "".join(f"{estimate!s:>24}" for estimate in (point.second, point.first, point.ratio))
         yield f"{name:14}{speed:5g}{shown}{point.p_value:8.2g}"
-
-
-def _text(estimate: Estimate) -> str:
-    return f"{estimate.value:.3g} ({estimate.low:.3g} to {estimate.high:.3g})"
 
 
 def write(course: list[Generation], stem: Path) -> None:
@@ -185,7 +183,7 @@ def main(stem: Path) -> None:
         course = []
         for generation in evolve(executor):
             course.append(generation)
-            print(generation.number, _text(generation.periods), generation.response.round(3), flush=True)
+            print(generation.number, generation.periods, generation.response.round(3), flush=True)
         write(course, stem)
         lines = []
         for line in table(executor, course[-1].response):

@@ -8,6 +8,7 @@ import csv
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from epuck_sim.statistics.extrema import find_minimum_and_peak
 from epuck_sim.statistics.mean import estimate_mean, resample_means
 from epuck_sim.statistics.measured import Measured, cut, measure_t_sync
 from epuck_sim.statistics.survival import median_time
+from epuck_sim.statistics.two_samples import Pair, contrast, permute, studentised, welch
 from epuck_sim.statistics.weibull_mean import weibull_mean
 
 OUT = Path(__file__).parent
@@ -27,6 +29,11 @@ LAWS: dict[str, Callable[[np.random.Generator, Any], Any]] = {
     "exponential": lambda random, shape: random.exponential(1, shape),
     "log-normal 0.8": lambda random, shape: random.lognormal(0, 0.8, shape),
     "Weibull 0.7": lambda random, shape: random.weibull(0.7, shape),
+}
+TRUE_MEANS = {
+    "Weibull 1.35": math.gamma(1 + 1 / 1.35),
+    "exponential": 1.0,
+    "log-normal 0.8": math.exp(0.32),
 }
 SIZES = (10, 20, 100, 200)
 CENSORED = (0.0, 0.3, 0.6)
@@ -76,7 +83,7 @@ def _coverage(law: str, trials: int, limit: float, truth: float, samples: int) -
     held, widths, by_percentiles = [], [], []
     for seed in range(samples):
         made = sample(law, trials, [trials, seed], limit)
-        _, low, high = estimate_mean(made)
+        _, low, high = estimate_mean(made).ends
         if math.isfinite(low):
             held.append(low <= truth <= high)
             widths.append((high - low) / truth)
@@ -102,6 +109,33 @@ def _is_found(law: str, logs: np.ndarray, trials: int, seed: int) -> bool:
     resampled = np.stack([resample_means(each, 200) for each in made], axis=1)
     pair = find_minimum_and_peak(SPEEDS, times.mean(axis=1), resampled)
     return pair is not None and pair.is_found
+
+
+def levels(samples: int = 6000) -> Iterator[Sequence[Any]]:
+    """Yield how often tests find a mean longer than a second one that is as long, as a multiple of how often they may.
+
+    The one test permutes studentised logarithms, the other takes Welch's for Student-distributed. The second mean has
+    the distribution of the first, or the next of the three.
+    """
+    laws = list(LAWS)[:3]
+    for law, other in [*zip(laws, laws, strict=True), *pairwise(laws)]:
+        for sizes in ((10, 10), (15, 15), (20, 20), (10, 20)):
+            found = np.array([_p_values(law, other, sizes, seed) for seed in range(samples)])
+            for level in (0.05, 0.01, 0.001):
+                below = (found <= level * (1 + 1e-9)).mean(axis=0) / level
+                yield law, other, *sizes, level, *below.tolist()
+
+
+def _p_values(law: str, other: str, sizes: tuple[int, int], seed: int) -> tuple[float, float]:
+    """Return the p-values of the second mean's being longer: permuted, and Welch's."""
+    one, two = (
+        LAWS[name](np.random.default_rng([seed, side]), size) / TRUE_MEANS[name]
+        for side, (name, size) in enumerate(zip((law, other), sizes, strict=True))
+    )
+    pair = Pair(*(Measured(each, np.ones(len(each), bool), math.inf, 0) for each in (one, two)))
+    statistics = studentised([permute(pair, seed, of_logarithms=True, count=1999)])
+    _, freedom = welch(contrast(pair).log_parts)
+    return float((statistics >= statistics[0] * (1 - 1e-9)).mean()), float(stats.t.sf(statistics[0], freedom))
 
 
 def fits(folders: Sequence[str]) -> Iterator[Sequence[Any]]:
@@ -176,6 +210,7 @@ def main() -> None:
     estimators = ("mean", "median", "weibull", "weibull_typical", "weibull_known")
     write("biases", ("source", "trials", "censored", *estimators), biases(folders))
     write("coverage", ("law", "trials", "censored", "held", "width", "held_by_percentiles"), coverage())
+    write("levels", ("law", "other", "n", "n_other", "level", "permuted", "welch"), levels())
     write("false-alarms", ("trials", "law", "curve", "found"), false_alarms())
 
 
