@@ -14,10 +14,11 @@ QUICK_SWEEPS := fig-2-6 fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8 
 BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
 STUDIED := fig-a-1 fig-5-3 fig-5-4 fig-5-5 fig-5-10 speed-distributions
 
-.PHONY: run test lint docs bench slow torture figures clean
+.PHONY: run test lint docs wasm page-types bench slow torture figures clean
 
 run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
+	@echo; echo "What comes next:"; echo "  source $(BIN)/activate"; echo "  epuck-sim run thesis --live --web"
 
 test: lint ## lint, types and all tests but the slow ones
 	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist worksteal
@@ -32,6 +33,12 @@ lint: $(VENV)/test-tools
 docs: $(VENV)/docs-tools ## build the site of the docs into site/
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --fresh-env --quiet --doctree-dir site/.doctrees docs site
 	@echo "site/index.html"
+
+wasm: $(VENV)/wasm-tools ## make the kernels of pages anew, as WebAssembly
+	$(BIN)/python -m epuck_sim.page.build
+
+page-types: ## check the types of the pages' scripts, with npm
+	npx --yes --package typescript@5 tsc -p epuck_sim/page/web
 
 bench: $(VENV)/test-tools ## measure; figures as ratios within one run
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
@@ -53,6 +60,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/python docs/figures/animation.py
 	$(BIN)/python docs/figures/base_curve.py
 	$(BIN)/python docs/figures/shipped_pictures.py
+	$(BIN)/python -m docs.validation runs/validation
 	set -e; for sweep in $(SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --trials $(TRIALS) --out runs/$$sweep; \
 	    $(BIN)/epuck-sim plot runs/$$sweep --to docs/figures/$$sweep; \
@@ -102,6 +110,10 @@ $(VENV)/installed: $(VENV)/created $(SOURCES)
 
 $(VENV)/test-tools: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	touch $@
+
+$(VENV)/wasm-tools: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --editable '.[page]'
 	touch $@
 
 $(VENV)/docs-tools: $(VENV)/installed

@@ -8,6 +8,7 @@ import math
 
 import obstacle_avoidance
 
+from epuck_sim.util.elementary import atan, exp, log, tan
 from epuck_sim.util.rng import uniform
 
 PARAMETERS = obstacle_avoidance.PARAMETERS | {
@@ -45,15 +46,15 @@ def run_ms(parameters, random):
     share = 1.0 - uniform(random)  # above 0
     if parameters.exponent > 0:
         longest = LONGEST_RUN_MS / (1000 * parameters.run_s)
-        power = math.exp(min(-math.log(share) / (parameters.exponent - 1), math.log(longest)))
+        power = exp(min(-log(share) / (parameters.exponent - 1), log(longest)))
         return 1000 * parameters.run_s * power
-    return -1000 * parameters.run_s * math.log(share)
+    return -1000 * parameters.run_s * log(share)
 
 
 def turn_rad(parameters, random):
     """Draw the angle of a turn, from -pi to pi."""
     narrowing = (1 - parameters.persistence) / (1 + parameters.persistence)
-    return 2 * math.atan(narrowing * math.tan(math.pi * (uniform(random) - 0.5)))
+    return 2 * atan(narrowing * tan(math.pi * (uniform(random) - 0.5)))
 
 
 def step(sensors, memory, actuators, parameters, random):

@@ -5,6 +5,7 @@ A robot that sees others with its infrared sensors turns away from them, too; `i
 
 import math
 
+from epuck_sim.util.elementary import atan2, sin_cos
 from epuck_sim.util.rng import uniform
 
 PARAMETERS = {
@@ -37,8 +38,9 @@ def nearness(sensors, parameters):
         near = parameters.reorientation_distance_mm - sensors.distance_mm[sensor]
         if near > 0:
             direction = math.radians(DIRECTIONS_DEG[sensor])
-            ahead += near * math.cos(direction)
-            left += near * math.sin(direction)
+            sine, cosine = sin_cos(direction)
+            ahead += near * cosine
+            left += near * sine
     return ahead, left
 
 
@@ -47,7 +49,7 @@ def step(sensors, memory, actuators, parameters, random):
     ahead, left = nearness(sensors, parameters)
     actuators.turn_rad = 0.0
     if ahead > 0:
-        away = math.atan2(left, ahead) + math.pi
+        away = atan2(left, ahead) + math.pi
         actuators.turn_rad = away + math.pi * (uniform(random) - 0.5)
     actuators.left_cm_s = parameters.speed_cm_s
     actuators.right_cm_s = parameters.speed_cm_s

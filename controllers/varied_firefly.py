@@ -7,6 +7,7 @@ import math
 
 import firefly
 
+from epuck_sim.util.elementary import cos, exp, log
 from epuck_sim.util.rng import uniform
 
 PARAMETERS = firefly.PARAMETERS | {
@@ -33,15 +34,15 @@ def start(memory, parameters, random):
 
 def speed_ratio(parameters, random):
     """Draw a speed as a multiple of the mean: lognormal, with mean 1."""
-    variance = math.log(1 + parameters.speed_spread**2)  # of the logarithm
-    normal = math.sqrt(-2 * math.log(1 - uniform(random))) * math.cos(2 * math.pi * uniform(random))  # Box and Muller
-    return math.exp(math.sqrt(variance) * normal - variance / 2)
+    variance = log(1 + parameters.speed_spread**2)  # of the logarithm
+    normal = math.sqrt(-2 * log(1 - uniform(random))) * cos(2 * math.pi * uniform(random))  # Box and Muller
+    return exp(math.sqrt(variance) * normal - variance / 2)
 
 
 def step(sensors, memory, actuators, parameters, random):
     """Run a firefly, at its own speed where it goes straight ahead."""
     firefly.step(sensors, memory, actuators, parameters, random)
-    if parameters.new_speed_s > 0 and uniform(random) < 1 - math.exp(-sensors.step_ms / 1000 / parameters.new_speed_s):
+    if parameters.new_speed_s > 0 and uniform(random) < 1 - exp(-sensors.step_ms / 1000 / parameters.new_speed_s):
         memory.speed_ratio = speed_ratio(parameters, random)
     if actuators.left_cm_s == actuators.right_cm_s:
         actuators.left_cm_s *= memory.speed_ratio

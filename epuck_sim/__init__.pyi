@@ -13,6 +13,7 @@ from .errors import (
 )
 from .overhead.filming import film_trial
 from .overhead.render import ArenaView
+from .page.writer import write_page
 from .particles.simulation import Event, ParticleSimulation
 from .recording.notebook import show
 from .recording.reader import read_recording
@@ -63,6 +64,7 @@ __all__ = [
     "show",
     "start_like",
     "summarize",
+    "write_page",
     "write_report",
 ]
 

@@ -1,16 +1,13 @@
 """`epuck-sim`, and `python -m epuck_sim`."""
 
-import sys
+import gc
+import os
 
 
 def main() -> None:
-    """Run the command; worker processes import this module, too, and must not wait for the command line.
-
-    Raises:
-        SystemExit: On Windows, whose signals and processes differ, at once and with a word on what to do.
-    """
-    if sys.platform == "win32":
-        sys.exit("error: epuck-sim does not run on Windows itself; it does in the Windows Subsystem for Linux (wsl)")
+    """Run the command; worker processes import this module, too, and must not wait for the command line."""
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # it would look through all installed packages
+    gc.set_threshold(50_000, 50, 50)  # what is loaded makes a quarter of a million objects, and no garbage
     from epuck_sim.cli.app import main as run_command  # noqa: PLC0415
 
     run_command()

@@ -23,6 +23,10 @@ PATCH = np.dtype(
 mean of its corners, radius 0, and which of the floor's edges are its own."""
 
 
+LAMP_SHARE = 1 / 80
+"""Radius of a lamp's dot in pictures, as a share of the arena's longer side."""
+
+
 @dataclass(frozen=True, eq=False)
 class Floor:
     """What ground sensors see; white by default."""
@@ -65,6 +69,11 @@ class Arena:
     def first_movable(self) -> int:
         """Number of the first movable among the circles."""
         return len(self.circles) - len(self.movables)
+
+    @property
+    def lamp_cm(self) -> float:
+        """Radius of the dots that stand for lamps in pictures, cm."""
+        return LAMP_SHARE * max(self.width_cm, self.height_cm)
 
     def with_movables_at(self, places_cm: FloatArray) -> "Arena":
         """Return the arena with its movables at (movables, 2) cm."""

@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.elementary import sin_cos
 
 
 def box_corners(x_cm: float, y_cm: float, width_cm: float, height_cm: float, heading_rad: float) -> FloatArray:
     """Return (4, 2) cm: the corners of a box around (x_cm, y_cm) turned by heading_rad, counter-clockwise."""
-    half = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (width_cm / 2, height_cm / 2)
-    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-    corners: FloatArray = half @ np.array([(cos, sin), (-sin, cos)]) + (x_cm, y_cm)
-    return corners
+    ahead, aside = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]).T * [[width_cm / 2], [height_cm / 2]]
+    sin, cos = sin_cos(heading_rad)
+    return np.column_stack([ahead * cos - aside * sin + x_cm, ahead * sin + aside * cos + y_cm])
 
 
 def polygon_area(corners: FloatArray) -> float:

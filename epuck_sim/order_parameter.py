@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.util.elementary import add_directions
 
 
 def order_parameter(phases: FloatArray, periods: FloatArray | float) -> FloatArray:
@@ -21,7 +22,8 @@ def order_parameter(phases: FloatArray, periods: FloatArray | float) -> FloatArr
     >>> f"{order_parameter(np.array([100.0, 100.0, 100.0]), 5000.0):.6f}"
     '1.000000'
     """
-    r: FloatArray = np.abs(np.exp(2j * math.pi * phases / periods).mean(axis=-1))
+    sine, cosine = _mean_direction(phases, periods)
+    r: FloatArray = np.sqrt(sine * sine + cosine * cosine)  # ** of one number is the system's `pow`
     return r
 
 
@@ -35,8 +37,18 @@ def reference_order_parameter(phases: FloatArray, periods: FloatArray | float) -
     Returns:
         (...) order parameters of at most 1, synchronised.
     """
-    eta: FloatArray = np.cos(2 * math.pi * phases / periods).mean(axis=-1)
+    eta: FloatArray = _mean_direction(phases, periods)[1]
     return eta
+
+
+def _mean_direction(phases: FloatArray, periods: FloatArray | float) -> FloatArray:
+    """Return (2, ...) the mean sine and the mean cosine of the oscillators' angles."""
+    angles = np.asarray(2 * math.pi * phases / periods, np.float64)
+    sums = np.zeros((2, *angles.shape[:-1]))
+    rows = np.ascontiguousarray(angles).reshape(math.prod(angles.shape[:-1]), angles.shape[-1])
+    add_directions(sums.reshape(2, len(rows)), rows)
+    mean: FloatArray = sums / angles.shape[-1]
+    return mean
 
 
 METRICS = {"complex": order_parameter, "reference": reference_order_parameter}

@@ -150,8 +150,8 @@ def shorter(words: list[str]) -> list[str]:
             return [*SMALL_PICTURES, "--set", "stop.max_cycles=3"]
         case ["film", *_]:
             return SMALL_PICTURES
-        case ["check", *options] if "--time" in options:
-            return ["--time", "0.5"]
+        case ["plan", *options] if "--seconds" in options:
+            return ["--seconds", "0.5"]
     return []
 
 

@@ -10,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 import epuck_sim
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS
@@ -44,6 +45,11 @@ def test_the_source_distribution_holds_what_its_own_commands_need(built: Path) -
     assert needed | {"docs/conf.py", "docs/_ext/reference.py", "arenas/thesis.yaml", "tests/golden.json"} <= held
     old = {str(path.relative_to(ROOT)) for path in (ROOT / "tests" / "old").rglob("*") if path.suffix != ".pyc"}
     assert {name for name in old if (ROOT / name).is_file()} <= held
+
+
+def test_whoever_cites_this_version_names_it() -> None:
+    named = yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"]
+    assert named == json.loads((ROOT / "codemeta.json").read_text())["version"] == epuck_sim.__version__
 
 
 @pytest.mark.slow

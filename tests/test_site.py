@@ -52,7 +52,9 @@ def site(tmp_path_factory) -> Path:
 
 def test_every_link_within_the_site_leads_somewhere(site: Path) -> None:
     pages = {path: Page(path) for path in site.rglob("*.html")}
-    assert {"index.html", "keys.html", "commands.html"} <= {path.name for path in pages}
+    assert {"index.html", "keys.html", "commands.html", "thesis.html", "particles.html"} <= {
+        path.name for path in pages
+    }
     for path, page in pages.items():
         for link in page.links:
             parts = urlsplit(link)

@@ -6,41 +6,24 @@ from typing import Annotated
 import typer
 
 from epuck_sim import __version__
-from epuck_sim.cli.compare_film import film_comparisons
-from epuck_sim.cli.film import films
+from epuck_sim.cli.films import films
 from epuck_sim.cli.interrupt import EXIT_CODE, end_on_request
-from epuck_sim.cli.new import news
-from epuck_sim.cli.plan import plans
-from epuck_sim.cli.plot import plots
+from epuck_sim.cli.options import Commands
+from epuck_sim.cli.page import pages
 from epuck_sim.cli.replay import replays
 from epuck_sim.cli.replicate import replications
-from epuck_sim.cli.report import reports
 from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
-from epuck_sim.cli.run_folders import run_folders
-from epuck_sim.cli.scenarios import scenarios
-from epuck_sim.cli.track import tracking
+from epuck_sim.cli.scenarios import news, scenarios
 
 app = typer.Typer(
+    cls=Commands,
     help="Simulate swarms of e-puck robots that synchronise like fireflies.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
-for commands in (
-    runs,
-    run_folders,
-    scenarios,
-    replays,
-    films,
-    tracking,
-    film_comparisons,
-    results,
-    plots,
-    reports,
-    replications,
-    plans,
-):
+for commands in (runs, scenarios, replays, pages, films, results, replications):
     app.add_typer(commands)
 app.add_typer(news, name="new")
 

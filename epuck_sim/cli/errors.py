@@ -1,12 +1,14 @@
-"""How the command ends where something is wrong: one message and an exit code, never a traceback for a mistake."""
+"""What the command says where something is wrong, or slow: one message and an exit code, no traceback for a mistake."""
 
 import errno
 import sys
+import threading
 import traceback
 import warnings
 from bdb import BdbQuit
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TextIO
 
 import typer
 
@@ -21,6 +23,9 @@ EXTRAS = {
     "rerun_cli": ("rerun-sdk", "view"),
 }
 """Packages that no sweep needs, and the extras that install them, by the modules they bring."""
+
+SLOW_S = 10.0
+"""Seconds after which a word is said of what has no progress to show."""
 
 
 @contextmanager
@@ -37,12 +42,12 @@ def exit_on_error() -> Iterator[None]:
         what = f"{error.filename}" if error.filename else "the output cannot be written"
         typer.echo(f"error: {what}: {error.strerror or error}", err=True)
         raise typer.Exit(2) from error
-    except ValueError as error:
-        if sys.stdout.closed and not sys.stderr.closed:  # by a controller, say
+    except (ValueError, AttributeError) as error:
+        if all(map(_is_open, (sys.stdout, sys.stderr))):
+            raise
+        if _is_open(sys.stderr):  # a controller, say, has closed the other, or set it to None
             typer.echo("error: the output cannot be written: it was closed", err=True)
-        if sys.stdout.closed or sys.stderr.closed:
-            raise typer.Exit(2) from error
-        raise
+        raise typer.Exit(2) from error
     except ModuleNotFoundError as error:
         missing = EXTRAS.get((error.name or "").partition(".")[0])
         if missing is None:
@@ -53,6 +58,10 @@ def exit_on_error() -> Iterator[None]:
     except (KeyboardInterrupt, BdbQuit) as interrupt:
         typer.echo("interrupted", err=True)
         raise typer.Exit(130) from interrupt
+
+
+def _is_open(stream: TextIO | None) -> bool:
+    return stream is not None and not stream.closed
 
 
 @contextmanager
@@ -97,3 +106,20 @@ def prefix_scenario(scenario: str) -> Iterator[None]:
     except ScenarioError as error:
         named = str(error).startswith(f"{scenario}: ")
         raise ScenarioError(str(error) if named else f"{scenario}: {error}") from error
+
+
+def print_stderr(line: str) -> None:
+    """Print a line on stderr, at once."""
+    print(line, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def word_if_slow(doing: str) -> Iterator[Callable[[], None]]:
+    """Print a note on stderr if the block takes longer than `SLOW_S`; yield a function that cancels the note."""
+    timer = threading.Timer(SLOW_S, print_stderr, (f"{doing} takes a while; Ctrl-C ends it",))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield timer.cancel
+    finally:
+        timer.cancel()

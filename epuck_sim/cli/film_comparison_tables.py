@@ -2,16 +2,14 @@
 
 import json
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from epuck_sim.cli.tables import WIDE
+from epuck_sim.cli.tables import show
+from epuck_sim.display.table import Row, Share, Table
+from epuck_sim.estimate import Estimate, significant
 from epuck_sim.overhead.compare import QuantityComparison
 from epuck_sim.overhead.film_fit import Fitted
 from epuck_sim.util.provenance import versions
@@ -49,31 +47,27 @@ def print_comparison(
     film: str, scenario: str, rows: Sequence[QuantityComparison], fitted: Mapping[str, Fitted]
 ) -> None:
     """Print readable tables on stdout."""
-    console = Console(width=None if sys.stdout.isatty() else WIDE)
-    table = Table(title=Text(f"{film} beside trials of {scenario}"), title_justify="left")
-    for heading in ("", "unit", "film", "trials: median", "5 % to 95 %", "film's percentile", ""):
-        table.add_column(heading, justify="right" if heading else "left")
-    for row in rows:
-        known = row.trials[~np.isnan(row.trials)]
-        low, middle, high = np.quantile(known, (0.05, 0.5, 0.95), method="nearest") if len(known) else [math.nan] * 3
-        percentile = "-" if math.isnan(row.percentile) else f"{row.percentile:.0f} %"
-        span = f"{_shown(low)} to {_shown(high)}" if len(known) else "-"
-        cells = (_shown(row.film), _shown(middle), span, percentile)
-        table.add_row(Text(row.quantity.name), row.quantity.unit, *cells, "unusual" if row.is_unusual else "")
-    console.print(table)
-    values = Table(title="What the film tells of the scenario, with 95 % intervals", title_justify="left")
-    for heading in ("key", "value", "interval"):
-        values.add_column(heading, justify="right" if heading != "key" else "left")
-    for key, each in fitted.items():
-        values.add_row(Text(key), f"{each.value:.4g}", f"{each.low:.4g} to {each.high:.4g}")
-    console.print(values)
-    print(UNTOLD)
+    headings = {"trials": "trials: median, 5 % and 95 %", "percentile": "film's percentile", "unusual": ""}
+    title = f"{film} beside trials of {scenario}"
+    compared = Table(title, [Row({}, _cells(row)) for row in rows], (), headings)
+    values = [Row({}, {"key": key, "value": Estimate(*each)}) for key, each in fitted.items()]
+    told = Table("What the film tells of the scenario, with 95 % intervals", values, [UNTOLD])
+    show([compared, told], None, as_json=False)
 
 
-def _shown(value: Any) -> str:
-    if math.isnan(value):
-        return "-"
-    return "beyond" if math.isinf(value) else f"{value:.4g}"
+def _cells(row: QuantityComparison) -> dict[str, Any]:
+    known = row.trials[~np.isnan(row.trials)]
+    low, middle, high = [math.nan] * 3
+    if len(known):
+        low, middle, high = np.quantile(known, (0.05, 0.5, 0.95), method="nearest").tolist()
+    return {
+        "quantity": row.quantity.name,
+        "unit": row.quantity.unit,
+        "film": "beyond" if math.isinf(row.film) else significant(row.film),
+        "trials": Estimate(middle, low, high),
+        "percentile": Share(row.percentile / 100),
+        "unusual": "unusual" * row.is_unusual,
+    }
 
 
 def _finite(value: float) -> float | None:

@@ -7,6 +7,7 @@ keeps them waiting for ever. Here a thread learns of the same signals, and ends 
 import atexit
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -15,8 +16,9 @@ from types import FrameType
 
 from epuck_sim.cli.keys import restore_terminal
 from epuck_sim.util.atomic_write import remove_unfinished
+from epuck_sim.util.system import signals
 
-REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+REQUESTS = signals("SIGINT", "SIGTERM", "SIGHUP")
 """Signals that ask the command to end: Ctrl-C, a polite request, a terminal that is closed."""
 
 GRACE_S = 2.0
@@ -45,14 +47,15 @@ def end_on_request() -> "Watchdog":
     Returns:
         What knows of the requests, and is to be told the command's exit code.
     """
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
-    watchdog = Watchdog(reader)
+    reader, writer = socket.socketpair()  # Windows writes signals to nothing else
+    writer.setblocking(False)
+    watchdog = Watchdog(reader, writer)
     for request in REQUESTS:
         if signal.getsignal(request) is not signal.SIG_IGN:
             signal.signal(request, watchdog.interrupt)
     sys.unraisablehook = watchdog.repeat
-    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)  # is written to at once, whatever the main thread does
+    # it is written to at once, whatever the main thread does
+    signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     threading.Thread(target=watchdog.watch, daemon=True).start()
     atexit.register(watchdog.keep_exit_code)  # the first to be registered is the last to be called
     return watchdog
@@ -64,8 +67,9 @@ class Watchdog:
     exit_code: int | None = None
     """What the command ends with, once it is known."""
 
-    def __init__(self, reader: int) -> None:
+    def __init__(self, reader: socket.socket, writer: socket.socket) -> None:
         self._reader = reader
+        self._writer = writer  # stays open
         self._reacted_s = 0.0
         self._number = int(signal.SIGINT)
 
@@ -99,8 +103,7 @@ class Watchdog:
         Other exceptions that Python drops are printed, as ever.
         """
         if isinstance(dropped.exc_value, KeyboardInterrupt):
-            main_thread = threading.main_thread().ident
-            again = threading.Timer(AGAIN_S, signal.pthread_kill, (main_thread, self._number))
+            again = threading.Timer(AGAIN_S, _signal_main_thread, (self._number,))
             again.daemon = True  # the command may have ended by then
             again.start()
         else:
@@ -110,7 +113,7 @@ class Watchdog:
         """End the process when the main thread has not reacted to a signal, or has and goes on at the third one."""
         read_s, unheard = time.monotonic(), 0
         asked_s: list[float] = []
-        while numbers := os.read(self._reader, 64):
+        while numbers := self._reader.recv(64):
             requests = [number for number in numbers if number in REQUESTS]
             since_s, read_s = read_s, time.monotonic()  # these signals came after the last ones were read
             asked_s = [moment for moment in asked_s if moment > read_s - INSIST_S] + [read_s] * len(requests)
@@ -123,6 +126,15 @@ class Watchdog:
                 _end("ended in the middle of compiled code")
             if unheard:
                 _say("compiled code does not react to Ctrl-C; press it again to end at once")
+
+
+def _signal_main_thread(number: int) -> None:
+    if hasattr(signal, "pthread_kill"):  # which interrupts what it waits for, too
+        main_thread = threading.main_thread().ident
+        assert main_thread is not None  # it has been started
+        signal.pthread_kill(main_thread, number)
+    else:
+        signal.raise_signal(number)
 
 
 def _end(why: str) -> None:

@@ -5,10 +5,8 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from epuck_sim.cli.keys import pressed_keys
-from epuck_sim.cli.progress import print_stderr
+from epuck_sim.cli.errors import print_stderr
 from epuck_sim.recording.level import Level
-from epuck_sim.runs.share import Share
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.observer import Observer
@@ -27,80 +25,83 @@ class LiveView(NamedTuple):
     """Port of a viewer for browsers; None for a window."""
 
 
-class RunOptions(NamedTuple):
-    """Options of `epuck-sim run` that leave the outcome of trials as it is."""
+class Watched(NamedTuple):
+    """What is written or shown of trials."""
 
-    as_json: bool = False
     trace: Path | None = None
     record: Path | None = None
-    live: LiveView | None = None
     film: Path | None = None
+    live: LiveView | None = None
     level: Level = Level.FULL
     """How much is recorded, or shown while it runs."""
-    interpret: bool = False
-    """Whether controllers run as plain Python."""
-    workers: int | None = None
-    """Worker processes of a sweep; all cores if None."""
-    dask: str | None = None
-    """Address of the Dask scheduler that runs a sweep."""
     memory: tuple[str, ...] = ()
     """Fields of the controllers' MEMORY that traces, recordings and the live view have."""
     relations: bool = False
     """Whether traces list whom each robot sees lit, and whom it touches."""
-    share: Share | None = None
-    """Share of a sweep's trials to run; None for the whole, or for that of the folder."""
-    """Whether stored trials survive a power cut."""
 
 
 @contextmanager
-def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iterator[list[ObserverFactory]]:
+def open_observers(
+    watched: Watched, scenario: Scenario, trials: int, *, echo: bool = False
+) -> Iterator[list[ObserverFactory]]:
     """Yield what opens the observers of each trial of a scenario; a viewer stays open until the user closes it.
+
+    Args:
+        watched: What is written or shown.
+        scenario: The scenario.
+        trials: Number of trials.
+        echo: Whether keys that are pressed are shown, as a debugger needs it.
 
     Raises:
         EpuckSimError: A file cannot be written, a viewer cannot be opened, or the model has nothing to look at.
     """
     factories: list[ObserverFactory] = []
-    for target in (options.trace, options.record, options.film):
+    for target in (watched.trace, watched.record, watched.film):
         if target is not None:
             check_trial_paths(target, trials)
-    if options.trace is not None:
+    if watched.trace is not None:
         from epuck_sim.trial.trace import Trace  # which needs pyarrow
 
-        traced, trace = require_bodies(scenario), options.trace
-        columns: dict[str, Any] = {"memory": options.memory, "relations": options.relations}
+        traced, trace = require_bodies(scenario), watched.trace
+        columns: dict[str, Any] = {"memory": watched.memory, "relations": watched.relations}
         factories.append(lambda trial, seed: Trace(trial_path(trace, trial, trials), traced, seed, **columns))
-    if options.record is not None:
-        from epuck_sim.recording.recorder import record  # rerun takes half a second
-        from epuck_sim.recording.rrd_file import check_recording_target
-
-        recording = options.record
-        check_recording_target(trial_path(recording, 0, trials))
-        factories.append(
-            lambda trial, seed: record(
-                trial_path(recording, trial, trials), scenario, seed, options.level, memory=options.memory
-            )
-        )
-    if options.film is not None:
+    if watched.record is not None:
+        factories.append(_recorder(watched, watched.record, scenario, trials))
+    if watched.film is not None:
         from epuck_sim.overhead.filming import film_trial  # OpenCV and PyAV take a while
 
-        filmed, film = require_bodies(scenario), options.film
+        filmed, film = require_bodies(scenario), watched.film
         factories.append(lambda trial, seed: film_trial(trial_path(film, trial, trials), filmed, seed))
-    if options.live is None:
+    if watched.live is None:
         yield factories
-        return
+    else:
+        with _viewer(watched, watched.live, require_bodies(scenario), echo) as factory:
+            yield [*factories, factory]
+
+
+def _recorder(watched: Watched, path: Path, scenario: Scenario, trials: int) -> ObserverFactory:
+    from epuck_sim.recording.recorder import record
+    from epuck_sim.recording.rrd_file import check_recording_target
+
+    check_recording_target(trial_path(path, 0, trials))
+    level, memory = watched.level, watched.memory
+    return lambda trial, seed: record(trial_path(path, trial, trials), scenario, seed, level, memory=memory)
+
+
+@contextmanager
+def _viewer(watched: Watched, view: LiveView, scenario: EmbodiedScenario, echo: bool) -> Iterator[ObserverFactory]:
+    from epuck_sim.cli.keys import pressed_keys
     from epuck_sim.recording.viewer.live import live, live_viewer
     from epuck_sim.recording.viewer.pace import sleep
 
-    shown, speed = require_bodies(scenario), options.live.speed
-    memory = tuple(dict.fromkeys(options.memory))
-    with live_viewer(options.live.port, print_stderr) as (viewer, intake):
-        with pressed_keys(echo=options.interpret) as wait:
+    memory, level = tuple(dict.fromkeys(watched.memory)), watched.level
+    with live_viewer(view.port, print_stderr) as (viewer, intake):
+        with pressed_keys(echo=echo) as wait:
             if wait is not None:
                 print_stderr("space: pause, go on; n: one step; q: end")
             more: dict[str, Any] = {"memory": memory, "wait": wait or sleep}
-            factories.append(lambda _, seed: live(viewer, intake, shown, seed, options.level, speed, **more))
-            yield factories
-        print_stderr("press Ctrl-C to end" if options.live.port else "close the viewer to end")
+            yield lambda _, seed: live(viewer, intake, scenario, seed, level, view.speed, **more)
+        print_stderr("press Ctrl-C to end" if view.port else "close the viewer to end")
         with suppress(KeyboardInterrupt):
             viewer.wait()
 

@@ -4,18 +4,19 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from importlib.util import find_spec
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
 
 from epuck_sim.display.numbers import in_words
-from epuck_sim.overhead.frame import ProgressWrapper, Timed
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.trial.observer import TrialState
+
+if TYPE_CHECKING:  # films are a neighbour
+    from epuck_sim.overhead.frame import ProgressWrapper
 
 REFRESH_S = 0.2
 """Seconds between two updates on a terminal."""
@@ -25,9 +26,6 @@ LINE_S = 10.0
 
 COMPILING_S, COMPILING_IN_A_LOG_S = 1.0, 4.0
 """Seconds between two looks at how much is compiled, on a terminal, and before the only one in a log."""
-
-SLOW_S = 10.0
-"""Seconds after which a word is said of what has no progress to show."""
 
 
 class _ProgressLine:
@@ -76,8 +74,8 @@ class TrialProgress(_ProgressLine):
     def _tell_of_compiling(self) -> None:
         """Show how much is compiled, if anything is: again and again on a terminal, once in a log."""
         while not self._is_ready.wait(COMPILING_S if self._bar else COMPILING_IN_A_LOG_S):
-            native = sys.modules.get("epuck_sim.util.native")  # loaded by what compiles
-            done, planned = native.count_compiled() if native else (0, 0)
+            native: Any = sys.modules.get("epuck_sim.util.native")  # loaded by what compiles, perhaps at this moment
+            done, planned = native.count_compiled() if hasattr(native, "count_compiled") else (0, 0)
             if done < planned:
                 self.show(f"compiling {done} of {planned} functions so far; a further run finds them compiled")
                 if self._bar is None:
@@ -142,33 +140,30 @@ class SweepProgressBar(_ProgressLine):
         return f"{words}, {a_minute:.0f} a minute, {in_words(left / a_minute * 60)} left"
 
 
-def print_stderr(line: str) -> None:
-    """Print a line on stderr, at once."""
-    print(line, file=sys.stderr, flush=True)
-
-
-@contextmanager
-def word_if_slow(doing: str) -> Iterator[Callable[[], None]]:
-    """Print a note on stderr if the block takes longer than `SLOW_S`; yield a function that cancels the note."""
-    timer = threading.Timer(SLOW_S, print_stderr, (f"{doing} takes a while; Ctrl-C ends it",))
-    timer.daemon = True
-    timer.start()
-    try:
-        yield timer.cancel
-    finally:
-        timer.cancel()
-
-
-def progress_bar(doing: str) -> ProgressWrapper:
+def progress_bar(doing: str) -> "ProgressWrapper":
     """Return what passes frames, or rows with a time, on and shows on a terminal's stderr how far they are."""
+    return lambda timed, duration_s: _passed(
+        timed, doing, "{task.completed:.0f} s of film", duration_s, lambda row: row[0]
+    )
 
-    def show(timed: Iterable[Timed], duration_s: float | None) -> Iterator[Timed]:
-        console = Console(stderr=True)
-        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} s of film"))
-        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-            task = progress.add_task(doing, total=duration_s)
-            for each in timed:
-                progress.update(task, completed=each[0])
-                yield each
 
-    return show
+def trials_bar(trials: int) -> Callable[[Iterable[int]], Iterable[int]]:
+    """Return what passes numbers of trials on, and shows on a terminal's stderr how many there were."""
+    said = "{task.completed} of {task.total} trials"
+    return lambda numbers: _passed(numbers, "simulating", said, trials, lambda number: number + 1)
+
+
+_Item = TypeVar("_Item")
+
+
+def _passed(
+    items: Iterable[_Item], doing: str, said: str, total: float | None, completed: Callable[[_Item], float]
+) -> Iterator[_Item]:
+    """Yield items, and show how far they are."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(said))
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(doing, total=total)
+        for each in items:
+            progress.update(task, completed=completed(each))
+            yield each

@@ -6,11 +6,9 @@ from typing import Annotated
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
+from epuck_sim.cli.options import WEB_PORT, InterpretOption, PointOption, PortOption, TrialOption, WebOption
 
 replays = typer.Typer()
-
-WEB_PORT = 9090
-"""Default port of the viewer for browsers."""
 
 
 @replays.command()
@@ -19,10 +17,8 @@ def replay(
         Path,
         typer.Argument(metavar="RECORDING", help="A recording FILE.rrd, or a run folder with --point and --trial."),
     ],
-    point: Annotated[int | None, typer.Option(min=0, help="For a run folder: the number of a point, from 0.")] = None,
-    trial: Annotated[
-        int | None, typer.Option(min=0, help="For a run folder: the number of a trial, from 0; it is simulated again.")
-    ] = None,
+    point: PointOption = None,
+    trial: TrialOption = None,
     record: Annotated[
         Path | None,
         typer.Option(
@@ -30,9 +26,9 @@ def replay(
             help="Where to record it; by default to FOLDER-point-K-trial-J.rrd in the current folder.",
         ),
     ] = None,
-    interpret: Annotated[bool, typer.Option("--interpret", help="Run controllers as plain Python.")] = False,
-    web: Annotated[bool, typer.Option("--web", help="Serve it to browsers on this machine, until Ctrl-C.")] = False,
-    port: Annotated[int | None, typer.Option(min=1, max=65535, help=f"For --web; {WEB_PORT} by default.")] = None,
+    interpret: InterpretOption = False,
+    web: WebOption = False,
+    port: PortOption = None,
     screenshot: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw what the viewer shows; this needs no display.")
     ] = None,
@@ -67,11 +63,10 @@ def replay(
             check_target(screenshot)
         file = source
         if point is not None and trial is not None:
-            from epuck_sim.cli.observers import RunOptions
             from epuck_sim.cli.trials import record_again
 
             file = record or Path(f"{source.resolve().name}-point-{point}-trial-{trial}.rrd")
-            record_again(source, point, trial, RunOptions(record=file, interpret=interpret))
+            record_again(source, point, trial, file, interpret=interpret)
             typer.echo(file)
         end_s = last_moment_s(file)
         if screenshot is not None:

@@ -1,12 +1,21 @@
 """The command `replicate`: claims of the thesis, each with a verdict."""
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, reject_first
+from epuck_sim.cli.errors import exit_on_error, print_stderr, reject_first
+from epuck_sim.cli.options import DaskOption, WorkersOption
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.util.messages import counted
+
+if TYPE_CHECKING:  # or --help would wait for numba
+    from epuck_sim.replication.claims import Claim, Claims
+    from epuck_sim.replication.sweeps import Version
+    from epuck_sim.sweep.executors import OpenPool
 
 replications = typer.Typer()
 
@@ -28,8 +37,8 @@ def replicate(
         typer.Option("--claims", metavar="FILE.yaml", help="Ask the claims of this file instead of the thesis's."),
     ] = None,
     only_list: Annotated[bool, typer.Option("--list", help="Print the claims, and run nothing.")] = False,
-    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; all cores by default.")] = None,
-    dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler's workers.")] = None,
+    workers: WorkersOption = None,
+    dask: DaskOption = None,
 ) -> None:
     """Test claims of the thesis: run the trials that are missing, and write a page with a verdict on each claim."""
     with exit_on_error():
@@ -40,17 +49,41 @@ def replicate(
         chosen = known.choose(tuple(claims or ()))
         if only_list:
             for claim in chosen:
-                typer.echo(f"{claim.id:4} {claim.section:12} {claim.claim}{' (not asked)' if claim.not_asked else ''}")
+                typer.echo(f"{claim.id:4} {claim.section:12} {claim.claim}{'' if claim.checks else ' (no trials)'}")
             return
-        from epuck_sim.cli.replication import run_claims, write_answers
         from epuck_sim.replication.sweeps import Version
+        from epuck_sim.replication.writer import write_replication
         from epuck_sim.sweep.cluster import DaskCluster
         from epuck_sim.sweep.executors import local_pool
 
         open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
         version = Version.FULL if full else Version.QUICK
-        failed = run_claims(known, chosen, out, version, open_pool)
-        write_answers(known, chosen, out, version)
+        failed = _run_claims(known, chosen, out, version, open_pool)
+        answers, file = write_replication(known, chosen, out, version)
+        for answer in answers:
+            typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")
+        typer.echo(file)
         if failed:
-            typer.echo(f"{failed} trials failed; give the command again to retry them", err=True)
+            typer.echo(f"{counted(failed, 'trial')} failed; give the command again to retry them", err=True)
             raise typer.Exit(1)
+
+
+def _run_claims(
+    claims: "Claims", chosen: "Sequence[Claim]", folder: Path, version: "Version", open_pool: "OpenPool"
+) -> int:
+    """Run the trials that are missing, show how far they are, and return how many have failed."""
+    from epuck_sim.cli.progress import SweepProgressBar
+    from epuck_sim.replication.sweeps import needed_sweeps, sweep_folder
+    from epuck_sim.sweep.run import run_sweep
+
+    needed = needed_sweeps(claims, chosen, version)
+    try:
+        (folder / "runs").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise EpuckSimError(f"{folder}: cannot be made: {error.strerror}") from error
+    failed = 0
+    for name, scenario in needed.items():
+        print_stderr(f"{name}:")
+        with SweepProgressBar() as bar:
+            failed += run_sweep(scenario, sweep_folder(folder, name, version), open_pool, bar).failed
+    return failed

@@ -1,21 +1,57 @@
-"""The commands that print what run folders hold: `export`, `summarize`, `fit` and `compare`."""
+"""The commands about run folders: `export`, `summarize`, `fit`, `compare`, `plot`, `report`; and `plan`."""
 
+from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, reject_first
-from epuck_sim.cli.plot import STATISTIC
+from epuck_sim.cli.errors import exit_on_error, prefix_scenario, reject_first
+from epuck_sim.cli.options import (
+    LOOKS,
+    AxesOption,
+    FoldedCommand,
+    FolderArgument,
+    HelpAllOption,
+    JsonOption,
+    OfOption,
+    QuickOption,
+    SetOption,
+    TrialsOption,
+    WorkersOption,
+    read_scenario,
+)
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.statistics.names import Statistic
+
+if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
+    from epuck_sim.cli.plan_tables import Duration
+    from epuck_sim.figures.saving import Target
+    from epuck_sim.scenario.points import Point
 
 results = typer.Typer()
 
-FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="A run folder, as `run --out` makes it.")]
-OfOption = Annotated[
-    str | None, typer.Option("--of", metavar="NAME", help="A measure of the folder's trials; T_sync by default.")
-]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+CsvOption = Annotated[bool, typer.Option("--csv", help="Print the table as CSV.")]
+
+BOTH = "--json and --csv exclude each other"
+
+_STATISTIC_HELP = (
+    "What stands for the trials of a point: their mean (restricted to the limit of cycles where trials are "
+    "censored), by default; their median; or the mean of the nearest Weibull distribution (Appendix A)."
+)
+STATISTIC = typer.Option("--statistic", help=_STATISTIC_HELP)
+
+
+class Form(StrEnum):
+    """A way to draw a sweep."""
+
+    CURVES = "curves"
+    MAP = "map"
+    VIOLINS = "violins"
+    SERIES = "series"
+    PERTURBATION = "perturbation"
+    COURSE = "course"
 
 
 @results.command("export")
@@ -34,26 +70,27 @@ def export_results(
 
 @results.command()
 def summarize(
-    folder: FolderArgument,
-    of: OfOption = None,
-    as_json: JsonOption = False,
+    folder: FolderArgument, of: OfOption = None, as_json: JsonOption = False, as_csv: CsvOption = False
 ) -> None:
     """Print the statistics of T_sync, or of a measure, at each point of a sweep; censored trials count as such.
 
     Of a measure that is a series, these are the statistics at each cycle; the table shows some of the cycles.
     """
     with exit_on_error():
-        from epuck_sim.cli.series_tables import print_series
-        from epuck_sim.cli.tables import print_summary
+        from epuck_sim.cli.tables import show
         from epuck_sim.runs.reader import read_points
-        from epuck_sim.statistics.series import has_series, summarize_series
+        from epuck_sim.statistics.series import has_series, series_table, summarize_series
         from epuck_sim.statistics.summary import summarize as statistics
 
+        reject_first((as_json and as_csv, BOTH))
         points = read_points(folder, of)
         if any(map(has_series, points)):
-            print_series(f"{folder}: {of}", summarize_series(points), as_json)
+            series = summarize_series(points)
+            table, found = series_table(f"{folder}: {of}", series), [each.record() for each in series]
         else:
-            print_summary(str(folder), of, statistics(points), as_json)
+            summaries = statistics(points)
+            table, found = summaries.table(str(folder)), [each.record() for each in summaries]
+        show([table], found, as_json=as_json, as_csv=as_csv)
 
 
 @results.command()
@@ -63,55 +100,389 @@ def fit(
     of: OfOption = None,
     x: Annotated[str | None, typer.Option("--x", metavar="KEY", help="Axis of --of; by default the speed.")] = None,
     as_json: JsonOption = False,
+    as_csv: CsvOption = False,
 ) -> None:
     """Print the local minimum and the peak of T_sync against speed, and the laws by which they scale.
 
     Of a measure, print its minimum and its peak along an axis.
     """
     with exit_on_error():
-        reject_first((x is not None and of is None, "--x is for measures, --of NAME; T_sync is fitted against speed"))
-        if of is not None:
-            from epuck_sim.cli.measure_fit_tables import print_measure_fit
-            from epuck_sim.statistics.measure_fit import fit_measure
+        from epuck_sim.cli.tables import show
 
-            print_measure_fit([fit for folder in folders for fit in fit_measure(folder, of, x, statistic)], as_json)
+        reject_first(
+            (as_json and as_csv, BOTH),
+            (x is not None and of is None, "--x is for measures, --of NAME; T_sync is fitted against speed"),
+        )
+        if of is not None:
+            from epuck_sim.statistics.measure_fit import fit_measure, measure_fit_table
+
+            fits = [fit for folder in folders for fit in fit_measure(folder, of, x, statistic)]
+            show([measure_fit_table(fits)], [fit.record() for fit in fits], as_json=as_json, as_csv=as_csv)
             return
-        from epuck_sim.cli.fit_tables import print_fit
-        from epuck_sim.statistics.scaling_fit import fit_curves, fit_laws
+        from epuck_sim.statistics.scaling_fit import fit_curves, fit_laws, fit_tables
 
         curves = [curve for folder in folders for curve in fit_curves(folder, statistic)]
-        print_fit(curves, fit_laws(curves), as_json)
+        laws = fit_laws(curves)
+        found = {"curves": [curve.record() for curve in curves], "laws": laws}
+        show(fit_tables(curves, laws), found, as_json=as_json, as_csv=as_csv)
 
 
 @results.command()
 def compare(
-    folder: FolderArgument,
-    other: Annotated[
-        Path | None, typer.Argument(metavar="OTHER", help="A run folder with the same axes, to compare it with.")
-    ] = None,
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="FOLDER...", help="Run folders with the same axes; or one, for --axis."),
+    ],
     axis: Annotated[
         str | None,
-        typer.Option(metavar="KEY=A,B", help="Compare two values of an axis instead: robots.0.count=5,10"),
+        typer.Option(metavar="KEY=A,B,...", help="Compare values of an axis of one folder: robots.0.count=5,10"),
     ] = None,
+    points: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="K,L,...", help="Compare these points, one of each folder, whatever its axes are; repeatable."
+        ),
+    ] = None,
+    with_first: Annotated[
+        bool, typer.Option("--with-first", help="Compare each with the first, instead of all pairs.")
+    ] = False,
     of: OfOption = None,
     as_json: JsonOption = False,
+    as_csv: CsvOption = False,
 ) -> None:
-    """Print how T_sync, or a measure, differs between two run folders or two values of an axis."""
+    """Print how T_sync, or a measure, differs between run folders, values of an axis, or points."""
     with exit_on_error():
-        from epuck_sim.cli.comparison_tables import print_comparison
+        from epuck_sim.cli.tables import show
         from epuck_sim.runs.reader import read_points
-        from epuck_sim.scenario.overrides import parse_axis
-        from epuck_sim.statistics.comparison import compare as compare_matches
-        from epuck_sim.statistics.comparison import match_folders, match_values
+        from epuck_sim.scenario.keys import full_keys, parse_axis
+        from epuck_sim.statistics.comparison import compare as compare_samples
+        from epuck_sim.statistics.comparison import comparison_tables, match_folders, match_points, match_values
 
-        reject_first(((other is None) == (axis is None), "give a second run folder, or --axis KEY=A,B, and not both"))
-        points = read_points(folder, of)
+        reject_first(
+            (as_json and as_csv, BOTH),
+            (axis is not None and bool(points), "--axis is of one folder, --points of several: give one of them"),
+            (
+                (len(folders) == 1) == (axis is None),
+                "give two or more run folders, or one and --axis KEY=A,B",
+            ),
+        )
+        read = [read_points(folder, of) for folder in folders]
+        names = list(map(str, folders))
         if axis is not None:
-            key, values = parse_axis(axis, "--axis")
-            found = match_values(points, key, values)
-            names = [f"{key} = {value}" for value in values]
+            typed, values = parse_axis(axis, "--axis")
+            key = (full_keys(typed, list(read[0][0].axes), f"--axis {axis}") or [typed])[0]
+            samples = match_values(read[0], key, values)
+        elif points:
+            samples = match_points(read, names, list(map(parse_points, points)))
         else:
-            assert other is not None
-            found = match_folders(points, read_points(other, of))
-            names = [str(folder), str(other)]
-        print_comparison(names, compare_matches(*found), as_json)
+            samples = match_folders(read, names)
+        compared = compare_samples(samples, with_first=with_first)
+        found = compared[0] if len(samples.names) == 2 else compared
+        show(comparison_tables(compared, read[0]), found, as_json=as_json, as_csv=as_csv)
+
+
+def parse_points(text: str) -> list[int]:
+    """Return the numbers of points that `--points` gives; raise EpuckSimError if it gives others."""
+    words = text.split(",")
+    if not all(word.strip().isdecimal() for word in words):
+        raise EpuckSimError(f"--points is {text!r}; allowed: numbers of points, one of each folder, as in 3,0")
+    return list(map(int, words))
+
+
+@results.command(cls=FoldedCommand)
+def plot(
+    results: Annotated[
+        list[Path],
+        typer.Argument(metavar="FOLDER...", help="Run folders of one scenario, or FILE.rrd, a recording."),
+    ],
+    of: OfOption = None,
+    form: Annotated[
+        Form | None,
+        typer.Option(metavar="FORM", help=f"One of {', '.join(Form)}; by default as the scenario says, or curves."),
+    ] = None,
+    x: Annotated[str | None, typer.Option(metavar="KEY", help="Horizontal axis; by default the speed.")] = None,
+    y: Annotated[str | None, typer.Option(metavar="KEY", help="Vertical axis of a map.")] = None,
+    panels: Annotated[
+        str | None, typer.Option(metavar="KEY", help="Axis of curves that has a panel for each of its values.")
+    ] = None,
+    names: Annotated[
+        str | None, typer.Option(metavar="NAME,...", help="Names of several folders; by default, their own.")
+    ] = None,
+    to: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write one picture, FILE.png, FILE.svg or FILE.pdf, or STEM.png, STEM.svg and so on; by default "
+            "FOLDER/T_sync, FOLDER/NAME_OF_MEASURE or FOLDER/FORM, or the recording's name.",
+        ),
+    ] = None,
+    statistic: Annotated[
+        Statistic | None, typer.Option(metavar="NAME", help=_STATISTIC_HELP, rich_help_panel=LOOKS)
+    ] = None,
+    censored_at: Annotated[
+        int | None,
+        typer.Option(
+            metavar="CYCLES",
+            min=1,
+            help="For violins: estimate the mean as if trials were censored there.",
+            rich_help_panel=LOOKS,
+        ),
+    ] = None,
+    log: Annotated[
+        bool | None,
+        typer.Option(
+            "--log/--linear",
+            help="Scale of T_sync or the measure.",
+            show_default="log for T_sync",
+            rich_help_panel=LOOKS,
+        ),
+    ] = None,
+    points: Annotated[
+        bool,
+        typer.Option("--points", help="Draw each trial as a dot, in curves and violins.", rich_help_panel=LOOKS),
+    ] = False,
+    title: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Title; by default there is none.", rich_help_panel=LOOKS)
+    ] = None,
+    label: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=TEXT",
+            help="Label of an axis, or of T_sync or a measure; may be repeated.",
+            rich_help_panel=LOOKS,
+        ),
+    ] = None,
+    width_cm: Annotated[
+        float | None,
+        typer.Option(
+            metavar="CM",
+            min=5,
+            max=100,
+            help="Width of a sweep's figure: 8.5 cm, that of a column, or 17.5 cm, that of a page, for several panels.",
+            rich_help_panel=LOOKS,
+        ),
+    ] = None,
+    font_pt: Annotated[
+        float | None,
+        typer.Option(metavar="PT", min=4, max=30, help="Size of letters; 8 points by default.", rich_help_panel=LOOKS),
+    ] = None,
+    help_all: HelpAllOption = False,  # noqa: ARG001
+) -> None:
+    """Draw T_sync or a measure of sweeps, as curves, a map or violins; their trials over time; or a recorded trial.
+
+    A caption is written beside the figure, and its numbers. A scenario's section figure has the same options.
+    """
+    with exit_on_error():
+        from epuck_sim.figures.saving import parse_target
+
+        target = parse_target(to) if to else None
+        options = {
+            "form": form,
+            "x": x,
+            "y": y,
+            "panels": panels,
+            "censored_at_cycles": censored_at,
+            "statistic": statistic,
+            "title": title,
+            "labels": _parse_labels(label) if label else None,
+            "scale": None if log is None else "log" if log else "linear",
+            "points": points or None,
+            "width_cm": width_cm,
+            "font_pt": font_pt,
+        }
+        named = [name.strip() for name in names.split(",")] if names else []
+        if len(results) > 1 or results[0].is_dir():
+            _plot_sweeps(results, of, named, options, target)
+        else:
+            _plot_trial(results[0], {**options, "of": of, "names": names}, target)
+
+
+def _parse_labels(labels: list[str]) -> dict[str, str]:
+    parts = [label.partition("=") for label in labels]
+    for label, (_, equals, _) in zip(labels, parts, strict=True):
+        if not equals:
+            raise EpuckSimError(f"--label is {label!r}; allowed: KEY=TEXT")
+    return {key: text for key, _, text in parts}
+
+
+def _plot_sweeps(
+    folders: list[Path], of: str | None, names: list[str], options: dict[str, Any], target: "Target | None"
+) -> None:
+    from epuck_sim.figures.saving import Target, save_figure
+    from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, read_form
+
+    form = read_form(folders, options, of, names, "--")
+    stem = form.name if form.name in SIMULATED_AGAIN else of or "T_sync"
+    others = "".join(f"-with-{folder.resolve().name}" for folder in folders[1:])
+    _save(save_figure(target or Target(folders[0] / f"{stem}{others}"), form.draw_figure, form.tables, form.caption))
+    for note in form.notes:
+        typer.echo(f"note: {note}", err=True)
+
+
+def _plot_trial(recording: Path, options: dict[str, Any], target: "Target | None") -> None:
+    from epuck_sim.figures.saving import Target, save_figure
+    from epuck_sim.figures.sweep_figure import flag
+    from epuck_sim.figures.trial_page import check_drawable, draw_page
+    from epuck_sim.recording.reader import read_recording
+
+    for name, value in options.items():
+        if value is not None:
+            raise EpuckSimError(f"{flag(name, value)} is for run folders; {recording} is none")
+    recorded = read_recording(recording)
+    check_drawable(recorded, str(recording))
+    _save(save_figure(target or Target(recording.with_suffix("")), lambda: draw_page(recorded)))
+
+
+def _save(files: list[Path]) -> None:
+    for file in files:
+        typer.echo(file)
+
+
+@results.command()
+def report(
+    folder: FolderArgument,
+    to: Annotated[
+        Path | None, typer.Option(metavar="PAGE.html", help="The page; by default FOLDER.html, beside the folder.")
+    ] = None,
+) -> None:
+    """Write a page about a sweep, complete in itself: what was run, tables, figures, failed trials, commands."""
+    with exit_on_error():
+        from epuck_sim.report.page import write_report
+
+        page = to or folder.resolve().with_name(f"{folder.resolve().name}.html")
+        write_report(folder, page)
+        typer.echo(page)
+
+
+BUDGET_S = 20.0
+"""Wall time to time trials for, by default."""
+
+DIFFERENCE_PERCENT = 20.0
+"""Difference to be seen, by default."""
+
+
+@results.command()
+def plan(
+    sweep: Annotated[
+        str, typer.Argument(metavar="SCENARIO|FOLDER", help="A scenario that is to be run, or a run folder.")
+    ],
+    difference: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENT", min=0.1, max=10_000, help="Of a run folder: the difference to be seen; 20 by default."
+        ),
+    ] = None,
+    of: OfOption = None,
+    power: Annotated[
+        float,
+        typer.Option(metavar="PERCENT", min=5.0, max=99.9, help="How often it is to be seen, with p < 0.05."),
+    ] = 80.0,
+    trials: TrialsOption = None,
+    settings: SetOption = None,
+    axes: AxesOption = None,
+    quick: QuickOption = False,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=0.1, max=3600, help="Seconds to spend on timing trials of a scenario; 20 by default."),
+    ] = None,
+    workers: WorkersOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Print how long a sweep will take, by timing some of its trials, or how long one will take to go on.
+
+    For a run folder, also print how many trials a point needs to show --difference: of T_sync or a measure in per cent,
+    with the spread of the stored trials; of a truth value, whose share of trials is compared, in percentage points.
+    """
+    with exit_on_error():
+        from epuck_sim.cli.plan_tables import print_plan, print_power
+        from epuck_sim.runs.folder import DATABASE
+        from epuck_sim.sweep.executors import available_cores
+
+        folder = Path(sweep)
+        is_folder = (folder / DATABASE).is_file()
+        reject_first(
+            (is_folder and bool(settings or axes or quick), "--set, --sweep and --quick are for scenarios"),
+            (is_folder and seconds is not None, "--seconds is for scenarios; the trials of a run folder are timed"),
+            (not is_folder and of is not None, "--of needs trials: give a run folder"),
+            (
+                not is_folder and difference is not None,
+                "--difference needs trials: give a run folder, as `run --trials 20 --out FOLDER` makes it",
+            ),
+        )
+        processes = workers or available_cores()
+        if is_folder:
+            from epuck_sim.runs.reader import read_points
+            from epuck_sim.statistics.planning import plan_trials
+
+            planned = plan_trials(read_points(folder, of=of), (difference or DIFFERENCE_PERCENT) / 100, power / 100)
+            duration = _duration_of_folder(folder, trials, processes)
+            print_power(sweep, planned, duration, as_json)
+        else:
+            duration = _duration_of_scenario(sweep, settings, axes, quick, trials, seconds or BUDGET_S, processes)
+            print_plan(sweep, duration, as_json)
+
+
+def _duration_of_folder(folder: Path, trials: int | None, workers: int) -> "Duration":
+    from epuck_sim.cli.plan_tables import Duration
+    from epuck_sim.estimate import Estimate
+    from epuck_sim.runs.share import WHOLE, Share
+    from epuck_sim.runs.status import read_status, read_wall_times
+    from epuck_sim.scenario.loader import RUN_SCENARIO
+
+    stored, of_sweep = read_wall_times(folder), read_status(folder).share
+    share = Share.parse(of_sweep) if of_sweep else WHOLE
+    wanted = trials or read_scenario(folder / RUN_SCENARIO).trials
+    times = [time for of_point in stored.values() for time in of_point]
+    mean = sum(times) / len(times) if times else 0.0
+    left = {number: max(0, len(share.trials(number, wanted)) - len(of_point)) for number, of_point in stored.items()}
+    means = {number: sum(of_point) / len(of_point) if of_point else mean for number, of_point in stored.items()}
+    seconds = sum(left[number] * means[number] for number in left)
+    compute = Estimate(seconds)
+    return Duration(len(stored), wanted, sum(left.values()), workers, compute, len(times), is_cut=False)
+
+
+def _duration_of_scenario(
+    sweep: str,
+    settings: list[str] | None,
+    axes: list[str] | None,
+    quick: bool,
+    trials: int | None,
+    budget_s: float,
+    workers: int,
+) -> "Duration":
+    from epuck_sim.scenario.points import points
+    from epuck_sim.sweep.checks import check_sweep
+
+    loaded = read_scenario(sweep, settings, axes, quick=quick)
+    with prefix_scenario(sweep):
+        found = points(loaded)
+        check_sweep(found)
+        return estimate_duration(found, trials or loaded.trials, budget_s, workers)
+
+
+def estimate_duration(found: "Sequence[Point]", wanted: int, budget_s: float, workers: int) -> "Duration":
+    """Return how long a sweep will take, from some trials that are run now.
+
+    Args:
+        found: The points of the sweep.
+        wanted: Number of trials at each.
+        budget_s: Wall time to time trials for.
+        workers: Number of worker processes.
+
+    Raises:
+        ScenarioError: A trial fails.
+    """
+    import numpy as np
+
+    from epuck_sim.cli.plan_tables import Duration
+    from epuck_sim.statistics.mean import estimate_mean
+    from epuck_sim.statistics.measured import Measured
+    from epuck_sim.sweep.pilot import time_trials
+
+    timed = time_trials(found, budget_s)
+    times = np.array([each.wall_s for each in timed])
+    count = wanted * len(found)
+    estimate = estimate_mean(Measured(times, np.ones(len(times), bool), float("inf"), 0))
+    compute = estimate.apply(lambda seconds: count * seconds)
+    is_cut = any(each.is_cut for each in timed)
+    return Duration(len(found), wanted, count, workers, compute, len(times), is_cut)

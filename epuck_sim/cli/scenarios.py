@@ -1,77 +1,29 @@
-"""The commands that read scenarios: `check` and `list`; and the options that name and change a scenario."""
+"""The commands about scenarios and other files that users write: `check`, `list` and `new`."""
 
 import json
+import keyword
+import re
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from epuck_sim.cli.completion import complete_controller, complete_measure, complete_scenario
-from epuck_sim.cli.errors import exit_on_error, prefix_scenario, print_warnings
+from epuck_sim.cli.errors import exit_on_error, prefix_scenario, print_warnings, reject_first, word_if_slow
+from epuck_sim.cli.options import (
+    AxesOption,
+    ControllerOption,
+    JsonOption,
+    QuickOption,
+    ScenarioArgument,
+    SetOption,
+    read_scenario,
+)
+from epuck_sim.cli.templates import CONTROLLER, MEASURE, ROBOT, SCENARIO, SENSOR
+from epuck_sim.util.atomic_write import atomic_write
 
 scenarios = typer.Typer()
-
-SCENARIO_PANEL = "Scenario"
-"""Heading, in the help, of the options that change a scenario."""
-
-ScenarioArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="SCENARIO",
-        help="A YAML file, a scenario's name (see `list`), or a run folder to go on with.",
-        autocompletion=complete_scenario,
-    ),
-]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Change one value, such as robots.0.count=5; repeatable.",
-        rich_help_panel=SCENARIO_PANEL,
-    ),
-]
-TrialsOption = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        max=10_000_000,
-        help="Trials at each point; the scenario's own number by default.",
-        rich_help_panel=SCENARIO_PANEL,
-    ),
-]
-AxesOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--sweep",
-        metavar="KEY=V1,V2,...",
-        help="Add an axis to the sweep, such as robots.0.count=5,10,20; repeatable.",
-        rich_help_panel=SCENARIO_PANEL,
-    ),
-]
-MeasureOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--measure",
-        metavar="NAME_OR_FILE",
-        help="Measure more, such as order_parameter or mine.py:coverage; repeatable; see `list --measures`.",
-        rich_help_panel=SCENARIO_PANEL,
-        autocompletion=complete_measure,
-    ),
-]
-ControllerOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME_OR_FILE",
-        help="Run this controller on all robots, such as mine.py; parameters that it has are kept.",
-        rich_help_panel=SCENARIO_PANEL,
-        autocompletion=complete_controller,
-    ),
-]
-QuickOption = Annotated[
-    bool,
-    typer.Option("--quick", help="Take the scenario's quick version, if it has one.", rich_help_panel=SCENARIO_PANEL),
-]
+news = typer.Typer(no_args_is_help=True, help="Write a commented file to begin with.")
 
 
 @scenarios.command()
@@ -81,44 +33,21 @@ def check(
     axes: AxesOption = None,
     controller: ControllerOption = None,
     quick: QuickOption = False,
-    seconds: Annotated[
-        float | None,
-        typer.Option(
-            "--time",
-            metavar="SECONDS",
-            min=0.1,
-            max=3600,
-            help="Time some trials for this long, and say how long all of them will take.",
-        ),
-    ] = None,
 ) -> None:
     """Validate SCENARIO, with every point of its sweep, and print it with every default written out.
 
     Comments at its end say how many points and trials it has, and what they take.
     """
     with exit_on_error():
-        from epuck_sim.cli.progress import word_if_slow
-        from epuck_sim.cli.sweep_size import describe_size
-        from epuck_sim.scenario.loader import load_scenario, write_scenario
+        from epuck_sim.scenario.loader import write_scenario
         from epuck_sim.scenario.points import points
-        from epuck_sim.sweep.checks import check_sweep
+        from epuck_sim.sweep.checks import check_sweep, describe_size
 
-        with word_if_slow(f"checking {scenario}"):
-            with print_warnings():
-                loaded = load_scenario(scenario, settings or (), axes or (), controller=controller, quick=quick)
-            with prefix_scenario(scenario):
-                found = points(loaded)
-                check_sweep(found)
-            text = write_scenario(loaded)
-        notes = [describe_size(found)]
-        if seconds is not None:
-            from epuck_sim.cli.plan import estimate_duration
-            from epuck_sim.cli.plan_tables import describe_computing
-            from epuck_sim.sweep.executors import available_cores
-
-            with prefix_scenario(scenario):
-                notes.extend(describe_computing(estimate_duration(found, loaded.trials, seconds, available_cores())))
-        sys.stdout.write(text + "".join(f"# {note}\n" for note in notes))
+        loaded = read_scenario(scenario, settings, axes, controller=controller, quick=quick)
+        with word_if_slow(f"checking {scenario}"), prefix_scenario(scenario):
+            found = points(loaded)
+            check_sweep(found)
+        sys.stdout.write(f"{write_scenario(loaded)}# {describe_size(found)}\n")
 
 
 @scenarios.command("list")
@@ -126,7 +55,7 @@ def list_shipped(
     measures: Annotated[
         bool, typer.Option("--measures", help="List measures of trials, and their parameters.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON: names and descriptions, by kind.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """List scenarios, sweeps and controllers, or measures: those of epuck-sim, and those of installed packages."""
     with exit_on_error():
@@ -138,3 +67,73 @@ def list_shipped(
             print(json.dumps(listed, ensure_ascii=False, indent=2))
         else:
             print_descriptions(listed)
+
+
+@news.command("measure")
+def new_measure(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the measure, and of its file NAME.py.")],
+) -> None:
+    """Write NAME.py, a commented measure of trials that runs as it stands."""
+    with exit_on_error():
+        _reject_no_name(name, "measure", "coverage")
+        _write_new(Path(f"{name}.py"), MEASURE.format(name=name), f"run thesis --measure {name}.py")
+
+
+@news.command("controller")
+def new_controller(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the controller's file NAME.py.")],
+) -> None:
+    """Write NAME.py, a commented controller of robots that runs as it stands."""
+    with exit_on_error():
+        _reject_no_name(name, "controller", "wanderer")
+        _write_new(Path(f"{name}.py"), CONTROLLER.format(name=name), f"run thesis --controller {name}.py")
+
+
+@news.command("sensor")
+def new_sensor(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the sensor, and of its file NAME.py.")],
+) -> None:
+    """Write NAME.py, a commented sensor of robots that runs as it stands."""
+    with exit_on_error():
+        from epuck_sim.control.interface import Sensors
+
+        _reject_no_name(name, "sensor", "ground")
+        taken = name in Sensors._fields or name in sys.stdlib_module_names
+        reject_first((taken, f"{name!r} is taken, by what robots sense anyway or by Python; give another name"))
+        command = f'run thesis --set "robots.0.sensors=[{name}.py]" --trace {name}.parquet'
+        _write_new(Path(f"{name}.py"), SENSOR.format(name=name), command)
+
+
+@news.command("robot")
+def new_robot(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the robot's file NAME.yaml.")],
+) -> None:
+    """Write NAME.yaml, a commented robot that runs as it stands."""
+    with exit_on_error():
+        _reject_no_name(name, "robot", "cart")
+        _write_new(Path(f"{name}.yaml"), ROBOT.format(name=name), f"run thesis --set robot={name}.yaml")
+
+
+@news.command("scenario")
+def new_scenario(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the scenario, and of its file NAME.yaml.")],
+) -> None:
+    """Write NAME.yaml, a commented scenario that runs as it stands."""
+    with exit_on_error():
+        message = f"{name!r} is no name for a scenario; allowed: letters, digits, _ and -, such as pillar-80"
+        reject_first((not re.fullmatch(r"[A-Za-z_][\w-]{0,99}", name), message))
+        _write_new(Path(f"{name}.yaml"), SCENARIO.format(name=name), f"run {name}.yaml")
+
+
+def _reject_no_name(name: str, kind: str, example: str) -> None:
+    """Raise EpuckSimError for what Python cannot import by this name."""
+    is_name = name.isidentifier() and not keyword.iskeyword(name) and not name.startswith("_")
+    reject_first((not is_name, f"{name!r} is no name for a {kind}; allowed: letters, digits and _, such as {example}"))
+
+
+def _write_new(path: Path, text: str, command: str) -> None:
+    """Write a file that does not exist yet, and print how to try it."""
+    reject_first((path.exists(), f"{path}: exists already; give another name"))
+    with atomic_write(path) as part:
+        part.write_text(text, encoding="utf-8")
+    typer.echo(f"{path}: try it: epuck-sim {command}")

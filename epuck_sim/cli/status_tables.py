@@ -7,6 +7,7 @@ from typing import Any
 from epuck_sim.display.numbers import in_words
 from epuck_sim.runs.share import Share
 from epuck_sim.runs.status import Failure, Status
+from epuck_sim.util.messages import counted
 from epuck_sim.util.provenance import format_versions
 
 MOST_FAILURES = 10
@@ -22,13 +23,16 @@ def print_status(status: Status, as_json: bool) -> None:
         print(json.dumps(_as_dict(status)))
         return
     share = "" if status.share is None else f"share {status.share}, "
-    print(f"{status.scenario}: {share}{status.points} points, {status.stored} of {status.trials} trials have a result")
+    print(
+        f"{status.scenario}: {share}{counted(status.points, 'point')}, "
+        f"{status.stored} of {status.trials} trials have a result"
+    )
     censored = "" if status.censored is None else f"censored: {status.censored}; "
     print(f"  {censored}failed: {len(status.failed)}; computing time: {in_words(status.wall_s)}")
     if status.unmeasured:
         print(f"  {status.unmeasured} of these results lack measures that were added")
     for row in status.versions:
-        print(f"  {row.trials} trials: {format_versions(row.made_by)}")
+        print(f"  {counted(row.trials, 'trial')}: {format_versions(row.made_by)}")
     if status.at_work:
         print(f"  {status.at_work} is at work on it")
     print_failures(status.failed)

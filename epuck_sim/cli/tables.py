@@ -1,113 +1,87 @@
-"""What people see of trials, and the statistics of a sweep's points."""
+"""What commands print of results: tables for people, JSON and CSV for programs."""
 
 import json
+import shutil
 import sys
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-
-from epuck_sim.display.numbers import format_estimate, in_digits
-from epuck_sim.figures.labels import axis_labels, quantity_label
-from epuck_sim.measures.interface import Value
-from epuck_sim.scenario.figure_axes import distinguishing_axes
-from epuck_sim.statistics.estimate import MIN_TRIALS
+from epuck_sim.display.table import Row, Table, plain
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import versions
 
-if TYPE_CHECKING:  # or every command would wait for scipy
-    from epuck_sim.statistics.summary import PointSummary
-
-WIDE = 1000
-"""Width in columns of a table that goes to a file: enough for any."""
+if TYPE_CHECKING:
+    from epuck_sim.statistics.measured import Measured
 
 
-def print_summary(folder: str, of: str | None, points: "Sequence[PointSummary]", as_json: bool) -> None:
-    """Print the statistics of T_sync, or of the measure `of`, at a sweep's points on stdout."""
-    from epuck_sim.statistics.summary import applicable_statistics  # which loads scipy
-
+def show(tables: Sequence[Table], found: Any, *, as_json: bool, as_csv: bool = False) -> None:
+    """Print tables on stdout, or what was found as JSON, or the first table as CSV."""
     if as_json:
-        print(json.dumps([point._asdict() for point in points]))
-        return
-    statistics = applicable_statistics(points)
-    title = f"{folder}: {quantity_label(of)}, with 95 % intervals"
-    table = Table(title=Text(title), title_justify="left")
-    shown = distinguishing_axes([point.axes for point in points])
-    censored = ["censored"] * (of is None)
-    for heading in ("point", *axis_labels(shown[0]), "trials", *censored, *statistics.values()):
-        table.add_column(Text(heading), justify="right", overflow="fold")
-    for point, axes in zip(points, shown, strict=True):
-        table.add_row(
-            str(point.point),
-            *(Text(str(value)) for value in axes.values()),
-            str(point.trials),
-            *[f"{point.censored:.0%}"] * len(censored),
-            *(format_estimate(*point.estimate(statistic)) for statistic in statistics),
-        )
-    Console(width=None if sys.stdout.isatty() else WIDE).print(table)
-    if any(point.censored for point in points):
-        print("Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit of")
-        print("cycles, or the longest trial. Weibull mean: extrapolated by Appendix A. -: undetermined.")
-    _print_missing_intervals([point.trials for point in points])
+        print(json.dumps(plain(found)))
+    elif as_csv:
+        print(tables[0].to_csv(), end="")
+    else:
+        print("\n\n".join(table.to_text(terminal_width()) for table in tables))
 
 
-def _print_missing_intervals(trials: Sequence[int]) -> None:
-    """Print why points have no interval, if some have too few trials for one."""
-    few = sum(0 < count < MIN_TRIALS for count in trials)
-    if few:
-        print(f"No intervals at {few} of {len(trials)} points: one takes {MIN_TRIALS} trials or more.")
+def terminal_width() -> int | None:
+    """Return how many letters a line of stdout has; None if it is no terminal."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
 
 
-def print_trials(results: Sequence[TrialResult]) -> None:
-    """Print a readable table of trials of one scenario on stdout."""
+def print_trials(results: Sequence[TrialResult], max_cycles: int) -> None:
+    """Print a table of trials of one scenario on stdout, and of several a line of statistics.
+
+    Args:
+        results: The trials.
+        max_cycles: Limit of cycles at which they are censored.
+    """
     if not results:
         return
-    table = Table(title=Text(results[0].scenario), title_justify="left")
-    table.add_column("seed", justify="right", no_wrap=True)  # which has to be whole to be given as --seed
-    columns = {**_outcome_columns(results), **_TIME_COLUMNS}
-    for heading in columns:
-        longest = max(map(len, heading.split()))
-        table.add_column(Text(heading), justify="right", min_width=longest)  # Text, or [s] would be markup
-    for name in results[0].measures:
-        table.add_column(Text(name), justify="right", no_wrap=True)
-    for result in results:
-        cells = (cell(result) for cell in columns.values())
-        table.add_row(str(result.seed), *cells, *map(_format_value, result.measures.values()))
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    headings = {
+        "t_sync": "T_sync (cycles)",
+        "simulated_s": "simulated (s)",
+        "wall_s": "wall (s)",
+        "real_time": "x real time",
+        **{name: name for name in results[0].measures},
+    }
+    has_order = any(result.order_parameter is not None for result in results)
+    rows = [Row({"seed": each.seed}, _cells(each, has_order=has_order)) for each in results]
+    print(Table(results[0].scenario, rows, (), headings).to_text(terminal_width()))
+    if len(results) > 1 and results[0].censored is not None:
+        print(_summary(results, max_cycles))
 
 
-_TIME_COLUMNS: dict[str, Callable[[TrialResult], str]] = {
-    "simulated [s]": lambda result: f"{result.simulated_s:.1f}",
-    "wall [s]": lambda result: f"{result.wall_s:.2f}",
-    "x real time": lambda result: f"{result.real_time_factor:.0f}",
-}
-"""Columns of every trial, and their cells."""
+def _cells(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
+    """Return the cells that apply to a trial of its scenario: without oscillators there is no T_sync."""
+    cells: dict[str, Any] = {}
+    if result.censored is not None:
+        cells["t_sync"] = result.t_sync_cycles
+        cells["censored"] = f"yes, at {result.cycles}" if result.censored else "no"
+    if result.censored is not None or has_order:
+        cells["order_parameter"] = result.order_parameter
+    times = {"simulated_s": result.simulated_s, "wall_s": result.wall_s, "real_time": result.real_time_factor}
+    return {**cells, **times, **result.measures}
 
 
-def _outcome_columns(results: Sequence[TrialResult]) -> dict[str, Callable[[TrialResult], str]]:
-    """Return the columns that apply to trials of one scenario, and their cells: without oscillators there are none."""
-    columns: dict[str, Callable[[TrialResult], str]] = {}
-    if results[0].censored is not None:
-        columns["T_sync [cycles]"] = lambda result: _or_dash(result.t_sync_cycles, "d")
-        columns["censored"] = lambda result: f"yes, at {result.cycles}" if result.censored else "no"
-    if columns or any(result.order_parameter is not None for result in results):
-        columns["order par."] = lambda result: _or_dash(result.order_parameter, ".3f")
-    return columns
+def _summary(results: Sequence[TrialResult], max_cycles: int) -> str:
+    """Return mean, median and share of censored trials of T_sync in a line."""
+    from epuck_sim.statistics.names import Statistic  # what follows takes scipy
+    from epuck_sim.statistics.statistic import estimate
+
+    measured = _measured(results, max_cycles)
+    mean, median = (estimate(measured, statistic) for statistic in (Statistic.MEAN, Statistic.MEDIAN))
+    ends = f"{mean.name} {mean} cycles, {median.name} {median}"
+    return f"T_sync of {len(results)} trials: {ends}; {100 * measured.censored:.0f} % censored"
 
 
-def _or_dash(number: float | None, form: str) -> str:
-    return "-" if number is None else format(number, form)
+def _measured(results: Sequence[TrialResult], max_cycles: int) -> "Measured":
+    import numpy as np
 
+    from epuck_sim.statistics.measured import Measured
 
-def _format_value(value: Value) -> str:
-    """Return the value of a measure as a table shows it; of a series, how long it is."""
-    if isinstance(value, list):
-        return f"{len(value)} values"
-    if value is None or isinstance(value, bool):
-        return "-" if value is None else "yes" if value else "no"
-    return in_digits(value)
+    times = np.array([result.cycles for result in results], float)
+    return Measured(times, np.array([not result.censored for result in results]), max_cycles, results[0].seed)
 
 
 def print_trial_json(result: TrialResult) -> None:

@@ -117,8 +117,9 @@ READINGS = {{"{name}": float, "{name}_light": float}}
 
 
 # Called for each robot in each control step, before any controller.
-# `world` has time_s, width_cm, height_cm, radius_cm, robots (x, y, heading, ring_on, present, number of each), circles
-# and edges (of obstacles); `robot` is the one that senses. epuck_sim.embodied.sensing has what else it may ask.
+# `world` has time_s, width_cm, height_cm, radius_cm, robots (x, y, heading, radius_cm, ring_on, present, number of
+# each), circles and edges (of obstacles); `robot` is the one that senses. What else it may ask is in
+# epuck_sim.embodied.sensing.
 # `readings` keep their values until they are set again. Draw random numbers from `random`, and from nowhere else.
 def sense(world, robot, readings, parameters, random):
     x = robot.x + parameters.ahead_cm * math.cos(robot.heading)

@@ -1,16 +1,16 @@
 """What `epuck-sim track` prints: a table, or JSON."""
 
 import json
-import sys
+import textwrap
 from collections.abc import Iterator
 
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-
+from epuck_sim.cli.tables import terminal_width
 from epuck_sim.overhead.robots import Robots, summary
 from epuck_sim.overhead.track import Track
 from epuck_sim.util.provenance import versions
+
+NAMES_WIDTH = 26
+"""Width of the names of results, in letters."""
 
 
 def print_track_json(track: Track, robots: Robots | None = None) -> None:
@@ -21,10 +21,10 @@ def print_track_json(track: Track, robots: Robots | None = None) -> None:
 
 def print_track(track: Track, robots: Robots | None = None) -> None:
     """Print the summary of a track, and of who is who if that was asked for, as a readable table on stdout."""
-    table = Table(title=Text(track.film), title_justify="left", show_header=False)
+    print(track.film)
     for name, value in (*_lines(track), *(() if robots is None else _lines_about_robots(track, robots))):
-        table.add_row(name, value)
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
+        text = f"{name:{NAMES_WIDTH}}{value}"
+        print(textwrap.fill(text, terminal_width() or 120, subsequent_indent=" " * NAMES_WIDTH))
 
 
 def _lines(track: Track) -> Iterator[tuple[str, str]]:

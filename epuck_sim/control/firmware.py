@@ -9,6 +9,7 @@ import os
 import re
 import shlex
 import shutil
+import struct
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -40,6 +41,9 @@ OWN_VARIABLES = {"memory", "parameters", "e_swarm", "e_robot", "e_refusal"}
 
 SHARED_RANDOM = {"rand", "srand", "random", "srandom", "drand48", "srand48", "lrand48", "rand_r"}
 """Functions whose random numbers do not come from the robot's own stream."""
+
+FOR_THE_ROBOT = re.compile(r"p30F6014A\.h|\be_init_\w+|\bmain\s*(?=\()")
+"""What firmware has that is written for the robot itself."""
 
 VERSION = 1
 """Version of the header `epuck.h`, which a library states."""
@@ -144,7 +148,20 @@ def _runs_in_c(*_: object) -> None:
 def _keep_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
     """Return a copy of a library, and its contents; under a name made from these, as one that is loaded must stay."""
     contents = path.read_bytes()
+    if _is_cut_off(contents):  # the process that loads it would be ended by the system
+        raise ControllerError(f"{path}: is no whole library: its end is missing")
     return _library([contents], lambda part: part.write_bytes(contents)), {path: contents}
+
+
+def _is_cut_off(contents: bytes) -> bool:
+    """Return whether a library of Linux, 64 bits, ends before its table of sections does, which is its last part."""
+    if contents[:6] != b"\x7fELF\x02\x01":
+        return False
+    if len(contents) < 64:
+        return True
+    (begin,) = struct.unpack_from("<Q", contents, 40)
+    size, count = struct.unpack_from("<HH", contents, 58)
+    return bool(begin + size * count > len(contents))
 
 
 def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
@@ -161,6 +178,17 @@ def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
 
     contents = [settings, (HEADERS / "epuck.h").read_bytes(), *sources.values()]
     return _library(contents, build), sources
+
+
+def _reject_for_the_robot(path: Path) -> None:
+    """Raise ControllerError for firmware that starts the robot itself."""
+    source = path.read_text(errors="replace")
+    if found := FOR_THE_ROBOT.search(source):
+        raise ControllerError(
+            f"{path}:{source.count(chr(10), 0, found.start()) + 1}: {found[0]!r}: is for the robot itself; here the "
+            "simulator calls the firmware. Three things change: #include <epuck.h> for the robot's own headers, "
+            "void start(void) for what main does once, void step(void) for one turn of its loop; see docs/firmware.md"
+        )
 
 
 def _find_compiler(path: Path) -> tuple[str, ...]:
@@ -189,6 +217,7 @@ def _run(path: Path, command: Sequence[str | Path]) -> str:
     """Return what a command prints; raise ControllerError with its own words if it fails."""
     run = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, errors="replace")
     if run.returncode:
+        _reject_for_the_robot(path)
         said = "\n".join(f"  {line}" for line in (run.stderr or run.stdout).splitlines())
         raise ControllerError(f"{path}: {command[0]} cannot compile it:\n{said}")
     return run.stdout
@@ -221,17 +250,26 @@ def _line_of(name: str, source: bytes) -> int:
 
 
 def _library(contents: Iterable[bytes], make: Callable[[Path], object]) -> Path:
-    """Return the library that is made from these contents, marked as used now; unused ones are removed."""
+    """Return the library that is made from these contents, marked as used now; unused ones are removed.
+
+    Its name holds two digests, of what it is made from and of itself: one that was damaged since is made anew.
+    """
     folder = cache_root() / "firmware"
     folder.mkdir(parents=True, exist_ok=True)
-    name = hashlib.sha256(b"".join(hashlib.sha256(each).digest() for each in contents))
-    library = folder / f"{name.hexdigest()[:32]}.so"
-    if library.exists():
-        os.utime(library)
+    made_from = _digest(b"".join(hashlib.sha256(each).digest() for each in contents))
+    for library in folder.glob(f"{made_from}-*.so"):
+        if library.stem == f"{made_from}-{_digest(library.read_bytes())}":
+            os.utime(library)
+            break
     else:
         with tempfile.TemporaryDirectory(dir=folder) as own:
             part = Path(own) / "library"
             make(part)
+            library = folder / f"{made_from}-{_digest(part.read_bytes())}.so"
             part.replace(library)
     remove_unused(folder.glob("*.so"), Path.is_file)
     return library
+
+
+def _digest(contents: bytes) -> str:
+    return hashlib.sha256(contents).hexdigest()[:32]

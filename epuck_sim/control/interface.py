@@ -88,10 +88,10 @@ class World(NamedTuple):
     height_cm: float
     """Length of the floor along y, cm."""
     radius_cm: float
-    """Radius of a robot, cm."""
+    """Radius of the robot that senses, cm."""
     robots: Any
-    """(robots,) records: `x` and `y` (cm), `heading` (rad), `ring_on` (whether the ring is lit), `present` (whether the
-    robot is in the arena) and `number`."""
+    """(robots,) records: `x` and `y` (cm), `heading` (rad), `radius_cm`, `ring_on` (whether the ring is lit), `present`
+    (whether the robot is in the arena) and `number`."""
     circles: Any
     """(n,) records: `x`, `y` and `radius` (cm) of round obstacles and of movables."""
     edges: Any

@@ -25,7 +25,7 @@ ARGUMENTS: Mapping[str, tuple[str, ...]] = {
 """What a controller's functions, and a sensor's, are given, in this order."""
 
 
-SEEN_OF_ROBOTS = ("x", "y", "heading", "ring_on", "present", "number")
+SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "number")
 """What a sensor sees of a robot's record."""
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import numpy.typing as npt
 
 from epuck_sim.arena import Arena, floor_levels
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray
@@ -26,9 +27,6 @@ SHARE_OF_NUMBERS = 1.1
 SMALLEST_NUMBERS = 26
 """The longer side of a picture, in heights of the smallest legible number."""
 
-LAMP_SHARE = 1 / 80
-"""Radius of a lamp's dot, as a share of the longer side of a picture."""
-
 LAMP = "#ffc800"
 """Colour of lamps."""
 
@@ -42,21 +40,20 @@ MIN_HEIGHT = 0.1
 """Height of the picture of a segment, whose own is 0, as a share of its length."""
 
 
-def draw_arena(arena: Arena, poses: FloatArray, radius_cm: float, ring_on: BoolArray) -> Element:
+def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on: BoolArray) -> Element:
     """Return a picture of an arena, with y upwards.
 
     Args:
         arena: The arena.
         poses: (n, 3) cm, cm, rad: x, y and heading of robots or agents; headings may be NaN, and
             places of those that are not drawn.
-        radius_cm: Radius of their discs.
+        radii_cm: (n,) radius of each one's disc, or one for all.
         ring_on: (n,) whether each ring is lit.
     """
     width = arena.width_cm
     height = max(arena.height_cm, MIN_HEIGHT * width)
     longer, middle = max(width, height), (height - arena.height_cm) / 2
     margin, stroke = MARGIN * longer, longer / 150
-    font = max(SHARE_OF_NUMBERS * radius_cm, longer / SMALLEST_NUMBERS)
     scale = SIDE_PX / (longer + 2 * margin)
     top, bottom = middle, middle + arena.height_cm
     walls = " ".join(f"{_text(x)},{_text(y)}" for x, y in ((0, top), (width, top), (width, bottom), (0, bottom)))
@@ -72,13 +69,13 @@ def draw_arena(arena: Arena, poses: FloatArray, radius_cm: float, ring_on: BoolA
         parts.append(element("polygon", points=points, fill=OBSTACLE))
     for x, y, height_cm, strength in arena.lamps.tolist():
         title = element("title", f"lamp: {height_cm:g} cm, strength {strength:g}")
-        parts.append(
-            element("g", title, _circle(x, height - middle - y, LAMP_SHARE * longer, fill=LAMP), class_="lamp")
-        )
-    for number, ((x, y, heading), is_lit) in enumerate(zip(poses.tolist(), ring_on.tolist(), strict=True)):
+        parts.append(element("g", title, _circle(x, height - middle - y, arena.lamp_cm, fill=LAMP), class_="lamp"))
+    each = zip(poses.tolist(), np.broadcast_to(radii_cm, len(poses)).tolist(), ring_on.tolist(), strict=True)
+    for number, ((x, y, heading), radius_cm, is_lit) in enumerate(each):
         if math.isnan(x):  # it is not in the arena
             continue
         label = str(number) if len(poses) < MOST_NUMBERED else ""
+        font = max(SHARE_OF_NUMBERS * radius_cm, longer / SMALLEST_NUMBERS)
         parts.append(_draw_robot(label, (x, height - middle - y), heading, radius_cm, font, is_lit=is_lit))
     return element(
         "svg",

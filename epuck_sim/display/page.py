@@ -1,6 +1,9 @@
 """The frame of an HTML page that is complete in itself, and fits readers' themes."""
 
+from pathlib import Path
+
 from epuck_sim.display.html import element, to_html
+from epuck_sim.errors import EpuckSimError
 
 STYLE = """
 :root { color-scheme: light dark; --paper: #ffffff; --ink: #1c2126; --faint: #5b646d; --rule: #d5dadf; --box: #f3f5f7 }
@@ -30,10 +33,25 @@ figure > svg { display: block; width: 100%; max-width: 40rem; height: auto; back
 """Style of the page."""
 
 
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+"""What a page may load, and run: nothing, whatever names and messages of others stand in it."""
+
+
+SUFFIXES = (".html", ".htm")
+"""Endings of a page's name."""
+
+
+def check_suffix(path: Path) -> None:
+    """Raise EpuckSimError if a file's name is not that of a page."""
+    if path.suffix not in SUFFIXES:
+        raise EpuckSimError(f"{path}: unknown format {path.suffix!r}; allowed: .html")
+
+
 def make_document(title: str, body: str) -> str:
     """Return a page with this title; the body is HTML."""
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         f"{to_html(element('title', title))}<style>{STYLE}</style></head>\n<body>\n{body}</body></html>\n"
     )

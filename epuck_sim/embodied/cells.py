@@ -26,7 +26,7 @@ def set_cells(swarm: Swarm, width_cm: float, height_cm: float, least_cm: float) 
         swarm: The swarm, which has room for `cells_needed`.
         width_cm: Width of the arena.
         height_cm: Height of the arena.
-        least_cm: Least side of a cell, the `cell_cm` of the kind of robot.
+        least_cm: Least side of a cell, see `scenario.robot_kind.cell_cm`.
     """
     scene = swarm.scene[0]
     scene.width_cm, scene.height_cm = width_cm, height_cm
@@ -83,7 +83,7 @@ def sort_into_cells(swarm: Swarm) -> None:
         cell = cell_of(robot, scene)
         cells[cell] -= 1
         member = members[cells[cell]]
-        member.x, member.y, member.robot = robot.x, robot.y, number
+        member.x, member.y, member.radius_cm, member.robot = robot.x, robot.y, robot.radius_cm, number
 
 
 @jit_inline

@@ -1,6 +1,7 @@
 """Runs the controllers of a group of robots: compiled by numba, interpreted for breakpoints and any library, or in C.
 
-Compiled and interpreted controllers run the same source, their file and `_run` below, with equal results bit for bit.
+Compiled and interpreted controllers run the same source, their file and `run_group` below, with equal results bit for
+bit.
 """
 
 import ctypes
@@ -52,14 +53,15 @@ if TYPE_CHECKING:  # `bind` provides them
     PARAMETERS: np.dtype[Any]
 
 
-def _run(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
+def run_group(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
     """Run a control step of each robot of a group that is in the arena, or start those that are to start."""
     swarm = swarm_at(block)
     scene, group = swarm.scene[0], swarm.groups[number]
     kept = group.count
     memories = array_at(block, group.memory, group.memory + (kept + 1) * group.memory_bytes, MEMORY)  # noqa: F821
     parameters = array_at(block, group.parameters, group.memory, PARAMETERS)[0]  # noqa: F821
-    wheels = Wheels(float(scene.wheel_limit_cm_s), float(scene.wheel_base_cm))
+    first = swarm.robots[group.first]
+    wheels = Wheels(float(first.wheel_limit_cm_s), float(first.wheel_base_cm))
     for member in range(group.count):
         robot = swarm.robots[group.first + member]
         if not (robot.starts if scene.starts else robot.present):
@@ -90,7 +92,7 @@ def _run(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: A
 
 @jit_no_alloc
 def _run_firmware(block: ByteArray, addresses: IntArray, number: int) -> None:
-    """Do what `_run` does, for firmware in C."""
+    """Do what `run_group` does, for firmware in C."""
     swarm = swarm_at(block)
     scene, group = swarm.scene[0], swarm.groups[number]
     function = addresses[group.controller + (1 if scene.starts else 2)]
@@ -185,7 +187,7 @@ class GroupControllers:
             names = {"start": controller.start, "step": controller.step, "complete": completion(self._sensors)}
             types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
             contents = repr([(each.name, each.readings) for each in sensors])
-            self.run = compile_for(controller, _run, kernel_digest("embodied"), {**names, **types}, contents)
+            self.run = compile_for(controller, run_group, kernel_digest("embodied"), {**names, **types}, contents)
             self._entries[0] = function_address(self.run)
 
     def addresses(self, first: int) -> list[int]:
@@ -269,11 +271,11 @@ class GroupControllers:
         return line_again(again, error, self.controller)
 
     def _interpreted(self, swarm: Swarm) -> Any:
-        """Return `_run` as plain Python."""
+        """Return `run_group` as plain Python."""
         controller, complete = self.controller, bind(completion(self._sensors).function, array_at=view_at)
         functions = {"start": controller.start, "step": controller.step, "complete": complete}
         types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
-        return as_python(_run, _views(swarm), {**functions, **types})
+        return as_python(run_group, _views(swarm), {**functions, **types})
 
 
 def _views(swarm: Swarm) -> Swarm:
@@ -283,7 +285,10 @@ def _views(swarm: Swarm) -> Swarm:
         SimpleNamespace(
             sensors=SimpleNamespace(**{name: sensors[name][robot, ...] for name in SENSED.names or ()}),
             actuators=robots.actuators[robot],
-            **{name: robots[name][robot, ...] for name in ("starts", "present", "random")},
+            **{
+                name: robots[name][robot, ...]
+                for name in ("starts", "present", "random", "wheel_limit_cm_s", "wheel_base_cm")
+            },
         )
         for robot in range(len(robots))
     ]

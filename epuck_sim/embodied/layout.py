@@ -21,9 +21,9 @@ from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
 from epuck_sim.embodied.sensors.radio import set_radio, slots_of
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.imperfections import SpreadSection
-from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.scenario.signals import ConeSignal, RadioSignal
+from epuck_sim.scenario.physics import SpreadSection
+from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
+from epuck_sim.scenario.robots import ConeSignal, RadioSignal, RobotGroup
 
 
 def make_swarm_block(
@@ -43,7 +43,8 @@ def make_swarm_block(
     block = make_block(_lengths(scenario, arenas, controllers, sensors))
     swarm = open_block(block)
     _set_scene(swarm.scene[0], scenario)
-    set_arena(swarm, arenas[0], scenario.robot.cell_cm)
+    set_bodies(swarm, scenario.robot_kinds)
+    set_arena(swarm, arenas[0], cell_cm(scenario.group_kinds))
     _set_floor(swarm, arenas[0])
     _set_robots(swarm.robots, scenario)
     _set_groups(swarm, scenario, controllers)
@@ -61,7 +62,7 @@ def _lengths(
 ) -> dict[str, int]:
     """Return how long each array of the block is."""
     robots, faults = scenario.robot_count, len(scenario.faults)
-    groups = scenario.robots
+    groups, least_cm = scenario.robots, cell_cm(scenario.group_kinds)
     own = [(each, group.count) for group, listed in zip(groups, sensors, strict=True) for each in listed]
     # of the swarm: imperfections, faults; of a group: sensors, controllers, faults
     most_calls = 7 + 9 * len(groups) + len(own)
@@ -69,8 +70,7 @@ def _lengths(
         "robots": robots,
         "groups": len(groups),
         "calls": most_calls,
-        "cells": max(cells_needed(each.width_cm, each.height_cm, robots, scenario.robot.cell_cm) for each in arenas)
-        + 1,
+        "cells": max(cells_needed(each.width_cm, each.height_cm, robots, least_cm) for each in arenas) + 1,
         "members": robots,
         "circles": max(len(arena.circles) for arena in arenas),
         "edges": max(len(arena.edges) for arena in arenas),
@@ -98,7 +98,7 @@ def _pictures(group: RobotGroup) -> int:
 
 
 def _set_scene(scene: Any, scenario: EmbodiedScenario) -> None:
-    timing, robot, stuck, spread = scenario.timing, scenario.robot, scenario.stuck, scenario.spread
+    timing, stuck, spread = scenario.timing, scenario.stuck, scenario.spread
     values = {
         "step": -1,
         "serving": -1,
@@ -107,10 +107,7 @@ def _set_scene(scene: Any, scenario: EmbodiedScenario) -> None:
         "step_s": timing.step_ms / 1000,
         "physics_steps": timing.physics_hz // timing.control_hz,
         "physics_s": 1.0 / timing.physics_hz,
-        "radius_cm": robot.radius_cm,
         "touch": scenario.contact.robots,
-        "wheel_limit_cm_s": robot.wheels.limit_cm_s,
-        "wheel_base_cm": robot.wheels.base_cm,
         "slip": scenario.noise.wheel_speed,
         "infrared_noise": scenario.noise.infrared_counts > 0,
         "clocks_differ": spread.clock_rate > 0,
@@ -124,8 +121,15 @@ def _set_scene(scene: Any, scenario: EmbodiedScenario) -> None:
         scene[name] = value
 
 
-def set_arena(swarm: Swarm, arena: Arena, cell_cm: float) -> None:
-    """Write walls, obstacles and movables to a swarm, for which there is room; cell_cm: least side of a cell."""
+def set_bodies(swarm: Swarm, kinds: Sequence[RobotKind]) -> None:
+    """Write to a swarm how large its robots, each of a kind, are, and how they drive."""
+    for name in ("radius_cm", "wheel_limit_cm_s", "wheel_base_cm"):
+        swarm.robots[name] = [getattr(kind, name) for kind in kinds]
+    swarm.scene[0].largest_cm = swarm.robots.radius_cm.max()
+
+
+def set_arena(swarm: Swarm, arena: Arena, least_cm: float) -> None:
+    """Write walls, obstacles and movables to a swarm, for which there is room; least_cm: least side of a cell."""
     scene = swarm.scene[0]
     scene.width_cm, scene.height_cm = arena.width_cm, arena.height_cm
     scene.circles, scene.edges, scene.first_movable = len(arena.circles), len(arena.edges), arena.first_movable
@@ -136,7 +140,7 @@ def set_arena(swarm: Swarm, arena: Arena, cell_cm: float) -> None:
         edges = swarm.edges[: len(arena.edges)]
         edges.ax, edges.ay, edges.bx, edges.by = arena.edges.T
         edges.polygon = np.repeat(np.arange(len(arena.polygons)), [len(corners) for corners in arena.polygons])
-    set_cells(swarm, arena.width_cm, arena.height_cm, cell_cm)
+    set_cells(swarm, arena.width_cm, arena.height_cm, least_cm)
 
 
 def _set_floor(swarm: Swarm, arena: Arena) -> None:
@@ -165,16 +169,17 @@ def _set_robots(robots: Any, scenario: EmbodiedScenario) -> None:
 def _set_groups(swarm: Swarm, scenario: EmbodiedScenario, controllers: Sequence[Controller]) -> None:
     robot, row, ray, pulses, byte = 0, 0, 0, 0, 0
     later = sum(section.count * section.pixels for section in scenario.robots)  # behind all rows that controllers read
-    for number, (section, controller) in enumerate(zip(scenario.robots, controllers, strict=True)):
+    sections = zip(scenario.robots, scenario.group_kinds, controllers, strict=True)
+    for number, (section, kind, controller) in enumerate(sections):
         group = swarm.groups[number]
         group.first, group.count, group.pixels = robot, section.count, section.pixels
         rows = section.count * section.pixels
         group.row, group.in_view, group.waiting, group.ray = row, row, row, ray
         if _pictures(section) > 1:
             group.in_view, group.waiting, later = later, later + rows, later + 2 * rows
-        _set_signal(swarm, group, section, scenario)
+        _set_signal(swarm, group, section, kind, scenario)
         group.radio.first = pulses
-        set_infrared(group.infrared, scenario.robot, section.infrared, scenario.noise.infrared_counts)
+        set_infrared(group.infrared, kind, section.infrared, scenario.noise.infrared_counts)
         assign_bytes(swarm, number, controller, byte)
         robot, row, ray = robot + section.count, row + rows, ray + section.pixels
         pulses += slots_of(section.signal, scenario.timing.step_ms) * section.count
@@ -191,12 +196,12 @@ def _set_senses(swarm: Swarm, scenario: EmbodiedScenario, sensors: Sequence[Sequ
             number, byte = number + 1, byte + sensed_bytes_needed(sensor, group.count)
 
 
-def _set_signal(swarm: Swarm, group: Any, section: RobotGroup, scenario: EmbodiedScenario) -> None:
+def _set_signal(swarm: Swarm, group: Any, section: RobotGroup, kind: RobotKind, scenario: EmbodiedScenario) -> None:
     if isinstance(section.signal, ConeSignal | RadioSignal):
         set_cone(group.cone, section.signal)
     else:
         rays = swarm.rays[group.ray : group.ray + section.pixels]
-        set_camera(group.camera, rays, section.camera, scenario.robot, scenario.timing.control_hz)
+        set_camera(group.camera, rays, section.camera, kind, scenario.timing.control_hz)
     if isinstance(section.signal, RadioSignal):
         set_radio(group.radio, section.signal, scenario.timing.step_ms)
 

@@ -1,7 +1,7 @@
 """The control loop: move, sense, control, act, many steps in one call of compiled code (thesis 3.1.4.1)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from epuck_sim.embodied.sensors.signals import sensors_of
 from epuck_sim.embodied.start import draw_noise
 from epuck_sim.embodied.swarm import FLOAT64, HIDE, INT64, Swarm, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.util.elementary import log
 from epuck_sim.util.jit import address_of, bind, jit_no_alloc
 from epuck_sim.util.native import array_at, call
 from epuck_sim.util.rng import uniform
@@ -47,7 +48,7 @@ def stop_and_release(block: ByteArray, _addresses: IntArray, _number: int) -> No
         while robot.stuck_until_s <= time_s:
             robot.is_stuck = not robot.is_stuck
             mean_s = scene.mean_stuck_s if robot.is_stuck else scene.mean_free_s
-            robot.stuck_until_s -= mean_s * math.log(1.0 - uniform(robot.variation_random))
+            robot.stuck_until_s -= mean_s * log(1.0 - uniform(robot.variation_random))
         for wheel in range(2):
             robot.wheel_gain[wheel] = 0.0 if robot.is_stuck else robot.free_gain[wheel]
 
@@ -146,6 +147,10 @@ class ControlLoop:
 
     addresses: IntArray
     """Addresses of all that a control step calls."""
+    functions: Mapping[int, Any]
+    """The kernels, controllers and sensors that it calls, by their indices in the addresses."""
+    is_compiled: bool
+    """Whether `take_steps` is; else it is plain Python."""
 
     def __init__(
         self,
@@ -186,14 +191,16 @@ class ControlLoop:
                 addresses.append(function.address if isinstance(function, OwnSensor) else address_of(function))
         swarm.calls[: len(every)] = [(numbers[function], argument) for function, argument in every]
         swarm.scene[0].late, swarm.scene[0].calls = len(early), len(every)
+        self.functions = {number: function for function, number in numbers.items()}
         self.addresses = np.array(addresses, np.int64)
         world.use(block, swarm, self.addresses)
-        self._take_steps = _in_python(swarm, world, every) if interpret or world.is_public else take_steps
+        self.is_compiled = not (interpret or world.is_public)
+        self.take_steps: Any = take_steps if self.is_compiled else _in_python(swarm, world, every)
         self.take(0)  # compiles now, which belongs to no trial's time
 
     def take(self, steps: int, *, until_firing: bool = False) -> int:
         """Carry out `take_steps`."""
-        return int(self._take_steps(self._block, self.addresses, steps, until_firing))
+        return int(self.take_steps(self._block, self.addresses, steps, until_firing))
 
 
 def _in_python(swarm: Swarm, world: World, calls: Sequence[tuple[Any, int]]) -> Any:

@@ -26,7 +26,8 @@ HEADINGS = ("robot", "x [cm]", "y [cm]", "heading [rad]", "nearest [mm]", "camer
 def show_simulation(scenario: EmbodiedScenario, seed: int, step: "Step") -> str:
     """Return the arena with the robots at a step as HTML; before the first step, where they were placed."""
     when = f"step {step.number}, {step.time_s:.1f} s" if step.number >= 0 else "before its first step"
-    drawn = draw_arena(step.arena, step.poses, scenario.robot.radius_cm, step.ring_on)
+    radii_cm = [kind.radius_cm for kind in scenario.robot_kinds]
+    drawn = draw_arena(step.arena, step.poses, radii_cm, step.ring_on)
     return to_html(element("p", element("b", scenario.name), f", seed {seed}: {when}"), drawn)
 
 

@@ -15,6 +15,7 @@ from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.util.elementary import hypot
 from epuck_sim.util.generators import choose, integer_between, next_double
 from epuck_sim.util.jit import jit, jit_no_alloc
 
@@ -51,19 +52,19 @@ def clearance_cm(swarm: Swarm, x: float, y: float, circles: int) -> float:
     clearance: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
     for index in range(circles):
         circle = swarm.circles[index]
-        clearance = min(clearance, math.hypot(circle.x - x, circle.y - y) - circle.radius)
+        clearance = min(clearance, hypot(circle.x - x, circle.y - y) - circle.radius)
     index = 0
     while index < scene.edges:
         polygon, inside, outside, all_left = swarm.edges[index].polygon, -math.inf, math.inf, True
         while index < scene.edges and swarm.edges[index].polygon == polygon:
             edge = swarm.edges[index]
             along_x, along_y, to_x, to_y = edge.bx - edge.ax, edge.by - edge.ay, x - edge.ax, y - edge.ay
-            length = math.hypot(along_x, along_y)
+            length = hypot(along_x, along_y)
             outward = (along_y * to_x - along_x * to_y) / length
             all_left &= outward <= 0.0
             inside = max(inside, outward)
             share = min(max((to_x * along_x + to_y * along_y) / (length * length), 0.0), 1.0)
-            outside = min(outside, math.hypot(to_x - share * along_x, to_y - share * along_y))
+            outside = min(outside, hypot(to_x - share * along_x, to_y - share * along_y))
             index += 1
         clearance = min(clearance, inside if all_left else outside)
     return clearance
@@ -77,25 +78,26 @@ def _take(swarm: Swarm, robot: int) -> None:
 
 
 @jit_no_alloc
-def _distance_to_taken(swarm: Swarm, x: float, y: float) -> float:
-    """Return the square of the distance to the nearest place that is taken in the cells around; infinity if none is."""
-    near, nearest = cells_around(x, y, swarm.scene[0]), math.inf
+def _is_apart(swarm: Swarm, x: float, y: float, radius: float) -> bool:
+    """Return whether a robot at (x, y) touches none of those whose places, in the cells around, are taken."""
+    near = cells_around(x, y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
         for column in range(near.first_column, near.last_column + 1):
             other = swarm.cells[row * swarm.scene[0].columns + column]
             while other > 0:
-                dx, dy = swarm.robots[other - 1].x - x, swarm.robots[other - 1].y - y
-                nearest = min(nearest, dx * dx + dy * dy)
+                taken = swarm.robots[other - 1]
+                dx, dy, apart = taken.x - x, taken.y - y, taken.radius_cm + radius
+                if dx * dx + dy * dy < apart * apart:
+                    return False
                 other = swarm.numbers[other - 1]
-    return nearest
+    return True
 
 
 @jit_no_alloc
-def is_free(swarm: Swarm, x: float, y: float) -> bool:
+def is_free(swarm: Swarm, x: float, y: float, radius: float) -> bool:
     """Return whether a robot at (x, y) touches none whose place is taken, no wall, no obstacle and no movable."""
-    scene = swarm.scene[0]
-    touches = _distance_to_taken(swarm, x, y) < 4.0 * scene.radius_cm * scene.radius_cm
-    return not touches and clearance_cm(swarm, x, y, scene.circles) >= scene.radius_cm - TOLERANCE_CM
+    is_apart = _is_apart(swarm, x, y, radius)
+    return is_apart and clearance_cm(swarm, x, y, swarm.scene[0].circles) >= radius - TOLERANCE_CM
 
 
 @jit_no_alloc
@@ -117,16 +119,15 @@ def place_at_random(block: ByteArray, first: int, end: int) -> int:
         The first robot for which no place was found, or -1.
     """
     swarm = swarm_at(block)
-    scene = swarm.scene[0]
-    radius, random = scene.radius_cm, scene.placement_random
-    width, height = scene.width_cm - 2 * radius, scene.height_cm - 2 * radius
+    scene, random = swarm.scene[0], swarm.scene[0].placement_random
     for number in range(first, end):
-        robot = swarm.robots[number]
+        robot, radius = swarm.robots[number], swarm.robots[number].radius_cm
+        width, height = scene.width_cm - 2 * radius, scene.height_cm - 2 * radius
         is_placed = False
         for _ in range(MAX_DRAWS):
             x = radius + width * next_double(random)
             y = radius + height * next_double(random)
-            if is_free(swarm, x, y):
+            if is_free(swarm, x, y, radius):
                 is_placed = True
                 robot.x, robot.y = x, y
                 robot.heading = 2 * math.pi * next_double(random)
@@ -153,7 +154,7 @@ def place_on_grid(block: ByteArray, first: int, end: int) -> int:
         x = _grid_coordinate(scene.width_cm, columns, point % columns)
         y = _grid_coordinate(scene.height_cm, rows, point // columns)
         free[found] = point
-        found += is_free(swarm, x, y)
+        found += is_free(swarm, x, y, swarm.robots[first].radius_cm)
     count = end - first
     if found < count:
         return found
@@ -207,7 +208,7 @@ class Placement:
                 self._put_at_given_poses(swarm, number, first)
 
     def _put_at_given_poses(self, swarm: Swarm, number: int, first: int) -> None:
-        robots, radius_cm = swarm.robots, self._scenario.robot.radius_cm
+        robots, radius_cm = swarm.robots, float(swarm.robots[first].radius_cm)
         for row, (x, y, heading) in enumerate(self._scenario.robots[number].poses or ()):
             key = f"{self._scenario.name}: robots.{number}.poses.{row}"
             gap = clearance_cm(swarm, float(x), float(y), swarm.scene[0].circles) - radius_cm
@@ -216,12 +217,13 @@ class Placement:
                     f"{key}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "
                     f"allowed: at least {radius_cm:g} cm away from them"
                 )
-            distances = np.hypot(robots["x"] - x, robots["y"] - y)
-            nearest = distances.argmin()
-            if distances[nearest] < 2 * radius_cm - TOLERANCE_CM:
+            apart_cm = robots["radius_cm"] + radius_cm
+            gaps_cm = np.sqrt((robots["x"] - x) ** 2 + (robots["y"] - y) ** 2) - apart_cm
+            nearest = gaps_cm.argmin()
+            if gaps_cm[nearest] < -TOLERANCE_CM:
                 raise ScenarioError(
                     f"{key}: is [{x:g}, {y:g}] and overlaps the robot at [{robots['x'][nearest]:g}, "
-                    f"{robots['y'][nearest]:g}]; allowed: at least {2 * radius_cm:g} cm between centres"
+                    f"{robots['y'][nearest]:g}]; allowed: at least {apart_cm[nearest]:g} cm between centres"
                 )
             robots["x"][first + row], robots["y"][first + row], robots["heading"][first + row] = x, y, heading
 

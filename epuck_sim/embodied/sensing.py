@@ -10,6 +10,7 @@ from epuck_sim.control.interface import World
 from epuck_sim.embodied.cells import cell_index
 from epuck_sim.embodied.placement import clearance_cm as clearance_of
 from epuck_sim.embodied.sensors.ray_casting import to_disc, to_segment
+from epuck_sim.util.elementary import sin_cos
 from epuck_sim.util.jit import jit_no_alloc
 
 NOBODY = -1
@@ -108,7 +109,7 @@ def distance_cm(world: World, x: float, y: float, direction: float, range_cm: fl
         range_cm: Its length, cm.
         but: Number of a robot that it passes, such as the one that senses.
     """
-    dx, dy = math.cos(direction), math.sin(direction)
+    dy, dx = sin_cos(direction)
     nearest = math.inf
     if dx != 0.0:
         nearest = ((world.width_cm if dx > 0.0 else 0.0) - x) / dx
@@ -123,5 +124,5 @@ def distance_cm(world: World, x: float, y: float, direction: float, range_cm: fl
     for number in range(len(world.robots)):
         if number != but:
             other = world.robots[number]
-            nearest = min(nearest, to_disc(x, y, dx, dy, other.x, other.y, world.radius_cm))
+            nearest = min(nearest, to_disc(x, y, dx, dy, other.x, other.y, other.radius_cm))
     return max(nearest, 0.0) if nearest <= range_cm else math.inf

@@ -5,6 +5,7 @@ bodies move. What a controller commands in one step is seen by the other robots 
 """
 
 import itertools
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
@@ -13,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arena import Arena
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.sensors import find_sensor
@@ -24,6 +25,7 @@ from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parame
 from epuck_sim.embodied.changes.schedule import begin_or_end, check_bodies_outside, displace_phases, timed_entries
 from epuck_sim.embodied.commands import Commands
 from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.history import MOST_STEPS, History, Stretch
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, ControlLoop
 from epuck_sim.embodied.observers.relations import Relations
@@ -37,10 +39,10 @@ from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.embodied.user_code import RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario.arena_changes import arena_after, arena_entries
 from epuck_sim.scenario.controllers import resolve_parameters
-from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after, arena_entries
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.robot_kind import cell_cm
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.scenario.sensors import sensor_parameters
@@ -109,6 +111,7 @@ class Simulation:
         self._arenas = [scenario.arena.build(), *later]
         self.period_ms = np.empty(scenario.robot_count)
         self._timed = timed_entries(scenario.schedule, self._step_ms)
+        self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # steps at once
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         controllers = [find_controller(group.controller) for group in scenario.robots]
         groups = zip(controllers, scenario.robots, strict=True)
@@ -116,7 +119,7 @@ class Simulation:
             [find_sensor(section["file"]) for section in group.sensors.values()] for group in scenario.robots
         ]
         self._block, self._swarm = make_swarm_block(scenario, self._arenas, controllers, self._own_sensors)
-        self._world = World(self._swarm, self._arenas, scenario.robot, scenario.contact)
+        self._world = World(self._arenas, scenario.robot_kinds, scenario.contact)
         self._build(controllers, [each.parameter_record(section.parameters) for each, section in groups])
         self.reset(seed)
 
@@ -149,6 +152,7 @@ class Simulation:
         self._find_periods()
         self._first_periods = self.period_ms.copy()
         self._relations = Relations(Scene(scenario.robots, block, swarm))
+        self._history: History | None = None
         swarm.robots["starts"] = self._starts[0] = True
         self._template = block[: swarm.scene[0].at[PIXELS]].copy()
         self._starts[0] = False
@@ -234,7 +238,29 @@ class Simulation:
     @property
     def steps(self) -> int:
         """Control steps taken so far."""
-        return int(self._step[0]) + 1
+        return int(self._step.item()) + 1
+
+    def beginning(self) -> tuple[ByteArray, Mapping[int, Any]]:
+        """Return what each trial begins with, for those who run it elsewhere.
+
+        Returns:
+            A block as it is before anything is drawn, and the functions that control steps call by their indices in
+            the addresses: kernels, and the `GroupControllers` of groups.
+        """
+        block = self._block.copy()
+        block[: len(self._template)] = self._template
+        block[len(self._template) : self._swarm.scene[0].at[PATCHES]] = 0
+        return block, self._loop.functions
+
+    def page(self) -> Any:
+        """Return the scenario, with this seed, as a page that notebooks show; `epuck-sim page` writes one to a file.
+
+        Raises:
+            ScenarioError: The scenario cannot be a page.
+        """
+        from epuck_sim.page.writer import Shown  # noqa: PLC0415 is for notebooks alone
+
+        return Shown(self.scenario, self.seed)
 
     def controller_at_work(self) -> tuple[int, int] | None:
         """Return robot and step of the controller that is running, for another thread; None while none is."""
@@ -274,16 +300,38 @@ class Simulation:
         """
         if steps < 1:
             raise ValueError(f"steps is {steps}; allowed: 1 and above")
-        end = self.steps + steps
+        taken, timed = self.steps, self._timed
+        end = taken + steps
         while True:
-            while self._timed.next == self.steps:
-                self._carry_out(self._timed.take())
-            unseen = min(end, self._timed.next) - self.steps
-            self._run(min(unseen, LOGGED_STEPS) if self.scenario.faults else unseen, until_firing=until_firing)
-            if self.scenario.faults:
+            while timed.next == taken:
+                self._carry_out(timed.take())
+            unseen = min(end, timed.next) - taken
+            self._run(min(unseen, self._most_unseen), until_firing=until_firing)
+            if self._most_unseen == LOGGED_STEPS:
                 self.events += take_events(self._swarm)
-            if self.steps == end or (until_firing and self.is_firing):
+            taken = self.steps
+            if taken == end or (until_firing and self.is_firing):
                 return self.last_step
+
+    def stretch(self, steps: int) -> Stretch:
+        """Take control steps in one arena up to the reference's next firing, and return what measures need of all.
+
+        Args:
+            steps: Largest number of steps to take, at least 1; they may be fewer.
+
+        Raises:
+            ControllerError: See `__next__`.
+        """
+        self._history = self._history or History(self.scenario, self._block, self._swarm, self._loop)
+        first = self.steps
+        while self._timed.next == first:
+            self._carry_out(self._timed.take())
+        most = 1 if len(self._arena.circles) > self._swarm.scene[0].first_movable else MOST_STEPS
+        most = min(steps, self._timed.next - first, self._most_unseen, most)
+        self._run(most, until_firing=True, history=self._history)
+        if self.scenario.faults:
+            self.events += take_events(self._swarm)
+        return self._history.stretch(first, self.steps - first, self.last_step.arena)
 
     def command(
         self,
@@ -369,7 +417,7 @@ class Simulation:
         take_out(entry.remove, swarm, self._world, self._groups)
         if entry.arena_values():
             arena = arena_after(scenario, number).build()
-            set_arena(swarm, arena, scenario.robot.cell_cm)
+            set_arena(swarm, arena, cell_cm(scenario.group_kinds))
             self._world.change_arena(arena)
             self._show(arena)
             check_bodies_outside(swarm, origin)
@@ -466,13 +514,13 @@ class Simulation:
     @property
     def last_step(self) -> Step:
         """The step that was taken last; before the first one, number -1: where robots are placed, with their phases."""
-        number = int(self._step[0])
+        number = int(self._step.item())
         return self._shown.step(number, number * self._step_ms / 1000)
 
-    def _run(self, steps: int, *, until_firing: bool) -> None:
+    def _run(self, steps: int, *, until_firing: bool, history: History | None = None) -> None:
         """Take control steps; a robot whose controller fails is named."""
         try:
-            outcome = self._loop.take(steps, until_firing=until_firing)
+            outcome = self._loop.take(steps, until_firing=until_firing) if history is None else history.take(steps)
         except BaseException as error:  # whatever a user's controller may raise
             raise self._located(error) from error
         self.is_firing = outcome == FIRED

@@ -47,11 +47,12 @@ def spawned(seed: int, part: Part) -> np.random.SeedSequence:
 
 def draw_start(block: ByteArray, seed: int) -> None:
     """Set the generators and streams of a swarm, as new, to where they are at the start of the trial with a seed."""
-    _draw_start(block, seed_words(seed), np.empty(2 * SEQUENCE_WORDS, np.uint64))
+    draw_all(block, seed_words(seed), np.empty(2 * SEQUENCE_WORDS, np.uint64))
 
 
 @jit_no_alloc
-def _draw_start(block: ByteArray, words: WordArray, scratch: WordArray) -> None:
+def draw_all(block: ByteArray, words: WordArray, scratch: WordArray) -> None:
+    """Do what `draw_start` does; words: the `seed_words` of the seed; scratch: (2 * `SEQUENCE_WORDS`,) is written."""
     swarm = swarm_at(block)
     scene, robots = swarm.scene[0], swarm.robots
     size = len(scratch) // 2

@@ -45,6 +45,7 @@ ROBOT = record_type(
         ("vx", "f8"),  # cm/s: what the body moves with until the next control step
         ("vy", "f8"),  # cm/s
         ("spin", "f8"),  # rad/s
+        ("radius_cm", "f8"),  # of its body
         ("left_cm_s", "f8"),  # wheels as commanded, within their limit
         ("right_cm_s", "f8"),
         ("turn_rad", "f8"),  # turn on the spot, as commanded
@@ -60,6 +61,8 @@ ROBOT = record_type(
         ("sends", "?"),  # whether its radio pulse is on the air
         ("actuators", ACTUATORS),  # what its controller sets
         ("sensors", SENSED),
+        ("wheel_limit_cm_s", "f8"),  # largest speed of a wheel
+        ("wheel_base_cm", "f8"),  # distance between its wheels
         ("wheel_gain", "f8", 2),  # factor of each wheel's speed, 0 while the robot is stuck
         ("free_gain", "f8", 2),  # the same when it is not
         ("clock_rate", "f8"),  # rate of its clock, relative to real time
@@ -93,7 +96,6 @@ CAMERA = record_type(
         ("range_cm", "f8"),  # rings farther away are not seen
         ("reflection_range_cm", "f8"),  # longest way, by a wall, on which a ring's reflection is seen; 0: none
         ("forward_cm", "f8"),  # distance of the camera ahead of the robot's centre
-        ("radius_cm", "f8"),  # radius of the robots that it sees
         ("interval", "f8"),  # control steps from one picture to the next; 0: a picture in each, without delay
         ("latency", "f8"),  # longest time, in control steps, that a picture takes to arrive
     ]
@@ -136,7 +138,6 @@ INFRARED = record_type(
         ("sin", "f8", (SENSORS, RAYS)),
         ("stretch", "f8"),  # distance of a flat wall on a side ray, relative to that on the centre ray
         ("reach_cm", "f8"),  # largest distance from the body's centre to the end of a ray
-        ("radius_cm", "f8"),  # radius of the robots that rays meet
         ("range_cm", "f8"),  # distance beyond which a reading is 0
         ("peak_counts", "f8"),  # largest reading, m
         ("peak_cm", "f8"),  # distance of the largest reading, x0
@@ -175,8 +176,8 @@ GROUP = record_type(
 )
 """A group of robots with the same controller and sensors."""
 
-MEMBER = record_type([("x", "f8"), ("y", "f8"), ("robot", "i8")])
-"""A robot in a cell, and where it is, cm."""
+MEMBER = record_type([("x", "f8"), ("y", "f8"), ("radius_cm", "f8"), ("robot", "i8")])
+"""A robot in a cell, where it is, cm, and how large."""
 
 CIRCLE = record_type([("x", "f8"), ("y", "f8"), ("radius", "f8")])
 """A round obstacle or a movable, cm."""
@@ -192,7 +193,7 @@ SENSE = record_type(
         ("parameters", "i8"),  # offset in `Swarm.sensed` of the record of its parameters
         ("readings", "i8"),  # of the records of what robots read
         ("random", "i8"),  # of the robots' streams, four words each
-        ("end", "i8"),  # of what follows them
+        ("kept", "i8"),  # of readings as they were sensed, which faults set back to 0; the streams end there
         ("floats", "i8"),  # number of words at the beginning of a reading that are floats; others are whole numbers
     ]
 )
@@ -261,7 +262,7 @@ SCENE = record_type(
         ("rows", "i8"),
         ("cell_width_cm", "f8"),
         ("cell_height_cm", "f8"),
-        ("radius_cm", "f8"),  # of a robot
+        ("largest_cm", "f8"),  # radius of the largest robot
         ("brightness", "f8"),  # of the floor where there is no patch and no picture
         ("picture_rows", "i8"),  # of the floor's picture; 0 if there is none
         ("picture_columns", "i8"),
@@ -269,8 +270,6 @@ SCENE = record_type(
         ("moved_publicly", "?"),  # whether bodies move by pymunk's public interface, between calls of compiled code
         ("clocks_differ", "?"),
         ("hides_flashes", "?"),  # whether faults may keep robots from seeing flashes: `CALL_HIDE` is called
-        ("wheel_limit_cm_s", "f8"),
-        ("wheel_base_cm", "f8"),
         ("slip", "f8"),  # largest relative deviation of a wheel's speed; 0: no noise
         ("infrared_noise", "?"),  # whether noise is drawn
         ("mean_free_s", "f8"),  # mean time for which a robot is free, and stuck
@@ -357,7 +356,7 @@ class Swarm(NamedTuple):
     """(rows * columns,) uint8: levels of the floor's picture, row by row from the wall of largest y on."""
 
 
-INT64, FLOAT64, BYTE, WORD = map(np.dtype, (np.int64, np.float64, np.uint8, np.uint64))
+INT64, FLOAT64, BYTE = map(np.dtype, (np.int64, np.float64, np.uint8))
 
 _DTYPES: tuple[np.dtype[Any], ...] = (
     *(SCENE, ROBOT, GROUP, CALL, INT64, MEMBER, CIRCLE, EDGE, RAY, FAULT, AFFECTED, SENSE, BYTE, BYTE),

@@ -14,7 +14,7 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.environments.rewards import Situation, SituationFunction, find_reward
 from epuck_sim.environments.spaces import AgentSpaces, Commanded, gather
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.arena_changes import arena_entries
+from epuck_sim.scenario.embodied import arena_entries
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.seeds import trial_seed
 

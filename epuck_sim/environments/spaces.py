@@ -63,8 +63,11 @@ class AgentSpaces:
         self.drives, self.flashes = bool(len(wheels)), bool(len(rings))
         self._discrete = discrete
         has_phase = not np.isnan(simulation.period_ms[self.robots]).all()
-        self._robot = robot = simulation.scenario.robot
-        sensors = len(robot.infrared.sensors) if robot.infrared else 0
+        robot_kinds = simulation.scenario.robot_kinds
+        kinds = [robot_kinds[robot] for robot in self.robots]
+        self._limits_cm_s = np.array([[kind.wheel_limit_cm_s] for kind in kinds])
+        self._peak_counts = np.array([[kind.infrared.peak_counts if kind.infrared else 1.0] for kind in kinds])
+        sensors = max(len(kind.infrared.sensors) if kind.infrared else 0 for kind in kinds)
         sizes = {"camera": simulation.scenario.camera_pixels, "infrared": sensors}
         self._readings = {name: values[0].size for name, values in simulation.last_step.readings.items()}
         sizes |= {
@@ -95,11 +98,11 @@ class AgentSpaces:
         """Return (swarms, agents, columns) what the agents of each swarm observe in its step."""
         seen = np.empty((len(steps), len(self.robots), *self.observation.shape), np.float32)
         seen[..., self.fields["camera"]] = gather([step.camera for step in steps])[:, self.robots]
-        if self._robot.infrared:
-            columns = slice(len(self._robot.infrared.sensors))
-            counts = gather([step.infrared for step in steps])[:, self.robots, columns]
-            seen[..., self.fields["infrared"]] = np.clip(counts / self._robot.infrared.peak_counts, 0, 1)
-        seen[..., self.fields["wheels"]] = situation.wheels_cm_s[:, self.robots] / self._robot.wheel_limit_cm_s
+        infrared = self.fields["infrared"]
+        if sensors := infrared.stop - infrared.start:
+            counts = gather([step.infrared for step in steps])[:, self.robots, :sensors]
+            seen[..., infrared] = np.clip(counts / self._peak_counts, 0, 1)
+        seen[..., self.fields["wheels"]] = situation.wheels_cm_s[:, self.robots] / self._limits_cm_s
         seen[..., self.fields["ring"]] = situation.ring_on[:, self.robots, None]
         if "phase" in self.fields:
             angles = 2 * np.pi * situation.phase[:, self.robots]
@@ -124,7 +127,7 @@ class AgentSpaces:
                 f"actions have the shape {given.shape} and are {'' if np.isfinite(given).all() else 'not '}all finite; "
                 f"allowed: finite numbers for each of {len(self.robots)} agents, {shape[0]} each"
             )
-        wheels = self._robot.wheel_limit_cm_s * np.clip(given[..., :2], -1, 1) if self.drives else None
+        wheels = self._limits_cm_s * np.clip(given[..., :2], -1, 1) if self.drives else None
         return Commanded(wheels, given[..., -1] > 0 if self.flashes else None)
 
     def _command_discrete(self, given: npt.NDArray[Any]) -> Commanded:
@@ -136,5 +139,5 @@ class AgentSpaces:
         ):
             raise ValueError(f"actions are {given!r}; allowed: 0 to {count - 1} for each of {len(self.robots)} agents")
         motions = len(MOTIONS) if self.drives else 1
-        wheels = self._robot.wheel_limit_cm_s * MOTIONS[given % motions] if self.drives else None
+        wheels = self._limits_cm_s * MOTIONS[given % motions] if self.drives else None
         return Commanded(wheels, given // motions == 1 if self.flashes else None)

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from epuck_sim.figures.saving import Table, parse_target, rounded, save_figure
+from epuck_sim.display.table import csv_cell
+from epuck_sim.figures.saving import Table, parse_target, save_figure
 from epuck_sim.overhead.compare import QuantityComparison
 
 ACROSS = 3
@@ -32,7 +33,7 @@ def comparison_table(rows: Sequence[QuantityComparison]) -> Table:
     for row in rows:
         values = [("film", row.film), *enumerate(row.trials.tolist())]
         cells += [
-            [row.quantity.name, row.quantity.unit, trial, rounded(value), _status(value)] for trial, value in values
+            [row.quantity.name, row.quantity.unit, trial, csv_cell(value), _status(value)] for trial, value in values
         ]
     return Table(("quantity", "unit", "trial", "value", "status"), cells)
 

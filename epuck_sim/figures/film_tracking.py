@@ -12,8 +12,9 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.display.table import csv_cell
 from epuck_sim.errors import FilmError
-from epuck_sim.figures.saving import Table, parse_target, rounded, save_figure
+from epuck_sim.figures.saving import Table, parse_target, save_figure
 from epuck_sim.figures.scales import make_logarithmic
 from epuck_sim.figures.style import add_shared_legend
 from epuck_sim.overhead.synchrony import MIN_COVERAGE, Evaluation, frame_ends
@@ -49,7 +50,7 @@ def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None)
     if png.suffix != ".png":
         raise FilmError(f"{png}: ends in {png.suffix!r}; allowed: .png, the figure; its table is written as .csv")
     rows = (
-        [*map(rounded, (each.time_s, track.periods_at(each.time_s), each.rings, 1000 * each.spread_s))]
+        [*map(csv_cell, (each.time_s, track.periods_at(each.time_s), each.rings, 1000 * each.spread_s))]
         for each in track.evaluations
     )
     return save_figure(parse_target(png), lambda: draw_track(track, snapshot), {".csv": Table(COLUMNS, rows)})

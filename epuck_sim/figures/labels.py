@@ -4,14 +4,11 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from epuck_sim.errors import MeasureError
-from epuck_sim.scenario.figure_axes import distinguishing_axes
+from epuck_sim.scenario.axes import distinguishing_axes
 from epuck_sim.scenario.scenario import Scenario
-
-if TYPE_CHECKING:  # tables that need labels wait for no results
-    from epuck_sim.runs.reader import PointTrials
+from epuck_sim.statistics.measured import quantity
 
 SYMBOLS = {
     "speed_cm_s": ("V", "cm/s"),
@@ -62,11 +59,10 @@ def quantity_label(of: str | None, unit: str = "", own: Mapping[str, str] = NO_L
         unit: Unit of the measure; empty if it has none.
         own: Labels that a user gives, by name.
 
-    >>> quantity_label(None), quantity_label("near_walls"), quantity_label("way", "cm")
-    ('T_sync (cycles)', 'near_walls', 'way (cm)')
+    >>> quantity_label("way", "cm", {"way": "path"})
+    'path'
     """
-    name, unit = ("T_sync", "cycles") if of is None else (of, unit)
-    return own.get(name) or (f"{name} ({unit})" if unit else name)
+    return own.get(of or "T_sync") or quantity(of, unit)
 
 
 def statistic_label(names: Iterable[str], label: str) -> str:
@@ -82,15 +78,6 @@ def statistic_label(names: Iterable[str], label: str) -> str:
 def undetermined_label(of: str | None) -> str:
     """Return the label of points at which T_sync, or the measure of this name, is undetermined."""
     return f"undetermined: {'too many censored' if of is None else 'no trial has a value'}"
-
-
-def measure_unit(point: "PointTrials") -> str | None:
-    """Return the unit of the measure of a point, empty if it has none; None if the measure is not found."""
-    sections = [section for section in point.scenario.measures if section.name == point.of]
-    try:
-        return sections[0].find().unit if sections else None
-    except MeasureError:  # its file is gone
-        return None
 
 
 def key_name(key: str, among: Collection[str] = (), own: Mapping[str, str] = NO_LABELS) -> str:

@@ -1,6 +1,5 @@
 """The files of a figure: its pictures, and its numbers as CSV beside them."""
 
-import csv
 import io
 import re
 import warnings
@@ -12,10 +11,10 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from epuck_sim.display.table import csv_cell, csv_text
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
@@ -37,9 +36,6 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 FILE_TYPE = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,6}")
 """Endings that look like a file type: .jpg or .parquet, but neither .5 nor .b."""
-
-DIGITS = 6
-"""Significant digits of numbers in tables."""
 
 
 class Table(NamedTuple):
@@ -104,7 +100,7 @@ def save_figure(
         for file, ending in zip(files, [*target.formats, *tables, *texts], strict=True):
             part = whole.enter_context(atomic_write(file))
             if ending in tables:
-                _write_table(part, tables[ending])
+                part.write_text(csv_text(*tables[ending]), encoding="utf-8")
             elif ending in texts:
                 part.write_text(f"{caption}\n", encoding="utf-8")
             else:
@@ -152,19 +148,6 @@ def _save_picture(figure: Figure, part: Path, ending: str, caption: str) -> None
         figure.savefig(part, format=ending[1:], **options)
 
 
-def save_table(file: Path, table: Table) -> None:
-    """Write a CSV file; raise EpuckSimError where it cannot be written."""
-    with atomic_write(file) as part:
-        _write_table(part, table)
-
-
-def _write_table(part: Path, table: Table) -> None:
-    with part.open("w", newline="", encoding="utf-8") as text:
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(table.columns)
-        writer.writerows(table.rows)
-
-
 def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any]]]]) -> Table:
     """Return a table of groups.
 
@@ -173,17 +156,6 @@ def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any
     """
     every = list(groups)
     rows = (
-        [*axes.values(), *map(rounded, row)] for axes, columns in every for row in zip(*columns.values(), strict=True)
+        [*axes.values(), *map(csv_cell, row)] for axes, columns in every for row in zip(*columns.values(), strict=True)
     )
     return Table((*every[0][0], *every[0][1]), rows)
-
-
-def rounded(value: float | str) -> str:
-    """Return a number with the digits of tables, and nothing for one that is not finite; a text as it is.
-
-    >>> rounded(1234.56789), rounded(float("nan")), rounded("mean")
-    ('1234.57', '', 'mean')
-    """
-    if isinstance(value, str):
-        return value
-    return f"{value:.{DIGITS}g}" if np.isfinite(value) else ""

@@ -10,22 +10,15 @@ from matplotlib.ticker import Formatter, LogLocator, NullFormatter
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.scenario.figure_axes import SPEED
-
-LOG_RATIO = 10.0
-"""Ratio of the largest to the smallest value from which an axis has a logarithmic scale."""
+from epuck_sim.scenario.axes import is_logarithmic as spans_decades
 
 PLAIN = (1e-3, 1e5)
 """Ends of the range whose numbers are written out; where a panel has others, all are powers of ten."""
 
 
 def is_logarithmic(key: str, values: FloatArray) -> bool:
-    """Return whether an axis with these values, (n,), is logarithmic: they are positive, and speeds or far apart.
-
-    >>> is_logarithmic("space.side_cm", np.array([10.0, 100.0])), is_logarithmic("agents.count", np.array([5.0, 40.0]))
-    (True, False)
-    """
-    return bool(values.min() > 0 and (key.endswith(SPEED) or values.max() / values.min() >= LOG_RATIO))
+    """Return whether an axis with these values, (n,), is logarithmic: they are positive, and speeds or far apart."""
+    return spans_decades(key, float(values.min()), float(values.max()))
 
 
 def has_log_scale(of: str | None, values: FloatArray, scale: str | None = None) -> bool:

@@ -185,7 +185,7 @@ def _paths(recorded: Recorded, population: Population, rows: slice) -> Iterator[
 
 
 def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: slice) -> None:
-    arena, radius_cm = recorded.arena_at(rows.stop - 1), population.radius_cm
+    arena = recorded.arena_at(rows.stop - 1)
     axes.add_patch(Rectangle((0, 0), arena.width_cm, arena.height_cm, fill=False, linewidth=1.5))
     for x, y, radius in arena.circles:
         axes.add_patch(Circle((x, y), radius, facecolor="0.85"))
@@ -198,7 +198,7 @@ def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: sl
         x, y = recorded.positions[rows, number][-1]
         if math.isnan(x):  # the robot is not in the arena
             continue
-        heading = recorded.headings[rows, number][-1]
+        heading, radius_cm = recorded.headings[rows, number][-1], population.radii_cm[number]
         face = RED if recorded.ring_on[rows, number][-1] else DARK
         axes.add_patch(Circle((x, y), radius_cm, facecolor=face, edgecolor=colour, linewidth=1.5, zorder=3))
         # a white line keeps colours apart that the colour-blind confuse
@@ -214,8 +214,8 @@ def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: sl
 def _write_number(axes: Axes, number: int, middle: tuple[float, float], heading: float, population: Population) -> None:
     """Write the number of a robot or agent behind its front: on its disc, or beside it if that is small."""
     span_cm = max(population.arena.width_cm, population.arena.height_cm)
-    share = -0.45 if 2 * population.radius_cm >= LEGIBLE_SHARE * span_cm else -1.9
-    behind = share * population.radius_cm
+    radius_cm = population.radii_cm[number]
+    behind = (-0.45 if 2 * radius_cm >= LEGIBLE_SHARE * span_cm else -1.9) * radius_cm
     axes.text(
         middle[0] + behind * math.cos(heading),
         middle[1] + behind * math.sin(heading),

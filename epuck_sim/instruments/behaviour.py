@@ -16,11 +16,11 @@ class Avoiding:
     def __init__(self, simulation: Any) -> None:  # noqa: ARG002 every measure takes the simulation
         self._turning, self._seen = 0, 0
 
-    def step(self, step: Any, _: Any) -> None:
+    def stretch(self, stretch: Any, _: Any) -> None:
         """Count the robots that turn."""
-        left, right = step.wheels_cm_s.T
+        left, right = stretch.wheels_cm_s[..., 0], stretch.wheels_cm_s[..., 1]
         self._turning += int(np.count_nonzero(left != right))
-        self._seen += len(left)
+        self._seen += left.size
 
     def value(self) -> float | None:
         """Return the share; None without a step."""
@@ -36,12 +36,14 @@ class InContact:
         self._robots = len(simulation.period_ms)
         self._touching, self._steps = 0, 0
 
-    def step(self, step: Any, _: Any) -> None:
+    def stretch(self, stretch: Any, _: Any) -> None:
         """Count the robots that touch something."""
-        contacts = step.contacts
-        if len(contacts):
-            self._touching += len(np.unique(contacts[contacts >= 0]))
-        self._steps += 1
+        step, robot, other = stretch.contacts.T
+        touching = np.zeros((len(stretch.poses), self._robots), np.bool_)
+        touching[step, robot] = True
+        touching[step[other >= 0], other[other >= 0]] = True
+        self._touching += int(np.count_nonzero(touching))
+        self._steps += len(touching)
 
     def value(self) -> float | None:
         """Return the share; None without a step."""

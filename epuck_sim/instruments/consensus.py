@@ -6,11 +6,12 @@ adds it: the variant in which hearers alone change (Baronchelli, Phys. Rev. E 83
 answer. A voter takes over what it hears. Words do not change what anyone does.
 """
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from epuck_sim.arrays import BoolArray, IntArray
+from epuck_sim.arrays import BoolArray
 from epuck_sim.particles.links import SHIFTS_ONLY
 
 RULES = ("naming_game", "voter")
@@ -31,7 +32,9 @@ class _Talk:
         self._random = np.random.default_rng([simulation.seed, STREAM])
         self.knows: BoolArray = np.eye(population, dtype=bool)  # of each robot or agent, each word
         self._heard: BoolArray = np.zeros((population, population), bool)  # the flash of each, by each
-        self._word: IntArray = np.full(population, -1)  # that each one's flash carries
+        self._speakers: dict[int, int] = {}  # whose flash is heard, and the word that it carries
+        self._agreed: int | None = None  # the cycle in which all agree
+        self._cycles = 0
 
     @staticmethod
     def check(parameters: Any) -> None:
@@ -60,19 +63,37 @@ class _Talk:
             self.knows[hearer] = False
         self.knows[hearer, word] = True
 
-    def step(self, step: Any, _: Any) -> None:
+    def stretch(self, stretch: Any, state: Any) -> None:
         """Have robots hear the word of each flash once, when they first see it."""
-        for hearer, speaker in step.sightings:
-            if not self._heard[speaker, hearer]:
-                if self._word[speaker] < 0:
-                    self._word[speaker] = self.say(speaker)
-                self._heard[speaker, hearer] = True
-                self.hear(hearer, self._word[speaker])
-        is_over = ~step.ring_on  # what is seen in a step is what was lit in the one before
-        self._heard[is_over] = False
-        self._word[is_over] = -1
+        sightings = stretch.sightings
+        ends = np.searchsorted(sightings[:, 0], np.arange(len(stretch.poses) + 1)).tolist()
+        for step, (begin, end) in enumerate(pairwise(ends)):
+            if end > begin:
+                self._hear_flashes(sightings[begin:end, 1:].tolist())
+                # the reference fires in a stretch's last step
+                self._note(state.cycles if step + 1 == len(stretch.poses) else self._cycles)
+            if self._speakers:  # what is seen in a step is what was lit in the one before
+                self._fall_silent([speaker for speaker in self._speakers if not stretch.ring_on[step, speaker]])
+        self._cycles = state.cycles
 
-    def event(self, event: Any, _: Any) -> None:
+    def _hear_flashes(self, sightings: list[list[int]]) -> None:
+        for hearer, speaker in sightings:
+            if not self._heard[speaker, hearer]:
+                if speaker not in self._speakers:
+                    self._speakers[speaker] = self.say(speaker)
+                self._heard[speaker, hearer] = True
+                self.hear(hearer, self._speakers[speaker])
+
+    def _fall_silent(self, speakers: list[int]) -> None:
+        for speaker in speakers:
+            self._heard[speaker] = False
+            del self._speakers[speaker]
+
+    def _note(self, cycles: int) -> None:
+        if self._agreed is None and self.words == 1:
+            self._agreed = cycles
+
+    def event(self, event: Any, state: Any) -> None:
         """Have agents hear the words of those that fire, in the order of the cascade."""
         if not len(event.fired):
             return
@@ -81,26 +102,11 @@ class _Talk:
             if speaker != last:
                 word, last = self.say(speaker), speaker
             self.hear(hearer, word)
+        self._note(state.cycles)
 
 
 class Consensus(_Talk):
     """Cycles until all know one word, the same (both models)."""
-
-    _agreed: int | None = None
-
-    def step(self, step: Any, state: Any) -> None:
-        """Have robots hear words, and note the cycle in which all agree."""
-        super().step(step, state)
-        self._note(state.cycles)
-
-    def event(self, event: Any, state: Any) -> None:
-        """Have agents hear words, and note the cycle in which all agree."""
-        super().event(event, state)
-        self._note(state.cycles)
-
-    def _note(self, cycles: int) -> None:
-        if self._agreed is None and self.words == 1:
-            self._agreed = cycles
 
     def value(self) -> int | None:
         """Return the cycles; None if they never agreed."""

@@ -40,10 +40,20 @@ class _FlashViews:
         self._views: IntArray = np.zeros((robots, robots), np.int64)  # of the flash of each robot, by each robot
         self._ring_on: BoolArray = np.zeros(robots, np.bool_)  # in the step before, which is what is seen
         self._was_seen: BoolArray = np.zeros(robots, np.bool_)
+        self._is_lit = False  # any ring, now or in the step before
         self._pairs, self._seen, self._repeated = 0, 0, 0
 
-    def step(self, step: Any, _: Any) -> None:
-        """Count who has which lit ring in view, and close the flashes whose rings can be seen no more."""
+    def stretch(self, stretch: Any, _: Any) -> None:
+        """Count who has which lit ring in view in each step."""
+        sightings = stretch.sightings
+        ends = np.searchsorted(sightings[:, 0], np.arange(len(stretch.poses) + 1))
+        for step, is_any_lit in enumerate(stretch.ring_on.any(axis=1).tolist()):
+            if is_any_lit or self._is_lit:  # else there is nothing to see, nor to close
+                self._look(sightings[ends[step] : ends[step + 1], 1:], stretch.ring_on[step])
+                self._is_lit = bool(self._ring_on.any() or self._was_seen.any())
+
+    def _look(self, sightings: IntArray, ring_on: BoolArray) -> None:
+        """Count what is seen in a step, and close the flashes whose rings can be seen no more."""
         over = np.flatnonzero(self._was_seen & ~self._ring_on)
         if len(over):
             views = self._views[over]
@@ -52,10 +62,10 @@ class _FlashViews:
             self._repeated += int(np.count_nonzero(views > 1))
             self._views[over] = 0
         if self._ring_on.any():
-            looks, lit = step.sightings.T
+            looks, lit = sightings.T
             self._views[lit, looks] += 1
         self._was_seen = self._ring_on
-        self._ring_on = step.ring_on.copy()
+        self._ring_on = ring_on.copy()
 
 
 class FlashesMissed(_FlashViews):

@@ -25,11 +25,11 @@ class Links:
         if not self._has_bodies:
             simulation.neighbour_links()  # compiles what finds them before any clock runs
 
-    def step(self, step: Any, _: Any) -> None:
+    def stretch(self, stretch: Any, _: Any) -> None:
         """Take note of who sees whose ring lit."""
-        sightings = step.sightings
-        if len(sightings):
-            self._seen.append(sightings[:, 1] * self._population + sightings[:, 0])
+        _, looks, lit = stretch.sightings.T
+        if len(looks):
+            self._seen.append(np.unique(lit * self._population + looks))
 
     def cycle(self, _: Any, __: Any) -> None:
         """Take note of the links of the cycle."""

@@ -1,7 +1,6 @@
 """How far robots and agents get, how long they keep their way, and how often they are near walls."""
 
 import math
-from collections import deque
 from types import SimpleNamespace
 from typing import Any
 
@@ -72,13 +71,15 @@ class MeanSpeed:
         self._before: FloatArray | None = None
         self._way_cm, self._steps = 0.0, 0
 
-    def step(self, step: Any, _: Any) -> None:
+    def stretch(self, stretch: Any, _: Any) -> None:
         """Add how far robots have come since the last step."""
-        places = step.poses[:, :2].copy()
-        if self._before is not None:
-            self._way_cm += float(np.hypot(*(places - self._before).T).mean())
-            self._steps += 1
-        self._before = places
+        places = stretch.poses[:, :, :2]
+        moved = np.diff(places, axis=0, prepend=places[:1] if self._before is None else self._before)
+        ways = np.sqrt((moved**2).sum(axis=2)).mean(axis=1)[self._before is None :]
+        for way in ways.tolist():
+            self._way_cm += way
+        self._steps += len(ways)
+        self._before = places[-1:].copy()
 
     def value(self) -> float | None:
         """Return the mean; None before the second step."""
@@ -98,7 +99,7 @@ class VelocityCorrelationTime:
         self._simulation = simulation
         self._has_bodies = simulation.scenario.model == "embodied"
         self._interval_s = simulation.step_s if self._has_bodies else simulation.scenario.clocks.period_s
-        self._last: deque[FloatArray] = deque(maxlen=lags + 1)
+        self._last: FloatArray = np.zeros((0, 0))  # (lags, n d) velocities, of which products are still to come
         self._sums, self._terms = np.zeros(lags + 1), np.zeros(lags + 1)
         self._place: FloatArray | None = None
 
@@ -108,24 +109,32 @@ class VelocityCorrelationTime:
         if not 1 <= parameters.lags <= 100_000:
             raise ValueError(f"lags is {parameters.lags}; allowed: 1 to 100000")
 
-    def step(self, step: Any, _: Any) -> None:
-        """Take note of how far robots have moved in a step."""
-        place = step.poses[:, :2].copy()
-        if self._place is not None:
-            self._add(place - self._place)
-        self._place = place
+    def stretch(self, stretch: Any, _: Any) -> None:
+        """Take note of how far robots have moved in each step."""
+        places = stretch.poses[:, :, :2]
+        before = places[:1] if self._place is None else self._place
+        self._add(np.diff(places, axis=0, prepend=before)[self._place is None :])
+        self._place = places[-1:].copy()
 
     def cycle(self, _: Any, __: Any) -> None:
         """Take note of the velocities of agents."""
         if not self._has_bodies:
-            self._add(self._simulation.headings() * self._simulation.speeds_cm_s[:, None])
+            self._add((self._simulation.headings() * self._simulation.speeds_cm_s[:, None])[None])
 
     def _add(self, velocities: FloatArray) -> None:
-        """Add the products of these velocities and the last ones."""
-        self._last.appendleft(velocities)
-        known = len(self._last)
-        self._sums[:known] += np.tensordot(np.stack(self._last), velocities, axes=2)
-        self._terms[:known] += 1
+        """Add the products of these velocities, (k, n, d), of later ones, and of the last ones before them."""
+        if not len(velocities):
+            return
+        lags = len(self._sums) - 1
+        latest = velocities.reshape(len(velocities), -1)
+        known = np.concatenate([self._last, latest]) if len(self._last) else latest
+        products = known @ known[len(known) - len(velocities) :].T
+        for place in range(len(velocities)):
+            at = len(known) - len(velocities) + place
+            first = max(0, at - lags)
+            self._sums[: at - first + 1] += products[first : at + 1, place][::-1]
+            self._terms[: at - first + 1] += 1
+        self._last = known[-lags:]
 
     def value(self) -> float | None:
         """Return the time; None if nobody moves, or if the correlation does not fall so far within the lags."""

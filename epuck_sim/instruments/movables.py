@@ -31,7 +31,7 @@ class Moved:
         if self._places is None:
             self._begin_s = step.time_s
         else:
-            self._path_cm += float(np.hypot(*(places - self._places).T).mean())
+            self._path_cm += float(np.sqrt(((places - self._places) ** 2).sum(axis=1)).mean())
         self._places, self._last_s = places, step.time_s
 
     def value(self) -> float | None:

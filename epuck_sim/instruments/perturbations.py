@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.elementary import log
 
 SMALLEST, LARGEST = 1e-12, 0.1
 """Deviations, in cycles, between which a perturbation grows or shrinks freely: above rounding, far below a cycle."""
@@ -103,7 +104,7 @@ class PerturbationTransient(_Twin):
 def growth_rates(deviations: list[float]) -> list[float | None]:
     """Return ln of each deviation over the one before; None unless both are from `SMALLEST` to `LARGEST`."""
     return [
-        math.log(after / before) if min(before, after) >= SMALLEST and max(before, after) <= LARGEST else None
+        log(after / before) if min(before, after) >= SMALLEST and max(before, after) <= LARGEST else None
         for before, after in pairwise(deviations)
     ]
 

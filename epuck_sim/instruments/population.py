@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.scenario.arena_changes import largest_cm
+from epuck_sim.scenario.embodied import largest_cm
 
 
 def phases_at(simulation: Any, event: Any) -> FloatArray:

@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.observers.scene import make_scene
-from epuck_sim.embodied.observers.visibility import find_sightings
+from epuck_sim.util.jit import jit
 
 HALF_A_MILLISECOND = 0.0005
 """Allowance in seconds for the sum of many control steps."""
@@ -29,7 +27,6 @@ class _Suspicion:
     def __init__(self, simulation: Any, *, cycles: float = 2.0) -> None:
         scenario, robots = simulation.scenario, len(simulation.period_ms)
         self._simulation = simulation
-        self._arena: Arena | None = None  # for which the scene is
         self._step_s = 1 / scenario.timing.control_hz
         self._period_s: FloatArray = simulation.period_ms / 1000
         self._patience_s = cycles * self._period_s[:, None]
@@ -44,35 +41,99 @@ class _Suspicion:
         if parameters.cycles <= 0:
             raise ValueError(f"cycles is {parameters.cycles:g}; allowed: above 0")
 
-    def step(self, step: Any, state: Any) -> None:
+    def stretch(self, stretch: Any, _: Any) -> None:
         """Have each robot watch those in its view."""
-        self._note_faults()
-        poses = step.poses.copy()[None]
-        if step.arena is not self._arena:
-            scenario, self._arena = self._simulation.scenario, step.arena
-            self._scene = make_scene(scenario.robots, scenario.robot, step.arena)
-        circles = self._scene.swarm.circles
-        circles["x"], circles["y"], circles["radius"] = step.arena.circles.T  # movables move
-        for group in range(len(self._scene.groups)):
-            _, observers, seen = find_sightings(self._scene, poses, group).T
-            self._dark_s[observers, seen] += self._step_s
-        observers, lit = step.sightings.T
-        self._dark_s[observers, lit] = 0
-        suspected_before = self._suspects
-        self._suspects = self._dark_s >= self._patience_s - HALF_A_MILLISECOND
-        self.take(self._suspects & ~suspected_before, state.time_s)
+        views, sightings, steps = stretch.views, stretch.sightings, np.arange(len(stretch.poses) + 1)
+        ends = np.searchsorted(views[:, 0], steps), np.searchsorted(sightings[:, 0], steps)
+        begun = np.zeros_like(self._suspects)
+        step = 0
+        while step < len(stretch.poses):
+            # who is suspected already when a fault begins is found in its first step, which is watched by itself
+            last = step + 1 if self._note_faults(stretch.first + step) else self._next_fault(stretch)
+            # fmt: off
+            end = watch(
+                self._dark_s, self._suspects, begun, self._patience_s, self._step_s,
+                views, ends[0], sightings, ends[1], step, last,
+            )
+            # fmt: on
+            self.take(begun, (stretch.first + end - 1) * self._simulation.step_s, end - step)
+            step = end
 
-    def _note_faults(self) -> None:
-        events = self._simulation.events
-        for event in events[self._events :]:
+    def _next_fault(self, stretch: Any) -> int:
+        """Return the step of a stretch before which the next fault begins or ends, or the step after its last."""
+        events = self._simulation.events[self._events :]
+        return int(min([*(event.step - stretch.first for event in events), len(stretch.poses)]))
+
+    def _note_faults(self, step: int) -> bool:
+        """Return whether faults begin or end in a step."""
+        events = [event for event in self._simulation.events[self._events :] if event.step <= step]
+        for event in events:
             kind, _, change = event.what.partition(" ")
             if kind in FLASHLESS:
                 self._faults[list(event.robots)] += 1 if change == "begins" else -1
-        self._events = len(events)
+        self._events += len(events)
+        return bool(events)
 
-    def take(self, begun: BoolArray, time_s: float) -> None:
-        """Take note of suspicions that begin, (robots, robots) by whom of whom."""
+    def take(self, begun: BoolArray, time_s: float, steps: int) -> None:
+        """Take note of some steps, in the last of which suspicions begin.
+
+        Args:
+            begun: (robots, robots) by whom of whom.
+            time_s: Time of the last of the steps.
+            steps: Their number.
+        """
         raise NotImplementedError
+
+
+@jit
+def watch(
+    dark_s: FloatArray,
+    suspects: BoolArray,
+    begun: BoolArray,
+    patience_s: FloatArray,
+    step_s: float,
+    views: IntArray,
+    view_ends: IntArray,
+    sightings: IntArray,
+    sighting_ends: IntArray,
+    first: int,
+    end: int,
+) -> int:
+    """Have robots watch those in their view, up to a step in which a suspicion begins or the step before `end`.
+
+    Args:
+        dark_s: (robots, robots) s for which each has had each in view without a flash; changed.
+        suspects: (robots, robots) who suspects whom; changed.
+        begun: (robots, robots) whose suspicion of whom begins in the last of the steps; written.
+        patience_s: (robots, 1) s after which each suspects.
+        step_s: Length of a step.
+        views: (views, 3) step, robot that looks, and robot in its view.
+        view_ends: (steps + 1,) rows of `views` from which on each step's are.
+        sightings: (sightings, 3) the same of lit rings.
+        sighting_ends: (steps + 1,) rows of `sightings`.
+        first: The first of the steps.
+        end: The step after the last.
+
+    Returns:
+        The step after the last of the steps.
+    """
+    begun[:] = False
+    robots = len(dark_s)
+    for step in range(first, end):
+        is_any = False
+        for row in range(view_ends[step], view_ends[step + 1]):
+            dark_s[views[row, 1], views[row, 2]] += step_s
+        for row in range(sighting_ends[step], sighting_ends[step + 1]):
+            dark_s[sightings[row, 1], sightings[row, 2]] = 0.0
+        for robot in range(robots):
+            for other in range(robots):
+                is_suspect = dark_s[robot, other] >= patience_s[robot, 0] - HALF_A_MILLISECOND
+                if is_suspect and not suspects[robot, other]:
+                    begun[robot, other] = is_any = True
+                suspects[robot, other] = is_suspect
+        if is_any:
+            return step + 1
+    return end
 
 
 class DetectionDelay(_Suspicion):
@@ -83,7 +144,7 @@ class DetectionDelay(_Suspicion):
         self._since_s = np.full(len(self._period_s), np.nan)
         self._delay = np.full(len(self._period_s), np.nan)
 
-    def take(self, _: BoolArray, time_s: float) -> None:
+    def take(self, _: BoolArray, time_s: float, steps: int) -> None:  # noqa: ARG002 are for the other
         """Note who has ceased to flash, and who of them is suspected for the first time."""
         self._since_s[(self._faults > 0) & np.isnan(self._since_s)] = time_s
         found = (self._faults > 0) & self._suspects.any(axis=0) & np.isnan(self._delay)
@@ -102,10 +163,10 @@ class FalseAlarms(_Suspicion):
         super().__init__(simulation, cycles=cycles)
         self._alarms, self._steps = 0, 0
 
-    def take(self, begun: BoolArray, _: float) -> None:
+    def take(self, begun: BoolArray, _: float, steps: int) -> None:
         """Count the suspicions that begin of robots that flash."""
         self._alarms += int(begun[:, self._faults == 0].sum())
-        self._steps += 1
+        self._steps += steps
 
     def value(self) -> float | None:
         """Return the mean number; None before the first step."""

@@ -9,7 +9,9 @@
 
 A measure is told of what it has methods for: `step` after every control step of robots, `event` after every event of
 point agents, `cycle` after every firing of the reference. `event` is what observers are shown (`trial.observer`),
-`state` how far the trial is. Without `step` and `event`, compiled code runs from one cycle to the next.
+`state` how far the trial is. `stretch(stretch, state)` takes the place of `step`: it is told of many steps at once, by
+the arrays of an `embodied.history.Stretch`, which compiled code has filled. Without any of these, compiled code runs
+from one cycle to the next.
 The value is a number, a truth value, None where it is undetermined, or a list of them, one for each cycle.
 A class attribute `MODELS` names the models that it can measure, if it cannot measure all; a static method
 `check(parameters)` raises ValueError on parameters that make no sense, `check_scenario(scenario, parameters)` on a
@@ -34,7 +36,10 @@ Scalar = bool | int | float | None
 Value = Scalar | list[Scalar]
 """Value of a measure: one, or a series with one for each cycle."""
 
-EVENT_METHODS = {"step": "every control step of robots", "event": "every event of point agents"}
+STEP_METHOD, STRETCH_METHOD = "step", "stretch"
+"""Methods that are told of control steps of robots: of each, and of many in a row at once."""
+
+EVENT_METHODS = {STEP_METHOD: "every control step of robots", "event": "every event of point agents"}
 """Methods that are called after every event of a trial, and what they are told of."""
 
 CYCLE_METHOD = "cycle"
@@ -64,8 +69,13 @@ class Measure:
         return not inspect.isclass(self.make)
 
     def is_told(self, method: str) -> bool:
-        """Return whether it has a method of this name to be told by."""
-        return not self.is_function and hasattr(self.make, method)
+        """Return whether it has a method of this name, or one in its place, to be told by."""
+        return not self.is_function and hasattr(self.make, self.told_by(method))
+
+    def told_by(self, method: str) -> str:
+        """Return the name of the method by which it is told: of steps, that of stretches if it has it."""
+        in_place = method == STEP_METHOD and hasattr(self.make, STRETCH_METHOD)
+        return STRETCH_METHOD if in_place else method
 
     def check_model(self, model: str, event_method: str) -> None:
         """Raise ValueError if it cannot measure trials of a model.

@@ -23,7 +23,7 @@ from epuck_sim.overhead.robots import Robots, find_robots
 from epuck_sim.overhead.tags import Readings
 from epuck_sim.overhead.track import Track, analyse
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario, write_scenario
+from epuck_sim.scenario.loader import with_values, write_scenario
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.seeds import trial_seed
 
@@ -250,8 +250,7 @@ def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Fitted]) -> Embod
     longest_ms = 1000 / values.get("overhead.frames_per_s", scenario.overhead.frames_per_s)
     if scenario.overhead.exposure_ms > longest_ms:
         values["overhead.exposure_ms"] = longest_ms
-    settings = [f"{key}={value}" for key, value in values.items()]
-    return load_scenario(scenario, [*settings, f"name={scenario.name}-fitted"])
+    return with_values(scenario, {**values, "name": f"{scenario.name}-fitted"}, scenario.name)
 
 
 def save_fitted(path: Path, scenario: EmbodiedScenario, fitted: dict[str, Fitted], film: str) -> None:

@@ -24,8 +24,8 @@ from epuck_sim.recording.parts import population_of
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.keys import full_keys, parse_setting, set_value
 from epuck_sim.scenario.overhead import OverheadSection
-from epuck_sim.scenario.overrides import apply_override
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.scenario.validation import validate
@@ -121,12 +121,14 @@ def _require_rings(scenario: Scenario, origin: str) -> EmbodiedScenario:
 def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], source: str) -> EmbodiedScenario:
     """Return a scenario with changes to its overhead camera; source: file to name in errors."""
     mapping = scenario.model_dump(mode="json")
+    keys = [f"overhead.{name}" for name in OverheadSection.model_fields]
     for override in overrides:
-        if not override.startswith("overhead."):
-            raise FilmError(
-                f"--set {override}: the trial is over; allowed: the camera's keys, as in overhead.light=lit"
-            )
-        mapping = apply_override(mapping, override)
+        option = f"--set {override}"
+        typed, value = parse_setting(override)
+        found = full_keys(typed, keys, option)
+        if not found and not typed.startswith("overhead."):
+            raise FilmError(f"{option}: the trial is over; allowed: the camera's keys, as in light=lit")
+        mapping = set_value(mapping, (found or [typed])[0], value, option)
     return _require_rings(validate(mapping, source), source)
 
 
@@ -144,7 +146,7 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None =
         model = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
         if lens is not None:
             model = model._replace(lens=read_lens(lens, size))
-        camera = VirtualCamera(section, scenario.arena.build(), seed, scenario.robot, model)
+        camera = VirtualCamera(section, scenario.arena.build(), seed, scenario.robot_kinds, model)
     except EpuckSimError as error:
         raise FilmError(f"{scenario.name}: {error}") from error
     described = describe_film(scenario, seed) | ({} if lens is None else {"overhead": None})
@@ -191,16 +193,23 @@ class VirtualCamera:
         section: OverheadSection,
         arena: Arena,
         seed: int,
-        robot: RobotKind = EPUCK,
+        kinds: Sequence[RobotKind] = (EPUCK,),
         camera: CameraModel | None = None,
     ) -> None:
-        """Place a camera above an arena, by default that of the section `overhead`; seed: that of its noise.
+        """Place a camera above an arena, by default that of the section `overhead`.
+
+        Args:
+            section: Light and optics.
+            arena: The arena.
+            seed: That of the noise.
+            kinds: The kind of each robot, or one for all.
+            camera: Where the camera is, and its lens.
 
         Raises:
             EpuckSimError: The camera cannot see the arena (see `overhead_camera`).
         """
         camera = camera or overhead_camera(section, arena.width_cm, arena.height_cm)
-        self._renderer = Renderer(section, camera, arena, seed, robot)
+        self._renderer = Renderer(section, camera, arena, seed, kinds)
         self._section = section
         self._exposure_s = section.exposure_ms / 1000
         self._offset_s = 0.0  # film's clock minus trial's clock

@@ -1,5 +1,6 @@
 """Calibrates a lens from pictures of a board, and keeps it in a file that `track` and `film` take."""
 
+import hashlib
 import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -64,6 +65,8 @@ class LensFile(BaseModel):
     """Number of pictures that it was calibrated from."""
     error_px: float = 0.0
     """Root mean square distance of the board's corners from where this lens would show them."""
+    digest: str = ""
+    """That of all the rest; empty in files of version 0.1.0."""
 
     @property
     def lens(self) -> Lens:
@@ -183,7 +186,11 @@ def save_lens(path: Path, lens: LensFile) -> None:
     """Write the file of a lens; raises as `check_lens_target`."""
     check_lens_target(path)
     with atomic_write(path) as part:
-        part.write_text(lens.model_dump_json(indent=2) + "\n")
+        part.write_text(lens.model_copy(update={"digest": _digest(lens)}).model_dump_json(indent=2) + "\n")
+
+
+def _digest(lens: LensFile) -> str:
+    return hashlib.sha256(lens.model_dump_json(exclude={"digest"}).encode()).hexdigest()
 
 
 def read_lens(path: Path, size_px: tuple[int, int]) -> Lens:
@@ -196,8 +203,10 @@ def read_lens(path: Path, size_px: tuple[int, int]) -> Lens:
         held = LensFile(**json.loads(path.read_text()))
     except FileNotFoundError as error:
         raise FilmError(f"{path}: no such file; epuck-sim calibrate writes one") from error
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, RecursionError) as error:
         raise FilmError(f"{path}: is not a lens that epuck-sim calibrate wrote") from error
+    if held.digest and held.digest != _digest(held):
+        raise FilmError(f"{path}: was changed since epuck-sim calibrate wrote it; calibrate again")
     if size_px != (held.width_px, held.height_px):
         raise FilmError(
             f"{path}: was calibrated for pictures of {held.width_px} x {held.height_px} px, but these are "

@@ -321,6 +321,13 @@ class LivePage:
         self._changed = threading.Condition()
         self._jpeg = b""
         self._number = 0
+        self._is_over = False
+
+    def end(self) -> None:
+        """Let go of all browsers."""
+        with self._changed:
+            self._is_over = True
+            self._changed.notify_all()
 
     def show(self, picture: Picture) -> None:
         """Show a picture, (height_px, width_px, 3) levels, in all browsers."""
@@ -330,11 +337,13 @@ class LivePage:
             self._changed.notify_all()
 
     def pictures(self) -> Iterator[bytes]:
-        """Yield the newest picture, as JPEG, whenever there is a newer one; a slow reader misses some."""
+        """Yield the newest picture, as JPEG, whenever there is a newer one, to the end; a slow reader misses some."""
         seen = 0
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._number > seen)  # noqa: B023 - called before the next turn
+                self._changed.wait_for(lambda: self._is_over or self._number > seen)  # noqa: B023 - called at once
+                if self._is_over:
+                    return
                 seen, jpeg = self._number, self._jpeg
             yield jpeg
 
@@ -350,7 +359,10 @@ def live_page(title: str, port: int) -> Iterator[LivePage]:
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            if self.path == "/film":
+            # a page of the web may have a name of its own that leads to this machine
+            if self.headers.get("Host") not in [f"{name}:{server.server_port}" for name in (HOST, "localhost")]:
+                self.send_error(403, "ask for 127.0.0.1 or localhost")
+            elif self.path == "/film":
                 self._send_film()
             elif self.path == "/":
                 self._begin("text/html; charset=utf-8")
@@ -385,6 +397,7 @@ def live_page(title: str, port: int) -> Iterator[LivePage]:
     try:
         yield page
     finally:
+        page.end()
         server.shutdown()
         server.server_close()
         thread.join()

@@ -6,13 +6,13 @@ whose grey levels are our estimates. Each robot is drawn within its bounding box
 
 An `image` is (rows, columns) of light or levels, changed in place. `floor_cm` is (rows, columns, 2) cm, the point of
 the floor that each pixel shows, `eye_cm` (3,) cm the position of the camera, `poses` (n, 3) cm, cm, rad: x, y, heading,
-and `boxes` (n, 4) px what `bounding_boxes` returns. `ring_cm` and `body_cm` are a radius and a height.
+and `boxes` (n, 4) px what `bounding_boxes` returns. `ring_cm` is a radius and a height.
 """
 
 import math
 from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -26,7 +26,7 @@ from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, overhead_came
 from epuck_sim.overhead.frame import Picture
 from epuck_sim.overhead.tags import tag_corners_cm, tag_count, tag_modules, tag_pattern
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.loader import with_values
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from epuck_sim.util.jit import jit
@@ -50,6 +50,7 @@ LED_ANGLES = np.arange(8) * math.tau / 8  # of the LEDs of an e-puck, from its h
 # grey levels
 TABLE, FLOOR = 30.0, 145.0  # the table around the arena, and its floor where that is white
 WALL_FACE, WALL_TOP = 200.0, 240.0  # inner side and top of the walls
+LAMP = 255.0  # dots that stand for lamps
 OBSTACLE = 85.0  # obstacles and movables, which are drawn flat on the floor
 BODY_SIDE, BODY_TOP = 40.0, 75.0
 HEADING_MARK = 225.0  # the wedge on a robot's top that points ahead
@@ -90,16 +91,21 @@ class Renderer:
     """Renders pictures of one arena; the same pictures in the same order with the same seed are equal."""
 
     def __init__(
-        self, section: OverheadSection, camera: CameraModel, arena: Arena, seed: int, robot: RobotKind = EPUCK
+        self,
+        section: OverheadSection,
+        camera: CameraModel,
+        arena: Arena,
+        seed: int,
+        kinds: Sequence[RobotKind] = (EPUCK,),
     ) -> None:
-        """Prepare what all pictures share; section: light and optics; seed: that of the noise."""
+        """Prepare what all pictures share; section: light and optics; seed: that of the noise; kinds: see `_robots`."""
         self._section, self._camera = section, camera
-        self._body_cm = float(robot.radius_cm), float(robot.height_cm)
-        self._ring_cm = float(robot.ring_radius_cm), float(robot.ring_height_cm)
+        self._bodies_cm, self._rings_cm = _robots(kinds)
         self._light = section.gain * section.exposure_ms / NOMINAL_EXPOSURE_MS
         self._floor_cm = camera.plane_map(0.0)
         self._dimming = dimming(camera.width_px, camera.height_px, section.vignetting)
         self._movable_cm = arena.circles[arena.first_movable :, 2]
+        self._lamps = _lamps_seen(self._floor_cm, camera.position_cm, arena)
         self._room = render_room(self._floor_cm, camera.position_cm, arena)
         self._arena = self._first_arena = arena
         self._random = np.random.default_rng(seed)
@@ -127,24 +133,25 @@ class Renderer:
     def _rings(self, samples: Sequence[ExposureSample]) -> Float32Array:
         """Return (rows, columns) the light of all rings."""
         image = np.zeros(self._room.shape, np.float32)
-        lit = _in_arena(np.concatenate([sample.poses[sample.ring_on] for sample in samples]))
         light = self._light / len(samples)
-        self._add_rings(image, lit, light)
-        if self._section.gloss:
-            images = mirror_images(lit, samples[0].arena or self._first_arena)
-            self._add_rings(image, images, self._section.gloss * light)
+        for ring_cm, has_ring in self._rings_cm.items():
+            lit = _in_arena(np.concatenate([each.poses[each.ring_on & _of_each(has_ring, each)] for each in samples]))
+            self._add_rings(image, lit, light, ring_cm)
+            if self._section.gloss:
+                images = mirror_images(lit, samples[0].arena or self._first_arena)
+                self._add_rings(image, images, self._section.gloss * light, ring_cm)
         return image
 
-    def _add_rings(self, image: Float32Array, poses: FloatArray, light: float) -> None:
-        """Add the light of rings at (n, 3) poses to an image, in place."""
+    def _add_rings(self, image: Float32Array, poses: FloatArray, light: float, ring_cm: tuple[float, float]) -> None:
+        """Add the light of equal rings at (n, 3) poses to an image, in place."""
         if self._section.led_points:
-            add_points(image, self._camera, poses, light, self._ring_cm)
+            add_points(image, self._camera, poses, light, ring_cm)
             return
         bloom = self._section.bloom
         reach = reach_cm(self._light, bloom)
-        radius_cm, height_cm = self._ring_cm
-        boxes = bounding_boxes(self._camera, poses[:, :2], radius_cm + reach, (height_cm,))
-        add_rings(image, self._floor_cm, self._camera.position_cm, poses, boxes, light, bloom, reach, self._ring_cm)
+        sizes = np.full((len(poses), 2), ring_cm)
+        boxes = bounding_boxes(self._camera, poses[:, :2], sizes[:, 0] + reach, sizes[:, 1:])
+        add_rings(image, self._floor_cm, self._camera.position_cm, poses, boxes, light, bloom, reach, ring_cm)
 
     def _scene(self, samples: Sequence[ExposureSample]) -> Float32Array:
         """Return (rows, columns) the levels of the lit room with the robots in it."""
@@ -157,12 +164,13 @@ class Renderer:
             image = self._room.copy()
             for place, radius in zip(sample.movables, self._movable_cm, strict=True):
                 _draw_circle(image, self._floor_cm, place[0], place[1], radius)
-            poses = farthest_first(_in_arena(sample.poses), camera.position_cm)
-            radius_cm, height_cm = self._body_cm
-            boxes = bounding_boxes(camera, poses[:, :2], radius_cm, (0.0, height_cm))
-            draw_bodies(image, self._floor_cm, camera.position_cm, poses, boxes, self._body_cm)
+            sizes = _of_each(self._bodies_cm, sample)
+            bodies = farthest_first(_in_arena(np.hstack([sample.poses, sizes])), camera.position_cm)
+            boxes = bounding_boxes(camera, bodies[:, :2], bodies[:, 3], np.outer(bodies[:, 4], (0.0, 1.0)))
+            draw_bodies(image, self._floor_cm, camera.position_cm, bodies, boxes)
             if tags is not None:
-                draw_tags(image, camera, sample.poses, tags, float(self._section.tag_cm), height_cm)
+                draw_tags(image, camera, sample.poses, tags, float(self._section.tag_cm), sizes[:, 1])
+            image[self._lamps] = LAMP
             scene += image
         scene /= len(samples)
         return scene
@@ -209,11 +217,13 @@ class ArenaView:
         """
         sides = {"width_px": width_px, "height_px": height_px}
         changes = {**PERFECT, **{name: side for name, side in sides.items() if side is not None}}
-        section = load_scenario(scenario, [f"overhead.{key}={value}" for key, value in changes.items()]).overhead
+        section = with_values(
+            scenario, {f"overhead.{key}": value for key, value in changes.items()}, scenario.name
+        ).overhead
         camera = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
         arena = scenario.arena.build()
         self._movables = arena.circles[arena.first_movable :, :2]
-        self._renderer = Renderer(section, camera, arena, seed=0, robot=scenario.robot)
+        self._renderer = Renderer(section, camera, arena, seed=0, kinds=scenario.robot_kinds)
 
     def draw(
         self,
@@ -235,8 +245,30 @@ class ArenaView:
         return self._renderer.render([sample], room_is_lit=True)
 
 
+def _robots(kinds: Sequence[RobotKind]) -> tuple[FloatArray, dict[tuple[float, float], BoolArray]]:
+    """Return radius and height of bodies, cm, and which robots have rings of which radius and height, cm.
+
+    Args:
+        kinds: The kind of each robot, or one for all.
+
+    Returns:
+        (n, 2) cm of each robot, or (1, 2) of all; and for each ring (n,) or (1,) whether a robot has it.
+    """
+    if all(kind == kinds[0] for kind in kinds):
+        kinds = kinds[:1]
+    rings = [(float(kind.ring_radius_cm), float(kind.ring_height_cm)) for kind in kinds]
+    bodies_cm = np.array([(kind.radius_cm, kind.height_cm) for kind in kinds], float)
+    return bodies_cm, {ring: np.array([each == ring for each in rings]) for ring in dict.fromkeys(rings)}
+
+
+def _of_each(values: npt.NDArray[Any], sample: ExposureSample) -> npt.NDArray[Any]:
+    """Return what robots have, one row for each of a sample's, of rows for each or of one for all."""
+    robots = len(sample.poses)
+    return np.broadcast_to(values[:robots], (robots, *values.shape[1:]))
+
+
 def _in_arena(poses: FloatArray) -> FloatArray:
-    """Return those of (n, 3) poses that are not NaN."""
+    """Return those rows, which begin with poses, that are not NaN."""
     return poses[~np.isnan(poses[:, 0])]
 
 
@@ -249,11 +281,15 @@ def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:
 
 
 def bounding_boxes(
-    camera: CameraModel, centres_cm: FloatArray, radius_cm: float, heights_cm: tuple[float, ...]
+    camera: CameraModel, centres_cm: FloatArray, radii_cm: FloatArray, heights_cm: FloatArray
 ) -> IntArray:
-    """Return the pixels within which each of some upright cylinders, whose axes are at (n, 2) cm, is seen.
+    """Return the pixels within which each of some upright cylinders is seen.
 
-    Of the heights that they cover, the lowest and the highest are enough.
+    Args:
+        camera: The camera.
+        centres_cm: (n, 2) cm: where their axes are.
+        radii_cm: (n,) cm.
+        heights_cm: (n, k) cm: some of the heights that they cover, of which the lowest and the highest are enough.
 
     Returns:
         (n, 4) px: first row, row after the last, first column, column after the last; an empty box for what is outside
@@ -261,9 +297,10 @@ def bounding_boxes(
     """
     if not len(centres_cm):  # OpenCV refuses empty arrays
         return np.empty((0, 4), np.int64)
-    octagons = (centres_cm[:, None] + radius_cm / math.cos(math.pi / 8) * _OCTAGON).reshape(-1, 2)
-    points = np.vstack([np.column_stack([octagons, np.full(len(octagons), height)]) for height in heights_cm])
-    pixels = camera.project(points).reshape(len(heights_cm), len(centres_cm), len(_OCTAGON), 2)
+    octagons = centres_cm[:, None] + (radii_cm / math.cos(math.pi / 8))[:, None, None] * _OCTAGON
+    heights = np.repeat(heights_cm.T, len(_OCTAGON), axis=1)
+    points = np.vstack([np.column_stack([octagons.reshape(-1, 2), height]) for height in heights])
+    pixels = camera.project(points).reshape(len(heights), len(centres_cm), len(_OCTAGON), 2)
     low = np.floor(pixels.min(axis=(0, 2)))
     high = np.ceil(pixels.max(axis=(0, 2))) + 1
     bounds = np.clip(np.stack([low, high], axis=-1), 0, [[camera.width_px], [camera.height_px]])
@@ -372,6 +409,16 @@ def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Flo
     return room
 
 
+def _lamps_seen(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> BoolArray:
+    """Return (rows, columns) which pixels show a lamp; the camera sees those below it, and nothing hides them."""
+    shown = np.zeros(floor_cm.shape[:2], bool)
+    for x, y, height, _ in arena.lamps[arena.lamps[:, 2] < eye_cm[2]]:
+        rise = height / eye_cm[2]
+        at_height = (1 - rise) * floor_cm + rise * eye_cm[:2]
+        shown |= np.hypot(at_height[..., 0] - x, at_height[..., 1] - y) <= arena.lamp_cm
+    return shown
+
+
 def _draw_circle(image: Float32Array, floor_cm: Float32Array, x: float, y: float, radius: float) -> None:
     image[np.hypot(floor_cm[..., 0] - x, floor_cm[..., 1] - y) <= radius] = OBSTACLE
 
@@ -383,7 +430,7 @@ def _is_within(points: npt.NDArray[np.floating], arena: Arena, margin_cm: float)
 
 
 def farthest_first(poses: FloatArray, eye_cm: FloatArray) -> FloatArray:
-    """Return (n, 3) poses, farthest from the camera's axis first: no robot is hidden by one farther out."""
+    """Return rows, which begin with poses, farthest from the camera's axis first: none is hidden by one farther out."""
     order = np.argsort(-np.hypot(poses[:, 0] - eye_cm[0], poses[:, 1] - eye_cm[1]), kind="stable")
     return poses[order]
 
@@ -393,17 +440,17 @@ def draw_bodies(
     image: Float32Array,
     floor_cm: Float32Array,
     eye_cm: FloatArray,
-    poses: FloatArray,
+    bodies: FloatArray,
     boxes: IntArray,
-    body_cm: tuple[float, float],
 ) -> None:
-    """Draw robots one after the other, each over those before: cylinders with a mark that points ahead."""
-    radius, height = body_cm
-    scale = radius / epuck.RADIUS_CM
-    rise = height / eye_cm[2]
-    for body in range(len(poses)):
-        x, y = poses[body, 0], poses[body, 1]
-        cos, sin = math.cos(poses[body, 2]), math.sin(poses[body, 2])
+    """Draw robots one after the other, each over those before: cylinders with a mark that points ahead.
+
+    `bodies` is (n, 5): poses, radii and heights, cm.
+    """
+    for body in range(len(bodies)):
+        x, y, radius = bodies[body, 0], bodies[body, 1], bodies[body, 3]
+        scale, rise = radius / epuck.RADIUS_CM, bodies[body, 4] / eye_cm[2]
+        cos, sin = math.cos(bodies[body, 2]), math.sin(bodies[body, 2])
         for row in range(boxes[body, 0], boxes[body, 1]):
             for column in range(boxes[body, 2], boxes[body, 3]):
                 foot_x, foot_y = floor_cm[row, column, 0] - x, floor_cm[row, column, 1] - y
@@ -427,16 +474,21 @@ def _segment_meets_body(x: float, y: float, along_x: float, along_y: float, radi
 
 
 def draw_tags(
-    image: Float32Array, camera: CameraModel, poses: FloatArray, dictionary: str, side_cm: float, height_cm: float
+    image: Float32Array,
+    camera: CameraModel,
+    poses: FloatArray,
+    dictionary: str,
+    side_cm: float,
+    heights_cm: FloatArray,
 ) -> None:
     """Draw on each robot that is there, whose pose is not NaN, the tag with its number, if the dictionary has it.
 
-    The side of a tag is that with its black border; the height is that of robots.
+    The side of a tag is that with its black border; (n,) heights are those of robots.
     """
     paper_cm = side_cm * (1 + 1 / tag_modules(dictionary))
     for number, pose in enumerate(poses[: tag_count(dictionary)]):
         if not np.isnan(pose[0]):
-            corners = camera.project(tag_corners_cm(pose, paper_cm, height_cm))
+            corners = camera.project(tag_corners_cm(pose, paper_cm, float(heights_cm[number])))
             _draw_between(image, _tag_levels(dictionary, number), corners)
 
 

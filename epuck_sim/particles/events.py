@@ -99,8 +99,9 @@ def start_next_cycle(oscillators: Oscillators, neighbours: Neighbours) -> None:
         oscillators.next_firing[agent] -= 1.0
     for agent in range(len(neighbours.cached_until)):
         neighbours.cached_until[agent] -= 1.0
-    for block in range(len(oscillators.block_earliest)):
-        oscillators.block_earliest[block] -= 1.0
+    for level in (oscillators.block_earliest, oscillators.group_earliest, oscillators.part_earliest):
+        for place in range(len(level)):
+            level[place] -= 1.0
     scene.now -= 1.0
     scene.cycle += 1.0
     scene.earliest_end -= 1.0

@@ -4,6 +4,7 @@ From a seed to the first event all is compiled, but for speeds and periods that 
 """
 
 import math
+from collections.abc import Callable
 from statistics import NormalDist
 from typing import Any
 
@@ -14,9 +15,20 @@ from epuck_sim.arrays import ByteArray, FloatArray, IntArray, WordArray
 from epuck_sim.particles.motion import begin_motion, random_heading
 from epuck_sim.particles.neighbours import RANDOM
 from epuck_sim.particles.swarm import BEGIN_RUN, Arrays, Draws, Observed, Oscillators, Trajectories
-from epuck_sim.scenario.agents import AgentsSection
-from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.util.generators import DRAW_BEGIN, begin_sequence, draw_row, fill_doubles, seed_pcg64, spawn
+from epuck_sim.scenario.particles import AgentsSection, ParticleScenario
+from epuck_sim.util.elementary import exp, log
+from epuck_sim.util.generators import (
+    DRAW_BEGIN,
+    GENERATOR_WORDS,
+    SEQUENCE_WORDS,
+    begin_sequence,
+    draw_row,
+    fill_doubles,
+    fill_normals,
+    seed_pcg64,
+    seed_words,
+    spawn,
+)
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.native import call, carve
 
@@ -101,14 +113,13 @@ def give_start(arrays: Arrays, scenario: ParticleScenario) -> None:
 
 
 def draw_differences(arrays: Arrays, scenario: ParticleScenario, seed: int) -> None:
-    """Draw speeds and periods that differ from agent to agent, which numpy does: few scenarios have any."""
+    """Draw speeds and periods that differ from agent to agent: few scenarios have any."""
     if scenario.agents.speed_distribution != "fixed":
         arrays.speed[:] = initial_speeds(scenario, seed)
     if scenario.clocks.jitter:
         agents = scenario.agents.count
-        random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(PHASE_SEED,))))
-        random.random(agents)  # the phases
-        arrays.period[:] = truncated_normal(random, agents, scenario.clocks.jitter, SHORTEST_PERIOD, np.inf)
+        generator = _generator_after(seed, PHASE_SEED, agents)  # the phases
+        arrays.period[:] = truncated_normal(generator, agents, scenario.clocks.jitter, SHORTEST_PERIOD, np.inf)
         if arrays.scene.has_phases:
             arrays.next_firing[:] = (1 - arrays.phases_now) * arrays.period
 
@@ -116,31 +127,42 @@ def draw_differences(arrays: Arrays, scenario: ParticleScenario, seed: int) -> N
 def initial_speeds(scenario: ParticleScenario, seed: int) -> FloatArray:
     """Return (agents,) cm per cycle: the speeds with which a trial with this seed begins."""
     agents = scenario.agents
-    random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(POSITION_SEED,))))
-    random.random(scenario.space.dimensions * agents.count)  # the positions
-    return draw_speeds(agents, random) * scenario.clocks.period_s
+    generator = _generator_after(seed, POSITION_SEED, scenario.space.dimensions * agents.count)  # the positions
+    return draw_speeds(agents, generator) * scenario.clocks.period_s
+
+
+def _generator_after(seed: int, child: int, numbers: int) -> WordArray:
+    """Return the generator of a child of the trial's seed that has drawn so many numbers from [0, 1)."""
+    generator, sequence = np.empty(GENERATOR_WORDS, np.uint64), np.empty(SEQUENCE_WORDS, np.uint64)
+    begin_sequence(sequence, seed_words(seed))
+    spawn(sequence, sequence, child)
+    seed_pcg64(generator, sequence)
+    fill_doubles(np.empty(numbers), generator)
+    return generator
 
 
 # --- distributions of speeds and periods (thesis 5.4.2, 6.2) ------------------------------------------
 
 
-def draw_speeds(agents: AgentsSection, random: np.random.Generator) -> FloatArray:
+def draw_speeds(agents: AgentsSection, generator: WordArray) -> FloatArray:
     """Return (agents,) cm/s: the speed of each agent at the start."""
-    spread = agents.speed_spread or 0.0
+    spread, shares = agents.speed_spread or 0.0, np.ones(agents.count)
     if agents.speed_distribution == "uniform":
-        shares = random.uniform(1 - spread, 1 + spread, agents.count)
+        fill_doubles(shares, generator)
+        shares = (1 - spread) + ((1 + spread) - (1 - spread)) * shares
     elif agents.speed_distribution == "normal":
-        shares = truncated_normal(random, agents.count, spread, 0, 2)
+        shares = truncated_normal(generator, agents.count, spread, 0, 2)
     elif agents.speed_distribution == "exponential":
-        shares = random.exponential(1, agents.count)
+        fill_doubles(shares, generator)
+        shares = -_each(log, 1 - shares)
     elif agents.speed_distribution == "lognormal":
         sigma = _lognormal_sigma(spread)
-        shares = random.lognormal(-(sigma**2) / 2, sigma, agents.count)
+        fill_normals(shares, generator)
+        shares = _each(exp, -(sigma**2) / 2 + sigma * shares)
     elif agents.speed_distribution == "two_speeds":
         slow, fast = _two_speeds(agents)
-        shares = np.where(random.random(agents.count) < (agents.fast_share or 0.0), fast, slow)
-    else:
-        shares = np.ones(agents.count)
+        fill_doubles(shares, generator)
+        shares = np.where(shares < (agents.fast_share or 0.0), fast, slow)
     return agents.speed_cm_s * shares
 
 
@@ -155,9 +177,9 @@ def speed_table(agents: AgentsSection) -> FloatArray:
         cut = standard.cdf(-1 / spread)
         shares = 1 + spread * _normal_quantiles(cut + levels * (1 - 2 * cut))
     elif agents.speed_distribution == "exponential":
-        shares = -np.log(1 - levels)
+        shares = -_each(log, 1 - levels)
     elif agents.speed_distribution == "lognormal":
-        shares = np.exp(_lognormal_sigma(spread) * _normal_quantiles(levels))
+        shares = _each(exp, _lognormal_sigma(spread) * _normal_quantiles(levels))
     elif agents.speed_distribution == "two_speeds":
         slow, fast = _two_speeds(agents)
         shares = np.where(levels > 1 - (agents.fast_share or 0.0), fast, slow)
@@ -168,13 +190,17 @@ def speed_table(agents: AgentsSection) -> FloatArray:
 
 
 def _normal_quantiles(levels: FloatArray) -> FloatArray:
-    standard = NormalDist()
-    return np.array([standard.inv_cdf(level) for level in levels.tolist()])
+    """Return quantiles to nine digits, which are the same whatever the last digit of a system's logarithm."""
+    return _each(NormalDist().inv_cdf, levels).round(9)
+
+
+def _each(function: Callable[[float], float], numbers: FloatArray) -> FloatArray:
+    return np.array([function(number) for number in numbers.tolist()])
 
 
 def _lognormal_sigma(spread: float) -> float:
     """Return the standard deviation of the logarithm of lognormal numbers of mean 1 and deviation `spread`."""
-    return math.sqrt(math.log(1 + spread**2))
+    return math.sqrt(log(1 + spread**2))
 
 
 def _two_speeds(agents: AgentsSection) -> tuple[float, float]:
@@ -184,9 +210,12 @@ def _two_speeds(agents: AgentsSection) -> tuple[float, float]:
     return slow, ratio * slow
 
 
-def truncated_normal(random: np.random.Generator, count: int, sigma: float, low: float, high: float) -> FloatArray:
+def truncated_normal(generator: WordArray, count: int, sigma: float, low: float, high: float) -> FloatArray:
     """Return normal numbers of mean 1, (count,), each drawn again until it is between `low` and `high`."""
-    drawn = random.normal(1, sigma, count)
-    while (outside := (drawn < low) | (drawn > high)).any():
-        drawn[outside] = random.normal(1, sigma, np.count_nonzero(outside))
+    drawn, outside = np.zeros(count), np.ones(count, np.bool_)
+    while outside.any():
+        again = np.empty(np.count_nonzero(outside))
+        fill_normals(again, generator)
+        drawn[outside] = 1 + sigma * again
+        outside = (drawn < low) | (drawn > high)
     return drawn

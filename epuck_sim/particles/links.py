@@ -12,10 +12,7 @@ from epuck_sim.particles.motion import begin_motion
 from epuck_sim.particles.neighbours import find_receivers, search_of
 from epuck_sim.particles.rules import rules_of
 from epuck_sim.particles.swarm import SEARCH, Arrays, Neighbours, entry_of
-from epuck_sim.scenario.agents import AgentsSection
-from epuck_sim.scenario.neighbourhoods import Everybody, RandomAgents
-from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.start import StartSection
+from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
 from epuck_sim.util.jit import address_of, jit
 from epuck_sim.util.native import carve
 

@@ -15,6 +15,7 @@ import math
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, StreamArray
 from epuck_sim.particles.selection import argmin, minimum
 from epuck_sim.particles.swarm import BEGIN_RUN, CONTINUE, Instant, Runs, Trajectories, Turns, entry_of
+from epuck_sim.util.elementary import atan, exp, log, sin_cos, tan
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, row_at, unlikely
 from epuck_sim.util.rng import randint, uniform
@@ -197,7 +198,7 @@ def begin_run(block: ByteArray, addresses: IntArray, agent: int, time: float) ->
 def draw_end_of_run(trajectories: Trajectories, runs: Runs, agent: int, stream: StreamArray) -> None:
     """Draw when a run ends that begins with an agent's present trajectory."""
     scene, share = trajectories.scene, 1.0 - uniform(stream)  # above 0
-    duration = scene.run * (share**scene.tail if scene.tail < 0 else -math.log(share))
+    duration = scene.run * (exp(scene.tail * log(share)) if scene.tail < 0 else -log(share))
     end = trajectories.start_time[agent] + min(duration, LONGEST_RUN)
     whole = math.floor(end)
     runs.run_end_cycle[agent] = trajectories.start_cycle[agent] + whole
@@ -260,8 +261,8 @@ def heading_from_wall(heading: FloatArray, axis: int, inward: float, stream: Str
         heading[0] = inward
     elif len(heading) == 2:
         angle = math.pi * (uniform(stream) - 0.5)
-        heading[axis] = inward * math.cos(angle)
-        heading[1 - axis] = math.sin(angle)
+        heading[1 - axis], cosine = sin_cos(angle)
+        heading[axis] = inward * cosine
     else:
         set_heading(heading, axis, inward * (1.0 - uniform(stream)), uniform(stream))
 
@@ -272,9 +273,7 @@ def random_heading(heading: FloatArray, stream: StreamArray) -> None:
     if len(heading) == 1:
         heading[0] = 1.0 if uniform(stream) < 0.5 else -1.0
     elif len(heading) == 2:
-        angle = 2 * math.pi * uniform(stream)
-        heading[0] = math.cos(angle)
-        heading[1] = math.sin(angle)
+        heading[1], heading[0] = sin_cos(2 * math.pi * uniform(stream))
     else:
         set_heading(heading, 2, 2 * uniform(stream) - 1, uniform(stream))
 
@@ -283,9 +282,10 @@ def random_heading(heading: FloatArray, stream: StreamArray) -> None:
 def set_heading(heading: FloatArray, axis: int, height: float, turn: float) -> None:
     """Set a heading, (3,), by its component along an axis, -1 to 1, and its azimuth around it, 0 to 1 turn."""
     rim = math.sqrt(1 - height * height)
+    sine, cosine = sin_cos(2 * math.pi * turn)
     heading[axis] = height
-    heading[(axis + 1) % 3] = rim * math.cos(2 * math.pi * turn)
-    heading[(axis + 2) % 3] = rim * math.sin(2 * math.pi * turn)
+    heading[(axis + 1) % 3] = rim * cosine
+    heading[(axis + 2) % 3] = rim * sine
 
 
 @jit_inline
@@ -299,8 +299,9 @@ def turn_heading(heading: FloatArray, persistence: float, stream: StreamArray) -
         heading[0] = -heading[0] if uniform(stream) < (1 - persistence) / 2 else heading[0]
     elif len(heading) == 2:
         narrowing = (1 - persistence) / (1 + persistence)
-        angle = 2 * math.atan(narrowing * math.tan(math.pi * (uniform(stream) - 0.5)))
-        set_rotated(heading, math.cos(angle), math.sin(angle))
+        angle = 2 * atan(narrowing * tan(math.pi * (uniform(stream) - 0.5)))
+        sine, cosine = sin_cos(angle)
+        set_rotated(heading, cosine, sine)
     else:
         share = 1.0 - uniform(stream)  # above 0, so that the denominator is, too
         spread = 1 - persistence + 2 * persistence * share
@@ -329,7 +330,8 @@ def set_tilted(heading: FloatArray, cosine: float, turn: float) -> None:
     a = -1 / (side + z)
     b = x * y * a
     rim = math.sqrt(1 - cosine * cosine)
-    one, other = rim * math.cos(2 * math.pi * turn), rim * math.sin(2 * math.pi * turn)
+    sine, aside = sin_cos(2 * math.pi * turn)
+    one, other = rim * aside, rim * sine
     heading[0] = one * (1 + side * x * x * a) + other * b + cosine * x
     heading[1] = one * (side * b) + other * (side + y * y * a) + cosine * y
     heading[2] = one * (-side * x) - other * y + cosine * z

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
+from epuck_sim.elementary import cos, sin
 from epuck_sim.particles.motion import (
     advance_one,
     compute_end_times,
@@ -20,10 +21,9 @@ from epuck_sim.particles.motion import (
     distance_travelled,
     time_of_end,
 )
-from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
+from epuck_sim.particles.selection import FEW, find_two_smallest, minimum, select_smallest
 from epuck_sim.particles.swarm import SEARCH, Candidates, Cells, Draws, Neighbours, Trajectories, entry_of
-from epuck_sim.scenario.neighbourhoods import Cone, Nearest, RandomAgents, Range
-from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, row_at
 from epuck_sim.util.rng import randint
@@ -48,8 +48,8 @@ RADIUS_GROWTH = 1.5
 """Factor by which the search radius grows while fewer than k agents are found."""
 
 
-MAX_CACHED_AGENTS = 2000
-"""Largest swarm whose neighbours are cached; the cache of a larger one would take more than 16 MB."""
+MAX_CACHED = 4_000_000
+"""Largest number of neighbours that are cached, of all agents together: they take 16 MB."""
 
 MIN_CELL_LIST_AGENTS = 400
 """Smallest swarm that uses a cell list; in smaller ones a search over all pairs is faster."""
@@ -82,14 +82,16 @@ def neighbourhood_of(scenario: ParticleScenario) -> dict[str, Any]:
     search_cm = reach_cm if kind == NEAREST else radius_cm + cell_cm / 4
     share = ((2 * search_cm + 2 * cell_cm) / side_cm) ** dimensions  # of all agents which are candidates
     is_local = kind != RANDOM and share < (MAX_SHARE_NEAREST if kind == NEAREST else MAX_SHARE)
+    row = max(k, 1) if kind == NEAREST else agents
     cells = max(1, int(side_cm / cell_cm)) if agents >= MIN_CELL_LIST_AGENTS and is_local else 0
     return {
         "kind": kind,
         "k": k,
         "radius_cm": radius_cm,
-        "cos": FULL_CIRCLE_COS if angle_deg >= 360 else math.cos(math.radians(angle_deg / 2)),
-        "sin": math.sin(math.radians(angle_deg / 2)),
-        "is_cached": agents <= MAX_CACHED_AGENTS and not jumps and kind != RANDOM,
+        "cos": FULL_CIRCLE_COS if angle_deg >= 360 else cos(math.radians(angle_deg / 2)),
+        "sin": sin(math.radians(angle_deg / 2)),
+        "row": row,
+        "is_cached": agents * row <= MAX_CACHED and not jumps and kind != RANDOM,
         "search_radius_cm": search_cm,
         "cells": cells,
         "cell_cm": side_cm / max(cells, 1),
@@ -118,7 +120,7 @@ def find_receivers(
 @jit_inline
 def _row_of(neighbours: Neighbours, agent: int) -> int:
     """Return the index in `members` at which an agent's neighbours are kept."""
-    row: int = agent * neighbours.scene.agents if neighbours.scene.is_cached else 0
+    row: int = agent * neighbours.scene.row if neighbours.scene.is_cached else 0
     return row
 
 
@@ -184,9 +186,9 @@ def search_cells(block: ByteArray, addresses: IntArray, agent: int, time: float)
             _measure_cone(block, candidates.headings, own, count)
             _select_in_cone(block, trajectories, agent, time, count, radius_cm)
             is_found = True
-    members = neighbours.members[_row_of(neighbours, agent) :]
-    for rank in range(neighbours.counts[agent]):
-        members[rank] = candidates.candidates[members[rank]]
+            members = neighbours.members[_row_of(neighbours, agent) :]
+            for rank in range(neighbours.counts[agent]):
+                members[rank] = candidates.candidates[members[rank]]
 
 
 @jit_no_alloc
@@ -318,15 +320,18 @@ def _select_nearest(block: ByteArray, agent: int, time: float, count: int, radiu
     neighbours, candidates = carve(block, Neighbours), carve(block, Candidates)
     square, k = candidates.square_distance, neighbours.scene.k
     members = neighbours.members[_row_of(neighbours, agent) :]
+    selected = members if k <= FEW else candidates.selected  # which has room for what selecting more of them takes
     if k == 1:
-        nearest, farthest, next_square = find_two_smallest(square, count)
-        members[0] = nearest
+        members[0], farthest, next_square = find_two_smallest(square, count)
     else:
-        farthest = select_smallest(square, count, k, candidates.bucket_of, candidates.bucket_end, members)
+        farthest = select_smallest(square, count, k, candidates.bucket_of, candidates.bucket_end, selected)
         next_square = minimum(square, 0, count)
     if farthest > radius_cm * radius_cm:
         return False
     neighbours.counts[agent] = k
+    if k > FEW or neighbours.scene.cells:
+        for rank in range(k):
+            members[rank] = candidates.candidates[selected[rank]]
     if _should_cache(neighbours, agent):
         # the farthest neighbour may recede while another agent approaches: each has half of the gap
         gap_cm = min(math.sqrt(next_square), radius_cm) - math.sqrt(farthest)

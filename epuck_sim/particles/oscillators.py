@@ -8,11 +8,17 @@ import math
 
 from epuck_sim.arrays import IndexArray
 from epuck_sim.particles.selection import minimum
-from epuck_sim.particles.swarm import Oscillators
+from epuck_sim.particles.swarm import Arrays, Oscillators
+from epuck_sim.util.elementary import hypot, sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.native import unlikely
 
-BLOCK_SIZE = 32
-"""Number of oscillators in a block; each block keeps its earliest firing time, and is searched again after a change."""
+BRANCHES = 32
+"""Number of oscillators in a block, and in large swarms of blocks in a group, and of groups in a part. All these keep
+their earliest firing time, or -inf until it is searched again: a firing costs little however many there are."""
+
+FLAT = 2048
+"""Largest number of oscillators without groups and parts: to look at all blocks is as fast."""
 
 SIMULTANEITY_CYCLES = 1e-12
 """Firings no farther apart than this count as simultaneous: rounding separates merged oscillators by less."""
@@ -30,35 +36,73 @@ METRIC_CODES = {"complex": COMPLEX, "reference": REFERENCE}
 @jit_inline
 def set_next_firing(oscillators: Oscillators, agent: int, time: float) -> None:
     """Set the time of an oscillator's next firing."""
-    block = agent // BLOCK_SIZE
-    if oscillators.next_firing[agent] <= oscillators.block_earliest[block]:
-        oscillators.is_stale[block] = True
+    block = agent // BRANCHES
+    # a block that may lose its earliest is searched again when that is asked for
+    earliest = -math.inf if oscillators.next_firing[agent] <= oscillators.block_earliest[block] else time
     oscillators.next_firing[agent] = time
-    oscillators.block_earliest[block] = min(oscillators.block_earliest[block], time)
+    oscillators.block_earliest[block] = min(oscillators.block_earliest[block], earliest)
+    if unlikely(len(oscillators.part_earliest) > 0):
+        group, part = block // BRANCHES, block // BRANCHES**2
+        oscillators.group_earliest[group] = min(oscillators.group_earliest[group], earliest)
+        oscillators.part_earliest[part] = min(oscillators.part_earliest[part], earliest)
+
+
+def forget_earliest(swarm: Arrays) -> None:
+    """Have the earliest firing times of all blocks searched again, as firing times have been set."""
+    for earliest in (swarm.block_earliest, swarm.group_earliest, swarm.part_earliest):
+        earliest[:] = -math.inf
 
 
 @jit_inline
 def earliest_firing(oscillators: Oscillators) -> float:
-    """Return the time of the earliest next firing; searches stale blocks again."""
+    """Return the time of the earliest next firing; searches again what is stale."""
+    if unlikely(len(oscillators.part_earliest) > 0):
+        return _earliest_of_parts(oscillators)
+    return _earliest_of_blocks(oscillators, 0, len(oscillators.block_earliest))
+
+
+@jit_inline
+def _earliest_of_blocks(oscillators: Oscillators, first: int, end: int) -> float:
     earliest = math.inf
-    for block in range(len(oscillators.block_earliest)):
-        if oscillators.is_stale[block]:
-            last = min((block + 1) * BLOCK_SIZE, len(oscillators.next_firing))
-            oscillators.block_earliest[block] = minimum(oscillators.next_firing, block * BLOCK_SIZE, last)
-            oscillators.is_stale[block] = False
+    for block in range(first, end):
+        if oscillators.block_earliest[block] == -math.inf:
+            last = min((block + 1) * BRANCHES, len(oscillators.next_firing))
+            oscillators.block_earliest[block] = minimum(oscillators.next_firing, block * BRANCHES, last)
         earliest = min(earliest, oscillators.block_earliest[block])
     return earliest
+
+
+@jit_no_alloc
+def _earliest_of_parts(oscillators: Oscillators) -> float:
+    groups, parts = oscillators.group_earliest, oscillators.part_earliest
+    for part in range(len(parts)):
+        if parts[part] == -math.inf:
+            last = min((part + 1) * BRANCHES, len(groups))
+            for group in range(part * BRANCHES, last):
+                if groups[group] == -math.inf:
+                    end = min((group + 1) * BRANCHES, len(oscillators.block_earliest))
+                    groups[group] = _earliest_of_blocks(oscillators, group * BRANCHES, end)
+            parts[part] = minimum(groups, part * BRANCHES, last)
+    return minimum(parts, 0, len(parts))
 
 
 @jit_inline
 def firing_now(oscillators: Oscillators, time: float, found: IndexArray) -> int:
     """Write the indices of all oscillators that fire at `time` to `found`, (agents + 1,); return their number."""
-    limit = time + SIMULTANEITY_CYCLES
-    count = 0
-    for block in range(len(oscillators.block_earliest)):
+    if unlikely(len(oscillators.part_earliest) > 0):
+        return _firing_in_parts(oscillators, time + SIMULTANEITY_CYCLES, found)
+    return _firing_in_blocks(oscillators, 0, len(oscillators.block_earliest), time + SIMULTANEITY_CYCLES, found, 0)
+
+
+@jit_inline
+def _firing_in_blocks(
+    oscillators: Oscillators, begin: int, end: int, limit: float, found: IndexArray, count: int
+) -> int:
+    """Add those of some blocks that fire up to `limit` to the `count` that are found; return how many these are."""
+    for block in range(begin, end):
         if oscillators.block_earliest[block] <= limit:
-            first = block * BLOCK_SIZE
-            times = oscillators.next_firing[first : first + BLOCK_SIZE]
+            first = block * BRANCHES
+            times = oscillators.next_firing[first : first + BRANCHES]
             firing, sum_of_indices = 0, 0
             for index in range(len(times)):
                 firing += times[index] <= limit
@@ -70,6 +114,18 @@ def firing_now(oscillators: Oscillators, time: float, found: IndexArray) -> int:
                 for index in range(len(times)):
                     found[count] = first + index  # overwritten by the next one if this one does not fire: no branch
                     count += times[index] <= limit
+    return count
+
+
+@jit_no_alloc
+def _firing_in_parts(oscillators: Oscillators, limit: float, found: IndexArray) -> int:
+    count, groups = 0, oscillators.group_earliest
+    for part in range(len(oscillators.part_earliest)):
+        if oscillators.part_earliest[part] <= limit:
+            for group in range(part * BRANCHES, min((part + 1) * BRANCHES, len(groups))):
+                if groups[group] <= limit:
+                    end = min((group + 1) * BRANCHES, len(oscillators.block_earliest))
+                    count = _firing_in_blocks(oscillators, group * BRANCHES, end, limit, found, count)
     return count
 
 
@@ -95,12 +151,12 @@ def measure_order(oscillators: Oscillators, time: float) -> float:
     """Return the order parameter at `time`, at which the phase of the reference is 0."""
     cosines, sines = 0.0, 0.0
     for agent in range(len(oscillators.next_firing)):
-        angle = 2 * math.pi * phase_at(oscillators, agent, time)
-        cosines += math.cos(angle)
-        sines += math.sin(angle)
+        sine, cosine = sin_cos(2 * math.pi * phase_at(oscillators, agent, time))
+        cosines += cosine
+        sines += sine
     if oscillators.scene.metric == REFERENCE:
         return cosines / len(oscillators.next_firing)
-    return math.hypot(cosines, sines) / len(oscillators.next_firing)
+    return hypot(cosines, sines) / len(oscillators.next_firing)
 
 
 def max_phase_offset(agents: int, threshold: float) -> float:

@@ -19,11 +19,11 @@ from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.control.compilation import digest_sources, explain_refusal, frozen_values, jit_functions
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
-from epuck_sim.scenario.curves import find_curve
-from epuck_sim.scenario.response import ResponseSection
+from epuck_sim.scenario.curves import ResponseSection, find_curve
 from epuck_sim.user_files import line_of_error, record_type
-from epuck_sim.util.jit import BLOCK, bind, compile_cached, digest, jit, jit_inline, kernel_digest, name_after
-from epuck_sim.util.native import array_at, evaluate, function_address, unlikely
+from epuck_sim.util.elementary import expm1, sin
+from epuck_sim.util.jit import bind, compile_cached, digest, jit, jit_inline, kernel_digest, name_after
+from epuck_sim.util.native import BLOCK, array_at, evaluate, function_address, unlikely
 
 CURVES = ("multiplicative", "sawtooth", "sine", "additive", "mirollo_strogatz", "piecewise_linear")
 """Names of the shipped response curves; the index of a name is the number of its curve.
@@ -82,7 +82,7 @@ def other_shift(response: Any, curve: ByteArray, addresses: IntArray, phase: flo
     """Return the shift of a phase by a curve that is not multiplicative; not inlined, so that kernels stay small."""
     coupling: float = response.coupling
     if response.curve == SINE:
-        return -coupling * math.sin(2 * math.pi * phase)
+        return -coupling * sin(2 * math.pi * phase)
     if response.curve == SAWTOOTH:
         return -coupling * phase if phase <= 0.5 else coupling * (1 - phase)
     if response.curve == ADDITIVE:
@@ -90,7 +90,7 @@ def other_shift(response: Any, curve: ByteArray, addresses: IntArray, phase: flo
     if response.curve == MIROLLO_STROGATZ:
         # the state f = ln(1 + (e^b - 1) phase) / b grows by the coupling; solved for the phase, that is a line
         dissipation: float = response.dissipation
-        return math.expm1(dissipation * coupling) * (phase + 1 / math.expm1(dissipation))
+        return expm1(dissipation * coupling) * (phase + 1 / expm1(dissipation))
     if response.curve == PIECEWISE_LINEAR:
         slope: float = response.early_slope if phase <= response.knee else 1.0
         return coupling * phase * slope

@@ -11,11 +11,10 @@ from epuck_sim.particles.events import advance, advance_in_cones
 from epuck_sim.particles.initial_conditions import give_start, speed_table
 from epuck_sim.particles.motion import begin_run, continue_trajectory, reorient_agents
 from epuck_sim.particles.neighbours import neighbourhood_of, search_cone, search_of
-from epuck_sim.particles.oscillators import BLOCK_SIZE, METRIC_CODES, max_phase_offset
+from epuck_sim.particles.oscillators import BRANCHES, FLAT, METRIC_CODES, forget_earliest, max_phase_offset
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
 from epuck_sim.particles.swarm import BEGIN_RUN, CALLS, CONTINUE, CURVE, REORIENT, SEARCH, Arrays, make_block
-from epuck_sim.scenario.neighbourhoods import RandomAgents
-from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.util.jit import address_of, compile_kernel
 
 
@@ -71,11 +70,13 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
         "agents": agents.count,
         "rows": dimensions * agents.count,
         "events": agents.count + 1,
-        "blocks": -(-agents.count // BLOCK_SIZE),
+        "blocks": -(-agents.count // BRANCHES),
+        "groups": -(-agents.count // BRANCHES**2) if agents.count > FLAT else 0,
+        "parts": -(-agents.count // BRANCHES**3) if agents.count > FLAT else 0,
         "cell_starts": values["cells"] ** dimensions + 1 if values["cells"] else 0,
         "run_speeds": len(speeds),
         "curve": len(response.from_file.bytes),
-        "members": agents.count * (agents.count if values["is_cached"] else 1),
+        "members": values["row"] * (agents.count if values["is_cached"] else 1),
     }
     arrays = Arrays(make_block(sizes))
     for name, value in values.items():
@@ -83,7 +84,7 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
     arrays.run_speeds[:] = speeds
     arrays.run_end_cycle[:] = -1
     arrays.period[:] = 1
-    arrays.is_stale[:] = True
+    forget_earliest(arrays)
     arrays.cached_until[:] = -math.inf
     arrays.candidates[:] = np.arange(agents.count)
     arrays.curve[:] = response.from_file.bytes

@@ -9,10 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES
+from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES, forget_earliest
 from epuck_sim.particles.swarm import Arrays
-from epuck_sim.scenario.agent_schedule import AgentDisplacement, AgentScheduleEntry
-from epuck_sim.scenario.schedule import TimedEntries
+from epuck_sim.scenario.schedule import AgentDisplacement, AgentScheduleEntry, TimedEntries
 
 Moment = tuple[float, float]
 """A cycle, from 0, and the time in it, 0 to 1."""
@@ -62,4 +61,4 @@ def displace_phases(swarm: Arrays, displacement: AgentDisplacement, sequence: np
     agents = slice(None) if displacement.agents is None else list(displacement.agents)
     until_firing = (1 - displaced) * swarm.period
     swarm.next_firing[agents] = swarm.scene.now + until_firing[agents]
-    swarm.is_stale[:] = True
+    forget_earliest(swarm)

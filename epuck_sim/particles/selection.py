@@ -64,9 +64,8 @@ def select_smallest(
     largest: float = 0.0
     if k <= FEW:
         for rank in range(k):
-            index = argmin(values, count)
+            index, largest, _ = find_two_smallest(values, count)  # in one pass, unlike `argmin`
             found[rank] = index
-            largest = values[index]
             values[index] = math.inf
         return largest
     sort_first_buckets(found, values, fill_buckets(values, count, k, bucket_of, bucket_end, found))

@@ -15,6 +15,7 @@ from epuck_sim.particles.events import observe, turn_if_next
 from epuck_sim.particles.initial_conditions import draw_differences, initial_speeds, start
 from epuck_sim.particles.links import LinkSearch
 from epuck_sim.particles.motion import begin_motion
+from epuck_sim.particles.oscillators import forget_earliest
 from epuck_sim.particles.phase_response import curve_error
 from epuck_sim.particles.rules import Rules, rules_of
 from epuck_sim.particles.schedule import (
@@ -28,12 +29,11 @@ from epuck_sim.particles.schedule import (
     timed_entries,
 )
 from epuck_sim.particles.swarm import Arrays
-from epuck_sim.scenario.agent_changes import with_values
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.neighbourhoods import RandomAgents
-from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
+from epuck_sim.scenario.validation import agents_with
 from epuck_sim.util.generators import seed_words
 from epuck_sim.util.jit import compile_kernel
 
@@ -273,7 +273,7 @@ class ParticleSimulation:
         """
         section, source = self.scenario.schedule[entry], f"schedule.{entry}"
         if section.set:
-            self._change(with_values(self._present, section.set, f"{self.scenario.name}: {source}.set"))
+            self._change(agents_with(self._present, section.set, f"{self.scenario.name}: {source}.set"))
         if section.displace is not None:
             sequence = np.random.SeedSequence(self.seed, spawn_key=(SCHEDULE_SEED, entry))
             displace_phases(self._observe(), section.displace, sequence)
@@ -310,7 +310,17 @@ class ParticleSimulation:
         swarm = self._arrays
         forward = cycles * swarm.period[agent]
         swarm.next_firing[agent] = max(swarm.next_firing[agent] - forward, self._scene["now"])
-        swarm.is_stale[:] = True
+        forget_earliest(swarm)
+
+    def page(self) -> Any:
+        """Return the scenario, with this seed, as a page that notebooks show; `epuck-sim page` writes one to a file.
+
+        Raises:
+            ScenarioError: The scenario cannot be a page.
+        """
+        from epuck_sim.page.writer import Shown  # noqa: PLC0415 is for notebooks alone
+
+        return Shown(self.scenario, self.seed)
 
     @property
     def time_s(self) -> float:

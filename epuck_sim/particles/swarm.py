@@ -35,7 +35,8 @@ ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
     "next_firing": (FLOAT, "agents"),  # cycles: time of each oscillator's next firing
     "period": (FLOAT, "agents"),  # cycles: 1 without jitter
     "block_earliest": (FLOAT, "blocks"),  # cycles: the earliest time in each block of `next_firing`
-    "is_stale": (FLAG, "blocks"),  # whether `block_earliest` must be searched for again
+    "group_earliest": (FLOAT, "groups"),  # the earliest time in each group of blocks
+    "part_earliest": (FLOAT, "parts"),  # the earliest time in each part
     # trajectories
     "origin": (FLOAT, "rows"),  # cm: where each trajectory began
     "heading": (FLOAT, "rows"),  # unit vectors
@@ -61,6 +62,7 @@ ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
     "square_distance": (FLOAT, "agents"),  # cm^2: from the firing agent, which has inf itself
     "axial_distance": (FLOAT, "agents"),  # cm: components of these distances along the axis of the cone
     "margin": (FLOAT, "agents"),  # cm^2: not negative within the cone; then cycles until which they stay
+    "selected": (INDEX, "agents"),  # scratch: the k nearest candidates come first
     "bucket_of": (INDEX, "agents"),  # scratch of the selection of the k nearest
     "bucket_end": (INDEX, "agents"),  # scratch of the selection of the k nearest
     "cell_start": (INT, "cell_starts"),  # index in `agents_by_cell` at which each cell begins
@@ -89,11 +91,13 @@ SIZES = {
     "agents": "one for each agent",
     "rows": "one for each axis and agent: one row of agents after the other",
     "events": "one for each agent, and one",
-    "blocks": "one for each block of oscillators",
+    "blocks": "one for each block of oscillators; see `oscillators.BRANCHES`",
+    "groups": "one for each group of blocks; none in small swarms",
+    "parts": "one for each part of the swarm, of groups; none in small swarms",
     "cell_starts": "one for each cell, and one; none without a cell list",
     "run_speeds": "one for each speed from which those of runs are drawn; none if agents keep theirs",
     "curve": "one for each byte",
-    "members": "one for each pair of agents; for each agent, if no neighbours are cached",
+    "members": "one for each neighbour that an agent may have, times the agents if neighbours are cached",
 }
 """The sizes of a swarm."""
 
@@ -147,6 +151,7 @@ SCENE = record_type(
         ("radius_cm", "f8"),  # of the cone or range; `UNLIMITED_CM` if there is none
         ("cos", "f8"),  # cosine of half the cone's angle, or `FULL_CIRCLE_COS`
         ("sin", "f8"),  # sine of half the cone's angle
+        ("row", "i8"),  # largest number of neighbours of an agent that are cached
         ("is_cached", "?"),  # whether neighbours are cached at all
         ("closing_time", "f8"),  # cycles in which the two fastest agents can approach each other by 1 cm
         ("search_radius_cm", "f8"),  # of the first search in the cell list
@@ -245,7 +250,7 @@ def _part(name: str, fields: str) -> Any:
     return part
 
 
-Oscillators = _part("Oscillators", "scene next_firing period block_earliest is_stale")
+Oscillators = _part("Oscillators", "scene next_firing period block_earliest group_earliest part_earliest")
 """Firing times and periods."""
 
 Trajectories = _part(
@@ -260,7 +265,8 @@ Neighbours = _part("Neighbours", "scene members counts cached_until skip_count")
 """The neighbours that were found last."""
 
 Candidates = _part(
-    "Candidates", "scene candidates positions headings square_distance axial_distance margin bucket_of bucket_end"
+    "Candidates",
+    "scene candidates positions headings square_distance axial_distance margin selected bucket_of bucket_end",
 )
 """The agents among which neighbours are searched for."""
 

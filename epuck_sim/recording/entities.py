@@ -14,7 +14,7 @@ from rerun.chunk import Chunk, RrdReader
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
-from epuck_sim.recording.rrd_file import ENDING
+from epuck_sim.recording.rrd_file import ENDING, is_whole
 from epuck_sim.recording.viewer.process import crashes_on
 
 
@@ -60,9 +60,10 @@ class Entities:
 
 
 @lru_cache(maxsize=64)
-def _is_broken(path: Path, _mtime_ns: int) -> bool:
-    """Return `crashes_on(path)`, which is asked once for each state of a file, as it takes a tenth of a second."""
-    return crashes_on(path)
+def _is_damaged(path: Path, _mtime_ns: int) -> bool:
+    """Return whether a file is not what was written; asked once for each state of a file, as all of it is read."""
+    whole = is_whole(path)
+    return crashes_on(path) if whole is None else not whole
 
 
 def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
@@ -70,7 +71,7 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
         raise RecordingError(f"{path}: {'is not a file' if path.exists() else 'there is no such file'}")
     if path.suffix != ENDING:  # which the viewer requires, too
         raise RecordingError(f"{path}: is not a recording: the name must end in {ENDING}")
-    if _is_broken(path.resolve(), path.stat().st_mtime_ns):
+    if path.stat().st_size and _is_damaged(path.resolve(), path.stat().st_mtime_ns):
         raise RecordingError(f"{path}: is not a complete recording: it is damaged; record the trial again")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a truncated file, which is refused below

@@ -16,6 +16,7 @@ from epuck_sim.recording.layers.images import CAMERA, INFRARED, SPACE_TIME
 from epuck_sim.recording.layers.memory import memory_entity
 from epuck_sim.recording.layers.time_series import FLASHES, PHASE_LEAD, PHASES, WHEELS
 from epuck_sim.recording.level import Level
+from epuck_sim.util.atomic_write import write_errors
 
 MARGIN_CM = 2.0
 """Margin around the arena of robots, cm."""
@@ -118,6 +119,10 @@ def _blueprint(body: rrb.Container) -> rrb.Blueprint:
     return rrb.Blueprint(body, rrb.TimePanel(timeline=TIMELINE, state="collapsed"), collapse_panels=True)
 
 
+LAYOUT_BYTES = 2_000_000
+"""More than the file of any layout takes."""
+
+
 @lru_cache
 def layout_file(
     level: Level,
@@ -127,8 +132,14 @@ def layout_file(
     memory: tuple[str, ...] = (),
     has_events: bool = False,
 ) -> bytes:
-    """Return a layout as a file for the viewer (.rbl), which is cached: rerun leaves two threads behind for each."""
+    """Return a layout as a file for the viewer (.rbl), which is cached: rerun leaves two threads behind for each.
+
+    Raises:
+        EpuckSimError: The folder for temporary files has no room.
+    """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "layout.rbl"
+        with write_errors(file):
+            file.write_bytes(bytes(LAYOUT_BYTES))  # rerun would wait for ever for room
         make(level, width_cm, height_cm, memory, has_events).save(APPLICATION, file)
         return file.read_bytes()

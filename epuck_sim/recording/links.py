@@ -20,8 +20,8 @@ from epuck_sim.scenario.scenario import Scenario
 LINKED = (SIGHTINGS, CONTACTS, LINKS)
 """Entities with links."""
 
-MIDWAY_CM = 1e-3
-"""Largest distance of a contact of two robots from the point midway between them, cm, as it is recorded."""
+BETWEEN_CM = 1e-3
+"""Largest distance of a contact of two robots from the point between them, cm, as it is recorded."""
 
 BLOCK = 1_000_000
 """Most distances that are computed at a time."""
@@ -60,9 +60,11 @@ def read_links(entities: Entities, scenario: Scenario, positions: Float32Array, 
         pulses = _read_arrows(entities, LINKS, middles, middles, side_cm)
     else:
         assert isinstance(scenario, EmbodiedScenario)  # no other model has cameras
-        cameras = _far_if_absent(middles + scenario.robot.camera_forward_cm * unit_vectors(headings))
+        kinds = scenario.robot_kinds
+        forward_cm = np.array([kind.camera_forward_cm for kind in kinds])[:, None]
+        cameras = _far_if_absent(middles + forward_cm * unit_vectors(headings))
         sightings = _read_arrows(entities, SIGHTINGS, cameras, middles, np.inf)
-        contacts, points = _read_contacts(entities, middles)
+        contacts, points = _read_contacts(entities, middles, np.array([kind.radius_cm for kind in kinds]))
         pulses = np.empty((0, 4), np.int64)
     return Links(sightings, contacts, points, pulses)
 
@@ -90,23 +92,24 @@ def _read_arrows(entities: Entities, entity: str, tails: FloatArray, heads: Floa
     return np.column_stack([rows, froms, tos, classes])
 
 
-def _read_contacts(entities: Entities, positions: FloatArray) -> tuple[IntArray, FloatArray]:
+def _read_contacts(entities: Entities, positions: FloatArray, radii_cm: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return (contacts, 3) row, robot, and other robot or -1; and (contacts, 2) cm the points.
 
-    A point between two robots lies midway between the two that are nearest to it. On a wall or obstacle it belongs to
-    the nearest robot.
+    A point between two robots divides the line between their centres as their radii do. On a wall or obstacle it
+    belongs to the robot whose surface is nearest.
     """
     rows = _rows_of(entities, CONTACTS, "Points2D:positions", len(positions))
     points = entities.values(CONTACTS, "Points2D:positions").reshape(-1, 2)
-    robot = nearest(points, positions, rows, np.inf)
-    contacts = np.column_stack([rows, robot, np.full(len(rows), -1)])
-    for number, (row, first, _) in enumerate(contacts):
-        middles = (positions[row, first] + positions[row]) / 2
-        distance_cm = np.hypot(*(middles - points[number]).T)
+    contacts = np.column_stack([rows, np.full((len(rows), 2), -1)])
+    for contact, point, places in zip(contacts, points, positions[rows], strict=True):
+        contact[1] = first = int((np.hypot(*(places - point).T) - radii_cm).argmin())
+        shares = radii_cm[first] / (radii_cm[first] + radii_cm)
+        between = places[first] + shares[:, None] * (places - places[first])
+        distance_cm = np.hypot(*(between - point).T)
         distance_cm[first] = np.inf
         second = int(distance_cm.argmin())
-        if distance_cm[second] <= MIDWAY_CM:
-            contacts[number, 1:] = sorted((first, second))
+        if distance_cm[second] <= BETWEEN_CM:
+            contact[1:] = sorted((first, second))
     return contacts, points
 
 

@@ -35,7 +35,7 @@ def show_recorded(recorded: "Recorded") -> str:
         moment = int(np.flatnonzero(rings == rings.max())[-1])
         poses = np.column_stack([recorded.positions[moment], recorded.headings[moment]])
         parts.append(element("p", f"at {recorded.time_s[moment]:.2f} s:"))
-        parts.append(draw_arena(recorded.arena_at(moment), poses, population.radius_cm, recorded.ring_on[moment]))
+        parts.append(draw_arena(recorded.arena_at(moment), poses, population.radii_cm, recorded.ring_on[moment]))
     return to_html(*parts)
 
 

@@ -8,8 +8,7 @@ import numpy as np
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import RecordingError
-from epuck_sim.scenario.arena_changes import arena_entries, largest_cm
-from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.embodied import EmbodiedScenario, arena_entries, largest_cm
 from epuck_sim.scenario.particles import ParticleScenario
 
 ROWS_PER_PERIOD = 20
@@ -37,8 +36,8 @@ class Population(NamedTuple):
     """What a row is called: step or moment."""
     size: int
     """Number of robots or agents."""
-    radius_cm: float
-    """Radius of the disc that is drawn for each, cm."""
+    radii_cm: FloatArray
+    """(size,) radius of the disc that is drawn for each, cm."""
     arena: Arena
     """Arena of the robots at the start; for agents their square, the base of their cube, or a segment of height 0."""
     largest_cm: tuple[float, float]
@@ -64,7 +63,7 @@ def robot_population(scenario: EmbodiedScenario) -> Population:
         noun="robot",
         moment="step",
         size=scenario.robot_count,
-        radius_cm=scenario.robot.radius_cm,
+        radii_cm=np.array([kind.radius_cm for kind in scenario.robot_kinds]),
         arena=scenario.arena.build(),
         largest_cm=largest_cm(scenario),
         arena_changes=bool(arena_entries(scenario)),
@@ -89,7 +88,7 @@ def agent_population(scenario: ParticleScenario) -> Population:
         noun="agent",
         moment="moment",
         size=scenario.agents.count,
-        radius_cm=side_cm / SIDE_IN_RADII,
+        radii_cm=np.full(scenario.agents.count, side_cm / SIDE_IN_RADII),
         arena=make_arena(side_cm, height_cm, (), ()),
         largest_cm=(side_cm, height_cm),
         arena_changes=False,

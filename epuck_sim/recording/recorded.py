@@ -9,8 +9,7 @@ from epuck_sim.errors import RecordingError
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.links import Links
 from epuck_sim.recording.parts import population_of
-from epuck_sim.scenario.arena_changes import arena_after, arena_entries
-from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after, arena_entries
 from epuck_sim.scenario.scenario import Scenario
 
 

@@ -20,7 +20,7 @@ from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import parts_of
 from epuck_sim.recording.rrd_file import rrd_file
-from epuck_sim.scenario.loader import load_scenario, write_scenario
+from epuck_sim.scenario.loader import complete, write_scenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.observer import TrialState
 from epuck_sim.util.provenance import versions
@@ -58,7 +58,7 @@ def record(
     Raises:
         EpuckSimError: The file cannot be written, the scenario cannot be recorded, or no controller remembers a field.
     """
-    scenario = load_scenario(scenario)  # with every default written out
+    scenario = complete(scenario, scenario.name)  # with every default written out
     parts = parts_of(scenario)
     memory = recorded_fields(scenario, level, memory)
     width_cm, height_cm = parts.population(scenario).largest_cm
@@ -131,7 +131,7 @@ class Recorder:
         self._write(self._memory.flush(batch.time_ns))
         self._write(time_series(batch, self._population, self._threshold, self._level))
         if self._level is not Level.SUMMARY:
-            self._write(arena_entities(batch, self._population.radius_cm))
+            self._write(arena_entities(batch, self._population.radii_cm))
             if self._population.arena_changes:
                 self._write(changing_walls(batch))
         if self._layers is not None:

@@ -1,15 +1,18 @@
 """The file of a recording, which gets its name only when it is complete."""
 
+import hashlib
+import mmap
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Full, Queue
 
+import rerun as rr
 from rerun.chunk import Chunk, LazyChunkStream
 
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.chunks import APPLICATION
+from epuck_sim.recording.chunks import APPLICATION, static_chunk
 from epuck_sim.recording.viewer.process import run_rerun
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 
@@ -18,6 +21,18 @@ ENDING = ".rrd"
 
 QUEUE_LENGTH = 64
 """Most chunks that wait to be written; if the disk is slower than the simulation, that waits, too."""
+
+SEAL = "/__properties/seal"
+"""The property that holds the digest and the length of the file."""
+
+_MARK = b"jV3xQm8kTz5wLr2NgY7u"
+"""What stands before them."""
+
+_BLANK = b"Kd81Xf3aP60cHe95Wb27Js4f0Mq7a2Zc9dT4eR6bV15G83Uy73Bn0eDa9Fc25Lh8ExWk1d6fS0b4390v"
+"""What stands in their place while the digest is computed: 64 hexadecimal digits, and 16 of the length in bytes."""
+
+_GUARD = b"oQzTvMwYhN"
+"""What stands before and behind all this: the first and last bytes may go into what the file's compression repeats."""
 
 
 @contextmanager
@@ -41,13 +56,44 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator["ChunkWri
             layout_part.write_bytes(layout)
         writer = ChunkWriter(data_part, recording_id, path)
         try:
+            writer([static_chunk(SEAL, rr.AnyValues(digest=(_GUARD + _MARK + _BLANK + _GUARD).decode()))])
             yield writer
         finally:
             writer.end()
         writer.check()
         with _blaming(path):
             run_rerun("rrd", "route", str(layout_part), str(data_part), "-o", str(whole))
+            _seal(whole)
             publish(whole, path)
+
+
+def _seal(path: Path) -> None:
+    """Write the digest and the length of a file into it."""
+    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as contents:
+        place = contents.find(_MARK) + len(_MARK)
+        if contents[place : place + len(_BLANK)] != _BLANK:
+            raise RecordingError("rerun has packed its digest")
+        contents[place : place + len(_BLANK)] = _digest(contents, place)
+
+
+def is_whole(path: Path) -> bool | None:
+    """Return whether a file is as it was when it was sealed; None if that cannot be told.
+
+    Version 0.1.0 wrote no seal, and a file that rerun's program has filtered or merged since is another file.
+    """
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as contents:
+        place = contents.find(_MARK) + len(_MARK)
+        found, made = contents[place : place + len(_BLANK)], _digest(contents, place)
+        return found == made if found[64:] == made[64:] else None
+
+
+def _digest(contents: mmap.mmap, place: int) -> bytes:
+    """Return the digest of contents with blank digits at a place, and their length."""
+    with memoryview(contents) as view:
+        digest = hashlib.sha256(view[:place])
+        digest.update(_BLANK)
+        digest.update(view[place + len(_BLANK) :])
+        return f"{digest.hexdigest()}{len(view):016x}".encode()
 
 
 @contextmanager

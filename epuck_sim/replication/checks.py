@@ -1,12 +1,15 @@
 """The checks of a claim as data: a test, the points that it looks at, and what is predicted of its effect."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from epuck_sim.replication.formulas import FORMULAS
-from epuck_sim.scenario.base import ConfigModel, Number
+from epuck_sim.scenario.base import ConfigModel, Number, Positive
 from epuck_sim.util.messages import comma_list, did_you_mean
+
+RISE = 1.1
+"""Ratio of means above which T_sync rises, and below which it does not, in all claims: the base case has 1.17."""
 
 Values = dict[str, Any]
 """Values of axes of a sweep, by dotted key."""
@@ -25,9 +28,14 @@ class _Check(ConfigModel):
     within: tuple[Number, Number] | None = None
     """The effect lies between these two."""
 
+    @property
+    def predicted(self) -> tuple[float | None, float | None]:
+        """What the effect is above, and what it is below."""
+        return self.within or (self.above, self.below)
+
     @model_validator(mode="after")
     def _has_one_prediction(self) -> "_Check":
-        if sum(each is not None for each in (self.above, self.below, self.within)) != 1:
+        if sum(getattr(self, key, None) is not None for key in ("above", "below", "within", "rises")) != 1:
             raise ValueError("give one of above, below and within")
         if self.within is not None and self.within[0] >= self.within[1]:
             raise ValueError("within: the first number must be the lower one")
@@ -39,80 +47,86 @@ class _SweepCheck(_Check):
     """Values of axes that the points of the test have."""
     of: str | None = None
     """Measure that is tested; T_sync by default."""
-    take: Literal["first", "final", "mean", "largest"] | None = None
-    """Which of a series's values stands for a trial."""
+    take: Literal["first", "final", "mean", "largest", "growth"] | None = None
+    """Which of a series's values stands for a trial; `growth`: the slope of its logarithm over cycles."""
 
 
-class RatioCheck(_SweepCheck):
-    """Of the mean at the second of two places over that at the first; their points are paired in the sweep's order."""
+class _MeansCheck(_SweepCheck):
+    rises: bool | None = None
+    """Instead of above or below: whether the ratio is above `RISE`."""
+
+    @property
+    def predicted(self) -> tuple[float | None, float | None]:
+        """What the ratio is above, and what it is below."""
+        if self.rises is None:
+            return super().predicted
+        return (RISE, None) if self.rises else (None, RISE)
+
+
+class RatioCheck(_MeansCheck):
+    """Test of the mean at the second of two places over that at the first; points are paired in the sweep's order."""
 
     test: Literal["ratio"]
     between: tuple[Values, Values]
 
 
-class RiseCheck(_SweepCheck):
-    """Of the largest ratio of the mean at a point over that at one before it, along an axis."""
+class RiseCheck(_MeansCheck):
+    """Test of the largest ratio of the mean at a point over that at one before it, along an axis."""
 
     test: Literal["largest_rise"]
     along: str
 
 
-class LevelCheck(_SweepCheck):
-    """Of the mean at one point."""
+class PointCheck(_SweepCheck):
+    """Test of the mean at one point, or of the share of trials that are synchronised, or in which a measure is true."""
 
-    test: Literal["level"]
-
-
-class ShareCheck(_SweepCheck):
-    """Of the share of trials at one point that are synchronised, or in which a truth value is true."""
-
-    test: Literal["share"]
+    test: Literal["level", "share"]
 
 
-class PowerCheck(_SweepCheck):
-    """Of the exponent of the power of an axis that the mean follows."""
+class PairCheck(_SweepCheck):
+    """Test of two points: the second share minus the first, or the chance that a trial at the second is longer."""
 
-    test: Literal["power_exponent"]
-    along: str
-
-
-class RateCheck(_SweepCheck):
-    """Of the rate c with which the mean grows as exp(c x) along an axis."""
-
-    test: Literal["exponential_rate"]
-    along: str
-
-
-class SuperiorityCheck(_SweepCheck):
-    """Of the probability that a trial at the second of two places takes longer than one at the first."""
-
-    test: Literal["superiority"]
+    test: Literal["share_difference", "superiority"]
     between: tuple[Values, Values]
 
+    @model_validator(mode="after")
+    def _is_of_a_difference(self) -> "PairCheck":
+        if self.test == "share_difference" and any(each for each in self.predicted):
+            raise ValueError("a difference of shares is tested against 0: give above: 0 or below: 0")
+        return self
 
-class TrendCheck(_SweepCheck):
-    """Of the rank correlation of trials with an axis."""
 
-    test: Literal["rank_trend"]
+class AlongCheck(_SweepCheck):
+    """Test of how the mean goes along an axis x: as x^a, as exp(c x), or the rank correlation of trials with x."""
+
+    test: Literal["power_exponent", "exponential_rate", "rank_trend"]
     along: str
 
     @model_validator(mode="after")
-    def _is_a_correlation(self) -> "TrendCheck":
-        if not all(-1 < each < 1 for each in (self.above, self.below, *(self.within or ())) if each is not None):
+    def _is_a_correlation(self) -> "AlongCheck":
+        if self.test == "rank_trend" and not all(-1 < each < 1 for each in self.predicted if each is not None):
             raise ValueError("a correlation lies between -1 and 1")
         return self
 
 
 class LikelierCheck(_SweepCheck):
-    """Of how much likelier a distribution makes trials than another, in nats a trial."""
+    """Test of how much likelier a distribution makes trials than another, in nats a trial."""
 
     test: Literal["likelier"]
     law: Law
     than: Law
 
 
+class EstimatorCheck(_SweepCheck):
+    """Test of the Weibull mean of the trials of a point as if they were censored at a limit, over their mean."""
+
+    test: Literal["weibull_ratio"]
+    censored_at: Positive
+    """Limit, cycles."""
+
+
 class PlaceCheck(_SweepCheck):
-    """Of the exponent of the power of an axis that a place of curves follows: a minimum, a peak or the fast regime."""
+    """Test of the exponent of the power of an axis that the minimum, the peak or the fast regime of curves follows."""
 
     test: Literal["place_exponent"]
     place: Literal["V_m", "T_m", "V_p", "T_p", "V_f"]
@@ -123,7 +137,7 @@ class PlaceCheck(_SweepCheck):
 
 
 class CollapseCheck(_SweepCheck):
-    """Of how far curves of T_sync are apart over the measure `of`, over how far they are apart along an axis."""
+    """Test of how far curves of T_sync are apart over the measure `of`, over how far they are apart along an axis."""
 
     test: Literal["collapse"]
     along: str
@@ -131,7 +145,7 @@ class CollapseCheck(_SweepCheck):
 
 
 class FormulaCheck(_Check):
-    """Of a number that follows from the thesis's equations."""
+    """Test of a number that follows from the thesis's equations."""
 
     test: Literal["formula"]
     number: str
@@ -146,17 +160,17 @@ class FormulaCheck(_Check):
 SweepCheck = (
     RatioCheck
     | RiseCheck
-    | LevelCheck
-    | ShareCheck
-    | PowerCheck
-    | RateCheck
-    | SuperiorityCheck
-    | TrendCheck
+    | PointCheck
+    | PairCheck
+    | AlongCheck
     | LikelierCheck
+    | EstimatorCheck
     | PlaceCheck
     | CollapseCheck
 )
 Check = Annotated[SweepCheck | FormulaCheck, Field(discriminator="test")]
 
-TESTS = tuple(each.model_fields["test"].annotation.__args__[0] for each in (*SweepCheck.__args__, FormulaCheck))
+TESTS = tuple(
+    name for kind in (*get_args(SweepCheck), FormulaCheck) for name in get_args(kind.model_fields["test"].annotation)
+)
 """Names of all tests."""

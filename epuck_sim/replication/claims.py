@@ -7,7 +7,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.replication.checks import TESTS, Check
-from epuck_sim.scenario.base import ConfigModel
+from epuck_sim.scenario.base import ConfigModel, WholeNumber
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -24,8 +24,8 @@ class AskedSweep(ConfigModel):
     """A shipped scenario, or a YAML file."""
     keys: dict[str, Any] = Field(default_factory=dict)
     """Keys in which both versions differ from it, as in a scenario's `quick`."""
-    quick: dict[str, Any]
-    """Further keys of the quick version."""
+    quick: dict[str, Any] | None = None
+    """Further keys of the quick version; without any the full version alone is asked."""
     full: dict[str, Any]
     """Further keys of the full version."""
 
@@ -37,20 +37,41 @@ class Claim(ConfigModel):
     section: Text
     claim: Text
     """What is claimed, in our words."""
-    says: Text
-    """The thesis's number or word."""
+    quote: str = ""
+    """The sentence that claims it, word for word; what is left out is marked by `...`."""
+    line: Annotated[WholeNumber, Field(ge=1)] | None = None
+    """Line of the sentence in the text."""
+    quantifier: str = ""
+    """How much the sentence claims: always, some, only if."""
+    source: str = ""
+    """Paper whose result the sentence quotes."""
     sweep: str | None = None
     """Name of the sweep that all its checks are asked of, but those of formulas."""
     checks: tuple[Check, ...] = ()
+    reading: str = ""
+    """What of its tests is ours: then they decide about our reading, and not about the claim."""
     otherwise: str = ""
     """Reading of the text that would change the verdict."""
+    changed: str = ""
+    """What of its tests was changed after first results, and why."""
+    identity: str = ""
+    """Why it cannot fail."""
+    no_claim: str = ""
+    """Why there is nothing to test."""
     not_asked: str = ""
     """Why it is not asked."""
 
+    @property
+    def untested(self) -> str:
+        """Why no test of trials decides about it; empty if one does."""
+        return self.identity or self.no_claim or self.not_asked
+
     @model_validator(mode="after")
     def _is_asked_or_not(self) -> "Claim":
-        if bool(self.checks) == bool(self.not_asked):
-            raise ValueError("give either checks or not_asked")
+        reasons = sum(map(bool, (self.identity, self.no_claim, self.not_asked)))
+        has_tests = bool(self.checks) and not self.identity
+        if has_tests + reasons != 1 or (self.reading and not has_tests):
+            raise ValueError("give either checks, which may be a reading, or one of identity, no_claim and not_asked")
         if (self.sweep is None) == any(check.test != "formula" for check in self.checks):
             raise ValueError("tests of trials take a sweep, and only these")
         return self
@@ -59,6 +80,10 @@ class Claim(ConfigModel):
 class Claims(ConfigModel):
     """All claims of a file, and their sweeps by name."""
 
+    seed: WholeNumber = 0
+    """Seed of all sweeps."""
+    pooled: str = ""
+    """Which trials count, and which do not."""
     sweeps: dict[str, AskedSweep] = Field(default_factory=dict)
     claims: Annotated[tuple[Claim, ...], Field(min_length=1)]
     notes: tuple[Text, ...] = ()

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import bdtr, bdtrc, stdtr
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.estimate import MIN_TRIALS, Estimate, without_interval
+from epuck_sim.estimate import MIN_TRIALS, Estimate
 from epuck_sim.statistics.mean import MeanError, mean_and_error, student_quantile
 from epuck_sim.statistics.measured import Measured, cut
 from epuck_sim.statistics.shares import wilson_interval
@@ -27,7 +27,7 @@ class Effect(NamedTuple):
 def student(value: float, error: float, freedom: float) -> Effect:
     """Return a value with Student's interval; without an error nothing is known of it, and no p-value is below 1."""
     if not error > 0:
-        return Effect(without_interval(value), lambda _: 1.0, lambda _: 1.0)
+        return Effect(Estimate(value), lambda _: 1.0, lambda _: 1.0)
     reach = student_quantile(freedom) * error
     return Effect(
         Estimate(value, value - reach, value + reach),
@@ -39,7 +39,7 @@ def student(value: float, error: float, freedom: float) -> Effect:
 def exponentiate(effect: Effect) -> Effect:
     """Return the effect whose logarithm is given; its thresholds are above 0."""
     return Effect(
-        Estimate(*map(math.exp, effect.estimate)),
+        effect.estimate.apply(math.exp),
         lambda threshold: effect.p_above(math.log(threshold)),
         lambda threshold: effect.p_below(math.log(threshold)),
     )
@@ -55,7 +55,7 @@ def share_effect(successes: int, trials: int) -> Effect:
     """Return a share with Wilson's interval; the p-values are those of the exact binomial test."""
     share = successes / trials if trials else math.nan
     if trials < MIN_TRIALS:
-        return Effect(without_interval(share), lambda _: 1.0, lambda _: 1.0)
+        return Effect(Estimate(share), lambda _: 1.0, lambda _: 1.0)
     return Effect(
         Estimate(share, *wilson_interval(share, trials)),
         lambda threshold: float(bdtrc(successes - 1, trials, threshold)) if successes else 1.0,

@@ -5,38 +5,28 @@ from collections.abc import Callable, Mapping
 
 from scipy.optimize import brentq
 
-COUPLING = 0.1
-"""Coupling epsilon of section 5.1."""
-
 THRESHOLD = 0.95
 """Threshold of eq. 3.4 for robots (section 3.3), and of eq. C.2."""
 
-AGENTS = 20
-"""Number of robots of section 3.3."""
-
-PERIOD_S = 5.0
-"""Period of the robots of section 4.3, in s."""
-
 
 def largest_shift() -> float:
-    """Return how far one of 20 robots may be from the others, in cycles, at the threshold (eq. 3.4)."""
-    return math.acos(1 - AGENTS * (1 - THRESHOLD)) / (2 * math.pi)
+    """Return how far one of 20 robots (3.3) may be from the others, in cycles, at the threshold (eq. 3.4)."""
+    return math.acos(1 - 20 * (1 - THRESHOLD)) / (2 * math.pi)
 
 
 def order_zero() -> float:
     """Return the phase, in cycles, below which a pulse lowers the order parameter of two oscillators (eq. 5.8).
 
-    The sender is at 0, and the multiplicative curve takes the phase phi to (1 + epsilon) phi; the order parameter
-    of two is |cos(pi phi)|.
+    The sender is at 0, and the multiplicative curve takes the phase phi to (1 + epsilon) phi, with the epsilon of
+    section 5.1; the order parameter of two is |cos(pi phi)|.
     """
-    return float(
-        brentq(lambda phase: abs(math.cos(math.pi * (1 + COUPLING) * phase)) - abs(math.cos(math.pi * phase)), 0.3, 0.7)
-    )
+    return float(brentq(lambda phase: abs(math.cos(math.pi * 1.1 * phase)) - abs(math.cos(math.pi * phase)), 0.3, 0.7))
 
 
 def sigma_a() -> float:
     """Return how early or late, in s, two halves of a swarm fire at the threshold (eq. C.2, its fraction inverted)."""
-    return PERIOD_S * math.acos(THRESHOLD) / (2 * math.pi)
+    period_s = 5.0  # section 4.3
+    return period_s * math.acos(THRESHOLD) / (2 * math.pi)
 
 
 def sigma_b() -> float:
@@ -45,9 +35,6 @@ def sigma_b() -> float:
 
 
 FORMULAS: Mapping[str, Callable[[], float]] = {
-    "largest_shift": largest_shift,
-    "order_zero": order_zero,
-    "sigma_a": sigma_a,
-    "sigma_b": sigma_b,
+    function.__name__: function for function in (largest_shift, order_zero, sigma_a, sigma_b)
 }
 """Each number, by the name that claims give."""

@@ -17,9 +17,6 @@ from epuck_sim.statistics.fast_regime import find_fast_speed
 COLUMNS = ("V_m", "T_m", "V_p", "T_p")
 """Places of a minimum and a peak, as in the resamples of `SpeedExtrema`."""
 
-PLACES = (*COLUMNS, "V_f")
-"""Names of places."""
-
 
 class Place(NamedTuple):
     """A place on a curve."""

@@ -8,8 +8,8 @@ from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.replication.checks import FormulaCheck, SweepCheck
 from epuck_sim.replication.claims import Claim, Claims
 from epuck_sim.replication.evaluation import chosen_points
+from epuck_sim.scenario.keys import merge, without_quick
 from epuck_sim.scenario.loader import find_scenario, load_scenario
-from epuck_sim.scenario.overrides import merge, without_quick
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import read_yaml
@@ -31,9 +31,12 @@ def sweep_scenario(claims: Claims, name: str, version: Version) -> Scenario:
     asked = claims.sweeps[name]
     given = without_quick(read_yaml(find_scenario(asked.scenario)))
     given.pop("figure", None)  # it is about axes that the sweep may no longer have
-    changes = asked.quick if version == Version.QUICK else asked.full
+    if "points" in asked.keys.get("sweep", {}):
+        given.pop("sweep", None)  # points are of this sweep's own axes
+    changes = asked.quick or {} if version == Version.QUICK else asked.full
+    own = {"name": f"{name}-{version}", "seed": claims.seed}
     try:
-        return load_scenario({**merge(merge(given, asked.keys), changes), "name": f"{name}-{version}"})
+        return load_scenario({**merge(merge(given, asked.keys), changes), **own})
     except ScenarioError as error:
         raise ScenarioError(f"sweep {name}: {error}") from error
 
@@ -43,16 +46,24 @@ def sweep_folder(folder: Path, name: str, version: Version) -> Path:
     return folder / "runs" / f"{name}-{version}"
 
 
+def is_asked(claims: Claims, claim: Claim, version: Version) -> bool:
+    """Return whether a version asks a claim: the quick one leaves out sweeps that take hours."""
+    if not claim.checks:
+        return False
+    return claim.sweep is None or version == Version.FULL or claims.sweeps[claim.sweep].quick is not None
+
+
 def needed_sweeps(claims: Claims, chosen: Sequence[Claim], version: Version) -> dict[str, Scenario]:
     """Return the scenarios of the sweeps that the chosen claims are asked of, by name.
 
     Raises:
         EpuckSimError: One of them cannot be run, or lacks a point that a claim names; then none is.
     """
-    names = dict.fromkeys(claim.sweep for claim in chosen if claim.sweep is not None)
+    asked = [claim for claim in chosen if is_asked(claims, claim, version)]
+    names = dict.fromkeys(claim.sweep for claim in asked if claim.sweep is not None)
     scenarios = {name: sweep_scenario(claims, name, version) for name in names}
     swept = {name: points(scenario) for name, scenario in scenarios.items()}
-    for claim in chosen:
+    for claim in asked:
         for check in claim.checks:
             if claim.sweep is not None and not isinstance(check, FormulaCheck):
                 _check_points(claim, check, swept[claim.sweep])

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from enum import StrEnum
 from typing import NamedTuple
 
+from epuck_sim.estimate import LEVEL
 from epuck_sim.replication.checks import Check, FormulaCheck
 from epuck_sim.replication.claims import Claim
 from epuck_sim.replication.effects import Effect
 from epuck_sim.replication.evaluation import Finding
 from epuck_sim.statistics.comparison import holm
-from epuck_sim.statistics.estimate import LEVEL
 
 
 class Verdict(StrEnum):
@@ -19,6 +19,9 @@ class Verdict(StrEnum):
     CONTRADICTED = "contradicted"
     UNDECIDED = "undecided"
     NOT_ASKED = "not asked"
+    IDENTITY = "identity"
+    READING = "reading"
+    NO_CLAIM = "no claim"
 
 
 class Judged(NamedTuple):
@@ -52,31 +55,35 @@ def answer(asked: Sequence[tuple[Claim, Sequence[Finding]]]) -> list[Answer]:
         judged = tuple(
             _judge(each, None if isinstance(each.check, FormulaCheck) else next(corrected)) for each in checks
         )
-        answers.append(Answer(claim, combine([each.verdict for each in judged]), judged))
+        answers.append(Answer(claim, decide(claim, [each.verdict for each in judged]), judged))
     return answers
 
 
-def combine(verdicts: Sequence[Verdict]) -> Verdict:
-    """Return the verdict of a claim from those of its checks.
-
-    >>> combine([Verdict.HOLDS, Verdict.UNDECIDED]).value, combine([]).value
-    ('undecided', 'not asked')
-    """
+def decide(claim: Claim, verdicts: Sequence[Verdict]) -> Verdict:
+    """Return the verdict of a claim from those of its checks; none if they are not asked."""
+    if claim.no_claim:
+        return Verdict.NO_CLAIM
+    if claim.identity and set(verdicts) <= {Verdict.HOLDS}:
+        return Verdict.IDENTITY
     if not verdicts:
         return Verdict.NOT_ASKED
-    if Verdict.CONTRADICTED in verdicts:
-        return Verdict.CONTRADICTED
-    return Verdict.HOLDS if set(verdicts) == {Verdict.HOLDS} else Verdict.UNDECIDED
+    is_refuted, is_shown = Verdict.CONTRADICTED in verdicts, set(verdicts) == {Verdict.HOLDS}
+    if not (is_refuted or is_shown):
+        return Verdict.UNDECIDED
+    if claim.reading:
+        return Verdict.READING
+    return Verdict.CONTRADICTED if is_refuted else Verdict.HOLDS
 
 
 def p_values(check: Check, effect: Effect) -> tuple[float, float]:
     """Return the p-values for what a check predicts, and for its contrary."""
-    if check.above is not None:
-        return effect.p_above(check.above), effect.p_below(check.above)
-    if check.below is not None:
-        return effect.p_below(check.below), effect.p_above(check.below)
-    assert check.within is not None
-    low, high = check.within
+    low, high = check.predicted
+    if high is None and low is not None:
+        return effect.p_above(low), effect.p_below(low)
+    if low is None and high is not None:
+        return effect.p_below(high), effect.p_above(high)
+    assert low is not None
+    assert high is not None
     # inside only if on the right side of both; outside if beyond either, of which one alone can be
     return max(effect.p_above(low), effect.p_below(high)), min(1.0, 2 * min(effect.p_below(low), effect.p_above(high)))
 

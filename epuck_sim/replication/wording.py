@@ -1,24 +1,8 @@
 """Checks, effects and p-values in words."""
 
-from epuck_sim.display.numbers import format_estimate
 from epuck_sim.figures.labels import format_axis_values, key_name
-from epuck_sim.replication.checks import (
-    Check,
-    CollapseCheck,
-    FormulaCheck,
-    LevelCheck,
-    LikelierCheck,
-    PlaceCheck,
-    PowerCheck,
-    RateCheck,
-    RatioCheck,
-    RiseCheck,
-    ShareCheck,
-    SuperiorityCheck,
-    TrendCheck,
-)
+from epuck_sim.replication.checks import Check, FormulaCheck, PairCheck, RatioCheck
 from epuck_sim.replication.effects import Effect
-from epuck_sim.statistics.summary import finite_or_none
 
 LEAST_P = 1e-4
 """p-values below this are printed as such."""
@@ -29,28 +13,32 @@ def describe_check(check: Check) -> str:
     if isinstance(check, FormulaCheck):
         return check.number.replace("_", " ")
     what = " ".join(filter(None, [check.take, check.of or "T_sync"]))
-    if isinstance(check, RatioCheck | SuperiorityCheck):
-        first, second = (format_axis_values({**check.where, **place}) for place in check.between)
-        if isinstance(check, RatioCheck):
-            return f"{what} where {second}, over that where {first}"
-        return f"chance that {what} is larger where {second} than where {first}"
-    axes = {key: key_name(getattr(check, key)) for key in ("along", "over") if hasattr(check, key)}
-    name = NAMES[type(check)].format(check=check, what=what, measure=check.of or "synchronised", **axes)
+    names = {key: getattr(check, key) for key in ("place", "law", "than", "censored_at") if hasattr(check, key)}
+    names |= {key: key_name(getattr(check, key)) for key in ("along", "over") if hasattr(check, key)}
+    names |= {"what": what, "measure": check.of or "synchronised"}
+    if isinstance(check, RatioCheck | PairCheck):
+        names["first"], names["second"] = (format_axis_values({**check.where, **place}) for place in check.between)
+        return NAMES[check.test].format(**names)
+    name = NAMES[check.test].format(**names)
     return f"{name} where {format_axis_values(check.where)}" if check.where else name
 
 
-NAMES: dict[type[Check], str] = {
-    LevelCheck: "{what}",
-    ShareCheck: "share {measure}",
-    RiseCheck: "largest rise of {what} with {along}",
-    PowerCheck: "power of {along} in {what}",
-    RateCheck: "c of exp(c {along}) in {what}",
-    TrendCheck: "rank correlation of {what} with {along}",
-    LikelierCheck: "nats a trial by which {check.law} distributions make {what} likelier than {check.than} ones",
-    PlaceCheck: "power of {over} in {check.place}",
-    CollapseCheck: "distance of curves of T_sync over {measure}, relative to that over {along}",
+NAMES = {
+    "ratio": "{what} where {second}, over that where {first}",
+    "superiority": "chance that {what} is larger where {second} than where {first}",
+    "share_difference": "share {measure} where {second}, minus that where {first}",
+    "level": "{what}",
+    "share": "share {measure}",
+    "largest_rise": "largest rise of {what} with {along}",
+    "power_exponent": "power of {along} in {what}",
+    "exponential_rate": "c of exp(c {along}) in {what}",
+    "rank_trend": "rank correlation of {what} with {along}",
+    "likelier": "nats a trial by which {law} distributions make {what} likelier than {than} ones",
+    "weibull_ratio": "Weibull mean of {what}, censored at {censored_at:g}, over the mean",
+    "place_exponent": "power of {over} in {place}",
+    "collapse": "distance of curves of T_sync over {measure}, relative to that over {along}",
 }
-"""What tests of one place look at."""
+"""What each test finds."""
 
 
 def describe_prediction(check: Check) -> str:
@@ -59,18 +47,15 @@ def describe_prediction(check: Check) -> str:
     >>> describe_prediction(FormulaCheck(test="formula", number="sigma_a", above=2))
     'above 2'
     """
-    if check.above is not None:
-        return f"above {check.above:g}"
-    if check.below is not None:
-        return f"below {check.below:g}"
-    assert check.within is not None
-    return f"{check.within[0]:g} to {check.within[1]:g}"
+    low, high = check.predicted
+    if low is not None and high is not None:
+        return f"{low:g} to {high:g}"
+    return f"below {high:g}" if low is None else f"above {low:g}"
 
 
 def describe_effect(effect: Effect) -> str:
     """Return an effect with its interval."""
-    value, low, high = map(finite_or_none, effect.estimate)
-    return format_estimate(value, low, high)
+    return str(effect.estimate)
 
 
 def format_p(p_value: float) -> str:

@@ -4,23 +4,20 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from epuck_sim.figures.labels import quantity_label
 from epuck_sim.runs.folder import database_of
 from epuck_sim.runs.reader import PointTrials, read_measure_names, read_points
 from epuck_sim.runs.status import Status, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.statistics.series import has_series
-from epuck_sim.statistics.summary import PointSummary, summarize
+from epuck_sim.statistics.summary import Summaries, summarize
 
 
 class Quantity(NamedTuple):
     """T_sync, or a measure of one value a trial, at all points."""
 
     name: str
-    label: str
-    """Its name, with a unit if it has one."""
     points: list[PointTrials]
-    summaries: list[PointSummary]
+    summaries: Summaries
     is_time: bool
     """Whether it is T_sync, which may be censored."""
 
@@ -57,18 +54,16 @@ def read_contents(folder: Path | str) -> Contents:
     measures = {name: read_points(folder, name) for name in read_measure_names(folder)}
     series = [Series(name, found) for name, found in measures.items() if _is_series(found)]
     has_t_sync = all(point.has_t_sync for point in points)
-    quantities = [_quantity("T_sync", quantity_label(None), points)] if has_t_sync else []
-    quantities += [
-        _quantity(name, quantity_label(name), found) for name, found in measures.items() if not _is_series(found)
-    ]
+    quantities = [_quantity("T_sync", points)] if has_t_sync else []
+    quantities += [_quantity(name, found) for name, found in measures.items() if not _is_series(found)]
     stored = Path(folder) / RUN_SCENARIO
     text = stored.read_text(encoding="utf-8", errors="replace") if stored.is_file() else ""
     changed = datetime.fromtimestamp(database_of(folder).stat().st_mtime, UTC)
     return Contents(str(folder), text, changed, read_status(Path(folder)), points, quantities, series)
 
 
-def _quantity(name: str, label: str, points: list[PointTrials]) -> Quantity:
-    return Quantity(name, label, points, summarize(points), points[0].of is None)
+def _quantity(name: str, points: list[PointTrials]) -> Quantity:
+    return Quantity(name, points, summarize(points), points[0].of is None)
 
 
 def _is_series(points: list[PointTrials]) -> bool:

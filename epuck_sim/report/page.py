@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from epuck_sim.display.html import Node, element, to_html
-from epuck_sim.display.page import make_document
+from epuck_sim.display.page import check_suffix, make_document
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.saving import to_svg
 from epuck_sim.figures.sweep_figure import read_form
@@ -16,13 +16,9 @@ from epuck_sim.report.sections import (
     list_commands,
     list_failures,
     show_scenario,
-    tabulate,
 )
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.util.atomic_write import atomic_write, check_target
-
-SUFFIXES = (".html", ".htm")
-"""Endings of a page's name."""
 
 FORMS = ("curves", "map", "violins")
 """Forms in which T_sync and a measure of one value are drawn, where they fit."""
@@ -40,8 +36,7 @@ def write_report(folder: Path | str, path: Path | str) -> None:
         EpuckSimError: The page cannot be written.
     """
     target = Path(path)
-    if target.suffix not in SUFFIXES:
-        raise EpuckSimError(f"{target}: unknown format {target.suffix!r}; allowed: .html")
+    check_suffix(target)
     check_target(target)
     page = make_page(read_contents(folder))
     with atomic_write(target) as part:
@@ -56,8 +51,8 @@ def make_page(contents: Contents) -> str:
 def _sections(contents: Contents) -> Iterator[Node]:
     yield from describe_run(contents)
     for quantity in contents.quantities:
-        yield element("h2", quantity.label, id=anchor(quantity.name))
-        yield from tabulate(contents, quantity)
+        yield element("h2", quantity.summaries.label, id=anchor(quantity.name))
+        yield quantity.summaries.table().to_html()
         for form in FORMS:
             yield from _draw(quantity.points, form, quantity.name)
     if not contents.quantities:  # neither oscillators nor a measure of one value

@@ -2,16 +2,13 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 from epuck_sim.display.html import Node, details, element, facts, table
-from epuck_sim.display.numbers import format_estimate, in_words
-from epuck_sim.figures.labels import axis_label, axis_labels
-from epuck_sim.report.contents import Contents, Quantity
-from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.figure_axes import distinguishing_axes
-from epuck_sim.statistics.estimate import MIN_TRIALS
-from epuck_sim.statistics.summary import applicable_statistics
+from epuck_sim.display.numbers import in_words
+from epuck_sim.display.table import Row, Table
+from epuck_sim.figures.labels import axis_label
+from epuck_sim.report.contents import Contents
 from epuck_sim.util.provenance import PROVENANCE
 
 MOST_FAILURES = 100
@@ -76,35 +73,10 @@ def _range(numbers: Iterable[int]) -> str:
     return str(found[0]) if len(found) == 1 else f"{found[0]} to {found[-1]}"
 
 
-def tabulate(contents: Contents, quantity: Quantity) -> Iterator[Node]:
-    """Yield the table of a quantity at each point, and what is to be said of it."""
-    names = applicable_statistics(quantity.summaries)
-    headings = ["trials", *["censored"] * quantity.is_time, *names.values()]
-    cells = [
-        [
-            str(summary.trials),
-            *[f"{summary.censored:.0%}"] * quantity.is_time,
-            *(format_estimate(*summary.estimate(name)) for name in names),
-        ]
-        for summary in quantity.summaries
-    ]
-    yield _by_point(contents.points, headings, cells)
-    notes = ["In parentheses: 95 % intervals. -: undetermined."]
-    if any(summary.censored for summary in quantity.summaries):
-        notes += [
-            "Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit of "
-            "cycles, or the longest trial. Weibull mean: extrapolated by Appendix A of the thesis."
-        ]
-    if any(0 < summary.trials < MIN_TRIALS for summary in quantity.summaries):
-        notes += [f"There are intervals from {MIN_TRIALS} trials on."]
-    if not any(summary.trials for summary in quantity.summaries):
-        notes = ["No trial has a result yet."]
-    yield element("p", " ".join(notes), class_="note")
-
-
 def count_trials(contents: Contents) -> Iterator[Node]:
     """Yield a table of how many trials of each point have a result."""
-    yield _by_point(contents.points, ["trials"], [[str(len(point.times))] for point in contents.points])
+    rows = [Row(point.axes, {"point": point.number, "trials": len(point.times)}) for point in contents.points]
+    yield Table("", rows).to_html()
 
 
 def list_failures(contents: Contents) -> Iterator[Node]:
@@ -146,16 +118,6 @@ def show_scenario(contents: Contents) -> Iterator[Node]:
     """Yield the scenario as the folder keeps it."""
     yield element("h2", "Scenario")
     yield details("The scenario with every default, as YAML", element("pre", contents.scenario))
-
-
-def _by_point(points: Sequence[PointTrials], headings: Sequence[str], cells: Iterable[Sequence[Node]]) -> Node:
-    """Return a table with a row for each point, with its number and what distinguishes it before its cells."""
-    axes = distinguishing_axes([point.axes for point in points])
-    rows = (
-        [str(point.number), *map(str, row.values()), *rest]
-        for point, row, rest in zip(points, axes, cells, strict=True)
-    )
-    return element("div", table(["point", *axis_labels(axes[0]), *headings], rows), class_="scroll")
 
 
 def _folder(contents: Contents) -> str:

@@ -7,6 +7,7 @@ results of two scenarios.
 import json
 from collections.abc import Sequence
 from contextlib import ExitStack
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -41,6 +42,8 @@ from epuck_sim.util.provenance import PROVENANCE
 
 _OF_TRIAL = "WHERE point = ? AND trial = ?"
 
+_of_result, _of_provenance = attrgetter(*RESULT), itemgetter(*PROVENANCE)
+
 
 class Store:
     """A run folder that this process has locked; to be used in a `with` block."""
@@ -59,6 +62,7 @@ class Store:
         """
         self._path = folder / DATABASE
         self._points = points
+        self._axes = [tuple(map(as_column, point.axes.values())) for point in points]
         rows = [stored_point(point) for point in points]
         if self._path.exists():
             check_database(self._path)
@@ -120,22 +124,23 @@ class Store:
         places = [(self._points[outcome.point].key, outcome.trial) for outcome in outcomes]
         self._new = 0
         with sqlite_errors(self._path), self._connection:
-            are_stored = [self._put(outcome, place) for outcome, place in zip(outcomes, places, strict=True)]
+            if self._has_measures:
+                are_stored = [self._put(outcome, place) for outcome, place in zip(outcomes, places, strict=True)]
+            else:
+                self._enter(outcomes, places)
+                are_stored = [outcome.result is not None for outcome in outcomes]
             sign(self._connection, "trials", places)
         self._trials += self._new
         note_trials(self._path, self._trials)
         return are_stored
 
     def _put(self, outcome: Outcome, place: tuple[str, int]) -> bool:
-        stored = (
-            self._has_measures
-            and self._connection.execute(
-                f"SELECT {', '.join(StoredResult._fields)} FROM trials {_OF_TRIAL} AND error IS NULL AND {UNMEASURED}",
-                place,
-            ).fetchone()
-        )
+        stored = self._connection.execute(
+            f"SELECT {', '.join(StoredResult._fields)} FROM trials {_OF_TRIAL} AND error IS NULL AND {UNMEASURED}",
+            place,
+        ).fetchone()
         if not stored:
-            self._enter(outcome, place)
+            self._enter([outcome], [place])
             return outcome.result is not None
         before = StoredResult(*stored)
         error = outcome.error if outcome.result is None else difference(before, outcome.result)
@@ -144,21 +149,23 @@ class Store:
         self._connection.execute(update, (measured, error, *place))
         return error is None
 
-    def _enter(self, outcome: Outcome, place: tuple[str, int]) -> None:
-        result = outcome.result
-        values = (
-            *place,
-            *(as_column(value) for value in self._points[outcome.point].axes.values()),
+    def _enter(self, outcomes: Sequence[Outcome], places: Sequence[tuple[str, int]]) -> None:
+        """Store trials of which no result is stored."""
+        rows = [(*place, *self._columns(outcome)) for outcome, place in zip(outcomes, places, strict=True)]
+        deleted = self._connection.executemany(f"DELETE FROM trials {_OF_TRIAL} AND error IS NOT NULL", places)
+        self._new += self._connection.executemany(self._insert, rows).rowcount - deleted.rowcount
+
+    def _columns(self, outcome: Outcome) -> Sequence[Any]:
+        result, made = outcome.result, outcome.provenance
+        return (
+            *self._axes[outcome.point],
             outcome.seed,
-            *(None if result is None else getattr(result, name) for name in RESULT),
-            *(outcome.provenance[name] for name in PROVENANCE),
+            *([None] * len(RESULT) if result is None else _of_result(result)),
+            *_of_provenance(made),
             outcome.error,
             None if result is None else _as_json(result.measures),
             None if result is None else _events(result),
         )
-        delete = f"DELETE FROM trials {_OF_TRIAL} AND error IS NOT NULL"
-        replaced = self._connection.execute(delete, place).rowcount
-        self._new += self._connection.execute(self._insert, values).rowcount - replaced
 
     def __enter__(self) -> Self:
         return self

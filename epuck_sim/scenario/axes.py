@@ -1,13 +1,184 @@
-"""The axes of a sweep: which keys of a scenario take which values together."""
+"""The axes of a sweep, and the section `figure`: over which of them a sweep is drawn."""
 
 import json
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from epuck_sim.scenario.base import ConfigModel
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
+from epuck_sim.util.messages import comma_list, did_you_mean
+
+SPEED = ".speed_cm_s"
+"""Ending of the keys of speeds, against which T_sync is drawn by default."""
+
+LOG_RATIO = 10.0
+"""Ratio of the largest to the smallest value from which an axis has a logarithmic scale."""
+
+Rows = Sequence[Mapping[str, Any]]
+"""Axis values of each point of a sweep, by dotted key."""
+
+
+class FigureSection(ConfigModel):
+    """How `plot` draws a sweep, where the command does not say."""
+
+    form: Literal["curves", "map", "violins", "series", "perturbation", "course"] = "curves"
+    """How the sweep is drawn; `series` is for measures with a value for each cycle, and `perturbation` and `course` are
+    for point agents."""
+    x: str | None = None
+    """Dotted key of the axis to draw against; the speed by default."""
+    y: str | None = None
+    """Dotted key of a map's vertical axis."""
+    panels: str | None = None
+    """Dotted key of the axis that has a panel for each of its values, for curves; one panel by default."""
+    statistic: Literal["mean", "median", "weibull-mean"] = "mean"
+    """What stands for the trials of a point in curves and maps."""
+    censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
+    """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
+    base_case: dict[str, Any] = Field(default_factory=dict)
+    """Values of axes, by dotted key, of the curve that is dashed because it is the base case."""
+    title: str = ""
+    """Title; by default there is none, as a caption beside the figure says what was run."""
+    labels: dict[str, str] = Field(default_factory=dict)
+    """Labels of axes, by dotted key, and of `T_sync` or a measure, by name."""
+    scale: Literal["linear", "log"] | None = None
+    """Scale of T_sync or the measure; by default logarithmic for T_sync and for positive values that are far apart."""
+    points: bool = False
+    """Whether each trial is a dot, in curves and violins."""
+    width_cm: Annotated[Number, Field(ge=5, le=100)] | None = None
+    """Width; by default that of a column, or of a page for several panels."""
+    font_pt: Annotated[Number, Field(ge=4, le=30)] = 8.0
+    """Size of letters; those at ticks and in legends are a point smaller."""
+
+
+def is_logarithmic(key: str, low: float, high: float) -> bool:
+    """Return whether an axis from one value to another is logarithmic: they are positive, and speeds or far apart.
+
+    >>> is_logarithmic("space.side_cm", 10.0, 100.0), is_logarithmic("agents.count", 5.0, 40.0)
+    (True, False)
+    """
+    return low > 0 and (key.endswith(SPEED) or high / low >= LOG_RATIO)
+
+
+def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -> str:
+    """Choose the axis to draw against: the requested one, or a speed, or the one with the most distinct numbers.
+
+    A speed with a single value is chosen only where every axis has a single value.
+
+    Args:
+        rows: Axis values of each point of a sweep.
+        requested: Dotted key, or None.
+        origin: Option or key that requests it, for messages.
+
+    Raises:
+        EpuckSimError: The requested axis, or every axis, is without numbers.
+    """
+    numbers = _numeric_axes(rows)
+    if requested is not None:
+        return _check_axis(requested, numbers, origin)
+    if not numbers:
+        raise EpuckSimError("there is no axis with numbers to draw T_sync against")
+    return max(numbers, key=lambda key: (len(numbers[key]) > 1, key.endswith(SPEED), len(numbers[key])))
+
+
+def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin: str = "--y") -> str:
+    """Choose the vertical axis of a map: the requested one, or the only other one whose numbers differ.
+
+    Args:
+        rows: Axis values of each point of a sweep.
+        x: Dotted key of the horizontal axis.
+        requested: Dotted key of the vertical axis, or None.
+        origin: Option or key that requests it, for messages.
+
+    Raises:
+        EpuckSimError: There is no such axis, there are several to choose from, or it is tied one-to-one to `x`.
+    """
+    numbers = _numeric_axes(rows)
+    others: list[str] = []
+    for key, values in numbers.items():
+        if len(values) > 1 and not any(is_tied_to(key, axis, rows) for axis in (x, *others)):
+            others.append(key)
+    choice = f"give --y one of {comma_list(others)}" if others else "there is no other axis whose numbers differ"
+    if requested is not None:
+        if _check_axis(requested, numbers, origin) == x or is_tied_to(requested, x, rows):
+            raise EpuckSimError(f"{origin}: {requested} varies together with {x}, the horizontal axis; {choice}")
+        return requested
+    if len(others) != 1:
+        raise EpuckSimError(f"a map needs a second axis, beside {x}: {choice}")
+    return others[0]
+
+
+def check_panels(rows: Rows, x: str, panels: str | None, origin: str = "--panels") -> None:
+    """Raise EpuckSimError if `panels` is not an axis beside `x`; `origin` is what messages call it."""
+    others = other_axes(rows, x)
+    if panels is not None and panels not in others:
+        raise EpuckSimError(f"{origin}: {did_you_mean(panels, others)}; other axes: {comma_list(others)}")
+
+
+def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
+    """Check that what a scenario's section `figure` names are axes of its sweep.
+
+    Raises:
+        EpuckSimError: A key is no axis, has no numbers, or is tied to that of another direction.
+    """
+    if figure.x is None and figure.y is None and figure.panels is None and not figure.base_case:
+        return
+    x = choose_axis(rows, figure.x, "figure.x")
+    if figure.y is not None:
+        choose_second_axis(rows, x, figure.y, "figure.y")
+    check_panels(rows, x, figure.panels, "figure.panels")
+    others = other_axes(rows, x)
+    for key in figure.base_case:
+        if key not in others:
+            raise EpuckSimError(f"figure.base_case: {did_you_mean(key, others)}; other axes: {comma_list(others)}")
+
+
+def other_axes(rows: Rows, *axes: str) -> list[str]:
+    """Return the axes that are neither among `axes` nor tied one-to-one to one of them."""
+    return [key for key in rows[0] if not any(key == axis or is_tied_to(key, axis, rows) for axis in axes)]
+
+
+def _check_axis(requested: str, numbers: Mapping[str, object], origin: str) -> str:
+    if requested not in numbers:
+        raise EpuckSimError(f"{origin}: {did_you_mean(requested, numbers)}; axes with numbers: {comma_list(numbers)}")
+    return requested
+
+
+def _numeric_axes(rows: Rows) -> dict[str, set[float]]:
+    """Return the distinct values of each axis all of whose values are numbers."""
+    columns = {key: [row[key] for row in rows] for key in rows[0]}
+    return {key: set(values) for key, values in columns.items() if _are_numbers(values)}
+
+
+def _are_numbers(values: Sequence[Any]) -> bool:
+    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+
+
+def is_tied_to(key: str, axis: str, rows: Rows) -> bool:
+    """Return whether the values of `axis` and `key` correspond one-to-one, as in a zip."""
+    pairs = {(row[axis], repr(row[key])) for row in rows}
+    return len(pairs) == len({x for x, _ in pairs}) == len({value for _, value in pairs}) > 1
+
+
+def distinguishing_axes(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Keep only the axis values that distinguish each row, and drop axes that are tied one-to-one to another.
+
+    >>> distinguishing_axes([{"width": 4, "height": 4, "tau": 5}, {"width": 6, "height": 6, "tau": 5}])
+    [{'width': 4}, {'width': 6}]
+    """
+    kept: list[str] = []
+    patterns: set[tuple[int, ...]] = set()
+    for key in rows[0]:
+        values = [repr(row[key]) for row in rows]
+        pattern = tuple(values.index(value) for value in values)
+        if len(set(pattern)) > 1 and pattern not in patterns:
+            kept.append(key)
+            patterns.add(pattern)
+    return [{key: row[key] for key in kept} for row in rows]
 
 
 def canonical_text(axes: Mapping[str, Any]) -> str:
@@ -25,8 +196,59 @@ Values = Annotated[tuple[Any, ...], Field(min_length=1)]
 MAX_POINTS = 100_000
 """Most points that a sweep may have."""
 
+RANGE = re.compile(r"\s*([-+.\deE]+):([-+.\deE]+):([-+.\deE]+)(?::(\w+))?\s*")
+"""A range of values, FROM:TO:NUMBER, and :lin or :log."""
+
 NO_AXES = ("sweep", "seed", "trials", "name", "description")
 """Keys of a scenario that cannot be an axis."""
+
+
+def with_ranges(key: str, values: Any) -> Any:
+    """Return the values of an axis with those of ranges instead of each range.
+
+    The values of a range are even in the logarithm where figures would draw them so, unless it says otherwise. They
+    have six digits; its ends are as they are given.
+
+    Args:
+        key: Dotted key of the axis.
+        values: A list, or a single range; anything else is returned as it is.
+
+    Raises:
+        ValueError: A range is malformed.
+
+    >>> with_ranges("agents.speed_cm_s", "0.1:10:3"), with_ranges("agents.count", [2, "5:15:3"])
+    ([0.1, 1.0, 10.0], [2, 5, 10, 15])
+    """
+    if isinstance(values, str) and RANGE.fullmatch(values):
+        values = [values]
+    if not isinstance(values, list | tuple):
+        return values
+    found: list[Any] = []
+    for value in values:
+        parts = RANGE.fullmatch(value) if isinstance(value, str) else None
+        found.extend(_values_of_range(key, parts) if parts else [value])
+    return found
+
+
+def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
+    said = f"{key} is {parts[0]}; allowed: FROM:TO:NUMBER"
+    try:
+        first, last, number = float(parts[1]), float(parts[2]), int(parts[3])
+    except ValueError as error:
+        raise ValueError(f"{said}, numbers such as 0.05:12.8:20") from error
+    if not 2 <= number <= MAX_POINTS:
+        raise ValueError(f"{said} with a NUMBER of values from 2 to {MAX_POINTS}")
+    if not first < last:
+        raise ValueError(f"{said} with FROM below TO")
+    if parts[4] not in (None, "lin", "log"):
+        raise ValueError(f"{said}, or with :lin or :log after it")
+    if parts[4] == "log" and first <= 0:
+        raise ValueError(f"{said} with FROM above 0 where values are even in the logarithm; leave :log out")
+    is_log = is_logarithmic(key, first, last) if parts[4] is None else parts[4] == "log"
+    inner = (np.geomspace if is_log else np.linspace)(first, last, number)[1:-1]
+    values = [first, *(float(f"{value:.6g}") for value in inner), last]
+    is_whole = {*"eE."}.isdisjoint(parts[1] + parts[2]) and all(value == int(value) for value in values)
+    return [int(value) for value in values] if is_whole else values
 
 
 class SweepAxes(ConfigModel):
@@ -40,7 +262,17 @@ class SweepAxes(ConfigModel):
     zip: dict[str, Values] = Field(default_factory=dict)
     """Keys whose values go together: the first of each, the second of each, and so on."""
     grid: dict[str, Values] = Field(default_factory=dict)
-    """Keys whose values are combined in every way; the last key changes fastest."""
+    """Keys whose values are combined in every way; the last key changes fastest. A range, `0.05:12.8:20`, stands for so
+    many values from the first number to the second."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_ranges(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given
+        columns = {name: given[name] for name in ("zip", "grid") if isinstance(given.get(name), dict)}
+        read = {name: {key: with_ranges(key, values) for key, values in each.items()} for name, each in columns.items()}
+        return {**given, **read}
 
     @model_validator(mode="after")
     def _check_axes(self) -> "SweepAxes":

@@ -1,8 +1,12 @@
-"""The base of all sections of a scenario, and the kinds of numbers in them."""
+"""The base of all sections of a scenario, the kinds of numbers in them, and what is said of values that they refuse."""
 
-from typing import Annotated, Any, ClassVar
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import ErrorDetails
+
+from epuck_sim.util.messages import comma_list, nearest_name, short_repr
 
 
 def _reject_bool(value: object) -> object:
@@ -42,3 +46,148 @@ def _later_defaults_in(value: object) -> dict[str, Any] | dict[int, Any]:
     if isinstance(value, tuple):
         return {place: inner for place, item in enumerate(value) if (inner := _later_defaults_in(item))}
     return {}
+
+
+TAGS = ("kind", "shape")
+"""Keys whose value names the class of a section that is one of several."""
+
+ALLOWED = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
+    "dict_type": "a mapping of keys to values",
+    "finite_number": "a finite number",
+    "float_parsing": "a number",
+    "float_type": "a number",
+    "greater_than": "above {gt:.12g}",
+    "greater_than_equal": "at least {ge:.12g}",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "int_parsing_size": "a whole number with fewer digits",
+    "int_type": "a whole number",
+    "invalid_key": "text as the key",
+    "less_than": "below {lt:.12g}",
+    "less_than_equal": "at most {le:.12g}",
+    "literal_error": "{expected}",
+    "model_attributes_type": "a mapping of keys to values",
+    "model_type": "a mapping of keys to values",
+    "multiple_of": "a multiple of {multiple_of:g}",
+    "string_too_long": "at most {max_length} characters",
+    "string_too_short": "{min_length} or more characters",
+    "string_type": "text",
+    "string_unicode": "text in Unicode",
+    "too_long": "at most {max_length} values",
+    "too_short": "{min_length} or more values",
+    "tuple_type": "a list",
+    "value_error": "{error}",
+}
+"""What is allowed, by pydantic's type of the error; in braces, what pydantic knows of it."""
+
+
+def section_classes(annotation: Any) -> list[type[ConfigModel]]:
+    """Return the classes of sections in the type of a field."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation] if issubclass(annotation, ConfigModel) else []
+    return [found for part in get_args(annotation) for found in section_classes(part)]
+
+
+def tagged(section: type[ConfigModel]) -> tuple[str, tuple[str, ...]]:
+    """Return the key of a section whose value names its class, and the values that do; "" and none if it has none."""
+    for tag in TAGS:
+        if tag in section.model_fields and (values := get_args(section.model_fields[tag].annotation)):
+            return tag, values
+    return "", ()
+
+
+def class_of(classes: Sequence[type[ConfigModel]], value: Any) -> type[ConfigModel]:
+    """Return the class of a section that a value of its key `kind` or `shape` names, or the first one."""
+    for each in classes:
+        tag, values = tagged(each)
+        if isinstance(value, Mapping) and value.get(tag) in values:
+            return each
+    return classes[0]
+
+
+def ends_in(key: str, ending: str) -> bool:
+    """Return whether a dotted key is this one, or ends in it."""
+    return f".{key}".endswith(f".{ending}")
+
+
+def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
+    """Return the phrase for an unknown key, with the known one that was probably meant.
+
+    Args:
+        name: The unknown key.
+        known: Keys of the section in which it is.
+        keys: All keys that begin with that section's; at the top of a scenario, all.
+
+    >>> guess("speed", ["seed"], ["seed", "agents.speed_cm_s"])
+    "unknown 'speed', did you mean speed_cm_s (agents.speed_cm_s)?"
+    >>> guess("speed_cm_s", ["seed"], ["seed", "agents.speed_cm_s"])
+    "unknown 'speed_cm_s' here; the full key is agents.speed_cm_s"
+    """
+    same = [key for key in keys if ends_in(key, name)]
+    if same:
+        return f"unknown {name!r} here; the full key is {' or '.join(same)}"
+    near = nearest_name(name, known)
+    endings = {key.rpartition(".")[2]: key for key in reversed(keys)}
+    longer = min((each for each in endings if each.startswith(f"{name}_")), key=len, default=None)
+    if longer is None and near is None:
+        longer = nearest_name(name, endings)
+    if longer is not None and longer not in known:
+        return f"unknown {name!r}, did you mean {longer} ({endings[longer]})?"
+    return f"unknown {name!r}" + (f", did you mean {longer or near!r}?" if longer or near else "")
+
+
+def describe_problem(kind: type[ConfigModel], origin: str, detail: ErrorDetails, keys: Sequence[str] = ()) -> str:
+    """Return one of pydantic's errors as file: key: what was given; what is allowed.
+
+    Args:
+        kind: The class of the section that has the error inside.
+        origin: Begins the message.
+        detail: The error.
+        keys: All keys of a scenario, among which one may have been meant.
+    """
+    path, classes, union, union_at = _place([str(part) for part in detail["loc"] if part != "[key]"], kind)
+    where = f"{origin}: {'.'.join(path)}" if path else origin
+    error = detail["type"]
+    if error == "extra_forbidden":
+        foreign = getattr(kind, "foreign_keys", {}).get(".".join(path))
+        known = list(classes[0].model_fields) if classes else []
+        inside = [key for key in keys if key.startswith("".join(f"{part}." for part in path[:-1]))]
+        other = f"; for another {tagged(union[0])[0]}, give the whole section" if union and union_at == 0 else ""
+        return f"{where}: {foreign or f'{guess(path[-1], known, inside)}; allowed: {comma_list(known)}{other}'}"
+    if error == "missing":
+        return f"{where}: is missing"
+    allowed = ALLOWED.get(error, "another kind of value").format(**detail.get("ctx", {}))
+    if union and error in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
+        names = [name for each in union for name in tagged(each)[1]]
+        allowed = f"a mapping with {tagged(union[0])[0]}: {' or '.join(names)}"
+    if error == "value_error" and isinstance(detail["input"], dict):  # of a whole section, whose message names the key
+        return f"{where}: {allowed}"
+    return f"{where}: is {short_repr(detail['input'])}; allowed: {allowed}"
+
+
+def _place(
+    location: Sequence[str], kind: type[ConfigModel]
+) -> tuple[list[str], list[type[ConfigModel]], list[type[ConfigModel]], int]:
+    """Return where an error is, given with the tags that pydantic adds inside a section of several classes.
+
+    Returns:
+        The key's parts; the class of the section around the last of them, as a list that is empty if there is none; the
+        classes of the last section on the way that is one of several, and which part of the key it is.
+    """
+    path: list[str] = []
+    here, around, union, union_at = [kind], [kind], list[type[ConfigModel]](), -1
+    for part in location:
+        if len(here) > 1 and (chosen := [each for each in here if part in tagged(each)[1]]):
+            here = chosen
+            continue
+        path.append(part)
+        if part.isdecimal():  # numbers are places in a list of sections
+            continue
+        around = here
+        field = here[0].model_fields.get(part) if here else None
+        here = section_classes(field.annotation) if field else []
+        if len(here) > 1:
+            union, union_at = here, len(path) - 1
+    return path, around, union, union_at

@@ -11,21 +11,16 @@ from pydantic import Field, model_validator
 
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import Number, WholeNumber
-from epuck_sim.scenario.condition import Awaited
 from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, resolve_group
 from epuck_sim.scenario.faults import AnyFault, check_faults
-from epuck_sim.scenario.imperfections import NoiseSection, SpreadSection, StuckSection
-from epuck_sim.scenario.measures import check_measures_of_present
 from epuck_sim.scenario.overhead import OverheadSection
-from epuck_sim.scenario.physics import ContactSection, TimingSection
-from epuck_sim.scenario.robot_checks import check_robots
+from epuck_sim.scenario.physics import ContactSection, NoiseSection, SpreadSection, StuckSection, TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind
-from epuck_sim.scenario.robot_schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers
-from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.robots import RobotGroup, check_robots
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.schedule import conditions_in
+from epuck_sim.scenario.schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers, conditions_in
 from epuck_sim.scenario.sensors import check_readings
-from epuck_sim.scenario.stop import StopSection
+from epuck_sim.scenario.stop import Awaited, StopSection, check_measures_of_present
 
 ROBOT_BYTES, GROUP_BYTES, PIXEL_BYTES = 4800, 15_000, 8
 """Memory that a robot takes besides its pixels, a group besides its robots, and a pixel of a picture; the first two as
@@ -54,7 +49,7 @@ class EmbodiedStop(StopSection):
 
 
 class EmbodiedScenario(Scenario):
-    """A swarm of robots of one kind, by default e-pucks (chapter 4)."""
+    """A swarm of robots, by default e-pucks (chapter 4)."""
 
     foreign_keys: ClassVar[dict[str, str]] = dict.fromkeys(
         ("space", "agents", "neighbourhood", "response", "clocks", "start", "stop.reference"),
@@ -110,13 +105,23 @@ class EmbodiedScenario(Scenario):
                 f"stop.reference_robot is {self.stop.reference_robot}, which is not present at the start; allowed: a "
                 "robot of a group with present: true, as its firings are counted"
             )
-        check_robots(self.robot, self.robots, self.arena, self.timing.physics_hz)
+        check_robots(self.group_kinds, self.robots, self.arena, self.timing.physics_hz)
         return self
 
     @property
     def robot_count(self) -> int:
         """Robots in all groups."""
         return sum(group.count for group in self.robots)
+
+    @property
+    def group_kinds(self) -> tuple[RobotKind, ...]:
+        """Kind of robot of each group."""
+        return tuple(group.kind or self.robot for group in self.robots)
+
+    @property
+    def robot_kinds(self) -> list[RobotKind]:
+        """Kind of each robot."""
+        return [kind for kind, group in zip(self.group_kinds, self.robots, strict=True) for _ in range(group.count)]
 
     @property
     def present(self) -> list[bool]:
@@ -198,12 +203,6 @@ class EmbodiedScenario(Scenario):
         check_readings([group.sensors for group in robots], origin)
         check_oscillators(self.faults, robots, swept, origin)
         check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
-        if any(entry.arena_values() for entry in self.schedule) and not any(
-            f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in swept
-        ):
-            from epuck_sim.scenario.arena_changes import check_arenas  # noqa: PLC0415 knows this module
-
-            check_arenas(self, f"{origin}: schedule")
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
         arena = self.arena.with_picture_found(origin, folder)
         resolved = self.model_copy(update={"robots": robots, "sweep": sweep, "arena": arena})
@@ -216,3 +215,25 @@ class EmbodiedScenario(Scenario):
 def _pictures(group: RobotGroup) -> int:
     """Return how many further pictures a group's robots hold: the one in view, and the one that is not delivered."""
     return 2 if group.signal.kind == "camera" and group.camera.frames_per_s is not None else 0
+
+
+STAYING = {"movables", "floor", "lamps"}
+"""Keys of the arena that stay as they are where walls and obstacles change."""
+
+
+def arena_after(scenario: EmbodiedScenario, entry: int) -> ArenaSection:
+    """Return the arena after an entry of the schedule; its movables are given where they begin."""
+    given = {**scenario.arena.model_dump(exclude=STAYING), **scenario.schedule[entry].arena_values()}
+    stays = {key: getattr(scenario.arena, key) for key in STAYING}
+    return ArenaSection.model_validate(given).model_copy(update=stays)
+
+
+def largest_cm(scenario: EmbodiedScenario) -> tuple[float, float]:
+    """Return the largest width and height, cm, that the arena has in a trial."""
+    sections = [scenario.arena, *(arena_after(scenario, entry) for entry in arena_entries(scenario))]
+    return max(section.width_cm for section in sections), max(section.height_cm for section in sections)
+
+
+def arena_entries(scenario: EmbodiedScenario) -> list[int]:
+    """Return the numbers of the entries that change the arena."""
+    return [number for number, entry in enumerate(scenario.schedule) if entry.arena_values()]

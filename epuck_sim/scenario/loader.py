@@ -1,6 +1,7 @@
 """Scenarios from YAML files: find the file, apply changes, validate, resolve, and write the scenario again."""
 
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, overload
@@ -8,22 +9,26 @@ from typing import Any, overload
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.controllers import replace_controllers
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.overrides import (
+from epuck_sim.scenario.keys import (
     QUICK,
     add_axis,
     add_measures,
-    apply_override,
+    all_keys,
+    full_keys,
     note_changes,
+    parse_axis,
+    parse_setting,
     quick_version,
     reject_swept_controllers,
     reject_swept_keys,
+    set_value,
     without_quick,
 )
-from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.robot_kind import with_robot
+from epuck_sim.scenario.particles import ParticleScenario, StartSection
+from epuck_sim.scenario.robot_kind import with_robots
 from epuck_sim.scenario.scenario import AnyScenario, Scenario
 from epuck_sim.scenario.sensors import spread
-from epuck_sim.scenario.validation import validate
+from epuck_sim.scenario.validation import SCENARIO_TYPES, check_arenas, check_changes, validate
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
@@ -86,8 +91,9 @@ def load_scenario(
 
     Args:
         source: A shipped scenario's name, a YAML file, a run folder, a mapping with a scenario's keys, or a Scenario.
-        settings: Changes as `key=value`, such as `robots.0.parameters.speed_cm_s=1.0`; later ones win.
-        axes: Axes for the grid of the scenario's sweep as `key=value,value,...`.
+        settings: Changes as `key=value`; later ones win. A key is dotted, `robots.0.parameters.speed_cm_s=1`, or the
+            ending of one, `speed_cm_s=1`; one that is the same in several groups of robots stands for all of them.
+        axes: Axes for the grid of the scenario's sweep as `key=value,value,...`, or `key=FROM:TO:NUMBER`.
         measures: Names of measures, added to the scenario's own; see `measures.loader.find_measure`.
         controller: A shipped controller, or a file, relative to the working directory, that runs on all robots instead
             of the scenario's own. Their parameters and memory are kept where it has them; a warning names the others.
@@ -99,7 +105,10 @@ def load_scenario(
     Raises:
         ScenarioError: The message names the file, the key, the value and what is allowed.
 
-    >>> scenario = load_scenario("thesis", ["arena.width_cm=100"])
+    Warns:
+        UserWarning: An ending stands for keys of several groups, or a controller lacks parameters of those before.
+
+    >>> scenario = load_scenario("thesis", ["width_cm=100"])
     >>> scenario
     EmbodiedScenario(name='thesis', model='embodied', population=10)
     >>> scenario.arena.width_cm
@@ -109,34 +118,121 @@ def load_scenario(
         if isinstance(given_texts, str):
             raise ScenarioError(f"{name} is {given_texts!r}; allowed: a list of such texts")
     if isinstance(source, Scenario) and not any((settings, axes, measures, controller, quick)):
-        return source.resolved(source.name)
+        return complete(source, source.name)
     given, origin, folder = _read(source)
     given = _choose_version(given, origin, quick=quick)
     if controller is not None:
         given = note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"], [])
     if measures:
         given = add_measures(given, measures, origin)
+    _reject_endings(given, origin, folder)
+    changed: list[str] = []
     for setting in settings:
-        if re.match(r"robots\.\d+\.sensors\.", setting):  # which leads into a sensor that may be given in a list
-            given = _expanded(given, origin, folder)
-        given = apply_override(given, setting)
+        option = f"--set {setting}"
+        typed, value = parse_setting(setting)
+        for key in _full_keys(given, typed, option, origin, folder):
+            if re.match(r"robots\.\d+\.sensors\.", key):  # which leads into a sensor that may be given in a list
+                given = _expanded(given, origin, folder)
+            given = set_value(given, key, value, option)
+            changed.append(f"{key}={setting.partition('=')[2]}")
+    swept: list[str] = []
     for axis in axes:
-        given = add_axis(given, axis)
+        typed, values = parse_axis(axis, "--sweep")
+        keys = _full_keys(given, typed, f"--sweep {axis}", origin, folder)
+        given = add_axis(given, keys, values, f"--sweep {axis}")
+        swept.extend(f"{key}={axis.partition('=')[2]}" for key in keys)
     options = [*(f"--set {setting}" for setting in settings), *(f"--sweep {axis}" for axis in axes)]
     origin = " ".join([origin, *options])
-    given = note_changes(given, settings, axes)
-    scenario = validate(_expanded(given, origin, folder), origin)
-    reject_swept_keys(settings, scenario.sweep)
+    given = note_changes(given, changed, swept)
+    scenario = from_keys(given, origin, folder)
+    reject_swept_keys(changed, scenario.sweep)
     if controller is not None:
         reject_swept_controllers(controller, scenario.sweep)
-    return scenario.resolved(origin, folder)
+    return scenario
+
+
+def from_keys(given: Mapping[str, Any], origin: str, folder: Path | None = None) -> Scenario:
+    """Return the scenario that has some keys, with everything that lies in other files; see `load_scenario`.
+
+    Args:
+        given: The keys, as a file has them.
+        origin: Begins every line of an error message.
+        folder: Files are looked for here first, then in the working directory.
+
+    Raises:
+        ScenarioError: It is no valid scenario.
+    """
+    return complete(validate(_expanded(given, origin, folder), origin), origin, folder)
+
+
+def complete(scenario: AnyScenario, origin: str, folder: Path | None = None) -> AnyScenario:
+    """Return a scenario with everything filled in that lies in other files; what its schedule sets is checked.
+
+    Args:
+        scenario: The scenario.
+        origin: Begins every line of an error message.
+        folder: Files are looked for here first, then in the working directory.
+
+    Raises:
+        ScenarioError: A file is missing, or does not fit the scenario, or a value that is set later is not allowed.
+    """
+    found = scenario.resolved(origin, folder)
+    swept = found.sweep.keys if found.sweep else ()
+    if isinstance(found, EmbodiedScenario):
+        if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in swept):
+            check_arenas(found, f"{origin}: schedule")
+        return found
+    if not isinstance(found, ParticleScenario):
+        return found
+    if found.schedule and not set(swept) & {"response", "response.curve", "neighbourhood", "neighbourhood.kind"}:
+        check_changes(found, f"{origin}: schedule")
+    if found.start.like is not None:
+        return found.model_copy(update={"start": resolve_like(found, f"{origin}: start.like", folder)})
+    return found
+
+
+def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -> AnyScenario:
+    """Return a scenario with new values of dotted keys, which its description tells.
+
+    Raises:
+        ScenarioError: A value is not allowed; the message begins with `origin`.
+    """
+    given = scenario.model_dump(mode="json")
+    for key, value in values.items():
+        given = set_value(given, key, value, origin)
+    changed = from_keys(note_changes(given, [f"{key}={value}" for key, value in values.items()], []), origin)
+    assert isinstance(changed, type(scenario)), "model is no key of these"
+    return changed
+
+
+def _full_keys(given: Mapping[str, Any], typed: str, where: str, origin: str, folder: Path | None) -> list[str]:
+    """Return the keys of a scenario that a typed key stands for, see `keys.full_keys`; itself if there are none."""
+    model = given.get("model", "embodied")
+    kind = SCENARIO_TYPES.get(model) if isinstance(model, str) else None
+    if kind is None or typed.partition(".")[0] in (*kind.model_fields, "sensors"):
+        return [typed]
+    found = full_keys(typed, all_keys(kind, _expanded(given, origin, folder), folder), where)
+    if len(found) > 1:
+        warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
+    return found or [typed]
+
+
+def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) -> None:
+    """Raise ScenarioError for an axis in a file that is the ending of a key: only what is typed may be one."""
+    sweep = given.get("sweep")
+    parts = [sweep.get(name) for name in ("zip", "grid", "points")] if isinstance(sweep, Mapping) else []
+    for row in (each for part in parts for each in (part if isinstance(part, list | tuple) else [part])):
+        for key in row if isinstance(row, Mapping) else ():
+            found = _full_keys(given, str(key), f"{origin}: sweep", origin, folder)
+            if found != [key]:
+                raise ScenarioError(f"{origin}: sweep: {key} is the ending of a key; give the whole, {found[0]}")
 
 
 def _expanded(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
-    """Return a scenario's keys with the path of its robot's file, and with sensors by name in each group."""
+    """Return a scenario's keys with the paths of its robots' files, and with sensors by name in each group."""
     if given.get("model", "embodied") != "embodied":
         return dict(given)
-    found, sensors = with_robot(given, origin, folder)
+    found, sensors = with_robots(given, origin, folder)
     return spread(found, sensors, origin)
 
 
@@ -199,3 +295,51 @@ def _given_file(path: Path, name: str) -> Path | None:
 def write_scenario(scenario: Scenario) -> str:
     """Return a scenario as YAML with every key; read again, it is the same scenario."""
     return write_yaml(scenario.model_dump(mode="json"))
+
+
+def robots_like(name: str, origin: str) -> EmbodiedScenario:
+    """Return the scenario of robots of a name or file; of a sweep, what is swept is as it is without.
+
+    Raises:
+        ScenarioError: There is none, or it is of another model.
+    """
+    scenario = load_scenario(name)
+    if not isinstance(scenario, EmbodiedScenario):
+        raise ScenarioError(f"{origin}: {name} is of model: {scenario.model}; allowed: a scenario of robots")
+    return scenario.model_copy(update={"sweep": None})
+
+
+def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -> StartSection:
+    """Return the start of agents with the path of its scenario, if that is a user's.
+
+    Args:
+        scenario: The scenario of agents.
+        origin: Begins every error message.
+        folder: Files are looked for here first, then in the working directory.
+
+    Raises:
+        ScenarioError: There is no such scenario of robots, or agents cannot start like its robots.
+    """
+    like = scenario.start.like
+    assert like is not None
+    if folder is not None and (folder / like).is_file():
+        like = str((folder / like).resolve())
+    elif Path(like).suffix:
+        like = str(find_scenario(like).resolve())
+    robots = robots_like(like, origin)
+    swept = scenario.sweep.keys if scenario.sweep else ()
+    sides = [robots.arena.width_cm, robots.arena.height_cm]
+    checks = {
+        "agents.count": (scenario.agents.count, robots.robot_count),
+        "space.dimensions": (scenario.space.dimensions, 2),
+        "space.side_cm": ([scenario.space.side_cm] * 2, sides),
+    }
+    for key, (given, needed) in checks.items():
+        section = key.partition(".")[0]
+        if given != needed and not {key, section} & set(swept):
+            raise ScenarioError(
+                f"{origin}: {key} is {given}, and that of the robots in {like} is {needed}; give the same"
+            )
+    if not all("period_s" in group.parameters for group in robots.robots) or not all(robots.present):
+        raise ScenarioError(f"{origin}: some robots in {like} are no oscillators, or are not present at the start")
+    return scenario.start.model_copy(update={"like": like})

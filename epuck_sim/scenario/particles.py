@@ -1,4 +1,4 @@
-"""A scenario of point-like agents: their space, their motion, their neighbourhoods, and how a pulse shifts a phase.
+"""A scenario of point-like agents: their space, start, motion, neighbourhoods, and how a pulse shifts a phase.
 
 The defaults are those of thesis section 5.1: 20 agents in a square of side 100, nearest neighbours, the multiplicative
 response curve. Its lengths have no unit and its period is 1; here they are centimetres and seconds, as in chapter 3.
@@ -7,20 +7,212 @@ response curve. Its lengths have no unit and its period is 1; here they are cent
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, PlainValidator, model_validator
 
 from epuck_sim.errors import CurveError, ScenarioError
-from epuck_sim.scenario.agent_schedule import AgentScheduleEntry, check_agents
-from epuck_sim.scenario.agents import AgentsSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
-from epuck_sim.scenario.condition import Awaited
-from epuck_sim.scenario.curves import SHIPPED, find_curve, map_curves
-from epuck_sim.scenario.neighbourhoods import Nearest, Neighbourhood, RandomAgents
-from epuck_sim.scenario.response import ResponseSection, resolve_response
+from epuck_sim.scenario.curves import SHIPPED, ResponseSection, find_curve, map_curves, resolve_response
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.schedule import conditions_in
-from epuck_sim.scenario.start import StartSection
-from epuck_sim.scenario.stop import StopSection
+from epuck_sim.scenario.schedule import AgentScheduleEntry, check_agents, conditions_in
+from epuck_sim.scenario.stop import Awaited, StopSection
+
+_NEEDS = {
+    "straight": (),
+    "brownian": ("run_s",),
+    "correlated": ("run_s", "persistence"),
+    "levy": ("run_s", "exponent"),
+}
+"""The keys that each kind of walk needs; it takes no others."""
+
+
+class WalkSection(ConfigModel):
+    """How agents move between walls: straight ahead, or in straight runs with a turn at the end of each.
+
+    A wall ends no run: what is left of it goes on behind the wall.
+    """
+
+    kind: Literal["straight", "brownian", "correlated", "levy"] = "straight"
+    """`straight`: no turns; `brownian`: runs of exponential duration, any new direction; `correlated`: the same, but
+    the new direction is drawn around the old one; `levy`: durations with a power law, any new direction."""
+    run_s: Positive | None = None
+    """Mean duration of a run; of a `levy` walk the shortest, as the mean is infinite up to an exponent of 2."""
+    persistence: Annotated[Number, Field(ge=0, le=1)] | None = None
+    """Mean cosine g of the turns of a `correlated` walk; 0 makes it `brownian`, 1 never turns."""
+    exponent: Annotated[Number, Field(gt=1, le=3)] | None = None
+    """Exponent mu of a `levy` walk: the density of durations falls as their power of -mu, the share of longer ones as
+    that of 1 - mu."""
+
+    @model_validator(mode="after")
+    def _check_keys(self) -> "WalkSection":
+        needed = _NEEDS[self.kind]
+        for key in ("run_s", "persistence", "exponent"):
+            is_given = getattr(self, key) is not None
+            if is_given != (key in needed):
+                what = f"takes no {key}; leave it out" if is_given else f"needs {' and '.join(needed)}"
+                raise ValueError(f"kind {self.kind!r} {what}")
+        return self
+
+
+_SPEED_NEEDS = {
+    "fixed": {},
+    "uniform": {"speed_spread": "above 0 and up to 1"},
+    "normal": {"speed_spread": "above 0 and up to 1"},
+    "exponential": {},
+    "lognormal": {"speed_spread": "above 0 and up to 2"},
+    "two_speeds": {"fast_share": "above 0 and below 1", "fast_ratio": "above 1 and up to 1000"},
+}
+"""The keys that each distribution of speeds needs, and what they may be; it takes no others."""
+
+
+class AgentsSection(ConfigModel):
+    """Number of agents, and how they move."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("walk", "speed_per_run", "fast_share", "fast_ratio")
+
+    count: Annotated[WholeNumber, Field(ge=1, le=1_000_000)] = 20
+    """Number N of agents."""
+    speed_cm_s: Annotated[Number, Field(ge=0, le=1e6)] = 1.0
+    """Speed of each agent, or the mean of the distribution of speeds."""
+    speed_distribution: Literal["fixed", "uniform", "normal", "exponential", "lognormal", "two_speeds"] = "fixed"
+    """Distribution from which the speed of each agent is drawn, once a trial (thesis 6.2)."""
+    speed_spread: Annotated[Number, Field(gt=0, le=2)] | None = None
+    """Half-width of `uniform`, or standard deviation of `normal` and `lognormal`, relative to the mean; `normal` is cut
+    at 0 and 2."""
+    fast_share: Annotated[Number, Field(gt=0, lt=1)] | None = None
+    """Chance of each agent of `two_speeds` to be a fast one."""
+    fast_ratio: Annotated[Number, Field(gt=1, le=1000)] | None = None
+    """Speed of the fast agents of `two_speeds` relative to that of the slow ones."""
+    speed_per_run: bool = False
+    """Whether an agent draws a new speed at the end of each run of its walk, instead of keeping its first one."""
+    walk: WalkSection = WalkSection()
+    reorient_on: tuple[Literal["emitting", "receiving", "arriving"], ...] = ()
+    """Pulses at which an agent turns to a random direction (D.1): those that it emits, those that shift its phase, or
+    all that arrive."""
+
+    @model_validator(mode="after")
+    def _check_speeds(self) -> "AgentsSection":
+        needed = _SPEED_NEEDS[self.speed_distribution]
+        for key in ("speed_spread", "fast_share", "fast_ratio"):
+            is_given = getattr(self, key) is not None
+            if is_given != (key in needed):
+                what = f"takes no {key}; leave it out" if is_given else f"needs a {key}, {needed[key]}"
+                raise ValueError(f"speed_distribution {self.speed_distribution!r} {what}")
+        if self.speed_distribution != "lognormal" and (self.speed_spread or 0) > 1:
+            raise ValueError(f"speed_spread is {self.speed_spread:g}; allowed: {needed['speed_spread']}")
+        if self.speed_per_run and (self.walk.kind == "straight" or self.speed_distribution == "fixed"):
+            raise ValueError(
+                f"speed_per_run is true, walk.kind is {self.walk.kind!r} and speed_distribution is "
+                f"{self.speed_distribution!r}; it needs runs that end, and speeds that differ"
+            )
+        return self
+
+
+class Nearest(ConfigModel):
+    """The k agents nearest to the one that fires."""
+
+    kind: Literal["nearest"]
+    k: Annotated[WholeNumber, Field(ge=1)] = 1
+    """Number K of agents that receive a pulse."""
+
+
+class Range(ConfigModel):
+    """All agents within a radius around the one that fires."""
+
+    kind: Literal["range"]
+    radius_cm: Positive
+    """Radius R."""
+
+
+class Cone(ConfigModel):
+    """A cone in the direction of motion: of vision, around the agent that receives, or of emission."""
+
+    kind: Literal["cone_of_vision", "cone_of_emission"]
+    """`cone_of_vision`: around the agent that receives; `cone_of_emission`: around the one that fires."""
+    radius_cm: Positive | None = None
+    """Reach of the cone; unlimited by default."""
+    angle_deg: Annotated[Number, Field(gt=0, le=360)]
+    """Full opening angle."""
+
+
+class Everybody(ConfigModel):
+    """All agents."""
+
+    kind: Literal["all"]
+
+
+class RandomAgents(ConfigModel):
+    """Agents drawn anew for each pulse, wherever they are: the mean field of fast agents (2.4)."""
+
+    kind: Literal["random"]
+    k: Annotated[WholeNumber, Field(ge=1)] = 1
+    """Number K of agents that receive a pulse."""
+
+
+Neighbourhood = Nearest | Range | Cone | Everybody | RandomAgents
+"""The agents that receive the pulse of one that fires (2.4, 3.1.2, 5.1.3)."""
+
+
+def _check_phases(given: Any) -> Any:
+    """Return a name, or one phase for each agent as a tuple."""
+    if given in ("random", "synchronised"):
+        return given
+    is_list = isinstance(given, list | tuple) and not any(isinstance(phase, bool) for phase in given)
+    if is_list and all(isinstance(phase, int | float) and 0 <= phase <= 1 for phase in given):
+        return tuple(float(phase) for phase in given)
+    raise ValueError("random, synchronised, or a list of numbers from 0 to 1, one for each agent")
+
+
+Vectors = tuple[tuple[Number, ...], ...]
+
+
+class StartSection(ConfigModel):
+    """Phases, positions and headings at the start of a trial; positions and headings are random unless given."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("positions_cm", "headings", "like")
+
+    phases: Annotated[Literal["random", "synchronised"] | tuple[float, ...], PlainValidator(_check_phases)] = "random"
+    """`random`: uniform over the period; `synchronised`: all 0; or a list with a phase, 0 to 1, for each agent."""
+    displacement: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    """Phase of agent 0, where all others start at 0 (5.4.1)."""
+    positions_cm: Vectors | None = None
+    """One row for each agent, with a coordinate for each dimension."""
+    headings: Vectors | None = None
+    """One row for each agent: a vector in the direction of its motion, of any length above 0."""
+    like: str | None = None
+    """Instead of the others, a scenario of robots, by its name or file: each trial starts with the phases, positions
+    and headings of that scenario's trial with the same seed."""
+
+    def check_fits(self, agents: int, dimensions: int, side_cm: float) -> None:
+        """Raise ValueError if what is given does not fit the agents and their space."""
+        given = {"phases": self.phases, "positions_cm": self.positions_cm, "headings": self.headings}
+        for name, rows in given.items():
+            if isinstance(rows, tuple) and len(rows) != agents:
+                raise ValueError(f"start.{name} has {len(rows)} rows; allowed: {agents}, because that is agents.count")
+        for name in ("positions_cm", "headings"):
+            for number, row in enumerate(given[name] or ()):
+                assert isinstance(row, tuple)
+                if len(row) != dimensions:
+                    raise ValueError(f"start.{name}.{number} has {len(row)} numbers; allowed: {dimensions}, dimensions")
+                if name == "positions_cm" and not all(0 <= place <= side_cm for place in row):
+                    raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: 0 to {side_cm:g}, space.side_cm")
+                if name == "headings" and not any(row):
+                    raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: a vector that is not 0")
+
+    @model_validator(mode="after")
+    def _check_like(self) -> "StartSection":
+        if self.like is not None and self != StartSection.model_construct(like=self.like):
+            raise ValueError(f"like is {self.like!r}; leave out all other keys of start, which it decides")
+        return self
+
+    @model_validator(mode="after")
+    def _check_displacement(self) -> "StartSection":
+        if self.displacement and self.phases != "synchronised":
+            raise ValueError(
+                f"displacement is {self.displacement:g} and phases is {self.phases!r}; allowed: 0, or phases: "
+                "synchronised"
+            )
+        return self
+
 
 MOST_SIDES = 1000
 """Largest mean distance, in sides of the space, that agents may move in a cycle; the thesis's fastest move one."""
@@ -163,20 +355,11 @@ class ParticleScenario(Scenario):
         response = self.response  # its curve, hence its parameters, may be known at each point only
         if "response.curve" not in swept and "response" not in swept:
             response = resolve_response(response, f"{origin}: response", folder)
-        if self.schedule and not set(swept) & {"response", "response.curve", "neighbourhood", "neighbourhood.kind"}:
-            from epuck_sim.scenario.agent_changes import check_changes  # noqa: PLC0415 it imports this module
-
-            check_changes(self.model_copy(update={"response": response}), f"{origin}: schedule")
-        start = self.start
-        if start.like is not None:
-            from epuck_sim.scenario.like_robots import resolve_like  # noqa: PLC0415 it imports this module
-
-            start = resolve_like(self, f"{origin}: start.like", folder)
         sweep = self.sweep and self.sweep.mapped(lambda key, value: _resolve_axis(key, value, origin, folder))
         resolved = super().resolved(origin, folder)
-        if response is self.response and start is self.start and sweep is None:
+        if response is self.response and sweep is None:
             return resolved  # a copy would take a tenth of the time of a short trial
-        return resolved.model_copy(update={"response": response, "start": start, "sweep": sweep})
+        return resolved.model_copy(update={"response": response, "sweep": sweep})
 
 
 def _resolve_axis(key: str, value: Any, origin: str, folder: Path | None) -> Any:

@@ -13,8 +13,8 @@ from epuck_sim.scenario.arena import map_pictures
 from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.scenario.controllers import map_controllers, share_parameters
 from epuck_sim.scenario.curves import map_curves
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.overrides import set_value
+from epuck_sim.scenario.keys import set_value
+from epuck_sim.scenario.loader import complete, from_keys, load_scenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.seeds import point_seed
@@ -50,9 +50,9 @@ def points(scenario: Scenario | str | Path | Mapping[str, Any]) -> tuple[Point, 
     >>> [tuple(point.axes.values()) for point in points(sweep)]
     [(2, 1), (2, 5), (3, 1), (3, 5)]
     """
-    loaded = load_scenario(scenario)
+    loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     if loaded.sweep is None:
-        return (Point(0, canonical_text({}), {}, loaded),)
+        return (Point(0, canonical_text({}), {}, complete(loaded, loaded.name)),)
     base = loaded.model_copy(update={"sweep": None}).model_dump(mode="json")
     rows = loaded.sweep.rows()
     names = _short_names(rows)
@@ -104,11 +104,7 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[s
     given = base
     for key in sorted(row, key=lambda key: key.count(".")):  # a whole section before a key inside it
         given = set_value(given, key, row[key], origin)
-    try:
-        scenario = load_scenario(given)
-    except ScenarioError as error:
-        lines = (line.removeprefix("scenario: ") for line in str(error).splitlines())
-        raise ScenarioError("\n".join(f"{origin}: {line}" for line in lines)) from error
+    scenario = from_keys(given, origin)
     if scenario.sweep is not None:
         raise ScenarioError(f"{origin}: a point cannot have a sweep")
     axes = {key: _map_names(key, value, lambda name: names[str(name)]) for key, value in row.items()}

@@ -1,20 +1,21 @@
-"""The section `robot` of a scenario: the body, wheels and sensors that all of its robots have; robots in files."""
+"""What kind of robot those of a scenario, or of one of its groups, are: body, wheels and sensors; robots in files."""
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from epuck_sim import epuck
 from epuck_sim.control.interface import SENSORS, Wheels
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive
-from epuck_sim.scenario.sensors import beside
-from epuck_sim.scenario.yaml_io import read_yaml
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, describe_problem
+from epuck_sim.scenario.sensors import are_groups, beside
+from epuck_sim.scenario.yaml_io import line_of_key, read_yaml
 from epuck_sim.user_files import Kind, Place, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
 from epuck_sim.util.messages import short_repr
@@ -75,32 +76,88 @@ def _load(place: Place) -> RobotFile:
     if "kind" in given:
         raise ScenarioError(f"{place.path}: kind: a robot's file has none; what it leaves out is the e-puck's")
     keys = {key: value for key, value in given.items() if key not in ("description", "sensors")}
+    _check_values(keys, place.path)
     sensors = beside(given.get("sensors") or [], place.path.parent)
     return RobotFile(place.name, keys, sensors, {place.path: place.path.read_bytes()})
 
 
-def with_robot(given: Mapping[str, Any], origin: str, folder: Path | None) -> tuple[dict[str, Any], Any]:
-    """Return a scenario's keys with the path of its robot's file, and the sensors that come with that robot.
+def _check_values(keys: Mapping[str, Any], path: Path) -> None:
+    """Raise ScenarioError, with file and line, if the values in a robot's file are no robot's."""
+    try:
+        RobotKind.model_validate(keys)
+    except ValidationError as error:
+        problems = error.errors()
+        places = [".".join(map(str, each["loc"])) or str(each["ctx"]["error"]).split()[0] for each in problems]
+        raise ScenarioError(
+            "\n".join(
+                describe_problem(RobotKind, f"{path}:{line_of_key(path, place)}", each)
+                for place, each in zip(places, problems, strict=True)
+            )
+        ) from error
+
+
+def with_robots(given: Mapping[str, Any], origin: str, folder: Path | None) -> tuple[dict[str, Any], list[Any]]:
+    """Return a scenario's keys with the paths of its robots' files, and the sensors that each group's robots bring.
 
     Args:
         given: The keys.
         origin: Begins every message.
-        folder: The robot's file is looked for here first, then in the working directory.
+        folder: Robots' files are looked for here first, then in the working directory.
 
     Raises:
         ScenarioError: There is no such robot.
     """
-    section = _as_section(given.get("robot"))
+    robot, brought = _located(given.get("robot"), f"{origin}: robot.kind", folder)
+    found = {**given, "robot": robot} if "robot" in given else dict(given)
+    groups = given.get("robots")
+    if not groups or not are_groups(groups):
+        return found, [brought]
+    kinds = [
+        (None, brought)
+        if group.get("kind") is None
+        else _located(group["kind"], f"{origin}: robots.{number}.kind", folder)
+        for number, group in enumerate(groups)
+    ]
+    if any(kind for kind, _ in kinds):
+        found["robots"] = [
+            {**group, "kind": kind} if kind else group for group, (kind, _) in zip(groups, kinds, strict=True)
+        ]
+    return found, [sensors for _, sensors in kinds]
+
+
+def _located(robot: Any, where: str, folder: Path | None) -> tuple[Any, Mapping[str, Any]]:
+    """Return what is given as a robot, with its file's path, and the sensors that come with it."""
+    section = _as_section(robot)
     if not _needs_file(section):
-        return dict(given), {}
+        return section, {}
     try:
         found = find_robot(section["kind"], folder)
     except ScenarioError as error:
-        raise ScenarioError(f"{origin}: robot.kind: {error}") from error
-    return {**given, "robot": {**section, "kind": found.name}}, found.sensors
+        raise ScenarioError(f"{where}: {error}") from error
+    return {**section, "kind": found.name}, found.sensors
 
 
-def sensors_of_robot(robot: Any) -> Mapping[str, Any]:
+def without_brought_sensors(given: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """Return a scenario's keys without sensors that came with a robot at a key: another robot brings its own."""
+    groups: Any = given.get("robots")
+    of_group = re.fullmatch(r"robots\.(\d+)\.kind", key)
+    if not are_groups(groups) or not (key == "robot" or of_group):
+        return given
+
+    def is_brought(number: int, group: Mapping[str, Any]) -> bool:
+        own, sensors = group.get("kind"), group.get("sensors")
+        is_concerned = number == int(of_group[1]) if of_group else own is None
+        brought = _sensors_of(given.get("robot") if own is None else own) if is_concerned else {}
+        return is_concerned and isinstance(sensors, Mapping) and sensors.keys() in (set(), brought.keys())
+
+    kept = [
+        {name: value for name, value in group.items() if name != "sensors"} if is_brought(number, group) else group
+        for number, group in enumerate(groups)
+    ]
+    return {**given, "robots": kept}
+
+
+def _sensors_of(robot: Any) -> Mapping[str, Any]:
     """Return the sensors that come with a robot, given as in a scenario; none if there is no such robot."""
     section = _as_section(robot)
     name = section.get("kind") if isinstance(section, Mapping) else None
@@ -225,12 +282,13 @@ class RobotKind(ConfigModel):
         if self.infrared is None:
             return 0.0
         positions = np.array(self.infrared.sensors)[:, :2]
-        return float(np.hypot(*positions.T).max()) + self.infrared.range_cm
+        return float(np.sqrt((positions**2).sum(axis=1)).max()) + self.infrared.range_cm
 
-    @property
-    def cell_cm(self) -> float:
-        """Least side of a cell, cm, so that who senses or touches a robot is in its cell or in one around it."""
-        return max(self.ray_reach_cm, 3 * self.radius_cm) + self.radius_cm
+
+def cell_cm(kinds: Sequence[RobotKind]) -> float:
+    """Return the least side of a cell, cm, so that who senses or touches a robot is in its cell or in one around it."""
+    largest_cm = max(kind.radius_cm for kind in kinds)
+    return max(3 * largest_cm, *(kind.ray_reach_cm for kind in kinds)) + largest_cm
 
 
 EPUCK = RobotKind()

@@ -1,12 +1,59 @@
-"""One group in the section `robots` of a scenario: robots that share a controller, and their sensors."""
+"""Groups of robots that share a controller: their signals, cameras and sensors, and whether they fit where they are."""
 
+import math
+from collections import Counter
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from epuck_sim.epuck import GRID_SPACING_CM
+from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.sensors import by_name
-from epuck_sim.scenario.signals import CameraSignal, RadioSignal, SignalSection
+
+
+class CameraSignal(ConfigModel):
+    """By the line camera that the group's section `camera` describes (thesis 4.1.1)."""
+
+    kind: Literal["camera"] = "camera"
+
+
+class ConeSection(ConfigModel):
+    """A circular sector with a robot's centre as its apex (thesis 3.1.2); a disc by default."""
+
+    range_cm: Positive | None = None
+    """Radius; unlimited by default."""
+    angle_deg: Annotated[Number, Field(gt=0, le=360)] = 360.0
+    """Full opening angle, half of it to either side of straight ahead."""
+    of: Literal["vision", "emission"] = "vision"
+    """Whose cone it is: the receiver's, in which the sender lies, or the sender's, in which the receiver lies."""
+
+
+class ConeSignal(ConeSection):
+    """By an ideal sensor, which knows the lit rings whose centres lie in a cone (thesis 3.1.2, 3.1.4.3)."""
+
+    kind: Literal["cone"]
+    occlusion: bool = True
+    """Whether other robots and obstacles hide a ring: they block the line between the two robots' centres."""
+
+
+class RadioSignal(ConeSection):
+    """By radio pulses, which nothing blocks (thesis 6.2)."""
+
+    kind: Literal["radio"]
+    latency_ms: Annotated[Number, Field(ge=0, le=60_000)] = 0.0
+    """Time by which pulses are late; a pulse arrives in the first control step that begins so much later."""
+    loss: Annotated[Number, Field(ge=0, le=1)] = 0.0
+    """Probability with which a robot misses a pulse, for each pulse and robot alone."""
+    collisions: bool = False
+    """Whether a robot that several pulses reach at once receives none of them."""
+    half_duplex: bool = False
+    """Whether a robot receives nothing in a control step in which it sends."""
+
+
+SignalSection = Annotated[CameraSignal | ConeSignal | RadioSignal, Field(discriminator="kind")]
 
 
 class CameraSection(ConfigModel):
@@ -76,10 +123,12 @@ class InfraredSection(ConfigModel):
 class RobotGroup(ConfigModel):
     """Robots that share a controller."""
 
-    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal", "present", "sensors")
+    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal", "present", "sensors", "kind")
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     """Number of robots in the group; N of thesis 4.2.1, where there is one group."""
+    kind: RobotKind | None = None
+    """What kind of robot they are; by default that of the section `robot`."""
     present: bool = True
     """Whether its robots are in the arena at the start; else the schedule adds them."""
     placement: Literal["random", "grid", "poses"] = "random"
@@ -137,3 +186,59 @@ class RobotGroup(ConfigModel):
     def pixels(self) -> int:
         """Number of pixels in the row that controllers read: the camera's, or one that other signals set."""
         return self.camera.pixels if self.signal.kind == "camera" else 1
+
+
+STEP_CM = 0.13
+"""Largest distance in cm that wheels may drive in a physics step: bodies that meet head-on overlap by 1 mm at most."""
+
+
+def check_robots(
+    kinds: Sequence[RobotKind], groups: Sequence[RobotGroup], arena: ArenaSection, physics_hz: int
+) -> None:
+    """Check the robots of a scenario.
+
+    Args:
+        kinds: What kind of robots each group has.
+        groups: The groups of robots.
+        arena: The arena.
+        physics_hz: Physics steps in a second.
+
+    Raises:
+        ValueError: They do not fit into the arena, are too fast, or lack what a group needs.
+    """
+    _check_room(kinds, [group.count for group in groups], arena)
+    for number, (kind, group) in enumerate(zip(kinds, groups, strict=True)):
+        if kind.wheel_limit_cm_s > STEP_CM * physics_hz:
+            raise ValueError(
+                f"{'robot' if group.kind is None else f'robots.{number}.kind'}.wheel_limit_cm_s is "
+                f"{kind.wheel_limit_cm_s:g}; allowed: up to {STEP_CM * physics_hz:g} at timing.physics_hz "
+                f"{physics_hz}: faster robots would overlap before a contact is found; give a higher physics_hz"
+            )
+        if kind.camera is None and group.signal.kind == "camera":
+            raise ValueError(
+                f"robots.{number}.signal.kind is 'camera', and the robot {kind.kind!r} has none; allowed: cone or "
+                "radio, as in signal: {kind: radio, range_cm: 10}"
+            )
+        if group.placement == "grid" and 2 * kind.radius_cm > GRID_SPACING_CM:
+            raise ValueError(
+                f"robots.{number}.placement is 'grid', whose points are {GRID_SPACING_CM:g} cm apart, and robots "
+                f"are {2 * kind.radius_cm:g} cm wide; allowed: random or poses"
+            )
+
+
+def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaSection) -> None:
+    """Raise ValueError if so many robots of each kind do not fit into the arena."""
+    wide: Counter[float] = Counter()
+    for kind, count in zip(kinds, counts, strict=True):
+        wide[2 * kind.radius_cm] += count
+    for key, side_cm in (("width_cm", arena.width_cm), ("height_cm", arena.height_cm)):
+        if side_cm < max(wide):
+            raise ValueError(f"arena.{key}: is {side_cm:g}; allowed: at least {max(wide):g}")
+    densest = math.pi / math.sqrt(12) if len(wide) == 1 else 1.0  # of equal discs; others may fill what these leave
+    covered_cm2 = sum(robots * math.pi * (diameter_cm / 2) ** 2 for diameter_cm, robots in wide.items())
+    if covered_cm2 > densest * arena.width_cm * arena.height_cm:
+        listed = " and ".join(f"{robots} robots of {diameter_cm:g} cm" for diameter_cm, robots in wide.items())
+        raise ValueError(
+            f"{listed} do not fit into the arena of {arena.width_cm:g} x {arena.height_cm:g} cm; give fewer robots or "
+            "a larger arena"
+        )

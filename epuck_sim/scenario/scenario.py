@@ -2,54 +2,21 @@
 
 from numbers import Integral
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, ClassVar, Self, TypeVar
 
 from pydantic import Field
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.axes import SweepAxes
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
-from epuck_sim.scenario.condition import Awaited
-from epuck_sim.scenario.measures import MeasureSection, check_condition, resolve_measures
-from epuck_sim.scenario.stop import StopSection
+from epuck_sim.scenario.axes import FigureSection, SweepAxes
+from epuck_sim.scenario.base import ConfigModel, WholeNumber
+from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
+from epuck_sim.scenario.yaml_io import write_yaml
 
 WITHOUT_EFFECT = {"name", "description", "trials", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
 
 STOP = "stop.when"
 """Dotted key of the condition that ends trials."""
-
-
-class FigureSection(ConfigModel):
-    """How `plot` draws a sweep, where the command does not say."""
-
-    form: Literal["curves", "map", "violins", "series", "perturbation", "course"] = "curves"
-    """How the sweep is drawn; `series` is for measures with a value for each cycle, and `perturbation` and `course` are
-    for point agents."""
-    x: str | None = None
-    """Dotted key of the axis to draw against; the speed by default."""
-    y: str | None = None
-    """Dotted key of a map's vertical axis."""
-    panels: str | None = None
-    """Dotted key of the axis that has a panel for each of its values, for curves; one panel by default."""
-    statistic: Literal["mean", "median", "weibull-mean"] = "mean"
-    """What stands for the trials of a point in curves and maps."""
-    censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
-    """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
-    base_case: dict[str, Any] = Field(default_factory=dict)
-    """Values of axes, by dotted key, of the curve that is dashed because it is the base case."""
-    title: str = ""
-    """Title; by default there is none, as a caption beside the figure says what was run."""
-    labels: dict[str, str] = Field(default_factory=dict)
-    """Labels of axes, by dotted key, and of `T_sync` or a measure, by name."""
-    scale: Literal["linear", "log"] | None = None
-    """Scale of T_sync or the measure; by default logarithmic for T_sync and for positive values that are far apart."""
-    points: bool = False
-    """Whether each trial is a dot, in curves and violins."""
-    width_cm: Annotated[Number, Field(ge=5, le=100)] | None = None
-    """Width; by default that of a column, or of a page for several panels."""
-    font_pt: Annotated[Number, Field(ge=4, le=30)] = 8.0
-    """Size of letters; those at ticks and in legends are a point smaller."""
 
 
 class Scenario(ConfigModel):
@@ -139,9 +106,23 @@ class Scenario(ConfigModel):
 
     def _repr_html_(self) -> str:
         """Return what the scenario is, with every key to open, for notebooks."""
-        from epuck_sim.scenario.notebook import show_scenario  # noqa: PLC0415 is for notebooks alone
+        from epuck_sim.display.html import details, element, facts, to_html  # noqa: PLC0415 is for notebooks alone
 
-        return show_scenario(self)
+        stop, noun = self.stop, "robots" if self.controllers else "agents"
+        rows = [
+            ("model", self.model),
+            (noun, str(self.population)),
+            ("trials", str(self.trials)),
+            ("ends at", f"an order parameter of {stop.order_parameter}, or after {stop.max_cycles} cycles"),
+        ]
+        rows += [("measures", ", ".join(measure.measure for measure in self.measures))] * bool(self.measures)
+        if self.sweep is not None:
+            rows += [("sweep", f"{self.sweep.point_count} points over {', '.join(self.sweep.keys)}")]
+        return to_html(
+            element("p", element("b", self.name), f": {self.description}" if self.description else ""),
+            facts(rows),
+            details("every key", element("pre", write_yaml(self.model_dump(mode="json")))),
+        )
 
 
 AnyScenario = TypeVar("AnyScenario", bound=Scenario)

@@ -65,12 +65,12 @@ def beside(given: Any, folder: Path) -> dict[str, dict[str, Any]]:
     return named
 
 
-def spread(given: Mapping[str, Any], of_robot: Any, origin: str) -> dict[str, Any]:
+def spread(given: Mapping[str, Any], of_robots: Sequence[Any], origin: str) -> dict[str, Any]:
     """Return a scenario's keys with the sensors of all robots in each group, and with names for those of each.
 
     Args:
         given: The keys; `sensors` stands for all groups that have no sensors of their own.
-        of_robot: Sensors that come with the robot; those that are given take their place.
+        of_robots: Sensors that come with each group's robots; those that are given take their place.
         origin: Begins every message.
 
     Raises:
@@ -78,19 +78,18 @@ def spread(given: Mapping[str, Any], of_robot: Any, origin: str) -> dict[str, An
     """
     others, groups = {key: value for key, value in given.items() if key != "sensors"}, given.get("robots") or [{}]
     for_all = given.get("sensors")
-    common = of_robot if for_all is None else for_all
-    if not _are_groups(groups):
+    if not are_groups(groups):
         return others
     has_own = ["sensors" in group for group in groups]
     if for_all is not None and all(has_own):
         raise ScenarioError(f"{origin}: sensors: each group of robots has sensors of its own; leave sensors out")
-    if not common and not any(has_own):
+    if not for_all and not any(of_robots) and not any(has_own):
         return others
     named = [
         {**group, "sensors": _named(group["sensors"] or {}, f"{origin}: robots.{number}.sensors")}
         if "sensors" in group
-        else {**group, "sensors": _named(common, f"{origin}: sensors")}
-        for number, group in enumerate(groups)
+        else {**group, "sensors": _named(of_robot if for_all is None else for_all, f"{origin}: sensors")}
+        for number, (group, of_robot) in enumerate(zip(groups, of_robots, strict=True))
     ]
     return {**others, "robots": named}
 
@@ -103,27 +102,16 @@ def _named(given: Any, where: str) -> dict[str, dict[str, Any]]:
         raise ScenarioError(f"{where}: {error}") from error
 
 
-def _are_groups(given: Any) -> bool:
+def are_groups(given: Any) -> bool:
     """Return whether what is given as `robots` is a list of sections; else it is refused when it is validated."""
     return isinstance(given, list | tuple) and all(isinstance(group, Mapping) for group in given)
 
 
 def given_to_all(groups: Any, sensors: Any) -> Any:
     """Return groups of robots which all have these sensors, and none of their own."""
-    if not _are_groups(groups):
+    if not are_groups(groups):
         return groups
     return [{**group, "sensors": sensors} for group in groups]
-
-
-def without_those_of(robot_sensors: Mapping[str, Any], groups: Any) -> Any:
-    """Return groups of robots without sensors that came with a robot, or with none: another robot brings its own."""
-    if not _are_groups(groups):
-        return groups
-    brought: tuple[set[str], ...] = (set(), set(robot_sensors))
-    return [
-        {key: value for key, value in group.items() if key != "sensors" or set(value or ()) not in brought}
-        for group in groups
-    ]
 
 
 def check_readings(groups: Sequence[Mapping[str, Mapping[str, Any]]], origin: str) -> None:

@@ -1,11 +1,60 @@
-"""When a trial ends: with synchrony, when a measure has passed a value, or at its limits."""
+"""When a trial ends, and what is measured in it."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, model_serializer, model_validator
 
+from epuck_sim.errors import MeasureError, ScenarioError
+from epuck_sim.measures.interface import CYCLE_METHOD, Measure
+from epuck_sim.measures.loader import find_measure
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
-from epuck_sim.scenario.condition import Condition
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+
+CONDITION = re.compile(r"\s*(\w+)\s*(>=|<=|>|<)\s*([-+.\w]+)\s*")
+"""A condition as text: a measure, a relation and a number."""
+
+
+class Condition(ConfigModel):
+    """A condition on a measure; also read from text, such as `near_walls < 0.2`."""
+
+    measure: Annotated[str, Field(min_length=1)]
+    """One of the scenario's measures, or `order_parameter`; of a series the last value counts, true counts as 1."""
+    relation: Literal[">", ">=", "<", "<="]
+    """How the measure is compared with the value."""
+    value: Number
+    """Number with which the measure is compared."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_text(cls, given: Any) -> Any:
+        if not isinstance(given, str):
+            return given
+        found = CONDITION.fullmatch(given)
+        if found is None:
+            raise ValueError("MEASURE >= NUMBER, with >=, >, <= or <")
+        return dict(zip(("measure", "relation", "value"), found.groups(), strict=True))
+
+    def holds(self, value: float) -> bool:
+        """Return whether a value of the measure satisfies the condition."""
+        if self.relation in (">", ">="):
+            return value > self.value or (value == self.value and self.relation == ">=")
+        return value < self.value or (value == self.value and self.relation == "<=")
+
+    def __str__(self) -> str:
+        """Return the condition as text."""
+        return f"{self.measure} {self.relation} {self.value:.12g}"
+
+
+class Awaited(NamedTuple):
+    """A condition that a trial waits for."""
+
+    condition: Condition
+    for_cycles: int | None = None
+    """Firings of the reference in a row at which it must hold; None: it is awaited wherever the measure is told."""
 
 
 class StopSection(ConfigModel):
@@ -42,3 +91,126 @@ class StopSection(ConfigModel):
                 "null, as trials cannot end with synchrony and by another condition"
             )
         return self
+
+
+AS = "as"
+"""Key among a measure's parameters that names its value, so that a scenario may have one measure several times."""
+
+ORDER_PARAMETER = "order_parameter"
+"""Name of the measure that conditions may be on in every trial."""
+
+ONE_MEASURE = "a measure's name, or a mapping of one name to its parameters"
+
+
+class MeasureSection(ConfigModel):
+    """A measure: its name, or a mapping of that to its parameters, and to `as`; written as the latter."""
+
+    measure: str
+    """Name of a shipped or installed measure, or FILE.py:NAME."""
+    parameters: dict[str, Any]
+    shown_as: str | None = None
+    """Name of its value in results, given by the key `as`; the measure's own if None."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, given: Any) -> Any:
+        if isinstance(given, str):
+            return {"measure": given, "parameters": {}}
+        if isinstance(given, MeasureSection):
+            return given
+        if not isinstance(given, dict):
+            raise ValueError(ONE_MEASURE)  # noqa: TRY004 pydantic gathers ValueErrors
+        if len(given) == 1:
+            ((name, parameters),) = given.items()
+            if isinstance(name, str) and (parameters is None or isinstance(parameters, dict)):
+                others = {key: value for key, value in (parameters or {}).items() if key != AS}
+                return {"measure": name, "parameters": others, "shown_as": (parameters or {}).get(AS)}
+        raise ValueError(f"is {short_repr(given)}; allowed: {ONE_MEASURE}")
+
+    @property
+    def name(self) -> str:
+        """Name of its value in results, once `resolve_measures` has found it."""
+        return self.measure.rpartition(":")[2] if self.shown_as is None else self.shown_as
+
+    @model_serializer
+    def _write(self) -> dict[str, dict[str, Any]]:
+        return {self.measure: self.parameters if self.shown_as is None else {AS: self.shown_as, **self.parameters}}
+
+    def find(self, folder: Path | None = None) -> Measure:
+        """Return the measure, with the name of its value in results; see `measures.loader.find_measure`."""
+        measure = find_measure(self.measure, folder)
+        return measure if self.shown_as is None else replace(measure, name=self.shown_as)
+
+
+def resolve_measures(scenario: Any, origin: str, folder: Path | None) -> tuple[MeasureSection, ...]:
+    """Return measures with the paths of those that are users', and with all parameters.
+
+    Args:
+        scenario: The scenario (`scenario.Scenario`) that names them, with everything else filled in.
+        origin: Begins every error message.
+        folder: Files are looked for here first, then in the working directory.
+
+    Raises:
+        ScenarioError: There is no such measure, it cannot measure this model or does not take these parameters, or two
+            have one name.
+    """
+    resolved: dict[str, MeasureSection] = {}
+    for number, section in enumerate(scenario.measures):
+        where = f"{origin}: measures.{number}"
+        try:
+            measure = section.find(folder)
+            measure.check_model(scenario.model, scenario.event_method)
+            parameters = measure.resolve(section.parameters)
+            measure.check_scenario(scenario, parameters)
+        except (MeasureError, ValueError) as error:
+            raise ScenarioError(f"{where}: {error}") from error
+        if measure.name in resolved:
+            raise ScenarioError(
+                f"{where}: {measure.name} is the name of two measures; results have one of each name: give "
+                f"one of them another, such as {{{section.measure}: {{as: another}}}}"
+            )
+        resolved[measure.name] = MeasureSection.model_construct(
+            measure=measure.stored_name, parameters=parameters, shown_as=section.shown_as
+        )
+    return tuple(resolved.values())
+
+
+OF_PRESENT = ("order_parameter", "threshold_cycles", "stays_above", "below_threshold", "moved")
+"""Shipped measures that count those robots alone that are in the arena."""
+
+
+def check_measures_of_present(measures: Sequence[MeasureSection], origin: str) -> None:
+    """Raise ScenarioError for shipped measures that take all robots to be in the arena throughout a trial."""
+    for number, section in enumerate(measures):
+        measure = section.find()
+        if not measure.sources and section.measure not in OF_PRESENT:
+            raise ScenarioError(
+                f"{origin}: measures.{number}: {section.measure} takes all robots to be in the arena, and some come or "
+                f"go; allowed: {', '.join(OF_PRESENT)}, and measures of your own"
+            )
+
+
+def check_condition(name: str, measures: Sequence[MeasureSection], event_method: str, origin: str) -> None:
+    """Check that a measure that a condition is on can be looked at while a trial runs.
+
+    The order parameter can, whether it is among the measures or not: every trial measures it.
+
+    Args:
+        name: Name of the measure.
+        measures: The scenario's measures, as `resolve_measures` returns them.
+        event_method: Name of the method that trials of this model tell of every event.
+        origin: Begins the error message.
+
+    Raises:
+        ScenarioError: It is not among the measures, or is asked for its value at the end alone.
+    """
+    found = {measure.name: measure for measure in (section.find() for section in measures)}
+    if name == ORDER_PARAMETER and name not in found:
+        return
+    if name not in found:
+        raise ScenarioError(f"{origin}: {did_you_mean(name, dict(found))}; measures: {comma_list(found)}")
+    if not any(found[name].is_told(method) for method in (event_method, CYCLE_METHOD)):
+        raise ScenarioError(
+            f"{origin}: {name} is measured at the end alone; allowed: measures with a method {CYCLE_METHOD} or "
+            f"{event_method}"
+        )

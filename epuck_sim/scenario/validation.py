@@ -1,82 +1,21 @@
-"""The table of scenario classes, and readable messages for scenarios that fail validation."""
+"""The table of scenario classes, what is said of scenarios that fail validation, and values that schedules set."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, get_args
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import ValidationError
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.arena import Box, BoxPatch, Circle, CirclePatch, Polygon, PolygonPatch
-from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.faults import FAULTS
-from epuck_sim.scenario.neighbourhoods import Cone, Everybody, Nearest, RandomAgents, Range
+from epuck_sim.scenario.base import describe_problem
+from epuck_sim.scenario.curves import resolve_response
+from epuck_sim.scenario.embodied import STAYING, EmbodiedScenario
+from epuck_sim.scenario.keys import all_keys, set_value
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.signals import CameraSignal, ConeSignal, RadioSignal
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr, storable
+from epuck_sim.util.messages import short_repr, storable
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
 """Class of a scenario by the name that its key `model` gives."""
-
-
-class Union(NamedTuple):
-    """A section that is one of several classes."""
-
-    tag: str
-    """The key whose value names the class."""
-    classes: Mapping[str, type[BaseModel]]
-
-
-UNIONS = {
-    "faults": Union("kind", FAULTS),
-    "obstacles": Union("shape", {"circle": Circle, "box": Box, "polygon": Polygon}),
-    "patches": Union("shape", {"circle": CirclePatch, "box": BoxPatch, "polygon": PolygonPatch}),
-    "neighbourhood": Union(
-        "kind",
-        {
-            "nearest": Nearest,
-            "range": Range,
-            "cone_of_vision": Cone,
-            "cone_of_emission": Cone,
-            "all": Everybody,
-            "random": RandomAgents,
-        },
-    ),
-    "signal": Union("kind", {"camera": CameraSignal, "cone": ConeSignal, "radio": RadioSignal}),
-}
-"""Sections that are one of several classes, by their key."""
-
-ALLOWED = {
-    "bool_parsing": "true or false",
-    "bool_type": "true or false",
-    "dict_type": "a mapping of keys to values",
-    "finite_number": "a finite number",
-    "float_parsing": "a number",
-    "float_type": "a number",
-    "greater_than": "above {gt:.12g}",
-    "greater_than_equal": "at least {ge:.12g}",
-    "int_from_float": "a whole number",
-    "int_parsing": "a whole number",
-    "int_parsing_size": "a whole number with fewer digits",
-    "int_type": "a whole number",
-    "invalid_key": "text as the key",
-    "less_than": "below {lt:.12g}",
-    "less_than_equal": "at most {le:.12g}",
-    "literal_error": "{expected}",
-    "model_attributes_type": "a mapping of keys to values",
-    "model_type": "a mapping of keys to values",
-    "multiple_of": "a multiple of {multiple_of:g}",
-    "string_too_long": "at most {max_length} characters",
-    "string_too_short": "{min_length} or more characters",
-    "string_type": "text",
-    "string_unicode": "text in Unicode",
-    "too_long": "at most {max_length} values",
-    "too_short": "{min_length} or more values",
-    "tuple_type": "a list",
-    "value_error": "{error}",
-}
-"""What is allowed, by pydantic's type of the error; in braces, what pydantic knows of it."""
 
 
 def validate(given: Mapping[str, Any], origin: str) -> Scenario:
@@ -95,7 +34,8 @@ def validate(given: Mapping[str, Any], origin: str) -> Scenario:
     try:
         return kind.model_validate(given)
     except ValidationError as error:
-        raise ScenarioError("\n".join(_message(kind, origin, detail) for detail in error.errors())) from error
+        keys = all_keys(kind, given)
+        raise ScenarioError("\n".join(describe_problem(kind, origin, each, keys) for each in error.errors())) from error
 
 
 def _reject_surrogates(value: Any, origin: str, *path: str) -> None:
@@ -112,48 +52,90 @@ def _reject_surrogates(value: Any, origin: str, *path: str) -> None:
         raise ScenarioError(f"{where}: is {short_repr(value)}; allowed: text in Unicode")
 
 
-def _message(kind: type[Scenario], origin: str, detail: ErrorDetails) -> str:
-    """Return one of pydantic's errors as file: key: what was given; what is allowed."""
-    location = [str(part) for part in detail["loc"] if part != "[key]"]
-    path, member = _without_tag(location)
-    where = f"{origin}: {'.'.join(path)}" if path else origin
-    error = detail["type"]
-    if error == "extra_forbidden":
-        foreign = kind.foreign_keys.get(".".join(path))
-        known = list(member.model_fields) if member else _known_keys(kind, path[:-1])
-        other = f"; for another {UNIONS[path[0]].tag}, give the whole section" if member and path[0] in UNIONS else ""
-        return f"{where}: {foreign or f'{did_you_mean(path[-1], known)}; allowed: {comma_list(known)}{other}'}"
-    if error == "missing":
-        return f"{where}: is missing"
-    allowed = ALLOWED.get(error, "another kind of value").format(**detail.get("ctx", {}))
-    union = next((UNIONS[part] for part in location if part in UNIONS), None)
-    if union and error in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
-        allowed = f"a mapping with {union.tag}: {' or '.join(union.classes)}"
-    if error == "value_error" and isinstance(detail["input"], dict):  # of a whole section, whose message names the key
-        return f"{where}: {allowed}"
-    return f"{where}: is {short_repr(detail['input'])}; allowed: {allowed}"
+CHANGING = ("agents", "neighbourhood", "response")
+"""Sections that a schedule may change."""
+
+_CHECKED = {"model", "space", "clocks", *CHANGING}
+"""Sections by which new values are checked."""
 
 
-def _without_tag(location: list[str]) -> tuple[list[str], type[BaseModel] | None]:
-    """Return a key without the tag that pydantic adds inside a union, and the class which that names."""
-    for section, union in UNIONS.items():
-        for index, part in enumerate(location):
-            if section in location[:index] and part in union.classes:
-                return [*location[:index], *location[index + 1 :]], union.classes[part]
-    return location, None
+def check_changes(scenario: ParticleScenario, origin: str) -> None:
+    """Check the new values that the entries of a schedule set.
+
+    No entry can make a value wrong that another one sets: each key is checked by what stays as it is.
+
+    Args:
+        scenario: The scenario, with the path of its response curve and all its parameters.
+        origin: Begins every error message.
+
+    Raises:
+        ScenarioError: A value is not allowed.
+    """
+    for number, entry in enumerate(scenario.schedule):
+        if entry.set:
+            agents_with(scenario, entry.set, f"{origin}.{number}.set")
 
 
-def _known_keys(kind: type[Scenario], path: list[str]) -> list[str]:
-    """Return the keys of the section at `path`."""
-    section: type[BaseModel] | None = kind
-    for part in path:
-        if section is not None and not part.isdecimal():  # numbers are places in a list of sections
-            section = _section_in(section.model_fields[part].annotation)
-    return list(section.model_fields) if section else []
+def agents_with(scenario: ParticleScenario, values: Mapping[str, Any], origin: str) -> ParticleScenario:
+    """Return a scenario with new values of keys.
+
+    Args:
+        scenario: The scenario, with the path of its response curve and all its parameters.
+        values: New values by dotted key, of the sections in `CHANGING`.
+        origin: Begins every error message.
+
+    Raises:
+        ScenarioError: A value is not allowed.
+    """
+    given = scenario.model_dump(include=_CHECKED)
+    for key, value in values.items():
+        given = set_value(given, key, value, origin)
+    checked = validate(given, origin)
+    assert isinstance(checked, ParticleScenario)
+    changed = {section: getattr(checked, section) for section in CHANGING}
+    changed["response"] = resolve_response(checked.response, f"{origin}: response")
+    return scenario.model_copy(update=changed)
 
 
-def _section_in(annotation: Any) -> type[BaseModel] | None:
-    """Return the first class of a section in the type of a field; None if there is none."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next((found for part in get_args(annotation) if (found := _section_in(part))), None)
+def check_arenas(scenario: EmbodiedScenario, origin: str) -> None:
+    """Check the arenas that entries of a schedule make.
+
+    All entries that change the arena set the same keys, so that each makes an arena that is known beforehand, whatever
+    entries come before it.
+
+    Args:
+        scenario: The scenario.
+        origin: Begins every error message.
+
+    Raises:
+        ScenarioError: An arena is not allowed, too small for the robots, or depends on the order of entries; or its
+            floor has a picture, which is stretched between walls that move.
+    """
+    first: tuple[int, set[str]] | None = None
+    for number, entry in enumerate(scenario.schedule):
+        values = entry.arena_values()
+        if not values:
+            continue
+        first = first or (number, set(values))
+        if set(values) != first[1]:
+            raise ScenarioError(
+                f"{origin}.{number}.set: sets {_listed(values)}, and {origin}.{first[0]}.set sets {_listed(first[1])}; "
+                "give all entries that change the arena the same keys of it"
+            )
+        if scenario.arena.floor.picture is not None and values.keys() - {"obstacles"}:
+            raise ScenarioError(
+                f"{origin}.{number}.set: sets {_listed(values)}, and arena.floor.picture is stretched between the "
+                "walls; give patches instead, or set arena.obstacles alone"
+            )
+        given = {
+            "arena": {**scenario.arena.model_dump(exclude=STAYING), **values},
+            "robots": [
+                {"count": group.count, "kind": kind.model_dump(), "signal": {"kind": "cone"}}  # which all robots have
+                for group, kind in zip(scenario.robots, scenario.group_kinds, strict=True)
+            ],
+        }
+        validate(given, f"{origin}.{number}.set")
+
+
+def _listed(names: Mapping[str, Any] | set[str]) -> str:
+    return ", ".join(f"arena.{name}" for name in sorted(names))

@@ -77,6 +77,19 @@ def read_yaml(path: Path) -> Any:
     return parse_yaml(text, str(path))
 
 
+def line_of_key(path: Path, key: str) -> int:
+    """Return the line of a YAML file in which a dotted key stands, or the one above it that is there."""
+    node, line = yaml.compose(path.read_text(encoding="utf-8"), _Loader), 1
+    for part in key.split("."):
+        pairs = {pair[0].value: pair for pair in node.value} if isinstance(node, yaml.MappingNode) else {}
+        if isinstance(node, yaml.SequenceNode) and part.isdecimal():
+            pairs = {part: (node.value[int(part)],) * 2}
+        if part not in pairs:
+            break
+        line, node = pairs[part][0].start_mark.line + 1, pairs[part][1]
+    return line
+
+
 def parse_yaml(text: str, source: str) -> Any:
     """Return the contents of a YAML text.
 

@@ -1,18 +1,18 @@
-"""Comparing T_sync, or a measure, of two run folders or at two values of an axis, at each point and over all."""
+"""Comparing T_sync, or a measure, of run folders, values of an axis, or named points: pair by pair, and over all."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.estimate import MIN_TRIALS, Estimate, significant
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.statistics.curves import group_by_other_axes
-from epuck_sim.statistics.estimate import Estimate, without_interval
 from epuck_sim.statistics.mean import estimate_mean
-from epuck_sim.statistics.measured import Measured, measure
+from epuck_sim.statistics.measured import Measured, measure, measure_unit, quantity
 from epuck_sim.statistics.names import Statistic, statistic_name
 from epuck_sim.statistics.shares import estimate_share, share_difference
 from epuck_sim.statistics.two_samples import (
@@ -23,12 +23,24 @@ from epuck_sim.statistics.two_samples import (
     mean_difference,
     mean_log_ratio,
     pair_up,
-    permuted_differences,
+    permute,
     share_as_large,
+    studentised,
 )
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
-PERMUTATION, LOG_RANK = "permutation test of the means", "log-rank test"
+PERMUTATION, LOG_RANK = "studentised permutation test of the means", "log-rank test"
+
+Points = Sequence[PointTrials]
+
+
+class Samples(NamedTuple):
+    """What is compared: k samples at each of some points."""
+
+    names: list[str]
+    """(k,) what each sample is of."""
+    matches: list[tuple[dict[str, Any], list[PointTrials | None]]]
+    """Axis values of each point, and its k samples; None where one has no trials."""
 
 
 class PointComparison(NamedTuple):
@@ -51,12 +63,17 @@ class PointComparison(NamedTuple):
     p_value: float
     """Probability that chance makes A and B as different; NaN with too few trials."""
     p_holm: float
-    """The same, corrected for the number of points (Holm 1979): below 0.05 anywhere by chance in 5 % of all cases."""
+    """The same, corrected for the number of points and pairs (Holm 1979): below 0.05 anywhere by chance in 5 % of all
+    cases."""
 
 
 class Comparison(NamedTuple):
-    """Two sweeps, compared."""
+    """Two samples, A and B, compared at each point and over all."""
 
+    a: str
+    """Name of A."""
+    b: str
+    """Name of B."""
     points: list[PointComparison]
     compared: int
     """Number of points with trials enough to be compared."""
@@ -68,6 +85,8 @@ class Comparison(NamedTuple):
     """Geometric mean of B / A over these, each of which counts alike."""
     p_value: float
     """Probability that chance makes all points as different together; NaN where none is compared."""
+    p_holm: float
+    """The same, corrected for the number of pairs."""
     test: str
     """Name of the test."""
     of: str | None
@@ -76,118 +95,177 @@ class Comparison(NamedTuple):
     """Mean of B - A over all points that have an interval of it, each of which counts alike."""
 
 
-Match = tuple[dict[str, Any], PointTrials, PointTrials]
-"""Axis values that two points share, and the two."""
-
-
-def match_folders(first: Sequence[PointTrials], second: Sequence[PointTrials]) -> tuple[list[Match], int]:
-    """Match the points of two sweeps that have the same axis values.
-
-    Returns:
-        The matches in the order of the first sweep, and how many points only one of the two has trials at.
+def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
+    """Match the points of sweeps that have the same axis values, in the order in which these come.
 
     Raises:
-        EpuckSimError: The sweeps have different axes, or no point in common.
+        EpuckSimError: The sweeps have different axes, units of the measure that differ, or no point in common.
     """
-    axes = [sorted(points[0].axes) for points in (first, second)]
-    if axes[0] != axes[1]:
-        raise EpuckSimError(f"the axes differ: {comma_list(axes[0])}; {comma_list(axes[1])}")
-    others = {point.key: point for point in second if len(point.times)}
-    tried = [point for point in first if len(point.times)]
-    matches = [(point.axes, point, others[point.key]) for point in tried if point.key in others]
-    return _check(matches), len(tried) + len(others) - 2 * len(matches)
+    found = [measure_unit(points[0]) for points in folders]  # None where the measure's file is gone
+    units = dict.fromkeys(unit or "none" for unit in found if unit is not None)
+    if len(units) > 1:
+        raise EpuckSimError(f"the unit of {folders[0][0].of} differs: {comma_list([*units])}; give folders with one")
+    axes = [sorted(points[0].axes) for points in folders]
+    if any(keys != axes[0] for keys in axes):
+        raise EpuckSimError(
+            f"the axes differ: {'; '.join(map(comma_list, axes))}; name the points to compare: --points 0,0, one of "
+            "each folder, by its number"
+        )
+    by_key = [{point.key: point for point in points if len(point.times)} for points in folders]
+    every = {point.key: point.axes for points in by_key for point in points.values()}
+    return _check(Samples([*names], [(axes, [each.get(key) for each in by_key]) for key, axes in every.items()]))
 
 
-def match_values(points: Sequence[PointTrials], key: str, values: Sequence[Any]) -> tuple[list[Match], int]:
-    """Match the points of one sweep at which an axis has the first and the second of two values.
+def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequence[Sequence[int]]) -> Samples:
+    """Match points of sweeps, of any axes, by their numbers: one of each folder.
 
-    Returns:
-        As `match_folders`; the axis, and what is tied one-to-one to it, is not among the axes of a match.
+    Args:
+        folders: k sweeps.
+        names: (k,) their names.
+        chosen: Numbers of points, k for each match.
+
+    Raises:
+        EpuckSimError: There is no such point, or not one for each folder.
+    """
+    matches = []
+    for numbers in chosen:
+        if len(numbers) != len(folders):
+            raise EpuckSimError(f"--points is given {len(numbers)} numbers; allowed: one of each of {len(folders)}")
+        for number, points, name in zip(numbers, folders, names, strict=True):
+            if not 0 <= number < len(points):
+                raise EpuckSimError(f"--points: {name} has no point {number}; allowed: 0 to {len(points) - 1}")
+        points = [folder[number] for number, folder in zip(numbers, folders, strict=True)]
+        shared = {
+            key: value
+            for key, value in points[0].axes.items()
+            if all(canonical_text({key: point.axes.get(key)}) == canonical_text({key: value}) for point in points)
+        }
+        axes = {"points": ", ".join(map(str, numbers)), **shared}
+        matches.append((axes, [point if len(point.times) else None for point in points]))
+    return _check(Samples([*names], matches))
+
+
+def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
+    """Match the points of one sweep at which an axis has each of some values.
+
+    The axis, and what is tied one-to-one to it, is not among the axes of a match.
 
     Raises:
         EpuckSimError: There is no such axis, it does not have these values, or no two points match.
     """
     if key not in points[0].axes:
         raise EpuckSimError(f"--axis: {did_you_mean(key, points[0].axes)}; axes: {comma_list(points[0].axes)}")
-    if len(values) != 2:
-        raise EpuckSimError(f"--axis: {key} is given {len(values)} values; allowed: two, as in {key}=VALUE,VALUE")
     texts = [canonical_text({key: value}) for value in values]
+    if len(set(texts)) < max(2, len(texts)):
+        raise EpuckSimError(f"--axis: {key} is given {len(set(texts))} values; allowed: two or more, all different")
     known = {canonical_text({key: point.axes[key]}): point.axes[key] for point in points}
     for value, text in zip(values, texts, strict=True):
         if text not in known:
             values_known = comma_list([*map(short_repr, known.values())])
             raise EpuckSimError(f"--axis: {key} is never {short_repr(value)}; its values: {values_known}")
-    matches, left_out = [], 0
+    matches = []
     for axes, group in group_by_other_axes(points, key):
-        found = {canonical_text({key: point.axes[key]}): point for point in group if len(point.times)}
-        chosen = [found[text] for text in texts if text in found]
-        if len(chosen) == 2:
-            matches.append((axes, chosen[0], chosen[1]))
-        left_out += len(chosen) == 1
-    return _check(matches), left_out
+        found = {canonical_text({key: point.axes[key]}): point for point in group}
+        matches.append((axes, [found.get(text) for text in texts]))
+    return _check(Samples([f"{key} = {value}" for value in values], matches))
 
 
-def _check(matches: list[Match]) -> list[Match]:
-    if not matches:
+def _check(samples: Samples) -> Samples:
+    if not any(sum(point is not None for point in points) > 1 for _, points in samples.matches):
         raise EpuckSimError("there are no two points to compare that both have trials")
-    return matches
+    return samples
 
 
-def compare(matches: Sequence[Match], left_out: int = 0) -> Comparison:
-    """Compare the first and the second points of matches, A and B."""
+def compare(samples: Samples, *, with_first: bool = False) -> list[Comparison]:
+    """Compare each two samples, or each with the first.
+
+    Returns:
+        A comparison for each pair, with p-values that are corrected for the number of points and pairs.
+    """
+    pairs = [(a, b) for a, b in combinations(range(len(samples.names)), 2) if a == 0 or not with_first]
+    compared = [each for a, b in pairs if (each := _compare(samples, a, b))]
+    at_points = iter(holm([point.p_value for each in compared for point in each.points]))
+    over_all = holm([each.p_value for each in compared])
+    return [
+        each._replace(points=[point._replace(p_holm=next(at_points)) for point in each.points], p_holm=p_holm)
+        for each, p_holm in zip(compared, over_all, strict=True)
+    ]
+
+
+def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
+    """Compare two of the samples, without correction; return None where they share no point."""
+    sides = [(axes, points[a], points[b]) for axes, points in samples.matches]
+    matches = [(axes, first, second) for axes, first, second in sides if first is not None and second is not None]
+    if not matches:
+        return None
     pairs = [pair_up(measure(first), measure(second)) for _, first, second in matches]
     good = [pair for pair in pairs if pair.is_comparable]
     is_early = any(pair.is_censored_early for pair in good)
     p_values, p_value = _log_rank_test(good) if is_early else _permutation_test(good)
-    tested = iter(zip(p_values, holm(p_values), strict=True))
-    points = [
-        _compare_point(axes, pair, *(next(tested) if pair.is_comparable else (math.nan, math.nan)))
-        for (axes, *_), pair in zip(matches, pairs, strict=True)
-    ]
-    known = [each for each in map(contrast, good) if each.has_interval]
-    test = LOG_RANK if is_early else PERMUTATION
-    ratio, difference = _exp(mean_log_ratio(known)), mean_difference(list(map(contrast, good)))
-    return Comparison(points, len(good), left_out, len(known), ratio, p_value, test, matches[0][1].of, difference)
+    tested = iter(p_values)
+    contrasts = list(map(contrast, good))
+    known = [each for each in contrasts if each.has_interval]
+    return Comparison(
+        a=samples.names[a],
+        b=samples.names[b],
+        points=[
+            _compare_point(axes, pair, next(tested) if pair.is_comparable else math.nan)
+            for (axes, *_), pair in zip(matches, pairs, strict=True)
+        ],
+        compared=len(good),
+        left_out=sum((first is None) != (second is None) for _, first, second in sides),
+        averaged=len(known),
+        ratio=mean_log_ratio(known).apply(math.exp),
+        p_value=p_value,
+        p_holm=math.nan,
+        test=LOG_RANK if is_early else PERMUTATION,
+        of=matches[0][1].of,
+        difference=mean_difference(contrasts),
+    )
 
 
-def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float, p_holm: float) -> PointComparison:
-    is_censored = not all(each.observed.all() for each in pair)
+def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float) -> PointComparison:
+    first, second = map(_mean, pair)
     means = contrast(pair)
     difference, log_ratio = means.difference, means.log_ratio
     if not pair.is_comparable or not means.has_interval:
-        log_ratio = without_interval(log_ratio.value)
+        log_ratio = log_ratio.without_interval()
     if not pair.is_comparable or not means.is_spread:
-        difference = without_interval(difference.value)
+        difference = difference.without_interval()
     if pair.is_share:
         difference = share_difference(*pair)
     return PointComparison(
         axes=axes,
-        trials=(len(pair.first.values), len(pair.second.values)),
+        trials=(first.n, second.n),
         censored=(pair.first.censored, pair.second.censored),
-        statistic=statistic_name(Statistic.MEAN, is_censored, is_share=pair.is_share),
-        first=_mean_or_share(pair.first),
-        second=_mean_or_share(pair.second),
+        statistic=first.name if first.censored else second.name,
+        first=first,
+        second=second,
         difference=difference,
-        ratio=_exp(log_ratio),
+        ratio=log_ratio.apply(math.exp),
         p_value=p_value,
-        p_holm=p_holm,
+        p_holm=math.nan,
     )
 
 
-def _mean_or_share(measured: Measured) -> Estimate:
-    return estimate_share(measured) if measured.is_share else estimate_mean(measured)
+def _mean(measured: Measured) -> Estimate:
+    """Return the mean, or share; where all trials are censored, the limit."""
+    found = estimate_share(measured) if measured.is_share else estimate_mean(measured)
+    name = statistic_name(Statistic.MEAN, measured.censored > 0, is_share=measured.is_share)
+    return measured.described(found, name)
 
 
 def _permutation_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
     """Return the p-value of each pair, and of all together."""
     if not pairs:
         return [], math.nan
+    of_logarithms = all(pair.is_positive and not pair.is_share for pair in pairs)
     # two samples may be of one seed, and two points of two sweeps too
-    statistics = [
-        permuted_differences(pair, number + pair.first.seed // 2 + pair.second.seed // 2)
+    permuted = [
+        permute(pair, number + pair.first.seed // 2 + pair.second.seed // 2, of_logarithms=of_logarithms)
         for number, pair in enumerate(pairs)
     ]
-    return [share_as_large(each) for each in statistics], share_as_large(np.sum(statistics, axis=0))
+    return [share_as_large(studentised([each])) for each in permuted], share_as_large(studentised(permuted))
 
 
 def _log_rank_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
@@ -197,17 +275,90 @@ def _log_rank_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values corrected for their number by Holm's method.
+    """Return p-values corrected for their number by Holm's method; those that are NaN do not count.
 
-    >>> holm([0.01, 0.04, 0.03])
-    [0.03, 0.06, 0.06]
+    >>> holm([0.01, 0.04, math.nan, 0.03])
+    [0.03, 0.06, nan, 0.06]
     """
-    corrected, largest = [0.0] * len(p_values), 0.0
-    for rank, place in enumerate(sorted(range(len(p_values)), key=lambda each: p_values[each])):
-        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[place]))
+    corrected, largest = [math.nan] * len(p_values), 0.0
+    known = sorted((place for place, p in enumerate(p_values) if not math.isnan(p)), key=lambda each: p_values[each])
+    for rank, place in enumerate(known):
+        largest = max(largest, min(1.0, (len(known) - rank) * p_values[place]))
         corrected[place] = largest
     return corrected
 
 
-def _exp(logs: Estimate) -> Estimate:
-    return Estimate(*(math.exp(number) for number in logs))
+def comparison_tables(compared: Sequence[Comparison], points: Points) -> list[Table]:
+    """Return the table of all points, and of several pairs one of what they are over all.
+
+    Args:
+        compared: What `compare` returns.
+        points: Points that the measure is of, for its unit.
+    """
+    first, is_one = compared[0], len(compared) == 1
+    names = list(dict.fromkeys(name for each in compared for name in (each.a, each.b)))
+    letters = {name: chr(ord("A") + number) if number < 26 else str(number) for number, name in enumerate(names)}
+    legend = [f"{letter}: {name}" for name, letter in letters.items()]
+    title = "\n".join([f"{quantity(first.of, measure_unit(points[0]) or '')}, with 95 % intervals", *legend])
+    one, other = (letters[first.a], letters[first.b]) if is_one else ("first", "second")
+    headings = {
+        "first": one,
+        "second": other,
+        "difference": f"{other} - {one}",
+        "ratio": f"{other} / {one}",
+        "trials_a": f"trials {one}",
+        "trials_b": f"trials {other}",
+        "p_value": "p",
+        "p_holm": "p (Holm)",
+        "censored_a": f"censored {one}",
+        "censored_b": f"censored {other}",
+    }
+    pairs = [{} if is_one else {"pair": f"{letters[each.a]}, {letters[each.b]}"} for each in compared]
+    rows = [
+        Row({**pair, **point.axes}, _point_cells(point, first.of))
+        for pair, each in zip(pairs, compared, strict=True)
+        for point in each.points
+    ]
+    notes = [*_notes(compared), *([_over_all(first, f"{other} - {one}", f"{other} / {one}")] if is_one else [])]
+    table = Table(title, rows, list(filter(None, notes)), headings)
+    if is_one:
+        return [table]
+    totals = [Row(pair, _total_cells(each)) for pair, each in zip(pairs, compared, strict=True)]
+    return [table, Table("Over all points", totals, (), headings)]
+
+
+def _point_cells(point: PointComparison, of: str | None) -> dict[str, Any]:
+    censored = {"censored_a": Share(point.censored[0]), "censored_b": Share(point.censored[1])}
+    return {
+        "trials_a": point.trials[0],
+        "trials_b": point.trials[1],
+        **(censored if of is None else {}),
+        **{name: getattr(point, name) for name in ("first", "second", "difference", "ratio", "p_value", "p_holm")},
+    }
+
+
+def _total_cells(each: Comparison) -> dict[str, Any]:
+    names = ("difference", "ratio") if each.of is not None else ("ratio",)
+    return {name: getattr(each, name) for name in (*names, "p_value", "p_holm")}
+
+
+def _notes(compared: Sequence[Comparison]) -> Iterator[str]:
+    points = [point for each in compared for point in each.points]
+    statistics, tests = (dict.fromkeys(names) for names in ([p.statistic for p in points], [c.test for c in compared]))
+    yield f"Compared: {' or '.join(statistics)}. p: {' or '.join(tests)}; Holm: corrected for their number."
+    few = len(points) - sum(each.compared for each in compared)
+    if few:
+        none = "with a value" if compared[0].of else "that synchronised"
+        yield f"-: {few} points have fewer than {MIN_TRIALS} trials on one side, or none {none}."
+    left_out = sum(each.left_out for each in compared)
+    if left_out:
+        yield f"{left_out} points have trials on one side only, and are left out."
+
+
+def _over_all(each: Comparison, difference: str, ratio: str) -> str:
+    if not each.compared:
+        return ""
+    parts = [f"{difference} = {each.difference}"] * (each.of is not None)
+    if each.averaged:
+        parts.append(f"{ratio} = {each.ratio}, the geometric mean of {each.averaged} points")
+    return f"Over all: {'; '.join([*parts, f'p = {significant(each.p_value)}'])}"

@@ -7,8 +7,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import canonical_text
-from epuck_sim.scenario.figure_axes import other_axes
+from epuck_sim.scenario.axes import canonical_text, other_axes
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.measured import measure
 from epuck_sim.statistics.names import Statistic, statistic_name

@@ -7,6 +7,7 @@ from scipy.interpolate import RBFInterpolator
 from scipy.optimize import isotonic_regression
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.estimate import Estimate
 
 MIN_SPEEDS = 6
 """Fewest determined speeds of a curve with extrema: a smooth curve with two bends takes four or more."""
@@ -47,17 +48,6 @@ QUINTIC_SCALE = 240
 """Divisor of -|distance| ^ 5 in the covariance of a threefold integral of white noise, up to parabolas."""
 
 
-class SmoothCurve(NamedTuple):
-    """A smoothed curve of T_sync against speed, and its resamples, all smoothed alike."""
-
-    speeds: FloatArray
-    """(G,) cm/s, log-spaced between the slowest and the fastest speed determined."""
-    means: FloatArray
-    """(G,) cycles."""
-    resampled: FloatArray
-    """(B, G) cycles."""
-
-
 class SpeedExtrema(NamedTuple):
     """The local minimum (V_m, T_m) and the later peak (V_p, T_p); NaN where the smoothed curve has no such pair."""
 
@@ -84,25 +74,11 @@ class SpeedExtrema(NamedTuple):
         kept = float(np.isfinite(self.resampled[:, 0]).mean())
         return self.p_value < SIGNIFICANCE and kept > 1 - SIGNIFICANCE
 
-
-def smooth_curve(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SmoothCurve | None:
-    """Smooth T_sync as a function of speed, in logs of both.
-
-    Speed 0 is left out, and so is every speed whose mean, or more than 5 % of whose resamples, are undetermined (not
-    finite). Up to 5 % count as the longest resample that is determined, since what is undetermined took too long.
-
-    Args:
-        speeds: (S,) cm/s, ascending.
-        means: (S,) cycles, NaN where undetermined.
-        resampled: (B, S) bootstrap means, cycles.
-
-    Returns:
-        The smoothed curve, or None if fewer than six speeds are determined.
-    """
-    fit = smooth_logs(speeds, means, resampled)
-    if fit is None:
-        return None
-    return SmoothCurve(fit.speeds, np.exp(fit.smoother @ fit.logs), np.exp(fit.resampled @ fit.smoother.T))
+    @property
+    def estimates(self) -> dict[str, Estimate | None]:
+        """The four with their intervals, by name; None where they may be noise."""
+        ends = zip(self._fields[:4], self[:4], self.intervals.tolist(), strict=True)
+        return {name: Estimate(value, *interval) if self.is_found else None for name, value, interval in ends}
 
 
 def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SpeedExtrema | None:
@@ -115,7 +91,7 @@ def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: Floa
     Args:
         speeds: (S,) cm/s, ascending.
         means: (S,) cycles, NaN where undetermined.
-        resampled: (B, S) bootstrap means, cycles; `smooth_curve` says what is left out.
+        resampled: (B, S) bootstrap means, cycles; `smooth_logs` says what is left out.
 
     Returns:
         The pair, with NaN where there is none, or None if fewer than six speeds are determined.
@@ -154,7 +130,19 @@ class SmoothedLogs(NamedTuple):
 
 
 def smooth_logs(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SmoothedLogs | None:
-    """Fit the smoother of a curve, with the arguments of `smooth_curve`; None if fewer than six are determined."""
+    """Smooth T_sync, or a measure, as a function of speed, or of another axis, in logs of both.
+
+    Speed 0 is left out, and so is every speed whose mean, or more than 5 % of whose resamples, are undetermined (not
+    finite). Up to 5 % count as the longest resample that is determined, since what is undetermined took too long.
+
+    Args:
+        speeds: (S,) cm/s, ascending.
+        means: (S,) cycles, NaN where undetermined.
+        resampled: (B, S) bootstrap means, cycles.
+
+    Returns:
+        The smoothed curve, or None if fewer than six speeds are determined.
+    """
     finite = np.isfinite(resampled)
     determined = (speeds > 0) & np.isfinite(means) & (finite.mean(axis=0) >= 1 - MAX_UNDETERMINED)
     if np.count_nonzero(determined) < MIN_SPEEDS:

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.estimate import Estimate
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.estimate import Estimate
 from epuck_sim.statistics.extrema import MIN_TRIALS
 
 FAST_FACTOR = 2.0

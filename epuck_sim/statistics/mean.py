@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.estimate import LEVEL, MIN_TRIALS, Estimate, without_interval
+from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.survival import (
     SurvivalCurves,
@@ -40,7 +40,7 @@ def estimate_mean(measured: Measured) -> Estimate:
     """
     mean, error, freedom = mean_and_error(measured)
     if len(measured.values) < MIN_TRIALS or error == 0:
-        return without_interval(mean)
+        return Estimate(mean)
     reach = student_quantile(freedom) * error
     if (measured.values <= 0).any():
         return Estimate(mean, mean - reach, mean + reach)

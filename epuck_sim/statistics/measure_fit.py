@@ -1,13 +1,16 @@
 """The minimum and the peak of a measure along an axis of a sweep, or why they cannot be looked for."""
 
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from epuck_sim.display.table import Row, Table
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.reader import read_points
-from epuck_sim.scenario.figure_axes import choose_axis
+from epuck_sim.scenario.axes import choose_axis
 from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.extrema import MIN_SPEEDS, MIN_TRIALS, smooth_logs
 from epuck_sim.statistics.names import Statistic
@@ -32,6 +35,11 @@ class MeasureFit(NamedTuple):
     """None where the curve has none, or where they cannot be looked for."""
     reason: str
     """Why they cannot, and what would be enough; empty where they can."""
+
+    def record(self) -> dict[str, Any]:
+        """Return what is found, as JSON holds it."""
+        found = {name: point and point.record() for name, point in (("minimum", self.minimum), ("peak", self.peak))}
+        return {**self._asdict(), **found}
 
 
 def fit_measure(
@@ -85,3 +93,23 @@ def _reason_against(curve: Curve, usable: int) -> str:
             f"alone makes rise; --trials {MIN_TRIALS} is the least"
         )
     return ""
+
+
+def measure_fit_table(fits: Sequence[MeasureFit]) -> Table:
+    """Return a table of the minimum and the peak of each curve."""
+    keys = list(dict.fromkeys(key for fit in fits for key in fit.axes))
+    rows = []
+    for fit in fits:
+        cells: dict[str, Any] = {}
+        for name in ("minimum", "peak"):
+            found = fit.record()[name] or {}
+            cells |= {f"{name}_{part}": found.get(part) for part in ("place", "value", "p_value")}
+        rows.append(Row({"run": fit.run, **{key: fit.axes.get(key, "") for key in keys}}, cells))
+    of, axes = fits[0].of, " or ".join(dict.fromkeys(fit.axis for fit in fits))
+    statistics = " or ".join(dict.fromkeys(fit.statistic for fit in fits))
+    notes = [f"{of}: {statistics}. -: none between the ends of the axis that noise could not explain."]
+    reasons = Counter(fit.reason for fit in fits if fit.reason)
+    notes += [f"Not looked for on {count} of {len(fits)} curves: {reason}." for reason, count in reasons.items()]
+    parts = {"place": "{} at", "value": "{}", "p_value": "p of {}"}
+    headings = {f"{name}_{part}": text.format(name) for name in ("minimum", "peak") for part, text in parts.items()}
+    return Table(f"Minimum and peak of {of} against {axes}, with 95 % intervals", rows, notes, headings)

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.errors import StoreError
+from epuck_sim.errors import MeasureError, StoreError
+from epuck_sim.estimate import MIN_TRIALS, Estimate
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.estimate import MIN_TRIALS
 from epuck_sim.util.messages import comma_list
 
 
@@ -25,6 +25,8 @@ class Measured(NamedTuple):
     """Seed of resamples."""
     is_share: bool = False
     """Whether the values are truth values, 1 or 0, whose mean is the share of trials in which they are true."""
+    unit: str = ""
+    """Unit of the values; empty if they have none."""
 
     @property
     def censored(self) -> float:
@@ -49,11 +51,40 @@ class Measured(NamedTuple):
         """
         return self.limit if self.observed.all() else min(self.limit, float(self.values.max()))
 
+    def described(self, found: Estimate, name: str) -> Estimate:
+        """Return an estimate that is of these trials, under its name."""
+        return found._replace(name=name, unit=self.unit, n=len(self.values), censored=self.censored)
+
 
 def cut(measured: Measured, limit: float) -> Measured:
     """Return what would be known if trials were censored at a lower limit."""
     observed = measured.observed & (measured.values <= limit)
-    return Measured(np.minimum(measured.values, limit), observed, min(limit, measured.limit), measured.seed)
+    return measured._replace(
+        values=np.minimum(measured.values, limit), observed=observed, limit=min(limit, measured.limit)
+    )
+
+
+def quantity(of: str | None, unit: str = "") -> str:
+    """Return what is measured, with its unit if it has one.
+
+    Args:
+        of: Name of the measure; None for T_sync.
+        unit: Unit of the measure.
+
+    >>> quantity(None), quantity("near_walls"), quantity("way", "cm")
+    ('T_sync (cycles)', 'near_walls', 'way (cm)')
+    """
+    name, unit = ("T_sync", "cycles") if of is None else (of, unit)
+    return f"{name} ({unit})" if unit else name
+
+
+def measure_unit(point: PointTrials) -> str | None:
+    """Return the unit of the measure of a point, empty if it has none; None if the measure is not found."""
+    sections = [section for section in point.scenario.measures if section.name == point.of]
+    try:
+        return sections[0].find().unit if sections else None
+    except MeasureError:  # its file is gone
+        return None
 
 
 def measure_t_sync(point: PointTrials) -> Measured:
@@ -68,7 +99,8 @@ def measure_t_sync(point: PointTrials) -> Measured:
             "trials have no T_sync: their reference is no oscillator, or stop.order_parameter is null; what was "
             f"measured: {names} (--of NAME, or read_points(folder, of=NAME))"
         )
-    return Measured(point.times, point.observed, float(point.scenario.stop.max_cycles), point.seed)
+    limit = float(point.scenario.stop.max_cycles)
+    return Measured(point.times, point.observed, limit, point.seed, unit="cycles")
 
 
 def measure_values(point: PointTrials) -> Measured:
@@ -86,7 +118,8 @@ def measure_values(point: PointTrials) -> Measured:
         )
     known = [value for value in point.measured if value is not None and not isinstance(value, list)]
     is_share = bool(known) and all(isinstance(value, bool) for value in known)
-    return Measured(np.array(known, float), np.ones(len(known), np.bool_), math.inf, point.seed, is_share)
+    ones = np.ones(len(known), np.bool_)
+    return Measured(np.array(known, float), ones, math.inf, point.seed, is_share, measure_unit(point) or "")
 
 
 def measure(point: PointTrials) -> Measured:

@@ -5,9 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from epuck_sim.display.table import Row, Table
+from epuck_sim.estimate import MIN_TRIALS
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.estimate import MIN_TRIALS
-from epuck_sim.statistics.measured import Measured, measure
+from epuck_sim.statistics.measured import Measured, measure, quantity
 from epuck_sim.statistics.names import Statistic, statistic_name
 from epuck_sim.statistics.power import relative_spread, trials_for_shares, trials_needed
 from epuck_sim.statistics.statistic import estimate
@@ -44,6 +45,26 @@ class TrialPlan(NamedTuple):
     """Name of the measure; None for T_sync."""
     is_of_shares: bool
     """Whether the measure is a truth value, whose shares are told apart."""
+
+    def table(self, name: str) -> Table:
+        """Return a table of what each point needs; `name` is the sweep's."""
+        wanted = ("point", "stored", "statistic", "mean", "spread", "trials")
+        rows = [Row(point.axes, {key: getattr(point, key) for key in wanted}) for point in self.points]
+        return Table(
+            f"{name}: {quantity(self.of)}", rows, self._notes(), {"mean": "estimate", "spread": "spread / mean"}
+        )
+
+    def _notes(self) -> list[str]:
+        unit = "percentage points" if self.is_of_shares else "%"
+        wanted = f"a difference of {100 * self.difference:g} {unit} in {100 * self.power:g} % of all cases"
+        if any(point.trials is not None for point in self.points):
+            said = f"Trials: those at a point, of each of two sweeps, that show {wanted}, with p < 0.05."
+        elif any(point.stored >= MIN_TRIALS for point in self.points):
+            said = f"No number of trials shows {wanted}: all have one value, or no share can differ by so much."
+        else:
+            said = f"No point has the {MIN_TRIALS} trials that its spread takes; run again with --trials 20 or more."
+        over_all = f"Over all points together, if all differ alike: {self.over_all} at each."
+        return [said, *[over_all] * (self.over_all is not None)]
 
 
 def plan_trials(points: Sequence[PointTrials], difference: float, power: float) -> TrialPlan:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from statistics import NormalDist
 
-from epuck_sim.statistics.estimate import LEVEL, MIN_TRIALS
+from epuck_sim.estimate import LEVEL, MIN_TRIALS
 from epuck_sim.statistics.mean import mean_and_error
 from epuck_sim.statistics.measured import Measured
 

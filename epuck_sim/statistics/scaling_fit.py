@@ -11,15 +11,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.display.table import Row, Table
 from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.estimate import Estimate, significant
 from epuck_sim.runs.reader import read_points
-from epuck_sim.scenario.figure_axes import SPEED, choose_axis
+from epuck_sim.scenario.axes import SPEED, choose_axis
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.statistics.curve_extrema import search_extrema
 from epuck_sim.statistics.curves import Curve, read_curves
-from epuck_sim.statistics.estimate import Estimate
 from epuck_sim.statistics.extrema import SpeedExtrema
-from epuck_sim.statistics.fast_regime import find_fast_speed
+from epuck_sim.statistics.fast_regime import FAST_FACTOR, find_fast_speed
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.scaling_laws import (
     LAWS,
@@ -53,6 +54,19 @@ class FittedCurve(NamedTuple):
     """Why they cannot, and what would be enough; empty where they can."""
     v_f: tuple[Estimate, FloatArray] | None
     """V_f of point agents, cm/s, and that of the resamples, (B,); None where there is no fast regime."""
+
+    def record(self) -> dict[str, Any]:
+        """Return what is found, as JSON holds it; None for estimates that noise could explain."""
+        places = self.extrema.estimates if self.extrema else dict.fromkeys(("v_m", "t_m", "v_p", "t_p"))
+        return {
+            "run": self.run,
+            "axes": self.axes,
+            "statistic": self.names,
+            "p_value": self.extrema and self.extrema.p_value,
+            "reason": self.reason,
+            **places,
+            "v_f": self.v_f and self.v_f[0],
+        }
 
 
 class Laws(NamedTuple):
@@ -163,3 +177,55 @@ def _offset_laws(parameters: Parameters, quantities: Mapping[str, Quantity]) -> 
         for name in ("T_m", "T_p"):
             laws[name] = fit_offset_law(parameters, *quantities[name])
     return laws
+
+
+NOUNS = {"embodied": "robots", "particles": "point agents"}
+"""Names of the models."""
+
+NOTES = {
+    "embodied": "Thesis 4.2.2. The exponents of T_m and T_p ignore its offset K; the larger K, the closer to 0.",
+    "particles": "The thesis's laws of T_m and T_p (4.2.2) are of robots. Agents are points: T_sync does not depend on "
+    "L where V and R grow with it, and T_p grows exponentially with N (5.4.1). V_m and V_p: 4.2.2; V_f: 5.4.1.",
+}
+"""What the thesis claims, by model."""
+
+
+def fit_tables(curves: Sequence[FittedCurve], laws: Laws) -> list[Table]:
+    """Return the table of the minimum and the peak of each curve, and that of the laws."""
+    return [_extrema_table(curves), Table(f"No laws: {laws.reason}.", []) if laws.reason else _laws_table(laws)]
+
+
+def _extrema_table(curves: Sequence[FittedCurve]) -> Table:
+    keys = list(dict.fromkeys(key for curve in curves for key in curve.axes))
+    has_v_f = any("V_f" in LAWS.get(curve.model, {}) for curve in curves)
+    wanted = ["v_m", "t_m", "v_p", "t_p", "p_value", *["v_f"] * has_v_f]
+    rows = []
+    for curve in curves:
+        found = curve.record()
+        axes = {"run": curve.run, **{key: curve.axes.get(key, "") for key in keys}}
+        rows.append(Row(axes, {name: found[name] for name in wanted}))
+    units = {"v": "cm/s", "t": "cycles"}
+    headings = {name: f"{name.capitalize()} ({units[name[0]]})" for name in wanted if name != "p_value"}
+    statistics = " or ".join(dict.fromkeys(name for curve in curves for name in curve.names))
+    notes = [f"T_m and T_p: {statistics}. -: no minimum and peak that noise could not explain."]
+    reasons = Counter(curve.reason for curve in curves if curve.reason)
+    notes += [f"Not looked for on {count} of {len(curves)} curves: {reason}." for reason, count in reasons.items()]
+    notes += [f"V_f: from there on T_sync is less than {FAST_FACTOR:g} times that at the largest speed."] * has_v_f
+    return Table("Local minimum and peak, with 95 % intervals", rows, notes, headings | {"p_value": "p"})
+
+
+def _laws_table(laws: Laws) -> Table:
+    rows = [Row({}, row._asdict()) for row in laws.exponents]
+    notes = [
+        f"{quantity} = A L e^N / tau^2 + K: A = {law.factor} cycles s^2/cm, K = {law.offset} cycles, "
+        f"R^2 = {significant(law.r_squared)}"
+        for quantity, law in laws.offset_laws.items()
+    ]
+    notes += [
+        "Intervals account for the noise of the trials alone; where a misfit is far above 1, the law does not hold.",
+        NOTES.get(laws.model, NOTES["embodied"]),
+    ]
+    if laws.left_out:
+        several = f"{laws.left_out} curves with a minimum and a peak"
+        notes.append(f"{several} are left out: they differ in more than V, epsilon, L, N and tau.")
+    return Table(f"Scaling laws of {laws.curves} curves of {NOUNS.get(laws.model, laws.model)}", rows, notes)

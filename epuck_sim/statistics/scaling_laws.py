@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.statistics.estimate import Estimate
+from epuck_sim.estimate import Estimate
 
 Parameters = Mapping[str, FloatArray]
 """Values of epsilon, L (cm), N and tau (s), each (C,): one for every curve."""
@@ -129,7 +129,7 @@ def fit_power_law(law: Law, parameters: Parameters, values: FloatArray, resample
     surplus = len(values) - len(estimates)
     deviations = logs - design @ (solution @ logs)
     misfit = float(np.sqrt((weights * deviations**2).sum() / surplus)) if surplus else np.nan
-    prefactor = Estimate(*np.exp(estimates[0]).tolist())
+    prefactor = estimates[0].apply(math.exp)
     return PowerLaw(prefactor, dict(zip(varying, estimates[1:], strict=True)), misfit)
 
 
@@ -154,7 +154,7 @@ def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatA
     factor, offset = _estimates(solution @ values, resampled @ solution.T)
     unexplained = weights @ (values - design @ (solution @ values)) ** 2
     total = weights @ (values - np.average(values, weights=weights)) ** 2
-    factor = Estimate(*(number * math.exp(-highest) for number in factor))
+    factor = factor.apply(lambda number: number * math.exp(-highest))
     return OffsetLaw(factor, offset, float(1 - unexplained / total) if total else np.nan)
 
 

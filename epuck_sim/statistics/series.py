@@ -4,17 +4,18 @@ Trials that have ended before a cycle do not count there. Where trials end by th
 are left are not like those that have ended.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
 
 from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.display.table import Row, Table, plain
 from epuck_sim.errors import StoreError
+from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
 from epuck_sim.measures.interface import Value
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.estimate import LEVEL, MIN_TRIALS
 from epuck_sim.statistics.survival import median_time
 
 
@@ -38,6 +39,35 @@ class PointSeries(NamedTuple):
 
     axes: dict[str, Any]
     statistics: SeriesStatistics
+
+    def record(self) -> dict[str, Any]:
+        """Return the statistics as JSON holds them: a list with a value for each cycle."""
+        found: dict[str, Any] = {name: getattr(self.statistics, name) for name in ("cycles", "trials", "known")}
+        found["cycle"] = found.pop("cycles")
+        for name in ("mean", "median"):
+            ends = (name, f"{name}_low", f"{name}_high")
+            found |= dict(zip(ends, getattr(self.statistics, name).T, strict=True))
+        return {"axes": self.axes, **{name: plain(values.tolist()) for name, values in found.items()}}
+
+    def rows(self) -> Iterator[Row]:
+        """Yield a row for some of the cycles: 1, 2 and 5 of each decade, and the last one."""
+        last = len(self.statistics.cycles)
+        cycles = {step * 10**power for power in range(len(str(last))) for step in STEPS} | {last}
+        for at in sorted(cycle - 1 for cycle in cycles if 0 < cycle <= last):
+            mean, median = (Estimate(*each[at].tolist()) for each in (self.statistics.mean, self.statistics.median))
+            known = int(self.statistics.known[at])
+            yield Row({**self.axes, "cycle": at + 1}, {"trials": known, "mean": mean, "median": median})
+
+
+STEPS = (1, 2, 5)
+"""Cycles of each decade that tables show, besides the last one."""
+
+
+def series_table(title: str, points: Sequence[PointSeries]) -> Table:
+    """Return a table of the series at each point, at some of the cycles."""
+    rows = [row for point in points for row in point.rows()]
+    notes = ["Trials: those that reach the cycle and have a value there."]
+    return Table(f"{title} at cycles, with 95 % intervals", rows, notes)
 
 
 def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:

@@ -7,7 +7,7 @@ The interval of a share is Wilson's (1927), that of a difference of two shares N
 import math
 from statistics import NormalDist
 
-from epuck_sim.statistics.estimate import LEVEL, MIN_TRIALS, Estimate, without_interval
+from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
 from epuck_sim.statistics.measured import Measured
 
 QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)
@@ -19,7 +19,7 @@ def estimate_share(measured: Measured) -> Estimate:
     trials = len(measured.values)
     share = float(measured.values.mean())
     if trials < MIN_TRIALS:
-        return without_interval(share)
+        return Estimate(share)
     return Estimate(share, *wilson_interval(share, trials))
 
 
@@ -40,7 +40,7 @@ def share_difference(first: Measured, second: Measured) -> Estimate:
     one, other = estimate_share(first), estimate_share(second)
     difference = other.value - one.value
     if not (one.has_interval and other.has_interval):
-        return without_interval(difference)
+        return Estimate(difference)
     low = math.hypot(other.value - other.low, one.high - one.value)
     high = math.hypot(other.high - other.value, one.value - one.low)
     return Estimate(difference, difference - low, difference + high)

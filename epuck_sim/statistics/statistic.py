@@ -7,10 +7,10 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.statistics.estimate import UNDETERMINED, Estimate, without_interval
+from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.statistics.mean import estimate_mean, resample_means
 from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.names import Statistic, statistic_name
 from epuck_sim.statistics.shares import estimate_share
 from epuck_sim.statistics.survival import median_time, medians, resampled_curves
 from epuck_sim.statistics.weibull_mean import estimate_weibull_mean, weibull_resamples
@@ -32,9 +32,10 @@ def check_statistic(measured: Measured, statistic: Statistic) -> None:
 
 def estimate(measured: Measured, statistic: Statistic) -> Estimate:
     """Return a statistic with its interval; undetermined where no trial is uncensored."""
+    name = statistic_name(statistic, measured.censored > 0, is_share=measured.is_share)
     if not measured.observed.any():
-        return UNDETERMINED
-    return estimate_share(measured) if measured.is_share else _ESTIMATORS[statistic](measured)
+        return measured.described(UNDETERMINED, name)
+    return measured.described((estimate_share if measured.is_share else _ESTIMATORS[statistic])(measured), name)
 
 
 def resample(measured: Measured, statistic: Statistic) -> FloatArray:
@@ -51,7 +52,7 @@ def estimate_median(measured: Measured) -> Estimate:
     if math.isinf(median):
         return UNDETERMINED
     if not measured.supports_interval:
-        return without_interval(median)
+        return Estimate(median)
     return Estimate(median, low, high)
 
 
@@ -79,3 +80,34 @@ _RESAMPLERS: dict[Statistic, Callable[[Measured], FloatArray]] = {
         measured.values, measured.observed, RESAMPLES, measured.seed
     ),
 }
+
+
+def _sample_mean(measured: Measured) -> Estimate:
+    """Return the mean, or share, of all trials; undetermined where some are censored."""
+    found = estimate(measured, Statistic.MEAN)
+    return measured.described(UNDETERMINED, "mean") if measured.censored else found
+
+
+def _median(measured: Measured) -> Estimate:
+    return UNDETERMINED if measured.is_share else estimate(measured, Statistic.MEDIAN)
+
+
+def _restricted_mean(measured: Measured) -> Estimate:
+    """Return the mean of the lesser of T_sync and the horizon: the area under the Kaplan-Meier estimate up to there."""
+    if not measured.is_time:
+        return UNDETERMINED
+    found = estimate(measured, Statistic.MEAN) if measured.observed.any() else Estimate(measured.horizon)
+    return measured.described(found, "restricted mean")
+
+
+def _weibull_mean(measured: Measured) -> Estimate:
+    return estimate(measured, Statistic.WEIBULL_MEAN) if measured.is_time else UNDETERMINED
+
+
+SUMMARIES: dict[str, Callable[[Measured], Estimate]] = {
+    "mean": _sample_mean,
+    "median": _median,
+    "restricted_mean": _restricted_mean,
+    "weibull_mean": _weibull_mean,
+}
+"""What `summarize` estimates of the trials of a point, by the names that JSON and CSV have."""

@@ -102,16 +102,6 @@ def resampled_curves(
         yield make_curves(sample, counts)
 
 
-def kaplan_meier(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the distinct event times, (k,) cycles, ascending, and R after each, (k,) (Appendix A, steps 1 to 5).
-
-    >>> kaplan_meier([3, 5, 5, 8], [True, True, False, True])
-    (array([3., 5., 8.]), array([0.75, 0.5 , 0.  ]))
-    """
-    curve = make_curve(make_sample(times, observed))
-    return curve.times, curve.survival[0, 1:]
-
-
 def median_time(times: npt.ArrayLike, observed: npt.ArrayLike, level: float = 0.95) -> tuple[float, float, float]:
     """Return the median T_sync and the lower and upper end of its confidence interval, cycles; inf if not reached.
 

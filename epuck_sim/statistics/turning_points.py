@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.estimate import Estimate
+from epuck_sim.estimate import Estimate
 from epuck_sim.statistics.extrema import SIGNIFICANCE, SmoothedLogs
 
 
@@ -29,6 +29,11 @@ class TurningPoint(NamedTuple):
     def is_found(self) -> bool:
         """Whether it is more than noise: noise neither makes it nor removes it."""
         return self.p_value < SIGNIFICANCE and self.kept > 1 - SIGNIFICANCE
+
+    def record(self) -> dict[str, Estimate | float | None]:
+        """Return place and value, None where they may be noise, and the p-value, as JSON and tables hold them."""
+        found = {"place": self.place, "value": self.value} if self.is_found else {"place": None, "value": None}
+        return {**found, "p_value": self.p_value}
 
 
 def find_peak(fit: SmoothedLogs) -> TurningPoint | None:
@@ -61,7 +66,7 @@ def find_minimum(fit: SmoothedLogs) -> TurningPoint | None:
     found = find_peak(fit._replace(logs=-fit.logs, resampled=-fit.resampled))
     if found is None:
         return None
-    value, low, high = found.value
+    value, low, high = found.value.ends
     return found._replace(value=Estimate(1 / value, 1 / high, 1 / low))
 
 

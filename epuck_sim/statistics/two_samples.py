@@ -2,23 +2,29 @@
 
 Where all that is censored is censored at one horizon, means restricted to it are those of samples that are known in
 full, and trials are permuted between the samples. Where trials are censored sooner, the test is that of log-ranks
-(Mantel 1966). Both test whether the two samples have one distribution.
+(Mantel 1966).
+
+What is permuted is studentised: the difference of the means, or of their logarithms, over its own standard error
+(Janssen 1997). So the level of the test is exact where the two have one distribution, also with 5 trials and far in the
+tail, where Welch's test is several times too liberal; with many trials it also holds where only the means are alike.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import erfc
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.estimate import MIN_TRIALS, UNDETERMINED, Estimate, without_interval
+from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.statistics.mean import MeanError, mean_and_error, student_quantile
 from epuck_sim.statistics.measured import Measured, cut
 
 PERMUTATIONS = 4999
 """Number of permutations: the smallest p-value is 1 / 5,000."""
+
+_BLOCK_SIZE = 2_000_000  # trials that are permuted at once
 
 
 class Pair(NamedTuple):
@@ -31,6 +37,11 @@ class Pair(NamedTuple):
     def is_share(self) -> bool:
         """Whether both are of truth values."""
         return self.first.is_share and self.second.is_share
+
+    @property
+    def is_positive(self) -> bool:
+        """Whether all values are, so that the means have a ratio."""
+        return all(bool((each.values > 0).all()) for each in self)
 
     @property
     def is_comparable(self) -> bool:
@@ -101,27 +112,28 @@ def contrast(pair: Pair) -> Contrast:
 
 def mean_log_ratio(contrasts: Sequence[Contrast]) -> Estimate:
     """Return the mean of the log ratios of several pairs that have intervals, each of which counts alike."""
-    if not contrasts:
-        return UNDETERMINED
-    count = len(contrasts)
-    value = sum(each.log_ratio.value for each in contrasts) / count
-    return _student(value, [(part / count**2, freedom) for each in contrasts for part, freedom in each.log_parts])
+    return _mean([(each.log_ratio.value, each.log_parts) for each in contrasts])
 
 
 def mean_difference(contrasts: Sequence[Contrast]) -> Estimate:
     """Return the mean of the differences of several pairs, each of which counts alike."""
-    spread = [each for each in contrasts if each.is_spread]
-    if not spread:
+    return _mean([(each.difference.value, each.parts) for each in contrasts if each.is_spread])
+
+
+def _mean(terms: Sequence[tuple[float, list[tuple[float, int]]]]) -> Estimate:
+    """Return the mean of values, given with the parts of their variances."""
+    if not terms:
         return UNDETERMINED
-    value = sum(each.difference.value for each in spread) / len(spread)
-    return _student(value, [(part / len(spread) ** 2, freedom) for each in spread for part, freedom in each.parts])
+    count = len(terms)
+    parts = [(part / count**2, freedom) for _, each in terms for part, freedom in each]
+    return _student(sum(value for value, _ in terms) / count, parts)
 
 
 def _student(value: float, parts: Sequence[tuple[float, int]]) -> Estimate:
     """Return a value with Student's interval; parts of its variance may have few degrees of freedom."""
     error, freedom = welch(parts)
     if error == 0:
-        return without_interval(value)
+        return Estimate(value)
     reach = student_quantile(freedom) * error
     return Estimate(value, value - reach, value + reach)
 
@@ -137,27 +149,65 @@ def welch(parts: Sequence[tuple[float, int]]) -> tuple[float, float]:
     return math.sqrt(variance), variance**2 / spread if spread else math.inf
 
 
-def permuted_differences(pair: Pair, seed: int) -> FloatArray:
-    """Return the difference of the means, and then those after permutations, (1 + B,), in units of the pooled spread.
+class Permuted(NamedTuple):
+    """What a pair has for a difference, and then what it has after permutations, each (1 + B,)."""
+
+    differences: FloatArray
+    """Second mean minus the first, or the logarithm of their ratio."""
+    variances: FloatArray
+    """Variances of these, as each permutation shows them."""
+
+
+def permute(pair: Pair, seed: int, *, of_logarithms: bool, ratio: float = 1.0, count: int = PERMUTATIONS) -> Permuted:
+    """Return the difference of the means of two samples, and those after permutations of trials between them.
 
     Args:
         pair: Two samples none of which is censored before the horizon.
         seed: Equal seeds give equal permutations.
+        of_logarithms: Whether the difference is that of the logarithms of the means; all values are positive then.
+        ratio: Ratio of the two that is tested: trials are permuted as if the second sample's were as much longer.
+        count: Number B of permutations.
     """
     # in order, so that the order in which trials are stored does not matter
-    first, second = (np.sort(each.values) for each in pair)
+    first, second = np.sort(pair.first.values), np.sort(pair.second.values) / ratio
     pooled = np.concatenate([first, second])
-    pooled = (pooled - pooled.mean()) / (pooled.std() or 1.0)
-    count = len(first)
+    blocks = [_contrasts(block, len(first), of_logarithms) for block in _permutations(pooled, seed, count)]
+    return Permuted(*(np.concatenate(each) for each in zip(*blocks, strict=True)))
+
+
+def _permutations(pooled: FloatArray, seed: int, count: int) -> Iterator[FloatArray]:
+    """Yield the trials, (1, n), and then permutations of them, (b, n) each."""
     random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
-    sums = np.array([pooled[:count].sum(), *(random.permutation(pooled)[:count].sum() for _ in range(PERMUTATIONS))])
-    # all values add up to 0: what the first sample lacks the second has
-    return -sums * (1 / count + 1 / len(second))
+    yield pooled[None]
+    rows = max(1, _BLOCK_SIZE // len(pooled))
+    for start in range(0, count, rows):
+        yield random.permuted(np.tile(pooled, (min(rows, count - start), 1)), axis=1)
+
+
+def _contrasts(trials: FloatArray, first: int, of_logarithms: bool) -> tuple[FloatArray, FloatArray]:
+    """Return the difference and its variance, (b,) each, of rows of trials, (b, n), of which so many are the first."""
+    parts = trials[:, :first], trials[:, first:]
+    means = [part.mean(axis=1) for part in parts]
+    variances = [part.var(axis=1, ddof=1) / part.shape[1] for part in parts]
+    if of_logarithms:
+        variances = [variance / mean**2 for variance, mean in zip(variances, means, strict=True)]
+        means = [np.log(mean) for mean in means]
+    return means[1] - means[0], variances[0] + variances[1]
+
+
+def studentised(permuted: Sequence[Permuted]) -> FloatArray:
+    """Return the sum of the differences of pairs over its standard error, and that after permutations, (1 + B,)."""
+    differences, variances = (np.sum(each, axis=0) for each in zip(*permuted, strict=True))
+    scale = float(np.abs(differences).max()) or 1.0
+    differences = np.where(np.abs(differences) < 1e-12 * scale, 0.0, differences)  # rounded sums of equal trials
+    # without spread any difference is beyond chance, and none is none
+    return np.asarray(differences / np.sqrt(np.maximum(variances, (1e-9 * scale) ** 2)))
 
 
 def share_as_large(statistics: FloatArray) -> float:
     """Return the p-value of the first of some statistics, (1 + B,): the share that is as large, itself included."""
-    return float((np.abs(statistics) >= np.abs(statistics[0]) - 1e-9).mean())
+    sizes = np.abs(statistics)
+    return float((sizes >= sizes[0] * (1 - 1e-9)).mean())
 
 
 def log_rank_parts(pair: Pair) -> tuple[float, float]:

@@ -5,60 +5,22 @@ log alpha = -offset / slope. A fit is such a line, (offset, slope).
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.survival import SurvivalCurves, make_curve, make_sample
+from epuck_sim.statistics.survival import SurvivalCurves
 
 _TOLERANCE = 1e-8  # in log(-log R): a fit has converged when the next step would be smaller
 _MAX_STEPS = 100  # a fit takes about 5; one that takes more has not converged
 
 
-class Weibull(NamedTuple):
-    """A Weibull distribution, F(t) = 1 - exp(-(t / scale) ^ shape)."""
-
-    scale: float
-    """alpha, cycles."""
-    shape: float
-    """gamma."""
-
-    @property
-    def mean(self) -> float:
-        """Mean, alpha Gamma(1 + 1 / gamma), cycles; inf where it is larger than any float.
-
-        >>> round(Weibull(scale=50.0, shape=0.5).mean, 9)
-        100.0
-        """
-        return float(weibull_means(np.array([math.log(self.scale)]), np.array([self.shape]))[0])
-
-
 def weibull_means(log_scales: FloatArray, shapes: FloatArray) -> FloatArray:
-    """Return the means, (B,) cycles, of Weibull distributions with these log alpha, (B,), and gamma, (B,)."""
+    """Return the means, alpha Gamma(1 + 1 / gamma), (B,) cycles, of these log alpha, (B,), and gamma, (B,); or inf."""
     log_gammas = np.array([math.lgamma(1 + 1 / shape) for shape in shapes.tolist()])
     with np.errstate(over="ignore"):
         means: FloatArray = np.exp(log_scales + log_gammas)
     return means
-
-
-def fit_weibull(times: npt.ArrayLike, observed: npt.ArrayLike) -> Weibull | None:
-    """Fit a Weibull distribution to the Kaplan-Meier estimate (Appendix A).
-
-    The fit has the least sum of squares over all uncensored trials. It needs two distinct event times above 0, of which
-    that of a single trial that brings R to 0 is none.
-
-    Returns:
-        The distribution, or None where none fits.
-    """
-    lines = local_fits(make_curve(make_sample(times, observed)))
-    if not len(lines):
-        return None
-    offset, shape = lines[0].tolist()
-    with np.errstate(over="ignore"):
-        scale = float(np.exp(-offset / shape))
-    return Weibull(scale, shape) if scale < math.inf else None
 
 
 def points_to_fit(curves: SurvivalCurves) -> tuple[FloatArray, FloatArray, FloatArray]:

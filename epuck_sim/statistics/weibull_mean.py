@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.estimate import UNDETERMINED, Estimate, without_interval
+from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.survival import SurvivalCurves, make_curve, make_sample, resampled_curves
 from epuck_sim.statistics.weibull import fit_lines, local_fits, points_to_fit, starting_lines, weibull_means
@@ -27,7 +27,7 @@ def estimate_weibull_mean(measured: Measured) -> Estimate:
     if math.isnan(mean):
         return UNDETERMINED
     if not measured.supports_interval:
-        return without_interval(mean)
+        return Estimate(mean)
     resampled = weibull_resamples(measured.values, measured.observed, seed=measured.seed)
     return Estimate(mean, *confidence_interval(resampled))
 
@@ -35,8 +35,9 @@ def estimate_weibull_mean(measured: Measured) -> Estimate:
 def weibull_mean(times: npt.ArrayLike, observed: npt.ArrayLike) -> float:
     """Return the mean T_sync by Appendix A, cycles; NaN where it is undetermined.
 
-    It is undetermined if fewer than `MIN_UNCENSORED` of the trials are uncensored, or if no Weibull distribution fits
-    (see `weibull.fit_weibull`). But if all trials synchronised at one time, that time is the mean.
+    It is undetermined if fewer than `MIN_UNCENSORED` of the trials are uncensored, or if no Weibull distribution fits:
+    that takes two distinct event times above 0, of which that of a single trial that brings R to 0 is none. But if all
+    trials synchronised at one time, that time is the mean.
 
     >>> weibull_mean([20, 20, 20], [True, True, True])
     20.0

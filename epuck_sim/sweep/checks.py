@@ -1,12 +1,16 @@
-"""Checks of a sweep's points before the first trial runs."""
+"""Checks of a sweep's points before the first trial runs, and how large it is."""
 
 from collections.abc import Iterable, Sequence
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
-from epuck_sim.scenario.figure_axes import check_figure_axes
+from epuck_sim.scenario.axes import check_figure_axes
 from epuck_sim.scenario.points import Point, describe_axes
 from epuck_sim.trial import model
-from epuck_sim.util.memory import available_bytes, in_bytes, lack_of_memory
+from epuck_sim.util.memory import NEGLIGIBLE_BYTES, available_bytes, in_bytes, lack_of_memory
+from epuck_sim.util.messages import counted
+
+TRIAL_BYTES = 145
+"""Size of a trial in a run folder, without measures; as measured with 10,000 to 1,000,000 trials (docs/speed.md)."""
 
 
 def check_sweep(points: Sequence[Point]) -> None:
@@ -42,3 +46,13 @@ def _check_room(points: Iterable[Point]) -> None:
             name = f"{point.scenario.name}: "
             where = f"sweep: point {point.number} ({describe_axes(point.axes)}): " if point.axes else ""
             raise ScenarioError(f"{name}{where}{str(error).removeprefix(name)}") from error
+
+
+def describe_size(points: Sequence[Point]) -> str:
+    """Return how many points and trials a sweep has, how much disk it takes, and how much memory if that is much."""
+    count = sum(point.scenario.trials for point in points)
+    measures = ", besides its measures" if points[0].scenario.measures else ""
+    memory = max(point.scenario.memory_bytes for point in points)
+    needed = f"; up to {in_bytes(memory)} of memory for a trial" if memory > NEGLIGIBLE_BYTES else ""
+    words = f"{counted(len(points), 'point')}, {counted(count, 'trial')}"
+    return f"{words}: about {in_bytes(TRIAL_BYTES * count)} on disk{measures}{needed}"

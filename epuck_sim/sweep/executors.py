@@ -1,10 +1,8 @@
 """Pools of workers, which are executors of concurrent.futures: here, processes of this machine."""
 
-import fcntl
 import multiprocessing
 import os
 import shutil
-import signal
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -14,7 +12,17 @@ from functools import lru_cache
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.util import get_temp_dir
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.util.system import allow_files, blocked, is_ours
+
+try:
+    import fcntl
+except ImportError:  # on Windows, whose workers have no sockets in folders
+    fcntl = None  # type: ignore[assignment]
+if TYPE_CHECKING:
+    from multiprocessing.context import ForkServerContext, SpawnContext
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables that limit a library to one thread, so that workers do not compete for cores."""
@@ -53,19 +61,15 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
 
     Args:
         workers: Number of processes; None for one on each core that this process may use.
+
+    Raises:
+        EpuckSimError: They need more open files than the system allows.
     """
-    # a server that has the simulation loaded forks the workers: it has no threads that a fork could break
-    context = multiprocessing.get_context("forkserver")
     workers = workers or available_cores()
-    context.set_forkserver_preload(PRELOADED)
+    _allow_files(workers)
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
-        with _blocked(signal.SIGHUP):  # it ignores other signals by itself, and ends when no process needs it any more
-            resource_tracker.ensure_running()  # later it would unblock SIGINT
-        remove_stale_folders()
-        with _blocked(signal.SIGINT):
-            forkserver.ensure_running()
-        mark_temporary_folder()
+        context = _context()
         # Ctrl-C while the server still loads would close what workers are about to open: wait until it has forked once
         probe = context.Process(target=_return_at_once)
         probe.start()
@@ -84,14 +88,32 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         executor.shutdown()
 
 
-@contextmanager
-def _blocked(number: signal.Signals) -> Iterator[None]:
-    """Leave a signal to this process: processes started in the block, and their children, do not receive it."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {number})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+def _context() -> "ForkServerContext | SpawnContext":
+    """Return how workers are started: forked by a server that has the simulation loaded, where the system can do so.
+
+    The server has no threads that a fork could break.
+    """
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    with blocked("SIGHUP"):  # it ignores other signals by itself, and ends when no process needs it any more
+        resource_tracker.ensure_running()  # later it would unblock SIGINT
+    remove_stale_folders()
+    with blocked("SIGINT"):
+        forkserver.ensure_running()
+    mark_temporary_folder()
+    return context
+
+
+def _allow_files(workers: int) -> None:
+    """Have this process, and the server, keep the files open that a number of workers needs."""
+    needed = 24 + 2 * workers
+    if (allowed := allow_files(needed)) is not None:
+        raise EpuckSimError(
+            f"{workers} workers need {needed} open files; allowed: {allowed}, enough for "
+            f"{max(1, (allowed - 24) // 2)} workers; ulimit -n raises it"
+        )
 
 
 def available_cores() -> int:
@@ -133,6 +155,8 @@ def _environment(settings: dict[str, str]) -> Iterator[None]:
 @lru_cache
 def mark_temporary_folder() -> None:
     """Mark the temporary folder of this process, until it ends, as in use."""
+    if fcntl is None:
+        return
     folder = Path(get_temp_dir())
     with suppress(OSError):  # on a file system without locks the folder stays unmarked, and nobody removes it
         unlocked = folder / f"{LOCK}.new"
@@ -145,7 +169,7 @@ def remove_stale_folders() -> None:
     """Remove the marked folders of this user's processes that are gone, and no others."""
     for lock in Path(tempfile.gettempdir()).glob(f"pymp-*/{LOCK}"):
         with suppress(OSError):  # it is another user's, in use, or was removed just now
-            if not lock.parent.is_symlink() and lock.parent.stat().st_uid == os.getuid():
+            if fcntl is not None and not lock.parent.is_symlink() and is_ours(lock.parent):
                 _remove_if_unlocked(lock)
 
 

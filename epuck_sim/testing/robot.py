@@ -90,8 +90,8 @@ class TestRobot:
         swarm = open_block(block)
         for number, sensor in enumerate(own):
             assign_sense(swarm.senses[number], sensor, 0, 1, sum(sizes[:number]))
-        scene, robot = swarm.scene[0], swarm.robots[0]
-        scene.serving, scene.wheel_limit_cm_s, scene.wheel_base_cm = -1, *wheels
+        robot, swarm.scene[0].serving = swarm.robots[0], -1
+        robot.wheel_limit_cm_s, robot.wheel_base_cm = wheels
         swarm.groups[0].count, swarm.groups[0].pixels = 1, pixels
         robot.present, robot.random = True, robot_streams(np.random.SeedSequence(seed), 1)[0]
         assign_bytes(swarm, 0, found, 0)

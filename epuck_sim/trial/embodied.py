@@ -3,14 +3,12 @@
 import time
 from collections.abc import Sequence
 
+from epuck_sim.embodied.history import MOST_STEPS
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.trial.conditions import Conditions, WaitingEntries
-from epuck_sim.trial.observer import Observer, Progress
+from epuck_sim.trial.observer import Observer, OfStretches, Progress
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.trial.synchrony import SynchronyWatch
-
-UNSEEN_STEPS = 50
-"""Number of control steps that compiled code takes before Python has its turn, for Ctrl-C and for progress."""
 
 
 def run_robots(
@@ -22,23 +20,26 @@ def run_robots(
 ) -> TrialResult:
     """Run a fresh simulation of robots to the end of its trial; see `trial.model.Model.run`.
 
-    Without observers, only the steps in which the reference fires are looked at, which is much quicker.
+    Without observers of each step, only the steps in which the reference fires are looked at, which is much quicker.
     """
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     watch = SynchronyWatch(simulation)
     waiting = WaitingEntries(simulation.scenario.schedule, conditions, simulation.carry_out_scheduled)
+    in_stretches = [isinstance(observer, OfStretches) for observer in observers]
+    sees_all, sees_stretches = not all(in_stretches), any(in_stretches)
     began = time.perf_counter()
     while not (watch.is_over or conditions.is_over()):
         waiting.look(watch)
-        unseen = 1 if observers else min(watch.steps_left, UNSEEN_STEPS)
+        unseen = 1 if sees_all else min(watch.steps_left, MOST_STEPS)
         cycles = watch.cycles
-        step = simulation.advance(unseen, until_firing=True)
-        watch.look(step, may_fire=bool(observers) or simulation.is_firing)
+        stretch = simulation.stretch(unseen) if sees_stretches else None
+        step = simulation.advance(unseen, until_firing=True) if stretch is None else simulation.last_step
+        watch.look(step, may_fire=sees_all or simulation.is_firing)
         if progress is not None:
             progress(watch)
-        for observer in observers:
-            observer(step, watch)
+        for observer, of_stretches in zip(observers, in_stretches, strict=True):
+            observer(stretch if of_stretches else step, watch)
         if watch.cycles > cycles:
             for observer in at_cycles:
                 observer(step, watch)

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from epuck_sim.elementary import sin_cos
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.like_robots import robots_like
+from epuck_sim.scenario.loader import robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 
@@ -35,7 +36,7 @@ def start_like(robots: Scenario | str | Path | Mapping[str, Any], seed: int) -> 
     return {
         "phases": phases.tolist(),
         "positions_cm": np.column_stack([x, y]).tolist(),
-        "headings": np.column_stack([np.cos(heading), np.sin(heading)]).tolist(),
+        "headings": [[*sin_cos(angle)[::-1]] for angle in heading.tolist()],
     }
 
 

@@ -3,16 +3,16 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from epuck_sim.errors import MeasureError
-from epuck_sim.measures.interface import CYCLE_METHOD, Measure, Scalar, Value
-from epuck_sim.scenario.measures import ORDER_PARAMETER
+from epuck_sim.measures.interface import CYCLE_METHOD, STRETCH_METHOD, Measure, Scalar, Value
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.stop import ORDER_PARAMETER
 from epuck_sim.trial.conditions import Conditions, ConditionWatch
-from epuck_sim.trial.observer import Observer
+from epuck_sim.trial.observer import Observer, OfStretches
 from epuck_sim.user_files import line_of_error
 from epuck_sim.util.messages import describe_error, short_repr
 
@@ -62,7 +62,9 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
         watches = conditions.on(measure.name)
         for method, observers in ((scenario.event_method, at_events), (CYCLE_METHOD, at_cycles)):
             if measure.is_told(method):
-                observers.append(partial(_call, measure, origin, getattr(instance, method)))
+                tell: Observer = partial(_call, measure, origin, getattr(instance, measure.told_by(method)))
+                is_of_stretches = measure.told_by(method) == STRETCH_METHOD
+                observers.append(cast(Observer, OfStretches(tell)) if is_of_stretches else tell)
                 observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
         at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
     if ORDER_PARAMETER not in final:
@@ -129,13 +131,13 @@ def _as_scalar(given: Any) -> Scalar:
     plain = given.item() if isinstance(given, np.generic) else given
     if plain is None or isinstance(plain, bool):
         return plain
-    if isinstance(plain, int | float):
-        if math.isnan(plain):
+    if isinstance(plain, int | float) and not abs(plain) < 2**63:
+        if isinstance(plain, float) and math.isnan(plain):
             return None
         if isinstance(plain, float) and math.isinf(plain):
             raise ValueError(f"is {plain}; allowed: finite numbers, and None where it is undetermined")
-        if abs(plain) >= 2**63:
-            raise ValueError(f"is {plain}; allowed: whole numbers below 2 ** 63")
+        raise ValueError(f"is {short_repr(plain)}; allowed: numbers below 2 ** 63")
+    if isinstance(plain, int | float):
         return plain
     raise ValueError(
         f"is {short_repr(given)}, a {type(given).__name__}; allowed: a number, true or false, None, or a list of them"

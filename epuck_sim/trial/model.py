@@ -3,8 +3,11 @@
 A further model is one more entry: `register_model`. What depends on a scenario alone is a property of the scenario.
 """
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, Protocol
+
+import numpy as np
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -58,13 +61,29 @@ def _run_robots(*given: Any) -> TrialResult:
 
 
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
+    if _has_room(scenario):  # which needs no compiled code
+        return
     from epuck_sim.embodied.observers.scene import make_scene
     from epuck_sim.embodied.placement import Placement
     from epuck_sim.embodied.start import draw_start
 
-    scene = make_scene(scenario.robots, scenario.robot, scenario.arena.build())
+    scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
     draw_start(scene.block, scenario.seed)
     Placement(scene.swarm, scenario).place(scene.block)
+
+
+def _has_room(scenario: EmbodiedScenario) -> bool:
+    """Return whether all robots stand at random places, and at least a twentieth of these is free for the last one.
+
+    A place is found within as many draws as there are (`placement.MAX_DRAWS`), 10,000, but once in 10 ** 222 trials.
+    """
+    radius_cm, arena = max(kind.radius_cm for kind in scenario.group_kinds), scenario.arena.build()
+    sides_cm = np.array([scenario.arena.width_cm, scenario.arena.height_cm]) - 2 * radius_cm
+    taken = scenario.robot_count * math.pi * (2 * radius_cm) ** 2
+    taken += math.pi * sum((circle[2] + radius_cm) ** 2 for circle in arena.circles)
+    taken += sum(float(np.prod(np.ptp(corners, axis=0) + 2 * radius_cm)) for corners in arena.polygons)
+    at_random = all(group.placement == "random" for group in scenario.robots)
+    return at_random and bool((sides_cm > 0).all()) and taken <= 0.95 * float(np.prod(sides_cm))
 
 
 def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> Simulated:

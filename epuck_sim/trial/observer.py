@@ -1,7 +1,7 @@
 """What observers of a trial are shown: every event, and how far the trial is."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from epuck_sim.order_parameter import Firing
 from epuck_sim.scenario.schedule import TrialEvent
@@ -40,6 +40,17 @@ Observer = Callable[[Any, Any], None]
 
 `state` is the trial's TrialState. Observers must not change what they are shown.
 """
+
+
+class OfStretches(NamedTuple):
+    """An observer of robots that is told of many steps at once, by a `Stretch` (`embodied.history`)."""
+
+    tell: Observer
+
+    def __call__(self, stretch: Any, state: Any) -> None:
+        """Tell of a stretch, and of how far the trial is at its end."""
+        self.tell(stretch, state)
+
 
 Progress = Callable[[TrialState], None]
 """Called now and then while a trial runs, to show how far it is."""

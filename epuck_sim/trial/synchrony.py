@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
@@ -44,6 +46,7 @@ class SynchronyWatch:
         self._reference = stop.reference_robot
         self._members_change = simulation.scenario.members_change
         self._oscillators = ~np.isnan(simulation.period_ms)
+        self._are_all = bool(self._oscillators.all())
         self._periods = simulation.period_ms[self._oscillators]
         self.measures = bool(self._oscillators[self._reference])
         step_ms = simulation.scenario.timing.step_ms
@@ -82,11 +85,13 @@ class SynchronyWatch:
         phase = float(phases[self._reference])
         if self._lit_phase is None or step.number > self._steps or phase < self._lit_phase:
             self.cycles += 1
-            counted = self._oscillators & step.present
-            if not np.isfinite(phases[counted]).all():
+            counted = self._of_oscillators(phases)
+            if self._members_change:
+                counted = counted[self._of_oscillators(step.present)]
+            if not math.isfinite(np.add.reduce(counted)):  # nor are all of them, then
                 raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases.tolist()}")
             self.order_parameter = r = float(self.measure(phases))
-            if self._synchrony is None and r >= self._threshold and counted.sum() > 1:
+            if self._synchrony is None and r >= self._threshold and len(counted) > 1:
                 self._synchrony = Firing(self.cycles, r)
         self._lit_phase = phase
 
@@ -97,7 +102,7 @@ class SynchronyWatch:
         """
         if not len(self._periods):
             return np.full(phase_ms.shape[:-1], np.nan)
-        phases = np.ascontiguousarray(phase_ms[..., self._oscillators])
+        phases = np.ascontiguousarray(self._of_oscillators(phase_ms))
         if not self._members_change:
             return self._metric(phases, self._periods)
         rows = phases.reshape(-1, len(self._periods))
@@ -106,6 +111,10 @@ class SynchronyWatch:
             for row, present in zip(rows, ~np.isnan(rows), strict=True)
         ]
         return np.reshape(found, phase_ms.shape[:-1])
+
+    def _of_oscillators(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return those values, (..., robots), that belong to oscillators."""
+        return values if self._are_all else values[..., self._oscillators]
 
     @property
     def time_s(self) -> float:

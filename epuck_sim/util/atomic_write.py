@@ -5,12 +5,16 @@ import glob
 import os
 import secrets
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
 from epuck_sim.errors import EpuckSimError
+
+LEFT_S = 24 * 3600.0
+"""Age in seconds from which a temporary file is taken for that of a killed process, and removed."""
 
 _unfinished: set[Path] = set()
 
@@ -20,7 +24,8 @@ def atomic_write(path: Path) -> Iterator[Path]:
     """Yield the path of a temporary file to write, which takes the name `path` when the block ends without an error.
 
     The temporary file lies in the same folder and has a name of its own, so that neither a user's file nor another
-    writer of `path` is touched. It is removed on every error, Ctrl-C included.
+    writer of `path` is touched. It is removed on every error, Ctrl-C included. A file of this name that is there keeps
+    its permissions; a link stays one, and the file that it leads to is written.
 
     Raises:
         EpuckSimError: The file cannot be written.
@@ -47,8 +52,14 @@ def growing_text(path: Path) -> Iterator[TextIO]:
 def temporary_path(path: Path) -> Iterator[Path]:
     """Yield an unused name beside `path`, FILE.*.part; the file or folder of that name is removed when the block ends.
 
-    The caller creates it, with the permissions that the user's umask gives to new files.
+    The caller creates it, with the permissions that the user's umask gives to new files. What killed processes have
+    left of this kind is removed.
     """
+    path = _behind_links(path)
+    with suppress(OSError):
+        for left in path.parent.glob(f"{glob.escape(path.name)}.*.part"):
+            if is_leftover(left.name, path.name) and time.time() - left.lstat().st_mtime > LEFT_S:
+                _remove(left)
     part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
     _unfinished.add(part)
     try:
@@ -64,11 +75,18 @@ def publish(part: Path, path: Path) -> None:
     Raises:
         EpuckSimError: That is not possible.
     """
+    target = _behind_links(path)
     with write_errors(path):
         with part.open("rb") as file:  # its contents reach the disk before its name, should the power fail
             os.fsync(file.fileno())
-        part.replace(path)
-    sync_folder(path.parent)
+        with suppress(FileNotFoundError):
+            shutil.copymode(target, part)
+        part.replace(target)
+    sync_folder(target.parent)
+
+
+def _behind_links(path: Path) -> Path:
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 def sync_folder(folder: Path) -> None:
@@ -122,6 +140,7 @@ def _reason_against(path: Path) -> str:
     except OSError as error:
         if error.errno == errno.ELOOP:
             return "is a link that leads to itself"
+    path = _behind_links(path)
     if path.is_dir():
         return "is a directory"
     if not path.name or path.name == "..":

@@ -2,9 +2,9 @@
 
 import os
 import shutil
-import stat
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import lru_cache
@@ -12,49 +12,66 @@ from pathlib import Path
 
 import platformdirs
 
+from epuck_sim.util.system import USER, is_open_to_others, is_ours
+
 UNUSED_S = 30 * 24 * 3600.0
 """Time in seconds after which compiled code that no process has used is removed."""
 
-USER = os.getuid()
-"""Number of the user who runs this process."""
+ROOM_BYTES = 4_000_000
+"""Free space that a folder needs to be used: some more than all kernels take."""
 
 
 @lru_cache
 def cache_root() -> Path:
-    """Return the folder for compiled code: $NUMBA_CACHE_DIR, else the user's cache folder, else a temporary one."""
+    """Return the folder for compiled code: $NUMBA_CACHE_DIR, else the user's cache folder, else a temporary one.
+
+    A folder that is full is not used, nor one that other users can write to: what lies in it is run.
+    """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(chosen) if chosen else platformdirs.user_cache_path("epuck-sim")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
+        if not chosen:
+            folder.chmod(0o700)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(ROOM_BYTES))
+        if _is_private(folder.resolve()):
             return folder
-    except OSError:  # a home that cannot be written to: compile once a machine, not once a run
-        return _temporary_root()
+        reason = "other users can write to it"
+    except OSError as error:  # a home that is full or cannot be written to: compile once a machine, not once a run
+        reason = error.strerror or str(error)
+    instead = _temporary_root()
+    if chosen:
+        warnings.warn(f"NUMBA_CACHE_DIR {folder}: {reason}; compiled code is kept in {instead}", stacklevel=2)
+    return instead
 
 
 def _temporary_root() -> Path:
     """Return the user's own folder among temporary files; compiled code of others must never be loaded."""
-    folder = Path(tempfile.gettempdir()) / f"epuck-sim-{USER}"
+    folder = Path(tempfile.gettempdir()) / f"epuck-sim-{USER or 0}"
     with suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-        if stat.S_ISDIR(found.st_mode) and found.st_uid == USER and not found.st_mode & 0o022:
+        if _is_private(folder):
             return folder
     return Path(tempfile.mkdtemp(prefix="epuck-sim-"))
 
 
-def remove_unused(paths: Iterable[Path], is_ours: Callable[[Path], bool]) -> None:
+def _is_private(folder: Path) -> bool:
+    """Return whether a folder, which is no link, belongs to this user, and no other can write to it."""
+    return not folder.is_symlink() and folder.is_dir() and is_ours(folder) and not is_open_to_others(folder)
+
+
+def remove_unused(paths: Iterable[Path], is_compiled: Callable[[Path], bool]) -> None:
     """Remove files and folders of compiled code that no process has used for `UNUSED_S`, but those of other users.
 
     A process that uses one meanwhile finds nothing there and compiles anew.
 
     Args:
         paths: Files and folders.
-        is_ours: Whether one of them, which has not been used, is compiled code of this program.
+        is_compiled: Whether one of them, which has not been used, is compiled code of this program.
     """
     limit_s = time.time() - UNUSED_S
     for path in paths:
         with suppress(OSError):  # another process is removing it
-            status = path.lstat()
-            if status.st_mtime < limit_s and status.st_uid == USER and is_ours(path):
+            if path.lstat().st_mtime < limit_s and is_ours(path) and is_compiled(path):
                 shutil.rmtree(path) if path.is_dir() else path.unlink()

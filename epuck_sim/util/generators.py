@@ -6,7 +6,8 @@ seed is mixed once, and each part of the trial goes on there.
 
 Generators are numpy's SFC64 and PCG64, each a row of words, and what its `Generator` draws from them. Normal numbers
 come by a ziggurat of 256 layers (Marsaglia and Tsang 2000). numpy keeps its tables in its machine code; here they are
-computed, in decimals, so that they are the same on every computer.
+computed, in decimals, so that they are the same on every computer. So are exponentials and logarithms: in the
+tail, a few of a million normal numbers may differ from numpy's in the last digit.
 """
 
 import math
@@ -15,6 +16,7 @@ from decimal import Decimal, localcontext
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray, WordArray
+from epuck_sim.util.elementary import exp, log1p
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.rng import share_of
 
@@ -350,12 +352,12 @@ def _normal_of(word: np.uint64, generator: WordArray) -> float:
             return number
         if layer == 0:
             while True:
-                beyond = -_INVERSE_EDGE * math.log1p(-next_double(generator))
-                height = -math.log1p(-next_double(generator))
+                beyond = -_INVERSE_EDGE * log1p(-next_double(generator))
+                height = -log1p(-next_double(generator))
                 if height + height > beyond * beyond:
                     return -(NORMAL_EDGE + beyond) if steps >> _8 & _1 else NORMAL_EDGE + beyond
         height = (_HEIGHT[layer - 1] - _HEIGHT[layer]) * next_double(generator) + _HEIGHT[layer]
-        if height < math.exp(-0.5 * number * number):
+        if height < exp(-0.5 * number * number):
             return number
         word = next_uint64(generator)
 
@@ -370,3 +372,10 @@ def standard_normal(generator: WordArray) -> float:
         return _normal_of(word, generator)
     number: float = steps * _WIDTH[layer]
     return -number if word >> _8 & _1 else number
+
+
+@jit_no_alloc
+def fill_normals(numbers: FloatArray, generator: WordArray) -> None:
+    """Write normal numbers, (n,), of mean 0 and deviation 1."""
+    for number in range(len(numbers)):
+        numbers[number] = standard_normal(generator)

@@ -2,7 +2,8 @@
 
 numba alone compares only the file of the function that it caches: an edit of a helper in another file goes unnoticed.
 Here each set of sources has a cache folder of its own, named after their contents. Folders that have not been used for
-a month are removed.
+a month are removed. numba is loaded when the first function is compiled or called: who only reads users' files, which
+import kernels, needs no numba.
 """
 
 import hashlib
@@ -12,16 +13,12 @@ import shutil
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
 
-from numba import __version__ as numba_version
-from numba import config, njit, types
-
 from epuck_sim.util.cache_folder import cache_root, remove_unused
-from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel, function_address, is_recursive
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -31,20 +28,19 @@ PACKAGE = Path(__file__).parents[1]
 SHARED = ("util", "control")
 """Rooms on whose kernels and values those of all others may depend, beside the files of the package's root."""
 
-VALUE_FILES = ("epuck.py", "util/native.py", "control/interface.py", "embodied/swarm.py")
-"""Files without kernels on whose constants, types or ways of compiling compiled code depends."""
+VALUE_FILES = ("elementary.py", "epuck.py", "util/native.py", "control/interface.py", "embodied/swarm.py")
+"""Files without kernels on whose functions, constants, types or ways of compiling compiled code depends."""
 
-BLOCK = types.Array(types.uint8, 1, "C")
-"""numba's type of a block of memory that holds a swarm."""
-
-ADDRESSES = types.Array(types.int64, 1, "C")
-"""numba's type of the addresses, in this process, of what a swarm calls."""
+WITHOUT_ALLOCATION = {"_nrt": False}
+"""Option of numba's `njit` with which a function that allocates an array is refused, and nothing counts references."""
 
 _redirecting = threading.Lock()
 
 
 def digest(contents: Iterable[bytes]) -> str:
     """Return 16 hexadecimal digits that stand for `contents` and for the version of numba."""
+    from numba import __version__ as numba_version
+
     name = hashlib.sha256(numba_version.encode())
     for content in contents:
         name.update(hashlib.sha256(content).digest())
@@ -115,6 +111,10 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
         careful: Whether a division by 0 and an index out of bounds raise, as in Python; else they are undefined.
         options: Further options of numba's `njit`.
     """
+    from numba import config, njit
+
+    from epuck_sim.util.native import seal_cache
+
     with _redirecting:  # numba reads the folder once, when a function is decorated
         settings = vars(config)
         before = settings["CACHE_DIR"]
@@ -124,21 +124,52 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
             compiler: Any = njit  # its types lack some of its options
             choices = {"cache": True, "error_model": division, "boundscheck": careful, "no_cfunc_wrapper": True}
             compiled = compiler(**choices, **options)(function)
+            seal_cache(compiled)
             return cast(Function, compiled)
         finally:
             settings["CACHE_DIR"] = before
 
 
-def _kernel(function: Function, **options: object) -> Function:
-    """Return a kernel of this package; the functions that it calls must be kernels, too."""
-    room = function.__module__.removeprefix("epuck_sim.").partition(".")[0]
-    for_python: Any = compile_cached(function, kernel_digest(room), careful=False, nogil=True, **options)
-    return cast(Function, Kernel(function, for_python, error_model="numpy", **options))
+class Kernel:
+    """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
+
+    def __init__(self, function: Any, **options: object) -> None:
+        """Prepare to compile a function, when it is first called.
+
+        Args:
+            function: The function.
+            options: Those of numba's `njit`.
+        """
+        self.function = function
+        self.__doc__ = function.__doc__
+        self._options = options
+
+    @cached_property
+    def for_python(self) -> Any:
+        """The function as Python calls it."""
+        room = self.function.__module__.removeprefix("epuck_sim.").partition(".")[0]
+        return compile_cached(self.function, kernel_digest(room), careful=False, nogil=True, **self._options)
+
+    @cached_property
+    def part(self) -> Any:
+        """The function as a part of others."""
+        from epuck_sim.util.native import compile_part
+
+        return compile_part(self.function, error_model="numpy", **self._options)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes it for when compiled code refers to it."""
+        return self.part._numba_type_
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function from Python."""
+        return self.for_python(*arguments)
 
 
 def jit(function: Function) -> Function:
     """Return a kernel that may allocate arrays."""
-    return _kernel(function)
+    return cast(Function, Kernel(function))
 
 
 def jit_no_alloc(function: Function) -> Function:
@@ -146,12 +177,12 @@ def jit_no_alloc(function: Function) -> Function:
 
     Without allocations there is no reference counting, which takes longer than the work of small kernels.
     """
-    return _kernel(function, **WITHOUT_ALLOCATION)
+    return cast(Function, Kernel(function, **WITHOUT_ALLOCATION))
 
 
 def jit_inline(function: Function) -> Function:
     """Return a kernel as `jit_no_alloc` does, which is inlined wherever it is called: passing arrays takes time."""
-    return _kernel(function, **WITHOUT_ALLOCATION, forceinline=True)
+    return cast(Function, Kernel(function, **WITHOUT_ALLOCATION, forceinline=True))
 
 
 def compile_call(function: Any, contents_digest: str) -> Any:
@@ -159,8 +190,10 @@ def compile_call(function: Any, contents_digest: str) -> Any:
 
     A division by 0 and an index out of bounds raise, as in Python. See `native.call` and `native.function_address`.
     """
+    from epuck_sim.util.native import ADDRESSES, BLOCK, INTP, is_recursive
+
     compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
-    compiled.compile((BLOCK, ADDRESSES, types.intp))
+    compiled.compile((BLOCK, ADDRESSES, INTP))
     if is_recursive(compiled):  # numba would end the process that takes it from the cache
         shutil.rmtree(_open_cache(contents_digest), ignore_errors=True)
     return compiled
@@ -172,6 +205,8 @@ def compile_kernel(kernel: Any, *further: Any) -> Any:
     Returns:
         The compiled function.
     """
+    from epuck_sim.util.native import ADDRESSES, BLOCK
+
     compiled = kernel.for_python
     if not compiled.overloads:
         compiled.compile((BLOCK, ADDRESSES, *further))
@@ -186,4 +221,6 @@ def address_of(kernel: Any, *further: Any) -> int:
         kernel: The kernel.
         further: Types of its further arguments; one whole number if none are given.
     """
-    return function_address(compile_kernel(kernel, *(further or (types.intp,))))
+    from epuck_sim.util.native import INTP, function_address
+
+    return function_address(compile_kernel(kernel, *(further or (INTP,))))

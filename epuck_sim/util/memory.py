@@ -1,9 +1,10 @@
 """How much memory a process may still take here, so that what needs more is refused before it takes any."""
 
-import os
-import resource
+import mmap
 from collections.abc import Iterator
 from pathlib import Path
+
+from epuck_sim.util.system import address_space
 
 NEGLIGIBLE_BYTES = 64_000_000
 """What needs less is not compared with what there is: to look it up costs as much as the start of a small trial."""
@@ -41,19 +42,20 @@ def available_bytes() -> int:
 
 
 def _of_machine() -> int:
-    """Return what is available on this machine; all that it has, where the system does not say."""
+    """Return what is available on this machine."""
     for line in _read("/proc/meminfo").splitlines():
         if line.startswith("MemAvailable:"):
             return int(line.split()[1]) * 1024
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    import psutil  # noqa: PLC0415 - which Linux does not need
+
+    return int(psutil.virtual_memory().available)
 
 
 def _of_limits() -> Iterator[int]:
     """Yield what `ulimit -v` leaves."""
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    pages = _read("/proc/self/statm").split()
-    if limit != resource.RLIM_INFINITY and pages:
-        yield limit - int(pages[0]) * resource.getpagesize()
+    limit, pages = address_space(), _read("/proc/self/statm").split()
+    if limit is not None and pages:
+        yield limit - int(pages[0]) * mmap.PAGESIZE
 
 
 def _of_cgroups(root: Path, groups: str) -> Iterator[int]:

@@ -46,6 +46,15 @@ def comma_list(names: Mapping[str, object] | list[str]) -> str:
     return ", ".join(names) or "none"
 
 
+def counted(number: int, what: str) -> str:
+    """Return a number of things, in the plural unless it is one.
+
+    >>> counted(1, "point"), counted(2, "point")
+    ('1 point', '2 points')
+    """
+    return f"{number} {what}" + ("" if number == 1 else "s")
+
+
 def short_repr(value: object) -> str:
     """Return the repr of a value, cut to 60 characters."""
     text = repr(value)

@@ -8,9 +8,16 @@ Functions are called by addresses, which the caller takes from an array: code th
 compiled once, and kept on disk, whatever it calls.
 """
 
-from collections.abc import Callable
+import hashlib
+import io
+import math
+import pickle
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
-from types import CodeType
+from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any
 
 import numba
@@ -24,9 +31,12 @@ try:
     from llvmlite import ir
     from numba import _dynfunc  # type: ignore[attr-defined]
     from numba.core import cgutils, event
+    from numba.core.caching import IndexDataCacheFile
     from numba.core.codegen import JITCodeLibrary
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
+    from numba.core.compiler_lock import global_compiler_lock
     from numba.core.compiler_machinery import register_pass
+    from numba.core.imputils import lower_cast
     from numba.core.typed_passes import NativeLowering
     from numba.np.arrayobj import populate_array
 except ImportError as error:
@@ -34,12 +44,32 @@ except ImportError as error:
         f"numba {numba.__version__}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
     ) from error
 
-WITHOUT_ALLOCATION = {"_nrt": False}
-"""Option of numba's `njit` with which a function that allocates an array is refused, and nothing counts references."""
+BLOCK = types.Array(types.uint8, 1, "C")
+"""numba's type of a block of memory that holds a swarm."""
 
+INTP = types.intp
+"""numba's type of a whole number."""
+
+ADDRESSES = types.Array(types.int64, 1, "C")
+"""numba's type of the addresses, in this process, of what a swarm calls."""
 
 WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of numba's `njit` for functions that compiled code alone calls, which compile in two thirds of the time."""
+
+
+@lower_cast(types.float64, types.int64)  # type: ignore[untyped-decorator]
+def _to_whole_number(context: Any, builder: Any, _from: Any, to: Any, value: Any) -> Any:
+    """Make a whole number of a float: as Python does in users' code, whose bounds are checked, so without NaN."""
+    if context.enable_boundscheck:
+        limits = [ir.Constant(value.type, limit) for limit in (math.inf, -math.inf)]
+        is_infinite = [builder.fcmp_ordered("==", value, limit) for limit in limits]
+        for is_wrong, error, what in (
+            (builder.fcmp_unordered("uno", value, value), ValueError, "NaN"),
+            (builder.or_(*is_infinite), OverflowError, "infinity"),
+        ):
+            with builder.if_then(is_wrong, likely=False):
+                context.call_conv.return_user_exc(builder, error, (f"cannot convert float {what} to integer",))
+    return builder.fptosi(value, context.get_value_type(to))
 
 
 class _PartLibrary(JITCodeLibrary):
@@ -83,31 +113,71 @@ class _PartCompiler(CompilerBase):
         return [manager]
 
 
-class Kernel:
-    """A function that Python and compiled code can call."""
+def compile_part(function: Any, **options: object) -> Any:
+    """Return a function that is compiled as part of others.
 
-    def __init__(self, function: Any, for_python: Callable[..., Any], **options: object) -> None:
-        """Prepare to compile a function.
+    Args:
+        function: The function.
+        options: Those of numba's `njit`.
+    """
+    compiler: Any = njit
+    return compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
 
-        Args:
-            function: The function.
-            for_python: The function as Python calls it: compiled when it is first called.
-            options: Those of numba's `njit`.
-        """
-        self.function = function
-        self.__doc__ = function.__doc__
-        self.for_python = for_python
-        compiler: Any = njit
-        self._part = compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
 
-    @property
-    def _numba_type_(self) -> Any:
-        """What numba takes it for when compiled code refers to it."""
-        return types.Dispatcher(self._part)
+_Files: Any = IndexDataCacheFile
 
-    def __call__(self, *arguments: Any) -> Any:
-        """Call the function from Python."""
-        return self.for_python(*arguments)
+
+class _SealedFiles(_Files):  # type: ignore[misc]
+    """numba's files of compiled code, each with the digest of its contents at its end.
+
+    A file whose contents have changed is as good as none: what it held is compiled anew, and written again. numba alone
+    would unpickle and run whatever it finds.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep compiled code, or warn, once a folder, that it cannot be kept."""
+        try:
+            super().save(key, data)
+        except OSError as error:
+            folder = Path(self._cache_path).parents[1]
+            message = f"{folder}: compiled code cannot be kept here, every command compiles it anew: {error.strerror}"
+            warnings.warn(f"{message}; make room, or name another folder in NUMBA_CACHE_DIR", stacklevel=1)
+
+    def _load_index(self) -> Any:
+        return {} if _unsealed(self._index_path) is None else super()._load_index()
+
+    def _load_data(self, name: str) -> Any:
+        contents = _unsealed(path := self._data_path(name))
+        if contents is None:
+            raise FileNotFoundError(path)
+        return pickle.loads(contents)
+
+    @contextmanager
+    def _open_for_write(self, path: str) -> Iterator[io.BytesIO]:
+        with super()._open_for_write(path) as file:
+            contents = io.BytesIO()
+            yield contents
+            file.write(seal(contents.getvalue()))
+
+
+def seal(contents: bytes) -> bytes:
+    """Return the contents with their digest behind them."""
+    return contents + hashlib.sha256(contents).digest()
+
+
+def _unsealed(path: str) -> bytes | None:
+    """Return the contents of a file that holds what `seal` returned; None where it does not, or is not there."""
+    try:
+        sealed = Path(path).read_bytes()
+    except OSError:
+        return None
+    contents = sealed[:-32]
+    return contents if contents and seal(contents) == sealed else None
+
+
+def seal_cache(compiled: Any) -> None:
+    """Have what numba keeps on disk of a function checked before it is used."""
+    compiled._cache._cache_file.__class__ = _SealedFiles
 
 
 class _Compilations(event.Listener):
@@ -129,8 +199,9 @@ class _Compilations(event.Listener):
             return
         self.planned.add(function.__code__)
         for name in function.__code__.co_names:
-            if isinstance(part := function.__globals__.get(name), Kernel):
-                self._plan(part.function)
+            kernel = function.__globals__.get(name)
+            if isinstance(part := getattr(kernel, "function", None), FunctionType):
+                self._plan(part)
 
 
 _compilations = _Compilations()
@@ -154,6 +225,26 @@ def is_recursive(function: Any) -> bool:
     (result,) = function.overloads.values()
     module = result.library._get_module_for_linking()
     return any(each.name.startswith(".numba.unresolved$") for each in module.global_variables)
+
+
+def stay_portable() -> None:
+    """Leave out, from now on, all that makes code depend on this machine: for processes that compile for another one.
+
+    Nothing that such a process compiles may be kept on disk.
+    """
+    for name in ("_optimize_functions", "_optimize_final_module"):
+        setattr(JITCodeLibrary, name, lambda *_: None)
+
+
+def portable_module(part: Any, *arguments: Any) -> tuple[str, str]:
+    """Return what `compile_part` returns, and all that it calls, as text of LLVM, and its name there.
+
+    The process is to `stay_portable`.
+    """
+    part.compile(arguments)
+    result = part.overloads[arguments]
+    with global_compiler_lock:
+        return str(result.library._get_module_for_linking()), str(result.fndesc.llvm_func_name)
 
 
 _intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments

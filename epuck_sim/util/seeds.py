@@ -44,7 +44,7 @@ def _derived(master: int, spawn_key: tuple[int, ...]) -> int:
     return int(word) >> (64 - SEED_BITS)
 
 
-def robot_streams(sequence: np.random.SeedSequence, robots: int) -> StreamArray:
+def robot_streams(sequence: "np.random.SeedSequence", robots: int) -> StreamArray:
     """Return (robots, 4) the initial state of one stream for each robot.
 
     A larger number of robots leaves the streams of the first ones unchanged.

@@ -11,7 +11,7 @@ from epuck_sim.trial.model import run_trial, simulate
 
 pytestmark = pytest.mark.benchmark
 
-ROBOTS = {10: (60, 10), 100: (221, 4), 1000: (700, 1)}
+ROBOTS = {10: (60, 10), 100: (221, 4), 1000: (700, 2)}
 """Robots: side of their arena in cm, cycles of a trial."""
 
 AGENTS = {20: 300, 1000: 5}

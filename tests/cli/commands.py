@@ -1,5 +1,7 @@
 """The command, called in this process."""
 
+import re
+from itertools import takewhile
 from pathlib import Path
 
 from typer.testing import CliRunner
@@ -7,13 +9,13 @@ from typer.testing import CliRunner
 from epuck_sim.cli.app import app
 
 
-def call(*arguments: str | Path):
-    return CliRunner().invoke(app, [*map(str, arguments)])
+def call(*arguments: str | Path, env: dict[str, str] | None = None):
+    return CliRunner().invoke(app, [*map(str, arguments)], env=env)
 
 
-def called(*arguments: str | Path) -> str:
+def called(*arguments: str | Path, env: dict[str, str] | None = None) -> str:
     """Return what a command prints that ends well and has nothing to complain of."""
-    result = call(*arguments)
+    result = call(*arguments, env=env)
     assert (result.exit_code, result.stderr) == (0, ""), result.exception
     return result.stdout
 
@@ -26,6 +28,21 @@ def refused(*arguments: str | Path) -> str:
     assert result.stderr.startswith("error: ")
     assert result.stderr.count("\n") == 1
     return result.stderr
+
+
+def cells(stdout: str) -> list[list[str]]:
+    """Return the cells of all rows of all tables."""
+    lines, found = stdout.splitlines(), []
+    for number, line in enumerate(lines):
+        if re.fullmatch(r"-+(  -+)*", line):
+            spans = [match.span() for match in re.finditer("-+", line)]
+            gaps = [end for _, end in spans[:-1]]
+            rows = takewhile(lambda row: row.strip(), lines[number + 1 :])
+            for row in rows:
+                if not all(row[gap : gap + 2].isspace() for gap in gaps):  # a note below the table
+                    break
+                found.append([row[start:end].strip() for start, end in spans])
+    return found
 
 
 def contents(folder: Path) -> dict[str, bytes | None]:

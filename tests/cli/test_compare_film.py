@@ -86,7 +86,7 @@ def test_a_film_without_a_description_has_the_floor_of_the_scenario(film, tmp_pa
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("FILM thesis --fit lab.txt", "--fit is lab.txt; allowed: a name in .yaml"),
+        ("FILM thesis --fit lab.txt", "--fit is lab.txt; allowed: a name that ends in .yaml or .yml"),
         ("FILM nowhere", "nowhere"),
         ("FILM particles", "model is 'particles'; films are of robots"),
         ("FILM thesis --fit gone/lab.yaml", "gone/lab.yaml: cannot be written"),
@@ -94,7 +94,7 @@ def test_a_film_without_a_description_has_the_floor_of_the_scenario(film, tmp_pa
         ("FILM thesis --plot gone/x.png", "gone/x.png: cannot be written"),
         (
             "FILM two.yaml --fit two.yaml",
-            "--fit writes two.yaml; allowed: another name, because",
+            "--fit is two.yaml; allowed: another name, because",
         ),
         ("FILM two.yaml --fit lab.yaml", "has 2 groups of robots; allowed: one"),
         ("FILM thesis --tags 1X1_5", "--tags is 1X1_5; allowed: a dictionary"),

@@ -91,25 +91,6 @@ def test_a_shipped_controller_can_be_given_and_set_comes_after_it():
     assert scenario.description.endswith("; with controller=constant; with robots.0.parameters.left_cm_s=2")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (
-            ["thesis", "--controller", "nowhere.py"],
-            "thesis.yaml: --controller nowhere.py: no controller file 'nowhere.py'",
-        ),
-        (["thesis", "--controller", "fierfly"], "did you mean 'firefly'?"),
-        (["particles", "--controller", "firefly"], "model is particles; controllers run on robots"),
-        (
-            ["thesis", "--controller", "firefly", "--sweep", "robots.0.controller=oscillator", "--out", "run"],
-            "--controller firefly: robots.0.controller is an axis of the sweep",
-        ),
-    ],
-)
-def test_a_controller_that_cannot_run_there_is_refused(arguments, said):
-    assert said in refused("run", *arguments)
-
-
 # --- sweeps of controllers ----------------------------------------------------------------------------
 
 

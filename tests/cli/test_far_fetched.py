@@ -67,10 +67,20 @@ def test_whatever_a_file_raises_when_it_is_loaded_is_named(tmp_path, line: str) 
     assert f"{tmp_path}/mine.py:17: cannot be loaded: " in refused("check", path)
 
 
-def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path) -> None:
-    command = [*COMMAND, "run", scene(tmp_path, "sys.stdout.close()"), "--interpret"]
+@pytest.mark.parametrize("line", ["sys.stdout.close()", "sys.stdout = None"])
+def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path, line: str) -> None:
+    command = [*COMMAND, "run", scene(tmp_path, line), "--interpret"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (2, "error: the output cannot be written: it was closed\n")
+
+
+def test_more_workers_than_the_system_allows_files_are_refused_at_once(tmp_path) -> None:
+    command = [*COMMAND, "run", "thesis", "--trials", "99", "--workers", "64", "--out", str(tmp_path / "run")]
+    limited = ["bash", "-c", 'ulimit -n 64; exec "$@"', "bash", *command]
+    done = subprocess.run(limited, capture_output=True, text=True, check=False)
+    said = "error: 64 workers need 152 open files; allowed: 64, enough for 20 workers; ulimit -n raises it\n"
+    assert done.returncode == 2
+    assert done.stderr.endswith(said)
 
 
 def test_a_message_that_is_no_unicode_costs_a_sweep_its_own_trial_alone(tmp_path) -> None:

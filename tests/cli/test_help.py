@@ -5,7 +5,6 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from epuck_sim import __main__
 from epuck_sim.cli.app import app
 from epuck_sim.cli.listing import list_measures
 from tests.cli.commands import called
@@ -16,12 +15,23 @@ def test_h_is_short_for_help(words: tuple[str, ...]) -> None:
     assert called(*words, "-h") == called(*words, "--help")
 
 
-def test_the_options_of_run_stand_in_groups() -> None:
-    told = called("run", "--help")
-    headings = ["Scenario", "Output", "Live view", "Controllers", "Sweeps"]
-    places = [told.index(f" {heading} ─") for heading in headings]
+@pytest.mark.parametrize("command", ["run", "summarize", "plot"])
+def test_help_of_the_first_commands_fits_a_screen_and_the_rest_is_below_a_fold(command: str) -> None:
+    told = called(command, "--help", env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"})
+    assert len(told.splitlines()) <= 40
+    assert max(map(len, told.splitlines())) <= 80
+    assert "…" not in told
+
+
+def test_help_all_shows_every_option_in_groups_and_shells_complete_them() -> None:
+    short, told = called("run", "--help"), called("run", "--help-all")
+    places = [told.index(f" {heading} ─") for heading in ("Scenario", "Output", "More output", "Sweeps")]
     assert places == sorted(places)
-    assert told.index("--seed") < places[1] < told.index("--trace") < places[2] < told.index("--port")
+    assert told.index("--seed") < places[1] < told.index("--record") < places[2] < told.index("--trace") < places[3]
+    assert "--trace" not in short
+    assert called("run", "--help") == short
+    environment = {"_EPUCK_SIM_COMPLETE": "complete_bash", "COMP_WORDS": "epuck-sim run --work", "COMP_CWORD": "2"}
+    assert CliRunner().invoke(app, [], prog_name="epuck-sim", env=environment).stdout.split() == ["--workers"]
 
 
 def test_the_options_of_track_stand_in_groups() -> None:
@@ -30,10 +40,6 @@ def test_the_options_of_track_stand_in_groups() -> None:
     assert places == sorted(places)
     for option, before in (("--camera", 1), ("--end-s", 1), ("--lens", 2), ("--threshold-ms", 3), ("--json", 4)):
         assert ([*places, len(told)][before - 1]) < told.index(option) < ([*places, len(told)][before])
-
-
-def test_no_example_in_the_help_of_run_is_cut_off() -> None:
-    assert "…" not in called("run", "--help")
 
 
 def test_lists_are_also_json() -> None:
@@ -60,9 +66,3 @@ def test_shells_complete_names(typed: str, completed: list[str]) -> None:
     environment = {"_EPUCK_SIM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(words - 1)}
     result = CliRunner().invoke(app, [], prog_name="epuck-sim", env=environment)
     assert result.stdout.split() == completed
-
-
-def test_windows_gets_a_word_at_once(monkeypatch) -> None:
-    monkeypatch.setattr(__main__.sys, "platform", "win32")
-    with pytest.raises(SystemExit, match=r"^error: epuck-sim does not run on Windows itself; .*Linux"):
-        __main__.main()

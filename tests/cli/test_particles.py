@@ -11,13 +11,14 @@ import pytest
 from matplotlib import image
 
 from epuck_sim.cli import progress
+from epuck_sim.estimate import significant
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import read_outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.trial.model import run_trial
-from tests.cli.commands import call, refused
+from tests.cli.commands import call, cells, refused
 from tests.processes import start, wait_until
 from tests.runs.made_folders import rows
 from tests.sweep.short_sweeps import table
@@ -103,11 +104,12 @@ def until_synchrony(tmp_path_factory) -> Path:
 
 def test_the_table_shows_each_trial() -> None:
     stdout = called("run", "particles", "--trials", 2)
-    lines = [[cell.strip() for cell in line.split("│")[1:-1]] for line in stdout.splitlines() if line.startswith("│")]
+    lines = cells(stdout)
     expected = run_trial(ParticleSimulation("particles", 0))
     assert stdout.startswith("particles")
     assert len(lines) == 2
-    assert lines[0][:5] == ["0", str(expected.t_sync_cycles), "no", "1.000", f"{expected.simulated_s:.1f}"]
+    assert "censored no; order parameter 1\n" in stdout
+    assert lines[0][:3] == ["0", str(expected.t_sync_cycles), significant(expected.simulated_s)]
 
 
 def test_json_holds_what_the_library_gives() -> None:
@@ -145,7 +147,8 @@ def test_a_trial_in_which_the_reference_never_fires_has_no_order_parameter() -> 
     options = [word for setting in settings for word in ("--set", setting)]
     (row,) = trials("particles", "--seed", seed, *options)
     assert (row["order_parameter"], row["cycles"], row["censored"]) == (None, 0, True)
-    assert "│ yes, at 0 │          - │" in called("run", "particles", "--seed", seed, *options)
+    ((_, t_sync, censored, order, *_),) = cells(called("run", "particles", "--seed", seed, *options))
+    assert (t_sync, censored, order) == ("-", "yes, at 0", "-")
 
 
 def test_progress_is_a_line_now_and_then(monkeypatch) -> None:
@@ -305,7 +308,7 @@ def test_export_has_a_column_for_each_axis_with_lists_as_json_and_null_as_nothin
 
 
 def test_summarize_has_a_row_for_each_point(folder) -> None:
-    shown = [line for line in called("summarize", folder).splitlines() if line.startswith("│")]
+    shown = cells(called("summarize", folder))
     assert len(shown) == 12
     summaries = [json.loads(line) for line in called("summarize", folder, "--json").splitlines()]
     found = summaries[0] if len(summaries) == 1 else summaries
@@ -395,7 +398,7 @@ def test_what_cannot_be_drawn_is_refused(folder, options, message: str) -> None:
 
 def test_fit_tells_that_there_are_too_few_speeds(folder) -> None:
     stdout = called("fit", folder)
-    assert "not looked for on 6 of 6 curves: 2 speeds; a minimum and a peak take 6." in stdout
+    assert "Not looked for on 6 of 6 curves: 2 speeds; a minimum and a peak take 6." in stdout
     assert "No laws: no curve has a local minimum and a peak." in stdout
     fitted = json.loads(called("fit", folder, "--json"))
     assert [curve["axes"][RADIUS] for curve in fitted["curves"]] == [None, 50] * 3

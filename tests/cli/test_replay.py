@@ -36,6 +36,7 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util import ports
 from tests.cli.commands import call, called, contents, refused
+from tests.cli.commands import cells as table_cells
 from tests.processes import COMMAND, start, wait_until
 from tests.runs.made_folders import edit
 
@@ -68,8 +69,7 @@ def trials(stdout: str) -> list[dict[str, Any]]:
 
 def cells(stdout: str) -> list[list[str]]:
     """Return the rows of a command's table, without the time they took."""
-    lines = [line.split("│")[1:-1] for line in stdout.splitlines() if line.startswith("│")]
-    return [[cell.strip() for cell in line[:-2]] for line in lines]
+    return [row[:-2] for row in table_cells(stdout)]
 
 
 def entities(path: Path) -> set[str]:
@@ -508,25 +508,12 @@ def test_memory_is_recorded_by_name(monkeypatch, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("run pair --record gone/t.rrd", "gone/t.rrd: cannot be written: there is no directory gone"),
         ("run pair --record short.yaml/t.rrd", "cannot be written: there is no directory short.yaml"),
-        ("run pair --record t.txt", "t.txt: a recording's name must end in .rrd"),
-        ("run pair --record t", "t: a recording's name must end in .rrd"),
-        ("run pair --record .", "cannot be written: is a directory"),
         ("run pair --record folder.rrd", "folder.rrd: cannot be written: is a directory"),
         ("run pair --record pipe.rrd", "pipe.rrd: cannot be written: is not a regular file"),
         (f"run pair --record {'x' * 300}.rrd", "File name too long"),
         (f"run pair --record {'x' * 248}.rrd", "File name too long"),
         ("run pair --trials 2 --record several.rrd", "several-1.rrd: cannot be written: is a directory"),
-        ("run pair --trace t.parquet --record t.txt", "must end in .rrd"),
-        ("run pair --trace gone/t.parquet --record t.rrd", "there is no directory gone"),
-        ("run pair --trace same.rrd --record same.rrd", "--trace and --record name the same file"),
-        ("run pair --trace same.mp4 --film same.mp4", "--trace and --film name the same file"),
-        ("run pair --memory phase_ms", "--memory is for --trace, --record and --live"),
-        ("run pair --record t.rrd --relations", "--relations is for --trace"),
-        ("run pair --record-level poses", "--record-level is for --record and --live"),
-        ("run pair --speed 2", "--speed and --web are for --live"),
-        ("run pair --record t.rrd --web", "--speed and --web are for --live"),
         ("run pair --live --port 1234", "--port is for --web"),
         ("run pair --live", "there is no display here; give --web to look in a browser, or --record FILE.rrd"),
         ("run pair --live --record t.rrd", "there is no display here"),
@@ -537,7 +524,6 @@ def test_memory_is_recorded_by_name(monkeypatch, tmp_path) -> None:
         ("run RUN --point 0 --record t.rrd", "--point and --trial go together"),
         ("run RUN --point 3 --trial 0 --record t.rrd", "--point is 3; allowed: 0 to 2"),
         ("run RUN --point 0 --trial 3 --record t.rrd", "--trial is 3; allowed: 0 to 2"),
-        ("replay gone.rrd", "gone.rrd: there is no such file"),
         ("replay folder.rrd", "--point and --trial go together, and with a run folder"),
         ("replay pipe.rrd", "pipe.rrd: is not a file"),
         ("replay PAIR", f"pair.rrd: there is no display here; {UNSEEN}, or --screenshot FILE.png"),
@@ -566,7 +552,6 @@ def test_memory_is_recorded_by_name(monkeypatch, tmp_path) -> None:
         ("replay RUN --point 0 --trial 0 --record gone/t.rrd", "there is no directory gone"),
         ("replay RUN --point 0 --trial 0 --at 1", "--at is for --screenshot"),
         ("replay RUN --point 0 --trial 0 --screenshot gone/p.png", "there is no directory gone"),
-        ("replay gone --point 0 --trial 0", "run folder"),
         ("replay folder.rrd --point 0 --trial 0", "folder.rrd: is no"),
         ("replay without --point 0 --trial 0", f"without: is not a run folder: there is no {DATABASE} in it"),
         ("replay foreign --point 0 --trial 0", "is not a database of epuck-sim"),
@@ -698,7 +683,7 @@ def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path,
     os.killpg(process.pid, signalled)  # as a terminal does: rerun's programs hear it, too
     stdout, stderr = process.communicate(timeout=60)
     assert (process.returncode, stderr) == (130, "interrupted\n")
-    finished = stdout.count("500.0 │")
+    finished = len(table_cells(stdout))
     assert finished >= 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.yaml", *(f"t-{n}.rrd" for n in range(finished))]
     assert len(read_recording(tmp_path / "t-0.rrd").time_s) == 5_000

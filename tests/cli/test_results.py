@@ -17,11 +17,13 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
+from epuck_sim.estimate import Estimate, significant
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
 from epuck_sim.statistics.curves import read_curves
+from tests.cli.commands import cells
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -392,7 +394,7 @@ def test_fit_of_several_folders_prints_them_all(made, tmp_path) -> None:
     assert read["laws"]["curves"] == 3
     stdout = called("fit", made, other)
     assert "Scaling laws of 3 curves" in stdout
-    assert "ε = 0.1" in stdout
+    assert "coupling" in stdout
 
 
 def test_a_folder_without_a_speed_axis_is_refused_by_fit(made, tmp_path) -> None:
@@ -593,7 +595,7 @@ def few(request, tmp_path_factory) -> Path:
 
 def test_with_few_trials_fit_prints_no_p_value_and_says_what_would_be_enough(few) -> None:
     stdout = called("fit", few)
-    assert "not looked for on 1 of 1 curves: fewer than 20 trials at 13 of 13 speeds" in stdout
+    assert "Not looked for on 1 of 1 curves: fewer than 20 trials at 13 of 13 speeds" in stdout
     assert "--trials 20 is the least" in stdout
     (curve,) = json.loads(called("fit", few, "--json"))["curves"]
     assert [curve[name] for name in ("p_value", "v_m", "t_m", "v_p", "t_p")] == [None] * 5
@@ -653,24 +655,21 @@ def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> Non
     stdout = called("compare", *two)
     found = json.loads(called("compare", *two, "--json"))
     assert (found["a"], found["b"]) == (str(two[0]), str(two[1]))
-    lines = [line for line in stdout.splitlines() if line.startswith("│")]
-    assert len(lines) == len(found["points"]) == 4
-    for line, point in zip(lines, found["points"], strict=True):
-        cells = [cell.strip() for cell in line.split("│")[1:-1]]
-        assert cells[:2] == [str(point["axes"][COUNT]), str(point["axes"][SPEED])]
-        assert cells[2:4] == ["60, 60", "0%, 0%"]
-        assert cells[-2:] == [f"{point['p_value']:.4f}", f"{point['p_holm']:.4f}"]
-        assert cells[6].startswith(f"{point['difference']['value']:.4g} (")
-    low, high = found["ratio"]["low"], found["ratio"]["high"]
-    assert low < 1.5 < high
-    assert f"({low:.3g} to {high:.3g}), the geometric mean of 4 points; p = 0.0002" in stdout
+    assert "trials A 60; trials B 60; censored A 0 %; censored B 0 %" in stdout
+    for row, point in zip(cells(stdout), found["points"], strict=True):
+        estimates = [str(Estimate(**point[name])) for name in ("first", "second", "difference", "ratio")]
+        p_values = [significant(point[name]) for name in ("p_value", "p_holm")]
+        assert row == [str(point["axes"][COUNT]), str(point["axes"][SPEED]), *estimates, *p_values]
+    assert found["ratio"]["low"] < 1.5 < found["ratio"]["high"]
+    assert f"B / A = {Estimate(**found['ratio'])}, the geometric mean of 4 points; p = 0.0002" in stdout
 
 
 def test_compare_of_two_values_of_an_axis_names_them(two) -> None:
     stdout = called("compare", two[0], "--axis", f"{COUNT}=5,10")
     assert f"A: {COUNT} = 5" in stdout
     assert f"B: {COUNT} = 10" in stdout
-    assert stdout.count("60, 60") == 2
+    assert "trials A 60; trials B 60" in stdout
+    assert [row[0] for row in cells(stdout)] == ["1", "2"]
 
 
 def test_compare_says_where_trials_are_too_few(few) -> None:
@@ -683,8 +682,9 @@ def test_compare_says_where_trials_are_too_few(few) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ((), "give a second run folder, or --axis KEY=A,B, and not both"),
-        (("--axis", f"{COUNT}=5"), f"--axis: {COUNT} is given 1 values; allowed: two"),
+        ((), "give two or more run folders, or one and --axis KEY=A,B"),
+        (("--axis", f"{COUNT}=5"), f"--axis: {COUNT} is given 1 values; allowed: two or more, all different"),
+        (("--axis", f"{COUNT}=5,10", "--points", "0"), "--axis is of one folder, --points of several"),
         (("--axis", COUNT), f"--axis {COUNT}: give it as key=value,value"),
         (("--axis", "speed=1,2"), "--axis: unknown 'speed'"),
         (("nowhere",), "nowhere: is not a run folder"),
@@ -700,11 +700,8 @@ def test_what_cannot_be_compared_is_refused(two, options, message: str) -> None:
 def test_plan_of_a_folder_prints_the_trials_that_show_a_difference(two) -> None:
     stdout = called("plan", two[0], "--difference", 50, "--power", 90)
     found = json.loads(called("plan", two[0], "--difference", 50, "--power", 90, "--json"))
-    lines = [line for line in stdout.splitlines() if line.startswith("│")]
-    for line, point in zip(lines, found["points"], strict=True):
-        cells = [cell.strip() for cell in line.split("│")[1:-1]]
-        assert cells[3:5] == ["60", "mean"]
-        assert cells[-1] == str(point["trials"])
+    assert "stored 60; statistic mean" in stdout
+    assert [row[-1] for row in cells(stdout)] == [str(point["trials"]) for point in found["points"]]
     assert "that show a difference of 50 % in 90 % of all cases, with p < 0.05." in stdout
     assert f"if all differ alike: {found['over_all']} at each." in stdout
     assert "4 points, 60 trials each: all are stored." in stdout
@@ -743,3 +740,12 @@ def test_plan_of_a_scenario_times_some_of_its_trials() -> None:
 )
 def test_what_cannot_be_planned_is_refused(two, folder: bool, options, message: str) -> None:
     assert message in refused("plan", two[0] if folder else "pair", *options)
+
+
+def test_a_report_is_written_beside_its_folder_unless_it_is_told_where(made, monkeypatch) -> None:
+    page = made.with_name("run.html")
+    assert called("report", made) == f"{page.resolve()}\n"
+    page.unlink()
+    monkeypatch.chdir(made)
+    assert called("report", ".") == f"{page.resolve()}\n"
+    page.unlink()

@@ -1,13 +1,12 @@
 """Claims about what `check`, and the start of a sweep, say of its size, and what is said of what takes long."""
 
 import json
-import re
 import time
 
 import pytest
 
-from epuck_sim.cli import progress
-from epuck_sim.cli.progress import word_if_slow
+from epuck_sim.cli import errors
+from epuck_sim.cli.errors import word_if_slow
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from tests.cli.commands import call, called, refused
@@ -32,12 +31,6 @@ def test_check_says_what_measures_and_large_swarms_take() -> None:
     )
 
 
-def test_check_estimates_the_time_from_trials_that_it_runs() -> None:
-    lines = called("check", *SWEEP, "--time", "0.2").splitlines()[-2:]
-    assert re.fullmatch(r"# \d+ s.* of computing, \d+ s.* with \d+ workers?", lines[0])
-    assert re.fullmatch(r"# That follows from \d trials?.*", lines[1])
-
-
 def test_a_sweep_begins_with_its_size(tmp_path) -> None:
     result = call("run", *SWEEP, "--trials", "2", "--out", tmp_path / "run", "--json", "--workers", "1")
     assert result.exit_code == 0
@@ -56,7 +49,7 @@ def test_a_sweep_that_needs_too_much_memory_is_refused_and_leaves_nothing(tmp_pa
 
 @pytest.mark.parametrize(("lasts_s", "is_said"), [(0.0, False), (0.3, True)])
 def test_what_takes_long_is_named_once(monkeypatch, capsys, lasts_s: float, is_said: bool) -> None:
-    monkeypatch.setattr(progress, "SLOW_S", 0.05)
+    monkeypatch.setattr(errors, "SLOW_S", 0.05)
     with word_if_slow("reading big.yaml"):
         time.sleep(lasts_s)
     assert capsys.readouterr().err == ("reading big.yaml takes a while; Ctrl-C ends it\n" if is_said else "")

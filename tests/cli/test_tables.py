@@ -4,6 +4,7 @@ import json
 import re
 from io import StringIO
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -14,6 +15,9 @@ from epuck_sim.cli.status_tables import MOST_FAILURES, print_failures, print_sta
 from epuck_sim.display.numbers import in_words
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.runs.status import Failure, Status, TrialsByOrigin
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.statistic import estimate
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -307,16 +311,28 @@ def test_of_more_failures_the_first_are_listed_and_the_others_counted(capsys, mo
     assert last == f"  and {more} more"
 
 
-@pytest.mark.parametrize("width", [200, 80])
-def test_a_table_of_trials_has_units_and_whole_seeds_on_any_terminal(monkeypatch, width: int) -> None:
-    written = StringIO()
-    monkeypatch.setattr(tables, "Console", lambda **_: Console(file=written, width=width))
+@pytest.mark.parametrize("width", [200, 80, None])
+def test_a_table_of_trials_has_units_and_whole_seeds_on_any_terminal(monkeypatch, capsys, width: int | None) -> None:
+    monkeypatch.setattr(tables, "terminal_width", lambda: width)
     seed = 2**53 - 1
-    tables.print_trials([TrialResult("thesis", seed, 24, False, 24, 0.964, 1050, 104.9, 0.39)])
-    shown = written.getvalue()
+    tables.print_trials([TrialResult("thesis", seed, 24, False, 24, 0.964, 1050, 104.9, 0.39)], 100)
+    shown = capsys.readouterr().out
     assert str(seed) in shown
-    assert shown.count("[s]") == 2
-    assert "[cycles]" in shown
+    assert shown.count("(s)") == 2
+    assert "(cycles)" in shown
+    assert "T_sync of" not in shown
+
+
+def test_several_trials_end_with_a_line_of_statistics(capsys) -> None:
+    results = [
+        TrialResult("thesis", n, None if n > 15 else 10 + n, n > 15, min(10 + n, 25), 0.9, 9, 9.0, 0.4)
+        for n in range(20)
+    ]
+    tables.print_trials(results, 25)
+    measured = Measured(np.minimum(10.0 + np.arange(20), 25), np.arange(20) <= 15, 25, 0)
+    mean, median = (estimate(measured, statistic) for statistic in (Statistic.MEAN, Statistic.MEDIAN))
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == f"T_sync of 20 trials: restricted mean {mean} cycles, median {median}; 20 % censored"
 
 
 @pytest.mark.parametrize("has_widgets", [True, False])

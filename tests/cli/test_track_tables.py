@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from epuck_sim.cli import progress as progress_module
-from epuck_sim.cli.parsing import parse_arena, parse_corners
+from epuck_sim.cli.films import parse_arena, parse_corners
 from epuck_sim.cli.progress import progress_bar
 from epuck_sim.cli.track_tables import print_track, print_track_json
 from epuck_sim.errors import FilmError
@@ -73,7 +73,7 @@ def test_table_has_all_results(capsys: pytest.CaptureFixture[str]) -> None:
     text = capsys.readouterr().out
     for words in (
         *("film.mp4", "240 at 29.97 per second", "from 2.0 s, for 8.0 s", "somewhere", "1 s, estimated", "100 ms"),
-        *("6 at once, 6.0 flashes per period", "32 ms ", "2.5 s, 2.5 periods", "3.4 flashes per robot"),
+        *("6 at once, 6.0 flashes per period", "32 ms\n", "2.5 s, 2.5 periods", "3.4 flashes per robot"),
     ):
         assert words in text
     assert "32 ms, estimated" not in text

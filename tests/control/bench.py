@@ -57,8 +57,8 @@ class Bench:
         room = bytes_needed(controller, robots)
         self.block = make_block({"robots": robots, "groups": 1, "pixels": robots * pixels, "bytes": room})
         self.swarm = open_block(self.block)
-        scene, members = self.swarm.scene[0], self.swarm.robots
-        scene.serving, scene.wheel_limit_cm_s, scene.wheel_base_cm = -1, *EPUCK_WHEELS
+        members, self.swarm.scene[0].serving = self.swarm.robots, -1
+        members.wheel_limit_cm_s, members.wheel_base_cm = EPUCK_WHEELS
         self.swarm.groups[0].count, self.swarm.groups[0].pixels = robots, pixels
         self.actuators, self.streams = members.actuators, members.random
         self.senses = SimpleNamespace(

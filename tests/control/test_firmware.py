@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from epuck_sim.control import firmware as compiling
-from epuck_sim.control.firmware import FLAGS, HEADERS
+from epuck_sim.control.firmware import FLAGS, HEADERS, load_firmware
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError
@@ -247,6 +247,42 @@ def test_a_library_that_is_none_or_of_something_else_is_refused(tmp_path):
     for name, said in (("empty", ""), ("text", ""), ("other", ".*e_version")):
         with pytest.raises(ControllerError, match=rf"{name}\.so: is no firmware, which includes <epuck\.h>: {said}"):
             find_controller(str(tmp_path / f"{name}.so"))
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ('#include "p30F6014A.h"\n', r":1: 'p30F6014A\.h'"),
+        ("#include <motor.h>\n\nint main(void) { return 0; }\n", ":3: 'main'"),
+        ("void start(void) {\n  e_init_motors();\n}\n", ":2: 'e_init_motors'"),
+    ],
+)
+def test_firmware_for_the_robot_itself_is_told_what_to_change(tmp_path, text, found):
+    (tmp_path / "classic.c").write_text(text)
+    said = rf"classic\.c{found}: is for the robot itself; .* #include <epuck\.h> .* void start.* void step"
+    with pytest.raises(ControllerError, match=said):
+        load_firmware(tmp_path / "classic.c")
+
+
+def test_a_library_whose_end_is_missing_is_refused_before_it_is_loaded(tmp_path):
+    (tmp_path / "mine.c").write_text(FIREFLY.read_text())
+    whole = load_firmware(tmp_path / "mine.c").library._name
+    contents = Path(whole).read_bytes()
+    for length in (10, 60, 5000, len(contents) - 1):
+        (tmp_path / "cut.so").write_bytes(contents[:length])
+        with pytest.raises(ControllerError, match=r"cut\.so: is no whole library: its end is missing"):
+            find_controller(str(tmp_path / "cut.so"))
+
+
+def test_a_library_that_was_damaged_in_the_cache_is_made_anew(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiling, "cache_root", lambda: tmp_path / "cache")
+    write_firmware(tmp_path / "mine.c")
+    (kept,) = (tmp_path / "cache" / "firmware").glob("*.so")
+    contents = kept.read_bytes()
+    kept.unlink()  # the library is in use: its file may not change
+    kept.write_bytes(contents[:5000])
+    write_firmware(tmp_path / "mine.c")
+    assert kept.read_bytes() == contents
 
 
 @pytest.mark.parametrize("compiler", ["no-such-compiler", "no-such-compiler -m32"])

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.cells import cells_needed, sort_into_cells
-from epuck_sim.embodied.layout import set_arena
+from epuck_sim.embodied.layout import set_arena, set_bodies
 from epuck_sim.embodied.sensors.camera import look, see, set_camera
 from epuck_sim.embodied.sensors.infrared import sense_infrared, set_infrared
 from epuck_sim.embodied.sensors.lit_rings import list_labelled
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block, swarm_at
 from epuck_sim.geometry import box_corners
-from epuck_sim.scenario.robot_kind import CameraMount, ProximitySection, RobotKind
+from epuck_sim.scenario.robot_kind import CameraMount, ProximitySection, RobotKind, cell_cm
 from epuck_sim.scenario.robots import CameraSection, InfraredSection
 from epuck_sim.util.jit import jit_no_alloc
 
@@ -88,6 +88,14 @@ class Scene(NamedTuple):
     """(robots,) whether each ring is on."""
     arena: Arena
     body: Body = E_PUCK
+    """The kind whose sensors they have."""
+    others_cm: FloatArray | None = None
+    """(robots,) radius of each, where that is not the kind's."""
+
+    @property
+    def radii_cm(self) -> FloatArray:
+        """(robots,) radius of each."""
+        return np.full(len(self.poses), self.body.radius_cm) if self.others_cm is None else self.others_cm
 
 
 class CameraSettings(NamedTuple):
@@ -139,10 +147,11 @@ def block_of(
 ) -> Block:
     """Return the robots of a scene, sorted into cells; those from `observer` on are the group."""
     arena, kind, robots = scene.arena, scene.body.kind(), len(scene.poses)
+    kinds = [kind.model_copy(update={"radius_cm": radius}) for radius in scene.radii_cm.tolist()]
     lengths = {
         "robots": robots,
         "groups": 1,
-        "cells": cells_needed(arena.width_cm, arena.height_cm, robots, kind.cell_cm) + 1,
+        "cells": cells_needed(arena.width_cm, arena.height_cm, robots, cell_cm(kinds)) + 1,
         "members": robots,
         "circles": len(arena.circles),
         "edges": len(arena.edges),
@@ -153,8 +162,8 @@ def block_of(
     }
     block = make_block(lengths)
     swarm = open_block(block)
-    set_arena(swarm, arena, kind.cell_cm)
-    swarm.scene[0].radius_cm = kind.radius_cm
+    set_bodies(swarm, kinds)
+    set_arena(swarm, arena, cell_cm(kinds))
     swarm.robots.x, swarm.robots.y, swarm.robots.heading = scene.poses.T
     swarm.robots.ring_on, swarm.robots.infrared_gain = scene.lit, 1.0
     group = swarm.groups[0]
@@ -216,16 +225,20 @@ def scenes(draw: st.DrawFn, robots: tuple[int, ...] = (1, 2, 3, 10, 60), bodies:
     """Robots that do not overlap, some in contact, in corners or at walls, among obstacles of every kind."""
     count = draw(st.sampled_from(robots))
     body = draw(st.sampled_from(bodies))
-    share = (body.radius_cm / RADIUS_CM) ** 2
+    is_mixed = len(bodies) > 1 and draw(st.booleans())
+    body = min(bodies, key=lambda each: each.radius_cm) if is_mixed else body  # whose sensors lie within any
+    share = (max(each.radius_cm for each in (bodies if is_mixed else [body])) / RADIUS_CM) ** 2
     floor_cm2 = share * (500.0 + count * draw(st.sampled_from([120.0, 400.0, 2000.0])))
     slenderness = draw(st.sampled_from([1.0, 2.0, 8.0, 0.125]))
     obstacles = draw(st.integers(0, 6))
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     height = math.sqrt(floor_cm2 / slenderness)
     arena = random_arena(floor_cm2 / height, height, obstacles, random)
-    poses = random_poses(arena, count, random, body.radius_cm)
+    radii = random.choice([each.radius_cm for each in bodies], count) if is_mixed else np.full(count, body.radius_cm)
+    poses = random_poses(arena, count, random, radii)
     assume(len(poses) > 0)
-    return Scene(poses, random.random(len(poses)) < random.choice([0.1, 0.5, 1.0]), arena, body)
+    lit = random.random(len(poses)) < random.choice([0.1, 0.5, 1.0])
+    return Scene(poses, lit, arena, body, radii[: len(poses)] if is_mixed else None)
 
 
 def random_arena(width: float, height: float, obstacles: int, random: np.random.Generator) -> Arena:
@@ -248,13 +261,17 @@ def random_arena(width: float, height: float, obstacles: int, random: np.random.
     return make_arena(width, height, circles, polygons)
 
 
-def random_poses(arena: Arena, count: int, random: np.random.Generator, radius_cm: float = RADIUS_CM) -> FloatArray:
-    """Return up to `count` poses, as many as find room in a few attempts each."""
-    poses = np.empty((count, 3))
+def random_poses(
+    arena: Arena, count: int, random: np.random.Generator, radii_cm: FloatArray | float = RADIUS_CM
+) -> FloatArray:
+    """Return up to `count` poses of robots of these radii, as many as find room in a few attempts each."""
+    poses, radii = np.empty((count, 3)), np.broadcast_to(radii_cm, count)
     placed = 0
     for _ in range(15 * count):
-        pose = x, y, _ = _candidate(arena, poses[:placed], random, radius_cm)
-        gaps = np.hypot(poses[:placed, 0] - x, poses[:placed, 1] - y) - 2 * radius_cm
+        radius_cm = float(radii[placed])
+        discs = np.column_stack([poses[:placed, :2], radii[:placed]])
+        pose = x, y, _ = _candidate(arena, discs, random, radius_cm)
+        gaps = np.hypot(discs[:, 0] - x, discs[:, 1] - y) - (discs[:, 2] + radius_cm)
         if (gaps >= -1e-12).all() and clearance_cm(arena, x, y) >= radius_cm - 1e-12:
             poses[placed] = pose
             placed += 1
@@ -273,7 +290,7 @@ def _candidate(
     kind = random.random()
     if kind < 0.05:
         return random.choice([low, high[0]]), random.choice([low, high[1], y]), heading
-    discs = np.vstack([np.column_stack([placed[:, :2], np.full(len(placed), radius_cm)]), arena.circles])
+    discs = np.vstack([placed, arena.circles])
     if kind < 0.2 and len(discs):
         x, y, radius = random.choice(discs)
         towards = random.uniform(-math.pi, math.pi)
@@ -331,7 +348,7 @@ def cast_on_segments(origins: FloatArray, directions: FloatArray, segments: Floa
 
 
 def _bodies(scene: Scene) -> FloatArray:
-    return np.column_stack([scene.poses[:, :2], np.full(len(scene.poses), scene.body.radius_cm)])
+    return np.column_stack([scene.poses[:, :2], scene.radii_cm])
 
 
 def _towards(angles: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.embodied.cells import cells_needed, set_cells
 from epuck_sim.embodied.swarm import make_block, open_block
-from epuck_sim.scenario.robot_kind import EPUCK
+from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from tests.embodied.scenes import Scene, block_of, scenes, sort_robots
 
 REACH_CM = math.hypot(3.35, 1.05) + 12 + 3.7
@@ -29,10 +29,10 @@ def crowds(draw):
 
 def _grid(width, height, robots):
     """Return a block of robots in an arena of this size, and its arrays."""
-    cells = cells_needed(width, height, robots, EPUCK.cell_cm)
+    cells = cells_needed(width, height, robots, cell_cm([EPUCK]))
     block = make_block({"robots": robots, "cells": cells + 1, "members": robots})
     swarm = open_block(block)
-    set_cells(swarm, width, height, EPUCK.cell_cm)
+    set_cells(swarm, width, height, cell_cm([EPUCK]))
     assert swarm.scene[0].columns * swarm.scene[0].rows == cells
     return block, swarm
 
@@ -83,7 +83,7 @@ def test_cells_share_the_floor_and_are_no_narrower_than_infrared_reaches(width, 
 
 
 def test_a_large_arena_has_about_one_cell_a_robot():
-    assert cells_needed(700.0, 700.0, 1000, EPUCK.cell_cm) == pytest.approx(1000, rel=0.1)
+    assert cells_needed(700.0, 700.0, 1000, cell_cm([EPUCK])) == pytest.approx(1000, rel=0.1)
 
 
 @given(scenes(robots=(2, 10, 60)))

@@ -37,7 +37,7 @@ def placed(*groups, width=60, height=60, obstacles=(), seed=0):
 
 def placed_as(scenario, seed):
     """Return (robots, 3) the poses at the start of the trial of a scenario with this seed."""
-    scene = make_scene(scenario.robots, scenario.robot, scenario.arena.build())
+    scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
     draw_start(scene.block, seed)
     Placement(scene.swarm, scenario).place(scene.block)
     return poses_of(scene.swarm.robots).copy()
@@ -45,14 +45,16 @@ def placed_as(scenario, seed):
 
 def placed_slowly(scenario, seed):
     """Return what `placed_as` does: with numpy's generator, and each robot compared with all before it."""
-    arena, radius = scenario.arena.build(), scenario.robot.radius_cm
+    arena, radii = scenario.arena.build(), [kind.radius_cm for kind in scenario.robot_kinds]
     random = np.random.default_rng(spawned(seed, Part.PLACEMENT))
     poses, first = {}, 0
 
-    def is_free_of_all(x, y):
-        others = np.array(list(poses.values())).reshape(-1, 3)
-        apart = (others[:, 0] - x) ** 2 + (others[:, 1] - y) ** 2 >= (2 * radius) ** 2
-        return apart.all() and clearance_cm(arena, x, y) >= radius - 1e-6
+    def is_free_of_all(x, y, radius):
+        apart = (
+            (other_x - x) ** 2 + (other_y - y) ** 2 >= (radii[other] + radius) ** 2
+            for other, (other_x, other_y, _) in poses.items()
+        )
+        return all(apart) and clearance_cm(arena, x, y) >= radius - 1e-6
 
     numbered = []
     for group in scenario.robots:
@@ -64,18 +66,18 @@ def placed_slowly(scenario, seed):
     for group, numbers in numbered:
         if group.placement == "grid":
             lines = [length / 2 + 10 * (np.arange(n) - (n - 1) / 2) for length, n in grid_sizes(arena)]
-            free = np.array([(x, y) for y in lines[1] for x in lines[0] if is_free_of_all(x, y)])
+            free = np.array([(x, y) for y in lines[1] for x in lines[0] if is_free_of_all(x, y, radii[numbers[0]])])
             chosen = random.choice(free, group.count, replace=False)
             headings = random.integers(8, size=group.count) * (2 * math.pi / 8)
             poses.update(zip(numbers, np.column_stack([chosen, headings]).tolist(), strict=True))
     for group, numbers in numbered:
         if group.placement == "random":
             for number in numbers:
-                free = False
+                free, radius = False, radii[number]
                 while not free:
                     x = radius + (arena.width_cm - 2 * radius) * random.random()
                     y = radius + (arena.height_cm - 2 * radius) * random.random()
-                    free = is_free_of_all(x, y)
+                    free = is_free_of_all(x, y, radius)
                 poses[number] = (x, y, 2 * math.pi * random.random())
     return np.array([poses[number] for number in range(first)])
 
@@ -86,13 +88,20 @@ def grid_sizes(arena):
 
 @settings(max_examples=60)
 @given(
-    st.lists(st.tuples(st.sampled_from(["random", "grid"]), st.integers(1, 8)), min_size=1, max_size=4),
+    st.lists(
+        st.tuples(st.sampled_from(["random", "grid"]), st.integers(1, 8), st.sampled_from([2.0, 3.7, 4.9])),
+        min_size=1,
+        max_size=4,
+    ),
     st.booleans(),
     st.booleans(),
     st.integers(0, 2**70),
 )
 def test_robots_are_placed_where_a_slow_twin_places_them(groups, has_obstacles, has_poses, seed):
-    robots = [{"placement": placement, "count": count} for placement, count in groups]
+    robots = [
+        {"placement": placement, "count": count, "kind": {"radius_cm": radius, "infrared": None, "wheel_base_cm": 2}}
+        for placement, count, radius in groups
+    ]
     robots += [{"poses": [[10.0, 70.0, 1.0], [20.0, 62.0, 0.0]]}] * has_poses
     arena = {"width_cm": 130, "height_cm": 90, "obstacles": OBSTACLES * has_obstacles}
     scenario = load_scenario({"arena": arena, "robots": robots})
@@ -305,8 +314,8 @@ def test_twice_the_groups_take_little_more_than_twice_the_time_to_place():
 
 def test_a_robot_that_joins_may_touch_others_as_one_that_starts_may() -> None:
     scenario = load_scenario({"robots": [{"poses": [[10.0, 10.0, 0.0]]}]})
-    scene = make_scene(scenario.robots, scenario.robot, scenario.arena.build())
+    scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
     Placement(scene.swarm, scenario)
     begin_placement(scene.block)
-    assert is_free(scene.swarm, 17.4001, 10.0)
-    assert not is_free(scene.swarm, 17.39, 10.0)
+    assert is_free(scene.swarm, 17.4001, 10.0, 3.7)
+    assert not is_free(scene.swarm, 17.39, 10.0, 3.7)

@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from epuck_sim.arena import make_arena
+from epuck_sim.embodied.observers.contacts import find_contacts
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.environments.spaces import AgentSpaces
+from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld
 
 KILOBOT = load_scenario("kilobots").robot
@@ -67,16 +72,15 @@ def test_a_kilobot_stops_with_its_body_at_the_wall_and_touches_it():
     assert step.contacts.tolist() == [[0, -1]]
 
 
-def test_a_crowd_of_kilobots_moves_as_if_all_of_them_took_every_physics_step():
+def moves_as_if_all_took_every_physics_step(arena, places, kinds, speed) -> None:
+    """Compare a crowd at random velocities with one in which every robot takes every physics step."""
     random = np.random.default_rng(3)
-    grid = np.array([(x, y) for x in range(2, 30, 4) for y in range(2, 30, 4)], float)
+    grid = np.array([(x, y) for x in places for y in places], float)
     poses = np.column_stack([grid, np.zeros(len(grid))])
-    arena = make_arena(31, 31, [], [])
-    fast = MovedWorld(arena, poses, 0.0, 100, KILOBOT)
-    slow = FullSpaceWorld(arena, poses, 0.0, 100, KILOBOT)
+    fast, slow = (world(arena, poses, 0.0, 100, kinds) for world in (MovedWorld, FullSpaceWorld))
     shares = []
     for _ in range(60):
-        speeds = random.uniform(-1, 1, (len(poses), 3))
+        speeds = random.uniform(-speed, speed, (len(poses), 3))
         for world in (fast, slow):
             world.velocities[:] = speeds
             world.advance(10)
@@ -84,6 +88,10 @@ def test_a_crowd_of_kilobots_moves_as_if_all_of_them_took_every_physics_step():
         shares.append(fast.swarm.robots.may_touch.mean())
     assert min(shares) < 1
     assert max(shares) > 0.2
+
+
+def test_a_crowd_of_kilobots_moves_as_if_all_of_them_took_every_physics_step():
+    moves_as_if_all_took_every_physics_step(make_arena(31, 31, [], []), range(2, 30, 4), [KILOBOT], 1)
 
 
 def test_random_places_are_as_near_as_the_bodies_allow():
@@ -104,6 +112,120 @@ def test_a_large_body_hides_a_ring_that_a_small_one_beside_the_line_does_not():
         return int(Simulation(scenario, 1).advance(2).camera[0, 0])
 
     assert (sees("kilobot"), sees("epuck")) == (1, 0)
+
+
+def test_a_mixed_crowd_moves_as_if_all_of_it_took_every_physics_step():
+    kinds = [RobotKind(radius_cm=5), KILOBOT, EPUCK]
+    moves_as_if_all_took_every_physics_step(make_arena(90, 90, [(45, 45, 1.0)], []), range(8, 90, 11), kinds, 4)
+
+
+# --- kinds that differ in a swarm ---------------------------------------------------------------------
+
+
+def mixed(*groups, **sections) -> Simulation:
+    """Return a simulation of robots of some kinds; groups: kind, poses, speed of both wheels, and further keys."""
+    robots = [
+        {
+            "kind": kind,
+            "poses": poses,
+            "controller": "constant",
+            "parameters": {"left_cm_s": speed, "right_cm_s": speed, "ring_on": True},
+            "signal": RADIO,
+            **further,
+        }
+        for kind, poses, speed, further in groups
+    ]
+    return Simulation({"arena": FLOOR, "noise": "off", "robots": robots, **sections}, 1)
+
+
+def test_each_robot_drives_with_its_own_wheels_and_stops_where_the_two_bodies_touch():
+    step = mixed(("epuck", [[15, 25, 0]], 12.8, {}), ("kilobot", [[40, 25, math.pi]], 12.8, {})).advance(200)
+    assert step.wheels_cm_s.tolist() == [[12.8, 12.8], [1, 1]]
+    assert step.poses[1, 0] - step.poses[0, 0] == pytest.approx(3.7 + 1.65, abs=0.17)  # both are pressed
+    assert step.contacts.tolist() == [[0, 1], [1, -1]]  # the faster one has pushed the other one to the wall
+    alone = mixed(("epuck", [[25, 25, 0]], 1, {}), ("kilobot", [[10, 10, 0]], 0, {}))
+    turned = mixed(("epuck", [[25, 25, 0]], 0, {"parameters": {"left_cm_s": -1, "right_cm_s": 1}}),
+                   ("kilobot", [[10, 10, 0]], 0, {"parameters": {"left_cm_s": -1, "right_cm_s": 1}}))  # fmt: skip
+    assert alone.advance(11).poses[0, 0] == pytest.approx(26)
+    assert turned.advance(11).poses[:, 2].tolist() == pytest.approx([2 / 5.1, 2 / 2.5])
+
+
+def test_heavy_robots_push_light_ones():
+    """Equal speeds meet at the share of the momentum: 152 and 24 g."""
+    simulation = mixed(("epuck", [[20, 25, 0]], 1, {}), ("kilobot", [[30, 25, math.pi]], 1, {}))
+    before, after = (simulation.advance(100).poses[:, 0].copy() for _ in range(2))
+    speed = (152 - 24) / (152 + 24)
+    assert (after - before) / 10 == pytest.approx([speed, speed], abs=0.01)
+
+
+def test_the_contact_of_two_kinds_lies_between_their_surfaces():
+    simulation = mixed(("epuck", [[20, 25, 0]], 0, {}), ("kilobot", [[20 + 3.7 + 1.65 + 0.01, 25, 0]], 0, {}))
+    poses = simulation.advance(1).poses[None].copy()
+    scenario = simulation.scenario
+    found, points = find_contacts(make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build()), poses)
+    assert found.tolist() == [[0, 0, 1]]
+    assert points[0] == pytest.approx([23.7, 25], abs=0.01)
+
+
+@pytest.mark.parametrize(("kind", "sees"), [("kilobot", 1), ("epuck", 0)])
+def test_robots_hide_a_ring_as_far_as_their_own_body_reaches(kind, sees):
+    cone = {"signal": {"kind": "cone", "range_cm": 40}, "parameters": {}}
+    lit = {"signal": RADIO, "parameters": {"ring_on": True}}
+    simulation = mixed(
+        ("pogobot", [[5, 25, 0]], 0, cone), (kind, [[22, 28, 0]], 0, cone), ("kilobot", [[40, 25, 0]], 0, lit)
+    )
+    assert simulation.advance(2).camera[0, 0] == sees
+
+
+def test_proximity_sensors_meet_each_body_where_it_is_and_cameras_see_it_as_wide_as_it_is():
+    camera = {"signal": {"kind": "camera"}, "camera": {"pixels": 1000, "field_of_view_deg": 100}}
+    infrared = {"sensors": [[3.7, 0, 0]], "spread_deg": 1}
+
+    def read(kind) -> tuple[int, int]:
+        watching = {"kind": "epuck", "infrared": infrared}
+        groups = (watching, [[10, 25, 0]], 0, camera), (kind, [[20, 25, 0]], 0, {})
+        step = mixed(*groups).advance(2)
+        return int(step.distance_mm[0, 0]), int(step.camera[0].sum())
+
+    for kind, radius in (("epuck", 3.7), ("kilobot", 1.65)):
+        distance, pixels = read(kind)
+        assert distance == pytest.approx(10 * (10 - 3.7 - radius), abs=1)
+        assert pixels == pytest.approx(20 * math.degrees(math.asin(radius / 6.3)), abs=2)
+
+
+def test_own_sensors_know_the_radius_of_the_robot_that_senses_and_of_others(tmp_path):
+    (tmp_path / "sizes.py").write_text(
+        "from epuck_sim.embodied.sensing import distance_cm\n\nREADINGS = {'sizes': (float, 3)}\n\n\n"
+        "def sense(world, robot, readings, parameters, random):\n"
+        "    other = world.robots[1 - robot.number]\n"
+        "    readings.sizes[0], readings.sizes[1] = robot.radius_cm, other.radius_cm\n"
+        "    readings.sizes[2] = distance_cm(world, robot.x, robot.y, robot.heading, 30.0, robot.number)\n"
+    )
+    sensors = {"sensors": [str(tmp_path / "sizes.py")]}
+    groups = ("epuck", [[10, 25, 0]], 0, sensors), ("kilobot", [[30, 25, math.pi]], 0, sensors)
+    sizes = mixed(*groups).advance(1).readings["sizes"]
+    assert sizes == pytest.approx(np.array([[3.7, 1.65, 20 - 1.65], [1.65, 3.7, 20 - 3.7]]))
+
+
+def test_robots_that_come_find_room_for_their_own_body():
+    small = {"kind": "kilobot", "count": 1, "present": False, "signal": RADIO}
+    poses = [[x, y, 0] for x in (5, 15, 25, 35, 45) for y in (5, 15, 25, 35, 45)]
+    large = {"kind": {"radius_cm": 4.9}, "poses": poses, "controller": "constant"}
+    given = {"arena": FLOOR, "robots": [large, small], "schedule": [{"at_s": 1, "add": [25]}]}
+    step = Simulation(given, 1).advance(12)
+    gaps = np.hypot(*(step.poses[:25, :2] - step.poses[25, :2]).T) - 4.9 - 1.65
+    assert gaps.min() >= -1e-6
+    crowded = {**given, "robots": [large, {**small, "kind": {"radius_cm": 3.6}}]}
+    with pytest.raises(ScenarioError, match="no free place was found for robot 25"):
+        Simulation(crowded, 1).advance(12)
+
+
+def test_agents_have_the_wheels_and_sensors_of_their_kind():
+    groups = [{"count": 2, "controller": "external"}, {"kind": "kilobot", "count": 1, "controller": "external",
+               "signal": RADIO}]  # fmt: skip
+    spaces = AgentSpaces(Simulation({"robots": groups}, 1), discrete=True)
+    assert spaces.command(np.array([1, 1, 1])).wheels_cm_s.tolist() == [[12.8, 12.8], [12.8, 12.8], [1, 1]]
+    assert spaces.fields["infrared"].stop - spaces.fields["infrared"].start == 8
 
 
 # --- sensors ----------------------------------------------------------------------------------------

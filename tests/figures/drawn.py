@@ -6,7 +6,8 @@ from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from epuck_sim.figures.saving import Table, save_table
+from epuck_sim.display.table import csv_text
+from epuck_sim.figures.saving import Table
 from tests.runs.made_folders import rows
 
 
@@ -29,5 +30,5 @@ def shown_text(text: Text) -> str:
 
 def written(folder: Path, table: Table) -> list[dict[str, str]]:
     """Return the rows of a table as they are in its CSV file."""
-    save_table(folder / "table.csv", table)
+    (folder / "table.csv").write_text(csv_text(*table))
     return rows(folder / "table.csv")

@@ -15,8 +15,8 @@ from epuck_sim.figures.forms.twins import MAX_MOMENTS, Course, Courses, choose_m
 from epuck_sim.figures.style import choose_looks
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.scenario.points import points
-from epuck_sim.scenario.scenario import FigureSection
 from tests.figures.drawn import laid_out, legend_texts, written
 from tests.runs.made_folders import SPEED as WHEELS
 from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep

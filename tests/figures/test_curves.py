@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from epuck_sim.figures.forms.curves import EXTREMA_COLUMNS, Curves
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.figures.saving import Table
-from epuck_sim.scenario.scenario import FigureSection
+from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.statistics.curve_extrema import ExtremaSearch
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import SpeedExtrema

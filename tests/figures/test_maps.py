@@ -17,7 +17,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.maps import COLOURS, GREY, MAX_LEVELS, Map, Maps, choose_levels, read_maps
 from epuck_sim.figures.style import MAX_PANELS
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.scenario import FigureSection
+from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.statistics.names import Statistic
 from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import (

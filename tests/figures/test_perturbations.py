@@ -16,8 +16,8 @@ from epuck_sim.figures.forms.form import Choices
 from epuck_sim.figures.forms.twins import MIN_DEVIATION, Deviations, Perturbation
 from epuck_sim.figures.saving import Table
 from epuck_sim.particles.twin import simulate_with_twin
+from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.scenario.points import points
-from epuck_sim.scenario.scenario import FigureSection
 from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep
 

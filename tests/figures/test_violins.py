@@ -67,7 +67,9 @@ def test_the_estimate_is_that_of_trials_clipped_at_the_censoring() -> None:
         for found, point in zip(group.estimates, points, strict=False):
             clipped = [min(time, CENSORED_AT) for time in point.times]
             observed = [seen and time <= CENSORED_AT for time, seen in zip(point.times, point.observed, strict=True)]
-            expected = estimate_weibull_mean(Measured(np.array(clipped), np.array(observed), CENSORED_AT, point.seed))
+            expected = estimate_weibull_mean(
+                Measured(np.array(clipped), np.array(observed), CENSORED_AT, point.seed)
+            ).ends
             np.testing.assert_equal(found, expected)
     assert all(np.isnan(group.estimates[1]).all() for group in GROUPS)
 
@@ -76,7 +78,7 @@ def test_without_a_censoring_the_estimate_is_that_of_the_trials_themselves() -> 
     points = iter(POINTS)
     for group in OPEN:
         for found, point in zip(group.estimates, points, strict=False):
-            expected = estimate_weibull_mean(Measured(point.times, point.observed, math.inf, point.seed))
+            expected = estimate_weibull_mean(Measured(point.times, point.observed, math.inf, point.seed)).ends
             np.testing.assert_equal(found, expected)
 
 
@@ -272,7 +274,12 @@ def test_the_csv_has_the_numbers_of_the_violins(tmp_path) -> None:
         share = 1 - point.observed.mean()
         plain = math.nan if share else point.times.mean()
         clipped = np.minimum(point.times, CENSORED_AT), point.observed & (point.times <= CENSORED_AT)
-        numbers = [len(point.times), share, plain, *estimate_weibull_mean(Measured(*clipped, CENSORED_AT, point.seed))]
+        numbers = [
+            len(point.times),
+            share,
+            plain,
+            *estimate_weibull_mean(Measured(*clipped, CENSORED_AT, point.seed)).ends,
+        ]
         expected.append([str(point.axes[COUNT]), *map(six_digits, [point.axes[SPEED], *numbers])])
     assert [[*row.values()] for row in table] == expected
     assert [*table[0].values()] == ["7", "0.2", "5", "0", "30", "30", "", ""]

@@ -171,10 +171,13 @@ def test_a_flash_is_missed_seen_or_seen_again():
     simulation = SimpleNamespace(period_ms=np.full(4, 5000.0))
     missed, repeated = FlashesMissed(simulation), FlashesRepeated(simulation)
     assert (missed.value(), repeated.value()) == (None, None)
-    for lit, seen in zip(rings, sightings, strict=True):
-        step = SimpleNamespace(ring_on=np.isin(np.arange(4), lit), sightings=np.array(seen, np.int64).reshape(-1, 2))
-        missed.step(step, None)
-        repeated.step(step, None)
+    stretch = SimpleNamespace(
+        poses=np.zeros((6, 4, 3)),
+        ring_on=np.array([np.isin(np.arange(4), lit) for lit in rings]),
+        sightings=np.array([(step, *each) for step, seen in enumerate(sightings) for each in seen]),
+    )
+    missed.stretch(stretch, None)
+    repeated.stretch(stretch, None)
     assert missed.value() == pytest.approx(1 / 3)
     assert repeated.value() == pytest.approx(1 / 2)
 

@@ -65,7 +65,7 @@ def slow_alarms(cycles, seconds, dead, seed):
     """Count by going through all pairs of robots in each step."""
     loaded = load_scenario({**SWARM, "faults": [{"kind": "ring_dead", "robots": [dead]}]})
     simulation, robots = Simulation(loaded, seed), 8
-    scene = make_scene(loaded.robots, loaded.robot, loaded.arena.build())
+    scene = make_scene(loaded.robots, loaded.group_kinds, loaded.arena.build())
     dark = {(i, j): 0.0 for i in range(robots) for j in range(robots)}
     suspects: set[tuple[int, int]] = set()
     alarms = 0

@@ -34,39 +34,6 @@ def test_a_class_goes_before_functions_that_help_it(tmp_path):
     assert find_measure("mine.py", tmp_path).name == "Counter"
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("x = 1\ndef f(:", r"mine\.py:2: cannot be loaded: SyntaxError"),
-        ("", r"mine\.py: holds none"),
-        ("def f(): return 1", r"mine\.py:1: f takes nothing; a measure takes the simulation"),
-        ("\ndef f(*, gain=1.0): return 1", r"mine\.py:2: f takes gain=1\.0 first; a measure takes the simulation"),
-        ("def f(simulation, gain): return 1", r"mine\.py:1: f has a parameter gain; allowed: keywords whose default"),
-        ("def f(simulation, *, gain=None): return 1", r"mine\.py:1: f has a parameter gain=None; allowed: keywords"),
-        ("def f(simulation, **more): return 1", r"mine\.py:1: f has a parameter \*\*more; allowed: keywords"),
-        ("def f(simulation, *, gain=float('inf')): return 1", r"mine\.py:1: f gain is inf; allowed: a number"),
-    ],
-)
-def test_what_is_wrong_with_a_file_is_said_with_its_line(text, said, tmp_path):
-    write(tmp_path / "mine.py", text)
-    with pytest.raises(MeasureError, match=said):
-        find_measure("mine.py", tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("class A: pass", r"mine\.py:1: A has no method value\(self\), which returns what was measured"),
-        ("class A:\n    value = 3", r"mine\.py:1: A has no method value\(self\)"),
-        ("A = 5", r"mine\.py:1: A is 5; a measure is a class or a function"),
-    ],
-)
-def test_what_is_no_measure_is_refused_with_its_line(text, said, tmp_path):
-    write(tmp_path / "mine.py", text)
-    with pytest.raises(MeasureError, match=said):
-        find_measure("mine.py:A", tmp_path)
-
-
 def test_a_name_without_a_file_and_a_file_that_is_not_there_are_refused(tmp_path):
     with pytest.raises(
         MeasureError, match=r"^unknown 'order_paramter', did you mean 'order_parameter'\?; shipped measures: "

@@ -98,7 +98,7 @@ def run_values(path: Path) -> dict[str, Any]:
             for point in points
         ],
         "largest_cluster": [point.measured for point in points],
-        "medians": [row.median for row in summarize(read_points(path))],
+        "medians": [row.record()["median"] for row in summarize(read_points(path))],
         "status": [status.trials, status.stored, status.censored, len(status.failed), status.share],
         "made_by": [made.made_by["epuck_sim"] for made in status.versions],
     }

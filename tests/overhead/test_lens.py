@@ -49,6 +49,10 @@ def test_a_board_tells_the_lens(kind, draw, coefficients, is_fisheye, tmp_path) 
     assert error_px(found.lens, matrix, coefficients, is_fisheye) < 3.0
     save_lens(tmp_path / "lens.json", found)
     assert read_lens(tmp_path / "lens.json", SIZE) == found.lens
+    text = (tmp_path / "lens.json").read_text()
+    (tmp_path / "lens.json").write_text(text.replace('"error_px": 0.', '"error_px": 1.'))
+    with pytest.raises(FilmError, match="was changed since epuck-sim calibrate wrote it; calibrate again"):
+        read_lens(tmp_path / "lens.json", SIZE)
 
 
 def test_a_board_that_is_not_there_is_missed_in_clear_words() -> None:
@@ -126,6 +130,8 @@ LENS = (
         ("nothing", "is not a lens"),
         ("{}", "is not a lens"),
         (LENS.replace("500", "-5"), "is not a lens"),
+        ("[" * 100_000, "is not a lens"),
+        (LENS.replace("}", ', "digest": "0f"}'), "was changed since epuck-sim calibrate wrote it"),
         (LENS, "calibrated for pictures of 640 x 480 px, but these are 480 x 480"),
     ],
 )

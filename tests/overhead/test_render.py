@@ -297,6 +297,22 @@ def test_a_floor_is_as_grey_as_it_is_bright() -> None:
     assert (grey[pixel_at(seen.camera, 60, 30, 3)] == WALL_FACE).all()
 
 
+def test_lamps_are_bright_dots_where_the_camera_sees_them_in_the_light() -> None:
+    """The camera hangs 110 cm above (30, 30), so that a lamp at half of that seems twice as far from there."""
+    arena = make_arena(60, 60, [], [], lamps=[(40, 30, 55, 1), (30, 35, 0.1, 2), (20, 20, 110, 1)])
+    seen = make_set(arena, **CLEAN)
+    grey = seen.renderer.render(standing((30, 35, 0), lit=False), room_is_lit=True)
+    shown = np.zeros(grey.shape[:2], bool)
+    for x, y, radius in ((50, 30, 1.5), (30, 35, 0.75)):
+        floor_cm = seen.camera.plane_map(0.0)
+        shown |= np.hypot(floor_cm[..., 0] - x, floor_cm[..., 1] - y) <= radius
+    assert (grey.min(axis=-1) == 255).sum() == pytest.approx(shown.sum(), rel=0.1)
+    assert (grey[pixel_at(seen.camera, 50, 30)] == 255).all()
+    assert (grey[pixel_at(seen.camera, 30, 35)] == 255).all()
+    assert (grey[pixel_at(seen.camera, 20, 20)] < 255).all()
+    assert not seen.renderer.render(standing(lit=False), room_is_lit=False).any()
+
+
 def test_robots_beyond_the_picture_are_cut_off() -> None:
     scene = make_set(**CLEAN, field_of_view_deg=15)
     for room_is_lit in (False, True):
@@ -435,6 +451,8 @@ def test_bounding_boxes_contain_every_pixel_of_a_body(x: float, y: float, k1: fl
     for height in (0.0, epuck.HEIGHT_CM):
         shown = camera.plane_map(height)
         inside |= np.hypot(shown[..., 0] - x, shown[..., 1] - y) <= epuck.RADIUS_CM
-    first, after, left, right = bounding_boxes(camera, np.array([[x, y]]), epuck.RADIUS_CM, (0.0, epuck.HEIGHT_CM))[0]
+    first, after, left, right = bounding_boxes(
+        camera, np.array([[x, y]]), np.array([epuck.RADIUS_CM]), np.array([[0.0, epuck.HEIGHT_CM]])
+    )[0]
     assert inside[first:after, left:right].sum() == inside.sum()
     assert (after - first) * (right - left) <= 2.5 * inside.sum()

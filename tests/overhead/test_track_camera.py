@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -284,6 +285,26 @@ def test_a_page_shows_the_newest_picture() -> None:
         showing.join()
     assert shown.shape == red.shape
     assert np.abs(shown[:, :, ::-1].astype(int) - red).max() < 10
+
+
+def test_a_page_answers_this_machine_alone_and_lets_go_of_readers_in_the_end() -> None:
+    before = threading.active_count()
+    with live_page("one", 0) as page:
+        for path in ("", "film"):
+            strange = urllib.request.Request(page.address + path, headers={"Host": "rebound.example"})
+            with pytest.raises(urllib.error.HTTPError, match="403"):
+                urllib.request.urlopen(strange, timeout=20)
+        here = page.address.replace("127.0.0.1", "localhost").split("/")[2]
+        named = urllib.request.Request(page.address, headers={"Host": here})
+        assert urllib.request.urlopen(named, timeout=20).status == 200
+        reader = urllib.request.urlopen(page.address + "film", timeout=20)
+        assert threading.active_count() > before
+    with reader:
+        assert reader.read() == b""
+    for thread in threading.enumerate():
+        if "process_request_thread" in thread.name:
+            thread.join(20)
+    assert threading.active_count() == before
 
 
 def test_a_port_that_is_taken_is_refused() -> None:

@@ -10,6 +10,7 @@ from numba import types
 from epuck_sim.arrays import IntArray
 from epuck_sim.particles.motion import begin_motion
 from epuck_sim.particles.neighbours import NEAREST, search_cone, search_nearest
+from epuck_sim.particles.oscillators import forget_earliest
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.particles.swarm import SEARCH
 from epuck_sim.util.jit import address_of
@@ -36,7 +37,7 @@ def set_phases(swarm: ParticleSimulation, phases: Sequence[float]) -> None:
     """Set the phases of a fresh simulation."""
     arrays = swarm._arrays
     arrays.next_firing[:] = (1 - np.array(phases, float)) * arrays.period
-    arrays.is_stale[:] = True
+    forget_earliest(arrays)
 
 
 def set_trajectories(

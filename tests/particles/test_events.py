@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.particles.motion import begin_motion
+from epuck_sim.particles.oscillators import forget_earliest
 from tests.particles.naive_model import NaiveModel
 from tests.particles.simulations import (
     BY_POSITION,
@@ -188,7 +189,7 @@ def test_how_agents_are_numbered_makes_no_difference(kind, data, seed):
     for name in ("origin", "heading", "speed", "streams", "next_firing", "period", *runs):
         given_to, taken = getattr(theirs, name), getattr(ours, name)
         given_to[:] = taken[:, order] if name in ("origin", "heading") else taken[order]
-    theirs.is_stale[:] = True
+    forget_earliest(theirs)
     begin_motion(theirs.block)
     for _ in range(20 * agents):
         event, same = next(one), next(other)

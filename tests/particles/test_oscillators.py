@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.particles.oscillators import (
-    BLOCK_SIZE,
+    BRANCHES,
     SIMULTANEITY_CYCLES,
     earliest_firing,
     firing_now,
@@ -19,14 +19,14 @@ from epuck_sim.particles.oscillators import (
 from epuck_sim.particles.swarm import SCENE, Oscillators
 from tests.particles.simulations import as_set, make_simulation, max_phase_difference
 
-phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BLOCK_SIZE)
+phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BRANCHES)
 
 
-def start_oscillators(phases, periods):
+def start_oscillators(phases, periods, *, has_parts=False):
     """Return oscillators that have some phases at time 0."""
-    blocks = -(-len(phases) // BLOCK_SIZE)
-    scene = np.zeros(1, SCENE)[0]
-    return Oscillators(scene, (1 - phases) * periods, periods, np.empty(blocks), np.ones(blocks, np.bool_))
+    sizes = (-(-len(phases) // BRANCHES**level) if has_parts or level == 1 else 0 for level in (1, 2, 3))
+    levels = (np.full(size, -math.inf) for size in sizes)
+    return Oscillators(np.zeros(1, SCENE)[0], (1 - phases) * periods, periods, *levels)
 
 
 def test_oscillators_fire_when_their_phase_reaches_1():
@@ -35,10 +35,10 @@ def test_oscillators_fire_when_their_phase_reaches_1():
     assert phase_at(slower, 0, slower.next_firing[0]) == 1
 
 
-@given(phases, st.lists(st.tuples(st.integers(0, 10**6), st.floats(0, 2)), max_size=60))
-def test_the_earliest_is_the_earliest_of_all_after_any_changes(given_phases, changes):
+@given(st.booleans(), phases, st.lists(st.tuples(st.integers(0, 10**6), st.floats(0, 2)), max_size=60))
+def test_the_earliest_is_the_earliest_of_all_after_any_changes(has_parts, given_phases, changes):
     agents = len(given_phases)
-    oscillators = start_oscillators(np.array(given_phases), np.ones(agents))
+    oscillators = start_oscillators(np.array(given_phases), np.ones(agents), has_parts=has_parts)
     found = np.zeros(agents + 1, np.int64)
     for number, time in changes:
         set_next_firing(oscillators, number % agents, time)
@@ -60,7 +60,7 @@ def test_the_earliest_is_found_after_many_changes_at_once(given_phases, changes)
     assert earliest_firing(oscillators) == oscillators.next_firing.min()
 
 
-@given(st.integers(1, 2 * BLOCK_SIZE + 1), st.data())
+@given(st.integers(1, 2 * BRANCHES + 1), st.data())
 def test_groups_of_any_size_fire_together_in_any_block(agents, data):
     group = sorted(data.draw(st.sets(st.integers(0, agents - 1), min_size=1)))
     firing = np.full(agents, 0.75)
@@ -68,6 +68,24 @@ def test_groups_of_any_size_fire_together_in_any_block(agents, data):
     oscillators = start_oscillators(1 - firing, np.ones(agents))
     found = np.zeros(agents + 1, np.int64)
     assert found[: firing_now(oscillators, earliest_firing(oscillators), found)].tolist() == group
+
+
+@pytest.mark.parametrize("agents", [BRANCHES**2 + 1, BRANCHES**3 - 1, 2 * BRANCHES**3 + 5])
+def test_the_earliest_of_many_are_found_in_whatever_part_they_are(agents):
+    random = np.random.default_rng(agents)
+    oscillators = start_oscillators(random.random(agents), np.ones(agents), has_parts=True)
+    found = np.zeros(agents + 1, np.int64)
+    for _ in range(300):
+        earliest = earliest_firing(oscillators)
+        assert earliest == oscillators.next_firing.min()
+        firing = found[: firing_now(oscillators, earliest, found)].tolist()
+        assert firing == np.flatnonzero(oscillators.next_firing <= earliest + SIMULTANEITY_CYCLES).tolist()
+        for agent in firing:
+            set_next_firing(oscillators, agent, earliest + 1)
+        shifted = random.integers(agents, size=random.integers(6))
+        for agent, share in zip(shifted, random.random(6), strict=False):  # some to the same instant
+            now = oscillators.next_firing[agent]
+            set_next_firing(oscillators, agent, earliest + (0.0 if share < 0.2 else share * (now - earliest)))
 
 
 # --- no drift ---------------------------------------------------------------------------------------

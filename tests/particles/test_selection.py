@@ -99,7 +99,7 @@ def test_the_nearest_of_a_swarm_are_those_found_one_by_one(is_on_grid, uses_cell
                 offset -= SIDE_CM * np.rint(offset * (1 / SIDE_CM))
             square = offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1]
             square[agent] = math.inf
-            members = trajectories.members[agent * count : agent * count + k]
+            members = trajectories.members[agent * k : agent * k + k]
             assert trajectories.counts[agent] == k
             if uses_cell_list:  # equally near ones come in the order of their cells
                 assert len(set(members)) == k

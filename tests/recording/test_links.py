@@ -46,7 +46,10 @@ def robots(path: Path, level: Level = Level.FULL) -> tuple[Recorded, list[Step]]
 
 def test_sightings_are_those_of_the_cameras(tmp_path) -> None:
     read, steps = robots(tmp_path / "t.rrd")
-    poses, scene = np.array([step.poses for step in steps]), make_scene(CROWD.robots, CROWD.robot, CROWD.arena.build())
+    poses, scene = (
+        np.array([step.poses for step in steps]),
+        make_scene(CROWD.robots, CROWD.group_kinds, CROWD.arena.build()),
+    )
     expected = []
     for group in range(2):
         found = find_sightings(scene, poses, group)

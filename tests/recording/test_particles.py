@@ -29,6 +29,7 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call, refused
+from tests.recording.comparing import compare
 from tests.recording.test_recorder import Found
 from tests.recording.viewers import LIT, alike, pixels
 
@@ -394,7 +395,7 @@ def test_a_trial_of_no_events_has_no_rows(tmp_path) -> None:
 def test_recorded_again_it_is_the_same(tmp_path) -> None:
     for name in ("1.rrd", "2.rrd"):
         recorded(tmp_path / name, load("emitting"))
-    run_rerun("rrd", "compare", str(tmp_path / "1.rrd"), str(tmp_path / "2.rrd"))
+    compare(tmp_path / "1.rrd", tmp_path / "2.rrd")
 
 
 # --- what cannot be recorded ------------------------------------------------------------------------

@@ -27,6 +27,7 @@ from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorder import record
+from epuck_sim.recording.rrd_file import SEAL
 from epuck_sim.recording.viewer.process import PROGRAM, run_rerun
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
@@ -35,6 +36,7 @@ from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.provenance import versions
+from tests.recording.comparing import compare
 
 Array = npt.NDArray[Any]
 
@@ -415,7 +417,7 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
 
 
 def test_contacts_are_those_of_the_bodies(trial: Trial) -> None:
-    scene = make_scene(trial.scenario.robots, trial.scenario.robot, trial.scenario.arena.build())
+    scene = make_scene(trial.scenario.robots, trial.scenario.group_kinds, trial.scenario.arena.build())
     found, points = find_contacts(scene, trial.watched["poses"])
     steps = found[:, 0]
     rows = trial.found.lists("/arena/contacts", "Points2D:positions")
@@ -543,7 +545,7 @@ def test_many_robots_have_no_numbers_beside_them(tmp_path, robots: int, are_show
     discs = Found(tmp_path / "t.rrd").static["/arena/robots"]
     assert discs["Points2D:show_labels"] == [are_shown]
     assert discs.get("Points2D:labels") == ([str(robot) for robot in range(robots)] if are_shown else None)
-    assert discs["Points2D:radii"] == [np.float32(RADIUS_CM)]
+    assert discs["Points2D:radii"] == [np.float32(RADIUS_CM)] * robots
 
 
 # --- levels -----------------------------------------------------------------------------------------
@@ -563,7 +565,7 @@ def test_each_level_holds_what_it_should_and_no_more(of_level: tuple[Level, Path
     level, path, _ = of_level
     found = Found(path)
     assert set(found.moving) == MOVING[level]
-    properties = {"/__properties", "/__properties/trial", "/__properties/outcome"}
+    properties = {"/__properties", "/__properties/trial", "/__properties/outcome", SEAL}
     arena = {"/arena", "/arena/walls", "/arena/obstacles"} if level is not Level.SUMMARY else set()
     numbers = {"/camera/rows/numbers", "/infrared/numbers"} if level is Level.FULL else set()
     assert set(found.static) == properties | arena | numbers | MOVING[level]
@@ -643,7 +645,7 @@ def test_the_same_trial_is_recorded_alike(tmp_path) -> None:
     one, other = tmp_path / "1.rrd", tmp_path / "2.rrd"
     for path in (one, other):
         recorded(path, load("thesis"))
-    run_rerun("rrd", "compare", str(one), str(other))
+    compare(one, other)
     assert RrdReader(one).recordings()[0].recording_id == RrdReader(other).recordings()[0].recording_id
 
 
@@ -653,7 +655,7 @@ def test_a_trial_of_another_seed_or_level_is_recorded_otherwise(tmp_path) -> Non
         recorded(path, load("thesis"), seed, level)
     for other in paths[1:]:
         with pytest.raises(RecordingError, match="rerun rrd compare failed: "):
-            run_rerun("rrd", "compare", str(paths[0]), str(other))
+            compare(paths[0], other)
     assert len({RrdReader(path).recordings()[0].recording_id for path in paths}) == 3
 
 

@@ -17,7 +17,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.recording import recorder
-from epuck_sim.recording.layout import layout_file
+from epuck_sim.recording.layout import LAYOUT_BYTES, layout_file
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer.process import run_rerun
@@ -177,6 +177,15 @@ def test_where_there_is_no_room_nothing_is_left(tmp_path, part: str) -> None:
     assert str(caught.value).startswith(f"{path}: ")
     assert path.read_text() == "older"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_for_temporary_files_without_room_is_an_error_at_once(tmp_path) -> None:
+    layout_file.cache_clear()
+    said = r"layout\.rbl: cannot be written: File too large"
+    with room_for(LAYOUT_BYTES // 2), pytest.raises(EpuckSimError, match=said):
+        recorded(tmp_path / "t.rrd")
+    assert list(tmp_path.iterdir()) == []
+    assert len(layout_file(Level.FULL, 60, 60)) < LAYOUT_BYTES // 5
 
 
 @pytest.mark.usefixtures("small_buffers")

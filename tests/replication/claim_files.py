@@ -32,7 +32,8 @@ def claim(name: str, *checks: dict, **keys) -> dict:
         "id": name,
         "section": "9",
         "claim": f"Claim {name}",
-        "says": "so",
+        "quote": f"Sentence {name}",
+        "line": 7,
         "sweep": "tiny",
         "checks": checks,
         **keys,
@@ -45,8 +46,18 @@ EVERY_VERDICT = [
     claim(
         "A3", {"test": "largest_rise", "along": SPEED, "where": {"response.coupling": 0.4}, "within": [0.999, 1.001]}
     ),
-    {"id": "A4", "section": "9", "claim": "Claim A4", "says": "so", "not_asked": "It takes 900 CPU hours."},
+    {"id": "A4", "section": "9", "claim": "Claim A4", "not_asked": "It takes 900 CPU hours."},
     {**claim("A5", {"test": "formula", "number": "sigma_a", "within": [0.2, 0.3]}), "sweep": None},
+    {**claim("A6", {"test": "formula", "number": "sigma_b", "above": 2}, identity="A definition"), "sweep": None},
+    claim(
+        "A7",
+        {**FASTER, "rises": True},
+        reading="the margin",
+        changed="The margin.",
+        quantifier="far",
+        source="Doe (2009)",
+    ),
+    {"id": "A8", "section": "9", "claim": "Claim A8", "no_claim": "An open question"},
 ]
 """Claims with each of the verdicts, and one that needs no trials."""
 
@@ -54,5 +65,15 @@ EVERY_VERDICT = [
 def write_claims(folder: Path, claims: list[dict] = EVERY_VERDICT, sweep: dict = SWEEP) -> Path:
     path = folder / "claims.yaml"
     plain = [{**each, "checks": list(each["checks"])} if "checks" in each else each for each in claims]
-    path.write_text(write_yaml({"sweeps": {"tiny": sweep}, "claims": plain, "notes": ["A misprint."]}))
+    path.write_text(
+        write_yaml(
+            {
+                "seed": 5,
+                "pooled": "Seed 5 alone counts.",
+                "sweeps": {"tiny": sweep},
+                "claims": plain,
+                "notes": ["A misprint."],
+            }
+        )
+    )
     return path

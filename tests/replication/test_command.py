@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from epuck_sim.cli import replication as command
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import read_wall_times
+from epuck_sim.sweep import run
 from tests.cli.commands import call, refused
 from tests.replication.claim_files import EVERY_VERDICT, FASTER, SPEED, SWEEP, claim, write_claims
 
@@ -21,30 +21,43 @@ def replicated(tmp_path_factory) -> tuple[Path, Path]:
     file = write_claims(folder)
     result = call("replicate", "--claims", file, "--out", folder / "out", "--workers", 1)
     assert result.exit_code == 0, result.stderr
-    assert [line.split()[:2] for line in result.stdout.splitlines()[:5]] == [
+    assert [line.split()[:2] for line in result.stdout.splitlines()[:8]] == [
         ["A1", "holds"],
         ["A2", "contradicted"],
         ["A3", "undecided"],
         ["A4", "not"],
         ["A5", "holds"],
+        ["A6", "identity"],
+        ["A7", "reading"],
+        ["A8", "no"],
     ]
     return file, folder / "out"
 
 
-def test_the_page_has_a_row_for_each_claim_and_a_section_for_each_that_is_asked(replicated) -> None:
+def test_the_page_has_a_row_and_a_section_for_each_claim(replicated) -> None:
     file, folder = replicated
     page = (folder / "replication.md").read_text()
     rows = {row[0]: row for row in (line[2:-2].split(" | ") for line in page.splitlines() if line.startswith("| [A"))}
-    assert rows.keys() == {f"[A{n}](#a{n})" for n in (1, 2, 3, 5)}
-    assert [row[5] for row in rows.values()] == ["holds", "contradicted", "undecided", "holds"]
+    assert list(rows) == [f"[A{n}](#a{n})" for n in range(1, 9)]
+    verdicts = ["holds", "contradicted", "undecided", "not asked", "holds", "identity", "reading", "no claim"]
+    assert [row[-1] for row in rows.values()] == verdicts
     assert page.count("epuck-sim replicate") == 1
-    assert "| A4 | Claim A4 | 9 | so | It takes 900 CPU hours. | not asked |" in page
-    assert re.findall(r"^## (.*)$", page, re.MULTILINE)[:4] == ["A1", "A2", "A3", "A5"]
-    assert "5 claims: holds 2, contradicted 1, undecided 1, not asked 1." in page
-    assert "of which there are 3." in page
+    assert "| [A4](#a4) | Claim A4 | 9 | It takes 900 CPU hours. | not asked |" in page
+    assert [row[1:3] for row in rows.values()][:2] == [['"Sentence A1"', "9, line 7"], ['"Sentence A2"', "9, line 7"]]
+    assert re.findall(r"^## (.*)$", page, re.MULTILINE)[:8] == [f"A{n}" for n in range(1, 9)]
+    counts = "holds 2, contradicted 1, undecided 1, not asked 1, identity 1, reading 1, no claim 1"
+    assert f"8 claims: {counts}." in page
+    assert "of which there are 4." in page
     assert "What would change this: Slower ones | of another kind." in page
+    assert "Claim A7 (far). The sentence quotes Doe (2009). Verdict: reading." in page
+    assert "What is ours: the margin" in page
+    assert "Changed after first results: The margin." in page
+    assert "Why: A definition\n" in page
+    assert "| above 1.1 |" in page
     assert "- A misprint." in page
+    assert "Seed 5 alone counts." in page
     assert "| tiny | 6 | 72 of 72 |" in page
+    assert {scenario.seed for scenario in (p.scenario for p in read_points(folder / "runs/tiny-quick"))} == {5}
     assert str(file.parent / "claims.yaml") not in page
     assert re.findall(r"^!\[Claim (A\d): .*\]\((.*)\)$", page, re.MULTILINE) == [("A3", "figures/claim-A3.png")]
     assert image.imread(folder / "figures/claim-A3.png").shape[1] == pytest.approx(8.5 / 2.54 * 120, abs=1)
@@ -57,8 +70,8 @@ def test_its_numbers_are_those_of_the_stored_trials(replicated) -> None:
         for axes in ({"response.coupling": 0.05}, {"response.coupling": 0.4})
     ]
     page = (folder / "replication.md").read_text()
-    found = re.findall(r"over that where V = 1 cm/s, ε = 0.05 \| (\S+) \(", page)
-    assert found == [f"{means[1] / means[0]:.4g}"] * 2
+    found = re.findall(r"over that where V = 1 cm/s, ε = 0.05 \| (\S+) \[", page)
+    assert [float(each) for each in found] == pytest.approx([means[1] / means[0]] * 3, rel=0.01)
 
 
 def test_the_same_command_runs_nothing_again_and_writes_the_same_page(replicated) -> None:
@@ -83,17 +96,17 @@ def test_chosen_claims_have_a_page_of_their_own(replicated) -> None:
 def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch) -> None:
     file = write_claims(tmp_path, EVERY_VERDICT[:1])
     words = ["replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1]
-    run_sweep = command.run_sweep
+    run_sweep = run.run_sweep
 
     def stop_after_ten(*given, **named):
         run_sweep(*given[:3], _stop_at(10), **named)
 
-    monkeypatch.setattr(command, "run_sweep", stop_after_ten)
+    monkeypatch.setattr(run, "run_sweep", stop_after_ten)
     assert call(*words).exit_code == 130
     stored = [seed for point in read_points(tmp_path / "out/runs/tiny-quick") for seed in point.seeds]
     assert 10 <= len(stored) < 72
     assert not (tmp_path / "out/replication.md").exists()
-    monkeypatch.setattr(command, "run_sweep", run_sweep)
+    monkeypatch.setattr(run, "run_sweep", run_sweep)
     assert call(*words).exit_code == 0
     assert "| tiny | 6 | 72 of 72 |" in (tmp_path / "out/replication.md").read_text()
 
@@ -120,7 +133,10 @@ def test_the_full_version_has_a_run_folder_of_its_own(tmp_path) -> None:
 def test_the_list_runs_nothing(tmp_path) -> None:
     file = write_claims(tmp_path)
     result = call("replicate", "--claims", file, "--list", "--out", tmp_path / "out")
-    assert result.stdout.splitlines()[3:] == ["A4   9            Claim A4 (not asked)", "A5   9            Claim A5"]
+    assert result.stdout.splitlines()[3:][:2] == [
+        "A4   9            Claim A4 (no trials)",
+        "A5   9            Claim A5",
+    ]
     assert not (tmp_path / "out").exists()
     assert len(call("replicate", "--list").stdout.splitlines()) == 72
 
@@ -136,7 +152,10 @@ RISE = {"test": "largest_rise", "along": SPEED}
         ([claim("A1", {**FASTER, "above": 1, "below": 1})], "A1.checks.0: give one of above, below and within"),
         ([claim("A1", {**FASTER, "within": [2, 1]})], "A1.checks.0: within: the first number must be the lower one"),
         ([claim("A1", {"test": "rise", "above": 1})], "A1.checks.0: is {'test': 'rise', 'above': 1}; "),
-        ([claim("A1")], "A1: give either checks or not_asked"),
+        ([claim("A1")], "A1: give either checks, which may be a reading, or one of identity, no_claim"),
+        ([claim("A1", {**FASTER, "above": 1}, not_asked="Long")], "A1: give either checks, which may be a reading, or"),
+        ([claim("A1", {**FASTER, "above": 1, "rises": True})], "A1.checks.0: give one of above, below and within"),
+        ([claim("A1", {**FASTER, "test": "share_difference", "above": 0.1})], "A1.checks.0: a difference of shares is"),
         ([claim("A1", {**RISE, "above": 1}, sweep=None)], "A1: tests of trials take a sweep, and only these"),
         ([claim("A1", {**RISE, "above": 1}, sweep="tinny")], "claim A1: sweep: unknown 'tinny', did you mean 'tiny'?"),
         ([claim("A1", {**FASTER, "above": 1})] * 2, "claim A1 is there twice"),
@@ -156,7 +175,7 @@ def test_a_file_of_claims_that_is_wrong_is_refused_in_words(claims, message, tmp
 def test_what_is_not_there_is_refused_in_words(tmp_path) -> None:
     file = write_claims(tmp_path)
     words = ["--claims", file, "--out", tmp_path / "out"]
-    assert refused("replicate", "A6", *words) == "error: unknown 'A6'; claims: A1, A2, A3, A4, A5\n"
+    assert refused("replicate", "A9", *words) == "error: unknown 'A9'; claims: A1, A2, A3, A4, A5, A6, A7, A8\n"
     assert "none.yaml: cannot be read: No such file" in refused("replicate", "--claims", tmp_path / "none.yaml")
     wrong = write_claims(tmp_path, sweep={**SWEEP, "keys": {"agents": {"cuont": 3}}})
     assert refused("replicate", "--claims", wrong, "--out", tmp_path / "out").startswith(
@@ -187,7 +206,8 @@ def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
     series = next(p for p in read_points(tmp_path / "out/runs/tiny-quick", "order_parameter") if p.number == 3).measured
     page = (tmp_path / "out/replication.md").read_text()
     for take, values in (("largest", map(max, series)), ("first", [values[0] for values in series])):
-        assert f"| {take} order\\_parameter where ε = 0.4, V = 1 cm/s | {np.mean(list(values)):.4g} " in page
+        (found,) = re.findall(rf"\| {take} order\\_parameter where ε = 0.4, V = 1 cm/s \| (\S+) ", page)
+        assert float(found) == pytest.approx(np.mean(list(values)), rel=0.01)
 
 
 def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
@@ -195,6 +215,7 @@ def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
     sweep = {**SWEEP, "keys": keys, "quick": {"trials": 20, "stop": {"max_cycles": 5000}}}
     checks = [
         {"test": "superiority", "between": FASTER["between"], "where": {SPEED: 1}, "below": 0.5},
+        {"test": "share_difference", "between": FASTER["between"], "where": {SPEED: 1}, "above": 0},
         {"test": "rank_trend", "along": SPEED, "where": {"response.coupling": 0.4}, "below": 0},
         {"test": "likelier", "law": "Weibull", "than": "log-normal", "above": 0},
         {"test": "collapse", "along": SPEED, "of": "neighbour_change", "below": 0.5},
@@ -206,6 +227,7 @@ def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
     found = dict(re.findall(r"^\| (?!test|---)([^|]*) \| (\S+)[^|]* \| ", section, re.MULTILINE))
     assert list(found) == [
         "chance that T\\_sync is larger where V = 1 cm/s, ε = 0.4 than where V = 1 cm/s, ε = 0.05",
+        "share synchronised where V = 1 cm/s, ε = 0.4, minus that where V = 1 cm/s, ε = 0.05",
         "rank correlation of T\\_sync with V where ε = 0.4",
         "nats a trial by which Weibull distributions make T\\_sync likelier than log-normal ones",
         "distance of curves of T\\_sync over neighbour\\_change, relative to that over V",
@@ -220,3 +242,16 @@ def test_one_trial_is_compared_with_one(tmp_path) -> None:
     file = write_claims(tmp_path, [claim("A1", check)])
     told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
     assert told == "error: claim A1: where all points: 6 points; superiority is of one at each place\n"
+
+
+def test_a_sweep_without_a_quick_version_is_asked_by_the_full_one_alone(tmp_path) -> None:
+    sweep = {key: value for key, value in SWEEP.items() if key != "quick"}
+    file = write_claims(tmp_path, EVERY_VERDICT[:1], sweep)
+    words = ["replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1]
+    assert call(*words).exit_code == 0
+    page = (tmp_path / "out/replication.md").read_text()
+    assert "1 claims: not asked 1." in page
+    assert "Why: the full version alone asks it (--full): its trials take hours\n" in page
+    assert not list((tmp_path / "out/runs").iterdir())
+    assert call(*words, "--full").exit_code == 0
+    assert "1 claims: holds 1." in (tmp_path / "out/replication.md").read_text()

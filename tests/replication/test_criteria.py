@@ -9,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuck_sim.replication.criteria import exponential_rate, largest_rise, level, power_exponent, ratio, share
+from epuck_sim.replication.criteria import (
+    exponential_rate,
+    largest_rise,
+    level,
+    power_exponent,
+    ratio,
+    share,
+    share_difference,
+)
 from epuck_sim.replication.effects import mean_with_error, restrict, share_effect
 from epuck_sim.statistics.two_samples import contrast, pair_up
 from tests.replication.samples import LIMIT, drawn, times, truths, uncensored
@@ -27,7 +35,7 @@ def test_a_level_is_tested_as_students_test_does(values, threshold) -> None:
     for p, side in ((effect.p_above, "greater"), (effect.p_below, "less")):
         assert p(threshold) == pytest.approx(stats.ttest_1samp(values, threshold, alternative=side).pvalue, abs=1e-9)
     interval = stats.ttest_1samp(values, 0).confidence_interval()
-    assert effect.estimate == pytest.approx((np.mean(values), interval.low, interval.high))
+    assert effect.estimate.ends == pytest.approx((np.mean(values), interval.low, interval.high))
 
 
 @given(st.integers(5, 60).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))), st.floats(0.05, 0.95))
@@ -43,12 +51,32 @@ def test_a_share_is_of_true_values_or_of_synchronised_trials() -> None:
     assert share(times([5, 7, 9, 2000, 3000, 4000, 1, 2])).estimate.value == 5 / 8
 
 
+@given(*(st.integers(5, 40).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))) for _ in range(2)))
+def test_shares_are_compared_by_fishers_exact_test(first, second) -> None:
+    effect = share_difference(truths(*first), truths(*second))
+    counts = [[second[0], second[1] - second[0]], [first[0], first[1] - first[0]]]
+    for p, side in ((effect.p_above, "greater"), (effect.p_below, "less")):
+        assert p(0) == pytest.approx(stats.fisher_exact(counts, side).pvalue, abs=1e-9)
+    assert effect.estimate.value == pytest.approx(second[0] / second[1] - first[0] / first[1])
+    assert effect.estimate.low <= effect.estimate.value <= effect.estimate.high
+
+
+def test_a_share_below_one_is_shown_by_one_trial_and_no_number_of_trials_shows_one() -> None:
+    assert share(truths(999, 1000)).p_below(1) == 0
+    assert share(truths(1000, 1000)).p_above(1) == share(truths(1000, 1000)).p_below(1) == 1
+
+
 @given(SOME, SOME)
-def test_a_ratio_of_two_points_is_that_of_compare(first, second) -> None:
+def test_a_ratio_of_two_points_is_that_of_compare_but_less_sure(first, second) -> None:
     pair = uncensored(first), uncensored(second)
     expected = contrast(pair_up(*pair)).log_ratio
     effect = ratio([pair])
-    assert effect.estimate == pytest.approx([math.exp(number) for number in expected])
+    assert effect.estimate.value == pytest.approx(math.exp(expected.value))
+    reach = stats.t.ppf(0.975, min(map(len, (first, second))) - 1)
+    welch = contrast(pair_up(*pair))
+    error = math.sqrt(sum(part for part, _ in welch.log_parts))
+    assert math.log(effect.estimate.high / effect.estimate.value) == pytest.approx(reach * error)
+    assert effect.estimate.high >= math.exp(expected.high) * (1 - 1e-9)
     assert effect.p_above(effect.estimate.low) == pytest.approx(0.025)
     assert effect.p_below(effect.estimate.high) == pytest.approx(0.025)
 
@@ -63,8 +91,19 @@ def test_a_ratio_over_several_pairs_is_their_geometric_mean() -> None:
 
 
 def test_by_chance_ratios_are_found_as_often_as_they_should_be() -> None:
-    found = [ratio([(drawn(5, 20, 2 * seed), drawn(5, 20, 2 * seed + 1))]).p_above(1) < 0.05 for seed in range(600)]
-    assert 0.025 < np.mean(found) < 0.08
+    p_values = [ratio([(drawn(5, 20, 2 * seed), drawn(5, 20, 2 * seed + 1))]).p_above(1) for seed in range(600)]
+    assert 0.025 < np.mean(np.array(p_values) < 0.05) < 0.08
+
+
+def test_in_the_far_tail_of_few_trials_they_are_not_found_more_often() -> None:
+    """Of exponential times, of which Welch's test finds twice as many as are nominal."""
+    draws, chance = 40_000, 2e-4
+    times = np.random.default_rng(3).exponential(1, (2, draws, 10))
+    means, spreads = times.mean(axis=2), times.std(axis=2, ddof=1)
+    farthest = np.argsort(np.log(means[1] / means[0]) / np.hypot(*(spreads / means)))[-60:]
+    p_values = np.array([ratio([(uncensored(times[0, n]), uncensored(times[1, n]))]).p_above(1) for n in farthest])
+    assert p_values[0] > chance  # none of the others is below it
+    assert np.count_nonzero(p_values < chance) <= chance * draws
 
 
 @given(st.lists(SOME, min_size=2, max_size=5), st.floats(0.5, 2))
@@ -113,7 +152,7 @@ def test_a_slope_is_that_of_weighted_least_squares_and_less_sure_where_points_sc
     (slope, _), covariance = np.polyfit(x, logs, 1, w=weights, cov=True)
     effect = exponential_rate(x, samples)
     reach = stats.t.ppf(0.975, 3) * math.sqrt(covariance[0, 0])
-    assert effect.estimate == pytest.approx((slope, slope - reach, slope + reach))
+    assert effect.estimate.ends == pytest.approx((slope, slope - reach, slope + reach))
     straight = [drawn(3 * place, 40, 5) for place in x]  # of one seed, exactly on a line
     _, unscaled = np.polyfit(
         np.log(x), np.log(x), 1, w=[m.mean / m.error for m in map(mean_with_error, straight)], cov="unscaled"
@@ -138,6 +177,7 @@ def test_little_is_not_taken_for_much() -> None:
     assert knows_nothing(level(few))
     assert knows_nothing(level(alike))
     assert knows_nothing(share(truths(4, 4)))
+    assert knows_nothing(share_difference(truths(0, 4), truths(40, 40)))
     assert all(knows_nothing(ratio([pair])) for pair in ((few, enough), (enough, alike), (uncensored([]), enough)))
     assert all(knows_nothing(largest_rise([[enough, other]])) for other in (few, alike, uncensored([])))
     assert knows_nothing(power_exponent(np.array([1.0, 2]), [enough, enough]))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter
-from epuck_sim.replication.formulas import FORMULAS, largest_shift, order_zero, sigma_a, sigma_b
+from epuck_sim.replication.formulas import largest_shift, order_zero, sigma_a, sigma_b
 
 
 def test_one_robot_of_twenty_so_far_away_has_the_order_of_the_threshold() -> None:
@@ -28,7 +28,3 @@ def test_two_halves_so_far_away_have_the_order_of_the_threshold() -> None:
 def test_the_sum_of_eq_c_3() -> None:
     robots = 10
     assert sigma_b() == pytest.approx(math.sqrt(2 / (5 * robots) * robots / 2 * (4**2 + 3**2 + 2**2 + 1**2)))
-
-
-def test_all_are_known_by_name() -> None:
-    assert {name: function.__name__ for name, function in FORMULAS.items()} == {name: name for name in FORMULAS}

@@ -6,8 +6,8 @@ from pydantic import TypeAdapter
 from epuck_sim.replication.checks import Check
 from epuck_sim.replication.claims import Claim
 from epuck_sim.replication.effects import Effect, student
-from epuck_sim.replication.evaluation import Finding
-from epuck_sim.replication.verdicts import Verdict, answer, combine, p_values
+from epuck_sim.replication.evaluation import Finding, run_check
+from epuck_sim.replication.verdicts import Verdict, answer, decide, p_values
 
 HOLDS, CONTRADICTED, UNDECIDED = Verdict.HOLDS, Verdict.CONTRADICTED, Verdict.UNDECIDED
 
@@ -20,10 +20,10 @@ def finding(effect: Effect, **prediction) -> Finding:
     return Finding(check(**prediction), effect, (20, 20), 0.0)
 
 
-def claimed(*checks: Finding) -> tuple[Claim, list[Finding]]:
+def claimed(*checks: Finding, **more: str) -> tuple[Claim, list[Finding]]:
     has_trials = any(each.check.test != "formula" for each in checks)
-    keys = {"id": "A1", "section": "9", "claim": "so", "says": "so", "sweep": "tiny" if has_trials else None}
-    return Claim.model_validate({**keys, "checks": [each.check for each in checks]}), list(checks)
+    keys = {"id": "A1", "section": "9", "claim": "so", "sweep": "tiny" if has_trials else None}
+    return Claim.model_validate({**keys, **more, "checks": [each.check for each in checks]}), list(checks)
 
 
 @pytest.mark.parametrize(
@@ -81,4 +81,27 @@ def test_a_formula_is_not_corrected_and_corrects_nothing() -> None:
     ],
 )
 def test_a_claim_holds_if_all_its_tests_do(verdicts, together) -> None:
-    assert combine(verdicts) == together
+    assert decide(claimed(finding(student(1, 1, 9), above=0))[0], verdicts) == together
+
+
+@pytest.mark.parametrize(("value", "verdict"), [(9.0, Verdict.READING), (1.0, Verdict.READING), (5.5, UNDECIDED)])
+def test_a_threshold_of_ours_decides_about_our_reading_alone(value, verdict) -> None:
+    assert answer([claimed(finding(student(value, 1.0, 30), above=5), reading="The 5.")])[0].verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("reason", "verdict"),
+    [("identity", Verdict.IDENTITY), ("no_claim", Verdict.NO_CLAIM), ("not_asked", Verdict.NOT_ASKED)],
+)
+def test_what_needs_no_trials_says_so(reason: str, verdict: Verdict) -> None:
+    assert (
+        answer([(Claim.model_validate({"id": "A1", "section": "9", "claim": "so", reason: "why"}), [])])[0].verdict
+        == verdict
+    )
+
+
+def test_an_identity_that_fails_is_contradicted() -> None:
+    """It then is the program that is wrong."""
+    formula = TypeAdapter(Check).validate_python({"test": "formula", "number": "sigma_a", "above": 1})
+    for check, verdict in ((formula, CONTRADICTED), (formula.model_copy(update={"above": 0}), Verdict.IDENTITY)):
+        assert answer([claimed(run_check(check, []), identity="why")])[0].verdict == verdict

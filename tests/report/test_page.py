@@ -63,8 +63,8 @@ def test_the_table_has_the_numbers_of_summarize(tmp_path) -> None:
     rows = rows_of(page_of(tmp_path / "run"))
     for point in summarize(read_points(tmp_path / "run")):
         (row,) = [cells for cells in rows if len(cells) == 8 and cells[0] == str(point.point)]
-        assert row[2:4] == [str(point.trials), f"{point.censored:.0%}"]
-        assert row[4].startswith("-" if point.mean is None else f"{point.mean:.4g} ({point.mean_low:.4g} to ")
+        assert row[2:4] == [str(point.trials), f"{100 * point.censored:.0f} %"]
+        assert row[4:] == [str(each) for each in point.estimates.values()]
 
 
 def test_it_says_what_was_run_and_how_to_run_trials_again(tmp_path) -> None:
@@ -118,6 +118,7 @@ def test_figures_are_vectors_with_words_and_nothing_in_them_is_taken_for_a_part_
     for said in ("N = 5", "N = 10", "V (cm/s)", "95 % interval"):
         assert said in words
     assert re.findall(r'(?:src|href)="(?!#|data:)|<script|<style(?! *>\n:root)', html) == []
+    assert '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; ' in html
 
 
 def test_without_results_there_is_no_figure(tmp_path) -> None:

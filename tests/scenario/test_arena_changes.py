@@ -3,7 +3,7 @@
 import pytest
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.arena_changes import arena_after, arena_entries, largest_cm
+from epuck_sim.scenario.embodied import arena_after, arena_entries, largest_cm
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml

@@ -7,8 +7,8 @@ from pydantic import ValidationError
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import MAX_POINTS, SweepAxes
+from epuck_sim.scenario.keys import add_axis
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.overrides import add_axis
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
 
@@ -91,52 +91,6 @@ def test_axes_cannot_be_changed() -> None:
         axes.grid = {"a": (2,)}
 
 
-REFUSED = [
-    ({}, "sweep: has no axis; give grid: {key: [value, ...]}, zip: {...} or points: [{...}, ...]"),
-    ({"grid": {}, "zip": {}}, "sweep: has no axis"),
-    ({"points": [{}, {}]}, "sweep: has no axis"),
-    ({"points": []}, "sweep.points: is []; allowed: 1 or more values"),
-    ({"points": {COUNT: [1]}}, "sweep.points: is {'robots.0.count': [1]}; allowed: a list"),
-    ({"points": [COUNT]}, "sweep.points.0: is 'robots.0.count'; allowed: a mapping of keys to values"),
-    (
-        {"points": [{COUNT: 1, WIDTH: 50}, {WIDTH: 50}]},
-        "sweep: points.1 has the keys ['arena.width_cm'], points.0 has ['arena.width_cm', 'robots.0.count']",
-    ),
-    ({"grid": {COUNT: []}}, "sweep.grid.robots.0.count: is []; allowed: 1 or more values"),
-    ({"zip": {COUNT: []}}, "sweep.zip.robots.0.count: is []; allowed: 1 or more values"),
-    ({"grid": {COUNT: 3}}, "sweep.grid.robots.0.count: is 3; allowed: a list"),
-    ({"grid": {COUNT: None}}, "sweep.grid.robots.0.count: is None; allowed: a list"),
-    ({"grid": {COUNT: {"from": 1}}}, "sweep.grid.robots.0.count: is {'from': 1}; allowed: a list"),
-    ({"zip": {COUNT: "12"}}, "sweep.zip.robots.0.count: is '12'; allowed: a list"),
-    ({"grid": [COUNT]}, "sweep.grid: is ['robots.0.count']; allowed: a mapping of keys to values"),
-    (
-        {"zip": {COUNT: [1, 2, 3], WIDTH: [50, 60]}},
-        "sweep: zip: all keys need the same number of values, but robots.0.count has 3, arena.width_cm has 2",
-    ),
-    (
-        {"zip": {COUNT: [1]}, "grid": {COUNT: [2]}},
-        "sweep: robots.0.count is in more than one of points, zip and grid",
-    ),
-    ({"points": [{COUNT: 1}], "grid": {COUNT: [2]}}, "robots.0.count is in more than one of points, zip and grid"),
-    ({"points": [{COUNT: 1}], "zip": {COUNT: [2]}}, "robots.0.count is in more than one of points, zip and grid"),
-    ({"grd": {COUNT: [1]}}, "sweep.grd: unknown 'grd', did you mean 'grid'?; allowed: points, zip, grid"),
-    *(
-        ({"grid": {COUNT: [1], key: [1, 2]}}, f"sweep: {key} cannot be an axis; allowed: a key on which trials depend")
-        for key in ("seed", "trials", "name", "description", "sweep", "sweep.grid")
-    ),
-    ({"points": [{"seed": 1}]}, "sweep: seed cannot be an axis"),
-    ({"zip": {"trials": [1]}}, "sweep: trials cannot be an axis"),
-]
-
-
-@pytest.mark.parametrize(("given", "message"), REFUSED, ids=lambda case: case[:50] if isinstance(case, str) else "")
-def test_a_mistake_is_named_with_what_is_allowed(given: dict, message: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario({"sweep": given})
-    assert message in str(caught.value)
-    assert str(caught.value).startswith("scenario: sweep")
-
-
 def test_a_sweep_that_is_no_mapping_is_refused() -> None:
     with pytest.raises(ScenarioError, match=r"^scenario: sweep: is \[1\]; allowed: a mapping of keys to values$"):
         load_scenario({"sweep": [1]})
@@ -192,54 +146,8 @@ def test_sweep_on_the_command_line_takes_words_nothing_lists_and_mappings() -> N
 
 def test_an_axis_leaves_the_mapping_to_which_it_is_applied_as_it_was() -> None:
     given = {"sweep": {"grid": {"a": [1]}}}
-    assert add_axis(given, "b=2") == {"sweep": {"grid": {"a": [1], "b": [2]}}}
+    assert add_axis(given, ["b"], [2], "x") == {"sweep": {"grid": {"a": [1], "b": [2]}}}
     assert given == {"sweep": {"grid": {"a": [1]}}}
-
-
-@pytest.mark.parametrize(
-    ("axis", "message"),
-    [
-        (COUNT, "give it as key=value,value,..., such as robots.0.count=5,10,20"),
-        ("=1,2", "give it as key=value,value,..."),
-        (f"{COUNT}=", "sweep.grid.robots.0.count: is []; allowed: 1 or more values"),
-        (f"{COUNT}=1,,2", "cannot be read as YAML"),
-        (f"{COUNT}=[1", "cannot be read as YAML"),
-        (f"{COUNT}=1],[2", "cannot be read as YAML"),
-        ("seed=1,2", "sweep: seed cannot be an axis"),
-        ("sweep.grid=1", "sweep: sweep.grid cannot be an axis"),
-    ],
-)
-def test_a_mistake_in_sweep_on_the_command_line_is_named(axis: str, message: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario("pair", axes=[axis])
-    assert message in str(caught.value)
-    assert f"--sweep {axis}: " in str(caught.value)
-
-
-def test_an_axis_of_the_file_s_zip_cannot_be_one_of_the_grid_too() -> None:
-    with pytest.raises(ScenarioError, match=r"arena\.width_cm is in more than one of points, zip and grid"):
-        load_scenario({"sweep": {"zip": {WIDTH: [50]}}}, axes=[f"{WIDTH}=60"])
-
-
-@pytest.mark.parametrize("sweep", [3, [1], {"grid": [1]}, {"grid": None}], ids=str)
-def test_an_axis_for_a_sweep_that_is_no_mapping_is_refused(sweep) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario({"sweep": sweep}, axes=[f"{COUNT}=1"])
-    assert str(caught.value) == f"--sweep {COUNT}=1: the scenario's own sweep is {sweep!r}; allowed: a mapping"
-
-
-@pytest.mark.parametrize(
-    ("axis", "setting"),
-    [
-        (COUNT, f"{COUNT}=3"),
-        ("robots.0", f"{COUNT}=3"),
-        ("robots.0.camera", "robots.0.camera.pixels=20"),
-    ],
-)
-def test_a_setting_that_no_point_would_heed_is_refused(axis: str, setting: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario({"sweep": {"points": [{axis: 1}]}}, [setting])
-    assert str(caught.value) == f"--set {setting}: {axis} is an axis of the sweep; use --sweep {axis}=... instead"
 
 
 def test_a_setting_beside_an_axis_is_taken() -> None:

@@ -5,12 +5,11 @@ from typing import Any
 import pytest
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
-from epuck_sim.scenario.figure_axes import check_figure_axes, check_panels, choose_axis
+from epuck_sim.scenario.axes import check_figure_axes, check_panels, choose_axis
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import FigureSection
 from epuck_sim.sweep.checks import check_sweep
-from epuck_sim.util.builtin import SWEEPS, builtin_files
 from tests.cli.commands import refused
 
 SPEED, COUNT, NOISE = "robots.0.parameters.speed_cm_s", "robots.0.count", "noise"
@@ -73,16 +72,6 @@ def test_panels_are_checked_under_the_name_that_requests_them() -> None:
     check_panels(ROWS, SPEED, None)
     with pytest.raises(EpuckSimError, match=r"^--panels: unknown 'robots\.0\.cuont', did you mean"):
         check_panels(ROWS, SPEED, "robots.0.cuont")
-
-
-@pytest.mark.parametrize("name", builtin_files(SWEEPS))
-@pytest.mark.parametrize("quick", [False, True])
-def test_the_shipped_sweeps_name_their_axes(name: str, quick: bool) -> None:
-    try:
-        loaded = load_scenario(name, quick=quick)
-    except ScenarioError:  # without a quick version
-        return
-    check_figure_axes(loaded.figure, [point.axes for point in points(loaded)])
 
 
 def test_a_scenario_without_a_sweep_has_no_axis_to_name() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from epuck_sim.arena import brightness_at, light_at
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.arena_changes import arena_after
+from epuck_sim.scenario.embodied import arena_after
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml, write_yaml
@@ -46,41 +46,6 @@ def test_scenarios_without_them_keep_the_seeds_of_their_resamples():
     later = load_scenario("thesis").later_defaults()["arena"]
     assert {"floor", "lamps"} <= later.keys()
     assert scenario_with(lamps=[LAMP]).later_defaults()["arena"].keys() == {"movables", "floor"}
-
-
-@pytest.mark.parametrize(
-    ("arena", "message"),
-    [
-        ({"floor": {"brightness": 1.5}}, "arena.floor.brightness: is 1.5; allowed: at most 1"),
-        ({"floor": {"brightnes": 1}}, "arena.floor.brightnes: unknown 'brightnes', did you mean 'brightness'?"),
-        ({"floor": {"picture": 3}}, "arena.floor.picture: is 3; allowed: text"),
-        (
-            {"floor": {"patches": [{**DISC, "brightness": -1}]}},
-            "patches.0.brightness: is -1; allowed: at least 0",
-        ),
-        ({"floor": {"patches": [{**BOX, "shape": "star"}]}}, "allowed: a mapping with shape: circle or box or polygon"),
-        ({"floor": {"patches": [{"shape": "circle"}]}}, "arena.floor.patches.0.brightness: is missing"),
-        (
-            {"floor": {"patches": [{**DISC, "x_cm": 61}]}},
-            "arena: floor.patches.0 has its centre at (61, 40) cm; allowed: within the walls of the 60 x 60 cm arena",
-        ),
-        (
-            {"width_cm": 59, "floor": {"patches": [DISC, {**WEDGE, "corners_cm": [[70, 0], [90, 0], [20, 30]]}]}},
-            "arena: floor.patches.1 has its centre at (60, 10) cm",
-        ),
-        ({"floor": {"brightness": 0.5, "picture": "x.png"}}, "brightness is 0.5 and a picture is given"),
-        (
-            {"lamps": [{"x_cm": 5, "y_cm": -1}]},
-            "arena: lamps.0 has its centre at (5, -1) cm; allowed: within the walls",
-        ),
-        ({"lamps": [{**LAMP, "height_cm": 0}]}, "arena.lamps.0.height_cm: is 0; allowed: above 0"),
-        ({"lamps": [{**LAMP, "strength": -1}]}, "arena.lamps.0.strength: is -1; allowed: above 0"),
-    ],
-)
-def test_what_is_not_allowed_is_refused_with_its_key(arena, message):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario({"arena": arena})
-    assert message in str(caught.value)
 
 
 def test_a_picture_is_found_beside_the_scenario_and_read_again_when_it_changes(ground, monkeypatch):

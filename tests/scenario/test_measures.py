@@ -59,26 +59,6 @@ def test_a_parameter_can_be_swept(tmp_path, monkeypatch):
     assert [point.scenario.measures[0].parameters["offset"] for point in points(sweep)] == [1, 2]
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ([5], "scenario: measures.0: is 5; allowed: a measure's name, or a mapping of one name to its parameters"),
-        ([{"a": {}, "b": {}}], "measures.0: is {'a': {}, 'b': {}}; allowed: a measure's name"),
-        ([{"a": 1}], "measures.0: is {'a': 1}; allowed: a measure's name"),
-        ("order_parameter", "measures: is 'order_parameter'; allowed: a list"),
-        (["order_paramter"], "measures.0: unknown 'order_paramter', did you mean 'order_parameter'"),
-        (["order_parameter", "order_parameter"], "measures.1: order_parameter is the name of two measures"),
-        ([{"order_parameter": {"at": 1}}], "measures.0: unknown 'at'; order_parameter has none"),
-        (["nowhere.py"], "measures.0: no measure file 'nowhere.py' in "),
-    ],
-)
-@pytest.mark.parametrize("model", ["embodied", "particles"])
-def test_what_is_no_measure_is_refused_when_the_scenario_is_read(model, given, said):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario({"model": model, "measures": given})
-    assert said in str(caught.value)
-
-
 def test_a_measure_that_the_model_does_not_suit_is_refused(tmp_path):
     write(tmp_path / "mine.py", TELLTALE.replace("def step", "def other"))
     load_scenario({"model": "particles", "measures": [f"{tmp_path}/mine.py"]})

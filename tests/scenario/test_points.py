@@ -2,7 +2,6 @@
 
 import random
 import shutil
-from math import prod
 from pathlib import Path
 
 import pytest
@@ -14,9 +13,8 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
+from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.sweep.checks import check_sweep
-from epuck_sim.util.builtin import SWEEPS, builtin_files
 from epuck_sim.util.seeds import point_seed
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
@@ -108,23 +106,6 @@ def test_a_sweep_that_is_written_is_read_again(columns: dict, listed) -> None:
 @pytest.mark.parametrize("name", ["1e3", "08"])
 def test_a_name_that_looks_like_a_number_is_written_as_a_name(name: str) -> None:
     assert load_scenario(parse_yaml(write_scenario(load_scenario({"name": name})), "written")).name == name
-
-
-def shipped_versions():
-    """Return each shipped sweep and whether it is the quick version; full ones that have one are slow."""
-    for name, path in builtin_files(SWEEPS).items():
-        has_quick = "quick" in read_yaml(path)
-        if has_quick:
-            yield pytest.param(name, True, id=f"{name}-quick")
-        yield pytest.param(name, False, id=name, marks=[pytest.mark.slow] if has_quick else [])
-
-
-@pytest.mark.parametrize(("name", "quick"), [*shipped_versions()])
-def test_a_shipped_sweep_has_the_same_points_when_it_is_written_and_read_again(name: str, quick: bool) -> None:
-    scenario = load_scenario(name, quick=quick)
-    found, axes = points(scenario), scenario.sweep
-    assert len(found) == prod(map(len, axes.grid.values())) * len(next(iter(axes.zip.values()), [0])) > 2
-    assert points(load_scenario(parse_yaml(write_scenario(scenario), "written"))) == found
 
 
 # Seeds
@@ -356,53 +337,6 @@ def test_a_section_as_a_whole_is_set_before_a_key_that_lies_in_it(order: list[st
 
 # Mistakes
 
-REFUSED = [
-    (
-        {"robots.0.cont": [1, 2]},
-        "x: sweep: point 0 (robots.0.cont = 1): robots.0.cont: unknown 'cont', did you mean 'count'?; allowed: count, ",
-    ),
-    ({"areena": [1]}, "x: sweep: point 0 (areena = 1): areena: unknown 'areena', did you mean 'arena'?"),
-    ({"": [1]}, "unknown ''"),
-    (
-        {"robots.0.parameters.sped_cm_s": [1]},
-        "x: sweep: point 0 (robots.0.parameters.sped_cm_s = 1): robots.0.parameters: unknown 'sped_cm_s', "
-        "did you mean 'speed_cm_s'?",
-    ),
-    (
-        {"robots.1.count": [1]},
-        "x: sweep: point 0 (robots.1.count = 1): '1' is not an index into a list of 1, counted from 0",
-    ),
-    ({"robots.0.count.x": [1]}, "x: sweep: point 0 (robots.0.count.x = 1): 'x' is inside 10, which has no keys"),
-    (
-        {COUNT: [1, 0], SPEED: [5]},
-        "x: sweep: point 1 (robots.0.count = 0, robots.0.parameters.speed_cm_s = 5): robots.0.count: is 0; allowed: "
-        "at least 1",
-    ),
-    (
-        {SPEED: [1, 99]},
-        "x: sweep: point 1 (robots.0.parameters.speed_cm_s = 99): robots.0.parameters: speed_cm_s is 99.0; allowed: ",
-    ),
-    ({COUNT: [10, 200]}, "x: sweep: point 1 (robots.0.count = 200): 200 robots of 7.4 cm do not fit into the arena"),
-    ({COUNT: [[1, 2]]}, "x: sweep: point 0 (robots.0.count = [1, 2]): robots.0.count: is [1, 2]; allowed: "),
-    ({"noise": ["loud"]}, "x: sweep: point 0 (noise = 'loud'): noise: is 'loud'; allowed: "),
-    ({"robots.0.camera.central_pixels": [60, 7]}, "point 1 (robots.0.camera.central_pixels = 7): robots.0.camera: "),
-    ({"robots.0.parameters.period_s": [5, 0.1]}, "point 1 (robots.0.parameters.period_s = 0.1): robots.0.parameters: "),
-    ({COUNT: [1, 2, 1]}, "x: sweep: points 0 and 2 are the same: robots.0.count = 1"),
-    (
-        {COUNT: [3], SPEED: [1, 2, 1.0]},
-        "points 0 and 2 are the same: robots.0.count = 3, robots.0.parameters.speed_cm_s",
-    ),
-    ({CONTROLLER: ["firefly", "firefly"]}, "x: sweep: points 0 and 1 are the same: robots.0.controller = 'firefly'"),
-]
-
-
-@pytest.mark.parametrize(("axes", "message"), REFUSED, ids=lambda case: case[:60] if isinstance(case, str) else "")
-def test_a_point_that_makes_no_scenario_is_named_with_what_is_allowed(axes: dict, message: str) -> None:
-    scenario = load_scenario({"name": "x", "sweep": {"grid": axes}})
-    with pytest.raises(ScenarioError) as caught:
-        points(scenario)
-    assert message in str(caught.value)
-
 
 def test_all_mistakes_at_a_point_are_named_each_with_the_point() -> None:
     scenario = load_scenario({"name": "x", "sweep": {"points": [{COUNT: 0, WIDTH: 0}]}})
@@ -427,22 +361,6 @@ def test_a_point_whose_robots_find_no_room_is_named() -> None:
     check_sweep([roomy])
     with pytest.raises(ScenarioError, match=r"sweep: point 1 \(robots\.0\.count = 26\): .*is 26; allowed: up to 25"):
         check_sweep([roomy, crowded])
-
-
-@pytest.mark.parametrize(
-    ("controller", "message"),
-    [
-        ("firefli", "sweep: robots.0.controller: unknown 'firefli', did you mean 'firefly'?"),
-        ("gone.py", "sweep: robots.0.controller: no controller file 'gone.py'"),
-        (3, "sweep: robots.0.controller: unknown '3'"),
-    ],
-)
-@pytest.mark.parametrize("kind", ["grid", "zip", "points"])
-def test_a_controller_that_is_not_there_is_refused(kind: str, controller, message: str) -> None:
-    axes = {CONTROLLER: controller if kind == "points" else [controller]}
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario({"sweep": {kind: [axes] if kind == "points" else axes}})
-    assert message in str(caught.value)
 
 
 def test_two_axes_that_are_one_key_are_refused() -> None:

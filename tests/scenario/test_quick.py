@@ -5,24 +5,17 @@ from pathlib import Path
 import pytest
 
 from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.keys import quick_version, without_quick
 from epuck_sim.scenario.loader import load_scenario, write_scenario
-from epuck_sim.scenario.overrides import quick_version, without_quick
-from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import points
-from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
+from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
 from tests.cli.commands import call, refused
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
 SHIPPED = builtin_files(SWEEPS)
-WITH_QUICK = [name for name, path in SHIPPED.items() if "quick" in read_yaml(path)]
 WITHOUT = [name for name, path in {**SHIPPED, **builtin_files(ARENAS)}.items() if "quick" not in read_yaml(path)]
-
-
-def size_mark(name: str, quick: bool) -> list[pytest.MarkDecorator]:
-    """Return the mark `slow` for a version of a sweep that has hundreds of points."""
-    return [pytest.mark.slow] * (len(list(load_scenario(name, quick=quick).sweep.rows())) > 500)
 
 
 TINY = """
@@ -94,23 +87,6 @@ def test_without_the_option_the_full_version_is_loaded(quick: object) -> None:
     assert loaded == load_scenario({"model": "particles", "trials": 7})
 
 
-@pytest.mark.parametrize(
-    ("quick", "message"),
-    [
-        ({"nothing": 1}, "scenario: quick: nothing: "),
-        ({"trials": 0}, "scenario: quick: trials: is 0"),
-        ({"sweep": {"grid": {"seed": [1]}}}, "scenario: quick: sweep"),
-        (3, "scenario: quick: is 3; allowed: a mapping of keys to values"),
-    ],
-)
-def test_a_quick_version_that_is_no_scenario_is_refused_even_if_it_is_not_asked_for(
-    quick: object, message: str
-) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario({"model": "particles", "quick": quick})
-    assert str(caught.value).startswith(message)
-
-
 @pytest.mark.parametrize("given", [GIVEN, {**GIVEN, "quick": None}])
 def test_a_scenario_that_has_none_is_refused(given: dict) -> None:
     with pytest.raises(ScenarioError) as caught:
@@ -159,66 +135,7 @@ def test_a_scenario_of_robots_may_have_a_quick_version_too() -> None:
 # What is shipped
 
 
-def test_all_sweeps_of_particles_have_a_quick_version() -> None:
-    lacking = [name for name in SHIPPED if name not in WITH_QUICK and load_scenario(name).model == "particles"]
-    assert len(WITH_QUICK) >= 15
-    assert lacking == []
-
-
-@pytest.mark.parametrize("name", WITH_QUICK)
-def test_a_shipped_quick_version_is_less_of_the_same_figure(name: str) -> None:
-    full, quick = load_scenario(name), load_scenario(name, quick=True)
-    assert full != quick
-    assert (quick.name, quick.description, quick.seed) == (full.name, full.description, full.seed)
-    assert quick.sweep.keys == full.sweep.keys
-    assert len(list(quick.sweep.rows())) <= len(list(full.sweep.rows()))
-    assert quick.trials <= full.trials
-    assert quick.stop.max_cycles <= full.stop.max_cycles
-    assert quick.figure.model_copy(update={"censored_at_cycles": full.figure.censored_at_cycles}) == full.figure
-    assert len(points(quick)) == len(list(quick.sweep.rows()))
-
-
-@pytest.mark.parametrize("quick", [False, True])
-@pytest.mark.parametrize("name", WITH_QUICK)
-def test_the_figure_of_a_shipped_sweep_is_of_its_axes(name: str, quick: bool) -> None:
-    scenario = load_scenario(name, quick=quick)
-    figure, axes = scenario.figure, scenario.sweep.keys
-    named = [key for key in (figure.x, figure.y, figure.panels) if key is not None]
-    assert set(named) <= set(axes)
-    assert len(set(named)) == len(named)
-    assert (figure.y is not None) <= (figure.form == "map")
-    assert (figure.panels is not None) <= (figure.form == "curves")
-    assert (figure.censored_at_cycles is not None) <= (figure.form == "violins")
-    if figure.form in ("perturbation", "course"):
-        assert isinstance(scenario, ParticleScenario)
-        assert scenario.start.phases == "synchronised"
-        assert scenario.stop.order_parameter is None
-
-
-@pytest.mark.parametrize("name", [pytest.param(name, marks=size_mark(name, False)) for name in WITH_QUICK])
-def test_points_that_both_versions_have_are_the_same_but_for_what_ends_their_trials(name: str) -> None:
-    full, quick = (
-        {point.key: point.scenario for point in points(load_scenario(name, quick=version))[:40]}
-        for version in (False, True)
-    )
-    for key in full.keys() & quick.keys():
-        there, here = (each[key].model_dump(exclude={"stop", "trials", "figure"}) for each in (full, quick))
-        assert {part for part in there if there[part] != here[part]} <= {"agents"}
-
-
 # The command
-
-
-@pytest.mark.parametrize(
-    ("name", "quick"),
-    [pytest.param(name, quick, marks=size_mark(name, quick)) for name in WITH_QUICK for quick in (False, True)],
-)
-def test_check_prints_the_quick_version_without_telling_that_it_is_one(name: str, quick: bool) -> None:
-    result = call("check", name, *(["--quick"] if quick else []))
-    assert (result.exit_code, result.stderr) == (0, "")
-    written = parse_yaml(result.stdout, "stdout")
-    assert "quick" not in written
-    assert load_scenario(written) == load_scenario(name, quick=quick)
 
 
 @pytest.mark.parametrize("command", ["check", "run"])
@@ -245,9 +162,7 @@ def test_run_runs_the_quick_version_and_its_folder_holds_that_alone(tiny, tmp_pa
     assert "quick" not in written
     assert written == write_scenario(load_scenario(tiny, quick=True))
     assert load_scenario(folder) == load_scenario(tiny, quick=True)
-    assert refused("run", folder, "--status") == (
-        "error: --status is now a command of its own: epuck-sim status FOLDER\n"
-    )
+    assert refused("run", folder, "--status") == ("error: --status is a command of its own: epuck-sim status FOLDER\n")
     assert refused("run", folder, "--quick").endswith("scenario.yaml: has no quick version; leave --quick out\n")
     full = call("run", tiny, "--out", folder)
     assert full.exit_code == 2

@@ -8,10 +8,11 @@ from epuck_sim import Simulation, epuck
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
-from epuck_sim.scenario.robot_kind import EPUCK
+from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from epuck_sim.scenario.yaml_io import parse_yaml
 
 RADIO = [{"count": 3, "signal": {"kind": "radio"}}]
+KILO = {"kind": "kilobot"}
 
 
 def test_robots_are_e_pucks_unless_a_scenario_says_otherwise() -> None:
@@ -29,7 +30,7 @@ def test_a_kilobot_has_neither_infrared_sensors_nor_a_camera() -> None:
     assert (robot.radius_cm, robot.height_cm, robot.mass_g) == (1.65, 3.4, 24)
     assert robot.wheels == (1, 2.5)
     assert (robot.infrared, robot.camera) == (None, None)
-    assert robot.cell_cm >= 2 * robot.radius_cm
+    assert cell_cm([robot]) >= 2 * robot.radius_cm
 
 
 def test_keys_that_are_given_change_a_kind_and_the_others_stay() -> None:
@@ -47,6 +48,38 @@ def test_keys_that_are_given_change_a_kind_and_the_others_stay() -> None:
 def test_a_scenario_that_is_written_and_read_again_has_the_same_robots(robot) -> None:
     scenario = load_scenario({"robot": robot, "robots": RADIO})
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
+
+
+def test_groups_have_kinds_of_their_own_or_that_of_all(tmp_path) -> None:
+    (tmp_path / "cart.yaml").write_text("radius_cm: 5\nwheel_base_cm: 8\n")
+    kinds = [None, "kilobot", {"kind": "kilobot", "mass_g": 9}, str(tmp_path / "cart.yaml")]
+    groups = [{**RADIO[0], **({} if kind is None else {"kind": kind})} for kind in kinds]
+    scenario = load_scenario({"robot": {"radius_cm": 4}, "robots": groups})
+    assert [kind.radius_cm for kind in scenario.group_kinds] == [4, 1.65, 1.65, 5]
+    assert [kind.mass_g for kind in scenario.group_kinds] == [152, 24, 9, 152]
+    assert [kind.radius_cm for kind in scenario.robot_kinds] == [4] * 3 + [1.65] * 6 + [5] * 3
+    (tmp_path / "cart.yaml").unlink()
+    assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
+    found = points({"robots": groups[:2], "sweep": {"grid": {"robots.1.kind": ["kilobot", "pogobot"]}}})
+    assert [point.scenario.group_kinds[1].radius_cm for point in found] == [1.65, 2.65]
+
+
+def test_each_kind_brings_its_own_sensors_unless_its_group_has_others() -> None:
+    groups = [{**RADIO[0], "kind": kind} for kind in ("pogobot", "kilobot")]
+    scenario = load_scenario({"robots": groups})
+    assert [list(group.sensors) for group in scenario.robots] == [["photosensors"], []]
+    swapped = load_scenario(scenario, ["robots.0.kind=kilobot", "robots.1.kind=pogobot"])
+    assert [list(group.sensors) for group in swapped.robots] == [[], ["photosensors"]]
+    bare = load_scenario({"robots": [{**groups[0], "sensors": []}]})
+    assert list(bare.robots[0].sensors) == []
+
+
+def test_a_wrong_value_in_a_robots_file_is_named_with_its_line(tmp_path) -> None:
+    (tmp_path / "odd.yaml").write_text("radius_cm: 3\ninfrared:\n  sensors:\n  - [1, 0, 0]\n  - [9, 9, 0]\n")
+    with pytest.raises(
+        ScenarioError, match=r"scenario: robots\.0\.kind: .*odd\.yaml:5: infrared\.sensors\.1 is 12\.7 cm"
+    ):
+        load_scenario({"robots": [{"kind": str(tmp_path / "odd.yaml")}]})
 
 
 def test_a_swept_kind_has_the_values_of_its_own() -> None:
@@ -85,6 +118,15 @@ def test_numbers_of_resamples_of_folders_without_the_section_stay() -> None:
         ({"robot": {"infrared": {"sensors": [[3, 3, 0]]}}}, "robot: infrared.sensors.0 is 4.24 cm from the axle's"),
         ({"robot": {"infrared": {"peak_cm": 1}}}, "robot.infrared: width_cm2 is 0.7; allowed: above the square of"),
         ({"robot": {"infrared": {"range_cm": 0.2}}}, "robot.infrared: peak_cm is 0.3; allowed: below range_cm, 0.2"),
+        ({"robots": [{"kind": "thymio"}]}, "robots.0.kind: unknown 'thymio'; shipped robots: epuck, kilobot"),
+        ({"robots": [{}, {"kind": 3}]}, "robots.1.kind: is 3; allowed: a mapping of keys to values"),
+        ({"robots": [{"kind": {"radius_cm": 0}}]}, "robots.0.kind.radius_cm: is 0; allowed: above 0"),
+        ({"robots": [{"kind": "kilobot"}]}, "robots.0.signal.kind is 'camera', and the robot 'kilobot' has none"),
+        ({"robots": [{"kind": {"wheel_limit_cm_s": 20}}]}, "robots.0.kind.wheel_limit_cm_s is 20; allowed: up to 13"),
+        (
+            {"arena": {"width_cm": 20, "height_cm": 20}, "robots": [{"count": 8}, {**RADIO[0], "count": 50, **KILO}]},
+            "8 robots of 7.4 cm and 50 robots of 3.3 cm do not fit into the arena of 20 x 20 cm",
+        ),
         ({"robot": "kilobot"}, "robots.0.signal.kind is 'camera', and the robot 'kilobot' has none; allowed: cone or"),
         (
             {"robot": "kilobot", "arena": {"width_cm": 3}, "robots": RADIO},
@@ -136,7 +178,7 @@ def test_a_pogobot_tells_how_bright_it_is_on_three_sides() -> None:
 
 def test_wheels_wider_than_the_body_of_a_file_are_refused(tmp_path) -> None:
     (tmp_path / "wide.yaml").write_text("radius_cm: 3\nwheel_base_cm: 7\n")
-    with pytest.raises(ScenarioError, match="robot: wheel_base_cm is 7; allowed: up to 6, the body's diameter"):
+    with pytest.raises(ScenarioError, match=r"robot\.kind: .*wide\.yaml:2: wheel_base_cm is 7; allowed: up to 6"):
         load_scenario({"robot": str(tmp_path / "wide.yaml")})
     (tmp_path / "wide.yaml").write_text("- 3\n")
     with pytest.raises(ScenarioError, match=r"wide\.yaml: is \[3\]; a robot is a mapping of keys to values"):

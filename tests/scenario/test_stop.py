@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.condition import Condition
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
+from epuck_sim.scenario.stop import Condition
 from epuck_sim.scenario.yaml_io import parse_yaml
 from tests.measures.files import COUNTER, write
 
@@ -47,28 +47,6 @@ def test_the_value_of_a_condition_and_the_whole_of_it_can_be_swept():
 def test_a_condition_holds_as_python_says(relation, value, limit):
     condition = Condition(measure="x", relation=relation, value=limit)
     assert condition.holds(value) == eval(f"{value} {relation} {limit}")
-
-
-@pytest.mark.parametrize(
-    ("when", "said"),
-    [
-        ("near_walls = 1", "stop.when: is 'near_walls = 1'; allowed: MEASURE >= NUMBER, with >=, >, <= or <"),
-        ("near_walls > lots", "stop.when.value: is 'lots'; allowed: a number"),
-        ("near_wals > 1", "stop.when: unknown 'near_wals', did you mean 'near_walls'?; measures: near_walls"),
-        ("0.5 > near_walls", "stop.when: is '0.5 > near_walls'; allowed: MEASURE >= NUMBER"),
-        ({"measure": "near_walls", "relation": "=", "value": 1}, "stop.when.relation: is '='; allowed: '>', '>='"),
-        ({"measure": "near_walls", "relation": ">"}, "stop.when.value: is missing"),
-        ({**NEAR, "than": 1}, "stop.when.than: unknown 'than'"),
-        ([1], "stop.when: is [1]; allowed: a mapping of keys to values"),
-        ("at_end > 1", "stop.when: at_end is measured at the end alone; allowed: measures with a method cycle or "),
-    ],
-)
-@pytest.mark.parametrize("model", MODELS)
-def test_what_is_no_condition_is_refused(model, when, said, tmp_path):
-    path = write(tmp_path / "mine.py", "def at_end(simulation): return 1\n")
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario({"model": model, "measures": ["near_walls", str(path)], "stop": {"when": when}})
-    assert said in str(caught.value)
 
 
 def test_a_condition_without_measures_is_refused():

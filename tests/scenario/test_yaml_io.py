@@ -47,25 +47,6 @@ def bomb(depth: int = 12, width: int = 9) -> str:
     return "\n".join(lines)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("a: 1\na: 2", "'a' is given twice, again in line 2"),
-        ("a: [1, 2", "cannot be read as YAML"),
-        ("a: !!python/object:os.system {}", "cannot be read as YAML"),
-        ("a: &a [*a]", "contains itself"),
-        ("- 1\n--- \n- 2", "cannot be read as YAML"),
-        ("[" * 3000 + "]" * 3000, "nested too deeply"),
-        ("a: " + "9" * 5000, "cannot be read"),
-        (bomb(), "expands to more than"),
-    ],
-)
-def test_text_that_cannot_be_a_scenario_is_refused(text: str, message: str) -> None:
-    with pytest.raises(ScenarioError, match=message) as caught:
-        parse_yaml(text, "here.yaml")
-    assert str(caught.value).startswith("here.yaml: ")
-
-
 def test_the_size_of_a_bomb_is_found_without_unfolding_it(monkeypatch) -> None:
     looked_at = []
     check = yaml_io._check_keys_differ

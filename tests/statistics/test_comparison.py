@@ -1,6 +1,7 @@
 """Claims about comparisons: which points are compared, what their difference is, and how rarely chance makes one."""
 
 import math
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -10,16 +11,25 @@ from lifelines.statistics import logrank_test
 from scipy import stats
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.statistics import two_samples
-from epuck_sim.statistics.comparison import LOG_RANK, PERMUTATION, compare, match_folders, match_values
+from epuck_sim.statistics.comparison import (
+    LOG_RANK,
+    PERMUTATION,
+    Comparison,
+    Samples,
+    compare,
+    match_folders,
+    match_points,
+    match_values,
+)
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.two_samples import (
     contrast,
     log_rank,
     log_rank_parts,
     pair_up,
-    permuted_differences,
+    permute,
     share_as_large,
+    studentised,
 )
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, SPEEDS, WIDTH, ended, in_memory, sweep, weibull
 
@@ -34,6 +44,20 @@ def measured(values, observed=None, limit: float = 5000, seed: int = 0) -> Measu
 def drawn(mean: float, trials: int, seed, limit: float = math.inf) -> Measured:
     times = np.ceil(mean * np.random.default_rng(seed).exponential(1, trials))
     return measured(np.minimum(times, limit), times <= limit, limit)
+
+
+def folders(*sweeps) -> Samples:
+    return match_folders(sweeps, [f"folder {number}" for number, _ in enumerate(sweeps)])
+
+
+def compared(*sweeps) -> Comparison:
+    """Return the comparison of two sweeps."""
+    (found,) = compare(folders(*sweeps))
+    return found
+
+
+def permuted(pair, seed: int, of_logarithms: bool = True, **options) -> np.ndarray:
+    return studentised([permute(pair, seed, of_logarithms=of_logarithms, **options)])
 
 
 def both(mean, trials: int = 40, stop: int = 5000, **changes):
@@ -53,22 +77,38 @@ def both(mean, trials: int = 40, stop: int = 5000, **changes):
 def test_points_of_two_folders_are_matched_by_their_axis_values_and_others_are_counted() -> None:
     first, _ = both(lambda *_: 30)
     second = in_memory(sweep({SPEED: [5.0, 1, 7]}), lambda _: ended([5] * 5))
-    matches, left_out = match_folders(first, second)
-    assert [axes for axes, *_ in matches] == [{SPEED: 1.0}, {SPEED: 5.0}]
-    assert all(one is first[n] for (_, one, _), n in zip(matches, (2, 4), strict=True))
-    assert all(two.axes[SPEED] == axes[SPEED] for axes, _, two in matches)
-    assert left_out == 4
+    matches = folders(first, second).matches
+    both_sides = [(axes, *points) for axes, points in matches if None not in points]
+    assert [axes for axes, *_ in both_sides] == [{SPEED: 1.0}, {SPEED: 5.0}]
+    assert all(one is first[n] for (_, one, _), n in zip(both_sides, (2, 4), strict=True))
+    assert all(two.axes[SPEED] == axes[SPEED] for axes, _, two in both_sides)
+    assert len(matches) == 6
+    assert compared(first, second).left_out == 4
 
 
 def test_two_values_of_an_axis_are_matched_over_the_others_and_what_is_tied_to_it_is_none() -> None:
     sizes = {"zip": {WIDTH: [40, 60, 80], HEIGHT: [40, 60, 80]}, "grid": {SPEED: [1, 2], COUNT: [3]}}
     made = in_memory(sweep(None, sweep=sizes), lambda point: ended([point.axes[WIDTH] + point.axes[SPEED]]))
-    matches, left_out = match_values(made, WIDTH, [80, 40.0])
-    assert [(axes, one.times[0], two.times[0]) for axes, one, two in matches] == [
+    samples = match_values(made, WIDTH, [80, 40.0])
+    assert samples.names == [f"{WIDTH} = 80", f"{WIDTH} = 40.0"]
+    assert [(axes, one.times[0], two.times[0]) for axes, (one, two) in samples.matches] == [
         ({SPEED: 1, COUNT: 3}, 81, 41),
         ({SPEED: 2, COUNT: 3}, 82, 42),
     ]
-    assert left_out == 0
+
+
+def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
+    one = in_memory(sweep({SPEED: [1, 2], COUNT: [3]}), lambda point: ended([point.number + 1] * 5))
+    other = in_memory(sweep({COUPLING: [0.1, 0.2, 0.3], COUNT: [3]}), lambda point: ended([point.number + 11] * 5))
+    samples = match_points([one, other], ["one", "other"], [[1, 2], [0, 0]])
+    assert [(axes, a.times[0], b.times[0]) for axes, (a, b) in samples.matches] == [
+        ({"points": "1, 2", COUNT: 3}, 2, 13),
+        ({"points": "0, 0", COUNT: 3}, 1, 11),
+    ]
+    with pytest.raises(EpuckSimError, match="--points: other has no point 3; allowed: 0 to 2"):
+        match_points([one, other], ["one", "other"], [[0, 3]])
+    with pytest.raises(EpuckSimError, match="--points is given 1 numbers; allowed: one of each of 2"):
+        match_points([one, other], ["one", "other"], [[0]])
 
 
 @pytest.mark.parametrize(
@@ -79,7 +119,8 @@ def test_two_values_of_an_axis_are_matched_over_the_others_and_what_is_tied_to_i
             [1, 2],
             f"--axis: unknown 'arena.widht_cm', did you mean '{WIDTH}'?; axes: {WIDTH}, {SPEED}",
         ),
-        (WIDTH, [40], f"{WIDTH} is given 1 values; allowed: two, as in {WIDTH}=VALUE,VALUE"),
+        (WIDTH, [40], f"{WIDTH} is given 1 values; allowed: two or more, all different"),
+        (WIDTH, [40, 40.0, 60], f"{WIDTH} is given 2 values; allowed: two or more, all different"),
         (WIDTH, [40, 70], f"{WIDTH} is never 70; its values: 40, 60"),
     ],
 )
@@ -95,10 +136,26 @@ def test_sweeps_of_other_axes_or_without_a_common_point_are_refused() -> None:
         in_memory(sweep({key: values}), lambda _: ended([5]))
         for key, values in ((SPEED, [1, 2]), (COUPLING, [0.1]), (SPEED, [3]))
     )
-    with pytest.raises(EpuckSimError, match="the axes differ"):
-        match_folders(made, other)
+    with pytest.raises(EpuckSimError, match=r"the axes differ: .*; name the points to compare: --points 0,0"):
+        folders(made, other)
     with pytest.raises(EpuckSimError, match="no two points to compare"):
-        match_folders(made, apart)
+        folders(made, apart)
+
+
+def test_folders_whose_measures_have_other_units_are_refused(tmp_path) -> None:
+    made = []
+    for unit in ("cm", "mm", "cm"):
+        path = tmp_path / str(len(made)) / "mine.py"
+        path.parent.mkdir()
+        path.write_text(f'UNIT = "{unit}"\n\n\ndef way(simulation): return 1.0\n')
+        scenario = sweep({SPEED: [1, 2]}, trials=5, measures=[str(path)])
+        points = in_memory(scenario, lambda _: ended([5] * 5))
+        made.append([point._replace(of="way", measured=(1.0, 2.0, 3.0, 4.0, 5.0)) for point in points])
+    assert len(folders(made[0], made[2]).matches) == 2
+    with pytest.raises(EpuckSimError, match="the unit of way differs: cm, mm; give folders with one"):
+        folders(*made)
+    (tmp_path / "1/mine.py").unlink()
+    assert len(folders(made[0], made[1]).matches) == 2
 
 
 # The numbers of a point
@@ -136,8 +193,53 @@ def test_the_log_rank_test_is_lifelines(seed: int, mean: float) -> None:
     assert log_rank([log_rank_parts(pair)]) == pytest.approx(theirs.p_value, rel=1e-6)
 
 
+@given(st.integers(0, 10**6), st.floats(20, 300))
+@settings(max_examples=20)
+def test_one_log_rank_test_is_scipys(seed: int, mean: float) -> None:
+    random = np.random.default_rng(seed)
+    ends = [np.ceil(each * random.exponential(1, 30)) for each in (100, mean)]
+    pair = pair_up(*(measured(np.minimum(times, 150), times <= 150, 150) for times in ends))
+    theirs = stats.logrank(
+        *(stats.CensoredData(each.values[each.observed], right=each.values[~each.observed]) for each in pair)
+    )
+    assert log_rank([log_rank_parts(pair)]) == pytest.approx(theirs.pvalue, abs=1e-9)
+
+
+def log_ratio(x, y, axis):
+    """Return the studentised logarithm of the ratio of two means."""
+    means = [each.mean(axis=axis) for each in (x, y)]
+    variances = [each.var(axis=axis, ddof=1) / each.shape[axis] for each in (x, y)]
+    parts = [variance / mean**2 for variance, mean in zip(variances, means, strict=True)]
+    return (np.log(means[1]) - np.log(means[0])) / np.sqrt(sum(parts))
+
+
+@pytest.mark.parametrize("of_logarithms", [True, False])
+def test_one_permutation_test_is_scipys(of_logarithms: bool) -> None:
+    first, second = drawn(50, 5, 1), drawn(90, 6, 2)
+    statistic = log_ratio if of_logarithms else lambda x, y, axis: -stats.ttest_ind(x, y, equal_var=False, axis=axis)[0]
+    theirs = stats.permutation_test(
+        (first.values, second.values), statistic, vectorized=True, n_resamples=math.inf
+    )  # all 462 of them
+    ours = permuted(pair_up(first, second), 0, of_logarithms, count=40_000)
+    assert ours[0] == pytest.approx(theirs.statistic)
+    one_sided = [float((ours >= ours[0] - 1e-9).mean()), float((ours <= ours[0] + 1e-9).mean())]
+    assert 2 * min(one_sided) == pytest.approx(theirs.pvalue, abs=0.02)
+
+
+@given(st.lists(st.integers(1, 50), min_size=2, max_size=9), st.lists(st.integers(1, 50), min_size=2, max_size=9))
+def test_what_is_permuted_is_the_contrast_over_its_error(first, second) -> None:
+    pair = pair_up(measured(first), measured(second))
+    means = contrast(pair)
+    for of_logarithms, found in ((False, means.difference), (True, means.log_ratio)):
+        one = permute(pair, 0, of_logarithms=of_logarithms, count=3)
+        assert one.differences[0] == pytest.approx(found.value, abs=1e-12)
+        parts = means.log_parts if of_logarithms else means.parts
+        assert one.variances[0] == pytest.approx(sum(part for part, _ in parts), abs=1e-12)
+        assert len(one.differences) == 4
+
+
 def test_two_values_against_two_are_permuted_in_six_ways() -> None:
-    shares = permuted_differences(pair_up(measured([1, 2]), measured([8, 9])), 0)
+    shares = permuted(pair_up(measured([1, 2]), measured([8, 9])), 0)
     assert share_as_large(shares) == pytest.approx(1 / 3, abs=0.03)
     assert len(np.unique(shares.round(6))) <= 6
 
@@ -145,20 +247,39 @@ def test_two_values_against_two_are_permuted_in_six_ways() -> None:
 def test_the_order_of_the_trials_does_not_matter() -> None:
     first, second = drawn(50, 30, 1), drawn(60, 30, 2)
     turned = first._replace(values=first.values[::-1])
-    np.testing.assert_array_equal(
-        permuted_differences(pair_up(first, second), 3), permuted_differences(pair_up(turned, second), 3)
-    )
+    np.testing.assert_array_equal(permuted(pair_up(first, second), 3), permuted(pair_up(turned, second), 3))
 
 
 @pytest.mark.parametrize("limit", [math.inf, 60])
-def test_chance_alone_is_significant_as_rarely_as_it_should_be(limit: float, monkeypatch) -> None:
-    monkeypatch.setattr(two_samples, "PERMUTATIONS", 499)
+def test_chance_alone_is_significant_as_rarely_as_it_should_be(limit: float) -> None:
     p_values = []
     for seed in range(150):
         pair = pair_up(drawn(50, 12, [seed, 0], limit), drawn(50, 20, [seed, 1], limit))
-        p_values.append(share_as_large(permuted_differences(pair, seed)))
+        p_values.append(share_as_large(permuted(pair, seed, count=499)))
     assert stats.kstest(p_values, "uniform").pvalue > 0.001
     assert np.mean(np.array(p_values) < 0.05) < 0.12
+
+
+def test_far_in_the_tail_chance_is_as_rare_as_it_should_be() -> None:
+    ours = []
+    for seed in range(4000):
+        pair = pair_up(*(measured(np.random.default_rng([seed, n]).lognormal(0, 0.8, 10)) for n in (0, 1)))
+        statistics = permuted(pair, seed, count=999)
+        ours.append(float((statistics >= statistics[0] - 1e-9).mean()))
+    assert 0.002 < np.mean(np.array(ours) <= 0.005) < 0.0085  # 0.005 with four standard deviations
+
+
+def test_a_ratio_is_tested_as_if_the_second_sample_were_that_much_shorter() -> None:
+    first, second = drawn(50, 12, 1), drawn(80, 15, 2)
+    shorter = second._replace(values=second.values / 1.7)
+    expected = permuted(pair_up(first, shorter), 5)
+    np.testing.assert_allclose(permuted(pair_up(first, second), 5, ratio=1.7), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("values", "p"), [([7] * 6, 1), ([9] * 6, 1 / 462)])
+def test_samples_without_spread_differ_if_their_values_do(values, p: float) -> None:
+    found = share_as_large(permuted(pair_up(measured([7] * 5), measured(values)), 0, of_logarithms=False))
+    assert found == pytest.approx(p, abs=0.003)
 
 
 def test_intervals_of_the_difference_and_the_ratio_hold_the_truth_as_often_as_they_say() -> None:
@@ -174,7 +295,7 @@ def test_intervals_of_the_difference_and_the_ratio_hold_the_truth_as_often_as_th
 
 
 def test_over_all_points_the_ratio_is_found_and_chance_is_unlikely() -> None:
-    found = compare(*match_folders(*both(lambda speed, which: (1.5 if which else 1) * 40 / speed, 60)))
+    found = compared(*both(lambda speed, which: (1.5 if which else 1) * 40 / speed, 60))
     assert found.test == PERMUTATION
     assert found.compared == found.averaged == 5
     assert found.ratio.low < 1.5 < found.ratio.high < 1.4 * found.ratio.low
@@ -185,14 +306,14 @@ def test_over_all_points_the_ratio_is_found_and_chance_is_unlikely() -> None:
 
 
 def test_differences_of_both_signs_are_no_difference_over_all() -> None:
-    found = compare(*match_folders(*both(lambda speed, which: 40 * (3 ** (which * (1 if speed < 1.5 else -1.5))), 60)))
+    found = compared(*both(lambda speed, which: 40 * (3 ** (which * (1 if speed < 1.5 else -1.5))), 60))
     assert max(point.p_value for point in found.points) < 0.01
     assert found.p_value > 0.01
 
 
 def test_equal_trials_do_not_differ() -> None:
     made, _ = both(lambda *_: 50)
-    found = compare(*match_folders(made, made))
+    found = compared(made, made)
     assert {point.difference.value for point in found.points} == {0}
     assert {point.p_value for point in found.points} == {found.p_value} == {1}
 
@@ -200,7 +321,7 @@ def test_equal_trials_do_not_differ() -> None:
 def test_points_with_few_trials_have_values_and_no_interval_or_p_and_do_not_count() -> None:
     first, second = both(lambda *_: 50)
     second[1] = second[1]._replace(times=second[1].times[:4], observed=second[1].observed[:4])
-    found = compare(*match_folders(first, second))
+    found = compared(first, second)
     few = found.points[1]
     assert few.difference.value == pytest.approx(few.second.value - few.first.value)
     assert not few.difference.has_interval
@@ -213,11 +334,9 @@ def test_points_with_few_trials_have_values_and_no_interval_or_p_and_do_not_coun
 
 
 def test_where_all_trials_of_one_side_are_censored_there_is_a_p_value_and_no_interval() -> None:
-    (point,) = compare(
-        *match_folders(
-            in_memory(sweep({SPEED: [1]}), lambda _: ended([5000] * 20, [False] * 20)),
-            in_memory(sweep({SPEED: [1]}), lambda _: ended(range(50, 70))),
-        )
+    (point,) = compared(
+        in_memory(sweep({SPEED: [1]}), lambda _: ended([5000] * 20, [False] * 20)),
+        in_memory(sweep({SPEED: [1]}), lambda _: ended(range(50, 70))),
     ).points
     assert point.statistic == "restricted mean"
     assert point.p_value < 0.001
@@ -231,14 +350,55 @@ def test_trials_that_ran_out_of_time_are_compared_by_their_ranks() -> None:
 
     first = in_memory(sweep({SPEED: SPEEDS}, trials=30), early)
     second = in_memory(sweep({SPEED: SPEEDS}, trials=30, seed=1), lambda point: weibull(point, 20))
-    found = compare(*match_folders(first, second))
+    found = compared(first, second)
     assert found.test == LOG_RANK
     assert found.p_value < min(point.p_value for point in found.points) < 0.01
 
 
 def test_corrected_p_values_are_larger_and_keep_their_order() -> None:
-    found = compare(*match_folders(*both(lambda speed, which: 40 + 10 * which * speed)))
+    found = compared(*both(lambda speed, which: 40 + 10 * which * speed))
     p, holm = ([getattr(point, name) for point in found.points] for name in ("p_value", "p_holm"))
     assert all(one <= two <= 1 for one, two in zip(p, holm, strict=True))
     assert [holm[n] for n in np.argsort(p)] == sorted(holm)
     assert min(holm) == pytest.approx(min(1, 5 * min(p)))
+
+
+# More than two
+
+
+def three(key: str = COUNT, values=(2, 4, 8)):
+    """Return a sweep in which T_sync grows with the axis."""
+    grid = sweep({key: list(values), SPEED: [1, 2]}, trials=40)
+    return in_memory(grid, lambda point: weibull(point, 10 * point.axes[key]))
+
+
+def test_of_several_values_all_pairs_are_compared_or_each_with_the_first() -> None:
+    samples = match_values(three(), COUNT, [2, 4, 8])
+    names = [f"{COUNT} = {value}" for value in (2, 4, 8)]
+    assert [(each.a, each.b) for each in compare(samples)] == [*combinations(names, 2)]
+    with_first = [(each.a, each.b) for each in compare(samples, with_first=True)]
+    assert with_first == [(names[0], names[1]), (names[0], names[2])]
+
+
+def test_p_values_are_corrected_for_all_points_and_pairs() -> None:
+    found = compare(match_values(three(), COUNT, [2, 4, 8]))
+    points = [point for each in found for point in each.points]
+    assert len(points) == 6
+    smallest = min(points, key=lambda point: point.p_value)
+    assert smallest.p_holm == pytest.approx(min(1, 6 * smallest.p_value))
+    assert min(each.p_holm for each in found) == pytest.approx(3 * min(each.p_value for each in found))
+
+
+def test_a_pair_of_several_is_compared_as_if_it_were_alone() -> None:
+    several = compare(match_values(three(), COUNT, [2, 4, 8]))[1]
+    (alone,) = compare(match_values(three(), COUNT, [2, 8]))
+    for one, other in zip(several.points, alone.points, strict=True):
+        assert one._replace(p_holm=0) == other._replace(p_holm=0)
+    assert several.ratio == alone.ratio
+
+
+def test_a_third_folder_may_lack_points() -> None:
+    first, second = both(lambda *_: 50)
+    third = in_memory(sweep({SPEED: SPEEDS[:2]}), lambda point: weibull(point, 50, trials=20))
+    found = compare(folders(first, second, third))
+    assert [(len(each.points), each.left_out) for each in found] == [(5, 0), (2, 3), (2, 3)]

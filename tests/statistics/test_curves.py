@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.figure_axes import choose_axis, choose_second_axis, distinguishing_axes
+from epuck_sim.scenario.axes import choose_axis, choose_second_axis, distinguishing_axes
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.curves import read_curves
@@ -71,7 +72,7 @@ def test_without_another_axis_there_is_one_curve() -> None:
 def test_the_numbers_of_a_curve_are_those_of_the_summary() -> None:
     scenario = sweep({SPEED: SPEEDS, COUPLING: [0.1, 0.2]}, trials=60, stop={"max_cycles": 60})
     made = in_memory(scenario, lambda point: weibull(point, 30))
-    summaries = summarize(made)
+    summaries = [SimpleNamespace(**each.record()) for each in summarize(made)]
     for statistic, name in zip(Statistic, ("restricted_mean", "median", "weibull_mean"), strict=True):
         for curve in read_curves(made, SPEED, statistic):
             own = [each for each in summaries if each.axes[COUPLING] == curve.axes[COUPLING]]

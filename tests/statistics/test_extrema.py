@@ -14,8 +14,8 @@ from epuck_sim.statistics.extrema import (
     MIN_SPEEDS,
     SIGNIFICANCE,
     find_minimum_and_peak,
-    smooth_curve,
 )
+from tests.statistics.fits import smooth_curve
 
 SPEEDS = np.geomspace(0.05, 12.8, 20)
 X = np.log10(SPEEDS)

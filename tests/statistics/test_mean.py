@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuck_sim.statistics.estimate import MIN_TRIALS
+from epuck_sim.estimate import MIN_TRIALS
 from epuck_sim.statistics.mean import estimate_mean, resample_means
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
@@ -42,7 +42,7 @@ values_of_trials = st.lists(st.integers(1, 10**6), min_size=MIN_TRIALS, max_size
 
 @given(values_of_trials)
 def test_uncensored_the_mean_is_the_samples_and_the_interval_students_of_its_logarithm(values) -> None:
-    mean, low, high = estimate_mean(measured(values))
+    mean, low, high = estimate_mean(measured(values)).ends
     assert mean == pytest.approx(np.mean(values))
     reach = stats.t.ppf(0.975, len(values) - 1) * stats.sem(values) / mean
     assert np.log([low / mean, high / mean]) == pytest.approx([-reach, reach])
@@ -52,13 +52,13 @@ def test_uncensored_the_mean_is_the_samples_and_the_interval_students_of_its_log
 def test_where_values_are_not_positive_the_interval_is_students_own(values, shift) -> None:
     shifted = np.array(values) + shift - min(values)
     expected = stats.t.interval(0.95, len(values) - 1, shifted.mean(), stats.sem(shifted))
-    assert estimate_mean(measured(shifted))[1:] == pytest.approx(expected)
+    assert estimate_mean(measured(shifted)).ends[1:] == pytest.approx(expected)
 
 
 @given(values_of_trials, st.integers(0, 29))
 def test_values_cut_at_one_limit_have_the_mean_and_the_error_of_the_sample_that_they_are(values, place) -> None:
     limit = sorted(values)[place % len(values)]
-    mean, low, high = estimate_mean(cut(values, limit))
+    mean, low, high = estimate_mean(cut(values, limit)).ends
     as_sample = np.minimum(values, limit)
     assert mean == pytest.approx(as_sample.mean())
     if np.ptp(as_sample) and max(values) > limit:
@@ -73,7 +73,7 @@ def test_intervals_move_with_the_unit(values, unit) -> None:
     given_values = cut(np.array(values), max(values) / 2)
     scaled = cut(unit * np.array(values), unit * max(values) / 2)
     for statistic in (Statistic.MEAN, Statistic.MEDIAN):
-        one, other = estimate(given_values, statistic), estimate(scaled, statistic)
+        one, other = estimate(given_values, statistic).ends, estimate(scaled, statistic).ends
         assert np.array(other) == pytest.approx(unit * np.array(one), nan_ok=True)
 
 
@@ -93,7 +93,7 @@ def test_few_trials_have_an_estimate_and_no_interval(statistic: Statistic, trial
 @pytest.mark.parametrize("statistic", Statistic)
 def test_where_all_trials_are_censored_every_statistic_is_undetermined(statistic: Statistic) -> None:
     nothing = measured([50] * 9, [False] * 9, 50)
-    assert np.isnan(estimate(nothing, statistic)).all()
+    assert np.isnan(estimate(nothing, statistic).ends).all()
     assert np.isinf(resample(nothing, statistic)).all()
 
 

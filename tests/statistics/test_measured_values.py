@@ -1,6 +1,7 @@
 """Statistics of measures other than T_sync: those of any sample, without censoring."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +15,8 @@ from tests.runs.made_folders import ended, in_memory, sweep
 
 def summary_of(*values):
     (point,) = in_memory(sweep(trials=max(len(values), 1)), lambda _: ended([7] * len(values)))
-    (summary,) = summarize([point._replace(measured=tuple(values), of="mine")])
-    return summary
+    (found,) = summarize([point._replace(measured=tuple(values), of="mine")])
+    return SimpleNamespace(**found.record())
 
 
 def test_the_mean_and_the_median_are_those_of_the_sample():

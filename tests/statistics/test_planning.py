@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import StoreError
-from epuck_sim.statistics.estimate import MIN_TRIALS
+from epuck_sim.estimate import MIN_TRIALS
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.planning import plan_trials
 from epuck_sim.statistics.power import relative_spread, trials_for_shares, trials_needed

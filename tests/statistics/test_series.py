@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from epuck_sim.errors import StoreError
+from epuck_sim.estimate import UNDETERMINED
 from epuck_sim.runs.reader import read_points
-from epuck_sim.statistics.estimate import UNDETERMINED
 from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.series import as_arrays, series_statistics, summarize_series
@@ -26,9 +26,9 @@ def at_cycle(series, cycle):
     """Return the mean and the median of the values at a cycle, by the statistics of single values."""
     values = np.array([each[cycle] for each in series if len(each) > cycle and not math.isnan(each[cycle])])
     if not len(values):
-        return 0, UNDETERMINED, UNDETERMINED
+        return 0, UNDETERMINED.ends, UNDETERMINED.ends
     measured = Measured(values, np.ones(len(values), bool), math.inf, 0)
-    return len(values), estimate_mean(measured), estimate_median(measured)
+    return len(values), estimate_mean(measured).ends, estimate_median(measured).ends
 
 
 @settings(max_examples=300)

@@ -13,15 +13,14 @@ from scipy.optimize import curve_fit
 from scipy.stats import CensoredData, ecdf
 
 from epuck_sim.statistics.survival import (
-    kaplan_meier,
     make_curve,
     make_sample,
     median_time,
     resample_counts,
     restricted_means,
 )
-from epuck_sim.statistics.weibull import Weibull, fit_weibull
 from epuck_sim.statistics.weibull_mean import MIN_UNCENSORED, confidence_interval, weibull_mean, weibull_resamples
+from tests.statistics.fits import Weibull, fit_weibull, kaplan_meier
 
 whole_cycles = st.integers(1, 12) | st.integers(0, 10**7)
 trials = st.lists(st.tuples(whole_cycles, st.booleans()), min_size=1, max_size=40).map(

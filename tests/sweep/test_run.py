@@ -21,6 +21,7 @@ from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import first_of_each_kind, missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
 from epuck_sim.trial.model import run_trial
+from epuck_sim.util.messages import counted
 from tests.processes import processes_marked, wait_until
 from tests.runs.made_folders import edit
 from tests.sweep.short_sweeps import begin, errors, short_sweep, stored, table
@@ -224,7 +225,7 @@ sweep: {{grid: {{robots.0.parameters.{axis}: [0, 1]}}}}
         assert row[2:4] == (1, row[3])
         assert row[4] is None
         assert f"--point 1 --trial {row[1]}: " in out
-    assert f"{len(failed)} trials failed; run again to retry them: epuck-sim run {folder}/" in err
+    assert f"{counted(len(failed), 'trial')} failed; run again to retry them: epuck-sim run {folder}/" in err
     before = set(table(folder)) - set(failed)
     (tmp_path / "poison").unlink()
     again = begin(f"{folder}/", "--interpret", "--json", folder=tmp_path)

@@ -77,6 +77,29 @@ def test_the_file_has_the_permissions_that_the_user_s_umask_gives(tmp_path, mask
     assert (tmp_path / "table.csv").stat().st_mode & 0o777 == 0o666 & ~mask
 
 
+def test_a_file_that_is_there_keeps_its_permissions_and_a_link_leads_where_it_led(tmp_path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    target, link = tmp_path / "elsewhere" / "secret.csv", tmp_path / "table.csv"
+    target.touch(0o600)
+    link.symlink_to(target)
+    with atomic_write(link) as part:
+        part.write_text("new")
+    assert link.is_symlink()
+    assert (target.read_text(), target.stat().st_mode & 0o777) == ("new", 0o600)
+    assert [path.name for path in target.parent.iterdir()] == ["secret.csv"]
+
+
+def test_what_a_killed_process_left_a_day_ago_goes_when_the_file_is_written_again(tmp_path) -> None:
+    names = ("table.csv.0123abcd.part", "table.csv.0123abce.part", "table.csv.part", "other.csv.0123abcd.part")
+    for name in names:
+        (tmp_path / name).touch()
+    for name in names[:1] + names[2:]:
+        os.utime(tmp_path / name, (0, 0))
+    with atomic_write(tmp_path / "table.csv") as part:
+        part.write_text("new")
+    assert {path.name for path in tmp_path.iterdir()} == {"table.csv", *names[1:]}
+
+
 def test_temporary_files_and_folders_can_be_removed_from_outside_their_blocks(tmp_path) -> None:
     with temporary_path(tmp_path / "a.csv") as file, temporary_path(tmp_path / "b.rrd") as folder:
         file.write_text("half")

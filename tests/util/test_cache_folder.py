@@ -1,13 +1,17 @@
 """Compiled code is loaded from folders of the user alone."""
 
+import resource
+import signal
 import stat
 import tempfile
+import warnings
 from pathlib import Path
 
 import pytest
 
-from epuck_sim.util import cache_folder
-from epuck_sim.util.cache_folder import USER, cache_root
+from epuck_sim.util import cache_folder, system
+from epuck_sim.util.cache_folder import ROOM_BYTES, cache_root
+from epuck_sim.util.system import USER
 
 
 @pytest.fixture
@@ -15,6 +19,7 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Have no cache folder that can be written to, and an empty folder for temporary files."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/cache")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(warnings, "warn", lambda *_, **__: None)
     cache_root.cache_clear()
     yield tmp_path
     cache_root.cache_clear()
@@ -41,8 +46,36 @@ def test_a_folder_that_others_can_write_to_is_not_taken(
         name.chmod(0o777 if kind == "open to all" else 0o700)
     if kind == "of another user":
         monkeypatch.setattr(cache_folder, "USER", USER + 1)
+        monkeypatch.setattr(system, "USER", USER + 1)
         name.rename(temporary / f"epuck-sim-{USER + 1}")
     folder = cache_root()
     assert folder.parent == temporary
     assert folder not in (name, temporary / f"epuck-sim-{USER + 1}")
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+def test_a_full_folder_and_one_that_others_can_write_to_are_said_and_not_used(tmp_path, monkeypatch) -> None:
+    chosen = tmp_path / "chosen"
+    chosen.mkdir()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(chosen))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def root() -> Path:
+        cache_root.cache_clear()
+        return cache_root()
+
+    assert root() == chosen
+    chosen.chmod(0o777)
+    with pytest.warns(UserWarning, match="NUMBA_CACHE_DIR .*chosen: other users can write to it; compiled code is kep"):
+        assert root() == tmp_path / f"epuck-sim-{USER}"
+    chosen.chmod(0o755)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM_BYTES // 2, before[1]))
+    try:
+        with pytest.warns(UserWarning, match="chosen: File too large; compiled code is kept in"):
+            assert root() == tmp_path / f"epuck-sim-{USER}"
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ignored)
+        cache_root.cache_clear()

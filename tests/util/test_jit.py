@@ -1,7 +1,9 @@
 """The cache of compiled code is named after everything that kernels depend on, and does not grow for ever."""
 
 import ast
+import errno
 import os
+import random
 import shutil
 import subprocess
 import sys
@@ -10,14 +12,15 @@ from collections.abc import Iterator
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from numba import njit
 
-from epuck_sim.util import cache_folder, jit
+from epuck_sim.util import jit, system
 from epuck_sim.util.cache_folder import UNUSED_S, remove_unused
-from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_files
-from epuck_sim.util.native import Kernel, unlikely
+from epuck_sim.util.jit import PACKAGE, Kernel, digest, is_cache, kernel_digest, kernel_files
+from epuck_sim.util.native import unlikely
 
 MARK = "epuck_sim.util.jit import"
 
@@ -85,7 +88,7 @@ def room_of(file: Path) -> str:
 def kernels() -> dict[str, set[tuple[Path, str]]]:
     """Return, for each room, the file and name of every compiled function of the package."""
     runner = PACKAGE / "embodied" / "controllers.py"
-    found = {"embodied": {(runner, "_run")}}  # compiled with each controller
+    found = {"embodied": {(runner, "run_group")}}  # compiled with each controller
     for file in PACKAGE.rglob("*.py"):
         if MARK in file.read_text() or "njit" in file.read_text():
             module = import_module(".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts))
@@ -108,7 +111,7 @@ def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_c
         covered = set(kernel_files(room))
         outside = {f"{file.relative_to(PACKAGE)}: {name}" for file, name in seen if file not in covered}
         # `jit` itself, and where it keeps compiled code, is no value of a kernel
-        free = ("util/jit.py", "util/cache_folder.py", "arrays.py")
+        free = ("util/jit.py", "util/cache_folder.py", "util/system.py", "arrays.py")
         assert {each for each in outside if not each.startswith(free)} == set(), room
 
 
@@ -202,7 +205,7 @@ def test_another_user_s_cache_a_link_and_a_file_stay(tmp_path, monkeypatch) -> N
     remove_unused(root.iterdir(), is_cache)
     assert len(list(root.iterdir())) == 2
     make_cache(root / "0123456789abcde3", OLD)
-    monkeypatch.setattr(cache_folder, "USER", os.getuid() + 1)
+    monkeypatch.setattr(system, "USER", os.getuid() + 1)
     remove_unused(root.iterdir(), is_cache)
     assert len(list(root.iterdir())) == 3
     assert elsewhere.exists()
@@ -254,6 +257,44 @@ def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monke
     assert list(tmp_path.iterdir()) == []
     assert compiled(1) == 3
     assert list(tmp_path.rglob("*.nbi")) != []
+
+
+def test_files_of_the_cache_that_were_damaged_are_compiled_anew_and_healed(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path)
+
+    def is_from_cache() -> bool:
+        def plus_four(value: int) -> int:
+            return value + 4
+
+        compiled: Any = jit.compile_cached(plus_four, "0123456789abcdef", careful=False)
+        assert compiled(1) == 5
+        return sum(compiled.stats.cache_hits.values()) == 1
+
+    assert [is_from_cache(), is_from_cache()] == [False, True]
+    index, code = sorted(tmp_path.rglob("*.nb*"), key=lambda path: path.suffix, reverse=True)
+    assert (index.suffix, code.suffix) == (".nbi", ".nbc")
+    generator = random.Random(4)
+    for file in [index, code] * 20:
+        contents = file.read_bytes()
+        place = generator.randrange(len(contents))
+        flipped = contents[:place] + bytes([contents[place] ^ 4]) + contents[place + 1 :]
+        file.write_bytes(generator.choice([contents[:place], flipped, b""]))
+        assert [is_from_cache(), is_from_cache()] == [False, True]
+
+
+def test_a_cache_that_gets_full_costs_a_warning_not_the_run(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path)
+
+    def plus_three(value: int) -> int:
+        return value + 3
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.EDQUOT, "Disk quota exceeded")
+
+    compiled = jit.compile_cached(plus_three, "0123456789abcdef", careful=False)
+    monkeypatch.setattr("numba.core.caching.os.replace", full)
+    with pytest.warns(UserWarning, match=rf"{tmp_path}: compiled code cannot be kept here.*: Disk quota exceeded"):
+        assert compiled(1) == 4
 
 
 # --- how kernels are compiled -------------------------------------------------------------------------

@@ -6,7 +6,6 @@ file with private names of pymunk. Where they, or how C is called, are not as ex
 kernels as plain Python, by pymunk's public interface.
 """
 
-import math
 from collections.abc import Iterable
 from functools import cache
 from typing import Any
@@ -25,6 +24,7 @@ from epuck_sim.embodied.bodies.contact_candidates import (
 from epuck_sim.embodied.bodies.shapes import Bodies, Thing
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, swarm_at
+from epuck_sim.util.elementary import hypot
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call_c, double_from_c, pointer_from_c, vector_from_c
 
@@ -135,7 +135,7 @@ def _bring_in(
         dx, dy = x - start.x, y - start.y
         if dx * dx + dy * dy > path_cm * path_cm or index >= candidates:
             vx, vy = vector_from_c(addresses[_GET_VELOCITY], body)
-            entered, inside = inside, add_reached(swarm, inside, x, y, math.hypot(vx, vy) + fastest_cm_s, past_s)
+            entered, inside = inside, add_reached(swarm, inside, x, y, hypot(vx, vy) + fastest_cm_s, past_s)
             for entering in range(entered, inside):
                 _enter(swarm, addresses, swarm.members[swarm.numbers[entering]].robot)
         index += 1
@@ -262,9 +262,10 @@ def address(thing: Thing) -> int:
 
 def add_to_space(space: int, things: Iterable[Thing]) -> None:
     """Put things into the space at an address."""
+    pointer = ffi.cast("cpSpace *", int(space))
     for thing in things:
-        kind = next(kind.__name__ for kind in _STRUCTS if isinstance(thing, kind))
-        getattr(lib, f"cpSpaceAdd{kind}")(ffi.cast("cpSpace *", int(space)), _struct(thing))
+        kind = next(kind for kind in _STRUCTS if isinstance(thing, kind))
+        getattr(lib, f"cpSpaceAdd{kind.__name__}")(pointer, getattr(thing, _STRUCTS[kind]))
 
 
 def take_from_space(space: int, things: Iterable[Thing]) -> None:
@@ -275,6 +276,30 @@ def take_from_space(space: int, things: Iterable[Thing]) -> None:
         for thing in every:
             if isinstance(thing, kind) and space_of(_struct(thing)) == pointer:
                 remove(pointer, _struct(thing))
+
+
+def forget(space: int, bodies: Bodies) -> None:
+    """Take movables and all joints out of the space at an address, and have them be as new, where movables begin.
+
+    Old ones know their last contacts and impulses.
+    """
+    pointer, nowhere = ffi.cast("cpSpace *", int(space)), (0.0, 0.0)
+    joints = [(bodies.ground, body, joint) for (body, _), joint in zip(bodies.movables, bodies.holds, strict=True)]
+    joints += [(drive, body, joint) for (drive, joint), (body, _) in zip(bodies.drives, bodies.robots, strict=False)]
+    for one, other, joint in joints:
+        struct, force = joint._constraint, joint.max_force
+        lib.cpSpaceRemoveConstraint(pointer, struct)
+        lib.cpPivotJointInit(ffi.cast("cpPivotJoint *", struct), one._body, other._body, nowhere, nowhere)
+        lib.cpConstraintSetMaxBias(struct, 0.0)
+        lib.cpConstraintSetMaxForce(struct, force)
+    for drive, _ in bodies.drives:
+        lib.cpBodySetVelocity(drive._body, nowhere)
+    for (body, shape), start in zip(bodies.movables, bodies.starts, strict=True):
+        lib.cpSpaceRemoveShape(pointer, shape._shape)
+        lib.cpSpaceRemoveBody(pointer, body._body)
+        lib.cpBodySetVelocity(body._body, nowhere)
+        lib.cpBodyUpdatePosition(body._body, 0.0)  # see `_rest`
+        lib.cpBodySetPosition(body._body, start)
 
 
 def free_space(addresses: IntArray, bodies: Bodies) -> None:

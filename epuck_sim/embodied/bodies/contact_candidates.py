@@ -16,10 +16,9 @@ robots in the space, unless contacts or the correction of overlaps move a robot 
 import math
 from typing import Any
 
-import numpy as np
-
 from epuck_sim.embodied.cells import cells_around, members_in_row
 from epuck_sim.embodied.swarm import Swarm
+from epuck_sim.util.elementary import hypot
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 MARGIN_CM = 0.08
@@ -38,16 +37,14 @@ _ROUNDING_CM = 1e-6
 
 
 @jit_inline
-def touch_cm(swarm: Swarm) -> float:
-    """Return the distance of the centres of two enlarged robots that touch."""
-    radius_cm: float = swarm.scene[0].radius_cm
-    return 2.0 * (radius_cm + MARGIN_CM) + _ROUNDING_CM
+def touch_cm(one_cm: float, other_cm: float) -> float:
+    """Return the distance of the centres of two enlarged robots of these radii that touch."""
+    return (one_cm + MARGIN_CM) + (other_cm + MARGIN_CM) + _ROUNDING_CM
 
 
 @jit_inline
-def wall_touch_cm(swarm: Swarm) -> float:
+def wall_touch_cm(radius_cm: float) -> float:
     """Return the distance from a wall or an obstacle to the centre of a robot, both enlarged, that touches it."""
-    radius_cm: float = swarm.scene[0].radius_cm
     return radius_cm + 2.0 * MARGIN_CM + _ROUNDING_CM
 
 
@@ -67,7 +64,7 @@ def find_contact_candidates(swarm: Swarm) -> float:
         fastest = max(fastest, robots[number].vx ** 2 + robots[number].vy ** 2)
     fastest = math.sqrt(fastest)
     path_cm = fastest * time_s + PUSHED_CM
-    reach_cm = touch_cm(swarm) + 2.0 * path_cm
+    reach_cm = touch_cm(scene.largest_cm, scene.largest_cm) + 2.0 * path_cm
     # robots of further cells may be within reach, too; and movables may push robots that are far from each other
     if reach_cm > min(scene.cell_width_cm, scene.cell_height_cm) or scene.circles > scene.first_movable:
         for number in range(len(robots)):
@@ -78,7 +75,7 @@ def find_contact_candidates(swarm: Swarm) -> float:
         robot = robots[number]
         robot.may_touch = robot.present and (
             _meets_wall(swarm, number, time_s)
-            or _is_near_obstacle(swarm, number, wall_touch_cm(swarm) + path_cm)
+            or _is_near_obstacle(swarm, number, wall_touch_cm(robot.radius_cm) + path_cm)
             or (scene.touch and _meets_robot(swarm, number, time_s, reach_cm))
         )
         if robot.may_touch:
@@ -96,7 +93,7 @@ def _meets_wall(swarm: Swarm, number: int, time_s: float) -> bool:
     x = robot.x + robot.vx * time_s
     y = robot.y + robot.vy * time_s
     gap_cm: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
-    return gap_cm <= wall_touch_cm(swarm)
+    return gap_cm <= wall_touch_cm(robot.radius_cm)
 
 
 @jit_inline
@@ -105,7 +102,7 @@ def _is_near_obstacle(swarm: Swarm, number: int, reach_cm: float) -> bool:
     x, y = swarm.robots[number].x, swarm.robots[number].y
     for index in range(swarm.scene[0].circles):
         circle = swarm.circles[index]
-        if np.hypot(circle.x - x, circle.y - y) <= circle.radius + reach_cm:
+        if hypot(circle.x - x, circle.y - y) <= circle.radius + reach_cm:
             return True
     for index in range(swarm.scene[0].edges):
         edge = swarm.edges[index]
@@ -128,7 +125,8 @@ def _meets_robot(swarm: Swarm, number: int, time_s: float, reach_cm: float) -> b
             if dx * dx + dy * dy > reach_cm * reach_cm or member.robot == number:
                 continue
             other = swarm.robots[member.robot]
-            if _closest(dx, dy, other.vx - robot.vx, other.vy - robot.vy, time_s) <= touch_cm(swarm):
+            nearest_cm = _closest(dx, dy, other.vx - robot.vx, other.vy - robot.vy, time_s)
+            if nearest_cm <= touch_cm(robot.radius_cm, member.radius_cm):
                 return True
     return False
 
@@ -139,7 +137,7 @@ def _closest(dx: float, dy: float, vx: float, vy: float, time_s: float) -> float
     approach = -(dx * vx + dy * vy)
     speed2 = vx * vx + vy * vy
     when = 0.0 if approach <= 0.0 else min(approach / speed2, time_s)
-    return math.hypot(dx + vx * when, dy + vy * when)
+    return hypot(dx + vx * when, dy + vy * when)
 
 
 @jit_inline
@@ -188,14 +186,15 @@ def add_reached(swarm: Swarm, found: int, x: float, y: float, approach_cm_s: flo
     Returns:
         The length of the list with those that were added.
     """
-    reach_cm = touch_cm(swarm) + approach_cm_s * swarm.scene[0].physics_s + PUSHED_CM
+    largest_cm = swarm.scene[0].largest_cm
+    reach_cm = touch_cm(largest_cm, largest_cm) + approach_cm_s * swarm.scene[0].physics_s + PUSHED_CM
     near = cells_around(x, y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
         start, end = members_in_row(near, row, swarm)
         for index in range(start, end):
             other = swarm.robots[swarm.members[index].robot]
             dx, dy = other.x + other.vx * past_s - x, other.y + other.vy * past_s - y
-            if other.present and not other.may_touch and math.hypot(dx, dy) <= reach_cm:
+            if other.present and not other.may_touch and hypot(dx, dy) <= reach_cm:
                 move_straight(other, past_s)
                 other.may_touch = True
                 swarm.numbers[found] = index

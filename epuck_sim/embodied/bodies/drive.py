@@ -8,6 +8,7 @@ import math
 from typing import Any
 
 from epuck_sim.embodied.swarm import Swarm
+from epuck_sim.util.elementary import sin, sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 
@@ -19,9 +20,9 @@ def apply_commands(swarm: Swarm) -> int:
     that is returned keep theirs.
     """
     scene = swarm.scene[0]
-    limit = scene.wheel_limit_cm_s
     for number in range(len(swarm.robots)):
         robot = swarm.robots[number]
+        limit = robot.wheel_limit_cm_s
         left, right, turn = robot.actuators.left_cm_s, robot.actuators.right_cm_s, robot.actuators.turn_rad
         if math.isnan(left) or math.isnan(right) or not math.isfinite(turn):
             return number
@@ -44,11 +45,11 @@ def _drive(robot: Any, scene: Any) -> None:
     slip, noise, gain = scene.slip, robot.wheel_noise, robot.wheel_gain
     left = robot.left_cm_s * (1.0 + slip * (2.0 * noise[0] - 1.0)) * gain[0]
     right = robot.right_cm_s * (1.0 + slip * (2.0 * noise[1] - 1.0)) * gain[1]
-    turn = (right - left) / scene.wheel_base_cm
+    turn = (right - left) / robot.wheel_base_cm
     half = 0.5 * turn * scene.step_s
     # the chord is shorter than the arc by sin(half) / half
-    chord = 0.5 * (left + right) * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
-    heading = robot.heading + robot.turn_rad
-    robot.vx = chord * math.cos(heading + half)
-    robot.vy = chord * math.sin(heading + half)
+    chord = 0.5 * (left + right) * (sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
+    sine, cosine = sin_cos(robot.heading + robot.turn_rad + half)
+    robot.vx = chord * cosine
+    robot.vy = chord * sine
     robot.spin = turn + robot.turn_rad / scene.step_s

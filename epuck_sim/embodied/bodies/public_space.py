@@ -17,6 +17,7 @@ import numpy as np
 import pymunk
 
 from epuck_sim.arrays import ByteArray
+from epuck_sim.elementary import hypot
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.contact_candidates import add_reached, find_contact_candidates
 from epuck_sim.embodied.bodies.shapes import Thing
@@ -66,6 +67,7 @@ def public_way(block: ByteArray) -> SimpleNamespace:
         "add_to_space": add_to_space,
         "take_from_space": lambda space, things: space.remove(*things),
         "free_space": lambda *_: None,
+        "hypot": hypot,
         "swarm_at": open_block,
         "find_contact_candidates": lambda _: find_candidates(block),
         "add_reached": lambda _, *given: add_robots_reached(block, *given),

@@ -62,6 +62,8 @@ class Bodies:
     """Walls and obstacles."""
     robots: list[Disc]
     movables: list[Disc]
+    starts: list[tuple[float, float]]
+    """Where movables begin, cm."""
     holds: list[pymunk.Constraint]
     """The floor's friction on each movable."""
     drives: list[Drive]
@@ -83,38 +85,40 @@ def _each(discs: Sequence[tuple[Thing, ...]]) -> list[Thing]:
     return [thing for disc in discs for thing in disc]
 
 
-def make_bodies(arena: Arena, robots: int, kind: RobotKind, contact: ContactSection) -> Bodies:
+def make_bodies(arena: Arena, kinds: Sequence[RobotKind], contact: ContactSection) -> Bodies:
     """Return bodies at rest at the origin, movables where they begin.
 
     Args:
         arena: Walls, obstacles and movables.
-        robots: Number of robots.
-        kind: What kind of robots they are.
+        kinds: What kind of robot each is.
         contact: What happens where bodies touch.
     """
     friction = contact.friction
     ground = pymunk.Body(body_type=pymunk.Body.STATIC)
-    moment = pymunk.moment_for_circle(kind.mass_g, 0, kind.radius_cm)
-    discs = [_disc(pymunk.Body(kind.mass_g, moment), kind.radius_cm, friction) for _ in range(robots)]
+    discs = []
+    for kind in kinds:
+        moment = pymunk.moment_for_circle(kind.mass_g, 0, kind.radius_cm)
+        discs.append(_disc(pymunk.Body(kind.mass_g, moment), kind.radius_cm, friction))
     for _, shape in () if contact.robots else discs:
         shape.filter = pymunk.ShapeFilter(group=_ROBOTS)
-    movables, holds, drives = [], [], []
+    movables, starts, holds, drives = [], [], [], []
     for (x, y, radius), (mass_g, floor_friction) in zip(
         arena.circles[arena.first_movable :].tolist(), arena.movables.tolist(), strict=True
     ):
         body = pymunk.Body(mass_g, math.inf)  # does not turn
         body.position = x, y
+        starts.append((x, y))
         movables.append(_disc(body, radius, friction))
         holds.append(_limited_joint(ground, body, floor_friction * GRAVITY_CM_S2 * mass_g))
     for body, _ in discs if movables else ():
         drive = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
         drives.append(Drive(drive, _limited_joint(drive, body, DYNES_PER_NEWTON * contact.drive_force_n)))
-    return Bodies(ground, make_surfaces(ground, arena, friction), discs, movables, holds, drives)
+    return Bodies(ground, make_surfaces(ground, arena, friction), discs, movables, starts, holds, drives)
 
 
 def _disc(body: pymunk.Body, radius_cm: float, friction: float) -> Disc:
     shape = pymunk.Circle(body, radius_cm + MARGIN_CM)
-    shape.friction = friction**0.5
+    shape.friction = math.sqrt(friction)
     return Disc(body, shape)
 
 
@@ -153,5 +157,5 @@ def make_surfaces(ground: pymunk.Body, arena: Arena, friction: float) -> list[py
     straight_ones = [pymunk.Poly(ground, corners, radius=MARGIN_CM) for corners in polygons]
     shapes = [*straight_ones[:4], *round_ones, *straight_ones[4:]]
     for shape in shapes:
-        shape.friction = friction**0.5  # pymunk multiplies the friction of the two that touch
+        shape.friction = math.sqrt(friction)  # pymunk multiplies the friction of the two that touch
     return shapes

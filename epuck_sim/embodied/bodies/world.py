@@ -36,17 +36,16 @@ class World:
     _addresses: npt.NDArray[Any]
     """What `addresses` returns, and more; objects instead of addresses where Python moves the bodies."""
 
-    def __init__(self, swarm: Swarm, arenas: Sequence[Arena], kind: RobotKind, contact: ContactSection) -> None:
+    def __init__(self, arenas: Sequence[Arena], kinds: Sequence[RobotKind], contact: ContactSection) -> None:
         """Make the bodies; `use` and `place` begin a trial.
 
         Args:
-            swarm: The swarm, in the first arena.
             arenas: Every arena that there is in a trial, first the one that it begins with.
-            kind: What kind of robots they are.
+            kinds: What kind of robot each is.
             contact: What happens where bodies touch.
         """
         self._arenas, self._arena, self._friction = arenas, arenas[0], contact.friction
-        self._make_bodies = partial(make_bodies, arenas[0], len(swarm.robots), kind, contact)
+        self._make_bodies = partial(make_bodies, arenas[0], kinds, contact)
         self._bodies: Bodies = self._make_bodies()
         self._finalizer: weakref.finalize[Any, Any] | None = None
         reason = reason_for_public_way()
@@ -98,23 +97,25 @@ class World:
         self._finalizer = weakref.finalize(self, self._way.free_space, self._addresses, self._bodies)
 
     def place(self) -> None:
-        """Begin a trial in the first arena, which the block is in, with robots at rest where it says: all is as new."""
+        """Begin a trial in the first arena, which the block is in, with robots at rest where it says: all is as new.
+
+        Movables are where they begin.
+        """
         if self._arena is not self._arenas[0]:
             self._surround(self._arenas[0])
-        self._put_movables(self._arena.circles[self._arena.first_movable :, :2])
-        if self._addresses[SPACE] != 0 and (self.is_public or self._bodies.movables):
+        if self._addresses[SPACE] != 0 and self.is_public:
             self._renew()
+        elif self._addresses[SPACE] != 0 and self._bodies.movables:
+            chipmunk.forget(self._addresses[SPACE], self._bodies)
         self._way.place(self._block, self._addresses)
         if self._bodies.movables:
             self._way.add_to_space(self._addresses[SPACE], self._bodies.pushed)
 
     def _renew(self) -> None:
-        """Make all bodies anew, as joints know their last impulses, and movables their last contacts."""
-        self._way.free_space(self._addresses, self._bodies)
+        """Make all bodies anew where Python moves them: old ones know their last contacts, and joints impulses."""
         self._bodies = self._make_bodies()
-        self._addresses[SPACE], self._addresses[GROUND] = 0, self._way.address(self._bodies.ground)
-        listed = [self._way.address(each) for each in self._bodies.listed]
-        self._addresses[chipmunk.END :][: len(listed)] = listed
+        self._addresses[SPACE], self._addresses[GROUND] = 0, self._bodies.ground
+        self._addresses[chipmunk.END :][: len(self._bodies.listed)] = self._bodies.listed
         self._free_with_world()
 
     def step(self) -> None:

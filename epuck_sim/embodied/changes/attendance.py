@@ -147,9 +147,10 @@ def _seed_places(swarm: Swarm, sequence: np.random.SeedSequence) -> None:
 
 
 def _check_free(swarm: Swarm, robot: int, pose: Sequence[float], origin: str) -> None:
-    radius_cm, others = float(swarm.scene[0].radius_cm), swarm.robots[swarm.robots.present]
+    radius_cm, others = float(swarm.robots[robot].radius_cm), swarm.robots[swarm.robots.present]
     x, y, _ = pose
-    is_apart = (np.hypot(others.x - x, others.y - y) >= 2 * radius_cm - TOLERANCE_CM).all()
+    apart_cm = np.sqrt((others.x - x) ** 2 + (others.y - y) ** 2)
+    is_apart = (apart_cm >= others.radius_cm + radius_cm - TOLERANCE_CM).all()
     if not is_apart or clearance_cm(swarm, x, y, swarm.scene[0].circles) < radius_cm - TOLERANCE_CM:
         raise ScenarioError(
             f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an obstacle "

@@ -20,6 +20,7 @@ from epuck_sim.embodied.swarm import FLOAT64, INT64, SENSED_BYTES, Swarm, open_b
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.faults import FAULTS, FaultSection, SensorDead
 from epuck_sim.scenario.schedule import TrialEvent
+from epuck_sim.util.elementary import log
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import array_at
 from epuck_sim.util.rng import next_word, share_of, uniform
@@ -121,7 +122,7 @@ def _await_next(swarm: Swarm, fault: int, robot: int) -> None:
     section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + robot]
     time_ms = math.inf
     if section.mean_free_ms > 0.0:
-        time_ms = affected.change_ms - section.mean_free_ms * math.log(1.0 - uniform(affected.random))
+        time_ms = affected.change_ms - section.mean_free_ms * log(1.0 - uniform(affected.random))
     affected.change_ms = time_ms if time_ms < section.end_ms else math.inf
 
 
@@ -136,7 +137,7 @@ def _change(swarm: Swarm, fault: int, robot: int) -> None:
     if affected.is_active:
         end_ms = section.end_ms
         if section.mean_faulty_ms < math.inf:
-            lasting_ms = -section.mean_faulty_ms * math.log(1.0 - uniform(affected.random))
+            lasting_ms = -section.mean_faulty_ms * log(1.0 - uniform(affected.random))
             end_ms = min(end_ms, affected.change_ms + lasting_ms)
         affected.change_ms = end_ms
     else:
@@ -279,14 +280,33 @@ def blank_infrared(block: ByteArray, _addresses: IntArray, number: int) -> None:
 
 
 @jit_no_alloc
+def restore_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
+    """Write what a group's sensors in files of their own have sensed, dead or not: some count on from there."""
+    swarm = swarm_at(block)
+    for index in range(len(swarm.senses)):
+        own = swarm.senses[index]
+        if own.first == swarm.groups[number].first:
+            _copy(swarm.sensed, own.kept, own.readings, own.random - own.readings)
+
+
+@jit_inline
+def _copy(array: ByteArray, source: int, target: int, size: int) -> None:
+    for index in range(size):
+        array[target + index] = array[source + index]
+
+
+@jit_no_alloc
 def blank_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
     """Write what a group's dead sensors in files of their own read: 0."""
     swarm = swarm_at(block)
     at, group = swarm.scene[0].at[SENSED_BYTES], swarm.groups[number]
     for index in range(len(swarm.senses)):
         own = swarm.senses[index]
+        if own.first != group.first:
+            continue
+        _copy(swarm.sensed, own.readings, own.kept, own.random - own.readings)
         size = (own.random - own.readings) // own.count
-        for member in range(own.count if own.first == group.first else 0):
+        for member in range(own.count):
             for fault in range(len(swarm.faults)):
                 is_active = swarm.affected[fault * len(swarm.robots) + own.first + member].is_active
                 if is_active and swarm.faults[fault].kind == SENSOR_DEAD and swarm.faults[fault].sensor == own.name:
@@ -368,6 +388,7 @@ for each group."""
 HOOKS: tuple[tuple[str, int, Any], ...] = (
     ("clock", BEGIN, tick_clocks),
     ("phase", BEFORE_SENSING, hold_phases),
+    ("sensor", BEFORE_SENSING, restore_readings),
     ("infrared", AFTER_SENSING, blank_infrared),
     ("sensor", AFTER_SENSING, blank_readings),
     ("phase", AFTER_CONTROLLERS, freeze_phases),

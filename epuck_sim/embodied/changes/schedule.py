@@ -11,8 +11,7 @@ from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.placement import clearance_cm
 from epuck_sim.embodied.swarm import Swarm
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.robot_schedule import RobotDisplacement, RobotScheduleEntry
-from epuck_sim.scenario.schedule import TimedEntries
+from epuck_sim.scenario.schedule import RobotDisplacement, RobotScheduleEntry, TimedEntries
 
 DEEPEST_CM = 2 * MARGIN_CM
 """How far a body may reach into new walls and obstacles, cm: as far as bodies may overlap that press on each other."""
@@ -36,7 +35,7 @@ def check_bodies_outside(swarm: Swarm, origin: str) -> None:
         origin: Begins the message: what changes the arena, and when.
     """
     scene, robots = swarm.scene[0], swarm.robots
-    bodies = [(f"robot {robot}", robots[robot], scene.radius_cm) for robot in np.flatnonzero(robots.present)]
+    bodies = [(f"robot {robot}", robots[robot], robots[robot].radius_cm) for robot in np.flatnonzero(robots.present)]
     movables = swarm.circles[scene.first_movable : scene.circles]
     bodies += [(f"movable {number}", circle, circle.radius) for number, circle in enumerate(movables)]
     for name, place, radius_cm in bodies:

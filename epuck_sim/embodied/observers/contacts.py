@@ -28,8 +28,8 @@ def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray
 
     Returns:
         (contacts, 3) step, robot, and the robot that it touches, or -1: a wall, obstacle or movable; in the
-        order of the steps. And (contacts, 2) cm: points of contact. Two robots have one, midway between them; on other
-        things it is the point nearest to the robot.
+        order of the steps. And (contacts, 2) cm: points of contact. Two robots have one, between their surfaces; on
+        other things it is the point nearest to the robot.
     """
     room = len(poses) * poses.shape[1]
     found, points = np.empty((room, 3), np.int64), np.empty((room, 2))
@@ -45,12 +45,11 @@ def write_contacts(block: ByteArray, poses: FloatArray, found: IntArray, points:
     """Write what `find_contacts` returns, as far as there is room; return the number of contacts."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
-    reach = scene.radius_cm + GAP_CM
     contacts = 0
     for step in range(len(poses)):
         place_robots(swarm, poses[step])
         for robot in range(len(swarm.robots)):
-            x, y = poses[step, robot, 0], poses[step, robot, 1]
+            x, y, reach = poses[step, robot, 0], poses[step, robot, 1], swarm.robots[robot].radius_cm + GAP_CM
             contacts = _touch_robots(swarm, robot, step, found, points, contacts)
             for wall_x, wall_y in ((0.0, y), (scene.width_cm, y), (x, 0.0), (x, scene.height_cm)):
                 if abs(wall_x - x) + abs(wall_y - y) <= reach:
@@ -74,16 +73,16 @@ def write_contacts(block: ByteArray, poses: FloatArray, found: IntArray, points:
 @jit
 def _touch_robots(swarm: Swarm, robot: int, step: int, found: IntArray, points: FloatArray, contacts: int) -> int:
     """Write the contacts of a robot with those of higher numbers; return the number of contacts so far."""
-    x, y = swarm.robots[robot].x, swarm.robots[robot].y
-    apart = 2.0 * swarm.scene[0].radius_cm + GAP_CM
+    x, y, radius = swarm.robots[robot].x, swarm.robots[robot].y, swarm.robots[robot].radius_cm
     near = cells_around(x, y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
         start, end = members_in_row(near, row, swarm)
         for place in range(start, end):
             member = swarm.members[place]
-            dx, dy = member.x - x, member.y - y
-            if member.robot > robot and dx * dx + dy * dy <= apart * apart:
-                contacts = _add(step, robot, member.robot, x + 0.5 * dx, y + 0.5 * dy, found, points, contacts)
+            dx, dy, both = member.x - x, member.y - y, radius + member.radius_cm
+            if member.robot > robot and dx * dx + dy * dy <= (both + GAP_CM) * (both + GAP_CM):
+                share = radius / both
+                contacts = _add(step, robot, member.robot, x + share * dx, y + share * dy, found, points, contacts)
     return contacts
 
 

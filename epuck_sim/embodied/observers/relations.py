@@ -39,7 +39,7 @@ class Relations:
     def _find_sightings(self) -> IntArray:
         """Return (sightings, 3) of lit rings; robots that look from where they are parked see none."""
         robots, groups = self._scene.swarm.robots, range(len(self._scene.groups))
-        lit, poses = robots.ring_before, self._poses()
+        lit, poses = robots.ring_before[None].copy(), self._poses()
         found: IntArray = np.concatenate([find_sightings(self._scene, poses, group, listed=lit) for group in groups])
         present: BoolArray = robots.present
         return found[present[found[:, 1]]]

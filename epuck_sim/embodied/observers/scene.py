@@ -6,13 +6,12 @@ from typing import NamedTuple
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import ByteArray, FloatArray
 from epuck_sim.embodied.cells import cells_needed, sort_into_cells
-from epuck_sim.embodied.layout import set_arena
+from epuck_sim.embodied.layout import set_arena, set_bodies
 from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.sensors.flash_cone import set_cone
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block
-from epuck_sim.scenario.robot_kind import RobotKind
-from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.scenario.signals import CameraSignal, ConeSignal
+from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
+from epuck_sim.scenario.robots import CameraSignal, ConeSignal, RobotGroup
 from epuck_sim.util.jit import jit_inline
 
 
@@ -26,14 +25,14 @@ class Scene(NamedTuple):
     """The arrays of the block."""
 
 
-def make_scene(groups: Sequence[RobotGroup], kind: RobotKind, arena: Arena) -> Scene:
-    """Return a scene in a block of its own, with robots of some kind, which have no places yet."""
+def make_scene(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arena: Arena) -> Scene:
+    """Return a scene in a block of its own, with robots, of each group's kind, which have no places yet."""
     robots, pixels = sum(group.count for group in groups), [group.pixels for group in groups]
     block = make_block(
         {
             "robots": robots,
             "groups": len(groups),
-            "cells": cells_needed(arena.width_cm, arena.height_cm, robots, kind.cell_cm) + 1,
+            "cells": cells_needed(arena.width_cm, arena.height_cm, robots, cell_cm(kinds)) + 1,
             "members": robots,
             "circles": len(arena.circles),
             "edges": len(arena.edges),
@@ -43,10 +42,10 @@ def make_scene(groups: Sequence[RobotGroup], kind: RobotKind, arena: Arena) -> S
         }
     )
     swarm = open_block(block)
-    swarm.scene[0].radius_cm = kind.radius_cm
-    set_arena(swarm, arena, kind.cell_cm)
+    set_bodies(swarm, [kind for kind, group in zip(kinds, groups, strict=True) for _ in range(group.count)])
+    set_arena(swarm, arena, cell_cm(kinds))
     first = ray = 0
-    for group, section in zip(swarm.groups, groups, strict=True):
+    for group, section, kind in zip(swarm.groups, groups, kinds, strict=True):
         group.first, group.count, group.pixels, group.ray = first, section.count, section.pixels, ray
         if isinstance(section.signal, CameraSignal):
             set_camera(group.camera, swarm.rays[ray : ray + section.pixels], section.camera, kind, 1.0)

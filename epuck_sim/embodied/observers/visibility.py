@@ -24,7 +24,7 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
         scene: The arena, whose obstacles hide robots, and the groups.
         poses: (steps, robots, 3) cm, cm, rad: x, y, heading of all robots.
         group: Number of the group in the scene.
-        listed: (robots,) whether each robot is to be listed, if it is seen; all by default.
+        listed: (steps, robots) whether each robot is to be listed, if it is seen; all by default.
 
     Returns:
         (sightings, 3) step, observer, robot seen: in the order of steps and observers, and from left to right; the
@@ -33,29 +33,34 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
     kind = scene.groups[group].signal.kind
     if kind == "radio":
         return np.empty((0, 3), np.int64)
-    robots = len(scene.swarm.robots)
-    scene.swarm.numbers[robots : 2 * robots] = np.arange(1, robots + 1) * (True if listed is None else listed)
+    listed = np.ones(poses.shape[:2], np.bool_) if listed is None else listed
     found = np.empty((2 * len(poses) * scene.groups[group].count, 3), np.int64)  # most robots see no more than two
-    sightings = write_sightings(scene.block, group, kind == "cone", poses, found)
+    sightings = write_sightings(scene.block, group, kind == "cone", poses, listed, found)
     if sightings > len(found):
         found = np.empty((sightings, 3), np.int64)
-        write_sightings(scene.block, group, kind == "cone", poses, found)
+        write_sightings(scene.block, group, kind == "cone", poses, listed, found)
     return found[:sightings]
 
 
 @jit
-def write_sightings(block: ByteArray, number: int, by_cone: bool, poses: FloatArray, found: IntArray) -> int:
+def write_sightings(
+    block: ByteArray, number: int, by_cone: bool, poses: FloatArray, listed: BoolArray, found: IntArray
+) -> int:
     """Write what `find_sightings` returns, as far as there is room; return the number of sightings.
 
     Labels are the numbers of robots, counted from 1; 0 for those that are not to be listed.
     """
     swarm = swarm_at(block)
     group, robots = swarm.groups[number], len(swarm.robots)
-    lit = list_labelled(robots, swarm.numbers)
     row = np.zeros(group.pixels, np.int64)
     last_row = np.zeros(robots + 1, np.int64)  # counted over all steps, in which each robot was listed
     sightings = rows = 0
     for step in range(len(poses)):
+        for robot in range(robots):
+            swarm.numbers[robots + robot] = robot + 1 if listed[step, robot] else 0
+        lit = list_labelled(robots, swarm.numbers)
+        if lit == 0:
+            continue
         place_robots(swarm, poses[step])
         for observer in range(group.first, group.first + group.count):
             if by_cone:
@@ -65,8 +70,7 @@ def write_sightings(block: ByteArray, number: int, by_cone: bool, poses: FloatAr
                 continue
             rows += 1
             row[:] = 0
-            if lit > 0:
-                see(swarm, group, observer, lit, row)
+            see(swarm, group, observer, lit, row)
             for pixel in range(group.camera.first, group.camera.end):
                 seen = row[pixel]
                 if seen > 0 and last_row[seen] != rows:

@@ -1,8 +1,8 @@
 """The line camera: from poses and lit rings to rows of pixels, with exact occlusion (thesis 4.1.1).
 
 Pixel i of n looks along one ray, the middle of its share of the field of view; index 0 is the left edge, as in a
-picture. The nearest surface on the ray decides the pixel: a lit ring is red, all else is dark. Robots are discs of the
-body's radius. The walls are dark, and the floor they bound is convex, so that they hide no robot.
+picture. The nearest surface on the ray decides the pixel: a lit ring is red, all else is dark. Robots are discs, as
+large as their bodies. The walls are dark, and the floor they bound is convex, so that they hide no robot.
 
 Most rings are dark most of the time. Where few are lit, they are looked at first, as if there were no others; other
 robots can but hide what they show, so that the search for those skips all other pixels, and ends where the lit are.
@@ -36,6 +36,7 @@ from epuck_sim.embodied.sensors.ray_casting import to_disc, to_segment
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import CameraSection
+from epuck_sim.util.elementary import sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.rng import uniform
 
@@ -59,7 +60,8 @@ def set_camera(record: Any, rays: Any, section: CameraSection, kind: RobotKind, 
     pixels, central = section.pixels, section.central_pixels or section.pixels
     pitch = math.radians(section.field_of_view_deg) / pixels
     angles = math.radians(section.field_of_view_deg) / 2 - pitch * (np.arange(pixels) + 0.5)
-    rays.cos, rays.sin = np.cos(angles), np.sin(angles)
+    for ray, angle in zip(rays, angles, strict=True):
+        ray.sin, ray.cos = sin_cos(angle)
     record.first = (pixels - central) // 2
     record.end = record.first + central
     record.left_rad = angles[0]
@@ -67,7 +69,7 @@ def set_camera(record: Any, rays: Any, section: CameraSection, kind: RobotKind, 
     record.half_view_rad = half_view_rad(section)
     record.range_cm = section.range_cm or math.inf
     record.reflection_range_cm = section.reflection_range_cm
-    record.forward_cm, record.radius_cm = kind.camera_forward_cm, kind.radius_cm
+    record.forward_cm = kind.camera_forward_cm
     record.interval = 0 if section.frames_per_s is None else control_hz / section.frames_per_s
     record.latency = section.latency_ms * control_hz / 1000
 
@@ -141,7 +143,7 @@ def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
     for pixel in range(camera.first, camera.end):
         picture.depth[pixel] = camera.range_cm
     few_lit = lit * lit <= FEW_LIT * robots
-    if few_lit and not see_lit(swarm.robots, swarm.numbers, lit, camera, eye, picture):
+    if few_lit and not see_lit(swarm, lit, camera, eye, picture):
         return  # nothing red to see: most of the time, where robots are few
     see_sectors(swarm.scene[0], swarm.cells, swarm.members, camera, eye, picture)
     hide_behind_obstacles(swarm.scene[0], swarm.circles, swarm.edges, camera, eye, picture)
@@ -150,13 +152,13 @@ def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
 @jit_inline
 def eye_of(robot: Any, number: int, camera: Any) -> Eye:
     """Return a robot's camera where it is."""
-    cos, sin = math.cos(robot.heading), math.sin(robot.heading)
+    sin, cos = sin_cos(robot.heading)
     return Eye(number, robot.x + camera.forward_cm * cos, robot.y + camera.forward_cm * sin, cos, sin)
 
 
 @jit_inline
-def view_between(camera: Any, eye: Eye, rays: Any, left: int, right: int) -> FieldOfView:
-    """Return a camera's field of view from pixel `left` to pixel `right`."""
+def view_between(camera: Any, eye: Eye, rays: Any, left: int, right: int, largest_cm: float) -> FieldOfView:
+    """Return a camera's field of view from pixel `left` to pixel `right`, in which robots are up to so large."""
     first, last = rays[left], rays[right]
     return FieldOfView(
         eye.x,
@@ -166,24 +168,25 @@ def view_between(camera: Any, eye: Eye, rays: Any, left: int, right: int) -> Fie
         eye.cos * last.cos - eye.sin * last.sin,
         eye.sin * last.cos + eye.cos * last.sin,
         right - left >= camera.pixels_per_rad * math.pi,
-        camera.radius_cm + SLACK_CM,
+        largest_cm + SLACK_CM,
     )
 
 
 @jit_inline
-def see_lit(robots: Any, numbers: IntArray, lit: int, camera: Any, eye: Eye, picture: Picture) -> bool:
+def see_lit(swarm: Swarm, lit: int, camera: Any, eye: Eye, picture: Picture) -> bool:
     """Write the robots in the list to a picture, as if there were no others; return whether any shows.
 
     Pixels that show none remain 0, whatever other robots hide.
     """
-    view = view_between(camera, eye, picture.rays, camera.first, camera.end - 1)
+    view = view_between(camera, eye, picture.rays, camera.first, camera.end - 1, swarm.scene[0].largest_cm)
     any_lit = False
     for place in range(lit):
-        number = numbers[place]
-        robot = robots[number]
+        number = swarm.numbers[place]
+        robot = swarm.robots[number]
         dx, dy = robot.x - eye.x, robot.y - eye.y
         if number != eye.robot and may_contain_robot(view, dx, dy):
-            any_lit |= add_robot(dx, dy, picture.labels[number], camera, eye, camera.first, camera.end - 1, picture)
+            label, last = picture.labels[number], camera.end - 1
+            any_lit |= add_robot(dx, dy, robot.radius_cm, label, camera, eye, camera.first, last, picture)
     if any_lit:
         for pixel in range(camera.first, camera.end):
             if picture.row[pixel] == 0:
@@ -215,7 +218,7 @@ def _see_sector(
 
     Strips of cells are visited from near to far, until all remaining robots must be hidden.
     """
-    view = view_between(camera, eye, picture.rays, left, right)
+    view = view_between(camera, eye, picture.rays, left, right, scene.largest_cm)
     strips = make_strips(view, scene)
     wedge = make_wedge(view, strips)
     strip = strips.first
@@ -227,7 +230,8 @@ def _see_sector(
                 member = members[place]
                 dx, dy = member.x - eye.x, member.y - eye.y
                 if may_contain_robot(view, dx, dy) and member.robot != eye.robot:
-                    add_robot(dx, dy, picture.labels[member.robot], camera, eye, left, right, picture)
+                    label = picture.labels[member.robot]
+                    add_robot(dx, dy, member.radius_cm, label, camera, eye, left, right, picture)
         unseen = distance_beyond(wedge, strips, strip)
         outer = right - left
         while left <= right and picture.depth[left] < unseen:
@@ -237,20 +241,22 @@ def _see_sector(
         if left > right:
             return
         if right - left < outer:
-            view = view_between(camera, eye, picture.rays, left, right)
+            view = view_between(camera, eye, picture.rays, left, right, scene.largest_cm)
             wedge = make_wedge(view, strips)
         strip += strips.step
 
 
 @jit_inline
-def add_robot(dx: float, dy: float, label: int, camera: Any, eye: Eye, left: int, right: int, picture: Picture) -> bool:
+def add_robot(
+    dx: float, dy: float, radius: float, label: int, camera: Any, eye: Eye, left: int, right: int, picture: Picture
+) -> bool:
     """Write the label of a robot at (dx, dy) from the camera to the pixels that it is nearest in so far.
 
     Returns:
         Whether any pixel from `left` to `right` now shows it, and its label is not 0.
     """
     ahead, aside = dx * eye.cos + dy * eye.sin, dy * eye.cos - dx * eye.sin
-    row, depth, rays, radius = picture.row, picture.depth, picture.rays, camera.radius_cm
+    row, depth, rays = picture.row, picture.depth, picture.rays
     distance = math.sqrt(ahead * ahead + aside * aside)
     nearest = distance - radius - 1e-9
     width = angular_radius_bound(distance, radius)

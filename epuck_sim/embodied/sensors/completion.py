@@ -8,8 +8,8 @@ from typing import Any
 from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Sensor, Sensors
 from epuck_sim.embodied.swarm import SENSED_BYTES
-from epuck_sim.util.jit import jit_inline
-from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel, array_at
+from epuck_sim.util.jit import WITHOUT_ALLOCATION, Kernel, jit_inline
+from epuck_sim.util.native import array_at
 
 
 def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
@@ -49,7 +49,9 @@ def completion(sensors: tuple[Sensor, ...]) -> Any:
     ]
     exec("\n".join(source), known)
     complete = known["complete"]
-    return Kernel(complete, complete, error_model="numpy", **WITHOUT_ALLOCATION, forceinline=True)
+    kernel = Kernel(complete, **WITHOUT_ALLOCATION, forceinline=True)
+    kernel.for_python = complete
+    return kernel
 
 
 @jit_inline

@@ -34,7 +34,7 @@ class FieldOfView(NamedTuple):
     wide: bool
     """Whether the two rays are half a turn apart or more; then nothing is ruled out."""
     reach_cm: float
-    """Radius of the robots that may be seen, and `SLACK_CM`."""
+    """Radius of the largest robot that may be seen, and `SLACK_CM`."""
 
 
 class Strips(NamedTuple):

@@ -11,7 +11,8 @@ from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.cells import cell_index, cells_around, members_in_row
 from epuck_sim.embodied.sensors.lit_rings import find_lit, find_visible
 from epuck_sim.embodied.swarm import Swarm, swarm_at
-from epuck_sim.scenario.signals import ConeSection, ConeSignal
+from epuck_sim.scenario.robots import ConeSection, ConeSignal
+from epuck_sim.util.elementary import cos, hypot, sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 _FULL_CIRCLE_COS = -2.0
@@ -22,7 +23,7 @@ def set_cone(record: Any, section: ConeSection) -> None:
     """Set the cone in which flashes, or pulses, reach the robots of a group; record: CONE of the group."""
     record.range_cm = math.inf if section.range_cm is None else section.range_cm
     full = section.angle_deg == 360
-    record.cos = _FULL_CIRCLE_COS if full else math.cos(math.radians(section.angle_deg / 2))
+    record.cos = _FULL_CIRCLE_COS if full else cos(math.radians(section.angle_deg / 2))
     record.of_vision = section.of == "vision"
     record.occlusion = isinstance(section, ConeSignal) and section.occlusion
 
@@ -75,7 +76,8 @@ def in_cone(receiver: Any, sender: Any, cone: Any) -> bool:
         return True
     heading = receiver.heading if cone.of_vision else sender.heading
     towards = 1.0 if cone.of_vision else -1.0
-    ahead = towards * (dx * math.cos(heading) + dy * math.sin(heading))
+    sine, cosine = sin_cos(heading)
+    ahead = towards * (dx * cosine + dy * sine)
     return bool(ahead >= cone.cos * distance)
 
 
@@ -100,7 +102,7 @@ def _is_hidden(swarm: Swarm, receiver: int, sender: int) -> bool:
 def _is_behind_robot(swarm: Swarm, receiver: int, sender: int) -> bool:
     """Return whether a third robot is on the line between two; only cells that the line passes are looked at."""
     scene = swarm.scene[0]
-    radius, height, rows = scene.radius_cm, scene.cell_height_cm, scene.rows
+    radius, height, rows = scene.largest_cm, scene.cell_height_cm, scene.rows
     ax, ay = swarm.robots[receiver].x, swarm.robots[receiver].y
     bx, by = swarm.robots[sender].x, swarm.robots[sender].y
     for row in range(
@@ -113,18 +115,18 @@ def _is_behind_robot(swarm: Swarm, receiver: int, sender: int) -> bool:
             member = swarm.members[place]
             if member.robot in (receiver, sender):
                 continue
-            if _distance_to_line(member.x - ax, member.y - ay, bx - ax, by - ay) < radius:
+            if _distance_to_line(member.x - ax, member.y - ay, bx - ax, by - ay) < member.radius_cm:
                 return True
     return False
 
 
 @jit_inline
 def _part_in_row(ax: float, ay: float, bx: float, by: float, row: int, scene: Any) -> tuple[float, float]:
-    """Return from where to where in x a line is within a robot's radius of a row of cells.
+    """Return from where to where in x a line is within the largest robot's radius of a row of cells.
 
     The first and the last row also hold the robots beyond them.
     """
-    height, radius = scene.cell_height_cm, scene.radius_cm
+    height, radius = scene.cell_height_cm, scene.largest_cm
     low = -math.inf if row == 0 else row * height - radius
     high = math.inf if row == scene.rows - 1 else (row + 1) * height + radius
     if ay == by:
@@ -140,7 +142,7 @@ def _distance_to_line(x: float, y: float, dx: float, dy: float) -> float:
     """Return the distance of a point from the line from the origin to (dx, dy)."""
     square = dx * dx + dy * dy
     share = min(max((x * dx + y * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
-    return math.hypot(x - share * dx, y - share * dy)
+    return hypot(x - share * dx, y - share * dy)
 
 
 @jit_inline

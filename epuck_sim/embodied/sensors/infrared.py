@@ -17,6 +17,7 @@ from epuck_sim.embodied.sensors.ray_casting import to_disc, to_segment
 from epuck_sim.embodied.swarm import RAYS, swarm_at
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import InfraredSection
+from epuck_sim.util.elementary import cos, sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 _TABLE_COUNTS = epuck.INFRARED_TABLE_COUNTS
@@ -35,17 +36,18 @@ def set_infrared(record: Any, kind: RobotKind, section: InfraredSection, noise_c
         noise_counts: Standard deviation of the noise of a reading.
     """
     record.by_table, record.sees_robots = section.distance == "firmware_table", section.robots
-    record.noise_counts, record.radius_cm, record.reach_cm = noise_counts, kind.radius_cm, kind.ray_reach_cm
+    record.noise_counts, record.reach_cm = noise_counts, kind.ray_reach_cm
     record.count = 0
     if kind.infrared is None:
         return
     x, y, direction_deg = np.array(kind.infrared.sensors).T
     spread_rad = math.radians(kind.infrared.spread_deg)
     angles = np.radians(direction_deg)[:, None] + spread_rad * np.array([-1, 0, 1])
-    record.count = count = len(x)
-    record.x[:count], record.y[:count] = x, y
-    record.cos[:count], record.sin[:count] = np.cos(angles), np.sin(angles)
-    record.stretch = 1 / math.cos(spread_rad)
+    record.count = len(x)
+    record.x[: len(x)], record.y[: len(x)] = x, y
+    for ray, angle in np.ndenumerate(angles):
+        record.sin[ray], record.cos[ray] = sin_cos(angle)
+    record.stretch = 1 / cos(spread_rad)
     for name in ("range_cm", "peak_counts", "peak_cm", "width_cm2"):
         record[name] = getattr(kind.infrared, name)
 
@@ -59,7 +61,7 @@ def sense_infrared(block: ByteArray, addresses: IntArray, number: int) -> None: 
     for member in range(group.first, group.first + group.count):
         robot = swarm.robots[member]
         if sensors.count > 0:
-            cos, sin = math.cos(robot.heading), math.sin(robot.heading)
+            sin, cos = sin_cos(robot.heading)
             for sensor in range(sensors.count):
                 for ray in range(RAYS):
                     sensors.met_cm[sensor, ray] = math.inf
@@ -99,8 +101,8 @@ def _meet_robots(
     scene: Any, cells: IntArray, members: Any, sensors: Any, robot: Any, number: int, cos: float, sin: float
 ) -> None:
     """Shorten the rays that meet another robot; those in the cells around are looked at."""
-    x, y, radius = robot.x, robot.y, sensors.radius_cm
-    reach = sensors.reach_cm + radius
+    x, y = robot.x, robot.y
+    reach = sensors.reach_cm + scene.largest_cm
     near = cells_around(x, y, scene)
     for row in range(near.first_row, near.end_row):
         first = row * scene.columns
@@ -108,7 +110,7 @@ def _meet_robots(
             member = members[place]
             dx, dy = member.x - x, member.y - y
             if member.robot != number and dx * dx + dy * dy <= reach * reach:
-                _meet_disc(sensors, dx * cos + dy * sin, dy * cos - dx * sin, radius)
+                _meet_disc(sensors, dx * cos + dy * sin, dy * cos - dx * sin, member.radius_cm)
 
 
 @jit_inline

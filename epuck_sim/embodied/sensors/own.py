@@ -15,14 +15,17 @@ from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.interface import Sensor, World
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.embodied.start import Part
-from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, WORD, Swarm, open_block, swarm_at
+from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, Swarm, open_block, swarm_at
 from epuck_sim.embodied.user_code import RobotError, as_python, line_again
 from epuck_sim.user_files import line_of_definition, line_of_error
 from epuck_sim.util.jit import kernel_digest
-from epuck_sim.util.native import array_at, function_address
+from epuck_sim.util.native import array_at, function_address, record_type
 from epuck_sim.util.seeds import robot_streams
 
-STREAM_BYTES = 32
+STREAM = record_type([("words", "u8", 4)])
+"""A stream of random numbers."""
+
+STREAM_BYTES = STREAM.itemsize
 
 if TYPE_CHECKING:  # `bind` provides them
     sense: Callable[..., None]
@@ -38,37 +41,39 @@ def _sense(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa:
     parameters = array_at(block, at + own.parameters, at + own.readings, PARAMETERS)[0]  # noqa: F821
     readings = array_at(block, at + own.readings, at + own.random, READINGS)  # noqa: F821
     words = array_at(block, at + own.readings, at + own.random, FLOAT64)
-    streams = array_at(block, at + own.random, at + own.end, WORD)
+    streams = array_at(block, at + own.random, at + own.kept, STREAM)
     world = World(
         float(scene.step * scene.step_s),
         float(scene.width_cm),
         float(scene.height_cm),
-        float(scene.radius_cm),
+        float(swarm.robots[own.first].radius_cm),
         swarm.robots,
         swarm.circles[: scene.circles],
         swarm.edges[: scene.edges],
         swarm,
     )
-    size = len(words) // own.count
+    first_robot, count, floats = own.first, own.count, own.floats
+    size = len(words) // count
     scene.sensing = number + 1
-    for member in range(own.count):
-        robot, reading = swarm.robots[own.first + member], words[member * size : (member + 1) * size]
+    for member in range(count):
+        robot, first = swarm.robots[first_robot + member], member * size
         if not robot.present:
-            reading[:] = 0.0
+            for place in range(first, first + size):
+                words[place] = 0.0
             continue
-        stream = streams[4 * member : 4 * member + 4]
-        scene.serving = own.first + member
-        scene.kept_random[:] = stream
-        sense(world, robot, readings[member], parameters, stream)  # noqa: F821
-        for place in range(own.floats):
-            if isnan(reading[place]):
+        stream = streams[member]
+        scene.serving = first_robot + member
+        scene.kept_random = stream.words
+        sense(world, robot, readings[member], parameters, stream.words[:])  # noqa: F821
+        for place in range(first, first + floats):
+            if isnan(words[place]):
                 raise ValueError("a reading is not a number")
     scene.serving, scene.sensing = -1, 0
 
 
 def bytes_needed(sensor: Sensor, robots: int) -> int:
     """Return the number of bytes that a sensor of a group needs in `Swarm.sensed`."""
-    return sensor.parameter_type.itemsize + robots * (sensor.readings.itemsize + STREAM_BYTES)
+    return sensor.parameter_type.itemsize + robots * (2 * sensor.readings.itemsize + STREAM_BYTES)
 
 
 def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int) -> None:
@@ -76,7 +81,7 @@ def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int)
     record.first, record.count, record.parameters = first, count, byte
     record.readings = byte + sensor.parameter_type.itemsize
     record.random = record.readings + count * sensor.readings.itemsize
-    record.end = record.random + count * STREAM_BYTES
+    record.kept = record.random + count * STREAM_BYTES
     fields = [sensor.readings[name] for name in sensor.readings.names or ()]
     record.floats = sum(int(np.prod(field.shape, dtype=int)) for field in fields if field.base.kind == "f")
 
@@ -150,7 +155,7 @@ class OwnSensor:
         """Set the robots' streams for the trial with a seed: they depend on the sensor's name and the robot alone."""
         sequence = np.random.SeedSequence(seed, spawn_key=(Part.SENSORS, crc32(self.name.encode())))
         streams = robot_streams(sequence, self.robots.stop)[self.robots]
-        self._swarm.sensed[self._own.random : self._own.end] = streams.view(np.uint8).ravel()
+        self._swarm.sensed[self._own.random : self._own.kept] = streams.view(np.uint8).ravel()
 
     def fault(self, error: BaseException) -> RobotError | None:
         """Return what to say of an error that this sensor has raised; None if it did not. The robot's is its number."""

@@ -11,7 +11,7 @@ from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import MAX_MESSAGES
 from epuck_sim.embodied.sensors.flash_cone import in_cone
 from epuck_sim.embodied.swarm import Swarm, swarm_at
-from epuck_sim.scenario.signals import RadioSignal, SignalSection
+from epuck_sim.scenario.robots import RadioSignal, SignalSection
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.rng import uniform
 

@@ -72,7 +72,7 @@ def _reflect(
         if not begin_image(wall, walls, camera, picture, image):
             continue
         mirrored = mirrored_in(wall, eye, scene)
-        if few_lit and not see_lit(swarm.robots, swarm.numbers, lit, camera, mirrored, image):
+        if few_lit and not see_lit(swarm, lit, camera, mirrored, image):
             continue
         see_sectors(scene, cells, members, camera, mirrored, image)
         hide_behind_obstacles(scene, circles, edges, camera, mirrored, image)

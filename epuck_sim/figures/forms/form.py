@@ -15,7 +15,7 @@ from epuck_sim.figures.labels import axis_label, distinguishing_labels, quantity
 from epuck_sim.figures.saving import Table
 from epuck_sim.figures.style import finish, make_panels, style, typeset
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.scenario import FigureSection
+from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.statistics.measured import Measured, measure
 
 MAX_DOTS = 1000

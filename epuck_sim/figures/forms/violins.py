@@ -12,15 +12,15 @@ from matplotlib.axes import Axes
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.estimate import Estimate
 from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials
 from epuck_sim.figures.labels import undetermined_label
 from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.scales import format_tick, has_log_scale, is_logarithmic, is_plain, make_logarithmic
 from epuck_sim.figures.style import BAND, GREY, count_trials, typeset
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.figure_axes import choose_axis
+from epuck_sim.scenario.axes import choose_axis
 from epuck_sim.statistics.curves import group_by_other_axes
-from epuck_sim.statistics.estimate import Estimate
 from epuck_sim.statistics.measured import Measured, cut, measure
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
@@ -207,7 +207,7 @@ def _group(points: Sequence[PointTrials], axis: str, others: dict[str, Any], cen
         x=np.array([point.axes[axis] for point in points], np.float64),
         measured=measured,
         sample_means=np.array([_plain_mean(each) for each in measured]),
-        estimates=np.array([_estimate(each, censored_at) for each in measured]),
+        estimates=np.array([_estimate(each, censored_at).ends for each in measured]),
     )
 
 

@@ -12,8 +12,7 @@ from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.layers.arena import FAINT, ranges, ray_ends, static_ranges, strip_columns, unit_vectors
 from epuck_sim.recording.population import Population
-from epuck_sim.scenario.neighbourhoods import Cone, Range
-from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.particles import Cone, ParticleScenario, Range
 
 CONES = "/arena/cones"
 """Entity with (agents,) strips in each row, around the cone of vision or emission, within the arena."""
@@ -52,7 +51,7 @@ class AgentLayers:
 
     def static_chunks(self) -> Iterator[Chunk]:
         """Yield the appearance of cones, ranges and links."""
-        thin = 0.03 * self._population.radius_cm
+        thin = 0.03 * self._population.radii_cm[0]
         if self._arc is not None:
             yield static_chunk(CONES, rr.LineStrips2D.from_fields(colors=FAINT, radii=thin, draw_order=10))
         if self._range_cm is not None:

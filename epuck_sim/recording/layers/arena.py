@@ -55,9 +55,6 @@ CIRCLE_CORNERS = 64
 FLOOR_PX = 1024
 """Longer side of the picture of a floor, in pixels."""
 
-LAMP_SHARE = 1 / 80
-"""Radius of a lamp's point, as a share of the arena's longer side."""
-
 GREY = (150, 150, 150)
 FAINT = (90, 90, 100)
 WHITE = (255, 255, 255)
@@ -94,10 +91,10 @@ def static_arena_entities(population: Population) -> Iterator[Chunk]:
     labels = [str(number) for number in range(population.size)] if population.size < UNLABELLED else None
     yield static_chunk(ROBOTS, RINGS)
     discs = rr.Points2D.from_fields(
-        radii=population.radius_cm, labels=labels, show_labels=labels is not None, draw_order=20
+        radii=population.radii_cm, labels=labels, show_labels=labels is not None, draw_order=20
     )
     yield static_chunk(ROBOTS, discs)
-    arrows = rr.Arrows2D.from_fields(colors=WHITE, radii=ARROW_RADIUS * population.radius_cm, draw_order=30)
+    arrows = rr.Arrows2D.from_fields(colors=WHITE, radii=ARROW_RADIUS * population.radii_cm, draw_order=30)
     yield static_chunk(HEADINGS, arrows)
 
 
@@ -110,8 +107,7 @@ def _floor_and_lamps(arena: Arena) -> Iterator[Chunk]:
         yield static_chunk(FLOOR, rr.Image(levels, color_model="L", draw_order=-10))
     if len(arena.lamps):
         labels = [f"{height:g} cm, strength {strength:g}" for _, _, height, strength in arena.lamps]
-        radius = LAMP_SHARE * max(arena.width_cm, arena.height_cm)
-        lamps = rr.Points2D(arena.lamps[:, :2], radii=radius, colors=YELLOW, labels=labels, draw_order=10)
+        lamps = rr.Points2D(arena.lamps[:, :2], radii=arena.lamp_cm, colors=YELLOW, labels=labels, draw_order=10)
         yield static_chunk(LAMPS, lamps)
 
 
@@ -143,12 +139,12 @@ def _obstacle_outlines(arena: Arena) -> list[FloatArray]:
     ]
 
 
-def arena_entities(batch: RowBatch, radius_cm: float) -> Iterator[Chunk]:
-    """Yield positions, headings and rings in these rows, and movables; `radius_cm` is that of the discs."""
+def arena_entities(batch: RowBatch, radii_cm: FloatArray) -> Iterator[Chunk]:
+    """Yield positions, headings and rings in these rows, and movables; (robots,) `radii_cm` are of the discs."""
     poses, time_ns = batch.poses, batch.time_ns
     each = np.full(len(poses), poses.shape[1])
     middles = poses[..., :2].reshape(-1, 2)
-    ahead = radius_cm * unit_vectors(poses[..., 2]).reshape(-1, 2)
+    ahead = (radii_cm[:, None] * unit_vectors(poses[..., 2])).reshape(-1, 2)
     rings = batch.ring_on.ravel().astype(np.uint16)
     discs = rr.Points2D.columns(positions=middles, class_ids=rings)
     yield temporal_chunk(ROBOTS, time_ns, *discs.partition(each))

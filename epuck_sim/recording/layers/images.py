@@ -54,10 +54,11 @@ def static_image_entities(scenario: EmbodiedScenario) -> Iterator[Chunk]:
     yield static_chunk(CAMERA, rr.SegmentationImage.from_fields(format=_format(pixels, robots, rr.ChannelDatatype.U8)))
     minute = _format(_columns_side_by_side(scenario), PICTURE_STEPS, rr.ChannelDatatype.U8)
     yield static_chunk(SPACE_TIME, rr.SegmentationImage.from_fields(format=minute))
+    ranges_cm = [kind.infrared.range_cm for kind in scenario.group_kinds if kind.infrared]
     infrared = rr.DepthImage.from_fields(
         format=_format(SENSORS, robots, rr.ChannelDatatype.U16),
         meter=1000,
-        depth_range=[0, 10 * (scenario.robot.infrared or ProximitySection()).range_cm],
+        depth_range=[0, 10 * max(ranges_cm, default=ProximitySection().range_cm)],
         colormap="spectral",  # from red to blue; what is out of range is as blue as what is far
     )
     yield static_chunk(INFRARED, infrared)

@@ -23,8 +23,7 @@ from epuck_sim.recording.layers.time_series import static_wheel_series, wheel_se
 from epuck_sim.recording.population import Population
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robot_kind import RobotKind
-from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.scenario.signals import CameraSignal
+from epuck_sim.scenario.robots import CameraSignal, RobotGroup
 
 VIEWS = "/arena/views"
 """Entity with (robots,) strips at each step, along the edges of the camera's central window, or of a cone."""
@@ -62,8 +61,8 @@ class RobotLayers:
         self._groups: list[tuple[int, int, Outline]] = []
         """For each group: number of its first robot, number of its robots, and the outline of its view."""
         first = 0
-        for group in scenario.robots:
-            self._groups.append((first, group.count, _outline(group, scenario.robot)))
+        for group, kind in zip(scenario.robots, scenario.group_kinds, strict=True):
+            self._groups.append((first, group.count, _outline(group, kind)))
             first += group.count
         counts = [group.count for group in scenario.robots]
         self._forward_cm = np.repeat([outline.forward_cm for *_, outline in self._groups], counts)
@@ -75,7 +74,7 @@ class RobotLayers:
         find_contacts(scene, nowhere)
 
     def _scene(self, arena: Arena) -> Scene:
-        return make_scene(self._scenario.robots, self._scenario.robot, arena)
+        return make_scene(self._scenario.robots, self._scenario.group_kinds, arena)
 
     def static_chunks(self) -> Iterator[Chunk]:
         """Yield the appearance of overlays, pictures and wheel speeds."""

@@ -98,7 +98,7 @@ class ViewerProcess:
             env={**ENVIRONMENT, **os.environ},
             stdout=log,
             stderr=log,
-            process_group=0,
+            process_group=None if sys.platform == "win32" else 0,
             preexec_fn=_end_with_parent(),  # noqa: PLW1509 it makes two system calls, and takes no lock
         )
 

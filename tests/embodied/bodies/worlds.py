@@ -1,5 +1,8 @@
 """Worlds without scenarios, and their slow twin: all robots are in pymunk's space, and its own methods move them."""
 
+from collections.abc import Sequence
+from itertools import cycle, islice
+
 import numpy as np
 import pymunk
 
@@ -9,23 +12,25 @@ from epuck_sim.embodied.bodies.chipmunk import SLOP_CM
 from epuck_sim.embodied.bodies.shapes import make_bodies
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.cells import cells_needed, set_cells
+from epuck_sim.embodied.layout import set_bodies
 from epuck_sim.embodied.swarm import make_block, offset_of, open_block, poses_of
 from epuck_sim.scenario.physics import ContactSection
-from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind, cell_cm
 
 
-def block_of(robots: int, arena: Arena, physics_hz: int = 100, kind: RobotKind = EPUCK):
+def block_of(kinds: Sequence[RobotKind], arena: Arena, physics_hz: int = 100):
     """Return a block with robots at the origin of an arena, and with ten physics steps in a control step."""
+    robots = len(kinds)
     lengths = {"robots": robots, "members": robots, "numbers": robots, "circles": len(arena.circles)}
-    cells = cells_needed(arena.width_cm, arena.height_cm, robots, kind.cell_cm) + 1
+    cells = cells_needed(arena.width_cm, arena.height_cm, robots, cell_cm(kinds)) + 1
     block = make_block(lengths | {"edges": len(arena.edges), "cells": cells})
     swarm = open_block(block)
     scene = swarm.scene[0]
     scene.physics_steps, scene.physics_s = 10, 1.0 / physics_hz
-    scene.radius_cm, scene.touch = kind.radius_cm, True
-    scene.wheel_limit_cm_s, scene.wheel_base_cm = kind.wheels
+    scene.touch = True
+    set_bodies(swarm, kinds)
     scene.circles, scene.edges, scene.first_movable = len(arena.circles), len(arena.edges), arena.first_movable
-    set_cells(swarm, arena.width_cm, arena.height_cm, kind.cell_cm)
+    set_cells(swarm, arena.width_cm, arena.height_cm, cell_cm(kinds))
     swarm.circles.x, swarm.circles.y, swarm.circles.radius = arena.circles.T
     swarm.edges.ax, swarm.edges.ay, swarm.edges.bx, swarm.edges.by = arena.edges.T
     swarm.robots.present = True
@@ -37,13 +42,20 @@ class MovedWorld:
     """A world with robots at given places, for any number of physics steps at a time."""
 
     def __init__(
-        self, arena: Arena, poses, friction: float = 0.0, physics_hz: int = 100, kind: RobotKind = EPUCK, **how: object
+        self,
+        arena: Arena,
+        poses,
+        friction: float = 0.0,
+        physics_hz: int = 100,
+        kinds: Sequence[RobotKind] = (EPUCK,),
+        **how: object,
     ) -> None:
-        """Begin a trial; how: further fields of `ContactSection`."""
+        """Begin a trial; kinds: of one robot after the other, and again; how: further fields of `ContactSection`."""
         places = np.array(poses, float)
-        self.block = block_of(len(places), arena, physics_hz, kind)
+        every = list(islice(cycle(kinds), len(places)))
+        self.block = block_of(every, arena, physics_hz)
         self.swarm = open_block(self.block)
-        self.world = World(self.swarm, [arena], kind, ContactSection(friction=friction, **how))
+        self.world = World([arena], every, ContactSection(friction=friction, **how))
         self.world.use(self.block, self.swarm, np.array(self.world.addresses()))
         self.poses[:] = places
         self.world.place()
@@ -74,11 +86,16 @@ class FullSpaceWorld:
     """A world in which every robot takes every physics step."""
 
     def __init__(
-        self, arena: Arena, poses, friction: float = 0.0, physics_hz: int = 100, kind: RobotKind = EPUCK
+        self,
+        arena: Arena,
+        poses,
+        friction: float = 0.0,
+        physics_hz: int = 100,
+        kinds: Sequence[RobotKind] = (EPUCK,),
     ) -> None:
         self.poses = np.array(poses, float)
         self.velocities = np.zeros_like(self.poses)
-        self._bodies = make_bodies(arena, len(poses), kind, ContactSection(friction=friction))
+        self._bodies = make_bodies(arena, list(islice(cycle(kinds), len(poses))), ContactSection(friction=friction))
         self._step_s = 1.0 / physics_hz
         self._space = pymunk.Space()
         self._space.collision_slop, self._space.collision_bias = SLOP_CM, 0.0

@@ -72,7 +72,7 @@ def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_sa
     block, runs = controlled_block([controller, controller], [3, 4])
     swarm, sequence = open_block(block), np.random.SeedSequence(7, spawn_key=(7, 2, 0))
     bodies, robots = Bodies(swarm), swarm.robots
-    swarm.scene[0].radius_cm = RADIUS_CM
+    robots.radius_cm = RADIUS_CM
     set_cells(swarm, 40, 50, 8)
     swarm.scene[0].circles = len(obstacle)
     for number, circle in enumerate(obstacle):

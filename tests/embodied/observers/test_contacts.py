@@ -25,7 +25,7 @@ EDGE_CM = 1e-9
 
 def contacts(poses: FloatArray, arena: Arena) -> FloatArray:
     """Return (contacts, 3) step, x, y that `find_contacts` finds at (steps, robots, 3) poses."""
-    scene = make_scene([RobotGroup(count=poses.shape[1])], EPUCK, arena)
+    scene = make_scene([RobotGroup(count=poses.shape[1])], [EPUCK], arena)
     found, points = find_contacts(scene, poses)
     steps = found[:, 0]
     assert steps.tolist() == sorted(steps)

@@ -30,7 +30,7 @@ CROWD = load_scenario(
 
 
 def test_the_sightings_of_a_step_are_the_lit_ones_in_view() -> None:
-    scene = make_scene(CROWD.robots, CROWD.robot, CROWD.arena.build())
+    scene = make_scene(CROWD.robots, CROWD.group_kinds, CROWD.arena.build())
     lit, total = np.zeros(16, bool), 0
     for step in islice(Simulation(CROWD, 1), 200):
         expected = []
@@ -49,7 +49,7 @@ def test_who_sees_red_sees_somebody_lit() -> None:
 
 
 def test_the_contacts_of_a_step_are_those_of_its_poses() -> None:
-    scene = make_scene(CROWD.robots, CROWD.robot, CROWD.arena.build())
+    scene = make_scene(CROWD.robots, CROWD.group_kinds, CROWD.arena.build())
     total = 0
     for step in islice(Simulation(CROWD, 1), 200):
         found, points = find_contacts(scene, step.poses[None].copy())

@@ -38,7 +38,7 @@ def sightings(
     number = robots - first if observers is None else observers
     counts = (first, number, robots - first - number)
     groups = [RobotGroup(count=count, camera=camera.section()) for count in counts if count]
-    return find_sightings(make_scene(groups, EPUCK, arena), poses, min(first, 1)).tolist()
+    return find_sightings(make_scene(groups, [EPUCK] * len(groups), arena), poses, min(first, 1)).tolist()
 
 
 def by_observer(found: list[list[int]], observers: int) -> list[list[int]]:

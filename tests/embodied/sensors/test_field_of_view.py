@@ -23,7 +23,7 @@ from epuck_sim.embodied.sensors.field_of_view import (
 )
 from epuck_sim.embodied.sensors.ray_casting import to_disc
 from epuck_sim.embodied.swarm import make_block, open_block
-from epuck_sim.scenario.robot_kind import EPUCK
+from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from tests.embodied.scenes import RADIUS_CM
 
 WIDTH_CM, HEIGHT_CM = 150.0, 230.0
@@ -52,7 +52,7 @@ def view_of(x: float, y: float, heading: float, width: float) -> FieldOfView:
 
 def scene_of(width_cm: float, height_cm: float, robots: int) -> Any:
     swarm = open_block(make_block({"robots": robots}))
-    set_cells(swarm, width_cm, height_cm, EPUCK.cell_cm)
+    set_cells(swarm, width_cm, height_cm, cell_cm([EPUCK]))
     return swarm.scene[0]
 
 

@@ -11,7 +11,7 @@ from epuck_sim.arrays import BoolArray, ByteArray, FloatArray
 from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, perceives, set_cone
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import swarm_at
-from epuck_sim.scenario.signals import ConeSection
+from epuck_sim.scenario.robots import ConeSection
 from epuck_sim.util.jit import jit_no_alloc
 from tests.embodied.scenes import (
     ADDRESSES,

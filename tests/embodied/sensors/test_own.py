@@ -5,6 +5,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from epuck_sim import Simulation, load_scenario, run_trial
+from epuck_sim.control import compilation
 from epuck_sim.errors import ControllerError, EpuckSimError
 from epuck_sim.scenario.points import points
 from epuck_sim.testing import TestRobot
@@ -33,6 +34,15 @@ READINGS = {"%s": float}
 
 def sense(world, robot, readings, parameters, random):
     readings.%s = uniform(random)
+"""
+
+COUNTER = """
+READINGS = {"steps": int, "metres": (float, 2)}
+
+
+def sense(world, robot, readings, parameters, random):
+    readings.steps += 1
+    readings.metres[1] += 0.5
 """
 
 FOLLOWER = """
@@ -157,6 +167,31 @@ def test_faults_and_schedules_act_on_a_sensor_by_its_name(interpret):
     np.testing.assert_allclose(later.readings["ground"][:, 0], later.poses[:, 0] / 60)
 
 
+def test_a_file_of_several_groups_is_compiled_once(files, monkeypatch):
+    files(counter=COUNTER.replace("0.5", "0.375"), sees=FOLLOWER.replace("5.0", "5.125"))
+    compiled = []
+    monkeypatch.setattr(compilation, "compile_call", lambda *given, make=compilation.compile_call: (
+        compiled.append(given[0].__name__), make(*given))[1])  # fmt: skip
+    group = {"count": 2, "controller": "sees.py", "sensors": ["ground.py", "counter.py"]}
+    given = {"robots": [group, group, {**group, "sensors": [{"ground.py": {"noise": 0.1}}, "counter.py"]}]}
+    Simulation(given, 1).advance(3)
+    assert sorted(compiled) == ["_sense", "_sense", "run_group"]
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+def test_a_dead_sensor_reads_0_and_counts_on(files, interpret):
+    files(counter=COUNTER)
+    dead = {"kind": "sensor_dead", "sensor": "counter", "robots": [1], "at_s": 1, "until_s": 2}
+    simulation = Simulation(
+        {"robots": [{"count": 2, "sensors": ["counter.py"]}, {"count": 2}], "faults": [dead]}, 1, interpret=interpret
+    )
+    for steps, alive in ((10, True), (5, False), (10, True)):
+        step = simulation.advance(steps)
+        counted = simulation.steps * np.array([1.0, float(alive), np.nan, np.nan])
+        np.testing.assert_array_equal(step.readings["steps"], counted)
+        np.testing.assert_array_equal(step.readings["metres"][:, 1], counted / 2)
+
+
 @pytest.mark.usefixtures("files")
 def test_robots_that_are_not_in_the_arena_read_nothing():
     simulation = Simulation(scenario(schedule=[{"at_s": 1, "remove": [2]}, {"at_s": 2, "add": [2]}]), 1)
@@ -202,12 +237,15 @@ def test_an_edited_sensor_is_compiled_anew(files):
             r"robot 2, step 0, seed 1: .*ground\.py:10: .*(sion|ide) by zero",
         ),
         ("readings.ground[0] = math.nan", r"robot 0, step 0, seed 1: .*ground\.py:9: .*readings\.ground is not a num"),
+        ("readings.own_number = math.nan", r"robot 0, .*ground\.py:10: ValueError: cannot convert float NaN"),
+        ("readings.own_number = -math.inf", r"ground\.py:10: OverflowError: cannot convert float infinity to integer"),
+        ("readings.counts[1] = math.nan", r"robot 0, .*ground\.py:10: ValueError: cannot convert float NaN"),
         ("raise ValueError('too dark')", r"robot 0, step 0, seed 1: .*ground\.py:10: ValueError: too dark"),
     ],
 )
 def test_an_error_in_a_sensor_names_file_line_and_robot(files, line, message, interpret):
     head, _, _ = GROUND.partition("    x = ")
-    files(ground=f"{head}    {line}\n")
+    files(ground=f"{head}    {line}\n".replace('"ground"', '"counts": (int, 2), "ground"'))
     with pytest.raises(ControllerError, match=message):
         Simulation(scenario(), 1, interpret=interpret).advance(1)
 

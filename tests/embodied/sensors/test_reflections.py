@@ -78,7 +78,7 @@ def slow_rows(scene: Scene, camera: CameraSettings) -> tuple[BoolArray, BoolArra
     arena, lit = scene.arena, scene.lit
     robots = len(scene.poses)
     red, doubtful = np.zeros((2, robots, camera.pixels), bool)
-    bodies = np.column_stack([scene.poses[:, :2], np.full(robots, scene.body.radius_cm)])
+    bodies = np.column_stack([scene.poses[:, :2], scene.radii_cm])
     right, top = arena.width_cm, arena.height_cm
     walls = np.array([(0, 0, 0, top), (right, 0, right, top), (0, 0, right, 0), (0, top, right, top)])
     outside = (camera.pixels - camera.central_pixels) // 2

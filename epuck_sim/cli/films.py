@@ -1,0 +1,498 @@
+"""The commands of films: `film`, `calibrate`, `track` and `compare-film`."""
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+import typer
+
+from epuck_sim.cli.errors import exit_on_error, print_stderr, reject_first
+from epuck_sim.cli.options import (
+    OUTPUT,
+    WEB_PORT,
+    JsonOption,
+    PortOption,
+    ScenarioArgument,
+    SetOption,
+    check_outputs,
+    read_scenario,
+)
+from epuck_sim.errors import FilmError
+
+if TYPE_CHECKING:
+    from epuck_sim.overhead.calibration import TrackOptions
+
+films = typer.Typer()
+
+FILM, GEOMETRY, DECISION, CAMERA = "Film", "Geometry", "Decision", "Live camera"
+"""Headings of options, in the help."""
+
+
+def arena_option(otherwise: str) -> Any:
+    """Return the option of the floor's size, whose help says what it is if the film does not describe it."""
+    return typer.Option(
+        "--arena-cm",
+        metavar="SIDE|WIDTHxHEIGHT",
+        help=f"Size of the floor; by default as the film describes it, or {otherwise}.",
+        rich_help_panel=GEOMETRY,
+    )
+
+
+ArenaOption = Annotated[str | None, arena_option("60")]
+HeightOption = Annotated[
+    float | None,
+    typer.Option(
+        "--height-cm",
+        min=10,
+        max=100_000,
+        help="Height of the camera above the floor; by default 110 for a side of 60.",
+        rich_help_panel=GEOMETRY,
+    ),
+]
+CornersOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y,X,Y,X,Y,X,Y",
+        help="The floor's four corners, in any order, in pixels from the upper left.",
+        rich_help_panel=GEOMETRY,
+    ),
+]
+LensOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE.json", help="The lens of the camera, written by `calibrate`.", rich_help_panel=GEOMETRY),
+]
+TagsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DICTIONARY[:NUMBERS]",
+        help="Tell robots apart by the ArUco tags on top of them: 4X4_50, or 4X4_50:0-9 if no others are there.",
+        rich_help_panel=FILM,
+    ),
+]
+PeriodOption = Annotated[
+    float | None,
+    typer.Option(
+        "--period-s",
+        min=0.1,
+        max=86_400,
+        help="Period of the oscillators; by default as the film describes it, or estimated.",
+        rich_help_panel=DECISION,
+    ),
+]
+RobotsOption = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="Number of robots; no T_sync is given if the flashes do not add up to it.",
+        rich_help_panel=DECISION,
+    ),
+]
+
+
+def scene_options(
+    arena: str | None,
+    height_cm: float | None,
+    corners: str | None,
+    period_s: float | None,
+    robots: int | None,
+    tags: str | None,
+) -> "TrackOptions":
+    """Return what is known of the scene; raises FilmError for an arena, corners or tags that cannot be read."""
+    from epuck_sim.overhead.calibration import TrackOptions
+
+    dictionary, numbers = (None, None) if tags is None else parse_tags(tags)
+    return TrackOptions(
+        arena_cm=None if arena is None else parse_arena(arena),
+        height_cm=height_cm,
+        corners_px=None if corners is None else parse_corners(corners),
+        period_s=period_s,
+        robots=robots,
+        tags=dictionary,
+        tag_numbers=numbers,
+    )
+
+
+@films.command()
+def film(
+    recording: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="FILE.rrd of a trial, made by `run --record`.")
+    ],
+    to: Annotated[Path, typer.Argument(metavar="FILE.mp4", help="The film: H.264, which any browser plays.")],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change the camera, as in light=lit; repeatable."),
+    ] = None,
+    lens: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Film through this lens, written by `calibrate`.")
+    ] = None,
+) -> None:
+    """Film a recorded trial with the webcam above the arena: lit rings in the dark, or everything in a lit room."""
+    with exit_on_error():
+        from epuck_sim.cli.progress import progress_bar
+        from epuck_sim.overhead.filming import film_recording
+
+        film_recording(recording, settings or (), to, progress_bar("filming"), lens)
+
+
+@films.command()
+def calibrate(
+    film: Annotated[str, typer.Argument(metavar="FILM", help="A film or numbered pictures of a board that is moved.")],
+    to: Annotated[Path, typer.Argument(metavar="FILE.json", help="The lens, for `track --lens` and `film --lens`.")],
+    board: Annotated[
+        str, typer.Option(metavar="COLUMNSxROWS", help="Number of squares across and down the board.")
+    ] = "9x6",
+    charuco: Annotated[
+        bool, typer.Option("--charuco", help="A ChArUco board (dictionary 5X5_100) instead of a checkerboard.")
+    ] = False,
+    fisheye: Annotated[bool, typer.Option("--fisheye", help="A fisheye lens, wider than about 120 degrees.")] = False,
+) -> None:
+    """Calibrate the lens of a camera from a film of a checkerboard or ChArUco board."""
+    with exit_on_error():
+        from epuck_sim.cli.progress import progress_bar
+        from epuck_sim.overhead.film import open_film
+        from epuck_sim.overhead.lens import (
+            APART_S,
+            Board,
+            calibrate_lens,
+            check_lens_target,
+            find_views,
+            save_lens,
+        )
+
+        squares = Board("charuco" if charuco else "checkerboard", *parse_board(board))
+        check_lens_target(to)
+        with open_film(film) as reader:
+            frames = progress_bar("calibrating")(reader.frames(), reader.duration_s)
+            views = find_views(frames, squares, 0.0 if reader.is_pictures else APART_S)
+            lens = calibrate_lens(film, views, (reader.width_px, reader.height_px), fisheye)
+        save_lens(to, lens)
+        typer.echo(f"{to}: focal length {lens.focal_px:.1f} px, from {lens.views} views, error {lens.error_px:.2f} px")
+
+
+@films.command()
+def track(
+    film: Annotated[
+        str | None, typer.Argument(metavar="FILM", help="The file of a film, of any format, or its URL.")
+    ] = None,
+    camera: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.", rich_help_panel=FILM
+        ),
+    ] = None,
+    web: Annotated[
+        bool,
+        typer.Option(
+            "--web", help="Show what --camera sees, with rings and histogram, in a browser.", rich_help_panel=CAMERA
+        ),
+    ] = False,
+    port: PortOption = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.mp4", help="Write what --camera sees, to track it again.", rich_help_panel=CAMERA),
+    ] = None,
+    start: Annotated[
+        float,
+        typer.Option(
+            "--start-s", min=0, help="Leave out what is before this time on the film's clock.", rich_help_panel=FILM
+        ),
+    ] = 0.0,
+    end: Annotated[
+        float | None,
+        typer.Option(
+            "--end-s", min=0, help="Leave out what is after this time on the film's clock.", rich_help_panel=FILM
+        ),
+    ] = None,
+    fps: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps.", rich_help_panel=FILM
+        ),
+    ] = None,
+    arena: ArenaOption = None,
+    height: HeightOption = None,
+    corners: CornersOption = None,
+    lens: LensOption = None,
+    tags: TagsOption = None,
+    period: PeriodOption = None,
+    robots: RobotsOption = None,
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            "--threshold-ms",
+            min=1,
+            max=86_400_000,
+            help="Synchrony: standard deviation of the flashes within a period; by default about 130 for 5 s.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    order: Annotated[
+        float | None,
+        typer.Option(
+            "--order-parameter",
+            min=0.5,
+            max=1,
+            help="Derive the threshold from this order parameter, instead of --threshold-ms.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.png",
+            help="Draw the histogram over time; its table is written beside it as .csv.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    rings: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv", help="Write the position and size of every ring in every frame.", rich_help_panel=OUTPUT
+        ),
+    ] = None,
+    flashes: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv|.parquet",
+            help="Write when, how long and where each flash was, and whose it is.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    trace: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.parquet|.csv",
+            help="Write a row for each robot and frame, with columns that `run --trace` writes, too.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    pairs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv|.parquet",
+            help="Write how often each two robots flash together.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    annotate: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.mp4",
+            help="Write the film with the rings found and the histogram drawn.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+) -> None:
+    """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""
+    with exit_on_error():
+        reject_first(
+            ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
+            (threshold is not None and order is not None, "--threshold-ms and --order-parameter exclude each other"),
+            (end is not None and end <= start, "--end-s is not after --start-s"),
+            (
+                camera is not None and any((start, end, fps, tags)),
+                "--camera excludes --start-s, --end-s, --fps, --tags",
+            ),
+            (camera is None and (web or record is not None), "--web and --record are for --camera"),
+            (port is not None and not web, "--port is for --web"),
+            (
+                camera is not None and period is None,
+                "--camera needs --period-s, because the period cannot be estimated while the camera films",
+            ),
+        )
+        from epuck_sim.cli.progress import progress_bar
+        from epuck_sim.cli.track_tables import print_track, print_track_json
+        from epuck_sim.overhead.live import Watching, track_camera
+        from epuck_sim.overhead.robots import find_robots, save_robots
+        from epuck_sim.overhead.track import annotate_film, snapshot, track_film
+        from epuck_sim.util.ports import check_port
+
+        options = scene_options(arena, height, corners, period, robots, tags)._replace(
+            threshold_ms=threshold,
+            order_parameter=order,
+            start_s=start,
+            end_s=math.inf if end is None else end,
+            fps=fps,
+        )
+        tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
+        outputs = {
+            "--plot": (plot, [".png"]),
+            "--rings": (rings, [".csv"]),
+            **{option: (path, [".csv", ".parquet"]) for option, path in tables.items()},
+            "--annotate": (annotate, [".mp4"]),
+            "--record": (record, [".mp4"]),
+        }
+        inputs = {} if film is None else {"the film": film}
+        check_outputs(inputs, outputs, {} if plot is None else {"--plot": [plot, plot.with_suffix(".csv")]})
+        if web:
+            check_port(port or WEB_PORT)
+        if camera is not None and period is not None:
+            watching = Watching(record, rings, annotate, (port or WEB_PORT) if web else None)
+            tracked = track_camera(camera, options, watching, progress_bar("tracking"), print_stderr, lens)
+        else:
+            assert film is not None  # otherwise it was refused above
+            tracked = track_film(film, options, rings, progress_bar("tracking"), lens)
+        robots_found = None
+        if tags is not None or any(tables.values()):
+            robots_found = find_robots(tracked)
+        objections = tracked.reasons if tracked.confidence == "none" else ()
+        for warning in (*objections, *tracked.warnings, *(robots_found.warnings if robots_found else ())):
+            print_stderr(f"warning: {warning}")
+        (print_track_json if as_json else print_track)(tracked, robots_found)
+        if robots_found is not None:
+            save_robots(tracked, robots_found, flashes, trace, pairs)
+        if annotate is not None and camera is None:
+            annotate_film(tracked, annotate, progress_bar("annotating"))
+        if plot is not None:
+            from epuck_sim.figures.film_tracking import save_track_figure
+
+            save_track_figure(plot, tracked, snapshot(tracked) if camera is None else None)
+
+
+@films.command("compare-film")
+def compare_film(
+    film: Annotated[str, typer.Argument(metavar="FILM", help="The file of a film, of any format, or its URL.")],
+    scenario: ScenarioArgument,
+    settings: SetOption = None,
+    trials: Annotated[int, typer.Option(min=1, max=10_000, help="Number of simulated trials.")] = 40,
+    arena: Annotated[str | None, arena_option("as in SCENARIO")] = None,
+    height: HeightOption = None,
+    corners: CornersOption = None,
+    lens: LensOption = None,
+    tags: TagsOption = None,
+    period: PeriodOption = None,
+    robots: RobotsOption = None,
+    as_json: JsonOption = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="STEM|FILE",
+            help="Draw the film beside the trials, as STEM.png and STEM.svg or one picture, FILE.png, FILE.svg or "
+            "FILE.pdf, with all values as CSV beside it.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    fit: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.yaml", help="Write the scenario with what the film tells of robots.", rich_help_panel=OUTPUT
+        ),
+    ] = None,
+) -> None:
+    """Print what FILM has of T_sync, flashes, speeds and clocks, beside the distributions in simulated trials."""
+    with exit_on_error():
+        from epuck_sim.cli.film_comparison_tables import print_comparison, print_comparison_json
+        from epuck_sim.cli.progress import progress_bar, trials_bar
+        from epuck_sim.overhead import compare
+        from epuck_sim.overhead.robots import find_robots
+        from epuck_sim.overhead.track import track_film
+        from epuck_sim.scenario.embodied import EmbodiedScenario
+        from epuck_sim.scenario.scenario import require_model
+
+        loaded = require_model(read_scenario(scenario, settings), EmbodiedScenario, "films are of robots")
+        options = scene_options(arena, height, corners, period, robots, tags)
+        check_outputs(
+            {"the film": film, "SCENARIO": scenario},
+            {"--plot": (plot, None), "--fit": (fit, [".yaml", ".yml"])},
+            {} if plot is None else {"--plot": check_figure(plot)},
+        )
+        if fit is not None:
+            compare.check_one_group(loaded)
+        simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
+        track = track_film(film, options, None, progress_bar("tracking"), lens, simulated_cm)
+        found = find_robots(track)
+        floor_cm = track.geometry.floor_cm
+        untold = track.reasons if track.confidence == "none" else ()
+        for warning in (*untold, *track.warnings, *found.warnings):
+            print_stderr(f"warning: {warning}")
+        if floor_cm != simulated_cm:
+            print_stderr(
+                f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
+                f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they are the same, check --arena-cm or SCENARIO"
+            )
+        rows = compare.compare_film(track, found, loaded, trials, trials_bar(trials))
+        fitted = compare.fitted_values(loaded, track, found)
+        (print_comparison_json if as_json else print_comparison)(film, loaded.name, rows, fitted)
+        if plot is not None:
+            from epuck_sim.figures.film_comparison import save_comparison_figure
+
+            save_comparison_figure(plot, rows)
+        if fit is not None:
+            compare.save_fitted(fit, compare.fit_scenario(loaded, fitted), fitted, film)
+
+
+def check_figure(path: Path) -> list[Path]:
+    """Return the files that a figure with its table is written to; raise EpuckSimError if one cannot be written."""
+    from epuck_sim.figures.saving import check_files, parse_target
+
+    stem, formats = parse_target(path)
+    return check_files(stem, (*formats, ".csv"))
+
+
+NUMBER = r"\s*(-?[0-9]*\.?[0-9]+)\s*"
+
+
+def parse_arena(text: str) -> tuple[float, float]:
+    """Return width and height, in cm, of a floor given as SIDE or WIDTHxHEIGHT; raises FilmError for anything else.
+
+    >>> parse_arena("60"), parse_arena("60x100")
+    ((60.0, 60.0), (60.0, 100.0))
+    """
+    match = re.fullmatch(f"{NUMBER}(?:x{NUMBER})?", text)
+    sides = [float(side) for side in match.groups() if side is not None] if match else []
+    if not sides or not all(1 <= side <= 1e6 for side in sides):
+        raise FilmError(f"--arena-cm is {text}; allowed: a side of 1 to 1000000 cm, such as 60, or two, such as 60x100")
+    return sides[0], sides[-1]
+
+
+def parse_corners(text: str) -> tuple[tuple[float, float], ...]:
+    """Return the pixels of four corners given as X,Y,X,Y,X,Y,X,Y; raises FilmError for anything else.
+
+    >>> parse_corners("10,12, 470,11, 468,470, 12,469")
+    ((10.0, 12.0), (470.0, 11.0), (468.0, 470.0), (12.0, 469.0))
+    """
+    numbers = re.fullmatch(",".join([NUMBER] * 8), text)
+    if numbers is None:
+        raise FilmError(f"--corners is {text}; allowed: four corners in pixels, such as 10,12,470,11,468,470,12,469")
+    values = [float(value) for value in numbers.groups()]
+    return tuple(zip(values[::2], values[1::2], strict=True))
+
+
+def parse_board(text: str) -> tuple[int, int]:
+    """Return the squares across and down a board given as COLUMNSxROWS; raises FilmError for anything else.
+
+    >>> parse_board("9x6")
+    (9, 6)
+    """
+    match = re.fullmatch(r"([0-9]+)x([0-9]+)", text)
+    squares = tuple(map(int, match.groups())) if match else ()
+    if len(squares) != 2 or not all(4 <= number <= 40 for number in squares):
+        raise FilmError(f"--board is {text}; allowed: squares across and down, each 4 to 40, such as 9x6")
+    return squares[0], squares[1]
+
+
+def parse_tags(text: str) -> tuple[str, frozenset[int] | None]:
+    """Return a dictionary of tags, and the numbers of those that there are; raises FilmError for anything else.
+
+    >>> parse_tags("4X4_50")
+    ('4X4_50', None)
+    >>> parse_tags("5X5_100:0-2,7")
+    ('5X5_100', frozenset({0, 1, 2, 7}))
+    """
+    from epuck_sim.scenario.overhead import TagDictionary
+
+    match = re.fullmatch(r"([4-7]X[4-7]_[0-9]+)(?::([0-9]+(?:-[0-9]+)?(?:,[0-9]+(?:-[0-9]+)?)*))?", text)
+    names = get_args(TagDictionary)
+    if match is None or match[1] not in names:
+        raise FilmError(
+            f"--tags is {text}; allowed: a dictionary, {', '.join(names)}, and numbers if you want: 4X4_50:0-9,12"
+        )
+    name, given = match.groups()
+    count = int(name.partition("_")[2])
+    spans = [[int(end) for end in span.split("-")] for span in (given or "").split(",") if span]
+    if any(span[0] > span[-1] or span[-1] >= count for span in spans):
+        raise FilmError(f"--tags is {text}; allowed: numbers from 0 to {count - 1}, and ranges that rise, as in 0-9")
+    numbers = frozenset(number for span in spans for number in range(span[0], span[-1] + 1))
+    return name, numbers or None

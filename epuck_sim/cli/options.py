@@ -1,0 +1,231 @@
+"""Options that several commands share, what shells complete, and the fold in long helps."""
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from epuck_sim.cli.errors import print_warnings, word_if_slow
+from epuck_sim.errors import EpuckSimError
+
+if TYPE_CHECKING:  # or --help would wait for pydantic
+    from epuck_sim.scenario.embodied import EmbodiedScenario
+    from epuck_sim.scenario.particles import ParticleScenario
+
+SCENARIO, OUTPUT = "Scenario", "Output"
+"""Headings of groups of options, in the help."""
+
+MORE_OUTPUT, LIVE, CONTROLLERS, SWEEPS, LOOKS = "More output", "Live view", "Controllers", "Sweeps", "Looks"
+"""Headings of groups of options that `--help` leaves out, and `--help-all` shows."""
+
+FOLDED = (MORE_OUTPUT, LIVE, CONTROLLERS, SWEEPS, LOOKS)
+
+WEB_PORT = 9090
+"""Default port of viewers for browsers."""
+
+GONE = {
+    "--status": "--status is a command of its own: epuck-sim status FOLDER",
+    "--durable": "--durable is needed no more: what is stored is synced at each commit; leave it out",
+    "--time": "--time of `check` is a command of its own: epuck-sim plan SCENARIO --seconds 5",
+}
+"""Options that have gone, and what to do instead."""
+
+
+class Commands(TyperGroup):
+    """The commands; for an option that has gone, what to do instead takes the place of click's own message."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was asked for."""
+        try:
+            return super().invoke(ctx)
+        except Exception as error:
+            if (gone := GONE.get(getattr(error, "option_name", ""))) is None:
+                raise
+            typer.echo(f"error: {gone}", err=True)
+            raise typer.Exit(2) from error
+
+
+def _show_everything(ctx: typer.Context, wanted: bool) -> None:
+    if wanted:
+        ctx.meta[EVERYTHING] = True
+        typer.echo(ctx.get_help(), nl=False)
+        raise typer.Exit
+
+
+HelpAllOption = Annotated[
+    bool, typer.Option("--help-all", is_eager=True, callback=_show_everything, help="Show further options, too.")
+]
+
+EVERYTHING = "epuck_sim.everything"
+"""Key in click's context that says that nothing is left out of a help."""
+
+
+class FoldedCommand(TyperCommand):
+    """A command whose `--help` leaves out the groups of options in `FOLDED`, which `--help-all` shows."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help."""
+        params: list[Any] = self.params
+        folded = [each for each in params if getattr(each, "rich_help_panel", None) in FOLDED]
+        for each in folded:
+            each.hidden = EVERYTHING not in ctx.meta
+        try:
+            super().format_help(ctx, formatter)
+        finally:
+            for each in folded:
+                each.hidden = False  # shells complete them
+
+
+def complete(module: str, kind: str) -> Callable[[str], list[str]]:
+    """Return the function by which shells complete names of what is shipped, or offered by installed packages.
+
+    Args:
+        module: The module that has the `user_files.Kind`.
+        kind: Its name there.
+    """
+
+    def begins_with(incomplete: str) -> list[str]:
+        from importlib import import_module
+
+        names: Iterable[str] = getattr(import_module(module), kind).offers
+        return [name for name in names if name.startswith(incomplete)]
+
+    return begins_with
+
+
+ScenarioArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="A YAML file, a scenario's name (see `list`), or a run folder to go on with.",
+        autocompletion=complete("epuck_sim.scenario.loader", "SCENARIO"),
+        show_default=False,
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a value: count=5; repeatable.", rich_help_panel=SCENARIO),
+]
+AxesOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--sweep",
+        metavar="KEY=V,V",
+        help="Add an axis: count=5,10, or speed_cm_s=0.1:10:20 for 20 speeds; repeatable.",
+        rich_help_panel=SCENARIO,
+    ),
+]
+TrialsOption = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N", min=1, max=10_000_000, help="Trials, at each point of a sweep.", rich_help_panel=SCENARIO
+    ),
+]
+ControllerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE",
+        help="Run this controller on all robots, with their parameters.",
+        rich_help_panel=SCENARIO,
+        autocompletion=complete("epuck_sim.control.loader", "CONTROLLER"),
+    ),
+]
+MeasureOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--measure",
+        metavar="FILE",
+        help="Measure more, by a name (`list --measures`) or file; repeatable.",
+        rich_help_panel=SCENARIO,
+        autocompletion=complete("epuck_sim.measures.loader", "MEASURE"),
+    ),
+]
+QuickOption = Annotated[
+    bool, typer.Option("--quick", help="Take the scenario's quick version.", rich_help_panel=SCENARIO)
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(metavar="N", min=1, help="Worker processes; all cores by default.", rich_help_panel=SWEEPS),
+]
+DaskOption = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler's workers.", rich_help_panel=SWEEPS)
+]
+PointOption = Annotated[
+    int | None,
+    typer.Option(metavar="K", min=0, help="One trial of a sweep: its point, from 0.", rich_help_panel=SWEEPS),
+]
+TrialOption = Annotated[
+    int | None,
+    typer.Option(metavar="J", min=0, help="One trial of a sweep: its number, from 0.", rich_help_panel=SWEEPS),
+]
+InterpretOption = Annotated[
+    bool, typer.Option("--interpret", help="Run controllers as plain Python.", rich_help_panel=CONTROLLERS)
+]
+WebOption = Annotated[
+    bool, typer.Option("--web", help="Show it in a browser instead of a window.", rich_help_panel=LIVE)
+]
+PortOption = Annotated[
+    int | None,
+    typer.Option(metavar="PORT", min=1, max=65535, help=f"Port of --web; {WEB_PORT} by default.", rich_help_panel=LIVE),
+]
+FolderArgument = Annotated[
+    Path, typer.Argument(metavar="FOLDER", help="A run folder, as `run --out` makes it.", show_default=False)
+]
+FoldersArgument = Annotated[
+    list[Path], typer.Argument(metavar="FOLDER...", help="Run folders, as `run --out` makes them.")
+]
+OfOption = Annotated[
+    str | None, typer.Option("--of", metavar="NAME", help="A measure of the folder's trials; T_sync by default.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.", rich_help_panel=OUTPUT)]
+
+
+def read_scenario(
+    scenario: str | Path,
+    settings: Sequence[str] | None = None,
+    axes: Sequence[str] | None = None,
+    *,
+    measures: Sequence[str] | None = None,
+    controller: str | None = None,
+    quick: bool = False,
+) -> "EmbodiedScenario | ParticleScenario":
+    """Return the scenario that a command's options name and change, and print what it warns of; see `load_scenario`."""
+    from epuck_sim.scenario.loader import load_scenario
+
+    with word_if_slow(f"reading {scenario}"), print_warnings():
+        return load_scenario(
+            scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick
+        )
+
+
+def check_outputs(
+    inputs: Mapping[str, str],
+    outputs: Mapping[str, tuple[Path | None, Sequence[str] | None]],
+    files: Mapping[str, Sequence[Path]],
+) -> None:
+    """Check before what takes a while that the files which a command writes can be written.
+
+    Args:
+        inputs: Files that it reads, by what messages call them.
+        outputs: Files that it is asked to write, by their options, and the endings that their names may have.
+        files: Files that an option writes, where these are not the one that it names.
+
+    Raises:
+        EpuckSimError: A name has the wrong ending, is given twice, is that of an input, or cannot be written.
+    """
+    from epuck_sim.util.atomic_write import check_target
+
+    owners = {os.path.realpath(path): name for name, path in inputs.items()}
+    for option, (path, endings) in outputs.items():
+        if path is None:
+            continue
+        if endings is not None and path.suffix not in endings:
+            raise EpuckSimError(f"{option} is {path}; allowed: a name that ends in {' or '.join(endings)}")
+        for file in files.get(option, [path]):
+            check_target(file)
+            owner = owners.setdefault(os.path.realpath(file), option)
+            if owner != option:
+                raise EpuckSimError(f"{option} is {path}; allowed: another name, because {file} belongs to {owner}")

@@ -1,0 +1,281 @@
+"""A table of estimates, and what it is for readers and programs: a terminal, HTML, notebooks, JSON and CSV.
+
+Cells are estimates, numbers, shares, texts, or None where there is nothing to show.
+"""
+
+import csv
+import io
+import math
+import textwrap
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element
+
+from epuck_sim.display.html import element, to_html
+from epuck_sim.display.html import table as html_table
+from epuck_sim.estimate import UNDETERMINED, Estimate, significant
+
+CSV_DIGITS = 6
+"""Significant digits of numbers in CSV."""
+
+GAP = 2
+"""Number of blanks between the columns of a terminal."""
+
+MOST_TIED = 6
+"""Largest number of values of an axis that are named above a table."""
+
+POINT = "point"
+"""Column with the number of a point, the first to be left out where a table is too wide."""
+
+
+class Share(float):
+    """A share, which people read in per cent."""
+
+
+class Row(NamedTuple):
+    """A row of a table."""
+
+    axes: Mapping[str, Any]
+    """What the row is of: values of axes, by dotted key."""
+    cells: Mapping[str, Any]
+    """Its cells, by names as programs know them; all rows of a table have the same."""
+
+    def record(self) -> dict[str, Any]:
+        """Return the cells as JSON and CSV hold them: an estimate as three, with `_low` and `_high`, None for NaN."""
+        return {key: plain(value) for name, cell in self.cells.items() for key, value in _ends(name, cell)}
+
+
+class Table(NamedTuple):
+    """Rows that are alike, and what is to be said of them."""
+
+    title: str
+    rows: Sequence[Row]
+    notes: Sequence[str] = ()
+    headings: Mapping[str, str] = {}
+    """Headings of cells that are not their names with blanks for underscores."""
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the rows as JSON holds them; where one has an estimate, those without have its three as None."""
+        estimated = {name for row in self.rows for name, cell in row.cells.items() if isinstance(cell, Estimate)}
+        empty = dict.fromkeys(estimated, UNDETERMINED)
+        rows = [
+            row._replace(cells={name: empty.get(name) if cell is None else cell for name, cell in row.cells.items()})
+            for row in self.rows
+        ]
+        return [{"axes": dict(row.axes), **row.record()} for row in rows]
+
+    def to_csv(self) -> str:
+        """Return the rows as CSV, with the axes first."""
+        rows = [{**record.pop("axes"), **record} for record in self.records()]
+        return csv_text(rows[0] if rows else (), (map(csv_cell, row.values()) for row in rows))
+
+    def to_html(self) -> Element:
+        """Return the table and what is to be said of it."""
+        columns = _columns(self)
+        rows = zip(*(column.texts for column in columns), strict=True)
+        made = element("div", html_table([column.heading for column in columns], rows), class_="scroll")
+        return element("div", made, *[element("p", " ".join(self.notes), class_="note")] * bool(self.notes))
+
+    def _repr_html_(self) -> str:
+        """Return the table for notebooks."""
+        return to_html(element("p", self.title), self.to_html())
+
+    def to_text(self, width: int | None = None) -> str:
+        """Return the table as a terminal shows it: no number is broken, whatever the terminal's width.
+
+        Columns that the others tell, those with one value or tied one-to-one to another axis, are named above. Where
+        the rest is too wide, it comes in parts below each other, each with the columns that tell the rows apart.
+
+        Args:
+            width: Number of letters in a line; None for any.
+        """
+        columns = _columns(self)
+        kept, said = _without_told(columns) if len(self.rows) > 1 else (columns, [])
+        if width is not None and _width(kept) > width and len(self.rows) > 1:
+            kept, more = _without_points(kept)
+            said += more
+        heads = [line for part in (self.title, "; ".join(said)) for line in part.splitlines() if line]
+        parts = [_lines(part) for part in _parts(kept, width)] if self.rows else []
+        blocks = [_wrap(heads, width), *parts, _wrap(self.notes, width)]
+        text = "\n\n".join("\n".join(block) for block in blocks[1:-1] if block)
+        return "\n".join(filter(None, ["\n".join(blocks[0]), text, "\n".join(blocks[-1])]))
+
+
+class _Column(NamedTuple):
+    heading: str
+    cells: list[Any]
+    texts: list[str]
+    is_axis: bool
+
+    @property
+    def least(self) -> int:
+        """Width of the widest cell, and of the longest word of the heading."""
+        return max(map(len, (*self.texts, *self.heading.split())))
+
+    @property
+    def is_text(self) -> bool:
+        return all(isinstance(cell, str) for cell in self.cells)
+
+
+def cell_text(cell: Any) -> str:
+    """Return what people read in a cell.
+
+    >>> [cell_text(each) for each in (Estimate(44.2, 28.9, 66.8), Share(0.051), 2**53, 0.00123456, None, True)]
+    ['44 [29, 67]', '5 %', '9007199254740992', '0.00123', '-', 'yes']
+    """
+    if cell is None or isinstance(cell, bool):
+        return {None: "-", True: "yes", False: "no"}[cell]
+    if isinstance(cell, Share):
+        return "-" if math.isnan(cell) else f"{100 * cell:.0f} %"
+    if isinstance(cell, list):
+        return f"{len(cell)} values"
+    return significant(cell) if isinstance(cell, float) else str(cell)
+
+
+def shortest_endings(keys: Iterable[str], separator: str = ".") -> dict[str, str]:
+    """Return the shortest ending of each key, or path, that none of the others has.
+
+    >>> shortest_endings(["robots.0.count", "robots.1.count", "arena.width_cm"])
+    {'robots.0.count': '0.count', 'robots.1.count': '1.count', 'arena.width_cm': 'width_cm'}
+    """
+    every = list(dict.fromkeys(keys))
+    endings = {
+        key: [separator.join(key.split(separator)[-count:]) for count in range(1, key.count(separator) + 2)]
+        for key in every
+    }
+    return {
+        key: next((e for e in endings[key] if not any(e in endings[other] for other in every if other != key)), key)
+        for key in every
+    }
+
+
+def plain(value: Any) -> Any:
+    """Return a result as JSON can hold it: named tuples as objects, estimates as value, low and high, null for NaN."""
+    if isinstance(value, Estimate):
+        return dict(zip(("value", "low", "high"), map(plain, value.ends), strict=True))
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if hasattr(value, "_asdict"):
+        return plain(value._asdict())
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    return [plain(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """Return a table as CSV."""
+    written = io.StringIO()
+    writer = csv.writer(written, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return written.getvalue()
+
+
+def csv_cell(value: Any) -> Any:
+    """Return a number with the digits of CSV, and nothing for one that is not finite; anything else as it is.
+
+    >>> csv_cell(1234.56789), csv_cell(float("nan")), csv_cell("mean")
+    ('1234.57', '', 'mean')
+    """
+    if value is None or isinstance(value, str | bool | list | dict):
+        return value
+    return f"{value:.{CSV_DIGITS}g}" if math.isfinite(value) else ""
+
+
+def _ends(name: str, cell: Any) -> list[tuple[str, Any]]:
+    if not isinstance(cell, Estimate):
+        return [(name, cell)]
+    return [(name, cell.value), (f"{name}_low", cell.low), (f"{name}_high", cell.high)]
+
+
+def _columns(table: Table) -> list[_Column]:
+    if not table.rows:
+        return []
+    first = table.rows[0]
+    headings = {name: table.headings.get(name, name.replace("_", " ")) for name in first.cells}
+    short = shortest_endings([*first.axes, *headings.values()])
+    of_axes = {key: [row.axes[key] for row in table.rows] for key in first.axes}
+    of_cells = {name: [row.cells[name] for row in table.rows] for name in headings}
+    # values of axes with all of their digits, which tell points apart
+    axes = [_Column(short[key], values, _axis_texts(values), True) for key, values in of_axes.items()]
+    cells = [_Column(headings[name], values, list(map(cell_text, values)), False) for name, values in of_cells.items()]
+    points = [each for each in cells if each.heading == POINT]
+    return points + axes + [each for each in cells if each.heading != POINT]
+
+
+def _axis_texts(values: list[Any]) -> list[str]:
+    """Return values of an axis as texts, of paths their shortest endings."""
+    endings = shortest_endings([value for value in values if isinstance(value, str)], "/")
+    return [endings[value] if isinstance(value, str) else str(value) for value in values]
+
+
+def _without_told(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
+    """Return the columns that the others do not tell, and what is to be said of those left out."""
+    kept: list[_Column] = []
+    said: list[str] = []
+    patterns: dict[tuple[int, ...], _Column] = {}
+    for column in columns:
+        texts = column.texts
+        pattern = tuple(texts.index(text) for text in texts)
+        if len(set(texts)) == 1 and not isinstance(column.cells[0], Estimate):
+            said.append(f"{column.heading} {'= ' * column.is_axis}{texts[0]}")
+        elif column.is_axis and pattern in patterns:
+            values = list(dict.fromkeys(texts))
+            given = f" {', '.join(values)}" if len(values) <= MOST_TIED else ""
+            said.append(f"{column.heading}{given} with {patterns[pattern].heading}")
+        else:
+            kept.append(column)
+            if column.is_axis:
+                patterns[pattern] = column
+    return kept or columns, said if kept else []
+
+
+def _without_points(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
+    """Return the columns without the numbers of the points, where these only count."""
+    for column in columns:
+        first = column.cells[0]
+        if column.heading == POINT and column.cells == [*range(first, first + len(column.cells))]:
+            return [each for each in columns if each is not column], [f"points {first} to {column.cells[-1]}, in order"]
+    return columns, []
+
+
+def _width(columns: Sequence[_Column]) -> int:
+    return sum(column.least for column in columns) + GAP * (len(columns) - 1)
+
+
+def _parts(columns: list[_Column], width: int | None) -> list[list[_Column]]:
+    """Return the columns in parts that fit the width, each with the columns of the axes."""
+    if width is None or _width(columns) <= width:
+        return [columns]
+    keys = [column for column in columns if column.is_axis or column.heading == POINT]
+    if _width(keys) > width / 2:
+        keys = []
+    parts: list[list[_Column]] = [[]]
+    for column in columns:
+        if column in keys:
+            continue
+        if parts[-1] and _width([*keys, *parts[-1], column]) > width:
+            parts.append([])
+        parts[-1].append(column)
+    return [[*keys, *part] for part in parts]
+
+
+def _lines(columns: Sequence[_Column]) -> list[str]:
+    """Return a heading, whose words are below each other where cells are narrow, a line, and a line for each row."""
+    headings = [textwrap.wrap(column.heading, column.least) for column in columns]
+    height = max(map(len, headings))
+    above = [[""] * (height - len(lines)) + lines for lines in headings]
+    rule = ["-" * column.least for column in columns]
+    rows = [*zip(*above, strict=True), rule, *zip(*(column.texts for column in columns), strict=True)]
+    align: list[Callable[[str, int], str]] = [str.ljust if column.is_text else str.rjust for column in columns]
+    gap = " " * GAP
+    return [
+        gap.join(put(cell, column.least) for put, cell, column in zip(align, row, columns, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+def _wrap(lines: Iterable[str], width: int | None) -> list[str]:
+    if width is None:
+        return list(lines)
+    return [part for line in lines for part in textwrap.wrap(line, width, break_long_words=False) or [""]]

@@ -1,0 +1,153 @@
+"""What a page needs to know of a scenario of point agents; `web/agents.js` makes blocks of it, as `rules` does here."""
+
+import math
+from typing import Any
+
+from epuck_sim.page.records import fields_of
+from epuck_sim.page.settings import Setting, refuse, stops
+from epuck_sim.particles import neighbours
+from epuck_sim.particles.oscillators import BRANCHES, FLAT
+from epuck_sim.particles.phase_response import CURVES
+from epuck_sim.particles.rules import rules_of
+from epuck_sim.particles.swarm import ARRAYS, CALLS, SCENE, SCENE_BYTES, Arrays
+from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
+
+MOST_AGENTS = 2000
+"""Largest swarm of a page, which draws all of them 60 times a second."""
+
+ANGLE_STEP_DEG = 5
+"""Step between the angles of cones on a slider: their sines are made here, to the bit."""
+
+REACH_CM = 30
+"""Reach that a page begins with where the scenario has none."""
+
+RANDOM_NUMBERS = "is drawn for each agent by numpy, which pages do not have"
+CONES = "cone_of_vision cone_of_emission"
+
+assert MOST_AGENTS <= FLAT
+
+_FUNCTIONS = {"CONTINUE": "continue_trajectory", "BEGIN_RUN": "begin_run", "REORIENT": "reorient_agents"}
+
+
+def check_agents(scenario: ParticleScenario) -> None:
+    """Raise ScenarioError for what keeps a scenario of agents from being a page, with its key."""
+    agents, curve = scenario.agents, scenario.response.curve
+    refuse(
+        scenario,
+        {
+            "sweep": (scenario.sweep is not None, "a page has one scenario; it sweeps the speed itself"),
+            "agents.count": (agents.count > MOST_AGENTS, f"is {agents.count}; a page shows up to {MOST_AGENTS}"),
+            "agents.speed_distribution": (agents.speed_distribution != "fixed", RANDOM_NUMBERS),
+            "clocks.jitter": (scenario.clocks.jitter > 0, RANDOM_NUMBERS),
+            "response.curve": (curve not in CURVES, f"is {curve}, and pages have the shipped curves alone"),
+            "schedule": (bool(scenario.schedule), "pages change nothing by a schedule"),
+            "start.like": (scenario.start.like is not None, "a page has no trial of robots to begin with"),
+            "stop.when": (scenario.stop.when is not None, "pages have no measures that could end a trial"),
+        },
+    )
+
+
+def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
+    """Return what `web/agents.js` makes the swarms of a scenario from.
+
+    Raises:
+        ScenarioError: The scenario cannot be a page.
+    """
+    check_agents(scenario)
+    rules, start = rules_of(scenario), scenario.start
+    arrays, walk, stop = Arrays(rules.new_block()), scenario.agents.walk, scenario.stop
+    functions = {"CONTINUE": True, "BEGIN_RUN": walk.kind != "straight", "REORIENT": bool(scenario.agents.reorient_on)}
+    given = {
+        "origin": start.positions_cm is not None,
+        "heading": start.headings is not None,
+        **dict.fromkeys(("phases_now", "next_firing"), isinstance(start.phases, tuple)),
+    }
+    return {
+        "dimensions": scenario.space.dimensions,
+        "scene": fields_of(SCENE),
+        "scene_bytes": SCENE_BYTES,
+        "scene_base": rules.beginning[:SCENE_BYTES].tolist(),
+        "arrays": [(name, dtype.itemsize, size) for name, (dtype, size) in ARRAYS.items()],
+        "sizes": {"run_speeds": 0, "curve": 0, "groups": 0, "parts": 0},  # for no more than `FLAT` agents
+        "fill": {"run_end_cycle": -1, "period": 1, "cached_until": "-Infinity", "block_earliest": "-Infinity"},
+        "given": {name: getattr(arrays, name).ravel().tolist() for name, is_given in given.items() if is_given},
+        "is_synchronised": start.phases == "synchronised",
+        "displacement": start.displacement,
+        "calls": _call_names(),
+        "functions": {call: _FUNCTIONS[call] for call, is_called in functions.items() if is_called},
+        "kinds": {
+            "nearest": neighbours.NEAREST,
+            "vision": neighbours.VISION_CONE,
+            "emission": neighbours.EMISSION_CONE,
+            "random": neighbours.RANDOM,
+        },
+        "angles": {f"{angle:g}": _cosine_and_sine(angle) for angle in _angles(scenario)},
+        "reach_cm": REACH_CM,
+        "unlimited_cm": neighbours.UNLIMITED_CM,
+        "ball_volume": neighbours.BALL_VOLUME[scenario.space.dimensions],
+        "max_share": neighbours.MAX_SHARE,
+        "max_share_nearest": neighbours.MAX_SHARE_NEAREST,
+        "min_cell_list": neighbours.MIN_CELL_LIST_AGENTS,
+        "max_cached": neighbours.MAX_CACHED,
+        "branches": BRANCHES,
+        "is_cyclic": scenario.space.boundary == "cyclic",
+        "reorients": bool(scenario.agents.reorient_on),
+        "sends_every_pulse": "arriving" in scenario.agents.reorient_on,
+        "run_s": walk.run_s or 0.0,
+        "order_parameter": stop.order_parameter,
+        "max_time_s": stop.max_time_s,
+    }
+
+
+def _call_names() -> list[str]:
+    names = ["CURVE", "SEARCH", "CONTINUE", "BEGIN_RUN", "REORIENT"]
+    assert len(names) == CALLS
+    return names
+
+
+def _cosine_and_sine(angle_deg: float) -> tuple[float, float]:
+    half = math.radians(angle_deg / 2)
+    return neighbours.FULL_CIRCLE_COS if angle_deg >= 360 else math.cos(half), math.sin(half)
+
+
+def _angles(scenario: ParticleScenario) -> tuple[float, ...]:
+    rule = scenario.neighbourhood
+    own = [rule.angle_deg] if isinstance(rule, Cone) else []
+    return stops(ANGLE_STEP_DEG, 360, step=ANGLE_STEP_DEG, also=own)
+
+
+def agents_settings(scenario: ParticleScenario, thesis: ParticleScenario) -> list[Setting]:
+    """Return what a page changes of a scenario of agents; thesis: the scenario of the thesis's base case."""
+    agents, rule, own = scenario.agents, scenario.neighbourhood, scenario.space
+    period_s, side_cm = scenario.clocks.period_s, own.side_cm
+    speed, coupling, count = agents.speed_cm_s, scenario.response.coupling, agents.count
+    k = rule.k if isinstance(rule, Nearest | RandomAgents) else 1
+    radius = rule.radius_cm if isinstance(rule, Range | Cone) else REACH_CM
+    angle = rule.angle_deg if isinstance(rule, Cone) else 90.0
+    given = scenario.start
+    is_free = given.positions_cm is None and given.headings is None and not isinstance(given.phases, tuple)
+    radii = [*stops(1, 200, also=[REACH_CM, radius or REACH_CM]), None]
+    settings = [
+        Setting("agents.speed_cm_s", "speed", "cm/s", stops(0.1, 100, also=[speed, 30]), speed, 30),
+        Setting("response.coupling", "coupling", "", stops(0, 1, step=0.01, also=[coupling]), coupling, 0.1),
+        Setting("neighbourhood.kind", "pulses reach", "", _KINDS, rule.kind, "nearest"),
+        Setting("neighbourhood.k", "neighbours", "", stops(1, 20, step=1, also=[k]), k, 1, _only("nearest random")),
+        Setting("neighbourhood.radius_cm", "reach", "cm", tuple(radii), radius, None, _only(f"range {CONES}")),
+        Setting("neighbourhood.angle_deg", "opening angle", "°", _angles(scenario), angle, None, _only(CONES)),
+        Setting("clocks.period_s", "period", "s", stops(0.1, 10, also=[period_s, 1]), period_s, 1),
+    ]
+    if is_free:
+        sides = stops(10, 1000, also=[side_cm, 100])
+        counts = stops(
+            1, 10, step=1, also=[count, 20, *(int(each) for each in stops(10, 500) if isinstance(each, int))]
+        )
+        settings.insert(0, Setting("agents.count", "agents", "", counts, count, thesis.agents.count))
+        settings.append(Setting("space.side_cm", "side of the space", "cm", sides, side_cm, thesis.space.side_cm))
+    return settings
+
+
+_KINDS = ("nearest", "random", "all", "range", "cone_of_vision", "cone_of_emission")
+
+
+def _only(kinds: str) -> tuple[str, str]:
+    return "neighbourhood.kind", kinds

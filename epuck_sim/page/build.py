@@ -1,0 +1,123 @@
+"""Makes the WebAssembly modules of pages: `python -m epuck_sim.page.build`, with ziglang, which links them.
+
+Kernels are taken as numba makes them, before anything in them depends on this machine, and compiled for WebAssembly by
+the LLVM that numba brings, without fast-math: each number is the program's, to the bit.
+"""
+
+import gzip
+import re
+import subprocess
+import sys
+import tarfile
+import tempfile
+from collections.abc import Iterable
+from importlib.metadata import version
+from pathlib import Path
+from typing import get_args
+
+import llvmlite.binding as llvm
+
+from epuck_sim.embodied.bodies.chipmunk import FUNCTIONS
+from epuck_sim.page.kernels import FOLDER, Model
+from epuck_sim.page.roots import digest_kernels, roots
+from epuck_sim.util.memory import in_bytes
+from epuck_sim.util.native import portable_module, stay_portable
+
+TARGET = "wasm32-unknown-unknown"
+FEATURES = "+nontrapping-fptoint,+sign-ext,+bulk-memory,+mutable-globals"
+"""What every browser of the last five years knows of WebAssembly."""
+
+LINKING = (
+    *("-target", "wasm32-wasi", "-mexec-model=reactor", "-O3", "-DNDEBUG", "-ffp-contract=off", "-Wno-everything"),
+    *("-Wl,--gc-sections", "-Wl,--strip-all", "-Wl,--export-table", "-Wl,--growable-table", "-Wl,--export=__heap_base"),
+)
+"""Options of the compiler and linker."""
+
+SHIM = Path(__file__).with_name("chipmunk.c")
+
+LEFT_OUT = ("cpHastySpace", "cpPolyline", "cpMarch", "cpSpaceDebug")
+"""Sources of Chipmunk that the program does not use."""
+
+
+def compile_kernels(model: Model) -> bytes:
+    """Return the object file of all kernels of a model; each is outside known by its name."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    machine = llvm.Target.from_triple(TARGET).create_target_machine(opt=3, features=FEATURES)
+    whole = llvm.parse_assembly("")
+    for name, (kernel, arguments) in roots(model).items():
+        text, symbol = portable_module(kernel.part, *arguments)
+        module = llvm.parse_assembly(_retarget(text, str(machine.target_data)))
+        for each in (*module.functions, *module.global_variables):
+            if not each.is_declaration:
+                each.linkage = llvm.Linkage.internal
+        root = module.get_function(symbol)
+        root.name, root.linkage = name, llvm.Linkage.external
+        whole.link_in(module)
+    whole.verify()
+    _optimize(whole, machine)
+    return bytes(machine.emit_object(whole))
+
+
+def _retarget(text: str, layout: str) -> str:
+    """Return a module of LLVM with another target."""
+    text = re.sub(r"^target datalayout.*$", f'target datalayout = "{layout}"', text, flags=re.MULTILINE)
+    text = re.sub(r"^target triple.*$", f'target triple = "{TARGET}"', text, flags=re.MULTILINE)
+    return re.sub(r'"target-(cpu|features)"="[^"]*"', "", text)
+
+
+def _optimize(module: llvm.ModuleRef, machine: llvm.TargetMachine) -> None:
+    """Optimise a module, with reference counts pruned between, as numba does."""
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    builder.getModulePassManager().run(module, builder)
+    pruning = llvm.create_new_module_pass_manager()
+    pruning.add_refprune_pass()
+    pruning.run(module, builder)
+    builder.getModulePassManager().run(module, builder)
+
+
+def link(kernels: bytes, names: Iterable[str], folder: Path, *sources: object) -> bytes:
+    """Return the WebAssembly of kernels in an object file and of `SHIM`, which exports functions of these names.
+
+    Args:
+        kernels: The object file.
+        names: What is exported, beside what `SHIM` exports itself.
+        folder: Files are written here.
+        sources: Further sources in C, and options.
+    """
+    made, linked = folder / "kernels.o", folder / "linked.wasm"
+    made.write_bytes(kernels)
+    exports = (f"-Wl,--export={name}" for name in names)
+    command = [sys.executable, "-m", "ziglang", "cc", *LINKING, made, SHIM, *sources, *exports, "-o", linked]
+    subprocess.run(list(map(str, command)), check=True)
+    return linked.read_bytes()
+
+
+def chipmunk_sources(folder: Path) -> list[object]:
+    """Return the sources of Chipmunk, from those of the pymunk that is installed, which pip fetches, and options."""
+    wanted = ("--no-deps", "--no-binary=:all:", f"pymunk=={version('pymunk')}")
+    subprocess.run([sys.executable, "-m", "pip", "download", "--quiet", "--dest", folder, *wanted], check=True)
+    with tarfile.open(next(folder.glob("pymunk-*.tar.gz"))) as archive:
+        archive.extractall(folder, filter="data")
+    (found,) = folder.glob("pymunk-*/Munk2D")
+    sources = [path for path in sorted((found / "src").glob("*.c")) if path.stem not in LEFT_OUT]
+    return ["-DWITH_CHIPMUNK", "-DCP_OVERRIDE_MESSAGE", f"-I{found / 'include'}", *sources]
+
+
+def main() -> None:
+    """Make the module of each model."""
+    stay_portable()
+    for model in get_args(Model):
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            is_embodied = model == "embodied"
+            exports = [*roots(model), *(function for function in FUNCTIONS if is_embodied)]
+            wasm = link(compile_kernels(model), exports, folder, *(chipmunk_sources(folder) if is_embodied else ()))
+        packed = gzip.compress(wasm, 9, mtime=0)
+        (FOLDER / f"{model}.wasm.gz").write_bytes(packed)
+        (FOLDER / f"{model}.digest").write_text(digest_kernels(model) + "\n")
+        print(f"{model}: {in_bytes(len(wasm))}, {in_bytes(len(packed))} gzipped")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,191 @@
+"""What a page needs to know of a scenario of robots: blocks as the program makes them, and where things stand there."""
+
+import base64
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.control.loader import find_controller
+from epuck_sim.embodied.bodies import chipmunk
+from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.embodied.bodies.shapes import WALL_CM
+from epuck_sim.embodied.cells import cells_needed
+from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.sensors.camera import set_camera
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import CAMERA, GROUP, RAY, ROBOT, SCENE, Swarm
+from epuck_sim.page.records import fields_of
+from epuck_sim.page.roots import controller_root
+from epuck_sim.page.settings import Setting, refuse, stops
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.robot_kind import cell_cm
+from epuck_sim.trial.synchrony import NOMINAL_PERIOD_S
+from epuck_sim.util.builtin import CONTROLLERS, builtin_files
+
+MOST_ROBOTS = 200
+"""Largest swarm of a page."""
+
+COUNTS = (*range(1, 21), 25, 30, 40, 50)
+"""Numbers of robots of a slider; each has a block of its own in the page."""
+
+VIEWS_DEG = (20, 30, 40, 56, 70, 90, 120, 150, 180, 240, 300, 360)
+"""Fields of view of a slider; the directions of a camera's pixels are made here, to the bit."""
+
+PARAMETERS: Mapping[str, tuple[str, str, tuple[Any, ...]]] = {
+    "speed_cm_s": ("speed", "cm/s", stops(0.1, 12.8)),
+    "coupling": ("coupling", "", stops(0.01, 1, step=0.01)),
+    "period_s": ("period", "s", stops(1, 10, step=0.5)),
+    "refractory_fraction": ("refractory, share of the period", "", stops(0, 0.6, step=0.01)),
+}
+"""Parameters of controllers that have a slider, with label, unit and stops."""
+
+
+def check_robots(scenario: EmbodiedScenario) -> None:
+    """Raise ScenarioError for what keeps a scenario of robots from being a page, with its key."""
+    own = [group.controller for group in scenario.robots if group.controller not in builtin_files(CONTROLLERS)]
+    external = [group.controller for group in scenario.robots if find_controller(group.controller).external]
+    radios = any(group.signal.kind == "radio" for group in scenario.robots)
+    refuse(
+        scenario,
+        {
+            "sweep": (scenario.sweep is not None, "a page has one scenario; it sweeps the speed itself"),
+            "robots": (
+                scenario.robot_count > MOST_ROBOTS,
+                f"are {scenario.robot_count}{' with radios' * radios}; a page shows up to {MOST_ROBOTS}",
+            ),
+            "robots.controller": (
+                bool(own or external),
+                f"is {(own or external or [''])[0]}; pages have the shipped controllers, which nobody commands",
+            ),
+            "robots.sensors": (any(group.sensors for group in scenario.robots), "pages have no sensors in files"),
+            "arena.movables": (bool(scenario.arena.movables), "nothing is pushed in pages"),
+            "robots.present": (scenario.members_change, "all robots of a page are there all the time"),
+            "faults": (bool(scenario.faults), "robots of pages have no faults"),
+            "schedule": (bool(scenario.schedule), "pages change nothing by a schedule"),
+            "stop.when": (scenario.stop.when is not None, "pages have no measures that could end a trial"),
+        },
+    )
+
+
+def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
+    """Return what `web/robots.js` makes the swarms of a scenario from.
+
+    Raises:
+        ScenarioError: The scenario cannot be a page.
+    """
+    check_robots(scenario)
+    arena, contact, stop = scenario.arena.build(), scenario.contact, scenario.stop
+    group = scenario.robots[0]
+    return {
+        "scene": fields_of(SCENE),
+        "robot": fields_of(ROBOT),
+        "group": fields_of(GROUP),
+        "bytes": {"robot": ROBOT.itemsize, "group": GROUP.itemsize},
+        "arrays": Swarm._fields,
+        "swarms": {count: _swarm(scenario, count) for count in _counts(scenario)},
+        "functions": list(chipmunk.FUNCTIONS),
+        "head": chipmunk.FIRST,
+        "placements": [each.placement if each.present else "none" for each in scenario.robots],
+        "memory": [each.memory for each in scenario.robots],
+        "takes_pictures": [
+            each.signal.kind == "camera" and each.camera.frames_per_s is not None for each in scenario.robots
+        ],
+        "sees": [each.signal.kind for each in scenario.robots],
+        "parameters": [fields_of(find_controller(each.controller).parameter_type) for each in scenario.robots],
+        "memories": [fields_of(find_controller(each.controller).memory) for each in scenario.robots],
+        "cell_cm": cell_cm(scenario.group_kinds),
+        "masses": [kind.mass_g for kind in scenario.group_kinds],
+        "margin_cm": MARGIN_CM,
+        "touch": contact.robots,
+        "friction": contact.friction**0.5,
+        "wall_cm": WALL_CM,
+        "circles": arena.circles.tolist(),
+        "polygons": [corners.tolist() for corners in arena.polygons],
+        "views": {f"{view:g}": _view(scenario, view) for view in _views(scenario)},
+        "step_ms": scenario.timing.step_ms,
+        "nominal_period_ms": NOMINAL_PERIOD_S * 1000,
+        "reference": stop.reference_robot,
+        "metric": stop.metric,
+        "order_parameter": stop.order_parameter,
+        "further_cycles": stop.further_cycles,
+        "max_time_s": stop.max_time_s,
+        "range_cm": group.camera.range_cm,
+    }
+
+
+def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
+    """Return the beginning of trials with some number of robots in the first group: a block, and what is called."""
+    chosen = scenario if count == scenario.robots[0].count else load_scenario(scenario, [f"robots.0.count={count}"])
+    if _has_free_sides(scenario):
+        least_cm = cell_cm(scenario.group_kinds)
+        side_cm = max(_sides(scenario), key=lambda side: cells_needed(side, side, count, least_cm))
+        chosen = load_scenario(chosen, [f"arena.width_cm={side_cm:g}", f"arena.height_cm={side_cm:g}"])
+    block, functions = Simulation(chosen, seed=0).beginning()
+    named = {index: _name(function) for index, function in functions.items()}
+    return {"block": base64.b64encode(block.tobytes()).decode(), "functions": named}
+
+
+def _name(function: Any) -> str:
+    """Return the name of a function in the module."""
+    if isinstance(function, GroupControllers):
+        return controller_root(function.controller.name)
+    return str(function.function.__name__)
+
+
+def _view(scenario: EmbodiedScenario, view_deg: float) -> dict[str, Any]:
+    """Return the fields of a camera with another field of view, and the directions of its pixels."""
+    section = scenario.robots[0].camera.model_copy(update={"field_of_view_deg": float(view_deg)})
+    camera, rays = np.recarray(1, CAMERA), np.recarray(section.pixels, RAY)
+    set_camera(camera[0], rays, section, scenario.group_kinds[0], scenario.timing.control_hz)
+    numbers = {name: float(camera[0][name]) for name in ("left_rad", "pixels_per_rad", "half_view_rad")}
+    return {"camera": numbers, "rays": np.column_stack([rays.cos, rays.sin]).ravel().tolist()}
+
+
+def _counts(scenario: EmbodiedScenario) -> tuple[int, ...]:
+    """Return the numbers of robots among which a page chooses: the scenario's own where robots are given one by one."""
+    group = scenario.robots[0]
+    is_given = any(isinstance(value, list | tuple) for value in group.memory.values())
+    if len(scenario.robots) > 1 or group.poses is not None or is_given or scenario.stop.reference_robot > 0:
+        return (group.count,)
+    return tuple(sorted({*COUNTS, group.count}))
+
+
+def _has_free_sides(scenario: EmbodiedScenario) -> bool:
+    """Return whether an arena of another size is no other arena: it is square, and nothing has a place in it."""
+    arena = scenario.arena
+    is_empty = not (arena.obstacles or arena.movables or arena.lamps or arena.floor.patches or arena.floor.picture)
+    return is_empty and arena.width_cm == arena.height_cm and all(group.poses is None for group in scenario.robots)
+
+
+def _sides(scenario: EmbodiedScenario) -> tuple[float, ...]:
+    """Return the sides of the arena on a slider."""
+    return stops(30, 200, step=10, also=[scenario.arena.width_cm])
+
+
+def _views(scenario: EmbodiedScenario) -> tuple[Any, ...]:
+    camera = scenario.robots[0].camera
+    return tuple(sorted({*VIEWS_DEG, camera.field_of_view_deg}))
+
+
+def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario) -> list[Setting]:
+    """Return what a page changes of a scenario of robots; thesis: the scenario of the thesis's base case."""
+    group, base, side_cm = scenario.robots[0], thesis.robots[0], scenario.arena.width_cm
+    counts, settings = _counts(scenario), []
+    if len(counts) > 1:
+        settings.append(Setting("robots.0.count", "robots", "", counts, group.count, base.count))
+    for name, (label, unit, found) in PARAMETERS.items():
+        own, of_base = group.parameters.get(name), base.parameters.get(name)
+        if isinstance(own, float):
+            least = group.parameters.get("flash_fraction", 0.0) if name == "refractory_fraction" else 0.0
+            values = tuple(sorted(value for value in {*found, own, of_base} if value is not None and value >= least))
+            settings.append(Setting(f"robots.0.parameters.{name}", label, unit, values, own, of_base))
+    if group.signal.kind == "camera":
+        view, of_base = group.camera.field_of_view_deg, base.camera.field_of_view_deg
+        key = "robots.0.camera.field_of_view_deg"
+        settings.append(Setting(key, "field of view", "°", _views(scenario), view, of_base))
+    if _has_free_sides(scenario):
+        sides = _sides(scenario)
+        settings.append(Setting("arena.width_cm", "side of the arena", "cm", sides, side_cm, thesis.arena.width_cm))
+    return settings

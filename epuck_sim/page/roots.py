@@ -1,0 +1,141 @@
+"""The kernels that a page calls, or that others call by their addresses: what a WebAssembly module is compiled from."""
+
+import ast
+import hashlib
+import inspect
+import textwrap
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import FunctionType, ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import types
+
+from epuck_sim.control.compilation import jit_functions
+from epuck_sim.control.loader import find_controller
+from epuck_sim.embodied import controllers, loop, placement, start
+from epuck_sim.embodied.bodies import chipmunk
+from epuck_sim.embodied.sensors import camera, flash_cone, infrared, radio, reflections, signals
+from epuck_sim.embodied.sensors.completion import completion
+from epuck_sim.page.kernels import FOLDER, Model
+from epuck_sim.particles import events, initial_conditions, motion, neighbours
+from epuck_sim.util import elementary, generators
+from epuck_sim.util.builtin import CONTROLLERS, builtin_files
+from epuck_sim.util.jit import bind
+from epuck_sim.util.native import ADDRESSES, BLOCK, compile_part
+
+WORDS, ROWS = types.Array(types.uint64, 1, "C"), types.Array(types.float64, 2, "C")
+
+Root = tuple[Any, tuple[Any, ...]]
+"""A kernel, and the types of its arguments."""
+
+_SWARM = BLOCK, ADDRESSES
+_OF_AGENT = *_SWARM, types.int64, types.float64
+_OF_GROUP = *_SWARM, types.int64
+
+_SEEDS: tuple[Root, ...] = (
+    (generators.begin_sequence, (WORDS, WORDS)),
+    (generators.spawn, (WORDS, WORDS, types.int64)),
+    (generators.draw_words, (WORDS, WORDS)),
+)
+
+_AGENTS: tuple[Root, ...] = (
+    (initial_conditions.start, (*_SWARM, WORDS)),
+    (motion.begin_motion, (BLOCK,)),
+    *((kernel, _SWARM) for kernel in (events.advance, events.advance_in_cones, events.observe)),
+    *((kernel, _OF_AGENT) for kernel in (motion.continue_trajectory, motion.begin_run, motion.reorient_agents)),
+    *((kernel, _OF_AGENT) for kernel in (neighbours.search_nearest, neighbours.search_cone)),
+    *((kernel, _OF_AGENT) for kernel in (neighbours.search_cells, neighbours.draw_receivers)),
+)
+
+_ROBOTS: tuple[Root, ...] = (
+    (start.draw_all, (BLOCK, WORDS, WORDS)),
+    (start.vary, (BLOCK,)),
+    (placement.begin_placement, (BLOCK,)),
+    *((kernel, (BLOCK, types.int64, types.int64)) for kernel in (placement.place_on_grid, placement.place_at_random)),
+    (signals.begin_pictures, (BLOCK, types.int64)),
+    (elementary.add_directions, (ROWS, ROWS)),
+    (chipmunk.place, _SWARM),
+    (chipmunk.rest, _OF_GROUP),
+    (loop.take_steps, (*_SWARM, types.int64, types.boolean)),
+    *((kernel, _OF_GROUP) for kernel in (loop.tick, loop.stop_and_release, infrared.sense_infrared)),
+    *((kernel, _OF_GROUP) for kernel in (camera.look, camera.take_pictures, reflections.add_reflections)),
+    *((kernel, _OF_GROUP) for kernel in (flash_cone.perceive_flashes, radio.receive_pulses)),
+)
+
+
+def roots(model: Model) -> Mapping[str, Root]:
+    """Return the kernels of a model's module by their names in it."""
+    of_model = _AGENTS if model == "particles" else _ROBOTS
+    named = {kernel.function.__name__: (kernel, arguments) for kernel, arguments in _SEEDS + of_model}
+    if model == "embodied":
+        named |= {controller_root(name): (controller_kernel(name), _OF_GROUP) for name in builtin_files(CONTROLLERS)}
+    return named
+
+
+def controller_root(name: str) -> str:
+    """Return the name of what runs a shipped controller."""
+    return f"run_{name}"
+
+
+def controller_kernel(name: str) -> Any:
+    """Return the function (block, addresses, group) that runs a shipped controller, as `GroupControllers` has it."""
+    controller = find_controller(name)
+    functions = jit_functions((controller.start, controller.step), controller.modules, name)
+    names = dict(zip(("start", "step"), functions, strict=True)) | {"complete": completion(())}
+    bound = bind(controllers.run_group, **names, MEMORY=controller.memory, PARAMETERS=controller.parameter_type)
+    return SimpleNamespace(function=bound, part=compile_part(bound, error_model="python", boundscheck=True))
+
+
+# --- what a module is made from ------------------------------------------------------------------------
+
+BUILDERS = ("build.py", "chipmunk.c")
+"""Files that decide how a module is made."""
+
+
+def is_fresh(model: Model) -> bool:
+    """Return whether the WebAssembly of a model is made from the kernels as they are."""
+    path = FOLDER / f"{model}.digest"
+    return path.exists() and path.read_text().strip() == digest_kernels(model)
+
+
+def digest_kernels(model: Model) -> str:
+    """Return a digest of a model's kernels, all that they call, and the values of the package that they use."""
+    made, seen = hashlib.sha256(), set[Any]()
+    for name in BUILDERS:
+        made.update(Path(__file__).with_name(name).read_bytes())
+    for name, (kernel, arguments) in sorted(roots(model).items()):
+        made.update(f"{name} {arguments}".encode())
+        for text in meanings(kernel.function, seen):
+            made.update(text.encode())
+    return made.hexdigest()[:16]
+
+
+def meanings(function: Any, seen: set[Any]) -> Iterator[str]:
+    """Yield what a compiler makes a function from: its source without comments and docstring, and all that it names.
+
+    Args:
+        function: The function.
+        seen: What is not visited again; it is added to.
+    """
+    if function in seen:
+        return
+    seen.add(function)
+    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    (definition,) = tree.body
+    assert isinstance(definition, ast.FunctionDef)
+    if ast.get_docstring(definition) is not None:
+        del definition.body[0]
+    yield ast.unparse(definition)
+    names = function.__code__.co_names
+    for name in sorted(names):
+        value = function.__globals__.get(name)
+        for each in (vars(value).get(inner) for inner in names) if isinstance(value, ModuleType) else (value,):
+            called = getattr(each, "function", getattr(each, "py_func", None))  # of a kernel, or a controller's
+            if isinstance(called, FunctionType):
+                yield from meanings(called, seen)
+            elif isinstance(each, int | float | tuple | np.generic | np.ndarray | np.dtype):
+                yield f"{name} = {each!r}"
+            elif places := getattr(each, "places", None):  # of a part of a block
+                yield f"{name} at {places!r}"

@@ -1,0 +1,84 @@
+"""What a page lets its reader change: keys of a scenario, each with the values that its slider stops at."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.scenario import Scenario
+
+Value = float | int | str | bool | None
+
+MOST_STOPS = 100
+"""Largest number of values of a slider without those that are added."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A key of a scenario that a page can change, to one of some values."""
+
+    key: str
+    """Dotted key, as `--set` takes it."""
+    label: str
+    unit: str
+    stops: tuple[Value, ...]
+    """The values, ascending where they are numbers; the scenario's is one of them."""
+    value: Value
+    """The scenario's value."""
+    thesis: Value = None
+    """The value of the thesis's base case; None if the key is not there."""
+    only: tuple[str, str] | None = None
+    """A key and one of its values, separated by spaces from others, with which this key is there."""
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as a page reads it."""
+        return asdict(self)
+
+
+def stops(low: float, high: float, *, step: float = 0.0, also: Iterable[float] = ()) -> tuple[float, ...]:
+    """Return values from `low` to `high`: every `step`, or else 20 a decade with two digits; and some further ones.
+
+    >>> stops(1, 4, step=1, also=[2.5])
+    (1, 2, 2.5, 3, 4)
+    >>> stops(1, 1.4)
+    (1, 1.1, 1.3, 1.4)
+    """
+    if step:
+        found = [low + step * number for number in range(round((high - low) / step) + 1)]
+    else:
+        found = [low * 10 ** (number / 20) for number in range(math.floor(20 * math.log10(high / low)) + 1)]
+        found = [float(f"{value:.2g}") for value in found] + [high]
+    rounded = [float(f"{value:.10g}") for value in found]
+    numbers: set[float] = {int(value) if value.is_integer() else value for value in rounded}
+    return tuple(sorted(numbers.union(also)))
+
+
+def values_of(scenario: Scenario) -> dict[str, Value]:
+    """Return the value of each dotted key of a scenario."""
+    found: dict[str, Value] = {}
+
+    def collect(value: Any, key: str) -> None:
+        if isinstance(value, Mapping) and value:
+            for name, each in value.items():
+                collect(each, f"{key}.{name}" if key else str(name))
+        elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
+            for number, each in enumerate(value):
+                collect(each, f"{key}.{number}")
+        else:
+            found[key] = value
+
+    collect(scenario.model_dump(mode="json", warnings=False), "")
+    return found
+
+
+def refuse(scenario: Scenario, reasons: Mapping[str, tuple[bool, str]]) -> None:
+    """Raise ScenarioError for the first key, of those of `reasons`, that keeps a scenario from being a page.
+
+    Args:
+        scenario: The scenario.
+        reasons: For each key whether it does, and why.
+    """
+    for key, (is_reason, why) in reasons.items():
+        if is_reason:
+            raise ScenarioError(f"{scenario.name}: {key}: {why}; `epuck-sim run` does")

@@ -1,0 +1,570 @@
+"use strict";
+// The page itself: what is pressed, slid and dragged, and 60 pictures a second of a swarm.
+
+/** Real time for which a picture's share of the simulation may take, ms. */
+const PICTURE_MS = 14;
+/** How many times real time: the stops of the slider. */
+const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+/** Periods that the raster of flashes shows. */
+const RASTER_PERIODS = 12;
+/** Cycles after which trials at further speeds are censored: of slow swarms some would never end. */
+const SWEEP_CYCLES = 2000;
+/** Time in which the glow of a flash fades, ms. */
+const FADE_MS = 350;
+/** Most agents of which links are drawn. */
+const MOST_LINKED = 200;
+
+const find = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
+
+/** Return what a part of the page holds, unpacked. @param {string} id */
+async function unpack(id) {
+  const packed = new Blob([fromBase64(find(id).textContent.trim())]).stream();
+  return new Response(packed.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+}
+
+/** Say what keeps the page from working. @param {unknown} what */
+function complain(what) {
+  find("trouble").hidden = false;
+  find("trouble").textContent = what instanceof Error ? what.message : `${what}`;
+}
+
+class Page {
+  /** @param {any} data see writer.py @param {WebAssembly.Module} module */
+  constructor(data, module) {
+    Object.assign(this, { data, module });
+    this.data = data;
+    this.module = module;
+    this.settings = new Map(data.settings.map((/** @type {any} */ each) => [each.key, each]));
+    this.trials = new Trials(`${find("core").textContent}\nserve(self);`, module, data.facts);
+    this.results = /** @type {Done[]} */ ([]);
+    this.is_playing = false;
+    this.rate = 1;
+    this.chosen = -1;
+    this.values = { ...data.values };
+    this.seed = BigInt(data.seed);
+    this.read_address();
+    this.show_settings();
+    this.show_keys();
+    this.listen();
+    this.begin();
+    requestAnimationFrame((now) => this.picture(now));
+  }
+
+  // --- a swarm ---------------------------------------------------------------------------------------
+
+  /** Begin a trial with the present values and seed. */
+  begin() {
+    try {
+      if (!this.swarm || this.swarm.values !== this.values) this.swarm = makeSwarm(this.module, this.data.facts, this.values);
+      this.swarm.reset(this.seed);
+      find("trouble").hidden = true;
+    } catch (error) {
+      complain(error);
+      return this.play(false);
+    }
+    this.flashes = /** @type {number[][]} */ ([]);
+    this.orders = /** @type {number[][]} */ ([]);
+    this.links = /** @type {Map<string, number[]>} */ (new Map());
+    this.glow = new Float64Array(this.swarm.count);
+    this.is_touched = false;
+    if (this.chosen >= this.swarm.count) this.chosen = -1;
+    this.say("");
+    this.note_order();
+    this.write_address();
+  }
+
+  /** Take over changed values of keys. @param {Values} changes */
+  change(changes) {
+    this.values = { ...this.values, ...changes };
+    const k = "neighbourhood.k", most = Math.max(1, this.values["agents.count"] - 1);
+    if (this.values[k] > most) this.values[k] = most;
+    if (this.values["neighbourhood.kind"] === "range") this.values["neighbourhood.radius_cm"] ??= this.data.facts.reach_cm;
+    if ("arena.width_cm" in changes) this.values["arena.height_cm"] = changes["arena.width_cm"];
+    this.show_values();
+    this.begin();
+  }
+
+  /** Simulate for some time, with a look at the order parameter ten times a period. @param {number} span_s @param {number} until */
+  advance(span_s, until = Infinity) {
+    const { swarm } = this, end = swarm.time_s + span_s;
+    while (!swarm.has_ended && swarm.time_s < end - 1e-9 && performance.now() < until) {
+      swarm.advance_to(Math.min(end, swarm.time_s + swarm.period_s / 10), (/** @type {number} */ time, /** @type {number} */ agent) => this.note_flash(time, agent));
+      this.note_order();
+    }
+    if (swarm.has_ended) this.end();
+  }
+
+  /** @param {number} time @param {number} agent */
+  note_flash(time, agent) {
+    this.flashes.push([time, agent]);
+    this.glow[agent] = 1;
+    if (this.flashes.length > 40_000) this.flashes.splice(0, 20_000);
+    if (this.swarm.receivers && this.swarm.count <= MOST_LINKED && this.links.size < 400)
+      for (const other of this.swarm.receivers(agent)) this.links.set(`${agent} ${other}`, [agent, other, 1]);
+  }
+
+  note_order() {
+    const { phases } = (this.seen = this.swarm.look());
+    this.orders.push([this.swarm.time_s, meanPhase(phases.filter((/** @type {number} */ phase) => !Number.isNaN(phase))).order]);
+    if (this.orders.length > 3000) this.orders = this.orders.filter((/** @type {any} */ _, /** @type {number} */ each) => each % 2 === 0);
+  }
+
+  end() {
+    const { cycles, is_synchronised } = this.swarm.finish();
+    this.play(false);
+    const said = is_synchronised ? `Synchronised: T_sync is ${cycles} cycles` : `Not synchronised within ${cycles} cycles`;
+    this.say(`${said}${this.is_touched ? ", of a trial that you have changed" : ""}`);
+  }
+
+  /** @param {string} words */
+  say(words) {
+    find("banner").replaceChildren(...(words ? [tag("span", words)] : []));
+  }
+
+  // --- pictures ----------------------------------------------------------------------------------------
+
+  /** @param {number} now */
+  picture(now) {
+    const past = Math.min(now - (this.drawn ?? now), 100);
+    this.drawn = now;
+    try {
+      if (this.is_playing) this.advance((past / 1000) * this.rate, performance.now() + PICTURE_MS);
+      this.glow.forEach((light, agent) => (this.glow[agent] = light * Math.exp(-past / FADE_MS)));
+      for (const [key, link] of this.links) (link[2] *= Math.exp(-past / FADE_MS)) < 0.05 && this.links.delete(key);
+      this.draw();
+    } catch (error) {
+      complain(error);
+      this.play(false);
+    }
+    requestAnimationFrame((later) => this.picture(later));
+  }
+
+  draw() {
+    const { swarm, data, seen } = this, colour = colours(), threshold = data.facts.order_parameter;
+    this.scale = drawArena(new CanvasPen(find("arena")), this.place(), this.shown(), colour);
+    const span = RASTER_PERIODS * swarm.period_s, end = Math.max(span, swarm.time_s);
+    drawOrders(new CanvasPen(find("orders")), this.orders, span, threshold && threshold < 0.9999 ? threshold : 0, colour);
+    drawPhases(new CanvasPen(find("phases")), seen.phases, colour);
+    drawFlashes(new CanvasPen(find("flashes")), this.flashes, swarm.count, [end - span, end], this.chosen, colour);
+    const order = this.orders[this.orders.length - 1][1].toFixed(3);
+    find("time").textContent = `${swarm.time_s.toFixed(1)} s`;
+    find("cycles").textContent = swarm.cycles;
+    find("order").textContent = Number.isNaN(seen.phases[0]) && order === "0.000" ? "–" : order;
+    find("orders").ariaLabel = `Order parameter ${order}`;
+    if (this.chosen >= 0) this.draw_one(colour);
+  }
+
+  place() {
+    const { facts } = this.data, side = this.values["space.side_cm"];
+    if (!facts.swarms) return { width: side, height: side, circles: [], polygons: [], radii: null };
+    const { circles, polygons } = facts;
+    return { width: this.values["arena.width_cm"], height: this.values["arena.height_cm"], circles, polygons, radii: this.swarm.radii };
+  }
+
+  /** @returns {Shown} */
+  shown() {
+    const { swarm, seen, glow, chosen } = this, links = [...this.links.values()];
+    let cones = null;
+    if (swarm.camera && this.data.facts.sees[0] === "camera") {
+      const half = ((this.values["robots.0.camera.field_of_view_deg"] / 2) * Math.PI) / 180;
+      const everybody = Array.from({ length: swarm.count }, (_, robot) => robot);
+      for (const robot of everybody) links.push(...this.sightings(robot, half));
+      const { width, height } = this.place(), reach = this.data.facts.range_cm ?? Math.min(width, height) / 3;
+      cones = { half, reach, robots: swarm.count <= 20 ? everybody : chosen >= 0 ? [chosen] : [] };
+    } else if (swarm.receivers && chosen >= 0) for (const other of swarm.receivers(chosen)) links.push([chosen, other, 0.8]);
+    return { picture: seen, glow, links: /** @type {any} */ (links), chosen, cones };
+  }
+
+  /** Return whose rings a robot's camera sees: those in the direction of pixels that are set. @param {number} robot @param {number} half */
+  sightings(robot, half) {
+    const { x, y, heading, is_lit } = this.seen, pixels = this.swarm.camera(robot), { radii } = this.swarm;
+    /** @type {number[][]} */
+    const found = [];
+    if (!pixels.some(Boolean)) return found;
+    for (let other = 0; other < this.swarm.count; other++) {
+      const [dx, dy] = [x[other] - x[robot], y[other] - y[robot]], far = Math.hypot(dx, dy);
+      if (other === robot || !is_lit?.[other]) continue;
+      const turn = Math.atan2(dy, dx) - heading[robot], angle = Math.atan2(Math.sin(turn), Math.cos(turn)), wide = Math.asin(Math.min(1, radii[other] / far));
+      const [first, last] = [half - angle - wide, half - angle + wide].map((each) => Math.floor((each / (2 * half)) * pixels.length));
+      if (pixels.subarray(Math.max(first, 0), Math.max(last + 1, 0)).some(Boolean)) found.push([robot, other, 0.8]);
+    }
+    return found;
+  }
+
+  /** @param {Colours} colour */
+  draw_one(colour) {
+    const { swarm, chosen } = this, panel = find("one"), phase = this.seen.phases[chosen];
+    if (panel.hidden || Number(panel.dataset.who) !== chosen) this.show_one();
+    if (!swarm.camera) {
+      find("facts").textContent = `Phase ${phase.toFixed(3)}; its pulse would reach ${swarm.receivers(chosen).length} now.`;
+      return;
+    }
+    const eye = new CanvasPen(find("eye")), pixels = swarm.camera(chosen), wide = eye.width / pixels.length;
+    pixels.forEach((/** @type {number} */ lit, /** @type {number} */ each) =>
+      eye.path([[each * wide, 0], [(each + 1) * wide, 0], [(each + 1) * wide, eye.height], [each * wide, eye.height]], { fill: lit ? colour.glow : colour.floor, stroke: colour.rule, width: 0.5 }, true));
+    const bars = new CanvasPen(find("bars")), step = bars.width / 8;
+    swarm.infrared(chosen).forEach((/** @type {number} */ counts, /** @type {number} */ each) => {
+      const high = Math.sqrt(Math.max(0, Math.min(1, counts / 3500))) * (bars.height - 18), low = bars.height - 16;
+      bars.path([[each * step + 3, low], [(each + 1) * step - 3, low], [(each + 1) * step - 3, low - high], [each * step + 3, low - high]], { fill: colour.amber }, true);
+      bars.text((each + 0.5) * step, bars.height - 7, `${Math.round(counts)}`, { fill: colour.faint, size: 10 });
+    });
+    find("facts").textContent = swarm.memory(chosen).map((/** @type {[string, number]} */ [name, value]) => `${name} ${+value.toFixed(2)}`).join(", ");
+  }
+
+  show_one() {
+    const { chosen, swarm } = this, panel = find("one");
+    panel.hidden = chosen < 0;
+    panel.dataset.who = `${chosen}`;
+    if (chosen < 0) return;
+    const push = tag("button", "Push its phase"), dark = tag("button", "Switch its ring off");
+    push.onclick = () => this.touch(() => swarm.push(chosen, 0.2));
+    dark.onclick = () => this.touch(() => (swarm.dark.has(chosen) ? swarm.dark.delete(chosen) : swarm.dark.add(chosen), (dark.textContent = `Switch its ring ${swarm.dark.has(chosen) ? "on" : "off"}`)));
+    const parts = [tag("h3", `${this.data.one[0].toUpperCase()}${this.data.one.slice(1)} ${chosen}`)];
+    if (swarm.camera) {
+      const [eye, bars] = [tag("canvas", ""), tag("canvas", "")];
+      Object.assign(eye, { id: "eye", role: "img", ariaLabel: "Pixels of its camera, from the left" });
+      Object.assign(bars, { id: "bars", role: "img", className: "bars", ariaLabel: "Readings of its eight proximity sensors" });
+      parts.push(tag("span", "Its camera, from the left; and its eight infrared sensors, counts", "note"), eye, bars);
+    }
+    const facts = tag("p", "", "note"), row = tag("p", "", "row");
+    facts.id = "facts";
+    row.append(push, ...(swarm.dark ? [dark] : []));
+    panel.replaceChildren(...parts, facts, row);
+  }
+
+  /** Do something to the swarm that no command does. @param {() => void} what */
+  touch(what) {
+    what();
+    this.is_touched = true;
+    this.seen = this.swarm.look();
+  }
+
+  // --- settings and the address -------------------------------------------------------------------------
+
+  show_settings() {
+    const rows = [...this.settings.values()].map((each, number) => {
+      const row = tag("div", "", "slider"), id = `slider-${number}`, label = tag("label", each.label), output = tag("output", "");
+      Object.assign(label, { htmlFor: id });
+      if (typeof each.value === "string") {
+        each.input = tag("select", "");
+        each.input.append(...each.stops.map((/** @type {string} */ stop) => new Option(stop.replaceAll("_", " "), stop)));
+        each.input.oninput = () => this.change({ [each.key]: each.input.value });
+        row.append(label, output, each.input);
+      } else {
+        const track = tag("div", "", "track");
+        each.input = Object.assign(tag("input", ""), { type: "range", min: 0, max: each.stops.length - 1, step: 1 });
+        each.input.oninput = () => this.change({ [each.key]: each.stops[each.input.value] });
+        const mark = each.stops.indexOf(each.thesis), share = mark / Math.max(each.stops.length - 1, 1);
+        if (each.thesis !== null && mark >= 0) {
+          const found = tag("span", "▾", "mark");
+          found.title = `thesis: ${each.thesis} ${each.unit}`;
+          found.style.left = `calc(${100 * share}% + ${(0.5 - share) * 16}px)`;
+          track.append(found);
+        }
+        track.append(each.input);
+        row.append(label, output, track);
+      }
+      each.input.id = id;
+      Object.assign(each, { row, output });
+      return row;
+    });
+    find("sliders").replaceChildren(...rows);
+    this.show_values();
+  }
+
+  /** Return whether a setting is there with the present values. @param {any} setting */
+  applies({ only }) {
+    return !only || only[1].split(" ").includes(this.values[only[0]]);
+  }
+
+  show_values() {
+    for (const each of this.settings.values()) {
+      const value = this.values[each.key], said = value === null ? "unlimited" : `${number(value)} ${each.unit}`.trim();
+      each.row.hidden = !this.applies(each);
+      if (typeof each.value === "string") each.input.value = value;
+      else {
+        each.input.value = each.stops.indexOf(value);
+        each.input.setAttribute("aria-valuetext", said);
+        each.output.textContent = said;
+      }
+      each.output.className = value === each.value ? "" : "changed";
+    }
+    this.show_keys();
+  }
+
+  /** Return the settings that differ from the scenario's, as `--set` takes them. @returns {[string, any][]} */
+  changes() {
+    const changed = [...this.settings.values()].filter((each) => this.applies(each) && this.values[each.key] !== each.value);
+    const rule = "neighbourhood.", [own, others] = [changed.filter((each) => each.key.startsWith(rule)), changed.filter((each) => !each.key.startsWith(rule))];
+    /** @type {[string, any][]} */
+    const found = others.map((each) => [each.key, this.values[each.key]]);
+    if (this.values["arena.width_cm"] !== this.data.values["arena.width_cm"]) found.push(["arena.height_cm", this.values["arena.height_cm"]]);
+    if (own.length) {
+      const parts = [...this.settings.values()].filter((each) => each.key.startsWith(rule) && this.applies(each) && this.values[each.key] !== null);
+      found.push(["neighbourhood", `{${parts.map((each) => `${each.key.slice(rule.length)}: ${this.values[each.key]}`).join(", ")}}`]);
+    }
+    return found;
+  }
+
+  get command() {
+    const quote = (/** @type {string} */ word) => (/^[\w.=/+-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
+    const sets = this.changes().map(([key, value]) => ` --set ${quote(`${key}=${value}`)}`);
+    return `epuck-sim run ${quote(this.data.scenario)}${this.data.sets.map((/** @type {string} */ set) => ` --set ${quote(set)}`).join("")}${sets.join("")} --seed ${this.seed}`;
+  }
+
+  read_address() {
+    for (const [key, text] of new URLSearchParams(location.hash.slice(1))) {
+      const setting = this.settings.get(key), value = setting?.stops.find((/** @type {any} */ stop) => `${stop}` === text);
+      if (key === "seed" && /^\d{1,18}$/.test(text)) this.seed = BigInt(text);
+      else if (value !== undefined) this.values[key] = value;
+    }
+    if ("arena.width_cm" in this.values && this.settings.has("arena.width_cm")) this.values["arena.height_cm"] = this.values["arena.width_cm"];
+  }
+
+  write_address() {
+    const changed = [...this.settings.values()].filter((each) => this.values[each.key] !== each.value).map((each) => [each.key, `${this.values[each.key]}`]);
+    const hash = new URLSearchParams([["seed", `${this.seed}`], ...changed]);
+    try {
+      history.replaceState(null, "", `#${hash}`);
+    } catch {
+      find("link").hidden = true; // a frame in a notebook has no address
+    }
+    find("seed").value = `${this.seed}`;
+    find("command-is").textContent = this.command;
+  }
+
+  show_keys() {
+    const wanted = find("find").value.toLowerCase(), rows = Object.entries(this.values).filter(([key, value]) => `${key} ${value}`.toLowerCase().includes(wanted));
+    find("rows").replaceChildren(...rows.map(([key, value]) => {
+      const row = tag("tr", ""), name = tag("td", ""), cell = tag("td", value === null ? "null" : typeof value === "object" ? JSON.stringify(value) : `${value}`);
+      name.append(tag("code", key));
+      cell.className = value === this.data.values[key] ? "" : "changed";
+      row.append(name, cell);
+      return row;
+    }));
+  }
+
+  // --- many trials ---------------------------------------------------------------------------------------
+
+  /** Run trials with each of some values of keys. @param {Values[]} points @param {number} count @param {(results: Result[][]) => void} show */
+  async run(points, count, show) {
+    const results = points.map(() => /** @type {Result[]} */ ([])), progress = find("progress");
+    let shown = 0;
+    const busy = (/** @type {boolean} */ is) => {
+      Object.entries({ hundred: is, stop: !is, progress: !is, sweep: is || !this.data.speed }).forEach(([id, hidden]) => (find(id).hidden = hidden));
+    };
+    busy(true);
+    find("summary").hidden = true;
+    await this.trials.run(points, count, this.seed, (done) => {
+      results[done.task.point].push(done.result);
+      this.results.push(done);
+      progress.value = this.results.length / (points.length * count);
+      if (performance.now() - shown > 80) [shown] = [performance.now()], show(results);
+    }, () => {
+      find("summary").hidden = false;
+      find("summary").textContent = "This browser refuses workers to the page: trials run in the page itself, a little at a time.";
+    });
+    busy(false);
+    show(results);
+  }
+
+  /** Show a figure with what it says. @param {string} id @param {string} said */
+  caption(id, said) {
+    const figure = find(id).parentElement;
+    figure.hidden = false;
+    figure.querySelector("figcaption").textContent = said;
+    find(id).ariaLabel = said;
+  }
+
+  async hundred() {
+    this.results = [];
+    this.play(false);
+    await this.run([this.values], 100, ([results]) => {
+      const found = estimate(results, this.values["stop.max_cycles"], this.data.student), censored = results.filter((each) => !each.is_synchronised).length;
+      const interval = found.low ? ` (95 % interval ${found.low.toPrecision(3)} to ${found.high.toPrecision(3)})` : "";
+      const said = `${results.length} trials: mean T_sync ${found.mean ? `${found.mean.toPrecision(3)} cycles${interval}` : "not known"}, ${censored} censored.`;
+      this.caption("histogram", said);
+      this.redraw = () => drawHistogram(new CanvasPen(find("histogram")), results, found, colours());
+      this.redraw();
+    });
+  }
+
+  async sweep() {
+    this.results = [];
+    this.play(false);
+    const { key, stops } = this.data.speed, limit = Math.min(this.values["stop.max_cycles"], SWEEP_CYCLES);
+    const points = stops.map((/** @type {number} */ speed) => ({ ...this.values, [key]: speed, "stop.max_cycles": limit }));
+    await this.run(points, 30, (results) => {
+      const curve = stops.map((/** @type {number} */ speed, /** @type {number} */ each) => ({ speed, ...estimate(results[each], limit, this.data.student) }));
+      this.caption("curve", `${this.results.length} of ${30 * stops.length} trials, 30 at each speed, censored after ${limit} cycles; bars are 95 % intervals.`);
+      this.recurve = () => drawCurve(new CanvasPen(find("curve")), curve, this.values[key], colours());
+      this.recurve();
+      const table = curve.map((/** @type {any} */ each) => `<tr><td class="number">${each.speed}</td><td class="number">${each.mean ? each.mean.toPrecision(3) : "–"}</td><td>${each.low ? `${each.low.toPrecision(3)} to ${each.high.toPrecision(3)}` : "–"}</td></tr>`);
+      find("table").innerHTML = `<table><thead><tr><th scope="col">cm/s</th><th scope="col">mean T_sync, cycles</th><th scope="col">95 % interval</th></tr></thead><tbody>${table.join("")}</tbody></table>`;
+      find("table").hidden = false;
+    });
+  }
+
+  // --- buttons, keys and fingers ---------------------------------------------------------------------------
+
+  /** @param {boolean} is_playing */
+  play(is_playing) {
+    this.is_playing = is_playing;
+    find("play").querySelector(".word").textContent = is_playing ? "Pause" : "Play";
+    find("play").querySelector("span").textContent = is_playing ? "❚❚" : "▶";
+  }
+
+  toggle() {
+    if (this.swarm.has_ended) this.begin();
+    this.play(!this.is_playing);
+  }
+
+  step() {
+    this.play(false);
+    this.advance(this.swarm.step_s ?? this.swarm.period_s / 20);
+  }
+
+  /** @param {bigint} seed */
+  take_seed(seed) {
+    this.seed = seed;
+    this.begin();
+  }
+
+  listen() {
+    const rate = find("rate"), set = () => {
+      this.rate = RATES[rate.value];
+      find("rate-is").textContent = `${this.rate} ×`;
+      rate.setAttribute("aria-valuetext", `${this.rate} times real time`);
+    };
+    Object.assign(rate, { max: RATES.length - 1, value: RATES.indexOf(this.data.facts.swarms ? 5 : 1), oninput: set });
+    set();
+    /** @type {{[id: string]: () => void}} */
+    const pressed = {
+      play: () => this.toggle(), step: () => this.step(), again: () => this.begin(), next: () => this.take_seed(this.seed + 1n),
+      defaults: () => this.change({ ...this.data.values }), hundred: () => this.hundred(), sweep: () => this.sweep(), stop: () => this.trials.stop(),
+      link: () => this.copy(location.href, "The link"), command: () => this.copy(this.command, "The command"),
+      yaml: () => save("scenario.yaml", toYaml(this.nested())), csv: () => save("trials.csv", this.csv()), svg: () => save("swarm.svg", this.svg()),
+    };
+    for (const [id, what] of Object.entries(pressed)) find(id).onclick = what;
+    find("find").oninput = () => this.show_keys();
+    find("seed").onchange = () => find("seed").reportValidity() && find("seed").value && this.take_seed(BigInt(find("seed").value));
+    document.addEventListener("keydown", (event) => {
+      const { target, key } = event, id = { " ": "play", ".": "step", r: "again", n: "next" }[key.toLowerCase()];
+      if (!id || event.ctrlKey || event.metaKey || event.altKey || /INPUT|SELECT|BUTTON/.test(/** @type {Element} */ (target).tagName)) return;
+      event.preventDefault();
+      pressed[id]();
+    });
+    const again = () => [this.redraw, this.recurve].forEach((draw) => draw?.());
+    window.addEventListener("resize", again);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
+    this.listen_to_arena(find("arena"));
+  }
+
+  /** @param {HTMLCanvasElement} arena */
+  listen_to_arena(arena) {
+    let held = -1;
+    const at = (/** @type {PointerEvent} */ event) => {
+      const box = arena.getBoundingClientRect(), { left, low, scale } = this.scale;
+      return [(event.clientX - box.left - left) / scale, (low - (event.clientY - box.top)) / scale];
+    };
+    const under = (/** @type {PointerEvent} */ event) => {
+      const [x, y] = at(event), { picture } = { picture: this.seen }, far = [...picture.x].map((each, agent) => Math.hypot(each - x, picture.y[agent] - y));
+      const nearest = far.indexOf(Math.min(...far));
+      return far[nearest] * this.scale.scale <= Math.max(this.scale.size + 4, event.pointerType === "touch" ? 22 : 8) ? nearest : -1;
+    };
+    const choose = (/** @type {number} */ agent) => ((this.chosen = agent), this.show_one());
+    arena.addEventListener("pointerdown", (event) => {
+      held = under(event);
+      choose(held);
+      if (held < 0) return;
+      arena.setPointerCapture(event.pointerId);
+      arena.classList.add("drags");
+    });
+    arena.addEventListener("touchstart", (event) => held >= 0 && event.preventDefault(), { passive: false });
+    arena.addEventListener("pointermove", (event) => {
+      const [x, y] = at(event);
+      if (held >= 0 && event.buttons && Math.hypot(x - this.seen.x[held], y - this.seen.y[held]) * this.scale.scale > 3) this.touch(() => this.swarm.put(held, x, y));
+    });
+    for (const kind of ["pointerup", "pointercancel"]) arena.addEventListener(kind, () => ((held = -1), arena.classList.remove("drags")));
+    arena.addEventListener("keydown", ({ key }) => {
+      const by = { ArrowRight: 1, ArrowLeft: -1 }[key], { count } = this.swarm;
+      if (by) choose((this.chosen + by + count + (this.chosen < 0 && by < 0 ? 1 : 0)) % count);
+      if (key === "Escape") choose(-1);
+    });
+  }
+
+  // --- what is taken away ------------------------------------------------------------------------------------
+
+  /** @param {string} text @param {string} what */
+  async copy(text, what) {
+    try {
+      await navigator.clipboard.writeText(text);
+    } catch {
+      const area = Object.assign(tag("textarea", text), { value: text });
+      document.body.append(area);
+      area.select();
+      document.execCommand("copy");
+      area.remove();
+    }
+    find("copied").textContent = `${what} is copied.`;
+  }
+
+  /** Return the scenario as it is now, as the program reads it. */
+  nested() {
+    const found = structuredClone(this.data.nested);
+    for (const [key, value] of this.changes()) {
+      const parts = key.split("."), last = /** @type {string} */ (parts.pop());
+      if (key === "neighbourhood") {
+        const mine = [...this.settings.values()].filter((each) => each.key.startsWith("neighbourhood.") && this.applies(each));
+        found.neighbourhood = Object.fromEntries(mine.filter((each) => this.values[each.key] !== null).map((each) => [each.key.slice(14), this.values[each.key]]));
+      } else parts.reduce((/** @type {any} */ inner, part) => inner[part], found)[last] = value;
+    }
+    return { ...found, seed: this.seed };
+  }
+
+  csv() {
+    const heads = ["speed_cm_s", "trial", "seed", "t_sync_cycles", "censored", "cycles", "order_parameter", "steps", "simulated_s"];
+    const rows = this.results.map(({ task, result }) => {
+      const { seed, cycles, is_synchronised, order_parameter, steps, time_s } = result, t_sync = is_synchronised ? cycles : "";
+      return [task.values[this.data.speed?.key] ?? "", task.trial, seed, t_sync, is_synchronised ? 0 : 1, cycles, order_parameter ?? "", steps, time_s];
+    });
+    return [heads, ...rows].map((row) => `${row.join(",")}\n`).join("");
+  }
+
+  svg() {
+    const pen = new SvgPen(800, 800);
+    drawArena(pen, this.place(), this.shown(), { ...colours() });
+    return pen.svg;
+  }
+}
+
+/** @param {string} name @param {string} text @param {string} kind of class @returns {any} */
+function tag(name, text, kind = "") {
+  return Object.assign(document.createElement(name), { textContent: text, className: kind });
+}
+
+/** Have the browser save a file. @param {string} name @param {string} text */
+function save(name, text) {
+  const link = Object.assign(document.createElement("a"), { download: name, href: URL.createObjectURL(new Blob([text])) });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+/** Return a value as YAML: a key a line, and what is no mapping as JSON, which is YAML, too. @param {any} value @param {string} indent @returns {string} */
+function toYaml(value, indent = "") {
+  return Object.entries(value).map(([key, each]) => {
+    if (each && typeof each === "object" && !Array.isArray(each) && Object.keys(each).length) return `${indent}${key}:\n${toYaml(each, `${indent}  `)}`;
+    return `${indent}${JSON.stringify(key)}: ${typeof each === "bigint" ? each : JSON.stringify(each)}\n`;
+  }).join("");
+}
+
+(async () => {
+  try {
+    if (typeof WebAssembly === "undefined" || typeof DecompressionStream === "undefined") throw new Error("This browser does not run WebAssembly; any of the last three years does.");
+    const data = JSON.parse(new TextDecoder().decode(await unpack("data")));
+    /** @type {any} */ (globalThis).page = new Page(data, await WebAssembly.compile(await unpack("wasm")));
+    document.documentElement.dataset.ready = "yes";
+  } catch (error) {
+    complain(error);
+  }
+})();

@@ -1,0 +1,183 @@
+"""Writes a page: a scenario, the kernels and what runs in the browser, in one HTML file."""
+
+import base64
+import gzip
+import hashlib
+import json
+import tempfile
+import webbrowser
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from epuck_sim import __version__
+from epuck_sim.display.page import check_suffix
+from epuck_sim.page.agents import agents_facts, agents_settings
+from epuck_sim.page.kernels import Model, read_module
+from epuck_sim.page.robots import robots_facts, robots_settings
+from epuck_sim.page.settings import Setting, Value, values_of
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.statistics.mean import student_quantile
+from epuck_sim.util.atomic_write import atomic_write, check_target
+
+WEB = Path(__file__).parent / "web"
+CORE = ("kernels.js", "agents.js", "robots.js", "trials.js")
+"""What workers run, too."""
+
+INTERFACE = ("draw.js", "page.js")
+
+SPEED_POINTS = 11
+"""Number of speeds of the curve of T_sync."""
+
+MOST_FREEDOM = 300
+"""Degrees of freedom up to which a page knows Student's distribution."""
+
+HELP = (
+    "Space plays, . takes a step, R begins again, N takes the next seed. Click {one} to see what it knows, drag it, or "
+    "choose with the arrow keys."
+)
+
+
+def write_page(scenario: str | Path, path: Path | str, settings: Sequence[str] = ()) -> None:
+    """Write a scenario as a page: one HTML file that runs its trials in a browser, without a server or a network.
+
+    Args:
+        scenario: What `load_scenario` takes: a name or a file.
+        path: The page, whose name ends in `.html`.
+        settings: Changes as `key=value`.
+
+    Raises:
+        ScenarioError: The scenario is not allowed, or cannot be a page; the message names the key.
+        EpuckSimError: The page cannot be written.
+    """
+    target = Path(path)
+    check_suffix(target)
+    check_target(target)
+    page = make_page(load_scenario(scenario, settings), str(scenario), settings)
+    with atomic_write(target) as part:
+        part.write_text(page, encoding="utf-8")
+
+
+def open_page(scenario: str | Path, settings: Sequence[str] = ()) -> Path:
+    """Write a scenario as a page to a temporary file, and open it in the browser; return the file."""
+    path = Path(tempfile.mkdtemp(prefix="epuck-sim-")) / "page.html"
+    write_page(scenario, path, settings)
+    webbrowser.open(path.as_uri())
+    return path
+
+
+class Shown:
+    """A page in a notebook: it shows itself there, in a frame of its own."""
+
+    def __init__(self, scenario: EmbodiedScenario | ParticleScenario, seed: int) -> None:
+        """Make the page of a scenario, with another seed."""
+        self.html = make_page(scenario.model_copy(update={"seed": seed}), scenario.name)
+
+    def _repr_html_(self) -> str:
+        """Return a frame with the page."""
+        frame = 'width="100%" height="900" style="border: 0" sandbox="allow-scripts allow-downloads"'
+        return f'<iframe title="swarm" {frame} srcdoc="{escape(self.html)}"></iframe>'
+
+
+def make_page(scenario: EmbodiedScenario | ParticleScenario, source: str, settings: Sequence[str] = ()) -> str:
+    """Return the page of a scenario.
+
+    Args:
+        scenario: The scenario.
+        source: What `epuck-sim run` takes for it.
+        settings: Changes as `key=value` that were made to that.
+    """
+    model: Model = "embodied" if isinstance(scenario, EmbodiedScenario) else "particles"
+    data = page_data(scenario, source, settings)
+    core, interface, style = (_joined(names) for names in (CORE, INTERFACE, ("page.css",)))
+    one = data["one"]
+    policy = (
+        f"default-src 'none'; script-src {_hash(core)} {_hash(interface)} 'wasm-unsafe-eval' blob:; worker-src blob:; "
+        f"style-src {_hash(style)}; base-uri 'none'; form-action 'none'"
+    )
+    parts = {
+        "POLICY": policy,
+        "GENERATOR": f"epuck-sim {__version__}",
+        "TITLE": escape(f"{scenario.name}: a swarm to play with"),
+        "NAME": escape(scenario.name),
+        "DESCRIPTION": escape(scenario.description),
+        "HELP": HELP.format(one=f"an {one}" if one == "agent" else f"a {one}"),
+        "ONE": one,
+        "SWEEP": "" if data["speed"] else "hidden",
+        "SCENARIO": escape(source),
+        "STYLE": style,
+        "DATA": _packed(gzip.compress(json.dumps(data, allow_nan=False).encode(), 9, mtime=0)),
+        "WASM": _packed(read_module(model)),
+        "CORE": core,
+        "PAGE": interface,
+    }
+    before, *pieces = (WEB / "page.html").read_text(encoding="utf-8").split("@")
+    texts, is_name = [before], True
+    for piece in pieces:
+        texts.append(parts[piece] if is_name else piece)
+        is_name = not is_name
+    return "".join(texts)
+
+
+def page_data(
+    scenario: EmbodiedScenario | ParticleScenario, source: str, settings: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return what a page knows of its scenario: facts of the swarm, values of all keys, and what can be changed.
+
+    Raises:
+        ScenarioError: The scenario cannot be a page.
+    """
+    if isinstance(scenario, EmbodiedScenario):
+        facts = robots_facts(scenario)
+        changes = robots_settings(scenario, load_scenario("thesis"))  # type: ignore[arg-type]
+        speed_key, one = "robots.0.parameters.speed_cm_s", "robot"
+    else:
+        facts = agents_facts(scenario)
+        changes = agents_settings(scenario, load_scenario("particles"))  # type: ignore[arg-type]
+        speed_key, one = "agents.speed_cm_s", "agent"
+    limit = scenario.stop.max_cycles
+    changes.append(Setting("stop.max_cycles", "trials end after", "cycles", _limits(limit), limit))
+    values = values_of(scenario)
+    values.update({each.key: each.value for each in changes})
+    speed = next((each for each in changes if each.key == speed_key), None)
+    return {
+        "facts": facts,
+        "values": values,
+        "nested": scenario.model_dump(mode="json", warnings=False),
+        "settings": [each.as_json() for each in changes],
+        "speed": speed and {"key": speed_key, "stops": _spread(speed)},
+        "scenario": source,
+        "sets": list(settings),
+        "seed": scenario.seed,
+        "one": one,
+        "student": [student_quantile(freedom) for freedom in range(1, MOST_FREEDOM + 1)],
+    }
+
+
+def _limits(own: int) -> tuple[Value, ...]:
+    """Return the numbers of cycles after which trials may end."""
+    return tuple(sorted({own, *(factor * 10**power for power in range(2, 7) for factor in (1, 2, 5)), 10**7}))
+
+
+def _spread(setting: Setting) -> list[Value]:
+    """Return about `SPEED_POINTS` of the values of a slider, from the first to the last."""
+    last = len(setting.stops) - 1
+    places = {round(last * number / (SPEED_POINTS - 1)) for number in range(SPEED_POINTS)}
+    return [setting.stops[place] for place in sorted(places)]
+
+
+def _joined(names: Sequence[str]) -> str:
+    """Return scripts, or styles, as one."""
+    return "\n".join((WEB / name).read_text(encoding="utf-8") for name in names)
+
+
+def _hash(text: str) -> str:
+    """Return what a policy allows a script or a style by."""
+    return f"'sha256-{_packed(hashlib.sha256(text.encode()).digest())}'"
+
+
+def _packed(contents: bytes) -> str:
+    return base64.b64encode(contents).decode()

@@ -1,0 +1,289 @@
+"""The keys of a scenario, dotted: all that it has, the endings of them that people type, and new values of them."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from epuck_sim.control.loader import find_controller
+from epuck_sim.control.sensors import find_sensor
+from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.scenario.axes import SweepAxes, with_ranges
+from epuck_sim.scenario.base import ConfigModel, class_of, ends_in, section_classes
+from epuck_sim.scenario.curves import ResponseSection, find_curve
+from epuck_sim.scenario.robot_kind import without_brought_sensors
+from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.scenario import WITHOUT_EFFECT
+from epuck_sim.scenario.sensors import FILE, given_to_all
+from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.util.messages import short_repr
+
+NOT_TYPED = ("sweep", "measures")
+"""Sections of which no ending is taken: their keys are those of others, or names of measures."""
+
+
+def all_keys(kind: type[ConfigModel], given: Mapping[str, Any], folder: Path | None = None) -> list[str]:
+    """Return every dotted key of a scenario, of sections, too: those first on which trials depend.
+
+    Args:
+        kind: The scenario's class.
+        given: Its keys; what is left out has the defaults of that class.
+        folder: Files that it names are looked for here first, then in the working directory.
+    """
+    found = [key for key in _keys_of(kind, given, folder) if key.partition(".")[0] not in NOT_TYPED]
+    return sorted(found, key=lambda key: key.partition(".")[0] in WITHOUT_EFFECT)
+
+
+def full_keys(ending: str, keys: Sequence[str], where: str) -> list[str]:
+    """Return the keys that a key, or an ending of one, stands for: one, or that of each group of robots; none is found.
+
+    Endings of keys on which trials depend are taken before those of sections as `overhead` and `figure`.
+
+    Args:
+        ending: What was typed.
+        keys: All keys, as `all_keys` returns them.
+        where: Begins the error message.
+
+    Raises:
+        ScenarioError: It is the ending of several keys.
+    """
+    if ending in keys:
+        return [ending]
+    found = [key for key in keys if ends_in(key, ending)]
+    found = [key for key in found if key.partition(".")[0] not in WITHOUT_EFFECT] or found
+    if len({re.sub(r"^robots\.\d+\.", "", key) for key in found}) > 1:
+        raise ScenarioError(f"{where}: {ending} is the ending of {len(found)} keys; give one of {', '.join(found)}")
+    return found
+
+
+def _keys_of(section: type[ConfigModel], given: Any, folder: Path | None) -> Iterator[str]:
+    given = given if isinstance(given, Mapping) else {}
+    own = _named_in_files(section, given, folder)
+    for name, field in section.model_fields.items():
+        value = given.get(name)
+        if value is None:
+            value = field.get_default(call_default_factory=True)
+        yield name
+        found = () if value is None else _keys_in(section_classes(field.annotation), value, folder)
+        yield from (f"{name}.{key}" for key in dict.fromkeys([*found, *own.get(name, ())]))
+
+
+def _keys_in(classes: Sequence[type[ConfigModel]], value: Any, folder: Path | None) -> Iterator[str]:
+    if isinstance(value, ConfigModel):
+        classes, value = [type(value)], vars(value)
+    if classes and isinstance(value, list | tuple):
+        for number, each in enumerate(value):
+            yield str(number)
+            yield from (f"{number}.{key}" for key in _keys_in(classes, each, folder))
+    elif classes:
+        yield from _keys_of(class_of(classes, value), value, folder)
+    elif isinstance(value, Mapping):
+        for name, each in value.items():
+            yield str(name)
+            yield from (f"{name}.{key}" for key in _keys_in([], each, folder))
+
+
+def _named_in_files(
+    section: type[ConfigModel], given: Mapping[str, Any], folder: Path | None
+) -> dict[str, Sequence[str]]:
+    """Return the keys of parts of a section that files name: parameters, and what controllers remember."""
+    names: dict[str, Sequence[str]] = {}
+    if issubclass(section, RobotGroup):
+        sensors = given.get("sensors")
+        files = {name: each[FILE] for name, each in sensors.items()} if isinstance(sensors, Mapping) else {}
+        with suppress(EpuckSimError):  # what is wrong with files is said when the scenario is validated
+            found = {name: find_sensor(file, folder).parameters for name, file in files.items()}
+            names["sensors"] = [f"{name}.{parameter}" for name, each in found.items() for parameter in each]
+        with suppress(EpuckSimError):
+            controller = find_controller(_name(given, section, "controller"), folder)
+            names |= {"parameters": list(controller.parameters), "memory": list(controller.memory.names or ())}
+    elif issubclass(section, ResponseSection):
+        with suppress(EpuckSimError):
+            names["parameters"] = list(find_curve(_name(given, section, "curve"), folder).parameters)
+    return names
+
+
+def _name(given: Mapping[str, Any], section: type[ConfigModel], key: str) -> str:
+    name = given.get(key)
+    return name if isinstance(name, str) else str(section.model_fields[key].default)
+
+
+MAX_PARTS = 20
+"""Largest number of parts of a dotted key; those of scenarios have up to six."""
+
+
+def parse_setting(setting: str) -> tuple[str, Any]:
+    """Return the key and the value of a change given as `key=value`.
+
+    Raises:
+        ScenarioError: It is given in another way.
+    """
+    key, equals, text = setting.partition("=")
+    if not equals or not key:
+        raise ScenarioError(f"--set {setting}: give it as key=value, such as max_cycles=100")
+    return key, parse_yaml(text, f"--set {setting}")
+
+
+def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> dict[str, Any]:
+    """Return the mapping `given` with `value` at a dotted key.
+
+    Raises:
+        ScenarioError: The key leads nowhere; the message begins with `origin`.
+    """
+    if re.fullmatch(r"robot\.kind|robots\.\d+\.kind\.kind", key):
+        raise ScenarioError(
+            f"{origin}: another kind of robot has other values in all keys; give {key.removesuffix('.kind')}={value} "
+            "instead"
+        )
+    if key == "sensors":  # of all robots
+        return {**given, "robots": given_to_all(given.get("robots") or [{}], value), "sensors": None}
+    given = without_brought_sensors(given, key)
+    parts = key.split(".")
+    if len(parts) > MAX_PARTS:
+        raise ScenarioError(f"{origin[:60]}...: a key of {len(parts)} parts; allowed: at most {MAX_PARTS}")
+    # a scenario has one group of robots by default
+    default: dict[str, Any] = {"robots": [{}]} if key.startswith("robots.") else {}
+    result = _with({**default, **given}, parts, value, origin)
+    assert isinstance(result, dict)  # a mapping changed is a mapping
+    return result
+
+
+def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
+    """Return `container` with `value` at the path `parts`; missing sections are added."""
+    if not parts:
+        return value
+    first, *rest = parts
+    if isinstance(container, list | tuple):
+        if first not in map(str, range(len(container))):
+            raise ScenarioError(f"{origin}: {first!r} is not an index into a list of {len(container)}, counted from 0")
+        index = int(first)
+        return [*container[:index], _with(container[index], rest, value, origin), *container[index + 1 :]]
+    if container is not None and not isinstance(container, Mapping):
+        raise ScenarioError(f"{origin}: {first!r} is inside {short_repr(container)}, which has no keys")
+    here = dict(container or {})
+    here[first] = _with(here.get(first), rest, value, origin)
+    return here
+
+
+NOT_DESCRIBED = {"name", "description", "trials", "seed", "figure", "measures"}
+"""Keys of a scenario that its description says nothing about."""
+
+QUICK = "quick"
+"""Key in a scenario's file that holds the keys in which its quick version differs."""
+
+
+def without_quick(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a file's scenario in its full version."""
+    return {key: value for key, value in given.items() if key != QUICK}
+
+
+def quick_version(given: Mapping[str, Any], origin: str) -> dict[str, Any]:
+    """Return a file's scenario in its quick version.
+
+    Raises:
+        ScenarioError: There is no quick version, or it is not a mapping.
+    """
+    changes = given.get(QUICK)
+    if changes is None:
+        raise ScenarioError(f"{origin}: has no quick version; leave --quick out")
+    if not isinstance(changes, Mapping):
+        raise ScenarioError(f"{origin}: {QUICK}: is {short_repr(changes)}; allowed: a mapping of keys to values")
+    return merge(without_quick(given), changes)
+
+
+def merge(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `given` with `changes`: sections are merged key by key, other values are replaced.
+
+    >>> merge({"stop": {"max_cycles": 9}, "trials": 5}, {"stop": {"order_parameter": 0.9}})
+    {'stop': {'max_cycles': 9, 'order_parameter': 0.9}, 'trials': 5}
+    """
+    merged = dict(given)
+    for key, value in changes.items():
+        old = given.get(key)
+        merged[key] = merge(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def add_measures(given: Mapping[str, Any], names: Sequence[str], origin: str) -> dict[str, Any]:
+    """Return the mapping `given` with more measures after those that it has; parameters of any can then be set.
+
+    Raises:
+        ScenarioError: The scenario's own measures are no list; the message begins with `origin`.
+    """
+    own = given.get("measures") or []
+    if not isinstance(own, list | tuple):
+        raise ScenarioError(f"{origin}: measures: is {short_repr(own)}; allowed: a list")
+    return {**given, "measures": [*own, *({name: {}} for name in names)]}
+
+
+def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any], option: str) -> dict[str, Any]:
+    """Return the mapping `given` with one more axis in the grid of its sweep.
+
+    Args:
+        given: The scenario's keys.
+        keys: Key of the axis, or keys that have the same value at each point: they are rows of the sweep's `points`.
+        values: Values, among which there may be ranges.
+        option: Begins messages.
+
+    Raises:
+        ScenarioError: The scenario's own sweep is malformed, or a range is.
+    """
+    sweep = given.get("sweep") or {}
+    grid = sweep.get("grid", {}) if isinstance(sweep, Mapping) else None
+    if not isinstance(grid, Mapping):
+        raise ScenarioError(f"{option}: the scenario's own sweep is {short_repr(sweep)}; allowed: a mapping")
+    if len(keys) == 1:
+        return {**given, "sweep": {**sweep, "grid": {**grid, keys[0]: values}}}
+    try:
+        together = [dict.fromkeys(keys, value) for value in with_ranges(keys[0], values)]
+    except ValueError as error:
+        raise ScenarioError(f"{option}: {error}") from error
+    rows = [{**row, **added} for row in sweep.get("points") or [{}] for added in together]
+    return {**given, "sweep": {**sweep, "points": rows}}
+
+
+def parse_axis(axis: str, option: str) -> tuple[str, list[Any]]:
+    """Return the dotted key and the values of an axis given as `key=value,value,...`.
+
+    Raises:
+        ScenarioError: The axis is malformed; the message begins with the option and the axis.
+    """
+    key, equals, text = axis.partition("=")
+    if not equals or not key:
+        raise ScenarioError(
+            f"{option} {axis}: give it as key=value,value,..., such as count=5,10,20, or as key=FROM:TO:NUMBER"
+        )
+    values: list[Any] = parse_yaml(f"[{text}]", f"{option} {axis}")
+    return key, values
+
+
+def note_changes(given: Mapping[str, Any], settings: Sequence[str], axes: Sequence[str]) -> dict[str, Any]:
+    """Return the mapping `given` with its description followed by the changes that may have made it untrue.
+
+    >>> note_changes({"description": "ten robots"}, ["robots.0.count=5", "trials=3"], [])
+    {'description': 'ten robots; with robots.0.count=5'}
+    """
+    text = given.get("description")
+    changed = [key.partition("=")[0].partition(".")[0] for key in settings]
+    notes = [setting for setting, key in zip(settings, changed, strict=True) if key not in NOT_DESCRIBED]
+    notes += [f"sweep {axis}" for axis in axes]
+    if not text or not notes or "description" in changed:
+        return dict(given)
+    return {**given, "description": f"{text}; with {', '.join(notes)}"}
+
+
+def reject_swept_keys(settings: Sequence[str], axes: SweepAxes | None) -> None:
+    """Raise ScenarioError for a setting that every point of the sweep overrides."""
+    for setting in settings:
+        key = setting.partition("=")[0]
+        for axis in axes.keys if axes else ():
+            if f"{key}.".startswith(f"{axis}."):
+                raise ScenarioError(f"--set {setting}: {axis} is an axis of the sweep; use --sweep {axis}=... instead")
+
+
+def reject_swept_controllers(controller: str, axes: SweepAxes | None) -> None:
+    """Raise ScenarioError for a controller of all robots that the points of the sweep override."""
+    for axis in axes.keys if axes else ():
+        if axis == "robots" or re.fullmatch(r"robots\.\d+(\.controller)?", axis):
+            raise ScenarioError(f"--controller {controller}: {axis} is an axis of the sweep")

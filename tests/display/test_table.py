@@ -1,0 +1,192 @@
+"""Claims about tables: no number is broken on any terminal, and every form of a table has the same numbers."""
+
+import csv
+import json
+import math
+import re
+from io import StringIO
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from epuck_sim.display.html import to_html
+from epuck_sim.display.table import Row, Share, Table, cell_text, plain, shortest_endings
+from epuck_sim.estimate import UNDETERMINED, Estimate, significant
+
+NUMBERS = st.floats(-1e6, 1e6) | st.floats(1e-6, 1e-3) | st.just(0.0)
+ESTIMATES = st.builds(
+    lambda value, below, above: Estimate(value, value - below, value + above),
+    NUMBERS,
+    st.floats(1e-3, 1e5),
+    st.floats(1e-3, 1e5) | st.just(math.inf),
+)
+COLUMNS = st.sampled_from(
+    [ESTIMATES, ESTIMATES | st.none(), NUMBERS | st.none(), st.integers(0, 10**15), st.builds(Share, st.floats(0, 1))]
+)
+
+
+@st.composite
+def tables(draw) -> Table:
+    columns = {f"name_{'long_' * n}{n}": draw(COLUMNS) for n in range(draw(st.integers(1, 6)))}
+    keys = [f"robots.{n}.parameters.speed_cm_s" for n in range(draw(st.integers(1, 3)))]
+    rows = [
+        Row(
+            {key: draw(st.sampled_from([1, 2.5, "firefly"])) for key in keys},
+            {"point": number, **{name: draw(cells) for name, cells in columns.items()}},
+        )
+        for number in range(draw(st.integers(1, 4)))
+    ]
+    return Table("A title of some words " * 5, rows, ["A note of some words. " * 6])
+
+
+# What is shown of an estimate
+
+
+@pytest.mark.parametrize(
+    ("ends", "text"),
+    [
+        ((44.21, 28.9, 66.8), "44 [29, 67]"),
+        ((0.0223, 0.0101, 0.0338), "0.022 [0.010, 0.034]"),
+        ((-0.695, -0.81, -0.6), "-0.695 [-0.810, -0.600]"),
+        ((12345.6, 9000, 15000), "12300 [9000, 15000]"),
+        ((47.0, 40.1, math.inf), "47.0 [40.1, ?]"),
+        ((7, 7, 7), "7 [7, 7]"),
+        ((47.027, math.nan, math.nan), "47"),
+        ((math.nan, math.nan, math.nan), "-"),
+        ((0, -1, 1), "0.0 [-1.0, 1.0]"),
+    ],
+)
+def test_an_estimate_has_the_digits_that_its_interval_leaves(ends, text: str) -> None:
+    assert str(Estimate(*ends)) == text
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_value=1e12))
+def test_a_number_has_three_significant_digits_and_is_as_near_as_these_allow(number: float) -> None:
+    text = significant(number)
+    digits = re.sub(r"e.*|[-.]", "", text).lstrip("0")
+    assert len(digits.rstrip("0")) <= 3
+    assert float(text) == pytest.approx(number, rel=0.00501)
+
+
+@given(ESTIMATES)
+def test_an_interval_is_shown_as_wide_as_it_is(estimate: Estimate) -> None:
+    low, high = re.fullmatch(r".* \[(.*), (.*)\]", str(estimate)).groups()
+    width = min(estimate.value - estimate.low, estimate.high - estimate.value)
+    for shown, true in ((low, estimate.low), (high, estimate.high)):
+        if shown != "?":
+            assert float(shown) == pytest.approx(true, rel=0.00501, abs=0.051 * width)
+
+
+@given(st.floats(0.1, 10), st.floats(0, 1), st.floats(0, 1))
+def test_a_rising_function_of_an_estimate_has_its_ends(value: float, below: float, above: float) -> None:
+    made = Estimate(value, value - below, value + above, "mean", "cycles", 20, 0.1).apply(math.exp)
+    assert made.ends == tuple(map(math.exp, (value, value - below, value + above)))
+    assert made[3:] == ("mean", "cycles", 20, 0.1, "")
+    assert made.without_interval().value == made.value
+    assert not made.without_interval().has_interval
+
+
+# On a terminal
+
+
+@settings(max_examples=40)
+@given(tables(), st.integers(40, 120))
+def test_on_a_terminal_every_cell_is_whole_and_no_line_longer_than_it_need_be(table: Table, width: int) -> None:
+    text = table.to_text(width)
+    for row in table.rows:
+        for cell in row.cells.values():
+            if isinstance(cell, Estimate):
+                assert any(cell_text(cell) in line for line in text.splitlines())
+    widest = max(len(cell_text(cell)) for row in table.rows for cell in row.cells.values())
+    longest_key = max(map(len, shortest_endings(table.rows[0].axes).values()))
+    least = max(len("point"), widest, len("long")) + longest_key + 4
+    assert max(map(len, text.splitlines())) <= max(width, 3 * least)
+
+
+def test_what_fits_stands_in_one_part_with_numbers_below_each_other() -> None:
+    rows = [Row({"robots.0.count": n}, {"point": n, "mean": Estimate(40 + n, 30, 60 + n), "p": 0.04}) for n in (3, 10)]
+    assert Table("T_sync", rows, ["A note."]).to_text(80).splitlines() == [
+        "T_sync",
+        "p 0.04",
+        "point  count         mean",
+        "-----  -----  -----------",
+        "    3      3  43 [30, 63]",
+        "   10     10  50 [30, 70]",
+        "A note.",
+    ]
+
+
+def test_columns_that_others_tell_are_named_above() -> None:
+    rows = [
+        Row({"arena.width_cm": n, "arena.height_cm": 2 * n, "robots.0.count": 5}, {"trials": 20, "mean": Estimate(n)})
+        for n in (40, 60)
+    ]
+    text = Table("T_sync", rows).to_text(80)
+    assert text.splitlines()[1] == "height_cm 80, 120 with width_cm; count = 5; trials 20"
+    assert text.splitlines()[2].split() == ["width_cm", "mean"]
+
+
+def test_points_that_only_count_are_left_out_where_there_is_no_room() -> None:
+    rows = [Row({"speed_cm_s": n + 0.5}, {"point": n, "mean": Estimate(n, n - 1, n + 1)}) for n in range(3)]
+    table = Table("T_sync", rows)
+    assert "point" in table.to_text(80).splitlines()[1]
+    assert "points 0 to 2, in order" in table.to_text(27)
+
+
+def test_a_table_that_is_too_wide_comes_in_parts_with_what_tells_rows_apart() -> None:
+    names = [f"statistic {n}" for n in range(6)]
+    rows = [Row({"count": n}, dict.fromkeys(names, Estimate(n, n - 1.0, n + 1.0))) for n in (2, 3)]
+    text = Table("T_sync", rows).to_text(40)
+    assert all(len(line) <= 40 for line in text.splitlines())
+    assert text.count("count") == 3
+    assert text.count("2.0 [1.0, 3.0]") == 6
+
+
+def test_paths_are_shown_by_their_shortest_endings() -> None:
+    rows = [Row({"robots.0.controller": f"/home/me/{name}.py"}, {"mean": Estimate(1)}) for name in ("a", "b")]
+    assert "a.py" in Table("", rows).to_text(80)
+    assert "/home" not in Table("", rows).to_text(80)
+
+
+@given(st.lists(st.sampled_from(["a.b.c", "a.c", "x.b.c", "c", "a.b"]), min_size=1, unique=True))
+def test_shortest_endings_are_unique_and_shortest(keys: list[str]) -> None:
+    endings = shortest_endings(keys)
+    assert len(set(endings.values())) == len(keys)
+    for key, ending in endings.items():
+        assert key == ending or key.endswith(f".{ending}")
+        shorter = ending.partition(".")[2]
+        assert not shorter or any(f".{other}".endswith(f".{shorter}") for other in keys if other != key)
+
+
+# For programs
+
+
+@settings(max_examples=40)
+@given(tables())
+def test_json_and_csv_have_every_number(table: Table) -> None:
+    read = json.loads(json.dumps(table.records()))
+    of_csv = list(csv.DictReader(StringIO(table.to_csv())))
+    for row, record, line in zip(table.rows, read, of_csv, strict=True):
+        assert record["axes"] == row.axes
+        for name, cell in row.cells.items():
+            numbers = cell.ends if isinstance(cell, Estimate) else (cell,)
+            for number, key in zip(numbers, (name, f"{name}_low", f"{name}_high"), strict=False):
+                known = number is not None and math.isfinite(number)
+                assert record[key] == (number if known else None)
+                assert (line[key] == "") == (not known)
+                assert not known or float(line[key]) == pytest.approx(number, rel=1e-5)
+
+
+def test_results_are_plain_for_json() -> None:
+    found = plain({"a": [Estimate(1.0, 0.5, math.inf), math.nan], "b": (True, None, "x"), "c": Share(0.5)})
+    assert found == {"a": [{"value": 1.0, "low": 0.5, "high": None}, None], "b": [True, None, "x"], "c": 0.5}
+    assert plain(UNDETERMINED) == {"value": None, "low": None, "high": None}
+
+
+def test_pages_and_notebooks_have_the_cells_and_escape_what_they_hold() -> None:
+    table = Table("<T>", [Row({"a": "<b>"}, {"mean": Estimate(44.21, 28.9, 66.8)})], ["x < y"])
+    assert "<td>44 [29, 67]</td>" in to_html(table.to_html())
+    assert "&lt;b&gt;" in to_html(table.to_html())
+    assert "&lt;T&gt;" in table._repr_html_()
+    assert "x &lt; y" in table._repr_html_()

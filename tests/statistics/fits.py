@@ -1,0 +1,55 @@
+"""What tests look at of single samples and curves, made of what the package has for many."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.statistics.extrema import smooth_logs
+from epuck_sim.statistics.survival import make_curve, make_sample
+from epuck_sim.statistics.weibull import local_fits, weibull_means
+
+
+class Weibull(NamedTuple):
+    """A Weibull distribution, F(t) = 1 - exp(-(t / scale) ^ shape)."""
+
+    scale: float
+    shape: float
+
+    @property
+    def mean(self) -> float:
+        return float(weibull_means(np.array([math.log(self.scale)]), np.array([self.shape]))[0])
+
+
+def fit_weibull(times, observed) -> Weibull | None:
+    """Return the distribution nearest to the Kaplan-Meier estimate (Appendix A), or None where none fits."""
+    lines = local_fits(make_curve(make_sample(times, observed)))
+    if not len(lines):
+        return None
+    offset, shape = lines[0].tolist()
+    with np.errstate(over="ignore"):
+        scale = float(np.exp(-offset / shape))
+    return Weibull(scale, shape) if scale < math.inf else None
+
+
+def kaplan_meier(times, observed) -> tuple[FloatArray, FloatArray]:
+    """Return the distinct event times, (k,) cycles, ascending, and R after each, (k,)."""
+    curve = make_curve(make_sample(times, observed))
+    return curve.times, curve.survival[0, 1:]
+
+
+class SmoothCurve(NamedTuple):
+    """A smoothed curve over speed, (G,) both, and its resamples, (B, G)."""
+
+    speeds: FloatArray
+    means: FloatArray
+    resampled: FloatArray
+
+
+def smooth_curve(speeds, means, resampled) -> SmoothCurve | None:
+    """Return a curve as it is smoothed; None if fewer than six speeds are determined."""
+    fit = smooth_logs(speeds, means, resampled)
+    if fit is None:
+        return None
+    return SmoothCurve(fit.speeds, np.exp(fit.smoother @ fit.logs), np.exp(fit.resampled @ fit.smoother.T))

@@ -1,0 +1,79 @@
+"""Claims about stretches: measures find in many steps at once what they find in these one by one."""
+
+import numpy as np
+import pytest
+
+from epuck_sim.embodied.history import MOST_STEPS
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.measures.loader import find_measure
+from epuck_sim.measures.shipped import SHIPPED
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.model import run_trial, simulate
+
+TOLD = [name for name in SHIPPED if hasattr(find_measure(name).make, "stretch")]
+
+BASE = {
+    "robots": [{"count": 6, "parameters": {"speed_cm_s": 8.0, "period_s": 2.0}}],
+    "arena": {"width_cm": 35, "height_cm": 35},
+    "stop": {"order_parameter": 1.0, "max_cycles": 12},
+}
+
+CASES = {
+    "plain": {},
+    "faults": {
+        "faults": [
+            {"kind": "ring_dead", "robots": [1], "at_s": 3.05},
+            {"kind": "oscillator_frozen", "robots": [2], "at_s": 5, "until_s": 9},
+        ]
+    },
+    "movables": {
+        "arena": {
+            **BASE["arena"],
+            "movables": [{"x_cm": 17, "y_cm": 17, "radius_cm": 2, "mass_kg": 0.1, "friction": 0.5}],
+        }
+    },
+    "schedule": {"schedule": [{"at_s": 4.3, "set": {"arena.width_cm": 60}}]},
+    "groups": {"robots": [*BASE["robots"], {"count": 2, "signal": {"kind": "cone"}}]},
+    "no oscillators": {"robots": [{"count": 6, "controller": "obstacle_avoidance"}], "stop": {"max_time_s": 30}},
+}
+
+
+def values(case: str, observers=(), *, interpret: bool = False) -> dict:
+    """Return the values of all measures that are told of stretches, in a trial of a case."""
+    sections = {**BASE, **CASES[case], "measures": TOLD}
+    return run_trial(simulate(load_scenario(sections), 3, interpret=interpret), observers)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_they_find_what_they_find_step_by_step(case: str) -> None:
+    at_once, one_by_one = values(case), values(case, [lambda *_: None])
+    assert at_once.steps == one_by_one.steps > 2 * MOST_STEPS
+    for name, value in at_once.measures.items():
+        found, expected = np.array(value, float), np.array(one_by_one.measures[name], float)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12, err_msg=name)
+    assert at_once._replace(measures={}, wall_s=0) == one_by_one._replace(measures={}, wall_s=0)
+
+
+def test_interpreted_controllers_make_the_same_stretches() -> None:
+    compiled, interpreted = values("faults"), values("faults", interpret=True)
+    assert compiled.measures == interpreted.measures
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_stretch_has_the_arrays_and_relations_of_its_steps(case: str) -> None:
+    scenario = load_scenario({**BASE, **CASES[case]})
+    one, other = Simulation(scenario, 5), Simulation(scenario, 5)
+    while one.steps < 150:
+        stretch = one.stretch(200)
+        assert 1 <= len(stretch.poses) <= MOST_STEPS
+        assert stretch.first == one.steps - len(stretch.poses)
+        for place in range(len(stretch.poses)):
+            step = next(other)
+            assert step.number == stretch.first + place
+            np.testing.assert_array_equal(stretch.poses[place], step.poses)
+            np.testing.assert_array_equal(stretch.wheels_cm_s[place], step.wheels_cm_s)
+            np.testing.assert_array_equal(stretch.ring_on[place], step.ring_on)
+            for found, expected in ((stretch.sightings, step.sightings), (stretch.contacts, step.contacts)):
+                own = found[found[:, 0] == place, 1:]
+                assert sorted(own.tolist()) == sorted(expected.tolist())
+    assert one.last_step.poses.tobytes() == other.last_step.poses.tobytes()
