@@ -14,7 +14,10 @@ QUICK_SWEEPS := fig-2-6 fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8 
 BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
 STUDIED := fig-a-1 fig-5-3 fig-5-4 fig-5-5 fig-5-10 speed-distributions
 
-.PHONY: run test lint docs wasm page-types bench slow torture figures clean
+COMPILED := epuck_sim/compiled
+PRECOMPILED := thesis particles obstacles physical
+
+.PHONY: run test lint docs compiled dist wasm page-types bench slow torture figures clean
 
 run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
@@ -33,6 +36,16 @@ lint: $(VENV)/test-tools
 docs: $(VENV)/docs-tools ## build the site of the docs into site/
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --fresh-env --quiet --doctree-dir site/.doctrees docs site
 	@echo "site/index.html"
+
+compiled: $(VENV)/installed ## compile the kernels for the Python at hand, to be packed with a release
+	mkdir -p $(COMPILED)
+	set -e; for scenario in $(PRECOMPILED); do \
+	    NUMBA_CACHE_DIR=$(COMPILED) $(BIN)/epuck-sim run $$scenario --set stop.max_cycles=2; \
+	done
+
+dist: compiled $(VENV)/dist-tools ## build sdist and wheel, compiled kernels inside, into dist/
+	$(BIN)/python -m build --sdist --wheel
+	rm -r $(COMPILED)
 
 wasm: $(VENV)/wasm-tools ## make the kernels of pages anew, as WebAssembly
 	$(BIN)/python -m epuck_sim.page.build
@@ -112,6 +125,10 @@ $(VENV)/test-tools: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
 	touch $@
 
+$(VENV)/dist-tools: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet build
+	touch $@
+
 $(VENV)/wasm-tools: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --editable '.[page]'
 	touch $@
@@ -121,4 +138,4 @@ $(VENV)/docs-tools: $(VENV)/installed
 	touch $@
 
 clean:
-	rm -rf $(VENV) dist site
+	rm -rf $(VENV) $(COMPILED) dist site

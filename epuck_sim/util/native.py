@@ -28,7 +28,7 @@ from numba.extending import intrinsic
 from epuck_sim.errors import EpuckSimError
 
 try:
-    from llvmlite import ir
+    from llvmlite import binding, ir
     from numba import _dynfunc  # type: ignore[attr-defined]
     from numba.core import cgutils, event
     from numba.core.caching import IndexDataCacheFile
@@ -124,6 +124,22 @@ def compile_part(function: Any, **options: object) -> Any:
     return compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
 
 
+SHIPPED = Path(__file__).parents[1] / "compiled"
+"""Folder of the compiled code that comes with a release, laid out as a cache folder is: see `make dist`."""
+
+
+def _compile_as_shipped() -> None:
+    """Compile for the processors that a release is compiled for, where there is one, and this is such a processor."""
+    features = binding.get_host_cpu_features()
+    if numba.config.CPU_NAME is None and SHIPPED.is_dir() and all(features.get(each) for each in X86_64_V3):
+        vars(numba.config).update(CPU_NAME="x86-64-v3", CPU_FEATURES="")
+
+
+X86_64_V3 = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+"""What a processor of x86-64-v3 has, and one of x86-64-v2 may lack, as LLVM names it."""
+
+_compile_as_shipped()
+
 _Files: Any = IndexDataCacheFile
 
 
@@ -133,6 +149,17 @@ class _SealedFiles(_Files):  # type: ignore[misc]
     A file whose contents have changed is as good as none: what it held is compiled anew, and written again. numba alone
     would unpickle and run whatever it finds.
     """
+
+    def load(self, key: Any) -> Any:
+        """Return compiled code from the user's cache, else what was shipped; None if there is neither."""
+        found = super().load(key)
+        if found is not None:
+            return found
+        folder = Path(self._cache_path)
+        name = folder.name.rpartition("_")[0]  # the rest stands for the path of the machine that compiled it
+        for index in SHIPPED.glob(f"{folder.parent.name}/{name}_*/{self._index_name}"):
+            return _ShippedFiles(index.parent, index.stem, self._source_stamp).load(key)
+        return None
 
     def save(self, key: Any, data: Any) -> None:
         """Keep compiled code, or warn, once a folder, that it cannot be kept."""
@@ -158,6 +185,12 @@ class _SealedFiles(_Files):  # type: ignore[misc]
             contents = io.BytesIO()
             yield contents
             file.write(seal(contents.getvalue()))
+
+
+class _ShippedFiles(_SealedFiles):
+    """Files of compiled code that came with a release."""
+
+    load = _Files.load
 
 
 def seal(contents: bytes) -> bytes:
