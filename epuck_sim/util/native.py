@@ -130,9 +130,9 @@ SHIPPED = Path(__file__).parents[1] / "compiled"
 
 def _compile_as_shipped() -> None:
     """Compile for the processors that a release is compiled for, where there is one, and this is such a processor."""
-    features = binding.get_host_cpu_features()
-    if numba.config.CPU_NAME is None and SHIPPED.is_dir() and all(features.get(each) for each in X86_64_V3):
-        vars(numba.config).update(CPU_NAME="x86-64-v3", CPU_FEATURES="")
+    features, settings = binding.get_host_cpu_features(), vars(numba.config)
+    if settings["CPU_NAME"] is None and SHIPPED.is_dir() and all(features.get(each) for each in X86_64_V3):
+        settings.update(CPU_NAME="x86-64-v3", CPU_FEATURES="")
 
 
 X86_64_V3 = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
