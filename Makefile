@@ -23,8 +23,9 @@ run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
 	@echo; echo "What comes next:"; echo "  source $(BIN)/activate"; echo "  epuck-sim run thesis --live --web"
 
-test: lint ## lint, types and all tests but the slow ones
-	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist worksteal
+test: lint ## lint, types and all tests but the slow ones, or those of one room: ROOM=particles
+	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist worksteal \
+	    $(ROOM:%=tests/%)
 
 lint: $(VENV)/test-tools
 	$(BIN)/ruff check .

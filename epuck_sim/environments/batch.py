@@ -40,7 +40,7 @@ class SwarmBatch:
         for name, value in (("swarms", swarms), ("control_steps", control_steps), ("threads", threads)):
             if not isinstance(value, int) or value < 1:
                 raise ValueError(f"{name} is {value!r}; allowed: whole numbers from 1")
-        first = Simulation(scenario)
+        first = _commanded(Simulation(scenario))
         if first.scenario.members_change or arena_entries(first.scenario):
             raise ScenarioError(
                 f"{first.scenario.name}: robots come or go, or walls move; allowed in environments: neither, as "
@@ -134,6 +134,15 @@ class SwarmBatch:
         """End the threads."""
         if self._pool is not None:
             self._pool.shutdown()
+
+
+def _commanded(simulation: Simulation) -> Simulation:
+    """Return the simulation, or one in which all robots are driven from outside, if none is."""
+    if len(simulation.external_wheels) or len(simulation.external_rings):
+        return simulation
+    commanded = {"controller": "external", "parameters": {}}
+    groups = tuple(group.model_copy(update=commanded) for group in simulation.scenario.robots)
+    return Simulation(simulation.scenario.model_copy(update={"robots": groups}), simulation.seed)
 
 
 def _for_each_robot(name: str, values: npt.ArrayLike, situation: Situation) -> FloatArray:

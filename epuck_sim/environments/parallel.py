@@ -31,8 +31,8 @@ def parallel_env(
     """Return a PettingZoo `ParallelEnv` of one swarm.
 
     Args:
-        scenario: A scenario of robots, of which at least one group is driven from outside: `controller: external`,
-            `external_wheels` or `external_ring`; what `load_scenario` takes.
+        scenario: A scenario of robots; what `load_scenario` takes. The agents are its groups that are driven from
+            outside, by `controller: external`, `external_wheels` or `external_ring`; if there is none, all robots.
         seed: Seed of the first episode; the scenario's own if None.
         reward: `synchrony`, `aggregation`, `coverage`, or a function of a `Situation` of a batch of swarms; or a file
             with such a function, called `reward`; or the name of a reward that an installed package offers.

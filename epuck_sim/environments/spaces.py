@@ -47,17 +47,12 @@ class AgentSpaces:
             discrete: Whether an action is the number of a motion, instead of speeds.
 
         Raises:
-            ScenarioError: No robot is driven from outside, or not all of them alike.
+            ScenarioError: Not all robots that are driven from outside are driven alike.
         """
         wheels, rings = simulation.external_wheels, simulation.external_rings
         name = simulation.scenario.name
         self.robots = np.union1d(wheels, rings)
         """(agents,) numbers of the robots that are driven from outside."""
-        if not len(self.robots):
-            raise ScenarioError(
-                f"{name}: no robot is driven from outside; give a group controller: external, external_wheels or "
-                "external_ring"
-            )
         if any(0 < len(part) < len(self.robots) for part in (wheels, rings)):
             raise ScenarioError(f"{name}: agents differ in what they drive, wheels or rings; allowed: all alike")
         self.drives, self.flashes = bool(len(wheels)), bool(len(rings))

@@ -13,6 +13,7 @@ from epuck_sim import epuck
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments import parallel_env
 from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.loader import load_scenario
 
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
 DANCERS = {"name": "dancers", "robots": [{"count": 4, "controller": "external_wheels"}]}
@@ -31,6 +32,15 @@ def test_pettingzoos_tests_pass(scenario, reward, actions):
         warnings.simplefilter("error")
         parallel_api_test(make(), num_cycles=60)
         parallel_seed_test(make, num_cycles=60)
+
+
+@pytest.mark.parametrize("name", ["thesis", "kilobots"])
+def test_where_no_robot_is_driven_from_outside_all_are_commanded(name):
+    env = parallel_env(name, seed=4)
+    env.reset()
+    assert len(env.agents) == load_scenario(name).population
+    env.step({agent: np.array([1, -1, 1], np.float32) for agent in env.agents})
+    assert env.state()[:, 3].all()  # rings are lit
 
 
 @pytest.mark.parametrize("actions", ["continuous", "discrete"])
@@ -147,7 +157,6 @@ def test_pictures_show_the_arena_from_above():
 @pytest.mark.parametrize(
     ("scenario", "given", "kind", "message"),
     [
-        ("thesis", {}, ScenarioError, "no robot is driven from outside; give a group controller: external"),
         ({"robots": [*DANCERS["robots"], *BLINKERS["robots"]]}, {}, ScenarioError, "agents differ in what they drive"),
         (SWARM, {"reward": "synchronny"}, ScenarioError, "synchrony"),
         (SWARM, {"episode_s": 0.0}, ValueError, "episode_s is 0.0; allowed"),

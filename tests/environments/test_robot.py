@@ -112,7 +112,7 @@ def test_a_window_shows_each_step_by_itself_and_closes(windows):
     ("scenario", "message"),
     [
         ({"robots": [{"count": 2, "controller": "external"}]}, "2 robots of the scenario are driven from outside"),
-        ("thesis", "no robot is driven from outside"),
+        ("thesis", "10 robots of the scenario are driven from outside"),
     ],
 )
 def test_swarms_without_exactly_one_driven_robot_are_refused(make, scenario, message):
