@@ -27,3 +27,5 @@ napoleon_numpy_docstring = False
 html_theme = "furo"
 html_title = f"epuck-sim {release}"
 html_copy_source = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]

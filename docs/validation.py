@@ -201,6 +201,8 @@ def _theirs(rows: Sequence[Row], limit: float) -> Measured:
 
 PAGE = """# Validation against other simulators
 
+*For whoever asks whether other programs find the same.*
+
 T_sync of this program beside that of [simulators that share no code with it](peers/README.md), point by point: Enki, in
 which the thesis's robots were simulated, and a C++ program of the point agents. `{command}` makes this page
 from their tables and from trials of its own (seed {seed}), goes on where it was stopped, and ends with exit code 1 if
