@@ -42,6 +42,7 @@ LONG_SWEEPS = (
     "fault-detection",
     "embodiment",
     "neighbour-change",
+    "two-nearest",
 )
 """What the names of sweeps begin with whose quick versions take minutes."""
 

@@ -1,9 +1,9 @@
 """Judges `epuck_sim.theory` by trials of random scenarios.
 
-`theory_study.py trials SET FILE` appends a line of JSON a scenario to FILE, and goes on where it stopped. The set `fit` has
-60 scenarios. As it turned out to have seven with an intermediate regime, too few to fix thresholds on, `more` adds 140 to it.
-`blind` has 200 others, which judge. The seeds stood here before a trial was run. `limits` runs further trials of `blind`
-that stand, and that are fast.
+`theory_study.py trials SET FILE` appends a line of JSON a scenario to FILE, and goes on where it stopped. The set `fit`
+has 60 scenarios. As it turned out to have seven with an intermediate regime, too few to fix thresholds on, `more` adds
+140 to it. `blind` has 200 others, which judge. The seeds stood here before a trial was run. `limits` runs further
+trials of `blind` that stand, and that are fast.
 """
 
 import json
