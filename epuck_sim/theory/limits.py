@@ -77,9 +77,10 @@ def find_limit(
     for _ in range(chains):
         which = random.integers(len(snapshots), size=1 if hold == math.inf else MOST_INSTANTS)
         periods = np.maximum(1 + jitter * random.standard_normal(agents), 0.1)
-        phases = random.random(agents)
-        given = response.refractory, threshold, receivers, counts, which, hold, phases, periods
-        taken, cycles, ended = run_chain(after, *given)
+        phases = random.random((agents,))
+        taken, cycles, ended = run_chain(
+            after, response.refractory, threshold, receivers, counts, which, hold, phases, periods
+        )
         times.append(cycles)
         has_ended.append(ended)
         instants += taken

@@ -128,7 +128,7 @@ def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
     kept: dict[str, _Theory] = {}
     found = []
     for point in points(scenario):
-        key = str(_without_speed(point.scenario))
+        key = str(without_speed(point.scenario))
         if key not in kept:
             kept[key] = _Theory(point.scenario)
         found.append((point, kept[key].at(point.scenario)))
@@ -275,7 +275,8 @@ def _speed_of(scenario: Scenario) -> float:
     return float(scenario.robots[0].parameters.get("speed_cm_s", 0.0))
 
 
-def _without_speed(scenario: Scenario) -> dict[str, Any]:
+def without_speed(scenario: Scenario) -> dict[str, Any]:
+    """Return what a prediction depends on beside the speed."""
     dump = scenario.model_dump(mode="json", exclude={"name", "description", "seed"})
     key = _speed_key(scenario)
     section: Any = dump["agents"] if isinstance(scenario, ParticleScenario) else dump["robots"][0]["parameters"]
