@@ -256,7 +256,7 @@ def draw_two_nearest(folder: Path) -> None:
         courses = [each for point, each in predicted if point.axes["agents.count"] == count]
         axes.loglog(speeds, [each.t_sync.value for each in courses], "--", color=look.colour, linewidth=1)
     axes.axhline(3000, color=GREY, linewidth=0.8)
-    axes.text(0.03, 3200, "trials are censored here", fontsize="small", color="#666666")
+    axes.text(7, 3200, "trials are censored here", fontsize="small", color="#666666")
     axes.set(xlabel="V [cm/s]", ylabel="T_sync [cycles]", ylim=(8, 3e4))
     axes.legend(title="median of 10 trials;\ndashed: predicted", fontsize="small", title_fontsize="small")
     figure.savefig(OUT.with_name("theory-two-nearest.png"), dpi=130)
