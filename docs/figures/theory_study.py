@@ -1,11 +1,11 @@
 """Judges `epuck_sim.theory` by trials of random scenarios.
 
 `theory_study.py trials SET FILE` appends a line of JSON a scenario to FILE, and goes on where it stopped. The set `fit`
-has 60 scenarios. As it turned out to have seven with an intermediate regime, too few to fix thresholds on, `more` adds
-140 to it. `blind` has 200 others, which judge. The seeds stood here before a trial was run. `limits` runs further
-trials of `blind` that stand, and that are fast. `theory_study.py judge FOLDER` reads these files, and writes
-theory-blind.csv and theory.txt. `theory_study.py draw FOLDER` draws the figures; the folder is that of the sweep
-`two-nearest` in its quick version.
+has 60 scenarios. As it turned out to have seven with an intermediate regime, too few to fix thresholds on, `more` was
+drawn, whose first 70 were added to it. `blind` has 200 others, which judge. The seeds stood here before a trial of their
+set was run. `limits` runs further trials of `blind` that stand, and that are fast. `theory_study.py judge FOLDER` reads
+blind.jsonl and limits.jsonl, and writes theory-blind.csv and theory.txt. `theory_study.py draw FOLDER` draws the
+figures; the folder is that of the sweep `two-nearest` in its quick version.
 """
 
 import csv

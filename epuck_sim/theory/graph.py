@@ -23,8 +23,6 @@ class GraphMeasures(NamedTuple):
     """Number of strongly connected components over that of agents."""
     sources: Estimate
     """Share of agents that are heard and hear nobody."""
-    deaf: Estimate
-    """Share of agents that hear nobody."""
     frustrated: Estimate
     """Probability of two or more components without a way in: clusters that nothing brings together (Beardo et al.)."""
     joined: Estimate
@@ -49,7 +47,6 @@ def measure_graphs(snapshots: BoolArray) -> GraphMeasures:
         reciprocity=mean(back[links > 0] / links[links > 0]),
         components=mean(components / population),
         sources=mean((out & ~into).mean(1)),
-        deaf=mean((~into).mean(1)),
         frustrated=share(without_way_in > 1),
         joined=share(without_way_in == 1),
     )

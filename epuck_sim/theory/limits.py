@@ -41,19 +41,13 @@ class Limit(NamedTuple):
     """Cycles that all chains have taken together."""
 
 
-NEVER = Limit(Estimate(math.nan), Estimate(0.0))
-"""The limit of swarms that cannot synchronise."""
-
-
 def find_limit(
     response: Response,
     threshold: float,
     snapshots: BoolArray,
     hold: float,
-    *,
     jitter: float = 0.0,
     chains: int = CHAINS,
-    seed: int = 0,
 ) -> Limit:
     """Return T_sync of a swarm on its snapshots.
 
@@ -64,11 +58,10 @@ def find_limit(
         hold: Cycles for which links are those of a snapshot: 0 if they are new at each instant, infinite if they stay.
         jitter: Standard deviation of the periods relative to their mean.
         chains: Largest number of chains.
-        seed: Seed of the chains.
     """
     if not len(snapshots):
-        return NEVER
-    random, agents = np.random.default_rng(seed), snapshots.shape[1]
+        return Limit(Estimate(math.nan), Estimate(0.0))
+    random, agents = np.random.default_rng(0), snapshots.shape[1]
     counts = snapshots.sum(2)
     receivers = np.argsort(~snapshots, axis=2, kind="stable")[:, :, : counts.max()]
     grid = np.linspace(0, 1, TABLE)
@@ -110,16 +103,8 @@ def run_chain(
 ) -> tuple[int, int, bool]:
     """Run a chain to its end; return instants, firings of the reference, and whether it is synchronised.
 
-    Args:
-        after: (table,) phase after a pulse at phases from 0 to 1.
-        refractory: Phase up to which pulses have no effect.
-        threshold: Order parameter that ends the chain.
-        receivers: (snapshots, agents, receivers) who receives the pulses of each agent, at the beginning of its row.
-        counts: (snapshots, agents) how many do.
-        which: Index of each snapshot in turn.
-        hold: Cycles for which each of them stays; 0: for an instant.
-        phases: (agents,) phases; overwritten.
-        periods: (agents,) periods, relative to the nominal one.
+    `after` is the tabulated phase after a pulse, `receivers` are (snapshots, agents, most receivers), of which `counts`
+    are taken; `which` are the indices of the snapshots in turn. Phases are overwritten.
     """
     agents, last, cycles = len(phases), len(after) - 1, 0
     elapsed = 0.0

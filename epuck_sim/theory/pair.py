@@ -47,8 +47,8 @@ def _after(response: Response, phases: FloatArray) -> FloatArray:
 
 def measure_pair(response: Response, threshold: float) -> Pair:
     """Return what a curve does to two oscillators, which count as one at a threshold of the order parameter."""
-    lead, lag = (float(after) for after in SMALL_OFFSETS + phase_shift(response, SMALL_OFFSETS))
-    lag = 1 - lag
+    offsets = np.array([SMALL, 1 - SMALL])
+    lead, lag = np.abs(offsets + phase_shift(response, offsets) - [0, 1]).tolist()
     square = (lead**2 + lag**2) / (2 * SMALL**2)  # 1 - r of two is in proportion to the square of their distance
     near = math.acos(min(threshold, 1.0)) / math.pi
     phases, firings = GRID.copy(), np.ones(len(GRID))
@@ -61,9 +61,6 @@ def measure_pair(response: Response, threshold: float) -> Pair:
     else:
         firings[:] = math.inf
     return Pair(_log(lead / SMALL), _log(lag / SMALL), _log(square), float(firings.mean()) / 2)
-
-
-SMALL_OFFSETS = np.array([SMALL, 1 - SMALL])
 
 
 def _log(factor: float) -> float:

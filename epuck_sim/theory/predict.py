@@ -1,17 +1,17 @@
 """Predictions of a scenario's regimes, and the table of those of a sweep."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.display.table import Row, Share, Table, plain
+from epuck_sim.display.table import Share, cell_text
 from epuck_sim.errors import ScenarioError
 from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
+from epuck_sim.scenario.particles import ParticleScenario, RandomAgents, StartSection
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.theory.graph import GraphMeasures, count_components, measure_graphs
@@ -26,14 +26,11 @@ SNAPSHOTS, CELLS = 400, 2_000_000
 MOST_AGENTS = 300
 """Largest swarm of which predictions are made: snapshots are matrices."""
 
-LINK_SNAPSHOTS = 60
-"""Snapshots from which the length of links follows."""
-
-TRIED_SIDES = tuple(2.0**power for power in range(-9, 1))
-"""Distances, in sides of the space, that agents move within a period where the length of links is looked for."""
+LINK_SNAPSHOTS, TRIED_SIDES = 60, tuple(2.0**power for power in range(-9, 1))
+"""Snapshots from which the length of links follows, and the distances, in sides, that agents move in a period."""
 
 CHANGED = 0.1
-"""Share of links that change in a period in which agents move a tenth of the length of links, times `_renewed`."""
+"""Share of links that is replaced while agents move this share of the length of links."""
 
 PLACES = {"v_m": (0.42, 1.9), "v_p": (0.73, 1.7)}
 """Speed at the minimum and at the peak over that at which links last as long as the chain's hold, and the factor that
@@ -69,46 +66,6 @@ class Prediction(NamedTuple):
     notes: tuple[str, ...]
     """What the prediction leaves out."""
 
-    def record(self) -> dict[str, Any]:
-        """Return the prediction as JSON holds it."""
-        found: dict[str, Any] = plain(self)
-        return found
-
-    def cells(self) -> dict[str, Any]:
-        """Return the cells of a row for a point of a sweep."""
-        return {
-            "regime": self.intermediate_regime.verdict,
-            "probability": Share(self.intermediate_regime.probability),
-            "v_m": self.v_m_cm_s,
-            "v_p": self.v_p_cm_s,
-            "t_sync": self.t_sync,
-            "t_fast": self.t_sync_fast,
-            "t_frozen": self.t_sync_frozen,
-            "frozen_share": Share(self.frozen_share.value),
-        }
-
-    def table(self) -> Table:
-        """Return the prediction of one scenario, a quantity a line."""
-        graph, regime = self.graph, self.intermediate_regime
-        rows: list[tuple[str, Any, str]] = [
-            ("intermediate regime", regime.verdict, ""),
-            ("its probability", Share(regime.probability), ""),
-            ("V_m, minimum of T_sync", self.v_m_cm_s, "cm/s"),
-            ("V_p, peak of T_sync", self.v_p_cm_s, "cm/s"),
-            ("T_sync at this speed", self.t_sync, "cycles"),
-            ("T_sync, fast limit", self.t_sync_fast, "cycles"),
-            ("T_sync, standing swarms", self.t_sync_frozen, "cycles"),
-            ("standing swarms that can", Share(self.frozen_share.value), ""),
-            ("link lasts", self.link_cm, "cm"),
-            ("link lasts", self.link_cycles, "cycles"),
-            ("links an agent", graph.links, ""),
-            ("reciprocal links", Share(graph.reciprocity.value), ""),
-            ("heard, hear nobody", Share(graph.sources.value), ""),
-            ("frustrated clusters", Share(graph.frustrated.value), "of snapshots"),
-        ]
-        made = [Row({}, {"quantity": name, "predicted": value, "unit": unit}) for name, value, unit in rows]
-        return Table(self.scenario, made, (self.reason, *self.notes))
-
 
 def predict(scenario: Scenario) -> Prediction:
     """Return the prediction for a scenario without a sweep.
@@ -120,11 +77,7 @@ def predict(scenario: Scenario) -> Prediction:
 
 
 def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
-    """Return the prediction for each point of a scenario's sweep; chains are run once for points that differ in speed.
-
-    Raises:
-        ScenarioError: As `predict`.
-    """
+    """Return `predict` for each point of a scenario's sweep; chains are run once for points that differ in speed."""
     kept: dict[str, _Theory] = {}
     found = []
     for point in points(scenario):
@@ -133,13 +86,6 @@ def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
             kept[key] = _Theory(point.scenario)
         found.append((point, kept[key].at(point.scenario)))
     return found
-
-
-def table_of_points(name: str, found: Sequence[tuple[Point, Prediction]]) -> Table:
-    """Return a table with a row for each point."""
-    rows = [Row(point.axes, prediction.cells()) for point, prediction in found]
-    notes = dict.fromkeys(note for _, prediction in found for note in prediction.notes)
-    return Table(name, rows, tuple(notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
 
 
 class _Theory:
@@ -157,14 +103,14 @@ class _Theory:
         self._rise = find_rise(self._course)
         self._verdict = Verdict("no", 0.0) if self._is_random else judge(self._rise)
         joined = snapshots[count_components(snapshots)[1] == 1]
-        given = self._response, self._threshold, joined, math.inf
-        self._frozen = find_limit(*given, jitter=self._jitter, chains=IN_LIMITS)
+        self._frozen = find_limit(self._response, self._threshold, joined, math.inf, self._jitter, IN_LIMITS)
         self._link_cm = math.nan if self._is_random else _link_length(scenario)
         self._period_s = scenario.scales["tau"]
 
     def at(self, scenario: Scenario) -> Prediction:
         """Return the prediction for a scenario that differs in its speed alone."""
         fast, speed = self._course.limits[-1], _speed_of(scenario)
+        stays = not speed or math.isnan(self._link_cm)
         cycles = self._link_cm / (speed * self._period_s) if speed else math.inf
         frozen = self._frozen if not self._is_random else fast
         joined = self._graph.joined.apply(lambda value: value * frozen.ended.value)
@@ -173,7 +119,7 @@ class _Theory:
             self._verdict,
             self._place("v_m", self._rise.minimum),
             self._place("v_p", self._rise.peak),
-            fast.cycles if self._is_random else frozen.cycles if not speed else time_at(self._course, cycles),
+            frozen.cycles if stays else time_at(self._course, cycles),
             fast.cycles,
             frozen.cycles,
             fast.ended if self._is_random else joined,
@@ -199,41 +145,32 @@ class _Theory:
         if graph.joined.value > 0.999 and graph.reciprocity.value > 0.999:
             return "No regime: one cluster reaches all, and all links are reciprocal."
         clusters = (
-            f"{graph.frustrated.value:.0%} of snapshots have clusters that nothing brings together "
-            f"({graph.links.value:.2g} links an agent, {_percent(graph.reciprocity.value)} reciprocal)"
+            f"{cell_text(Share(graph.frustrated.value))} of snapshots have clusters that nothing brings together "
+            f"({graph.links.value:.2g} links an agent, {cell_text(Share(graph.reciprocity.value))} reciprocal)"
         )
         if verdict == "no":
             drives = "pulses pull leads back" if self._pair.lead < 0 else "renewed links join them all the same"
             return f"No regime: {clusters}, and {drives}."
         rise = self._rise
-        kept = f"links kept for {rise.peak:g} cycles make T_sync {math.exp(rise.log_ratio):.2g} times that of "
-        kept += f"{rise.minimum:g}"
+        kept = (
+            f"{rise.peak:g} cycles of the same links take {math.exp(rise.log_ratio):.2g} times what {rise.minimum:g} do"
+        )
         if math.isnan(rise.minimum):
             kept = f"T_sync falls {2 * math.exp(rise.excess):.2g}-fold when links are renewed twice as often"
         return f"{'Regime' if verdict == 'yes' else 'Open'}: {clusters}; {kept}."
 
 
-def _percent(value: float) -> str:
-    return "none" if math.isnan(value) else f"{value:.0%}"
-
-
 def _oscillators(scenario: Scenario) -> tuple[Response, float, float]:
-    """Return the response curve, the threshold of the order parameter, and the jitter of the periods.
-
-    Raises:
-        ScenarioError: There is nothing to predict.
-    """
+    """Return the response curve, the threshold of the order parameter, and the jitter of the periods."""
     name, agents = scenario.name, scenario.population
-    is_points = isinstance(scenario, ParticleScenario)
     if not 2 <= agents <= MOST_AGENTS:
-        key = "agents.count" if is_points else "robots.0.count"
+        key = "agents.count" if isinstance(scenario, ParticleScenario) else "robots.0.count"
         raise ScenarioError(f"{name}: {key} is {agents}; allowed: 2 to {MOST_AGENTS} for a prediction")
     threshold = scenario.stop.order_parameter
     if threshold is None:
         raise ScenarioError(f"{name}: stop.order_parameter is null; give a number up to 1, which ends T_sync")
-    key = "response.coupling"
     if isinstance(scenario, ParticleScenario):
-        response, jitter = make_response(scenario.response), scenario.clocks.jitter
+        response, jitter, key = make_response(scenario.response), scenario.clocks.jitter, "response.coupling"
     else:
         assert isinstance(scenario, EmbodiedScenario)
         jitter, key = 0.0, "robots.0.parameters.coupling"
@@ -257,15 +194,11 @@ def _left_out(scenario: Scenario) -> tuple[str, ...]:
         notes.append("Robots are taken for point oscillators that move straight ahead; no trials have judged that.")
         if scenario.faults:
             notes.append("faults are left out.")
-    elif isinstance(scenario, ParticleScenario) and scenario.start.model_fields_set:
+    elif isinstance(scenario, ParticleScenario) and scenario.start != StartSection():
         notes.append("start is left out: places and phases are random.")
-    if scenario.schedule:  # type: ignore[attr-defined]
+    if isinstance(scenario, EmbodiedScenario | ParticleScenario) and scenario.schedule:
         notes.append("schedule is left out: the prediction is of the swarm as it starts.")
     return tuple(notes)
-
-
-def _speed_key(scenario: Scenario) -> str:
-    return "agents.speed_cm_s" if isinstance(scenario, ParticleScenario) else "robots.0.parameters.speed_cm_s"
 
 
 def _speed_of(scenario: Scenario) -> float:
@@ -278,9 +211,8 @@ def _speed_of(scenario: Scenario) -> float:
 def without_speed(scenario: Scenario) -> dict[str, Any]:
     """Return what a prediction depends on beside the speed."""
     dump = scenario.model_dump(mode="json", exclude={"name", "description", "seed"})
-    key = _speed_key(scenario)
     section: Any = dump["agents"] if isinstance(scenario, ParticleScenario) else dump["robots"][0]["parameters"]
-    section.pop(key.rpartition(".")[2], None)
+    section.pop("speed_cm_s", None)
     return dump
 
 

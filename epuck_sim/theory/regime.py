@@ -27,16 +27,11 @@ IN_LIMITS = 200
 """Number of chains in the limits of swarms that stand, and that are fast."""
 
 EVIDENCE = (-2.9, 3.4, 2.0)
-"""Log odds of an intermediate regime: without evidence, and what `Rise.log_ratio` and `Rise.excess` add to them.
+"""Log odds of an intermediate regime: without evidence, and what `Rise.log_ratio` and `Rise.excess` add to them, as
+fixed on trials of 130 random scenarios; docs/theory.md says how well they do on others."""
 
-Fixed on trials of 130 random scenarios, of which 73 decide; docs/theory.md says how well they do on others.
-"""
-
-BEHIND_FALL = 4.0
-"""Hold at the peak over that at which the steepest fall begins, where no chain ends at the peak."""
-
-HIDDEN = 0.3
-"""Rise up to which the peak is looked for behind the steepest fall."""
+HIDDEN, BEHIND_FALL = 0.3, 4.0
+"""Rise up to which the peak is looked for behind the steepest fall, and its hold over that where the fall begins."""
 
 YES, NO = 0.7, 0.3
 """Probability from which on the verdict is yes, and up to which it is no; open in between."""
@@ -75,12 +70,10 @@ class Verdict(NamedTuple):
     probability: float
 
 
-def find_course(response: Response, threshold: float, snapshots: BoolArray, jitter: float, seed: int = 0) -> Course:
+def find_course(response: Response, threshold: float, snapshots: BoolArray, jitter: float) -> Course:
     """Return T_sync over the hold, and at last in the fast limit."""
-    given = response, threshold, snapshots
-    slower = [find_limit(*given, hold, jitter=jitter, seed=seed) for hold in HOLDS]
-    fast = find_limit(*given, 0.0, jitter=jitter, chains=IN_LIMITS, seed=seed)
-    return Course((*HOLDS, 0.0), (*slower, fast))
+    slower = [find_limit(response, threshold, snapshots, hold, jitter) for hold in HOLDS]
+    return Course((*HOLDS, 0.0), (*slower, find_limit(response, threshold, snapshots, 0.0, jitter, IN_LIMITS)))
 
 
 def find_rise(course: Course) -> Rise:
@@ -122,8 +115,8 @@ def time_at(course: Course, hold: float) -> Estimate:
         return course.limits[0].cycles.apply(lambda cycles: cycles * hold / holds[0])
     if hold < holds[-1]:
         return course.limits[-1].cycles
-    ends = [math.exp(np.interp(-math.log(hold), -np.log(holds), np.log(column))) for column in rows.T]
-    value, low, high = ends
+    place = -np.log(holds)
+    value, low, high = (math.exp(np.interp(-math.log(hold), place, np.log(column))) for column in rows.T)
     return Estimate(value, low, high)
 
 
@@ -131,5 +124,5 @@ def _log(limit: Limit) -> tuple[float, float]:
     """Return the logarithm of T_sync and its standard error; of chains that have not ended, of their time."""
     value, low, _ = limit.cycles.ends
     if math.isnan(value):
-        return math.log(limit.waited), 1.0
+        return math.log(max(limit.waited, 1.0)), 1.0
     return math.log(value), math.log(value / low) / QUANTILE

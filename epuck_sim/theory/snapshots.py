@@ -34,13 +34,12 @@ def take_snapshots(scenario: Scenario, count: int, seed: int = 0) -> BoolArray:
     return _links_of_agents(scenario, scenario.agents.speed_cm_s, seeds, (0.0,))[0]
 
 
-def changed_links(scenario: Scenario, speeds_cm_s: Sequence[float], count: int, seed: int = 0) -> FloatArray:
+def changed_links(scenario: Scenario, speeds_cm_s: Sequence[float], count: int) -> FloatArray:
     """Return (speeds,) share of links that a period of free motion changes at each speed: 1 - |A and B| / |A or B|.
 
     Agents walk as the scenario says; robots drive straight ahead, and turn at walls as light does. NaN without links.
     """
-    seeds = range(seed, seed + count)
-    changed = []
+    changed, seeds = [], range(count)
     poses = _poses(scenario, seeds) if isinstance(scenario, EmbodiedScenario) else np.zeros((0, 0, 3))
     for speed in speeds_cm_s:
         if isinstance(scenario, EmbodiedScenario):
@@ -66,7 +65,7 @@ def _drawn(agents: int, k: int, count: int, seed: int) -> BoolArray:
 def _links_of_agents(
     scenario: ParticleScenario, speed_cm_s: float, seeds: range, times_s: Sequence[float]
 ) -> list[BoolArray]:
-    """Return the snapshots at each time of agents that walk at a speed and ignore pulses."""
+    """Return the snapshots at each time of agents that ignore pulses."""
     free = scenario.model_copy(
         update={
             "agents": scenario.agents.model_copy(update={"speed_cm_s": speed_cm_s}),
