@@ -2,10 +2,11 @@
 
 `theory_study.py trials SET FILE` appends a line of JSON a scenario to FILE, and goes on where it stopped. The set `fit`
 has 60 scenarios. As it turned out to have seven with an intermediate regime, too few to fix thresholds on, `more` was
-drawn, whose first 70 were added to it. `blind` has 200 others, which judge. The seeds stood here before a trial of their
-set was run. `limits` runs further trials of `blind` that stand, and that are fast. `theory_study.py judge FOLDER` reads
-blind.jsonl and limits.jsonl, and writes theory-blind.csv and theory.txt. `theory_study.py draw FOLDER` draws the
-figures; the folder is that of the sweep `two-nearest` in its quick version.
+drawn, whose first 70 were added to it. `blind` has 200 others, which judge. The seed of each set stood here before its
+trials were run. `limits` runs further trials of `blind` that stand, and that are fast.
+
+`theory_study.py judge FOLDER` reads blind.jsonl and limits.jsonl, and writes theory-blind.csv and theory.txt.
+`theory_study.py draw FOLDER` draws the figures; the folder is that of the sweep `two-nearest` in its quick version.
 """
 
 import csv
@@ -259,7 +260,7 @@ def draw_two_nearest(folder: Path) -> None:
     axes.text(7, 3200, "trials are censored here", fontsize="small", color="#666666")
     axes.set(xlabel="V [cm/s]", ylabel="T_sync [cycles]", ylim=(8, 3e4))
     axes.legend(title="median of 10 trials;\ndashed: predicted", fontsize="small", title_fontsize="small")
-    figure.savefig(OUT.with_name("theory-two-nearest.png"), dpi=130)
+    figure.savefig(OUT.with_name("two-nearest.png"), dpi=130)
 
 
 def draw_blind() -> None:
