@@ -31,9 +31,9 @@ ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
-NOT_YET = "clusters neighbour_change overhead reliability replication security signals statistics theory"
+NOT_YET = "clusters overhead reliability replication security signals statistics"
 """Pages that do not say yet for whom they are."""
-LONG_SWEEPS = ("fig-", "switching", "neighbour-change")
+LONG_SWEEPS = ("fig-", "switching", "neighbour-change", "two-nearest")
 """What the names of sweeps begin with whose quick versions take minutes."""
 SMALL_PICTURES = ["--set", "overhead.width_px=320", "--set", "overhead.height_px=320"]
 """Options for films with less than half the pixels, in which tags can still be read."""

@@ -1,0 +1,153 @@
+"""T_sync of swarms that stand, and of swarms so fast that all links are new at each instant.
+
+Both are Markov chains of phases on snapshots of the swarm: the frozen swarm keeps its snapshot, the fast one draws
+another at each instant, which is the mean field with the same links (thesis 2.4, 3.4). What happens at an instant is
+what `particles.events` says; the response curve is a table, between whose phases a chain interpolates.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.estimate import Estimate
+from epuck_sim.particles.phase_response import Response, phase_shift
+from epuck_sim.statistics.shares import QUANTILE
+from epuck_sim.theory.graph import share
+from epuck_sim.util.jit import jit
+
+CHAINS = 60
+"""Number of chains that are run unless another is given, if they end soon enough."""
+
+MOST_INSTANTS, ALL_INSTANTS = 40_000, 100_000
+"""Instants after which a chain is censored, and those of all chains of a limit after which no other begins."""
+
+TABLE = 20_001
+"""Number of phases from 0 to 1 at which a response curve is tabulated."""
+
+SIMULTANEOUS = 1e-12
+"""Cycles within which firings are at one instant, as in the models."""
+
+
+class Limit(NamedTuple):
+    """T_sync in a limit."""
+
+    cycles: Estimate
+    """Mean T_sync; NaN if no chain has ended. Where some are censored, times are taken to be exponential."""
+    ended: Estimate
+    """Share of chains that have ended before they were censored."""
+    waited: float = math.nan
+    """Cycles that all chains have taken together."""
+
+
+def find_limit(
+    response: Response,
+    threshold: float,
+    snapshots: BoolArray,
+    hold: float,
+    jitter: float = 0.0,
+    chains: int = CHAINS,
+) -> Limit:
+    """Return T_sync of a swarm on its snapshots.
+
+    Args:
+        response: Response curve.
+        threshold: Order parameter, at a firing of the reference, with which a swarm is synchronised.
+        snapshots: (snapshots, agents, agents) sender, receiver.
+        hold: Cycles for which links are those of a snapshot: 0 if they are new at each instant, infinite if they stay.
+        jitter: Standard deviation of the periods relative to their mean.
+        chains: Largest number of chains.
+    """
+    if not len(snapshots):
+        return Limit(Estimate(math.nan), Estimate(0.0))
+    random, agents = np.random.default_rng(0), snapshots.shape[1]
+    counts = snapshots.sum(2)
+    receivers = np.argsort(~snapshots, axis=2, kind="stable")[:, :, : counts.max()]
+    grid = np.linspace(0, 1, TABLE)
+    after = grid + phase_shift(response, grid)
+    times, has_ended, instants = [], [], 0
+    for _ in range(chains):
+        which = random.integers(len(snapshots), size=1 if hold == math.inf else MOST_INSTANTS)
+        periods = np.maximum(1 + jitter * random.standard_normal(agents), 0.1)
+        phases = random.random((agents,))
+        taken, cycles, ended = run_chain(
+            after, response.refractory, threshold, receivers, counts, which, hold, phases, periods
+        )
+        times.append(cycles)
+        has_ended.append(ended)
+        instants += taken
+        if instants > ALL_INSTANTS:
+            break
+    count = sum(has_ended)
+    ended_share = share(np.array(has_ended, np.bool_))
+    if not count:
+        return Limit(Estimate(math.nan), ended_share, sum(times))
+    value = sum(times) / count
+    spread = float(np.std(times, ddof=1)) / value if len(times) == count > 1 else 1.0
+    factor = math.exp(QUANTILE * spread / math.sqrt(count))
+    return Limit(Estimate(value, value / factor, value * factor), ended_share, sum(times))
+
+
+@jit
+def run_chain(
+    after: FloatArray,
+    refractory: float,
+    threshold: float,
+    receivers: IntArray,
+    counts: IntArray,
+    which: IntArray,
+    hold: float,
+    phases: FloatArray,
+    periods: FloatArray,
+) -> tuple[int, int, bool]:
+    """Run a chain to its end; return instants, firings of the reference, and whether it is synchronised.
+
+    `after` is the tabulated phase after a pulse, `receivers` are (snapshots, agents, most receivers), of which `counts`
+    are taken; `which` are the indices of the snapshots in turn. Phases are overwritten.
+    """
+    agents, last, cycles = len(phases), len(after) - 1, 0
+    elapsed = 0.0
+    fired, is_done = np.zeros(agents, np.int64), np.zeros(agents, np.bool_)
+    for instant in range(MOST_INSTANTS):
+        turn = int(elapsed / hold) if hold > 0 else instant
+        snapshot = which[turn % len(which)]
+        left = math.inf
+        for agent in range(agents):
+            left = min(left, (1 - phases[agent]) * periods[agent])
+        elapsed += left
+        count = 0
+        for agent in range(agents):
+            phases[agent] += left / periods[agent]
+            is_done[agent] = phases[agent] >= 1 - SIMULTANEOUS
+            if is_done[agent]:
+                fired[count] = agent
+                count += 1
+        sent = 0
+        while sent < count:
+            sender = fired[sent]
+            for rank in range(counts[snapshot, sender]):
+                other = receivers[snapshot, sender, rank]
+                if is_done[other] or phases[other] <= refractory:
+                    continue
+                is_done[other] = True
+                place = phases[other] * last
+                index = min(int(place), last - 1)
+                phases[other] = after[index] + (place - index) * (after[index + 1] - after[index])
+                if phases[other] >= 1:
+                    fired[count] = other
+                    count += 1
+            sent += 1
+        has_reference = False
+        for index in range(count):
+            phases[fired[index]] = 0.0
+            has_reference |= fired[index] == 0  # agents are alike: the first is the reference
+        if has_reference:
+            cycles += 1
+            cosines = sines = 0.0
+            for agent in range(agents):
+                cosines += math.cos(2 * math.pi * phases[agent])
+                sines += math.sin(2 * math.pi * phases[agent])
+            if math.sqrt(cosines * cosines + sines * sines) >= threshold * agents:
+                return instant + 1, cycles, True
+    return MOST_INSTANTS, cycles, False

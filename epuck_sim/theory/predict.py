@@ -1,0 +1,235 @@
+"""Predictions of a scenario's regimes, and the table of those of a sweep."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from epuck_sim.display.table import Share, cell_text
+from epuck_sim.errors import ScenarioError
+from epuck_sim.estimate import UNDETERMINED, Estimate
+from epuck_sim.particles.phase_response import CURVES, Response, make_response
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.particles import ParticleScenario, RandomAgents, StartSection
+from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.theory.graph import GraphMeasures, count_components, measure_graphs
+from epuck_sim.theory.limits import find_limit
+from epuck_sim.theory.pair import Pair, measure_pair
+from epuck_sim.theory.regime import IN_LIMITS, Verdict, find_course, find_rise, judge, time_at
+from epuck_sim.theory.snapshots import changed_links, take_snapshots
+
+SNAPSHOTS, CELLS = 400, 2_000_000
+"""Largest number of snapshots, and of pairs of agents in all of them."""
+
+MOST_AGENTS = 300
+"""Largest swarm of which predictions are made: snapshots are matrices."""
+
+LINK_SNAPSHOTS, TRIED_SIDES = 60, tuple(2.0**power for power in range(-9, 1))
+"""Snapshots from which the length of links follows, and the distances, in sides, that agents move in a period."""
+
+CHANGED = 0.1
+"""Share of links that is replaced while agents move this share of the length of links."""
+
+PLACES = {"v_m": (0.42, 1.9), "v_p": (0.73, 2.3)}
+"""Speed at the minimum and at the peak over that at which links last as long as the chain's hold, and the factor that
+says how far it is off, one standard deviation either way: that of V_m in the scenarios by which the places were fixed,
+that of V_p in those by which they were judged (docs/theory.md)."""
+
+
+class Prediction(NamedTuple):
+    """What follows from who hears whom, without a trial."""
+
+    scenario: str
+    intermediate_regime: Verdict
+    v_m_cm_s: Estimate
+    """Speed at the minimum before the peak, NaN where the verdict is no."""
+    v_p_cm_s: Estimate
+    """Speed at the peak."""
+    t_sync: Estimate
+    """T_sync at the scenario's own speed, in cycles."""
+    t_sync_fast: Estimate
+    """T_sync of the fastest swarms, in cycles."""
+    t_sync_frozen: Estimate
+    """T_sync of swarms that stand and can synchronise, in cycles."""
+    frozen_share: Estimate
+    """Share of swarms that can synchronise though they stand."""
+    link_cm: float
+    """How far agents move until a link is gone."""
+    link_cycles: float
+    """The same in cycles, at the scenario's own speed."""
+    graph: GraphMeasures
+    pair: Pair
+    """Two oscillators with this response curve."""
+    reason: str
+    """What decides, in a sentence."""
+    notes: tuple[str, ...]
+    """What the prediction leaves out."""
+
+
+def predict(scenario: Scenario) -> Prediction:
+    """Return the prediction for a scenario without a sweep.
+
+    Raises:
+        ScenarioError: No pulse can shift a phase, the swarm is of one or too large, or its oscillators are unknown.
+    """
+    return _Theory(scenario).at(scenario)
+
+
+def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
+    """Return `predict` for each point of a scenario's sweep; chains are run once for points that differ in speed."""
+    kept: dict[str, _Theory] = {}
+    found = []
+    for point in points(scenario):
+        key = str(without_speed(point.scenario))
+        if key not in kept:
+            kept[key] = _Theory(point.scenario)
+        found.append((point, kept[key].at(point.scenario)))
+    return found
+
+
+class _Theory:
+    """What a swarm's graph and chains tell of all of its speeds."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._response, self._threshold, self._jitter = _oscillators(scenario)
+        self._notes = _left_out(scenario)
+        agents = scenario.population
+        snapshots = take_snapshots(scenario, max(20, min(SNAPSHOTS, CELLS // agents**2)))
+        self._graph = measure_graphs(snapshots)
+        self._pair = measure_pair(self._response, self._threshold)
+        self._course = find_course(self._response, self._threshold, snapshots, self._jitter)
+        self._is_random = isinstance(scenario, ParticleScenario) and isinstance(scenario.neighbourhood, RandomAgents)
+        self._rise = find_rise(self._course)
+        self._verdict = Verdict("no", 0.0) if self._is_random else judge(self._rise)
+        joined = snapshots[count_components(snapshots)[1] == 1]
+        self._frozen = find_limit(self._response, self._threshold, joined, math.inf, self._jitter, IN_LIMITS)
+        self._link_cm = math.nan if self._is_random else _link_length(scenario)
+        self._period_s = scenario.scales["tau"]
+
+    def at(self, scenario: Scenario) -> Prediction:
+        """Return the prediction for a scenario that differs in its speed alone."""
+        fast, speed = self._course.limits[-1], _speed_of(scenario)
+        stays = not speed or math.isnan(self._link_cm)
+        cycles = self._link_cm / (speed * self._period_s) if speed else math.inf
+        frozen = self._frozen if not self._is_random else fast
+        joined = self._graph.joined.apply(lambda value: value * frozen.ended.value)
+        return Prediction(
+            scenario.name,
+            self._verdict,
+            self._place("v_m", self._rise.minimum),
+            self._place("v_p", self._rise.peak),
+            frozen.cycles if stays else time_at(self._course, cycles),
+            fast.cycles,
+            frozen.cycles,
+            fast.ended if self._is_random else joined,
+            self._link_cm,
+            cycles,
+            self._graph,
+            self._pair,
+            self._reason(),
+            self._notes,
+        )
+
+    def _place(self, name: str, hold: float) -> Estimate:
+        if self._verdict.verdict == "no":
+            return UNDETERMINED
+        ratio, factor = PLACES[name]
+        value = ratio * self._link_cm / (hold * self._period_s)
+        return Estimate(value, value / factor, value * factor)
+
+    def _reason(self) -> str:
+        graph, verdict = self._graph, self._verdict.verdict
+        if self._is_random:
+            return "No regime: receivers are drawn anew for each pulse, at any speed."
+        if graph.joined.value > 0.999 and graph.reciprocity.value > 0.999:
+            return "No regime: one cluster reaches all, and all links are reciprocal."
+        clusters = (
+            f"{cell_text(Share(graph.frustrated.value))} of snapshots have clusters that nothing brings together "
+            f"({graph.links.value:.2g} links an agent, {cell_text(Share(graph.reciprocity.value))} reciprocal)"
+        )
+        if verdict == "no":
+            drives = "pulses pull leads back" if self._pair.lead < 0 else "renewed links join them all the same"
+            return f"No regime: {clusters}, and {drives}."
+        rise = self._rise
+        kept = (
+            f"{rise.peak:g} cycles of the same links take {math.exp(rise.log_ratio):.2g} times what {rise.minimum:g} do"
+        )
+        if math.isnan(rise.minimum):
+            kept = f"T_sync falls {2 * math.exp(rise.excess):.2g}-fold when links are renewed twice as often"
+        return f"{'Regime' if verdict == 'yes' else 'Open'}: {clusters}; {kept}."
+
+
+def _oscillators(scenario: Scenario) -> tuple[Response, float, float]:
+    """Return the response curve, the threshold of the order parameter, and the jitter of the periods."""
+    name, agents = scenario.name, scenario.population
+    if not 2 <= agents <= MOST_AGENTS:
+        key = "agents.count" if isinstance(scenario, ParticleScenario) else "robots.0.count"
+        raise ScenarioError(f"{name}: {key} is {agents}; allowed: 2 to {MOST_AGENTS} for a prediction")
+    threshold = scenario.stop.order_parameter
+    if threshold is None:
+        raise ScenarioError(f"{name}: stop.order_parameter is null; give a number up to 1, which ends T_sync")
+    if isinstance(scenario, ParticleScenario):
+        response, jitter, key = make_response(scenario.response), scenario.clocks.jitter, "response.coupling"
+    else:
+        assert isinstance(scenario, EmbodiedScenario)
+        jitter, key = 0.0, "robots.0.parameters.coupling"
+        parameters: Mapping[str, Any] = scenario.robots[0].parameters
+        if not {"coupling", "period_s"} <= set(parameters):
+            raise ScenarioError(
+                f"{name}: robots.0.controller: is {scenario.robots[0].controller!r}, which has no parameters coupling "
+                "and period_s; predict needs an oscillator, such as firefly"
+            )
+        refractory = float(parameters.get("refractory_fraction", 0.0))
+        response = Response(CURVES.index("multiplicative"), float(parameters["coupling"]), refractory)
+    if response.coupling == 0:
+        raise ScenarioError(f"{name}: {key} is 0; allowed: above 0, because without coupling nothing synchronises")
+    return response, float(threshold), jitter
+
+
+def _left_out(scenario: Scenario) -> tuple[str, ...]:
+    """Return what a prediction leaves out of a scenario."""
+    notes = []
+    if isinstance(scenario, EmbodiedScenario):
+        notes.append("Robots are taken for point oscillators that move straight ahead; no trials have judged that.")
+        if scenario.faults:
+            notes.append("faults are left out.")
+    elif isinstance(scenario, ParticleScenario) and scenario.start != StartSection():
+        notes.append("start is left out: places and phases are random.")
+    if isinstance(scenario, EmbodiedScenario | ParticleScenario) and scenario.schedule:
+        notes.append("schedule is left out: the prediction is of the swarm as it starts.")
+    return tuple(notes)
+
+
+def _speed_of(scenario: Scenario) -> float:
+    if isinstance(scenario, ParticleScenario):
+        return scenario.agents.speed_cm_s
+    assert isinstance(scenario, EmbodiedScenario)
+    return float(scenario.robots[0].parameters.get("speed_cm_s", 0.0))
+
+
+def without_speed(scenario: Scenario) -> dict[str, Any]:
+    """Return what a prediction depends on beside the speed."""
+    dump = scenario.model_dump(mode="json", exclude={"name", "description", "seed"})
+    section: Any = dump["agents"] if isinstance(scenario, ParticleScenario) else dump["robots"][0]["parameters"]
+    section.pop("speed_cm_s", None)
+    return dump
+
+
+def _link_length(scenario: Scenario) -> float:
+    """Return how far agents move until a link is gone, in cm; NaN where none goes.
+
+    A period in which a small share x of links is replaced changes 2 x / (1 + x) of those before and after it.
+    """
+    side = scenario.scales["L"]
+    speeds = [share * side / scenario.scales["tau"] for share in TRIED_SIDES]
+    changed = changed_links(scenario, speeds, LINK_SNAPSHOTS)
+    renewed = changed / (2 - changed)
+    known = np.isfinite(renewed) & (renewed > 0)
+    if not known.any():
+        return math.nan
+    log_share = np.log(np.maximum.accumulate(renewed[known]))
+    log_moved = np.log(np.array(TRIED_SIDES)[known] * side)
+    moved = math.exp(np.interp(math.log(CHANGED), log_share, log_moved))
+    return moved / CHANGED

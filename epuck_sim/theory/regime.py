@@ -1,0 +1,128 @@
+"""Whether a swarm has an intermediate regime, from chains whose links are renewed again and again.
+
+A chain keeps the links of a snapshot for some cycles, its hold, and then takes those of another, as the blinking
+networks of Belykh, Belykh and Hasler (2004) do. T_sync over the hold has the shape of T_sync over the speed: it falls
+as the hold does, because swarms wait for links less long, down to that of the fast limit. In between it may rise, where
+links are kept so long that clusters agree, and so short that they never agree with each other. Beardo, Prignano,
+Sagarra and Diaz-Guilera (2018, arXiv 1801.03973) find so where networks are sparse and not reciprocal: clusters are
+frustrated there.
+"""
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim.arrays import BoolArray
+from epuck_sim.estimate import Estimate
+from epuck_sim.particles.phase_response import Response
+from epuck_sim.statistics.shares import QUANTILE
+from epuck_sim.theory.limits import Limit, find_limit
+
+HOLDS = tuple(2.0**power for power in range(8, -3, -1))
+"""Holds, in cycles, of which chains tell T_sync, from the slowest swarm to the fastest."""
+
+IN_LIMITS = 200
+"""Number of chains in the limits of swarms that stand, and that are fast."""
+
+EVIDENCE = (-2.9, 3.4, 2.0)
+"""Log odds of an intermediate regime: without evidence, and what `Rise.log_ratio` and `Rise.excess` add to them, as
+fixed on trials of 130 random scenarios; docs/theory.md says how well they do on others."""
+
+HIDDEN, BEHIND_FALL = 0.3, 4.0
+"""Rise up to which the peak is looked for behind the steepest fall, and its hold over that where the fall begins."""
+
+YES, NO = 0.7, 0.3
+"""Probability from which on the verdict is yes, and up to which it is no; open in between."""
+
+
+class Course(NamedTuple):
+    """T_sync over the hold."""
+
+    holds: tuple[float, ...]
+    """Cycles, falling; the last is 0."""
+    limits: tuple[Limit, ...]
+    """T_sync with each of them."""
+
+
+class Rise(NamedTuple):
+    """The rise of T_sync over the hold that is most certain."""
+
+    log_ratio: float
+    """Logarithm of T_sync at the peak over that at the minimum before it, less its standard error; 0 without a rise."""
+    excess: float
+    """Logarithm of the steepest fall when the hold is halved, over 2, less its standard error; 0 or more.
+
+    A swarm that only waits for links takes half as long. Who takes much less has left a peak, though chains may not
+    end there, nor at the minimum before it."""
+    minimum: float
+    """Hold at the minimum, in cycles; NaN where it is not seen."""
+    peak: float
+    """Hold at the peak, in cycles."""
+
+
+class Verdict(NamedTuple):
+    """Whether there is an intermediate regime."""
+
+    verdict: str
+    """`yes`, `no` or `open`."""
+    probability: float
+
+
+def find_course(response: Response, threshold: float, snapshots: BoolArray, jitter: float) -> Course:
+    """Return T_sync over the hold, and at last in the fast limit."""
+    slower = [find_limit(response, threshold, snapshots, hold, jitter) for hold in HOLDS]
+    return Course((*HOLDS, 0.0), (*slower, find_limit(response, threshold, snapshots, 0.0, jitter, IN_LIMITS)))
+
+
+def find_rise(course: Course) -> Rise:
+    """Return the rise of a course that is most certain.
+
+    >>> slow, low, high = (Limit(Estimate(t, t / 1.1, t * 1.1), Estimate(1.0), t) for t in (50.0, 10.0, 40.0))
+    >>> find_rise(Course((4.0, 2.0, 1.0), (slow, low, high)))[2:]
+    (2.0, 1.0)
+    """
+    known = [(hold, *_log(limit)) for hold, limit in zip(course.holds, course.limits, strict=True) if hold > 0]
+    rises = [(0.0, math.nan, math.nan)]
+    for place, (peak, top, top_error) in enumerate(known):
+        for limit, (minimum, bottom, error) in zip(course.limits, known[:place], strict=False):
+            if not math.isnan(limit.cycles.value):
+                rises.append((top - bottom - math.hypot(top_error, error), minimum, peak))
+    log_ratio, minimum, peak = max(rises)
+    falls = [(0.0, math.nan)]
+    for (hold, top, top_error), (half, bottom, error) in pairwise(known):
+        if half >= 1:
+            falls.append((top - bottom - math.log(hold / half) - math.hypot(top_error, error), hold))
+    excess, begin = max(falls)
+    if log_ratio < HIDDEN:
+        minimum, peak = math.nan, BEHIND_FALL * begin
+    return Rise(log_ratio, excess, minimum, peak)
+
+
+def judge(rise: Rise) -> Verdict:
+    """Return the verdict on a swarm whose pulses shift phases."""
+    base, by_rise, by_fall = EVIDENCE
+    probability = 1 / (1 + math.exp(-base - by_rise * rise.log_ratio - by_fall * rise.excess))
+    return Verdict("yes" if probability >= YES else "no" if probability <= NO else "open", probability)
+
+
+def time_at(course: Course, hold: float) -> Estimate:
+    """Return T_sync with a hold, between those of a course; that of the fast limit beyond its last."""
+    holds = [each for each in course.holds if each > 0]
+    rows = np.array([limit.cycles.ends for limit in course.limits[: len(holds)]])
+    if hold >= holds[0] and hold < math.inf:
+        return course.limits[0].cycles.apply(lambda cycles: cycles * hold / holds[0])
+    if hold < holds[-1]:
+        return course.limits[-1].cycles
+    place = -np.log(holds)
+    value, low, high = (math.exp(np.interp(-math.log(hold), place, np.log(column))) for column in rows.T)
+    return Estimate(value, low, high)
+
+
+def _log(limit: Limit) -> tuple[float, float]:
+    """Return the logarithm of T_sync and its standard error; of chains that have not ended, of their time."""
+    value, low, _ = limit.cycles.ends
+    if math.isnan(value):
+        return math.log(max(limit.waited, 1.0)), 1.0
+    return math.log(value), math.log(value / low) / QUANTILE
