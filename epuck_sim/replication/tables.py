@@ -5,21 +5,22 @@ from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.figures.labels import format_axis_values, key_name
 from epuck_sim.replication.checks import Check, FormulaCheck, PairCheck, RatioCheck
 from epuck_sim.replication.contents import Asked, Contents, Cost
-from epuck_sim.replication.verdicts import Answer, Judged
+from epuck_sim.replication.verdicts import Judged
 
 LEAST_P = 1e-4
 """p-values below this are given as this one."""
 
 
 def claim_table(contents: Contents) -> Table:
-    """Return a row for each claim: its sentence, where that stands, its verdict, and what is to be said of it."""
-    return Table("claims", [Row({}, _claim_cells(answer)) for answer in contents.answers])
+    """Return a row for each claim, with its texts by their keys in files of claims, and its verdict."""
+    texts = ((answer.claim.model_dump(exclude={"checks"}), answer.verdict) for answer in contents.answers)
+    return Table("claims", [Row({}, {**text, "verdict": verdict.value}) for text, verdict in texts])
 
 
 def check_table(contents: Contents) -> Table:
     """Return a row for each test: what it looks at, what was predicted, and what it finds."""
-    rows = [Row({}, _check_cells(answer, judged)) for answer in contents.answers for judged in answer.checks]
-    return Table("tests", rows)
+    each = ((answer.claim.id, judged) for answer in contents.answers for judged in answer.checks)
+    return Table("tests", [Row({}, {"claim": name, **_check_cells(judged)}) for name, judged in each])
 
 
 def sweep_table(contents: Contents) -> Table:
@@ -27,38 +28,17 @@ def sweep_table(contents: Contents) -> Table:
     return Table("sweeps", [Row({}, _sweep_cells(name, each)) for name, each in contents.sweeps.items()])
 
 
-def _claim_cells(answer: Answer) -> dict[str, object]:
-    claim = answer.claim
-    return {
-        "claim": claim.id,
-        "verdict": answer.verdict.value,
-        "section": claim.section,
-        "line": claim.line,
-        "quote": claim.quote,
-        "source": claim.source,
-        "quantifier": claim.quantifier,
-        "in_our_words": claim.claim,
-        "why": claim.untested,
-        "what_is_ours": claim.reading,
-        "what_would_change_it": claim.otherwise,
-        "changed_after_first_results": claim.changed,
-        "sweep": claim.sweep,
-    }
-
-
-def _check_cells(answer: Answer, judged: Judged) -> dict[str, object]:
+def _check_cells(judged: Judged) -> dict[str, object]:
     tested = judged.tested
     low, high = tested.check.predicted
     is_exact = isinstance(tested.check, FormulaCheck)
-    p_values = [None if is_exact else max(p, LEAST_P) for p in (judged.p_value, judged.p_holm)]
     return {
-        "claim": answer.claim.id,
         "test": describe_check(tested.check),
         "ours": tested.effect.estimate,
         "predicted_above": low,
         "predicted_below": high,
-        "p": p_values[0],
-        "p_corrected": p_values[1],
+        "p": None if is_exact else max(judged.p_value, LEAST_P),
+        "p_corrected": None if is_exact else max(judged.p_holm, LEAST_P),
         "fewest_trials": tested.trials[0],
         "most_trials": tested.trials[1],
         "most_censored": Share(tested.censored),

@@ -69,7 +69,6 @@ def write_contents(contents: Contents, pictures: Mapping[str, str]) -> Path:
 
 
 def _draw(claims: Claims, chosen: Sequence[Claim], folder: Path, version: Version) -> dict[str, str]:
-    """Draw the figures of claims, and return their paths, relative to the page, by the claims' ids."""
     pictures = {}
     for claim in chosen:
         if claim.sweep is None or not is_asked(claims, claim, version):

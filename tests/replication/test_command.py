@@ -69,10 +69,10 @@ def test_the_page_has_a_row_for_each_claim_and_explains_those_that_do_not_hold(r
 
 def test_tables_beside_the_page_have_all_that_is_known_of_claims_tests_and_sweeps(replicated) -> None:
     _, folder = replicated
-    claims = {row["claim"]: row for row in read_table(folder, "replication.csv")}
+    claims = {row["id"]: row for row in read_table(folder, "replication.csv")}
     assert list(claims) == [f"A{n}" for n in range(1, 9)]
     assert (claims["A1"]["section"], claims["A1"]["line"], claims["A1"]["quote"]) == ("9", "7", "Sentence A1")
-    shown = ("verdict", "source", "quantifier", "what_is_ours", "changed_after_first_results", "sweep")
+    shown = ("verdict", "source", "quantifier", "reading", "changed", "sweep")
     assert [claims["A7"][name] for name in shown] == [
         "reading",
         "Doe (2009)",
@@ -81,7 +81,7 @@ def test_tables_beside_the_page_have_all_that_is_known_of_claims_tests_and_sweep
         "The margin.",
         "tiny",
     ]
-    assert claims["A6"]["why"] == "A definition"
+    assert claims["A6"]["identity"] == "A definition"
     tests = read_table(folder, "replication-tests.csv")
     assert [row["claim"] for row in tests] == ["A1", "A2", "A3", "A5", "A6", "A7"]
     assert [row["verdict"] for row in tests][:3] == ["holds", "contradicted", "undecided"]
