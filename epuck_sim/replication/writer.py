@@ -58,13 +58,16 @@ def write_contents(contents: Contents, pictures: Mapping[str, str]) -> Path:
         pictures: Path of each claim's figure, relative to the page, by the claim's id.
     """
     stem = SOME if contents.chosen else ALL
-    tables = {"claims": claim_table, "tests": check_table, "sweeps": sweep_table}
-    files = {name: f"{stem}.csv" if name == "claims" else f"{stem}-{name}.csv" for name in tables}
-    page = "\n\n".join(make_page(contents, pictures, files)) + "\n"
-    texts = {files[name]: table(contents).to_csv() for name, table in tables.items()}
-    for name, text in {**texts, f"{stem}.md": page}.items():
+    made = {"claims": claim_table(contents), "tests": check_table(contents), "sweeps": sweep_table(contents)}
+    files = {name: f"{stem}.csv" if name == "claims" else f"{stem}-{name}.csv" for name in made}
+    texts = {files[name]: table.to_csv() for name, table in made.items() if table.rows}
+    links = {name: file for name, file in files.items() if file in texts}
+    texts[f"{stem}.md"] = "\n\n".join(make_page(contents, pictures, links)) + "\n"
+    for name, text in texts.items():
         with atomic_write(contents.folder / name) as part:
             part.write_text(text, encoding="utf-8")
+    for name in set(files.values()) - set(texts):  # of claims that were chosen before
+        (contents.folder / name).unlink(missing_ok=True)
     return contents.folder / f"{stem}.md"
 
 

@@ -16,9 +16,8 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import Estimate, significant
 from epuck_sim.scenario.axes import SPEED
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
-from epuck_sim.statistics.curve_extrema import search_extrema
 from epuck_sim.statistics.curves import Curve, folder_curves
-from epuck_sim.statistics.extrema import SpeedExtrema
+from epuck_sim.statistics.extrema import SpeedExtrema, search_extrema
 from epuck_sim.statistics.fast_regime import FAST_FACTOR, find_fast_speed
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.scaling_laws import (

@@ -115,6 +115,11 @@ def test_chosen_claims_have_a_page_of_their_own(replicated) -> None:
     assert "2 claims: holds 1, contradicted 1." in page
     assert f"`epuck-sim replicate A2 A5 --quick --out {folder}`" in page
     assert (folder / "replication.md").read_bytes() == whole
+    assert [row["id"] for row in read_table(folder, "chosen.csv")] == ["A2", "A5"]
+    assert (folder / "chosen-sweeps.csv").is_file()
+    assert call("replicate", "A5", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
+    assert "chosen-sweeps.csv" not in (folder / "chosen.md").read_text()
+    assert not (folder / "chosen-sweeps.csv").exists()
 
 
 def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch) -> None:
