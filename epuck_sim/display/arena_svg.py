@@ -152,5 +152,4 @@ def _circle(x: float, y: float, radius: float, **attributes: object) -> Element:
 
 
 def _text(number: float) -> str:
-    """Return a coordinate in cm as short as a picture needs it."""
     return f"{number:.5g}"

@@ -7,7 +7,7 @@ import csv
 import io
 import math
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -149,6 +149,23 @@ def shortest_endings(keys: Iterable[str], separator: str = ".") -> dict[str, str
     }
 
 
+def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values in nested mappings, and in lists of mappings, with their dotted keys.
+
+    >>> [*leaves({"a": {"b": 1}, "c": [{"d": 2}], "e": [3]})]
+    [('a.b', 1), ('c.0.d', 2), ('e', [3])]
+    """
+    inner: Mapping[Any, Any] = {}
+    if isinstance(value, Mapping):
+        inner = value
+    elif isinstance(value, Sequence) and value and all(isinstance(each, Mapping) for each in value):
+        inner = dict(enumerate(value))
+    if not inner:
+        yield key, value
+    for name, part in inner.items():
+        yield from leaves(part, f"{key}.{name}" if key else str(name))
+
+
 def plain(value: Any) -> Any:
     """Return a result as JSON can hold it: named tuples as objects, estimates as value, low and high, null for NaN."""
     if isinstance(value, Estimate):
@@ -204,7 +221,6 @@ def _columns(table: Table) -> list[_Column]:
 
 
 def _axis_texts(values: list[Any]) -> list[str]:
-    """Return values of an axis as texts, of paths their shortest endings."""
     endings = shortest_endings([value for value in values if isinstance(value, str)], "/")
     return [endings[value] if isinstance(value, str) else str(value) for value in values]
 

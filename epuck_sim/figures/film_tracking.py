@@ -86,7 +86,6 @@ def _draw_picture(page: SubFigure, track: Track, snapshot: Snapshot) -> None:
 
 
 def _draw_snapshots(page: SubFigure, track: Track) -> None:
-    """Draw a row of panels for each row of moments; places without a moment stay empty."""
     grid = page.subplots(3, ACROSS, sharex=True, sharey=True)
     letters = iter(ascii_lowercase)
     for panels, tracked_frames in zip(grid, choose_moments(track), strict=True):
@@ -175,7 +174,6 @@ def choose_moments(track: Track) -> list[list[tuple[float, Evaluation | None]]]:
 
 
 def _is_first_synchrony(track: Track, evaluation: Evaluation) -> bool:
-    """Return whether an evaluation is the one at T_sync, apart from rounding."""
     return track.t_sync_s is not None and abs(evaluation.time_s - (track.start_s + track.t_sync_s)) < 1e-6
 
 

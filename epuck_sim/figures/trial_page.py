@@ -1,7 +1,7 @@
 """A recorded trial on one page: the arena with paths, flashes, phases, the order parameter, and how the trial ended."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from textwrap import shorten, wrap
 from typing import Any
 
@@ -14,6 +14,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arrays import Float32Array, FloatArray, IntArray
+from epuck_sim.display.table import leaves
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.agent_paths import agent_path
 from epuck_sim.figures.labels import format_axis_values
@@ -278,25 +279,12 @@ def changed_values(scenario: Scenario) -> dict[str, Any]:
     """
     name = scenario.name
     known = load_scenario(name if name in builtin_files(ARENAS) else {"model": scenario.model})
-    before = dict(_leaves(known.model_dump(mode="json", exclude=set(_IRRELEVANT))))
+    before = dict(leaves(known.model_dump(mode="json", exclude=set(_IRRELEVANT))))
     return {
         key: value
-        for key, value in _leaves(scenario.model_dump(mode="json", exclude=set(_IRRELEVANT)))
+        for key, value in leaves(scenario.model_dump(mode="json", exclude=set(_IRRELEVANT)))
         if key not in before or before[key] != value
     }
-
-
-def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the values in nested mappings, and in lists of mappings, with their dotted keys."""
-    inner: Mapping[Any, Any] = {}
-    if isinstance(value, Mapping):
-        inner = value
-    elif isinstance(value, Sequence) and value and all(isinstance(each, Mapping) for each in value):
-        inner = dict(enumerate(value))
-    if not inner:
-        yield key, value
-    for name, part in inner.items():
-        yield from _leaves(part, f"{key}.{name}" if key else str(name))
 
 
 def describe_changes(changes: Mapping[str, Any]) -> str:

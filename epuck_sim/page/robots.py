@@ -128,7 +128,6 @@ def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
 
 
 def _name(function: Any) -> str:
-    """Return the name of a function in the module."""
     if isinstance(function, GroupControllers):
         return controller_root(function.controller.name)
     return str(function.function.__name__)
@@ -160,7 +159,6 @@ def _has_free_sides(scenario: EmbodiedScenario) -> bool:
 
 
 def _sides(scenario: EmbodiedScenario) -> tuple[float, ...]:
-    """Return the sides of the arena on a slider."""
     return stops(30, 200, step=10, also=[scenario.arena.width_cm])
 
 

@@ -5,13 +5,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from epuck_sim.display.table import leaves
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.scenario import Scenario
 
 Value = float | int | str | bool | None
-
-MOST_STOPS = 100
-"""Largest number of values of a slider without those that are added."""
 
 
 @dataclass(frozen=True)
@@ -56,20 +54,7 @@ def stops(low: float, high: float, *, step: float = 0.0, also: Iterable[float] =
 
 def values_of(scenario: Scenario) -> dict[str, Value]:
     """Return the value of each dotted key of a scenario."""
-    found: dict[str, Value] = {}
-
-    def collect(value: Any, key: str) -> None:
-        if isinstance(value, Mapping) and value:
-            for name, each in value.items():
-                collect(each, f"{key}.{name}" if key else str(name))
-        elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
-            for number, each in enumerate(value):
-                collect(each, f"{key}.{number}")
-        else:
-            found[key] = value
-
-    collect(scenario.model_dump(mode="json", warnings=False), "")
-    return found
+    return dict(leaves(scenario.model_dump(mode="json", warnings=False)))
 
 
 def refuse(scenario: Scenario, reasons: Mapping[str, tuple[bool, str]]) -> None:

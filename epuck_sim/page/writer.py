@@ -158,7 +158,6 @@ def page_data(
 
 
 def _limits(own: int) -> tuple[Value, ...]:
-    """Return the numbers of cycles after which trials may end."""
     return tuple(sorted({own, *(factor * 10**power for power in range(2, 7) for factor in (1, 2, 5)), 10**7}))
 
 
@@ -170,12 +169,10 @@ def _spread(setting: Setting) -> list[Value]:
 
 
 def _joined(names: Sequence[str]) -> str:
-    """Return scripts, or styles, as one."""
     return "\n".join((WEB / name).read_text(encoding="utf-8") for name in names)
 
 
 def _hash(text: str) -> str:
-    """Return what a policy allows a script or a style by."""
     return f"'sha256-{_packed(hashlib.sha256(text.encode()).digest())}'"
 
 

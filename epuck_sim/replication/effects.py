@@ -9,7 +9,7 @@ from scipy.special import bdtr, bdtrc, stdtr
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import MIN_TRIALS, Estimate
-from epuck_sim.statistics.mean import MeanError, mean_and_error, student_quantile
+from epuck_sim.statistics.mean import MeanError, mean_and_error, student_estimate
 from epuck_sim.statistics.measured import Measured, cut
 from epuck_sim.statistics.shares import wilson_interval
 
@@ -28,9 +28,8 @@ def student(value: float, error: float, freedom: float) -> Effect:
     """Return a value with Student's interval; without an error nothing is known of it, and no p-value is below 1."""
     if not error > 0:
         return Effect(Estimate(value), lambda _: 1.0, lambda _: 1.0)
-    reach = student_quantile(freedom) * error
     return Effect(
-        Estimate(value, value - reach, value + reach),
+        student_estimate(value, error, freedom),
         lambda threshold: float(stdtr(freedom, (threshold - value) / error)),
         lambda threshold: float(stdtr(freedom, (value - threshold) / error)),
     )

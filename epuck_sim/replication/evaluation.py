@@ -187,7 +187,6 @@ def _measure(point: PointTrials, check: checks.SweepCheck) -> Measured:
 
 
 def _reduced(point: PointTrials, take: str) -> PointTrials:
-    """Return the trials of a point with one value for each of their series."""
     reduced: tuple[Value, ...] = tuple(_reduce(value, take) for value in point.measured)
     return point._replace(measured=reduced)
 

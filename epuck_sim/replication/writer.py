@@ -1,6 +1,6 @@
-"""Writes the page of a replication, with a small figure for each claim: the curves that its tests look at."""
+"""Writes the page of a replication, its tables, and a figure for each claim: the curves that its tests look at."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from matplotlib import rc_context
@@ -10,10 +10,11 @@ from epuck_sim.figures import plot
 from epuck_sim.figures.style import style
 from epuck_sim.replication.checks import FormulaCheck
 from epuck_sim.replication.claims import Claim, Claims
-from epuck_sim.replication.contents import read_contents
+from epuck_sim.replication.contents import Contents, read_contents
 from epuck_sim.replication.evaluation import points_at
 from epuck_sim.replication.page import make_page
 from epuck_sim.replication.sweeps import Version, is_asked, sweep_folder
+from epuck_sim.replication.tables import check_table, claim_table, sweep_table
 from epuck_sim.replication.verdicts import Answer
 from epuck_sim.runs.reader import read_points
 from epuck_sim.scenario.axes import FigureSection, choose_axis
@@ -36,25 +37,41 @@ Written = tuple[list[Answer], Path]
 
 
 def write_replication(claims: Claims, chosen: Sequence[Claim], folder: Path, version: Version) -> Written:
-    """Write a page about the trials that are stored, FOLDER/replication.md, or chosen.md.
+    """Write a page about the trials that are stored, FOLDER/replication.md, or chosen.md, and tables beside it.
 
     Returns:
-        The answers, and the file.
+        The answers, and the page.
 
     Raises:
         EpuckSimError: A run folder is missing, or a file cannot be written.
     """
     contents = read_contents(claims, chosen, folder, version)
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
-    page = "\n\n".join(make_page(contents, _draw(claims, chosen, folder, version))) + "\n"
-    file = folder / f"{SOME if contents.chosen else ALL}.md"
-    with atomic_write(file) as part:
-        part.write_text(page, encoding="utf-8")
-    return contents.answers, file
+    return contents.answers, write_contents(contents, _draw(claims, chosen, folder, version))
+
+
+def write_contents(contents: Contents, pictures: Mapping[str, str]) -> Path:
+    """Write the page and its tables, and return the page.
+
+    Args:
+        contents: What they show.
+        pictures: Path of each claim's figure, relative to the page, by the claim's id.
+    """
+    stem = SOME if contents.chosen else ALL
+    made = {"claims": claim_table(contents), "tests": check_table(contents), "sweeps": sweep_table(contents)}
+    files = {name: f"{stem}.csv" if name == "claims" else f"{stem}-{name}.csv" for name in made}
+    texts = {files[name]: table.to_csv() for name, table in made.items() if table.rows}
+    links = {name: file for name, file in files.items() if file in texts}
+    texts[f"{stem}.md"] = "\n\n".join(make_page(contents, pictures, links)) + "\n"
+    for name, text in texts.items():
+        with atomic_write(contents.folder / name) as part:
+            part.write_text(text, encoding="utf-8")
+    for name in set(files.values()) - set(texts):  # of claims that were chosen before
+        (contents.folder / name).unlink(missing_ok=True)
+    return contents.folder / f"{stem}.md"
 
 
 def _draw(claims: Claims, chosen: Sequence[Claim], folder: Path, version: Version) -> dict[str, str]:
-    """Draw the figures of claims, and return their paths, relative to the page, by the claims' ids."""
     pictures = {}
     for claim in chosen:
         if claim.sweep is None or not is_asked(claims, claim, version):

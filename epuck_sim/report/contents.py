@@ -18,8 +18,6 @@ class Quantity(NamedTuple):
     name: str
     points: list[PointTrials]
     summaries: Summaries
-    is_time: bool
-    """Whether it is T_sync, which may be censored."""
 
 
 class Series(NamedTuple):
@@ -54,16 +52,13 @@ def read_contents(folder: Path | str) -> Contents:
     measures = {name: read_points(folder, name) for name in read_measure_names(folder)}
     series = [Series(name, found) for name, found in measures.items() if _is_series(found)]
     has_t_sync = all(point.has_t_sync for point in points)
-    quantities = [_quantity("T_sync", points)] if has_t_sync else []
-    quantities += [_quantity(name, found) for name, found in measures.items() if not _is_series(found)]
+    values = {"T_sync": points} if has_t_sync else {}
+    values |= {name: found for name, found in measures.items() if not _is_series(found)}
+    quantities = [Quantity(name, found, summarize(found)) for name, found in values.items()]
     stored = Path(folder) / RUN_SCENARIO
     text = stored.read_text(encoding="utf-8", errors="replace") if stored.is_file() else ""
     changed = datetime.fromtimestamp(database_of(folder).stat().st_mtime, UTC)
     return Contents(str(folder), text, changed, read_status(Path(folder)), points, quantities, series)
-
-
-def _quantity(name: str, points: list[PointTrials]) -> Quantity:
-    return Quantity(name, points, summarize(points), points[0].of is None)
 
 
 def _is_series(points: list[PointTrials]) -> bool:

@@ -50,7 +50,7 @@ def _facts(contents: Contents) -> Iterator[tuple[str, Node]]:
     yield noun, _range(point.scenario.population for point in points)
     left = status.trials - status.stored - len(status.failed)
     trials = [f"{status.stored} of {status.trials} have a result"]
-    trials += [f"{status.censored} censored"] * any(quantity.is_time for quantity in contents.quantities)
+    trials += [f"{status.censored} censored"] * any(quantity.points[0].of is None for quantity in contents.quantities)
     trials += [f"{len(status.failed)} failed"] * bool(status.failed) + [f"{left} still to be run"] * bool(left)
     yield "trials", ", ".join(trials)
     yield "points", str(status.points)
@@ -121,7 +121,6 @@ def show_scenario(contents: Contents) -> Iterator[Node]:
 
 
 def _folder(contents: Contents) -> str:
-    """Return the folder as a word of a command."""
     return shlex.quote(contents.folder)
 
 

@@ -256,7 +256,6 @@ def _mean(measured: Measured) -> Estimate:
 
 
 def _permutation_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
-    """Return the p-value of each pair, and of all together."""
     if not pairs:
         return [], math.nan
     of_logarithms = all(pair.is_positive and not pair.is_share for pair in pairs)
@@ -269,7 +268,6 @@ def _permutation_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
 
 
 def _log_rank_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
-    """Return the p-value of each pair, and of all together."""
     parts = [log_rank_parts(pair) for pair in pairs]
     return [log_rank([each]) for each in parts], log_rank(parts)
 

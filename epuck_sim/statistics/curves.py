@@ -1,13 +1,15 @@
 """Curves of a statistic of T_sync, or of a measure, against one axis of a sweep: one for each combination of others."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import canonical_text, other_axes
+from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.runs.reader import PointTrials, read_points
+from epuck_sim.scenario.axes import canonical_text, choose_axis, other_axes
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.measured import measure
 from epuck_sim.statistics.names import Statistic, statistic_name
@@ -44,6 +46,26 @@ class Curve(NamedTuple):
         """(S,) name of the statistic at each point: a mean is restricted where trials are censored."""
         shares = self.censored.tolist()
         return [statistic_name(self.statistic, share > 0, is_share=self.is_share) for share in shares]
+
+
+def folder_curves(
+    folder: Path | str, of: str | None = None, axis: str | None = None, statistic: Statistic = Statistic.MEAN
+) -> tuple[str, list[Curve]]:
+    """Return an axis of a run folder, the speed or that with the most numbers by default, and the curves along it.
+
+    Raises:
+        StoreError: The folder is not a run folder, has no results, or the measure is not in it or a series.
+        EpuckSimError: There is no such axis, or the statistic makes no sense of the measure.
+    """
+    points = read_points(folder, of)
+    try:
+        chosen = choose_axis([point.axes for point in points], axis)
+    except EpuckSimError as error:
+        raise EpuckSimError(f"{folder}: {error}") from error
+    curves = read_curves(points, chosen, statistic)
+    if not curves:
+        raise StoreError(f"{folder}: holds no results yet")
+    return chosen, curves
 
 
 def read_curves(points: Sequence[PointTrials], axis: str, statistic: Statistic = Statistic.MEAN) -> list[Curve]:

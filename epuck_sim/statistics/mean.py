@@ -41,12 +41,17 @@ def estimate_mean(measured: Measured) -> Estimate:
     mean, error, freedom = mean_and_error(measured)
     if len(measured.values) < MIN_TRIALS or error == 0:
         return Estimate(mean)
-    reach = student_quantile(freedom) * error
     if (measured.values <= 0).any():
-        return Estimate(mean, mean - reach, mean + reach)
-    factor = math.exp(reach / mean)
+        return student_estimate(mean, error, freedom)
+    factor = math.exp(student_quantile(freedom) * error / mean)
     highest = math.inf if measured.observed.all() else measured.horizon
     return Estimate(mean, mean / factor, min(mean * factor, highest))
+
+
+def student_estimate(value: float, error: float, freedom: float) -> Estimate:
+    """Return a value with Student's interval; without one where its standard error is 0."""
+    reach = student_quantile(freedom) * error
+    return Estimate(value, value - reach, value + reach) if error > 0 else Estimate(value)
 
 
 def student_quantile(freedom: float) -> float:

@@ -8,10 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.display.table import Row, Table
-from epuck_sim.errors import EpuckSimError, StoreError
-from epuck_sim.runs.reader import read_points
-from epuck_sim.scenario.axes import choose_axis
-from epuck_sim.statistics.curves import Curve, read_curves
+from epuck_sim.statistics.curves import Curve, folder_curves
 from epuck_sim.statistics.extrema import MIN_SPEEDS, MIN_TRIALS, smooth_logs
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.turning_points import TurningPoint, find_minimum, find_peak
@@ -54,17 +51,9 @@ def fit_measure(
         statistic: What stands for the trials of a point.
 
     Raises:
-        StoreError: The folder is not a run folder, or the measure is not in it or a series.
-        EpuckSimError: There is no such axis, or the statistic makes no sense of the measure.
+        EpuckSimError: As `curves.folder_curves` does.
     """
-    points = read_points(folder, of)
-    try:
-        chosen = choose_axis([point.axes for point in points], axis)
-    except EpuckSimError as error:
-        raise EpuckSimError(f"{folder}: {error}") from error
-    curves = read_curves(points, chosen, statistic)
-    if not curves:
-        raise StoreError(f"{folder}: holds no results yet")
+    chosen, curves = folder_curves(folder, of, axis, statistic)
     return [_fit_curve(str(folder), of, chosen, curve) for curve in curves]
 
 

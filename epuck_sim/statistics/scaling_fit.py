@@ -12,14 +12,12 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.display.table import Row, Table
-from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import Estimate, significant
-from epuck_sim.runs.reader import read_points
-from epuck_sim.scenario.axes import SPEED, choose_axis
+from epuck_sim.scenario.axes import SPEED
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
-from epuck_sim.statistics.curve_extrema import search_extrema
-from epuck_sim.statistics.curves import Curve, read_curves
-from epuck_sim.statistics.extrema import SpeedExtrema
+from epuck_sim.statistics.curves import Curve, folder_curves
+from epuck_sim.statistics.extrema import SpeedExtrema, search_extrema
 from epuck_sim.statistics.fast_regime import FAST_FACTOR, find_fast_speed
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.scaling_laws import (
@@ -93,16 +91,9 @@ def fit_curves(folder: Path, statistic: Statistic = Statistic.MEAN) -> list[Fitt
         StoreError: The folder is not a run folder.
         EpuckSimError: None of its axes is a speed.
     """
-    points = read_points(folder)
-    try:
-        axis = choose_axis([point.axes for point in points])
-    except EpuckSimError as error:
-        raise EpuckSimError(f"{folder}: {error}") from error
+    axis, curves = folder_curves(folder, statistic=statistic)
     if not axis.endswith(SPEED):
         raise EpuckSimError(f"{folder}: no axis ends in {SPEED}; extrema are those of T_sync against speed")
-    curves = read_curves(points, axis, statistic)
-    if not curves:
-        raise StoreError(f"{folder}: holds no results yet")
     return [_fit_curve(str(folder), curve) for curve in curves]
 
 
@@ -154,7 +145,6 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
 
 
 def _quantities(curves: Sequence[FittedCurve]) -> dict[str, Quantity]:
-    """Return the quantities that are known of any of the curves, by name."""
     columns: dict[str, list[tuple[float, FloatArray] | None]] = {}
     for column, name in enumerate(("V_m", "T_m", "V_p", "T_p")):
         found = [curve.extrema if curve.extrema and curve.extrema.is_found else None for curve in curves]

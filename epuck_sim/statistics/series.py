@@ -160,6 +160,5 @@ def _median_ranks(count: int) -> tuple[int, int, int, int]:
 
 
 def _row(ordered: FloatArray, ranks: IntArray) -> FloatArray:
-    """Return (C,) the value of a rank in each column."""
     found: FloatArray = np.take_along_axis(ordered, ranks[None], axis=0)[0]
     return found

@@ -18,7 +18,7 @@ from scipy.special import erfc
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
-from epuck_sim.statistics.mean import MeanError, mean_and_error, student_quantile
+from epuck_sim.statistics.mean import MeanError, mean_and_error, student_estimate
 from epuck_sim.statistics.measured import Measured, cut
 
 PERMUTATIONS = 4999
@@ -131,11 +131,7 @@ def _mean(terms: Sequence[tuple[float, list[tuple[float, int]]]]) -> Estimate:
 
 def _student(value: float, parts: Sequence[tuple[float, int]]) -> Estimate:
     """Return a value with Student's interval; parts of its variance may have few degrees of freedom."""
-    error, freedom = welch(parts)
-    if error == 0:
-        return Estimate(value)
-    reach = student_quantile(freedom) * error
-    return Estimate(value, value - reach, value + reach)
+    return student_estimate(value, *welch(parts))
 
 
 def welch(parts: Sequence[tuple[float, int]]) -> tuple[float, float]:

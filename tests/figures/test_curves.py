@@ -13,9 +13,8 @@ from epuck_sim.figures.forms.curves import EXTREMA_COLUMNS, Curves
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.figures.saving import Table
 from epuck_sim.scenario.axes import FigureSection
-from epuck_sim.statistics.curve_extrema import ExtremaSearch
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.extrema import SpeedExtrema
+from epuck_sim.statistics.extrema import ExtremaSearch, SpeedExtrema
 from epuck_sim.statistics.names import Statistic
 from tests.figures.drawn import laid_out, legend_texts, shown_text, written
 from tests.runs.made_folders import (

@@ -90,13 +90,6 @@ def test_every_mark_of_curves_has_a_label() -> None:
     assert labels == ["L = 40 cm", "L = 60 cm", "95 % interval"]
 
 
-def test_a_measure_is_drawn_under_its_name() -> None:
-    measured = [point._replace(of="mine", measured=(*map(float, range(9)),)) for point in POINTS]
-    assert figures.plot(measured).axes[0].get_ylabel() == "mine"
-    assert figures.plot(measured, form="violins").axes[0].get_ylabel() == "mine"
-    assert figures.plot(measured, form="map").axes[-1].get_ylabel() == "mine"
-
-
 def test_axes_and_statistics_are_chosen_by_name() -> None:
     assert figures.plot(POINTS, x=WIDTH).axes[0].get_xlabel() == "L (cm)"
     assert figures.plot(POINTS, statistic="median").axes[0].get_ylabel().startswith("median of")

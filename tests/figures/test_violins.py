@@ -61,25 +61,14 @@ def test_there_is_a_group_for_each_combination_of_the_other_axes_in_the_order_of
     assert all(group.x.tolist() == SPEEDS for group in GROUPS)
 
 
-def test_the_estimate_is_that_of_trials_clipped_at_the_censoring() -> None:
+@pytest.mark.parametrize(("groups", "limit"), [(GROUPS, CENSORED_AT), (OPEN, math.inf)])
+def test_the_estimate_is_that_of_trials_clipped_at_the_censoring_if_there_is_one(groups, limit: float) -> None:
     points = iter(POINTS)
-    for group in GROUPS:
+    for group in groups:
         for found, point in zip(group.estimates, points, strict=False):
-            clipped = [min(time, CENSORED_AT) for time in point.times]
-            observed = [seen and time <= CENSORED_AT for time, seen in zip(point.times, point.observed, strict=True)]
-            expected = estimate_weibull_mean(
-                Measured(np.array(clipped), np.array(observed), CENSORED_AT, point.seed)
-            ).ends
-            np.testing.assert_equal(found, expected)
+            clipped = np.minimum(point.times, limit), point.observed & (point.times <= limit)
+            np.testing.assert_equal(found, estimate_weibull_mean(Measured(*clipped, limit, point.seed)).ends)
     assert all(np.isnan(group.estimates[1]).all() for group in GROUPS)
-
-
-def test_without_a_censoring_the_estimate_is_that_of_the_trials_themselves() -> None:
-    points = iter(POINTS)
-    for group in OPEN:
-        for found, point in zip(group.estimates, points, strict=False):
-            expected = estimate_weibull_mean(Measured(point.times, point.observed, math.inf, point.seed)).ends
-            np.testing.assert_equal(found, expected)
 
 
 def test_a_trial_that_synchronises_at_the_censoring_is_not_censored_and_one_after_it_is() -> None:

@@ -1,5 +1,6 @@
 """`epuck-sim replicate`, on claims whose sweeps take a second."""
 
+import csv
 import re
 from pathlib import Path
 
@@ -34,44 +35,67 @@ def replicated(tmp_path_factory) -> tuple[Path, Path]:
     return file, folder / "out"
 
 
-def test_the_page_has_a_row_and_a_section_for_each_claim(replicated) -> None:
+def read_table(folder: Path, name: str) -> list[dict[str, str]]:
+    with (folder / name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_page_has_a_row_for_each_claim_and_explains_those_that_do_not_hold(replicated) -> None:
     file, folder = replicated
     page = (folder / "replication.md").read_text()
-    rows = {row[0]: row for row in (line[2:-2].split(" | ") for line in page.splitlines() if line.startswith("| [A"))}
-    assert list(rows) == [f"[A{n}](#a{n})" for n in range(1, 9)]
+    found = re.findall(r"^\[?(A\d)(?:\]\(#a\d\))? \| (.*) \| (.*) \| (.*)$", page, re.MULTILINE)
+    assert [row[0] for row in found] == [f"A{n}" for n in range(1, 9)]
     verdicts = ["holds", "contradicted", "undecided", "not asked", "holds", "identity", "reading", "no claim"]
-    assert [row[-1] for row in rows.values()] == verdicts
-    assert page.count("epuck-sim replicate") == 1
-    assert "| [A4](#a4) | Claim A4 | 9 | It takes 900 CPU hours. | not asked |" in page
-    assert [row[1:3] for row in rows.values()][:2] == [['"Sentence A1"', "9, line 7"], ['"Sentence A2"', "9, line 7"]]
-    assert re.findall(r"^## (.*)$", page, re.MULTILINE)[:8] == [f"A{n}" for n in range(1, 9)]
+    assert [row[-1] for row in found] == verdicts
+    assert found[0][1] == '"Sentence A1"'
+    assert found[3] == ("A4", "Claim A4", "It takes 900 CPU hours.", "not asked")
+    assert found[4][2].startswith("sigma a 0.253 (0.2 to 0.3)")
+    assert found[6][1] == '"Sentence A7" (Doe (2009))'
+    assert found[6][2].endswith("(>1.1)")
+    assert re.findall(r"^##+ (.*)$", page, re.MULTILINE) == [
+        *("Contradicted", "A2", "Undecided", "A3", "Reading", "A7", "Slips in the text")
+    ]
     counts = "holds 2, contradicted 1, undecided 1, not asked 1, identity 1, reading 1, no claim 1"
     assert f"8 claims: {counts}." in page
-    assert "of which there are 4." in page
-    assert "What would change this: Slower ones | of another kind." in page
-    assert "Claim A7 (far). The sentence quotes Doe (2009). Verdict: reading." in page
-    assert "What is ours: the margin" in page
-    assert "Changed after first results: The margin." in page
-    assert "Why: A definition\n" in page
-    assert "| above 1.1 |" in page
+    assert "of which there are 4. Seed 5 alone counts." in page
+    assert "Would change it: Slower ones \\| of another kind." in page
+    assert "Ours: the margin" in page
     assert "- A misprint." in page
-    assert "Seed 5 alone counts." in page
-    assert "| tiny | 6 | 72 of 72 |" in page
-    assert {scenario.seed for scenario in (p.scenario for p in read_points(folder / "runs/tiny-quick"))} == {5}
     assert str(file.parent / "claims.yaml") not in page
-    assert re.findall(r"^!\[Claim (A\d): .*\]\((.*)\)$", page, re.MULTILINE) == [("A3", "figures/claim-A3.png")]
+    assert page.count("epuck-sim replicate") == 1
+    assert re.findall(r"^!\[(A\d)\]\((.*)\)$", page, re.MULTILINE) == [("A3", "figures/claim-A3.png")]
     assert image.imread(folder / "figures/claim-A3.png").shape[1] == pytest.approx(8.5 / 2.54 * 120, abs=1)
 
 
-def test_its_numbers_are_those_of_the_stored_trials(replicated) -> None:
+def test_tables_beside_the_page_have_all_that_is_known_of_claims_tests_and_sweeps(replicated) -> None:
     _, folder = replicated
+    claims = {row["id"]: row for row in read_table(folder, "replication.csv")}
+    assert list(claims) == [f"A{n}" for n in range(1, 9)]
+    assert (claims["A1"]["section"], claims["A1"]["line"], claims["A1"]["quote"]) == ("9", "7", "Sentence A1")
+    shown = ("verdict", "source", "quantifier", "reading", "changed", "sweep")
+    assert [claims["A7"][name] for name in shown] == [
+        "reading",
+        "Doe (2009)",
+        "far",
+        "the margin",
+        "The margin.",
+        "tiny",
+    ]
+    assert claims["A6"]["identity"] == "A definition"
+    tests = read_table(folder, "replication-tests.csv")
+    assert [row["claim"] for row in tests] == ["A1", "A2", "A3", "A5", "A6", "A7"]
+    assert [row["verdict"] for row in tests][:3] == ["holds", "contradicted", "undecided"]
+    assert (tests[-1]["predicted_above"], tests[-1]["predicted_below"]) == ("1.1", "")
+    assert (tests[3]["ours_low"], tests[3]["p"]) == ("", "")
+    (sweep,) = read_table(folder, "replication-sweeps.csv")
+    assert [sweep[name] for name in ("sweep", "points", "trials", "stored", "failed")] == ["tiny", "6", "72", "72", "0"]
+    assert {point.scenario.seed for point in read_points(folder / "runs/tiny-quick")} == {5}
     means = [
         next(p.times.mean() for p in read_points(folder / "runs/tiny-quick") if p.axes == {**axes, SPEED: 1})
         for axes in ({"response.coupling": 0.05}, {"response.coupling": 0.4})
     ]
-    page = (folder / "replication.md").read_text()
-    found = re.findall(r"over that where V = 1 cm/s, ε = 0.05 \| (\S+) \[", page)
-    assert [float(each) for each in found] == pytest.approx([means[1] / means[0]] * 3, rel=0.01)
+    ratios = [float(row["ours"]) for row in tests if row["test"].endswith("over that where V = 1 cm/s, ε = 0.05")]
+    assert ratios == pytest.approx([means[1] / means[0]] * 3, rel=1e-5)
 
 
 def test_the_same_command_runs_nothing_again_and_writes_the_same_page(replicated) -> None:
@@ -91,6 +115,11 @@ def test_chosen_claims_have_a_page_of_their_own(replicated) -> None:
     assert "2 claims: holds 1, contradicted 1." in page
     assert f"`epuck-sim replicate A2 A5 --quick --out {folder}`" in page
     assert (folder / "replication.md").read_bytes() == whole
+    assert [row["id"] for row in read_table(folder, "chosen.csv")] == ["A2", "A5"]
+    assert (folder / "chosen-sweeps.csv").is_file()
+    assert call("replicate", "A5", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
+    assert "chosen-sweeps.csv" not in (folder / "chosen.md").read_text()
+    assert not (folder / "chosen-sweeps.csv").exists()
 
 
 def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch) -> None:
@@ -108,7 +137,7 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch) -> None:
     assert not (tmp_path / "out/replication.md").exists()
     monkeypatch.setattr(run, "run_sweep", run_sweep)
     assert call(*words).exit_code == 0
-    assert "| tiny | 6 | 72 of 72 |" in (tmp_path / "out/replication.md").read_text()
+    assert read_table(tmp_path / "out", "replication-sweeps.csv")[0]["stored"] == "72"
 
 
 def _stop_at(stored: int):
@@ -124,9 +153,9 @@ def test_the_full_version_has_a_run_folder_of_its_own(tmp_path) -> None:
     words = ["replicate", "--full", "--claims", file, "--out", tmp_path / "out", "--workers", 1]
     assert call(*words).exit_code == 0
     page = (tmp_path / "out/replication.md").read_text()
-    assert "| tiny | 6 | 84 of 84 |" in page
+    assert read_table(tmp_path / "out", "replication-sweeps.csv")[0]["stored"] == "84"
     assert "--quick" not in page
-    assert "quick version" not in page
+    assert "full version" not in page
     assert (tmp_path / "out/runs/tiny-full").is_dir()
 
 
@@ -204,10 +233,9 @@ def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
     file = write_claims(tmp_path, [claim("A1", *checks)], sweep)
     assert call("replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1).exit_code == 0
     series = next(p for p in read_points(tmp_path / "out/runs/tiny-quick", "order_parameter") if p.number == 3).measured
-    page = (tmp_path / "out/replication.md").read_text()
+    found = {row["test"]: float(row["ours"]) for row in read_table(tmp_path / "out", "replication-tests.csv")}
     for take, values in (("largest", map(max, series)), ("first", [values[0] for values in series])):
-        (found,) = re.findall(rf"\| {take} order\\_parameter where ε = 0.4, V = 1 cm/s \| (\S+) ", page)
-        assert float(found) == pytest.approx(np.mean(list(values)), rel=0.01)
+        assert found[f"{take} order_parameter where ε = 0.4, V = 1 cm/s"] == pytest.approx(np.mean(list(values)))
 
 
 def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
@@ -223,17 +251,16 @@ def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
     ]
     file = write_claims(tmp_path, [claim("A1", *checks)], sweep)
     assert call("replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1).exit_code == 0
-    section = (tmp_path / "out/replication.md").read_text().split("## A1\n")[1].split("\n## ")[0]
-    found = dict(re.findall(r"^\| (?!test|---)([^|]*) \| (\S+)[^|]* \| ", section, re.MULTILINE))
+    found = {row["test"]: row["ours"] for row in read_table(tmp_path / "out", "replication-tests.csv")}
     assert list(found) == [
-        "chance that T\\_sync is larger where V = 1 cm/s, ε = 0.4 than where V = 1 cm/s, ε = 0.05",
+        "chance that T_sync is larger where V = 1 cm/s, ε = 0.4 than where V = 1 cm/s, ε = 0.05",
         "share synchronised where V = 1 cm/s, ε = 0.4, minus that where V = 1 cm/s, ε = 0.05",
-        "rank correlation of T\\_sync with V where ε = 0.4",
-        "nats a trial by which Weibull distributions make T\\_sync likelier than log-normal ones",
-        "distance of curves of T\\_sync over neighbour\\_change, relative to that over V",
-        "power of ε in V\\_p",
+        "rank correlation of T_sync with V where ε = 0.4",
+        "nats a trial by which Weibull distributions make T_sync likelier than log-normal ones",
+        "distance of curves of T_sync over neighbour_change, relative to that over V",
+        "power of ε in V_p",
     ]
-    assert found.popitem()[1] == "-"  # three speeds have no peak
+    assert found.popitem()[1] == ""  # three speeds have no peak
     assert all(np.isfinite(float(value)) for value in found.values())
 
 
@@ -251,7 +278,7 @@ def test_a_sweep_without_a_quick_version_is_asked_by_the_full_one_alone(tmp_path
     assert call(*words).exit_code == 0
     page = (tmp_path / "out/replication.md").read_text()
     assert "1 claims: not asked 1." in page
-    assert "Why: the full version alone asks it (--full): its trials take hours\n" in page
+    assert "| --full alone asks it | not asked\n" in page
     assert not list((tmp_path / "out/runs").iterdir())
     assert call(*words, "--full").exit_code == 0
     assert "1 claims: holds 1." in (tmp_path / "out/replication.md").read_text()

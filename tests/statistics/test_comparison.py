@@ -193,18 +193,6 @@ def test_the_log_rank_test_is_lifelines(seed: int, mean: float) -> None:
     assert log_rank([log_rank_parts(pair)]) == pytest.approx(theirs.p_value, rel=1e-6)
 
 
-@given(st.integers(0, 10**6), st.floats(20, 300))
-@settings(max_examples=20)
-def test_one_log_rank_test_is_scipys(seed: int, mean: float) -> None:
-    random = np.random.default_rng(seed)
-    ends = [np.ceil(each * random.exponential(1, 30)) for each in (100, mean)]
-    pair = pair_up(*(measured(np.minimum(times, 150), times <= 150, 150) for times in ends))
-    theirs = stats.logrank(
-        *(stats.CensoredData(each.values[each.observed], right=each.values[~each.observed]) for each in pair)
-    )
-    assert log_rank([log_rank_parts(pair)]) == pytest.approx(theirs.pvalue, abs=1e-9)
-
-
 def log_ratio(x, y, axis):
     """Return the studentised logarithm of the ratio of two means."""
     means = [each.mean(axis=axis) for each in (x, y)]

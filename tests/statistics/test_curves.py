@@ -64,11 +64,6 @@ def test_there_is_a_curve_for_each_combination_of_the_other_axes_in_the_order_of
     assert all(curve.x.tolist() == SPEEDS for curve in curves)
 
 
-def test_without_another_axis_there_is_one_curve() -> None:
-    (curve,) = read_curves(with_axes({"grid": {SPEED: SPEEDS}}), SPEED)
-    assert curve.axes == {}
-
-
 def test_the_numbers_of_a_curve_are_those_of_the_summary() -> None:
     scenario = sweep({SPEED: SPEEDS, COUPLING: [0.1, 0.2]}, trials=60, stop={"max_cycles": 60})
     made = in_memory(scenario, lambda point: weibull(point, 30))
@@ -174,9 +169,23 @@ def test_every_point_with_trials_is_on_the_curve_of_its_other_axes_once(order, e
     ]
 
 
-def test_an_axis_that_goes_along_with_x_makes_no_curves_of_its_own() -> None:
-    (curve,) = read_curves(with_axes({"zip": {WIDTH: [40, 60, 80], HEIGHT: [40, 60, 80]}}), WIDTH)
-    assert curve.x.tolist() == [40, 60, 80]
+@pytest.mark.parametrize(
+    ("scenario_sweep", "x", "expected"),
+    [
+        ({"grid": {SPEED: [1, 2]}}, SPEED, [({}, [1, 2])]),
+        ({"zip": {WIDTH: [40, 60, 80], HEIGHT: [40, 60, 80]}}, WIDTH, [({}, [40, 60, 80])]),
+        (
+            {"points": [{COUPLING: 0.1, SPEED: 1}, {COUPLING: 0.1, SPEED: 3}, {COUPLING: 0.2, SPEED: 2}]},
+            SPEED,
+            [({COUPLING: 0.1}, [1, 3]), ({COUPLING: 0.2}, [2])],
+        ),
+        ({"points": [{WIDTH: 60, SPEED: 1}, {SPEED: 2, WIDTH: 60.0}]}, SPEED, [({}, [1, 2])]),
+    ],
+    ids=["alone", "with another that goes along", "other values on each curve", "equal values, written otherwise"],
+)
+def test_which_curves_a_sweep_makes(scenario_sweep: dict, x: str, expected: list) -> None:
+    curves = read_curves(with_axes(scenario_sweep), x)
+    assert [(curve.axes, curve.x.tolist()) for curve in curves] == expected
 
 
 def test_speeds_of_two_groups_that_go_together_make_one_curve() -> None:
@@ -186,31 +195,11 @@ def test_speeds_of_two_groups_that_go_together_make_one_curve() -> None:
     assert curve.x.tolist() == [1, 2, 3]
 
 
-def test_speeds_that_differ_from_curve_to_curve_do_not_make_one_of_two() -> None:
-    rows = [{COUPLING: 0.1, SPEED: 1}, {COUPLING: 0.1, SPEED: 3}, {COUPLING: 0.2, SPEED: 2}, {COUPLING: 0.2, SPEED: 4}]
-    curves = read_curves(with_axes({"points": rows}), SPEED)
-    assert [(curve.axes, curve.x.tolist()) for curve in curves] == [
-        ({COUPLING: 0.1}, [1, 3]),
-        ({COUPLING: 0.2}, [2, 4]),
-    ]
-
-
 def test_whole_sections_may_be_an_axis_beside_the_speed() -> None:
     obstacles = [[], [{"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 5}]]
     made = with_axes({"grid": {"arena.obstacles": obstacles, SPEED: [1, 2]}})
     assert choose_axis(axes_of(made)) == SPEED
     assert [curve.axes["arena.obstacles"] for curve in read_curves(made, SPEED)] == obstacles
-
-
-def test_values_that_are_equal_make_one_curve_however_they_are_written() -> None:
-    (curve,) = read_curves(with_axes({"points": [{WIDTH: 60, SPEED: 1}, {WIDTH: 60.0, SPEED: 2}]}), SPEED)
-    assert curve.x.tolist() == [1, 2]
-
-
-def test_the_order_in_which_points_list_their_axes_does_not_matter() -> None:
-    made = with_axes({"points": [{WIDTH: 60, COUNT: 3, SPEED: 1}, {SPEED: 2, COUNT: 3, WIDTH: 60}]})
-    (curve,) = read_curves(made, SPEED)
-    assert curve.x.tolist() == [1, 2]
 
 
 # The axis

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from epuck_sim.errors import StoreError
 from epuck_sim.estimate import MIN_TRIALS
 from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.planning import plan_trials
-from epuck_sim.statistics.power import relative_spread, trials_for_shares, trials_needed
+from epuck_sim.statistics.planning import plan_trials, relative_spread, trials_for_shares, trials_needed
 from epuck_sim.statistics.two_samples import contrast, mean_log_ratio, pair_up
 from tests.runs.made_folders import SPEED, SPEEDS, ended, in_memory, sweep, weibull
 

@@ -91,12 +91,6 @@ def folder(tmp_path_factory) -> Path:
 # Whose numbers they are
 
 
-def test_the_folders_of_these_tests_hold_what_is_summarized_in_memory(folder) -> None:
-    for read, made in zip(read_points(folder), in_memory(MIXED, mixed), strict=True):
-        assert read[:4] == made[:4]
-        assert (read.times.tolist(), read.observed.tolist()) == (made.times.tolist(), made.observed.tolist())
-
-
 def test_the_numbers_are_those_of_the_survival_functions_on_the_same_trials() -> None:
     given_points = in_memory(MIXED, mixed)[:2]
     assert not given_points[1].observed.all()
@@ -136,22 +130,10 @@ def test_where_trials_are_censored_there_is_no_sample_mean_but_three_others() ->
     assert summary.restricted_mean_low < summary.restricted_mean < summary.restricted_mean_high <= 50
 
 
-@pytest.mark.parametrize("trials", [1, 2, 3, 4, 5])
-def test_below_five_trials_there_are_estimates_and_no_intervals(trials: int) -> None:
-    summary = one_summary([*range(20, 20 + trials)])
-    assert summary.mean == summary.restricted_mean == pytest.approx(np.mean(range(20, 20 + trials)))
-    for name in ("mean", "median", "restricted_mean"):
-        assert (getattr(summary, f"{name}_low") is None) == (trials < 5)
-
-
 def test_where_all_trials_took_equally_long_nothing_is_known_of_their_spread() -> None:
     summary = one_summary([7] * 30)
     assert (summary.mean, summary.median, summary.weibull_mean) == (7, 7, 7)
     assert {summary.mean_low, summary.median_low, summary.weibull_mean_low} == {None}
-
-
-def test_the_share_censored_is_that_of_the_trials_with_a_result() -> None:
-    assert one_summary([3, 8, 20, 50], [True, True, True, False]).censored == 0.25
 
 
 @given(
@@ -305,15 +287,6 @@ def test_the_table_says_why_there_are_no_intervals(folder, tmp_path) -> None:
     assert "No intervals" not in summarized(folder).stdout
     store(tmp_path, sweep({SPEED: [1, 2]}), lambda point: weibull(point, 50, trials=4 + point.number))
     assert "No intervals at 1 of 2 points: one takes 5 trials or more." in summarized(tmp_path).stdout
-
-
-def test_in_the_table_an_open_end_is_a_question_mark(tmp_path) -> None:
-    scenario = sweep({SPEED: [1]}, trials=60, stop={"max_cycles": 100})
-    store(tmp_path, scenario, lambda _: ended([*range(40, 47), *[100] * 53], [True] * 7 + [False] * 53))
-    ((*_, median, _, mean),) = cells(summarized(tmp_path).stdout)
-    assert mean.endswith(", ?]")
-    assert float(mean.partition(" [")[2].removesuffix(", ?]")) > 40
-    assert median == "-"
 
 
 def test_a_scenario_without_a_sweep_is_one_row(tmp_path) -> None:

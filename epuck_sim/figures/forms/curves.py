@@ -18,9 +18,8 @@ from epuck_sim.figures.scales import has_log_scale, is_logarithmic, make_logarit
 from epuck_sim.figures.style import BAND, GREY, Look, choose_looks, count_trials, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
-from epuck_sim.statistics.curve_extrema import ExtremaSearch, search_extrema
 from epuck_sim.statistics.curves import Curve, group_by_other_axes, read_curves
-from epuck_sim.statistics.extrema import MIN_SPEEDS, SpeedExtrema
+from epuck_sim.statistics.extrema import MIN_SPEEDS, ExtremaSearch, SpeedExtrema, search_extrema
 from epuck_sim.statistics.measured import Measured, measure
 from epuck_sim.statistics.names import Statistic
 
