@@ -29,8 +29,8 @@ def seeds_of(origin: str, scenario: Scenario) -> list[int]:
     """Return the seeds of a scenario's trials; raise ScenarioError for a sweep."""
     if scenario.sweep is not None:
         raise ScenarioError(
-            f"{origin}: holds a sweep of {len(points(scenario))} points; give --out FOLDER to run it, or --point K "
-            "--trial J to run one of its trials"
+            f"{origin}: holds a sweep of {counted(len(points(scenario)), 'point')}; give --out FOLDER to run it, or "
+            "--point K --trial J to run one of its trials"
         )
     return [trial_seed(scenario.seed, trial) for trial in range(scenario.trials)]
 
@@ -70,7 +70,7 @@ def run_trials(
     results: list[TrialResult] = []
     with open_observers(watched, scenario, len(seeds), echo=interpret) as factories:
         try:
-            with TrialProgress(len(seeds), interpret=interpret) as progress, prefix_scenario(origin):
+            with TrialProgress(len(seeds), scenario.stop, interpret=interpret) as progress, prefix_scenario(origin):
                 for trial, seed in enumerate(seeds):
                     results.append(_run_trial(scenario, seed, trial, factories, progress, interpret, watched))
                     if as_json:
@@ -168,6 +168,7 @@ def sweep_into(
                     if dask is None:
                         check_memory(found, workers or available_cores())
                     print_stderr(f"{found[0].scenario.name}: {describe_size(found)}")
+                    bar.points = found
 
                 run_sweep(
                     scenario,

@@ -11,6 +11,7 @@ from epuck_sim.scenario.axes import FigureSection, SweepAxes
 from epuck_sim.scenario.base import ConfigModel, WholeNumber
 from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
 from epuck_sim.scenario.yaml_io import write_yaml
+from epuck_sim.util.messages import counted
 
 WITHOUT_EFFECT = {"name", "description", "trials", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
@@ -117,7 +118,7 @@ class Scenario(ConfigModel):
         ]
         rows += [("measures", ", ".join(measure.measure for measure in self.measures))] * bool(self.measures)
         if self.sweep is not None:
-            rows += [("sweep", f"{self.sweep.point_count} points over {', '.join(self.sweep.keys)}")]
+            rows += [("sweep", f"{counted(self.sweep.point_count, 'point')} over {', '.join(self.sweep.keys)}")]
         return to_html(
             element("p", element("b", self.name), f": {self.description}" if self.description else ""),
             facts(rows),
