@@ -16,7 +16,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.model import run_trial, simulate
+from epuck_sim.trial.model import check_interpretable, run_trial, simulate
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.messages import counted
 from epuck_sim.util.seeds import trial_seed
@@ -67,6 +67,8 @@ def run_trials(
     """
     from epuck_sim.cli.tables import print_trial_json, print_trials
 
+    if interpret:
+        check_interpretable(scenario)
     results: list[TrialResult] = []
     with open_observers(watched, scenario, len(seeds), echo=interpret) as factories:
         try:

@@ -81,7 +81,7 @@ def test_what_was_left_out_is_said_once_and_the_trial_runs(tmp_path):
     result = call("run", "thesis", "--controller", "mine.py", *SHORT)
     assert result.exit_code == 0
     lacking = "period_s, coupling, flash_fraction, refractory_fraction"
-    assert re.fullmatch(rf"note: .*thesis\.yaml: mine lacks parameters {lacking}: left out\n", result.stderr)
+    assert re.fullmatch(rf"note: thesis: mine lacks parameters {lacking}: left out\n", result.stderr)
 
 
 @pytest.mark.filterwarnings("ignore:.*constant lacks")
