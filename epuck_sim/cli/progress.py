@@ -194,7 +194,6 @@ _Item = TypeVar("_Item")
 def _passed(
     items: Iterable[_Item], doing: str, said: str, total: float | None, completed: Callable[[_Item], float]
 ) -> Iterator[_Item]:
-    """Yield items, and show how far they are."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(said))
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

@@ -105,7 +105,6 @@ for kind_of_file in NEW:
 
 
 def _write_new(kind: str, name: str) -> None:
-    """Write a file that does not exist yet, and print how to try it."""
     new = NEW[kind]
     if kind == "scenario":
         is_name, letters = re.fullmatch(r"[A-Za-z_][\w-]{0,99}", name) is not None, "letters, digits, _ and -"

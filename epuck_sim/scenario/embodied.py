@@ -4,9 +4,7 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
-from bisect import bisect
 from collections.abc import Sequence
-from itertools import accumulate
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -20,11 +18,11 @@ from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.physics import ContactSection, NoiseSection, SpreadSection, StuckSection, TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind
-from epuck_sim.scenario.robots import RobotGroup, check_robots
+from epuck_sim.scenario.robots import RobotGroup, check_robots, members
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers, conditions_in
+from epuck_sim.scenario.schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers
 from epuck_sim.scenario.sensors import check_readings
-from epuck_sim.scenario.stop import Awaited, StopSection, check_measures_of_present
+from epuck_sim.scenario.stop import StopSection, check_measures_of_present
 
 ROBOT_BYTES, GROUP_BYTES, PIXEL_BYTES = 4800, 15_000, 8
 """Memory that a robot takes besides its pixels, a group besides its robots, and a pixel of a picture; the first two as
@@ -201,16 +199,6 @@ class EmbodiedScenario(Scenario):
         )
 
     @property
-    def conditions(self) -> dict[str, Awaited]:
-        """Conditions that trials wait for, by their dotted keys."""
-        return {**super().conditions, **conditions_in(self.schedule)}
-
-    @property
-    def has_events(self) -> bool:
-        """Whether there are faults or a schedule."""
-        return bool(self.faults or self.schedule)
-
-    @property
     def camera_pixels(self) -> int:
         """Largest number of pixels in a row that a controller reads."""
         return max(group.pixels for group in self.robots)
@@ -238,7 +226,7 @@ class EmbodiedScenario(Scenario):
 
     def _may_have_t_sync(self, robots: Sequence[RobotGroup], swept: Sequence[str]) -> bool:
         """Return whether the reference is an oscillator, or may be one at a point of a sweep."""
-        place = bisect(list(accumulate(group.count for group in robots)), self.stop.reference_robot)
+        place = next(place for place, _, numbers in members(robots) if self.stop.reference_robot in numbers)
         if {"robots", f"robots.{place}", f"robots.{place}.controller"} & set(swept):
             return True
         return find_controller(robots[place].controller).is_oscillator

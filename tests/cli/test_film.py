@@ -1,10 +1,8 @@
 """Films of trials, by `run --film` and by `film`: what they write and print, and how mistakes end."""
 
-import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +10,9 @@ import pytest
 from epuck_sim.overhead.film_writer import FilmWriter
 from epuck_sim.overhead.frame import Frame
 from epuck_sim.recording.reader import read_recording
-from tests.cli.commands import call, called, contents, refused
+from tests.cli.commands import call, called, contents, refused, trials
 from tests.cli.films import frames_and_description, names, shut
+from tests.control.bench import with_step
 
 THREE = """
 name: three
@@ -23,22 +22,8 @@ stop: {max_cycles: 2}
 overhead: {width_px: 160, height_px: 128}
 """
 
-BAD_STEP = """
-PARAMETERS = {}
-MEMORY = {}
-def start(memory, parameters, random):
-    pass
-def step(sensors, memory, actuators, parameters, random):
-    raise ValueError("never again")
-"""
-
 POSES = ("--record-level", "poses")
 """What cameras see is not recorded: to compile that takes a while."""
-
-
-def trials(stdout: str) -> list[dict[str, Any]]:
-    """Return the trials of a command's JSON, without the time they took."""
-    return [{**json.loads(line), "wall_s": 0} for line in stdout.splitlines()]
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +91,7 @@ def test_a_trial_of_a_sweep_can_be_filmed(here) -> None:
 
 
 def test_where_a_trial_fails_an_older_film_stays_and_nothing_else(here) -> None:
-    (here / "bad.py").write_text(BAD_STEP)
+    (here / "bad.py").write_text(with_step("raise ValueError('never again')"))
     (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]")
     (here / "t.mp4").write_text("older")
     before = contents(here)

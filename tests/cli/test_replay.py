@@ -1,6 +1,5 @@
 """The command line of recordings: trials recorded, recorded again, shown and drawn, and how mistakes end."""
 
-import json
 import os
 import shutil
 import signal
@@ -34,8 +33,9 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util import ports
-from tests.cli.commands import call, called, contents, refused
+from tests.cli.commands import call, called, contents, refused, trials
 from tests.cli.commands import cells as table_cells
+from tests.control.bench import with_step
 from tests.processes import COMMAND, start, wait_until
 from tests.runs.made_folders import edit
 
@@ -48,22 +48,8 @@ trials: 3
 sweep: {grid: {robots.0.parameters.speed_cm_s: [1, 4, 8]}}
 """
 
-BAD_STEP = """
-PARAMETERS = {}
-MEMORY = {}
-def start(memory, parameters, random):
-    pass
-def step(sensors, memory, actuators, parameters, random):
-    raise ValueError("never again")
-"""
-
 ADDRESS = "http://127.0.0.1"
 UNSEEN = "give --web to look in a browser"
-
-
-def trials(stdout: str) -> list[dict[str, Any]]:
-    """Return the trials of a command's JSON, without the time they took."""
-    return [{**json.loads(line), "wall_s": 0} for line in stdout.splitlines()]
 
 
 def cells(stdout: str) -> list[list[str]]:
@@ -225,7 +211,7 @@ def test_an_interpreted_trial_is_recorded_as_the_compiled_one_is(pair, tmp_path)
 
 
 def test_where_a_trial_fails_an_older_recording_stays_and_nothing_else(here) -> None:
-    (here / "bad.py").write_text(BAD_STEP)
+    (here / "bad.py").write_text(with_step("raise ValueError('never again')"))
     (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]")
     (here / "t.rrd").write_text("older")
     before = contents(here)

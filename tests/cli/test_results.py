@@ -14,16 +14,14 @@ import pyarrow.parquet as pq
 import pytest
 from matplotlib import image
 from matplotlib.figure import Figure
-from typer.testing import CliRunner
 
-from epuck_sim.cli.app import app
 from epuck_sim.estimate import Estimate, significant
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
 from epuck_sim.statistics.curves import read_curves
-from tests.cli.commands import cells
+from tests.cli.commands import call, called, cells, contents, refused
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -63,31 +61,6 @@ def words(command: str, folder: Path, good: Path, out: Path) -> list[str]:
     """Return the words of a command on a folder, and on another one that is good."""
     given = command.replace("OUT", str(out)).replace("GOOD", str(good)).split()
     return [str(folder) if word == "FOLDER" else word for word in given]
-
-
-def call(*arguments: str | Path):
-    return CliRunner().invoke(app, [*map(str, arguments)])
-
-
-def called(*arguments: str | Path) -> str:
-    """Return what a command prints that ends well and has nothing to complain of."""
-    result = call(*arguments)
-    assert (result.exit_code, result.stderr) == (0, "")
-    return result.stdout
-
-
-def refused(*arguments: str | Path) -> str:
-    """Return the message of a command that ends with one, and with exit code 2."""
-    result = call(*arguments)
-    assert result.exit_code == 2, result.exception
-    assert result.stdout == ""
-    assert result.stderr.startswith("error: ")
-    assert "Traceback" not in result.stderr
-    return result.stderr
-
-
-def contents(folder: Path) -> dict[str, bytes | None]:
-    return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
 
 def law(point):
