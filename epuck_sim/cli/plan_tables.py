@@ -49,18 +49,17 @@ def print_power(name: str, plan: TrialPlan, duration: Duration, as_json: bool) -
 
 
 def _print_duration(name: str, duration: Duration) -> None:
-    for line in describe_at_limit(duration.at_limit):
-        print(line)
     total = f"{name}: {counted(duration.points, 'point')}, {counted(duration.trials, 'trial')} each"
     if not duration.left:
         print(f"{total}: all are stored.")
-        return
-    if not duration.timed:
+    elif not duration.timed:
         print(f"{total}: {duration.left} are left; none has been timed.")
-        return
-    computing, source = describe_computing(duration)
-    print(f"{total}: {duration.left} are left: {computing}.")
-    print(f"{source}.")
+    else:
+        computing, source = describe_computing(duration)
+        print(f"{total}: {duration.left} are left: {computing}.")
+        print(f"{source}.")
+    for line in describe_at_limit(duration.at_limit):
+        print(line)
 
 
 def describe_computing(duration: Duration) -> tuple[str, str]:

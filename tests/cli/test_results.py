@@ -364,9 +364,11 @@ def test_what_is_no_run_folder_or_damaged_is_refused_by_every_command_and_untouc
     harm(folder)
     before = contents(tmp_path)
     for command in COMMANDS:
-        stderr = refused(*words(command, folder, made, tmp_path / "out"))
-        assert message in stderr
-        assert str(folder) in stderr
+        result = call(*words(command, folder, made, tmp_path / "out"))
+        assert (result.exit_code, result.stdout) == (2, "")
+        assert result.stderr.startswith("error: ")  # and there may be a line for each thing that is damaged
+        assert message in result.stderr
+        assert str(folder) in result.stderr
         assert contents(tmp_path) == before
 
 
