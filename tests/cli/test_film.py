@@ -92,7 +92,7 @@ def test_a_trial_of_a_sweep_can_be_filmed(here) -> None:
 
 def test_where_a_trial_fails_an_older_film_stays_and_nothing_else(here) -> None:
     (here / "bad.py").write_text(with_step("raise ValueError('never again')"))
-    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]")
+    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]\nstop: {max_time_s: 60}")
     (here / "t.mp4").write_text("older")
     before = contents(here)
     assert "never again" in refused("run", "bad.yaml", "--interpret", "--film", "t.mp4")

@@ -212,7 +212,7 @@ def test_an_interpreted_trial_is_recorded_as_the_compiled_one_is(pair, tmp_path)
 
 def test_where_a_trial_fails_an_older_recording_stays_and_nothing_else(here) -> None:
     (here / "bad.py").write_text(with_step("raise ValueError('never again')"))
-    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]")
+    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]\nstop: {max_time_s: 60}")
     (here / "t.rrd").write_text("older")
     before = contents(here)
     assert "never again" in refused("run", "bad.yaml", "--interpret", "--record", "t.rrd")
