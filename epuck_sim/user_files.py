@@ -11,6 +11,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache, cached_property, wraps
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -31,6 +32,9 @@ AS_LOADED = "__as_loaded__"
 
 MAX_WHOLE = 2**53
 """Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
+
+NEAREST = 5
+"""Number of known names that are listed for an unknown one."""
 
 OWN_PACKAGE = "epuck-sim"
 """Name of this package, among those that offer something."""
@@ -120,13 +124,11 @@ class Kind:
         if places:
             packages = " and by ".join(place.package for place in places)
             raise self.error(f"{name!r} is the name of two {self.noun}s: offered by {packages}; uninstall one of these")
-        shipped = self.shipped()
-        others = [other for other in self.offers if other not in shipped]
+        known = list(self.offers)
+        more = f" and {len(known) - NEAREST} more" if len(known) > NEAREST else ""
+        near = get_close_matches(name, known, NEAREST, cutoff=0) if more else known
         form = self.form or f"a file that ends in {' or '.join(self.suffixes)}"
-        raise self.error(
-            f"{did_you_mean(name, self.offers)}; shipped {self.noun}s: {comma_list(shipped)}; "
-            + (f"installed: {comma_list(others)}; or give {form}" if others else f"or give {form}")
-        )
+        raise self.error(f"{did_you_mean(name, self.offers)}; {self.noun}s: {comma_list(near)}{more}; or give {form}")
 
     @cached_property
     def offers(self) -> Mapping[str, Sequence[Place]]:

@@ -4,13 +4,19 @@ A row has `says`, parts of the message with ... between them, and what is wrong:
 
 - `scenario`: keys of a scenario, which `check` reads from a file, `s.yaml`; or `text`, the file itself
 - `command`: words after `epuck-sim`; that of a row with a scenario is `check s.yaml`
-- `files`: further files by their names, beside the scenario
+- `files`: further files by their names, beside the scenario; `folders`, `pipes`: names of what is there and no file;
+  `links`: what links lead to, by their names
+- `beside`: recordings and run folders, by their names in `MAKERS`
 - `code`: the exit code, if it is not 2
 """
 
+import os
 import re
 import shlex
-from functools import cache
+import shutil
+import sys
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +24,88 @@ import pytest
 from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.scenario.yaml_io import parse_yaml, write_yaml
+from tests.cli.commands import called, contents
+from tests.runs.made_folders import COUNT, SPEED, SPEEDS, WIDTH, Law, ended, store, store_measured, sweep, weibull
 
 TABLE = Path(__file__).with_name("mistakes.yaml")
+
+AGENTS = {
+    "agents.reorient_on": [[], ["emitting"], ["emitting", "receiving"]],
+    "neighbourhood.radius_cm": [None, 50],
+    "agents.speed_cm_s": [3, 30],
+}
+
+
+def stored(law: Law, *sweep_of: Any, **changes: Any) -> Callable[[Path], object]:
+    """Return what makes a run folder of a sweep whose trials a law draws; see `made_folders.sweep`."""
+    return lambda folder: store(folder, sweep(*sweep_of, **changes), law)
+
+
+def drawn(**figure: str) -> Callable[[Path], object]:
+    """Return what makes a run folder of three axes with a section `figure`."""
+    grid = {COUNT: [3, 5], WIDTH: [40, 60, 80], SPEED: [1, 2, 4]}
+    return stored(partial(weibull, mean=30), grid, 5, "forms", figure=figure)
+
+
+def never(_: object) -> Any:
+    return ended([5000] * 3, [False] * 3)
+
+
+def measured(folder: Path) -> None:
+    """Make a run folder with a measure, and without T_sync."""
+    path = folder.with_name("mine.py")
+    path.write_text("def number(simulation): return 0\n")
+    store_measured(folder, sweep({SPEED: SPEEDS, COUNT: [2, 6]}, measures=[str(path)]), lambda _: [1.0, 2.0])
+
+
+def half_a_recording(path: Path) -> None:
+    """Make a recording that was cut off."""
+    whole = path.with_name("whole.rrd")
+    called("run", "pair", "--record", whole)
+    path.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+
+
+def without_database(folder: Path, contents_of_it: str = "") -> None:
+    folder.mkdir()
+    (folder / "scenario.yaml").write_text("name: short")
+    if contents_of_it:
+        (folder / DATABASE).write_text(contents_of_it)
+
+
+SHORT = {"arena": {"width_cm": 40, "height_cm": 40}, "robots": [{"count": 3}], "stop": {"max_cycles": 6}}
+CONE = {"neighbourhood": {"kind": "cone_of_vision", "angle_deg": 90}}
+
+MAKERS: dict[str, Callable[[Path], object]] = {
+    "pair.rrd": lambda path: called("run", "pair", "--record", path),
+    "summary.rrd": lambda path: called("run", "pair", "--record", path, "--record-level", "summary"),
+    "half.rrd": half_a_recording,
+    "swept": stored(partial(weibull, mean=4), {SPEED: [1, 4, 8]}, 3, "short", **SHORT),
+    "without": without_database,
+    "foreign": partial(without_database, contents_of_it="mine"),
+    "forms": drawn(),
+    "violins": drawn(form="violins"),
+    "map": drawn(form="map"),
+    "odd-y": drawn(form="map", y="arena.width"),
+    "odd-x": drawn(x="speed"),
+    "course": drawn(form="course"),
+    "small": stored(partial(weibull, mean=30), {SPEED: SPEEDS}, 5),
+    "flat": stored(lambda _: ended([5]), {COUNT: [2, 3]}),
+    "empty": stored(lambda _: ended([]), {SPEED: SPEEDS}),
+    "censored": stored(never, {WIDTH: [40, 60], SPEED: [1, 2]}, 3),
+    "timeless": stored(never, {WIDTH: [40, 60], SPEED: [1, 2]}, 3, stop={"order_parameter": None, "max_cycles": 5000}),
+    "panels": stored(lambda _: ended([5]), {WIDTH: range(60, 160), SPEED: [1, 2]}, 1),
+    "agents": stored(partial(weibull, mean=30), AGENTS, 3, "tiny", model="particles", agents={"count": 6}, **CONE),
+    "measured": measured,
+}
+"""What makes each recording and run folder that rows have beside them, from its path."""
+
+
+@pytest.fixture(scope="session")
+def shelf(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of what has been made, each when it is first needed."""
+    return tmp_path_factory.mktemp("shelf")
 
 
 @cache
@@ -30,13 +115,28 @@ def rows() -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("row", rows(), ids=lambda row: row["says"][:70])
-def test_a_mistake_ends_the_command_with_one_message_before_anything_runs(row, tmp_path, monkeypatch) -> None:
+def test_a_mistake_ends_the_command_with_one_message_before_anything_runs(row, shelf, tmp_path, monkeypatch) -> None:
+    for name in row.get("beside", ()):
+        if not (shelf / name).exists():
+            MAKERS[name](shelf / name)
+        copy = shutil.copytree if (shelf / name).is_dir() else shutil.copy
+        copy(shelf / name, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     for name, text in row.get("files", {}).items():
         Path(name).write_text(text, encoding="utf-8")
+    for name in row.get("folders", ()):
+        Path(name).mkdir()
+    for name in row.get("pipes", ()):
+        os.mkfifo(name)
+    for name, target in row.get("links", {}).items():
+        Path(name).symlink_to(target)
     if "scenario" in row or "text" in row:
         Path("s.yaml").write_text(row["text"] if "text" in row else write_yaml(row["scenario"]), encoding="utf-8")
-    before = sorted(tmp_path.iterdir())
+    before = contents(tmp_path)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr("epuck_sim.cli.trials.simulate", lambda *_, **__: pytest.fail("a trial was simulated"))
     result = CliRunner().invoke(app, shlex.split(row.get("command", "check s.yaml")))
     assert result.exit_code == row.get("code", 2), result.output
     said = " ".join(result.stderr.replace("│", " ").split())
@@ -44,4 +144,8 @@ def test_a_mistake_ends_the_command_with_one_message_before_anything_runs(row, t
     assert re.search(".*".join(parts), said), said
     assert "Traceback" not in result.stderr
     assert result.stdout == ""
-    assert sorted(tmp_path.iterdir()) == before
+    assert contents(tmp_path) == before
+
+
+def test_what_has_a_name_lies_beside_a_row() -> None:
+    assert {name for row in rows() for name in row.get("beside", ())} == MAKERS.keys()

@@ -98,8 +98,9 @@ def test_what_packages_offer_is_listed_with_their_names():
 
 @pytest.mark.usefixtures("plugins")
 def test_what_packages_offer_is_used_by_name():
-    (trial,) = (json.loads(line) for line in called("run", "plaza", "--controller", "dark_walk", "--json").splitlines())
-    interpreted = json.loads(called("run", "plaza", "--controller", "dark_walk", "--json", "--interpret"))
+    command = ("run", "plaza", "--controller", "dark_walk", "--set", "max_time_s=600", "--json")
+    (trial,) = map(json.loads, called(*command).splitlines())
+    interpreted = json.loads(called(*command, "--interpret"))
     assert 7 < trial["measures"]["nearest_robot"] < 60
     assert trial["measures"] == interpreted["measures"]
     (measured,) = map(json.loads, called("run", "pair", "--measure", "nearest_robot", "--json").splitlines())
@@ -224,10 +225,11 @@ def test_a_broken_file_of_a_package_is_refused_with_its_line_where_it_is_used(si
 def test_an_unknown_name_is_answered_with_the_nearest_and_what_is_installed(site):
     install(site, "night", "curves", "dusk", "night.dusk")
     write(site / "night" / "dusk.py", CURVE_FILE)
-    with pytest.raises(CurveError, match=r"^unknown 'dask', did you mean 'dusk'\?; shipped response curves: multi.*; "):
+    with pytest.raises(CurveError) as raised:
         find_curve("dask")
-    with pytest.raises(CurveError, match=r"installed: dusk; or give a file that ends in \.py$"):
-        find_curve("zzz")
+    said = str(raised.value)
+    assert said.startswith("unknown 'dask', did you mean 'dusk'?; response curves: dusk, ")
+    assert said.endswith(" and 2 more; or give a file that ends in .py")
 
 
 @pytest.mark.parametrize(
@@ -244,7 +246,7 @@ def test_a_file_without_a_reward_is_refused(text, said, tmp_path):
 
 
 def test_an_unknown_reward_is_refused_with_what_there_is():
-    with pytest.raises(ScenarioError, match=r"did you mean 'synchrony'\?; shipped rewards: synchrony, aggreg"):
+    with pytest.raises(ScenarioError, match=r"did you mean 'synchrony'\?; rewards: synchrony, aggreg"):
         find_reward("synchrone")
 
 

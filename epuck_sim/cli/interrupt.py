@@ -138,7 +138,6 @@ def _signal_main_thread(number: int) -> None:
 
 
 def _end(why: str) -> None:
-    """End the process without the main thread."""
     try:
         restore_terminal()
         remove_unfinished()

@@ -72,7 +72,6 @@ def _describe(kind: Kind, names: Iterable[str], describe: Callable[[Place], str]
 
 
 def _of_yaml(place: Place) -> str:
-    """Return the description in a scenario's file."""
     given = read_yaml(place.path or Path())
     return str(given.get("description", "")) if isinstance(given, Mapping) else ""
 
@@ -84,7 +83,6 @@ def _of_python(place: Place) -> str:
 
 
 def _of_measure(place: Place) -> str:
-    """Return the first line of a measure's docstring, and its parameters with their defaults."""
     measure = find_measure(place.name)
     parameters = ", ".join(f"{key}: {default}" for key, default in measure.parameters.items())
     doc = (measure.make.__doc__ or "").partition("\n")[0]

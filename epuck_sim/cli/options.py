@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from epuck_sim.cli.errors import print_warnings, word_if_slow
+from epuck_sim.cli.errors import print_stderr, print_warnings, word_if_slow
 from epuck_sim.errors import EpuckSimError
 
 if TYPE_CHECKING:  # or --help would wait for pydantic
@@ -193,12 +193,19 @@ def read_scenario(
     quick: bool = False,
 ) -> "EmbodiedScenario | ParticleScenario":
     """Return the scenario that a command's options name and change, and print what it warns of; see `load_scenario`."""
+    from epuck_sim.scenario.embodied import EmbodiedScenario
     from epuck_sim.scenario.loader import load_scenario
 
     with word_if_slow(f"reading {scenario}"), print_warnings():
-        return load_scenario(
+        loaded = load_scenario(
             scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick
         )
+    if isinstance(loaded, EmbodiedScenario) and loaded.stop.is_time_by_default:
+        print_stderr(
+            f"note: robot {loaded.stop.reference_robot} is no oscillator, so that trials have no T_sync; they end "
+            f"after {loaded.stop.max_time_s:g} simulated seconds; for another limit: --set stop.max_time_s=3600"
+        )
+    return loaded
 
 
 def check_outputs(

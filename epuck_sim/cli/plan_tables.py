@@ -1,12 +1,15 @@
 """What `epuck-sim plan` prints: how long a sweep takes, and how many trials show a difference."""
 
 import json
+from collections.abc import Sequence
 from typing import NamedTuple
 
+from epuck_sim.cli.status_tables import describe_at_limit
 from epuck_sim.cli.tables import show
 from epuck_sim.display.numbers import in_words
 from epuck_sim.display.table import plain
 from epuck_sim.estimate import Estimate
+from epuck_sim.runs.status import PointAtLimit
 from epuck_sim.statistics.planning import TrialPlan
 from epuck_sim.util.messages import counted
 
@@ -26,6 +29,8 @@ class Duration(NamedTuple):
     """Number of trials from which this follows."""
     is_cut: bool
     """Whether the last of these was cut: then it takes longer."""
+    at_limit: Sequence[PointAtLimit] = ()
+    """Points whose trials, of these, have all reached their limit."""
 
 
 def print_plan(name: str, duration: Duration, as_json: bool) -> None:
@@ -47,13 +52,14 @@ def _print_duration(name: str, duration: Duration) -> None:
     total = f"{name}: {counted(duration.points, 'point')}, {counted(duration.trials, 'trial')} each"
     if not duration.left:
         print(f"{total}: all are stored.")
-        return
-    if not duration.timed:
+    elif not duration.timed:
         print(f"{total}: {duration.left} are left; none has been timed.")
-        return
-    computing, source = describe_computing(duration)
-    print(f"{total}: {duration.left} are left: {computing}.")
-    print(f"{source}.")
+    else:
+        computing, source = describe_computing(duration)
+        print(f"{total}: {duration.left} are left: {computing}.")
+        print(f"{source}.")
+    for line in describe_at_limit(duration.at_limit):
+        print(line)
 
 
 def describe_computing(duration: Duration) -> tuple[str, str]:
@@ -71,4 +77,5 @@ def _in_words(estimate: Estimate, is_cut: bool) -> str:
 
 
 def _duration_object(duration: Duration) -> dict[str, object]:
-    return {**duration._asdict(), "wall_s": duration.compute_s.value / duration.workers}
+    at_limit = [each._asdict() for each in duration.at_limit]
+    return {**duration._asdict(), "at_limit": at_limit, "wall_s": duration.compute_s.value / duration.workers}

@@ -1,9 +1,10 @@
 """Progress on stderr while trials, sweeps and films last."""
 
+import math
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -11,8 +12,14 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
 
+from epuck_sim.cli.errors import print_stderr
+from epuck_sim.cli.status_tables import describe_at_limit
 from epuck_sim.display.numbers import in_words
 from epuck_sim.runs.records import SweepProgress
+from epuck_sim.runs.status import FEW_TRIALS, PointAtLimit
+from epuck_sim.scenario.points import Point
+from epuck_sim.scenario.stop import StopSection
+from epuck_sim.trial.hopelessness import CYCLES, HopelessnessWatch
 from epuck_sim.trial.observer import TrialState
 
 if TYPE_CHECKING:  # films are a neighbour
@@ -26,6 +33,9 @@ LINE_S = 10.0
 
 COMPILING_S, COMPILING_IN_A_LOG_S = 1.0, 4.0
 """Seconds between two looks at how much is compiled, on a terminal, and before the only one in a log."""
+
+FEWER_CYCLES = 300
+"""Limit of cycles that is proposed for trials that look hopeless."""
 
 
 class _ProgressLine:
@@ -62,10 +72,11 @@ class _ProgressLine:
 class TrialProgress(_ProgressLine):
     """Shows how far trials are that run one after the other."""
 
-    def __init__(self, trials: int, *, interpret: bool = False) -> None:
+    def __init__(self, trials: int, stop: StopSection, *, interpret: bool = False) -> None:
         # interpreted controllers may stop at breakpoints: a spinner would write over the debugger's prompt
         super().__init__(SpinnerColumn(), TextColumn("{task.description}"), is_redrawn=not interpret)
         self._trials = trials
+        self._stop = stop
         self._trial = 0
         self._began = 0.0
         self._is_ready = threading.Event()
@@ -92,20 +103,31 @@ class TrialProgress(_ProgressLine):
     def begin(self, trial: int) -> None:
         """Say that trial number `trial` begins."""
         self._is_ready.set()
+        self._watch = HopelessnessWatch(self._stop.metric, self._tell_of_hopelessness)
         self._trial = trial
         self._began = time.perf_counter()
         self._next = self._began + self._pause_s
 
     def __call__(self, state: TrialState) -> None:
-        """Show how far the trial is, if it is time to."""
+        """Show how far the trial is, if it is time to; say once if it looks hopeless."""
+        if self._stop.order_parameter is not None and self._stop.max_cycles > FEWER_CYCLES:
+            self._watch(state)
         now = time.perf_counter()
         if now < self._next:
             return
         self._next = now + self._pause_s
         r = "" if state.order_parameter is None else f", order parameter {state.order_parameter:.3f}"
+        passed = max(state.cycles / self._stop.max_cycles, state.time_s / (self._stop.max_time_s or math.inf))
         self.show(
-            f"trial {self._trial + 1} of {self._trials}: {state.time_s:.1f} s simulated, {state.cycles} cycles{r}, "
-            f"{state.time_s / (now - self._began):.0f} x real time"
+            f"trial {self._trial + 1} of {self._trials}: cycle {state.cycles}, {100 * passed:.2g} % of the limit{r}, "
+            f"{state.time_s:.1f} s simulated, {state.time_s / (now - self._began):.0f} x real time"
+        )
+
+    def _tell_of_hopelessness(self, order: float) -> None:
+        print_stderr(
+            f"trial {self._trial + 1} of {self._trials} looks hopeless: over {CYCLES} cycles the order parameter, "
+            f"{order:.2f}, is that of random phases or does not change; to end sooner: "
+            f"--set stop.max_cycles={FEWER_CYCLES}"
         )
 
 
@@ -115,11 +137,16 @@ class SweepProgressBar(_ProgressLine):
     def __init__(self) -> None:
         super().__init__(BarColumn(), TextColumn("{task.description}"))
         self._began: float | None = None
+        self._at_limit: dict[int, float] = {}  # number of trials of each point, if all have reached their limit
         self.progress: SweepProgress | None = None
+        self.points: Sequence[Point] = ()
+        """Points of the sweep; it is said of each of them, once, that its trials reach their limit."""
 
     def __call__(self, progress: SweepProgress) -> None:
         """Show the progress, if it is time to."""
         self.progress = progress
+        if self.points and progress.last and progress.last.result:
+            self._note(self.points[progress.last.point], is_censored=progress.last.result.censored is True)
         now = time.monotonic()
         if progress.ended and self._began is None:
             self._began = now  # the first trial waits for workers to start: no measure of the others
@@ -128,6 +155,14 @@ class SweepProgressBar(_ProgressLine):
             return
         self._next = now + self._pause_s
         self.show(self._words(progress, now), done, progress.trials)
+
+    def _note(self, point: Point, *, is_censored: bool) -> None:
+        """Take note of a trial of a point, and say so if enough of them, and no other one, have reached their limit."""
+        count = self._at_limit.get(point.number, 0) + (1 if is_censored else -math.inf)
+        self._at_limit[point.number] = count
+        if count == min(FEW_TRIALS, point.scenario.trials):
+            for line in describe_at_limit([PointAtLimit(point.number, point.axes, int(count))]):
+                print_stderr(line)
 
     def _words(self, progress: SweepProgress, now: float) -> str:
         failed = f", {progress.failed} failed" if progress.failed else ""
@@ -159,7 +194,6 @@ _Item = TypeVar("_Item")
 def _passed(
     items: Iterable[_Item], doing: str, said: str, total: float | None, completed: Callable[[_Item], float]
 ) -> Iterator[_Item]:
-    """Yield items, and show how far they are."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(said))
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

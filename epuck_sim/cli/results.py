@@ -429,16 +429,16 @@ def _duration_of_folder(folder: Path, trials: int | None, workers: int) -> "Dura
     from epuck_sim.runs.status import read_status, read_wall_times
     from epuck_sim.scenario.loader import RUN_SCENARIO
 
-    stored, of_sweep = read_wall_times(folder), read_status(folder).share
-    share = Share.parse(of_sweep) if of_sweep else WHOLE
+    stored, status = read_wall_times(folder), read_status(folder)
+    share = Share.parse(status.share) if status.share else WHOLE
     wanted = trials or read_scenario(folder / RUN_SCENARIO).trials
     times = [time for of_point in stored.values() for time in of_point]
     mean = sum(times) / len(times) if times else 0.0
     left = {number: max(0, len(share.trials(number, wanted)) - len(of_point)) for number, of_point in stored.items()}
     means = {number: sum(of_point) / len(of_point) if of_point else mean for number, of_point in stored.items()}
     seconds = sum(left[number] * means[number] for number in left)
-    compute = Estimate(seconds)
-    return Duration(len(stored), wanted, sum(left.values()), workers, compute, len(times), is_cut=False)
+    count, compute = sum(left.values()), Estimate(seconds)
+    return Duration(len(stored), wanted, count, workers, compute, len(times), False, status.at_limit)
 
 
 def _duration_of_scenario(
@@ -475,6 +475,7 @@ def estimate_duration(found: "Sequence[Point]", wanted: int, budget_s: float, wo
     import numpy as np
 
     from epuck_sim.cli.plan_tables import Duration
+    from epuck_sim.runs.status import PointAtLimit
     from epuck_sim.statistics.mean import estimate_mean
     from epuck_sim.statistics.measured import Measured
     from epuck_sim.sweep.pilot import time_trials
@@ -485,4 +486,5 @@ def estimate_duration(found: "Sequence[Point]", wanted: int, budget_s: float, wo
     estimate = estimate_mean(Measured(times, np.ones(len(times), bool), float("inf"), 0))
     compute = estimate.apply(lambda seconds: count * seconds)
     is_cut = any(each.is_cut for each in timed)
-    return Duration(len(found), wanted, count, workers, compute, len(times), is_cut)
+    at_limit = [PointAtLimit(each.point, found[each.point].axes, 1) for each in timed if each.is_censored]
+    return Duration(len(found), wanted, count, workers, compute, len(times), is_cut, at_limit)

@@ -4,8 +4,9 @@ import json
 import keyword
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -69,71 +70,56 @@ def list_shipped(
             print_descriptions(listed)
 
 
-@news.command("measure")
-def new_measure(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the measure, and of its file NAME.py.")],
-) -> None:
-    """Write NAME.py, a commented measure of trials that runs as it stands."""
-    with exit_on_error():
-        _reject_no_name(name, "measure", "coverage")
-        _write_new(Path(f"{name}.py"), MEASURE.format(name=name), f"run thesis --measure {name}.py")
+class New(NamedTuple):
+    """A kind of file that `new` writes."""
+
+    template: str
+    """Its text, with {name}."""
+    command: str
+    """What tries it, with {name} and {file}."""
+    example: str
+    """A name for one."""
 
 
-@news.command("controller")
-def new_controller(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the controller's file NAME.py.")],
-) -> None:
-    """Write NAME.py, a commented controller of robots that runs as it stands."""
-    with exit_on_error():
-        _reject_no_name(name, "controller", "wanderer")
-        _write_new(Path(f"{name}.py"), CONTROLLER.format(name=name), f"run thesis --controller {name}.py")
+NEW = {
+    "scenario": New(SCENARIO, "run {file}", "pillar-80"),
+    "controller": New(CONTROLLER, "run thesis --controller {file}", "wanderer"),
+    "measure": New(MEASURE, "run thesis --measure {file}", "coverage"),
+    "sensor": New(SENSOR, 'run thesis --set "robots.0.sensors=[{file}]" --trace {name}.parquet', "ground"),
+    "robot": New(ROBOT, "run thesis --set robot={file}", "cart"),
+}
+"""The kinds of files that `new` writes."""
 
 
-@news.command("sensor")
-def new_sensor(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the sensor, and of its file NAME.py.")],
-) -> None:
-    """Write NAME.py, a commented sensor of robots that runs as it stands."""
-    with exit_on_error():
-        from epuck_sim.control.interface import Sensors
+def _command_for(kind: str) -> Callable[[str], None]:
+    def new(name: Annotated[str, typer.Argument(metavar="NAME", help="Its name, and that of its file.")]) -> None:
+        with exit_on_error():
+            _write_new(kind, name)
 
-        _reject_no_name(name, "sensor", "ground")
-        taken = name in Sensors._fields or name in sys.stdlib_module_names
-        reject_first((taken, f"{name!r} is taken, by what robots sense anyway or by Python; give another name"))
-        command = f'run thesis --set "robots.0.sensors=[{name}.py]" --trace {name}.parquet'
-        _write_new(Path(f"{name}.py"), SENSOR.format(name=name), command)
+    new.__doc__ = f"Write a file with a commented {kind} that runs as it stands."
+    return new
 
 
-@news.command("robot")
-def new_robot(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the robot's file NAME.yaml.")],
-) -> None:
-    """Write NAME.yaml, a commented robot that runs as it stands."""
-    with exit_on_error():
-        _reject_no_name(name, "robot", "cart")
-        _write_new(Path(f"{name}.yaml"), ROBOT.format(name=name), f"run thesis --set robot={name}.yaml")
+for kind_of_file in NEW:
+    news.command(kind_of_file)(_command_for(kind_of_file))
 
 
-@news.command("scenario")
-def new_scenario(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the scenario, and of its file NAME.yaml.")],
-) -> None:
-    """Write NAME.yaml, a commented scenario that runs as it stands."""
-    with exit_on_error():
-        message = f"{name!r} is no name for a scenario; allowed: letters, digits, _ and -, such as pillar-80"
-        reject_first((not re.fullmatch(r"[A-Za-z_][\w-]{0,99}", name), message))
-        _write_new(Path(f"{name}.yaml"), SCENARIO.format(name=name), f"run {name}.yaml")
+def _write_new(kind: str, name: str) -> None:
+    new = NEW[kind]
+    if kind == "scenario":
+        is_name, letters = re.fullmatch(r"[A-Za-z_][\w-]{0,99}", name) is not None, "letters, digits, _ and -"
+    else:  # which Python imports, or which stands beside what it does
+        is_name = name.isidentifier() and not keyword.iskeyword(name) and not name.startswith("_")
+        letters = "letters, digits and _"
+    file = f"{name}.yaml" if kind in ("scenario", "robot") else f"{name}.py"
+    from epuck_sim.control.interface import Sensors
 
-
-def _reject_no_name(name: str, kind: str, example: str) -> None:
-    """Raise EpuckSimError for what Python cannot import by this name."""
-    is_name = name.isidentifier() and not keyword.iskeyword(name) and not name.startswith("_")
-    reject_first((not is_name, f"{name!r} is no name for a {kind}; allowed: letters, digits and _, such as {example}"))
-
-
-def _write_new(path: Path, text: str, command: str) -> None:
-    """Write a file that does not exist yet, and print how to try it."""
-    reject_first((path.exists(), f"{path}: exists already; give another name"))
-    with atomic_write(path) as part:
-        part.write_text(text, encoding="utf-8")
-    typer.echo(f"{path}: try it: epuck-sim {command}")
+    taken = kind == "sensor" and (name in Sensors._fields or name in sys.stdlib_module_names)
+    reject_first(
+        (not is_name, f"{name!r} is no name for a {kind}; allowed: {letters}, such as {new.example}"),
+        (taken, f"{name!r} is taken, by what robots sense anyway or by Python; give another name"),
+        (Path(file).exists(), f"{file}: exists already; give another name"),
+    )
+    with atomic_write(Path(file)) as part:
+        part.write_text(new.template.format(name=name), encoding="utf-8")
+    typer.echo(f"{file}: try it: epuck-sim {new.command.format(name=name, file=file)}")

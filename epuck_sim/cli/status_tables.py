@@ -6,15 +6,13 @@ from typing import Any
 
 from epuck_sim.display.numbers import in_words
 from epuck_sim.runs.share import Share
-from epuck_sim.runs.status import Failure, Status
+from epuck_sim.runs.status import Failure, PointAtLimit, Status
+from epuck_sim.scenario.points import describe_axes
 from epuck_sim.util.messages import counted
 from epuck_sim.util.provenance import format_versions
 
-MOST_FAILURES = 10
-"""Maximum number of failed trials that are listed."""
-
-MOST_MISSING = 10
-"""Maximum number of shares without a folder that are listed."""
+MOST_LISTED = 10
+"""Maximum number of failed trials, of shares without a folder, and of points at their limit, that are listed."""
 
 
 def print_status(status: Status, as_json: bool) -> None:
@@ -35,19 +33,34 @@ def print_status(status: Status, as_json: bool) -> None:
         print(f"  {counted(row.trials, 'trial')}: {format_versions(row.made_by)}")
     if status.at_work:
         print(f"  {status.at_work} is at work on it")
+    for line in describe_at_limit(status.at_limit):
+        print(f"  {line}")
     print_failures(status.failed)
+
+
+def describe_at_limit(points: Sequence[PointAtLimit]) -> list[str]:
+    """Return a line for each of the first points whose trials all reach their limit; the last ends with what to do."""
+    lines = [
+        f"{f'at {describe_axes(each.axes)}, ' if each.axes else ''}every trial so far ({each.trials}) reaches the limit"
+        for each in points[:MOST_LISTED]
+    ]
+    if len(points) > MOST_LISTED:
+        lines.append(f"so it is at {counted(len(points) - MOST_LISTED, 'further point')}")
+    if lines:
+        lines[-1] += "; go on, or take another limit in a new folder: --set stop.max_cycles=N"
+    return lines
 
 
 def print_failures(failures: Sequence[Failure]) -> None:
     """Print the first failed trials on stdout, each with the words that run it alone."""
-    for failure in failures[:MOST_FAILURES]:
+    for failure in failures[:MOST_LISTED]:
         print(f"  failed: --point {failure.point} --trial {failure.trial}: {failure.error}")
-    if len(failures) > MOST_FAILURES:
-        print(f"  and {len(failures) - MOST_FAILURES} more")
+    if len(failures) > MOST_LISTED:
+        print(f"  and {len(failures) - MOST_LISTED} more")
 
 
 def _as_dict(status: Status) -> dict[str, Any]:
-    rows = {name: [row._asdict() for row in getattr(status, name)] for name in ("failed", "versions")}
+    rows = {name: [row._asdict() for row in getattr(status, name)] for name in ("failed", "versions", "at_limit")}
     return {**status._asdict(), **rows}
 
 
@@ -65,8 +78,8 @@ def print_statuses(statuses: Mapping[str, Status], as_json: bool) -> None:
     failures = sum(len(status.failed) for status in statuses.values())
     print(f"together: {stored} of {trials} trials have a result; failed: {failures}")
     if missing := _missing_shares(statuses.values()):
-        more = f" and {len(missing) - MOST_MISSING} more" if len(missing) > MOST_MISSING else ""
-        print(f"shares without a folder here: {', '.join(missing[:MOST_MISSING])}{more}")
+        more = f" and {len(missing) - MOST_LISTED} more" if len(missing) > MOST_LISTED else ""
+        print(f"shares without a folder here: {', '.join(missing[:MOST_LISTED])}{more}")
 
 
 def _missing_shares(statuses: Iterable[Status]) -> list[str]:

@@ -65,7 +65,6 @@ def _cells(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
 
 
 def _summary(results: Sequence[TrialResult], max_cycles: int) -> str:
-    """Return mean, median and share of censored trials of T_sync in a line."""
     from epuck_sim.statistics.names import Statistic  # what follows takes scipy
     from epuck_sim.statistics.statistic import estimate
 

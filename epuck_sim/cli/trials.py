@@ -16,7 +16,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.model import run_trial, simulate
+from epuck_sim.trial.model import check_interpretable, run_trial, simulate
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.messages import counted
 from epuck_sim.util.seeds import trial_seed
@@ -29,8 +29,8 @@ def seeds_of(origin: str, scenario: Scenario) -> list[int]:
     """Return the seeds of a scenario's trials; raise ScenarioError for a sweep."""
     if scenario.sweep is not None:
         raise ScenarioError(
-            f"{origin}: holds a sweep of {len(points(scenario))} points; give --out FOLDER to run it, or --point K "
-            "--trial J to run one of its trials"
+            f"{origin}: holds a sweep of {counted(len(points(scenario)), 'point')}; give --out FOLDER to run it, or "
+            "--point K --trial J to run one of its trials"
         )
     return [trial_seed(scenario.seed, trial) for trial in range(scenario.trials)]
 
@@ -67,10 +67,12 @@ def run_trials(
     """
     from epuck_sim.cli.tables import print_trial_json, print_trials
 
+    if interpret:
+        check_interpretable(scenario)
     results: list[TrialResult] = []
     with open_observers(watched, scenario, len(seeds), echo=interpret) as factories:
         try:
-            with TrialProgress(len(seeds), interpret=interpret) as progress, prefix_scenario(origin):
+            with TrialProgress(len(seeds), scenario.stop, interpret=interpret) as progress, prefix_scenario(origin):
                 for trial, seed in enumerate(seeds):
                     results.append(_run_trial(scenario, seed, trial, factories, progress, interpret, watched))
                     if as_json:
@@ -168,6 +170,7 @@ def sweep_into(
                     if dask is None:
                         check_memory(found, workers or available_cores())
                     print_stderr(f"{found[0].scenario.name}: {describe_size(found)}")
+                    bar.points = found
 
                 run_sweep(
                     scenario,

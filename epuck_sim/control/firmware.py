@@ -181,7 +181,6 @@ def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
 
 
 def _reject_for_the_robot(path: Path) -> None:
-    """Raise ControllerError for firmware that starts the robot itself."""
     source = path.read_text(errors="replace")
     if found := FOR_THE_ROBOT.search(source):
         raise ControllerError(

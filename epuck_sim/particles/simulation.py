@@ -356,6 +356,11 @@ class ParticleSimulation:
         return None if math.isnan(order_parameter) else order_parameter
 
     @property
+    def oscillators(self) -> int:
+        """Number of agents, which are all oscillators."""
+        return self.scenario.agents.count
+
+    @property
     def outcome(self) -> Firing:
         """The last firing of the reference; a trial ends with the one at which the swarm is synchronised."""
         return Firing(self.cycles, self.order_parameter)

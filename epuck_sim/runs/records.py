@@ -49,6 +49,8 @@ class SweepProgress(NamedTuple):
     """Number of trials that failed in this run, as trials or for a measure that was added."""
     ended: int
     """Number of trials that ended in this run, with a result or with an error."""
+    last: Outcome | None = None
+    """The last of these."""
 
 
 class FinishedTrials:

@@ -1,8 +1,9 @@
 """How far the sweep in a run folder is, how its trials ended and how long they took; nothing in it is changed."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from epuck_sim.runs.database import UNMEASURED, reading
 from epuck_sim.runs.folder import current_holder
@@ -37,6 +38,20 @@ class TrialsByOrigin(NamedTuple):
         return {name: getattr(self, name) for name in PROVENANCE}
 
 
+class PointAtLimit(NamedTuple):
+    """A point whose trials have all reached their limit so far, without synchrony."""
+
+    point: int
+    axes: dict[str, Any]
+    """Value of each axis by dotted key."""
+    trials: int
+    """Number of these trials."""
+
+
+FEW_TRIALS = 20
+"""Number of trials, or all of a point's if it has fewer, from which on they stand for the others of their point."""
+
+
 class Status(NamedTuple):
     """How far the sweep in a run folder is."""
 
@@ -60,6 +75,8 @@ class Status(NamedTuple):
     """Number of stored trials that lack a measure which was added later."""
     share: str | None = None
     """Share of the sweep that the folder is for, as 3/40; None for the whole sweep."""
+    at_limit: Sequence[PointAtLimit] = ()
+    """Points whose trials, `FEW_TRIALS` or more of them, are all censored."""
 
 
 def read_status(folder: Path) -> Status:
@@ -92,6 +109,11 @@ def read_status(folder: Path) -> Status:
         if measures_in(connection):
             query = f"SELECT count(*) FROM trials WHERE error IS NULL AND {UNMEASURED}"
             (unmeasured,) = connection.execute(query).fetchone()
+        at_limit = censored and connection.execute(
+            "SELECT number, axes, count(*) FROM trials JOIN points ON point = key WHERE error IS NULL GROUP BY key "
+            f"HAVING min(censored) = 1 AND count(*) >= min(trials, {FEW_TRIALS}) ORDER BY number"
+        )
+        points_at_limit = tuple(PointAtLimit(number, json.loads(axes), count) for number, axes, count in at_limit or ())
         if share != WHOLE:  # one that got further points may have trials that now belong to others
             finished = read_finished(connection)
             ours = sum(finished.count(number, share.trials(number, count)) for number, count in points)
@@ -107,6 +129,7 @@ def read_status(folder: Path) -> Status:
         at_work=current_holder(folder),
         unmeasured=unmeasured,
         share=None if share == WHOLE else str(share),
+        at_limit=points_at_limit,
     )
 
 

@@ -15,7 +15,7 @@ from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena import find_picture, map_pictures
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.faults import FaultSection
-from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.robots import RobotGroup, members
 from epuck_sim.scenario.sensors import resolve_sensors
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
@@ -105,17 +105,15 @@ def check_oscillators(
         ScenarioError: A robot that may have such a fault is no oscillator.
     """
     for number, fault in enumerate(faults):
-        first = 0
-        for place, group in enumerate(groups):
+        for place, group, robots in members(groups):
             known = f"robots.{place}.controller" not in swept
-            if fault.changes == "phase" and fault.may_befall(first, group.count) and known:
+            if fault.changes == "phase" and fault.may_befall(robots) and known:
                 controller = find_controller(group.controller)
                 if not controller.is_oscillator:
                     raise ScenarioError(
                         f"{origin}: faults.{number}: kind is {fault.kind!r}, but robots.{place} are no oscillators: "
                         f"their controller is {controller.name}; give robots, the numbers of others"
                     )
-            first += group.count
 
 
 def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes:
@@ -207,7 +205,6 @@ def _own_names(controller: Controller) -> dict[str, set[str]]:
 
 
 def _without(group: Mapping[str, Any], lacking: Mapping[str, Collection[str]]) -> dict[str, Any]:
-    """Return a group without these names in these sections."""
     kept = {
         section: {name: value for name, value in (group[section] or {}).items() if name not in names}
         for section, names in lacking.items()

@@ -4,11 +4,13 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from epuck_sim.control.loader import find_controller
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import Number, WholeNumber
 from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, resolve_group
@@ -16,15 +18,19 @@ from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.physics import ContactSection, NoiseSection, SpreadSection, StuckSection, TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind
-from epuck_sim.scenario.robots import RobotGroup, check_robots
+from epuck_sim.scenario.robots import RobotGroup, check_robots, members
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers, conditions_in
+from epuck_sim.scenario.schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers
 from epuck_sim.scenario.sensors import check_readings
-from epuck_sim.scenario.stop import Awaited, StopSection, check_measures_of_present
+from epuck_sim.scenario.stop import StopSection, check_measures_of_present
 
 ROBOT_BYTES, GROUP_BYTES, PIXEL_BYTES = 4800, 15_000, 8
 """Memory that a robot takes besides its pixels, a group besides its robots, and a pixel of a picture; the first two as
 measured with 10,000 to 100,000 robots and with 4,000 to 20,000 groups."""
+
+
+UNLIMITED_S = 600.0
+"""Time in s after which a trial ends whose reference is no oscillator, and that has no limit of its own."""
 
 
 class EmbodiedStop(StopSection):
@@ -46,6 +52,22 @@ class EmbodiedStop(StopSection):
                 "synchronised"
             )
         return self
+
+    @property
+    def is_time_by_default(self) -> bool:
+        """Whether `max_time_s` is there because nothing else limits trials without T_sync."""
+        return self.max_time_s is not None and "max_time_s" not in self.model_fields_set
+
+    def limited(self, changes_until_s: float) -> "EmbodiedStop":
+        """Return the section of trials without T_sync: without a limit of its own, with one in time.
+
+        Args:
+            changes_until_s: Time of the last change that the trials wait for.
+        """
+        if self.when is not None or self.max_time_s is not None or "max_cycles" in self.model_fields_set:
+            return self
+        values: dict[str, Any] = {**dict(self), "max_time_s": changes_until_s + UNLIMITED_S}
+        return EmbodiedStop.model_construct(_fields_set=self.model_fields_set, **values)
 
 
 class EmbodiedScenario(Scenario):
@@ -177,16 +199,6 @@ class EmbodiedScenario(Scenario):
         )
 
     @property
-    def conditions(self) -> dict[str, Awaited]:
-        """Conditions that trials wait for, by their dotted keys."""
-        return {**super().conditions, **conditions_in(self.schedule)}
-
-    @property
-    def has_events(self) -> bool:
-        """Whether there are faults or a schedule."""
-        return bool(self.faults or self.schedule)
-
-    @property
     def camera_pixels(self) -> int:
         """Largest number of pixels in a row that a controller reads."""
         return max(group.pixels for group in self.robots)
@@ -205,11 +217,23 @@ class EmbodiedScenario(Scenario):
         check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
         arena = self.arena.with_picture_found(origin, folder)
-        resolved = self.model_copy(update={"robots": robots, "sweep": sweep, "arena": arena})
+        stop = self.stop if self._may_have_t_sync(robots, swept) else self.stop.limited(self._changes_until_s)
+        resolved = self.model_copy(update={"robots": robots, "sweep": sweep, "arena": arena, "stop": stop})
         resolved = super(EmbodiedScenario, resolved).resolved(origin, folder)
         if self.members_change:
             check_measures_of_present(resolved.measures, origin)
         return resolved
+
+    def _may_have_t_sync(self, robots: Sequence[RobotGroup], swept: Sequence[str]) -> bool:
+        """Return whether the reference is an oscillator, or may be one at a point of a sweep."""
+        place = next(place for place, _, numbers in members(robots) if self.stop.reference_robot in numbers)
+        if {"robots", f"robots.{place}", f"robots.{place}.controller"} & set(swept):
+            return True
+        return find_controller(robots[place].controller).is_oscillator
+
+    @property
+    def _changes_until_s(self) -> float:
+        return max((change.at_s or 0.0 for change in (*self.schedule, *self.faults)), default=0.0)
 
 
 def _pictures(group: RobotGroup) -> int:

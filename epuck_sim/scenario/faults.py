@@ -1,10 +1,12 @@
 """What may fail in robots while a trial runs (thesis 4.4): the section `faults` of a scenario."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.robots import RobotGroup, members
 from epuck_sim.util.messages import comma_list
 
 _WHOM = ("robots", "share", "count")
@@ -61,9 +63,9 @@ class FaultSection(ConfigModel):
         if self.count is not None and self.count > robot_count:
             raise ValueError(f"count is {self.count}; allowed: 1 to {robot_count}")
 
-    def may_befall(self, first: int, count: int) -> bool:
-        """Return whether any of `count` robots from number `first` on may have it."""
-        return self.robots is None or any(first <= robot < first + count for robot in self.robots)
+    def may_befall(self, robots: range) -> bool:
+        """Return whether any robot of these numbers may have it."""
+        return self.robots is None or any(robot in robots for robot in self.robots)
 
 
 class RingDead(FaultSection):
@@ -182,7 +184,7 @@ FAULTS: dict[str, type[FaultSection]] = {
 """Faults by their kind."""
 
 
-def check_faults(faults: tuple[FaultSection, ...], groups: tuple[Any, ...]) -> None:
+def check_faults(faults: Sequence[FaultSection], groups: Sequence[RobotGroup]) -> None:
     """Raise ValueError unless robots can have these faults; `groups`: the scenario's groups of robots."""
     robot_count = sum(group.count for group in groups)
     for number, fault in enumerate(faults):
@@ -195,11 +197,9 @@ def check_faults(faults: tuple[FaultSection, ...], groups: tuple[Any, ...]) -> N
             raise ValueError(
                 f"faults.{number}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}"
             )
-        first = 0
-        for place, group in enumerate(groups):
-            if fault.changes == "flashes" and group.signal.kind == "radio" and fault.may_befall(first, group.count):
+        for place, group, robots in members(groups):
+            if fault.changes == "flashes" and group.signal.kind == "radio" and fault.may_befall(robots):
                 raise ValueError(
                     f"faults.{number}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
                     "give robots, the numbers of others, or robots.*.signal.loss"
                 )
-            first += group.count

@@ -248,7 +248,8 @@ def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, 
         raise ScenarioError(f"{path}: is empty; a scenario is a mapping of keys to values")
     if not isinstance(given, dict):
         raise ScenarioError(f"{path}: is {short_repr(given)}; a scenario is a mapping of keys to values")
-    return {"name": path.stem, **given}, str(path), path.parent
+    place = SCENARIO.at(path)
+    return {"name": path.stem, **given}, place.name if place.package else str(path), path.parent
 
 
 def _choose_version(given: Mapping[str, Any], origin: str, *, quick: bool) -> dict[str, Any]:

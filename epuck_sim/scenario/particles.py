@@ -13,8 +13,8 @@ from epuck_sim.errors import CurveError, ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.curves import SHIPPED, ResponseSection, find_curve, map_curves, resolve_response
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.schedule import AgentScheduleEntry, check_agents, conditions_in
-from epuck_sim.scenario.stop import Awaited, StopSection
+from epuck_sim.scenario.schedule import AgentScheduleEntry, check_agents
+from epuck_sim.scenario.stop import StopSection
 
 _NEEDS = {
     "straight": (),
@@ -334,16 +334,6 @@ class ParticleScenario(Scenario):
         return self.agents.count
 
     @property
-    def conditions(self) -> dict[str, Awaited]:
-        """Conditions that trials wait for, by their dotted keys."""
-        return {**super().conditions, **conditions_in(self.schedule)}
-
-    @property
-    def has_events(self) -> bool:
-        """Whether there is a schedule."""
-        return bool(self.schedule)
-
-    @property
     def compiled(self) -> tuple[str, ...]:
         """Names of what is compiled for its trials: the model, and a user's response curve."""
         curve = self.response.curve
@@ -363,7 +353,6 @@ class ParticleScenario(Scenario):
 
 
 def _resolve_axis(key: str, value: Any, origin: str, folder: Path | None) -> Any:
-    """Return the value of an axis with the path of the user's curve that it names."""
     try:
         return map_curves(key, value, lambda name: find_curve(str(name), folder).name)
     except CurveError as error:

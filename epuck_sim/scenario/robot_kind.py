@@ -158,7 +158,6 @@ def without_brought_sensors(given: Mapping[str, Any], key: str) -> Mapping[str, 
 
 
 def _sensors_of(robot: Any) -> Mapping[str, Any]:
-    """Return the sensors that come with a robot, given as in a scenario; none if there is no such robot."""
     section = _as_section(robot)
     name = section.get("kind") if isinstance(section, Mapping) else None
     try:

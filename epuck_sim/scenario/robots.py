@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -188,6 +188,14 @@ class RobotGroup(ConfigModel):
         return self.camera.pixels if self.signal.kind == "camera" else 1
 
 
+def members(groups: Sequence[RobotGroup]) -> Iterator[tuple[int, RobotGroup, range]]:
+    """Yield each group with its number, and with the numbers of its robots."""
+    first = 0
+    for place, group in enumerate(groups):
+        yield place, group, range(first, first + group.count)
+        first += group.count
+
+
 STEP_CM = 0.13
 """Largest distance in cm that wheels may drive in a physics step: bodies that meet head-on overlap by 1 mm at most."""
 
@@ -227,7 +235,6 @@ def check_robots(
 
 
 def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaSection) -> None:
-    """Raise ValueError if so many robots of each kind do not fit into the arena."""
     wide: Counter[float] = Counter()
     for kind, count in zip(kinds, counts, strict=True):
         wide[2 * kind.radius_cm] += count

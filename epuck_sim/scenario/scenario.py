@@ -9,8 +9,10 @@ from pydantic import Field
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
 from epuck_sim.scenario.base import ConfigModel, WholeNumber
+from epuck_sim.scenario.schedule import conditions_in
 from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
 from epuck_sim.scenario.yaml_io import write_yaml
+from epuck_sim.util.messages import counted
 
 WITHOUT_EFFECT = {"name", "description", "trials", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
@@ -64,13 +66,14 @@ class Scenario(ConfigModel):
 
     @property
     def conditions(self) -> dict[str, Awaited]:
-        """Conditions that trials wait for, by their dotted keys."""
-        return {} if self.stop.when is None else {STOP: Awaited(self.stop.when)}
+        """Conditions that trials wait for, by their dotted keys: that of their end, and those of a schedule."""
+        end = {} if self.stop.when is None else {STOP: Awaited(self.stop.when)}
+        return {**end, **conditions_in(getattr(self, "schedule", ()))}
 
     @property
     def has_events(self) -> bool:
-        """Whether anything may change in its trials that they list among their events."""
-        return False
+        """Whether anything may change in its trials that they list among their events: it has faults or a schedule."""
+        return any(getattr(self, key, ()) for key in ("faults", "schedule"))
 
     @property
     def scales(self) -> dict[str, float]:
@@ -117,7 +120,7 @@ class Scenario(ConfigModel):
         ]
         rows += [("measures", ", ".join(measure.measure for measure in self.measures))] * bool(self.measures)
         if self.sweep is not None:
-            rows += [("sweep", f"{self.sweep.point_count} points over {', '.join(self.sweep.keys)}")]
+            rows += [("sweep", f"{counted(self.sweep.point_count, 'point')} over {', '.join(self.sweep.keys)}")]
         return to_html(
             element("p", element("b", self.name), f": {self.description}" if self.description else ""),
             facts(rows),

@@ -11,7 +11,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
 from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.faults import FaultSection
-from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.robots import RobotGroup, members
 from epuck_sim.scenario.sensors import sensor_parameters
 from epuck_sim.scenario.stop import Awaited, Condition
 from epuck_sim.user_files import Value
@@ -358,13 +358,10 @@ def check_scheduled_controllers(
                 check_parameters(known[place], values, step_ms, f"{where}.set: robots.{place}")
         for (place, name), values in entry.sensor_parameters().items():
             sensor_parameters(groups[place].sensors, name, values, f"{where}.set: robots.{place}.sensors")
-        first = 0
-        for place, group in enumerate(groups):
-            robots = range(first, first + group.count)
+        for place, group, robots in members(groups):
             concerned = entry.displace and (entry.displace.robots is None or set(entry.displace.robots) & set(robots))
             if concerned and place in known and not find_controller(group.controller).is_oscillator:
                 raise ScenarioError(f"{where}.displace: robots.{place} are no oscillators; give robots of others")
-            first += group.count
 
 
 def check_parameters(group: RobotGroup, values: Mapping[str, object], step_ms: int, origin: str) -> dict[str, Value]:

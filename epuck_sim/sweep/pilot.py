@@ -18,6 +18,8 @@ class TimedTrial(NamedTuple):
     wall_s: float
     is_cut: bool
     """Whether time was up before the trial ended: it takes longer than this."""
+    is_censored: bool = False
+    """Whether it reached its limit without synchrony."""
 
 
 class _TimeIsUpError(Exception):
@@ -55,11 +57,12 @@ def _time_trial(point: Point, budget_s: float) -> TimedTrial:
         if time.perf_counter() - begin > budget_s:
             raise _TimeIsUpError
 
-    is_cut = False
+    is_cut = is_censored = False
     try:
-        run_trial(simulate(point.scenario, point.seed(0)), progress=look_at_clock)
+        result = run_trial(simulate(point.scenario, point.seed(0)), progress=look_at_clock)
+        is_censored = result.censored is True
     except _TimeIsUpError:
         is_cut = True
     except Exception as error:
         raise ScenarioError(f"point {point.number}: a trial fails: {error!r}") from error
-    return TimedTrial(point.number, time.perf_counter() - begin, is_cut)
+    return TimedTrial(point.number, time.perf_counter() - begin, is_cut, is_censored)

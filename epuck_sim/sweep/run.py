@@ -73,6 +73,7 @@ def run_sweep(
                         censored=_censored(progress.censored, outcome) if is_stored else progress.censored,
                         failed=progress.failed + (not is_stored),
                         ended=progress.ended + 1,
+                        last=outcome,
                     )
                     observer(progress)
     return progress

@@ -27,6 +27,10 @@ class TrialState(Protocol):
         """Whether the order parameter has reached its threshold."""
 
     @property
+    def oscillators(self) -> int:
+        """Number of oscillators, whose order is measured."""
+
+    @property
     def events(self) -> Sequence[TrialEvent]:
         """What has changed so far by a schedule, or by faults."""
 

@@ -8,7 +8,7 @@ from epuck_sim.trial.conditions import Conditions, WaitingEntries
 from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
 
-SLICE_S = 0.1
+SLICE_S = 0.02
 """Wall time for which compiled code runs before Python has its turn, for Ctrl-C and for progress."""
 
 FIRST_SLICE = 100_000
@@ -60,13 +60,15 @@ def run_agents(
             now = simulation.cycles
         else:
             asked = time.perf_counter()
-            last_cycle = cycles + 1 if at_cycles else min(limit, waiting.next_cycle)
+            # what shows progress is to see order parameters, which are measured at firings of the reference alone
+            is_one_cycle = bool(at_cycles) or (progress is not None and simulation.order_parameter is None)
+            last_cycle = cycles + 1 if is_one_cycle else min(limit, waiting.next_cycle)
             simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
             took = time.perf_counter() - asked
             now = simulation.cycles
             if took > 2 * SLICE_S:
                 pulses = max(1, pulses // 2)
-            elif took < SLICE_S / 2 and not (at_cycles and now > cycles):
+            elif took < SLICE_S / 2 and not (is_one_cycle and now > cycles):
                 pulses *= 2  # a slice that a firing has ended tells nothing of how long a whole one takes
         if now > cycles:
             for observer in at_cycles:

@@ -50,7 +50,6 @@ class TrialResult(NamedTuple):
 
 
 def _format(value: object) -> str:
-    """Return a value as text; of a series, its length."""
     if isinstance(value, list | tuple):
         return f"{len(value)} values"
     return "-" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -117,6 +117,11 @@ class SynchronyWatch:
         return values if self._are_all else values[..., self._oscillators]
 
     @property
+    def oscillators(self) -> int:
+        """Number of oscillators."""
+        return len(self._periods)
+
+    @property
     def time_s(self) -> float:
         """Simulated time of the last step."""
         return max(self._steps - 1, 0) * self._step_s

@@ -42,7 +42,6 @@ def available_bytes() -> int:
 
 
 def _of_machine() -> int:
-    """Return what is available on this machine."""
     for line in _read("/proc/meminfo").splitlines():
         if line.startswith("MemAvailable:"):
             return int(line.split()[1]) * 1024

@@ -227,7 +227,6 @@ class _Compilations(event.Listener):
         self.done.add(event.data["dispatcher"].py_func.__code__)
 
     def _plan(self, function: Any) -> None:
-        """Note that a function is compiled, and all kernels that it calls."""
         if function.__code__ in self.planned:
             return
         self.planned.add(function.__code__)

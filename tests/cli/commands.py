@@ -1,8 +1,10 @@
 """The command, called in this process."""
 
+import json
 import re
 from itertools import takewhile
 from pathlib import Path
+from typing import Any
 
 from typer.testing import CliRunner
 
@@ -28,6 +30,11 @@ def refused(*arguments: str | Path) -> str:
     assert result.stderr.startswith("error: ")
     assert result.stderr.count("\n") == 1
     return result.stderr
+
+
+def trials(stdout: str) -> list[dict[str, Any]]:
+    """Return the trials of a command's JSON, without the time they took."""
+    return [{**json.loads(line), "wall_s": 0} for line in stdout.splitlines()]
 
 
 def cells(stdout: str) -> list[list[str]]:

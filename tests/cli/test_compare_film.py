@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from epuck_sim import Simulation, film_trial, load_scenario
-from epuck_sim.overhead import track
-from tests.cli.commands import call, called, refused
+from tests.cli.commands import call, called
 from tests.cli.films import frames_and_description, names
 from tests.overhead.films import save
 
@@ -81,32 +80,3 @@ def test_a_film_without_a_description_has_the_floor_of_the_scenario(film, tmp_pa
     described = call("compare-film", film, "thesis", *words)
     assert described.exit_code == 0, described.stderr
     assert "warning: the film's floor is 60 x 60 cm, that of thesis 90 x 60 cm" in described.stderr
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("FILM thesis --fit lab.txt", "--fit is lab.txt; allowed: a name that ends in .yaml or .yml"),
-        ("FILM nowhere", "nowhere"),
-        ("FILM particles", "model is 'particles'; films are of robots"),
-        ("FILM thesis --fit gone/lab.yaml", "gone/lab.yaml: cannot be written"),
-        ("FILM thesis --plot x.jpg", "x.jpg: ends in '.jpg'; allowed: .png, .svg or .pdf"),
-        ("FILM thesis --plot gone/x.png", "gone/x.png: cannot be written"),
-        (
-            "FILM two.yaml --fit two.yaml",
-            "--fit is two.yaml; allowed: another name, because",
-        ),
-        ("FILM two.yaml --fit lab.yaml", "has 2 groups of robots; allowed: one"),
-        ("FILM thesis --tags 1X1_5", "--tags is 1X1_5; allowed: a dictionary"),
-    ],
-)
-def test_a_mistake_is_one_line_before_the_film_is_read(
-    film, tmp_path, monkeypatch, arguments: str, message: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    if "two.yaml" in arguments:
-        (tmp_path / "two.yaml").write_text("robots: [{count: 2}, {count: 3}]")
-    before = names(tmp_path)
-    monkeypatch.setattr(track, "open_film", lambda *_: pytest.fail("it ran"))
-    assert message in refused("compare-film", *(str(film) if word == "FILM" else word for word in arguments.split()))
-    assert names(tmp_path) == before

@@ -10,7 +10,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
-from tests.cli.commands import call, called, contents, refused
+from tests.cli.commands import call, called, refused
 from tests.control.bench import with_step
 
 SHORT = ["--set", "stop.max_time_s=1", "--json"]
@@ -53,13 +53,6 @@ def test_without_traceback_there_is_none(tmp_path):
     assert "helper.py:2: RuntimeError: no half" in refused(*scene(tmp_path, **HELPED), "--interpret")
 
 
-def test_traceback_of_compiled_code_or_of_a_sweep_is_refused(tmp_path):
-    assert "--traceback is for --interpret" in refused(*scene(tmp_path, **HELPED), "--traceback")
-    assert "--traceback is for single trials" in refused(
-        *scene(tmp_path, **HELPED), "--interpret", "--traceback", "--out", "run"
-    )
-
-
 # --- run --controller ---------------------------------------------------------------------------------
 
 
@@ -81,7 +74,7 @@ def test_what_was_left_out_is_said_once_and_the_trial_runs(tmp_path):
     result = call("run", "thesis", "--controller", "mine.py", *SHORT)
     assert result.exit_code == 0
     lacking = "period_s, coupling, flash_fraction, refractory_fraction"
-    assert re.fullmatch(rf"note: .*thesis\.yaml: mine lacks parameters {lacking}: left out\n", result.stderr)
+    assert re.fullmatch(rf"note: thesis: mine lacks parameters {lacking}: left out\n", result.stderr)
 
 
 @pytest.mark.filterwarnings("ignore:.*constant lacks")
@@ -153,13 +146,3 @@ def test_new_writes_a_sensor_and_a_robot_that_run_as_they_stand():
     assert runs[0].poses.tobytes() == runs[1].poses.tobytes()
     assert runs[0].readings["eye"].tolist() == [1.0] * 10
     assert swarm.robot.radius_cm == 3
-
-
-@pytest.mark.parametrize("kind", ["controller", "sensor", "robot", "scenario"])
-def test_new_refuses_bad_names_and_overwrites_nothing(kind, tmp_path):
-    for name in ("two words", "a/b", "3rd"):
-        assert f"{name!r} is no name for a {kind}" in refused("new", kind, name)
-    called("new", kind, "mine")
-    before = contents(tmp_path)
-    assert "exists already" in refused("new", kind, "mine")
-    assert contents(tmp_path) == before

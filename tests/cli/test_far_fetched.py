@@ -11,7 +11,6 @@ from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
-from epuck_sim.util.atomic_write import check_target
 from epuck_sim.util.messages import describe_error
 from tests.cli.commands import call, called, refused
 from tests.processes import COMMAND
@@ -106,21 +105,6 @@ def test_text_that_is_no_unicode_is_refused_in_a_scenario(given: dict) -> None:
     with pytest.raises(EpuckSimError, match="allowed: text in Unicode") as raised:
         load_scenario(given)
     str(raised.value).encode()
-
-
-@pytest.mark.parametrize("option", ["--set", "--sweep"])
-def test_a_key_of_a_thousand_parts_is_refused_in_a_short_line(option: str) -> None:
-    stderr = refused("check", "pair", option, f"{'.'.join('a' * 1000)}=1")
-    assert "a key of 1000 parts; allowed: at most 20" in stderr
-    assert len(stderr) < 200
-
-
-def test_an_output_that_is_a_loop_of_links_is_refused(tmp_path) -> None:
-    (tmp_path / "a.parquet").symlink_to("b")
-    (tmp_path / "b").symlink_to("a.parquet")
-    with pytest.raises(EpuckSimError, match="is a link that leads to itself"):
-        check_target(tmp_path / "a.parquet")
-    assert "is a link that leads to itself" in refused("run", "pair", "--trace", tmp_path / "a.parquet")
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])

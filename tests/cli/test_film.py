@@ -1,12 +1,8 @@
 """Films of trials, by `run --film` and by `film`: what they write and print, and how mistakes end."""
 
-import json
-import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +10,9 @@ import pytest
 from epuck_sim.overhead.film_writer import FilmWriter
 from epuck_sim.overhead.frame import Frame
 from epuck_sim.recording.reader import read_recording
-from tests.cli.commands import call, called, contents, refused
+from tests.cli.commands import call, called, contents, refused, trials
 from tests.cli.films import frames_and_description, names, shut
-from tests.overhead.small_films import cut_off
+from tests.control.bench import with_step
 
 THREE = """
 name: three
@@ -26,22 +22,8 @@ stop: {max_cycles: 2}
 overhead: {width_px: 160, height_px: 128}
 """
 
-BAD_STEP = """
-PARAMETERS = {}
-MEMORY = {}
-def start(memory, parameters, random):
-    pass
-def step(sensors, memory, actuators, parameters, random):
-    raise ValueError("never again")
-"""
-
 POSES = ("--record-level", "poses")
 """What cameras see is not recorded: to compile that takes a while."""
-
-
-def trials(stdout: str) -> list[dict[str, Any]]:
-    """Return the trials of a command's JSON, without the time they took."""
-    return [{**json.loads(line), "wall_s": 0} for line in stdout.splitlines()]
 
 
 @pytest.fixture(scope="module")
@@ -109,35 +91,11 @@ def test_a_trial_of_a_sweep_can_be_filmed(here) -> None:
 
 
 def test_where_a_trial_fails_an_older_film_stays_and_nothing_else(here) -> None:
-    (here / "bad.py").write_text(BAD_STEP)
-    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]")
+    (here / "bad.py").write_text(with_step("raise ValueError('never again')"))
+    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]\nstop: {max_time_s: 60}")
     (here / "t.mp4").write_text("older")
     before = contents(here)
     assert "never again" in refused("run", "bad.yaml", "--interpret", "--film", "t.mp4")
-    assert contents(here) == before
-
-
-@pytest.mark.usefixtures("nothing_runs")
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("run pair --live --film t.txt", "--film is t.txt; allowed: a name that ends in .mp4"),
-        ("run pair --live --film gone/t.mp4", "gone/t.mp4: cannot be written: there is no directory gone"),
-        ("run pair --film folder.mp4", "folder.mp4: cannot be written: is a directory"),
-        ("run pair --film pipe.mp4", "pipe.mp4: cannot be written: is not a regular file"),
-        ("run pair --trials 2 --film several.mp4", "several-1.mp4: cannot be written: is a directory"),
-        (f"run pair --film {'x' * 300}.mp4", "File name too long"),
-        ("run swept.yaml --out new --film t.mp4", "a sweep keeps no traces, recordings and films"),
-        ("run swept.yaml --film t.mp4", "swept.yaml: holds a sweep of 2 points"),
-    ],
-)
-def test_what_cannot_be_filmed_is_refused_before_anything_runs(here, arguments: str, message: str) -> None:
-    (here / "swept.yaml").write_text(THREE + "sweep: {grid: {robots.0.parameters.speed_cm_s: [1, 4]}}")
-    for name in ("folder.mp4", "several-1.mp4"):
-        (here / name).mkdir()
-    os.mkfifo(here / "pipe.mp4")
-    before = contents(here)
-    assert message in refused(*arguments.split())
     assert contents(here) == before
 
 
@@ -181,65 +139,6 @@ def test_a_film_is_written_over_an_older_one(shelf, here) -> None:
     called("film", shelf / "three.rrd", "t.mp4", "--set", "overhead.frames_per_s=1")
     assert frames_and_description("t.mp4")[0]
     assert names(here) == ["t.mp4"]
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ("overhead.light=bright", "overhead.light: is 'bright'; allowed: 'dark' or 'lit'"),
-        ("overhead.width_px=321", "overhead.width_px: is 321; allowed: a multiple of 2"),
-        ("overhead.height_px=62", "overhead.height_px: is 62; allowed: at least 64"),
-        ("overhead.width_px=7682", "overhead.width_px: is 7682; allowed: at most 7680"),
-        ("overhead.width_px=wide", "overhead.width_px: is 'wide'; allowed: "),
-        ("overhead.width=320", "overhead.width: unknown 'width', did you mean 'width_px'?; allowed: height_cm, "),
-        ("overhead.frames_per_s=0", "overhead.frames_per_s: is 0; allowed: at least 1"),
-        ("overhead.frames_per_s=nan", "overhead.frames_per_s: is 'nan'; allowed: a finite number"),
-        ("overhead.exposure_ms=67", "exposure_ms is 67; allowed: up to the time from one frame to the next, 66.67 ms"),
-        ("overhead.exposure_ms=40 overhead.frames_per_s=30", "exposure_ms is 40; allowed: up to"),
-        ("overhead.bloom=1.5", "overhead.bloom: is 1.5; allowed: at most 1"),
-        ("overhead.noise_levels=-1", "overhead.noise_levels: is -1; allowed: at least 0"),
-        ("overhead.height_cm=12", "overhead.height_cm is 12; allowed: more than 12"),
-        ("overhead.distortion=-0.3 overhead.field_of_view_deg=90", "overhead.distortion is -0.3"),
-        ("overhead.light", "--set overhead.light: give it as key=value"),
-        ("overhead=lit", "--set overhead=lit: the trial is over; allowed: the camera's keys"),
-        ("arena.width_cm=50", "--set arena.width_cm=50: the trial is over; allowed: the camera's keys"),
-        ("overhead.light=lit seed=3", "--set seed=3: the trial is over; allowed: the camera's keys"),
-    ],
-)
-def test_no_setting_of_the_camera_is_refused(shelf, here, settings: str, message: str) -> None:
-    words = [word for setting in settings.split() for word in ("--set", setting)]
-    assert message in refused("film", shelf / "three.rrd", "t.mp4", *words)
-    assert names(here) == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("THREE t.avi", "t.avi: is not a film's name; allowed: names that end in .mp4"),
-        ("THREE t", "t: is not a film's name; allowed: names that end in .mp4"),
-        ("THREE THREE", "three.rrd: is not a film's name; allowed: names that end in .mp4"),
-        ("THREE gone/t.mp4", "gone/t.mp4: cannot be written: there is no directory gone"),
-        ("THREE folder.mp4", "folder.mp4: cannot be written: is a directory"),
-        ("gone.rrd t.mp4", "gone.rrd: there is no such file"),
-        ("folder.mp4 t.mp4", "folder.mp4: is not a file"),
-        ("FILM t.mp4", "three.mp4: is not a recording: the name must end in .rrd"),
-        ("text.rrd t.mp4", "text.rrd: is not a "),
-        ("empty.rrd t.mp4", "empty.rrd: is not a "),
-        ("half.rrd t.mp4", "half.rrd: is not a complete recording"),
-        ("SUMMARY t.mp4", "summary.rrd: holds no poses; record the trial again with --record-level poses or full"),
-    ],
-)
-def test_what_cannot_be_filmed_is_reported(shelf, here, arguments: str, message: str) -> None:
-    (here / "folder.mp4").mkdir()
-    (here / "text.rrd").write_text("mine")
-    (here / "empty.rrd").touch()
-    shutil.copy(shelf / "three.rrd", here / "half.rrd")
-    cut_off(here / "half.rrd", 0.5)
-    before = contents(here)
-    files = {"THREE": "three.rrd", "FILM": "three.mp4", "SUMMARY": "summary.rrd"}
-    given = [str(shelf / files[word]) if word in files else word for word in arguments.split()]
-    assert message in refused("film", *given)
-    assert contents(here) == before
 
 
 def test_ctrl_c_leaves_an_older_film_and_nothing_half_written(shelf, here, monkeypatch) -> None:

@@ -154,44 +154,6 @@ def test_plan_says_how_many_trials_show_a_difference_of_a_measure(tmp_path):
     assert "no share can differ by so much" in called("plan", truths, "--of", "truth", "--difference", 99)
 
 
-def test_plan_of_a_scenario_takes_no_measure():
-    assert "--of needs trials: give a run folder" in refused("plan", "pair", "--of", "number")
-
-
-@pytest.mark.parametrize("command", ["summarize", "plot", "fit", "compare", "plan"])
-def test_what_was_not_measured_is_refused_with_what_was(command, tmp_path):
-    folder = folder_of(tmp_path, "number", trials=1)
-    more = ["--axis", f"{COUNT}=2,6"] if command == "compare" else []
-    said = refused(command, folder, *more, "--of", "numbre")
-    assert said == f"error: {folder}: unknown 'numbre', did you mean 'number'?; measured: number\n"
-
-
-@pytest.mark.parametrize("command", ["summarize", "plot", "fit", "compare", "plan"])
-def test_trials_without_t_sync_are_refused_with_what_was_measured(command, tmp_path):
-    folder = folder_of(tmp_path, "number", trials=2)
-    more = ["--axis", f"{COUNT}=2,6"] if command == "compare" else []
-    said = refused(command, folder, *more)
-    assert "trials have no T_sync: " in said
-    assert "what was measured: number (--of NAME" in said
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (
-            ["--of", "number", "--form", "course"],
-            "--of is for --form curves, map, violins and series, but this is cours",
-        ),
-        (["--of", "number", "--form", "series"], "number is no series, but one value for each trial; allowed: curves"),
-        (["--form", "series"], "--form series is for measures: give --of NAME"),
-        (["--of", "number", "--form", "violins", "--censored-at", "3"], "--censored-at is for T_sync"),
-        (["--of", "number", "--statistic", "weibull-mean", "--form", "curves"], "the Weibull mean is of T_sync alone"),
-    ],
-)
-def test_options_that_do_not_go_together_are_refused(options, said, tmp_path):
-    assert said in refused("plot", folder_of(tmp_path, "number", trials=1), *options)
-
-
 # --- without oscillators --------------------------------------------------------------------------
 
 WANDERING = ["--set", "robots.0={controller: obstacle_avoidance, count: 3}", "--set", "stop.max_time_s=1"]

@@ -163,54 +163,6 @@ def test_progress_is_a_line_now_and_then(monkeypatch) -> None:
 # What is refused
 
 
-@pytest.mark.parametrize("option", [("--trace", "t.parquet"), ("--film", "t.mp4"), ("--live",), ("--live", "--web")])
-def test_what_needs_bodies_is_refused(tmp_path, monkeypatch, option: tuple[str, ...]) -> None:
-    monkeypatch.chdir(tmp_path)
-    words = "model is 'particles'; --trace, --film and --live need model: embodied; --record FILE.rrd takes every model"
-    assert refused("run", "particles", *option) == f"error: particles: {words}\n"
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_what_needs_bodies_is_refused_of_a_trial_of_a_run_folder_too(folder, tmp_path) -> None:
-    stderr = refused("run", folder, "--point", 0, "--trial", 0, "--trace", tmp_path / "t.parquet")
-    assert "tiny: model is 'particles'; --trace, --film and --live need model: embodied" in stderr
-
-
-def test_there_is_nothing_to_interpret() -> None:
-    words = "model: particles has no controllers to interpret; leave --interpret out"
-    assert refused("run", "particles", "--interpret").endswith(f"{words}\n")
-
-
-def test_there_is_nothing_to_interpret_in_a_sweep_either(tmp_path) -> None:
-    result = call("run", written(tmp_path, "tiny", TINY), "--interpret", "--out", tmp_path / "run", "--workers", 1)
-    assert result.exit_code == 2
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ("agents.cuont=3", "agents.cuont: unknown 'cuont', did you mean 'count'?"),
-        ("robots.0.count=3", "robots: belongs to model: embodied; model: particles has agents, clocks, response"),
-        ("arena.width_cm=3", "arena: belongs to model: embodied; model: particles has space"),
-        ("agents.count=0", "agents.count: is 0; allowed: at least 1"),
-        ("neighbourhood.k=20", "neighbourhood.k is 20; allowed: 1 to 19, because agents.count is 20"),
-        ("neighbourhood.kind=near", "neighbourhood: is "),
-        ("model=embodied", "belongs to model: particles"),
-    ],
-)
-def test_a_mistake_is_named(setting: str, message: str) -> None:
-    for command in ("run", "check"):
-        result = call(command, "particles", "--set", setting)
-        assert (result.exit_code, result.stdout) == (2, "")
-        assert message in result.stderr
-
-
-def test_a_sweep_needs_a_folder(tmp_path) -> None:
-    stderr = refused("run", written(tmp_path, "tiny", TINY))
-    assert "holds a sweep of 12 points; give --out FOLDER to run it" in stderr
-
-
 # A sweep
 
 
@@ -362,15 +314,10 @@ def test_curves_have_a_panel_for_each_value_of_the_axis_that_the_scenario_names(
     assert "reorienting on" not in called("plot", folder, "--to", tmp_path / "other")
 
 
-def test_panels_are_those_wanted_rather_than_the_scenario_s(until_synchrony, folder, tmp_path) -> None:
+def test_panels_are_those_wanted_rather_than_the_scenario_s(until_synchrony, tmp_path) -> None:
     called("plot", until_synchrony, "--panels", COUNT, "--to", tmp_path / "f")
     drawn = (tmp_path / "f.svg").read_text()
     assert [drawn.count(f">N = {count}<") for count in (4, 5)] == [1, 1]
-    assert "--panels: unknown 'agents.cuont', did you mean" in refused(
-        "plot", until_synchrony, "--panels", "agents.cuont"
-    )
-    stderr = refused("plot", folder, "--form", "course", "--panels", RADIUS)
-    assert stderr == "error: --panels is for --form curves, but this is course\n"
 
 
 def test_the_scenario_says_which_form_is_drawn(tmp_path) -> None:
@@ -378,22 +325,6 @@ def test_the_scenario_says_which_form_is_drawn(tmp_path) -> None:
     called("run", path, "--out", tmp_path / "run", "--workers", 1)
     first, *_ = called("plot", tmp_path / "run").splitlines()
     assert Path(first).name == "course.png"
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--form", "map"), f"a map needs a second axis, beside {SPEED}: there is no other axis whose numbers differ"),
-        (("--form", "map", "--y", RADIUS), f"--y: unknown '{RADIUS}'; axes with numbers: {SPEED}"),
-        (("--x", REORIENT), f"--x: unknown '{REORIENT}'"),
-        (("--form", "course", "--x", SPEED), "--x is for --form curves, map and violins, but this is course"),
-        (("--form", "perturbation", "--censored-at", 5), "--censored-at is for --form violins, but this is pert"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused(folder, options, message: str) -> None:
-    before = set(folder.iterdir())
-    assert message in refused("plot", folder, *options)
-    assert set(folder.iterdir()) == before
 
 
 def test_fit_tells_that_there_are_too_few_speeds(folder) -> None:

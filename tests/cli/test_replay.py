@@ -1,6 +1,5 @@
 """The command line of recordings: trials recorded, recorded again, shown and drawn, and how mistakes end."""
 
-import json
 import os
 import shutil
 import signal
@@ -28,15 +27,15 @@ from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.viewer import live, viewer
 from epuck_sim.recording.viewer.pace import sleep
-from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.status import read_outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util import ports
-from tests.cli.commands import call, called, contents, refused
+from tests.cli.commands import call, called, contents, refused, trials
 from tests.cli.commands import cells as table_cells
+from tests.control.bench import with_step
 from tests.processes import COMMAND, start, wait_until
 from tests.runs.made_folders import edit
 
@@ -49,22 +48,8 @@ trials: 3
 sweep: {grid: {robots.0.parameters.speed_cm_s: [1, 4, 8]}}
 """
 
-BAD_STEP = """
-PARAMETERS = {}
-MEMORY = {}
-def start(memory, parameters, random):
-    pass
-def step(sensors, memory, actuators, parameters, random):
-    raise ValueError("never again")
-"""
-
 ADDRESS = "http://127.0.0.1"
 UNSEEN = "give --web to look in a browser"
-
-
-def trials(stdout: str) -> list[dict[str, Any]]:
-    """Return the trials of a command's JSON, without the time they took."""
-    return [{**json.loads(line), "wall_s": 0} for line in stdout.splitlines()]
 
 
 def cells(stdout: str) -> list[list[str]]:
@@ -226,8 +211,8 @@ def test_an_interpreted_trial_is_recorded_as_the_compiled_one_is(pair, tmp_path)
 
 
 def test_where_a_trial_fails_an_older_recording_stays_and_nothing_else(here) -> None:
-    (here / "bad.py").write_text(BAD_STEP)
-    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]")
+    (here / "bad.py").write_text(with_step("raise ValueError('never again')"))
+    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]\nstop: {max_time_s: 60}")
     (here / "t.rrd").write_text("older")
     before = contents(here)
     assert "never again" in refused("run", "bad.yaml", "--interpret", "--record", "t.rrd")
@@ -498,79 +483,9 @@ def test_memory_is_recorded_by_name(monkeypatch, tmp_path) -> None:
     assert result.exit_code == 0, result.stderr
     found = read_recording(Path("t.rrd"))
     assert found.memory["phase_ms"].shape == (len(found.time_s), 2)
-    assert "unknown 'phas', did you mean 'phase_ms'?" in refused("run", "pair", "--record", "u.rrd", "--memory", "phas")
 
 
 # Mistakes
-
-
-@pytest.mark.usefixtures("nothing_runs", "no_display")
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("run pair --record short.yaml/t.rrd", "cannot be written: there is no directory short.yaml"),
-        ("run pair --record folder.rrd", "folder.rrd: cannot be written: is a directory"),
-        ("run pair --record pipe.rrd", "pipe.rrd: cannot be written: is not a regular file"),
-        (f"run pair --record {'x' * 300}.rrd", "File name too long"),
-        (f"run pair --record {'x' * 248}.rrd", "File name too long"),
-        ("run pair --trials 2 --record several.rrd", "several-1.rrd: cannot be written: is a directory"),
-        ("run pair --live --port 1234", "--port is for --web"),
-        ("run pair --live", "there is no display here; give --web to look in a browser, or --record FILE.rrd"),
-        ("run pair --live --record t.rrd", "there is no display here"),
-        ("run short.yaml --out new --record t.rrd", "a sweep keeps no traces, recordings and films"),
-        ("run short.yaml --out new --live", "a sweep keeps no traces, recordings and films"),
-        ("run RUN --record t.rrd", "a sweep keeps no traces, recordings and films"),
-        ("run short.yaml --record t.rrd", "short.yaml: holds a sweep of 3 points"),
-        ("run RUN --point 0 --record t.rrd", "--point and --trial go together"),
-        ("run RUN --point 3 --trial 0 --record t.rrd", "--point is 3; allowed: 0 to 2"),
-        ("run RUN --point 0 --trial 3 --record t.rrd", "--trial is 3; allowed: 0 to 2"),
-        ("replay folder.rrd", "--point and --trial go together, and with a run folder"),
-        ("replay pipe.rrd", "pipe.rrd: is not a file"),
-        ("replay PAIR", f"pair.rrd: there is no display here; {UNSEEN}, or --screenshot FILE.png"),
-        ("replay PAIR --point 0 --trial 0", "--point and --trial go together, and with a run folder"),
-        ("replay PAIR --point 0", "--point and --trial go together, and with a run folder"),
-        ("replay PAIR --trial 0 --screenshot p.png", "--point and --trial go together, and with a run folder"),
-        ("replay PAIR --record t.rrd", "--record and --interpret are for a run folder's trial"),
-        ("replay PAIR --web --screenshot p.png", "--web and --screenshot exclude each other"),
-        ("replay PAIR --interpret", "--record and --interpret are for a run folder's trial"),
-        ("replay PAIR --port 1234", "--port is for --web"),
-        ("replay PAIR --screenshot p.png --port 1234", "--port is for --web"),
-        ("replay PAIR --at 1", "--at is for --screenshot"),
-        ("replay PAIR --web --at 1", "--at is for --screenshot"),
-        ("replay PAIR --screenshot p.png --at 1000", "; allowed: 0 to 11.2, where "),
-        ("replay PAIR --screenshot p.png --at inf", "; allowed: 0 to 11.2, where "),
-        ("replay PAIR --screenshot gone/p.png", "gone/p.png: cannot be written: there is no directory gone"),
-        ("replay PAIR --screenshot .", "--screenshot: a picture's name must end in .png"),
-        ("replay PAIR --screenshot PAIR", "--screenshot: a picture's name must end in .png"),
-        ("replay PAIR --screenshot folder.png", "folder.png: cannot be written: is a directory"),
-        ("replay RUN", "--point and --trial go together, and with a run folder"),
-        ("replay RUN --point 0", "--point and --trial go together, and with a run folder"),
-        ("replay RUN --trial 0", "--point and --trial go together, and with a run folder"),
-        ("replay RUN --point 3 --trial 0", "--point is 3; allowed: 0 to 2"),
-        ("replay RUN --point 0 --trial 3", "--trial is 3; allowed: 0 to 2"),
-        ("replay RUN --point 0 --trial 0 --record t.txt", "t.txt: a recording's name must end in .rrd"),
-        ("replay RUN --point 0 --trial 0 --record gone/t.rrd", "there is no directory gone"),
-        ("replay RUN --point 0 --trial 0 --at 1", "--at is for --screenshot"),
-        ("replay RUN --point 0 --trial 0 --screenshot gone/p.png", "there is no directory gone"),
-        ("replay folder.rrd --point 0 --trial 0", "folder.rrd: is no"),
-        ("replay without --point 0 --trial 0", f"without: is not a run folder: there is no {DATABASE} in it"),
-        ("replay foreign --point 0 --trial 0", "is not a database of epuck-sim"),
-    ],
-)
-def test_a_mistake_is_one_line_and_exit_code_2_before_anything_runs(
-    pair, swept, here, arguments: str, message: str
-) -> None:
-    (here / "short.yaml").write_text(SWEEP)
-    for name in ("folder.rrd", "folder.png", "several-1.rrd", "without", "foreign"):
-        (here / name).mkdir()
-    for name in ("without", "foreign"):
-        shutil.copy(swept / "scenario.yaml", here / name)
-    (here / "foreign" / DATABASE).write_text("mine")
-    os.mkfifo(here / "pipe.rrd")
-    before = contents(here)
-    given = {"PAIR": str(pair), "RUN": str(swept)}
-    assert message in refused(*(given.get(word, word) for word in arguments.split()))
-    assert contents(here) == before
 
 
 @pytest.mark.usefixtures("nothing_runs")
@@ -591,33 +506,6 @@ def test_no_viewer_is_opened_for_a_recording_that_cannot_be_written(here, monkey
     monkeypatch.setattr(live, "live_viewer", lambda *_: pytest.fail("a viewer was opened"))
     for target in ("gone/t.rrd", "t.txt"):
         assert f"{target}: " in refused("run", "pair", "--live", "--web", "--record", target)
-    assert list(here.iterdir()) == []
-
-
-@pytest.mark.usefixtures("nothing_runs", "views")
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        *("run pair --record t.rrd --record-level all", "run pair --live --speed 0", "run pair --live --speed x"),
-        *("run pair --live --web --port 0", "run pair --live --web --port 65536", "replay", "replay a b"),
-        *("replay a.rrd --screenshot p.png --at -1", "replay a.rrd --screenshot p.png --at nan"),
-        *("replay a.rrd --web --port 0", "replay run --point -1 --trial 0", "replay run --point 0 --trial x"),
-    ],
-)
-def test_what_is_no_value_is_named(here, arguments: str) -> None:
-    result = call(*arguments.split())
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert "Usage: " in result.stderr
-    assert "Traceback" not in result.stderr
-    assert list(here.iterdir()) == []
-
-
-@pytest.mark.usefixtures("nothing_runs", "no_display")
-@pytest.mark.parametrize("speed", ["inf", "nan"])
-def test_a_speed_without_end_is_refused(here, speed: str) -> None:
-    result = call("run", "pair", "--live", "--speed", speed)
-    assert result.exit_code == 2
-    assert "--speed" in result.stderr
     assert list(here.iterdir()) == []
 
 

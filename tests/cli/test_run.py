@@ -8,17 +8,15 @@ import subprocess
 import sys
 
 import pytest
-from typer.testing import CliRunner
 
-from epuck_sim import __version__
+from epuck_sim import __version__, load_scenario
 from epuck_sim.cli import progress
-from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util import atomic_write
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, ROBOTS, SWEEPS, builtin_files
 from epuck_sim.util.messages import natural_order
-from tests.cli.commands import cells
+from tests.cli.commands import call, called, cells
 from tests.processes import COMMAND, start, wait_until
 
 BAD_STEP = """
@@ -31,10 +29,6 @@ def step(sensors, memory, actuators, parameters, random):
     if memory.steps == 8:
         raise ValueError("seven is enough")
 """
-
-
-def call(*arguments: str):
-    return CliRunner().invoke(app, arguments)
 
 
 def trials(*arguments: str) -> list[dict]:
@@ -186,12 +180,44 @@ def test_a_shipped_arena_is_not_hidden_by_a_file_of_its_name(tmp_path, monkeypat
 def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch) -> None:
     monkeypatch.setattr(progress, "LINE_S", 0.0)
     result = call("run", "pair", "--json")
-    first, second, *_ = result.stderr.splitlines()
-    for line in (first, second):
-        assert line.startswith("trial 1 of 1: ")
-        assert " s simulated, " in line
-        assert line.endswith(" x real time")
+    *_, before_last, _ = result.stderr.splitlines()
+    cycle, per_cent, r, simulated_s, factor = re.fullmatch(
+        r"trial 1 of 1: cycle (\d+), ([\d.]+) % of the limit, order parameter ([\d.]+), ([\d.]+) s simulated, "
+        r"(\d+) x real time",
+        before_last,
+    ).groups()
+    limit = load_scenario("pair").stop.max_cycles
+    assert float(per_cent) == pytest.approx(100 * int(cycle) / limit, rel=0.06)
+    assert float(r) <= 1
+    assert float(simulated_s) > 0
+    assert int(factor) > 0
     assert len(result.stdout.splitlines()) == 1
+
+
+def test_a_trial_that_looks_hopeless_says_so_once_and_what_to_do_and_ends_as_it_would() -> None:
+    alone = ("run", "thesis", "--set", "count=1", "--json")
+    result = call(*alone, "--set", "max_cycles=700", "--trials", "2")
+    assert [json.loads(line)["cycles"] for line in result.stdout.splitlines()] == [700, 700]
+    said = [line for line in result.stderr.splitlines() if "looks hopeless" in line]
+    assert len(said) == 2
+    assert said[1].startswith(
+        "trial 2 of 2 looks hopeless: over 200 cycles the order parameter, 1.00, is that of random"
+    )
+    assert said[1].endswith(": --set stop.max_cycles=300")
+    called(*alone, "--set", "max_cycles=300")  # which is what to do
+    called(*alone, "--set", "max_cycles=700", "--set", "order_parameter=null")  # nobody waits for synchrony
+
+
+def test_without_an_oscillator_and_a_limit_trials_end_after_ten_minutes_and_the_command_says_so() -> None:
+    wanders = ("run", "thesis", "--set", "controller=constant", "--set", "parameters={}", "--set", "count=1", "--json")
+    result = call(*wanders)
+    assert json.loads(result.stdout)["simulated_s"] == 600
+    assert result.stderr == (
+        "note: robot 0 is no oscillator, so that trials have no T_sync; they end after 600 simulated seconds; "
+        "for another limit: --set stop.max_time_s=3600\n"
+    )
+    for limit, simulated_s in {"max_time_s=700": 700, "max_time_s=600": 600, "max_cycles=130": 650}.items():
+        assert json.loads(called(*wanders, "--set", limit))["simulated_s"] == simulated_s
 
 
 def test_help_waits_for_nothing_heavy() -> None:

@@ -11,15 +11,16 @@ from rich.console import Console
 from epuck_sim.cli import progress as progress_module
 from epuck_sim.cli import tables
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar
-from epuck_sim.cli.status_tables import MOST_FAILURES, print_failures, print_status
+from epuck_sim.cli.status_tables import MOST_LISTED, describe_at_limit, print_failures, print_status
 from epuck_sim.display.numbers import in_words
 from epuck_sim.runs.records import SweepProgress
-from epuck_sim.runs.status import Failure, Status, TrialsByOrigin
+from epuck_sim.runs.status import Failure, PointAtLimit, Status, TrialsByOrigin
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import PROVENANCE
+from tests.cli.commands import call, called
 
 TRIALS = 1000
 
@@ -285,18 +286,20 @@ def test_the_status_names_the_process_at_work_and_the_failures(capsys) -> None:
 
 
 def test_the_status_as_json_has_all_failures_and_every_field(capsys) -> None:
-    given = status(at_work="process 5 on here", failed=failures(MOST_FAILURES + 5))
+    at_limit = (PointAtLimit(3, {"coupling": 0.1}, 20),)
+    given = status(at_work="process 5 on here", failed=failures(MOST_LISTED + 5), at_limit=at_limit)
     print_status(given, as_json=True)
     (line,) = capsys.readouterr().out.splitlines()
     read = json.loads(line)
     assert [Failure(**each) for each in read["failed"]] == given.failed
     assert [TrialsByOrigin(**each) for each in read["versions"]] == given.versions
     assert {*read["versions"][0]} == {*PROVENANCE, "trials"}
-    lists = {"failed": None, "versions": None}
+    assert read["at_limit"] == [{"point": 3, "axes": {"coupling": 0.1}, "trials": 20}]
+    lists = {"failed": None, "versions": None, "at_limit": None}
     assert {**read, **lists} == {**given._asdict(), **lists}
 
 
-@pytest.mark.parametrize("count", [0, 1, MOST_FAILURES - 1, MOST_FAILURES])
+@pytest.mark.parametrize("count", [0, 1, MOST_LISTED - 1, MOST_LISTED])
 def test_up_to_some_failures_all_are_listed(capsys, count: int) -> None:
     print_failures(failures(count))
     lines = capsys.readouterr().out.splitlines()
@@ -305,10 +308,38 @@ def test_up_to_some_failures_all_are_listed(capsys, count: int) -> None:
 
 @pytest.mark.parametrize("more", [1, 500])
 def test_of_more_failures_the_first_are_listed_and_the_others_counted(capsys, more: int) -> None:
-    print_failures(failures(MOST_FAILURES + more))
+    print_failures(failures(MOST_LISTED + more))
     *listed, last = capsys.readouterr().out.splitlines()
-    assert listed == [f"  failed: --point {n} --trial {3 * n}: ValueError: {n}" for n in range(MOST_FAILURES)]
+    assert listed == [f"  failed: --point {n} --trial {3 * n}: ValueError: {n}" for n in range(MOST_LISTED)]
     assert last == f"  and {more} more"
+
+
+WHAT_TO_DO = "; go on, or take another limit in a new folder: --set stop.max_cycles=N"
+
+
+def test_points_whose_trials_all_reach_their_limit_are_named_the_first_of_many(capsys) -> None:
+    rows = [PointAtLimit(n, {"coupling": n} if n else {}, 24) for n in range(MOST_LISTED + 2)]
+    print_status(status(at_limit=rows), as_json=False)
+    *_, first, second = capsys.readouterr().out.splitlines()[: -MOST_LISTED + 1]
+    assert first == "  every trial so far (24) reaches the limit"
+    assert second == "  at coupling = 1, every trial so far (24) reaches the limit"
+    assert describe_at_limit(rows)[-1] == f"so it is at 2 further points{WHAT_TO_DO}"
+    assert describe_at_limit(rows[:1]) == [f"every trial so far (24) reaches the limit{WHAT_TO_DO}"]
+
+
+def test_while_a_sweep_runs_it_is_said_once_of_each_such_point_of_a_run(tmp_path) -> None:
+    """Of twenty trials, or of as many as there are; one that is synchronised is enough for a point not to be one."""
+    for trials in (3, 22):
+        folder = tmp_path / str(trials)
+        axes = ["--sweep", "coupling=1e-6,2e-6,10", "--set", "max_cycles=30", "--set", "order_parameter=0.9"]
+        result = call("run", "thesis", *axes, "--trials", trials, "--out", folder)
+        said = [line for line in result.stderr.splitlines() if "reaches the limit" in line]
+        at = "at robots.0.parameters.coupling = {}, every trial so far ({}) reaches the limit"
+        assert sorted(said) == [at.format(coupling, min(trials, 20)) + WHAT_TO_DO for coupling in ("1e-06", "2e-06")]
+        ends = [at.format(coupling, trials) for coupling in ("1e-06", "2e-06")]
+        for printed in (result.stdout, called("status", folder), called("plan", folder)):
+            shown = [line.strip() for line in printed.splitlines() if "reaches the limit" in line]
+            assert shown == [ends[0], ends[1] + WHAT_TO_DO]
 
 
 @pytest.mark.parametrize("width", [200, 80, None])

@@ -35,9 +35,7 @@ def test_a_class_goes_before_functions_that_help_it(tmp_path):
 
 
 def test_a_name_without_a_file_and_a_file_that_is_not_there_are_refused(tmp_path):
-    with pytest.raises(
-        MeasureError, match=r"^unknown 'order_paramter', did you mean 'order_parameter'\?; shipped measures: "
-    ):
+    with pytest.raises(MeasureError, match=r"^unknown 'order_paramter', did you mean 'order_parameter'\?; measures: "):
         find_measure("order_paramter")
     with pytest.raises(MeasureError, match=rf"^no measure file 'nowhere\.py' in {tmp_path}"):
         find_measure("nowhere.py:A", tmp_path)

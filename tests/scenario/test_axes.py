@@ -91,11 +91,6 @@ def test_axes_cannot_be_changed() -> None:
         axes.grid = {"a": (2,)}
 
 
-def test_a_sweep_that_is_no_mapping_is_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"^scenario: sweep: is \[1\]; allowed: a mapping of keys to values$"):
-        load_scenario({"sweep": [1]})
-
-
 def test_too_many_points_are_refused_and_as_many_as_allowed_are_not() -> None:
     given = {"points": [{"p": 0}, {"p": 1}], "zip": {"z": [*range(50)]}, "grid": {"g": [*range(1000)]}}
     assert len(SweepAxes.model_validate(given).rows()) == MAX_POINTS == 100_000

@@ -75,7 +75,7 @@ def test_all_mistakes_are_named_at_once() -> None:
 
 
 def test_a_scenario_that_is_not_there_is_named_with_the_nearest_one() -> None:
-    with pytest.raises(ScenarioError, match=r"unknown 'thesi', did you mean 'thesis'\?; shipped scenarios: arc, "):
+    with pytest.raises(ScenarioError, match=r"unknown 'thesi', did you mean 'thesis'\?; scenarios: thesis, "):
         load_scenario("thesi")
     with pytest.raises(ScenarioError, match=r"gone\.yaml: there is no such file"):
         load_scenario("gone.yaml")

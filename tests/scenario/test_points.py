@@ -14,7 +14,6 @@ from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.sweep.checks import check_sweep
 from epuck_sim.util.seeds import point_seed
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
@@ -336,36 +335,6 @@ def test_a_section_as_a_whole_is_set_before_a_key_that_lies_in_it(order: list[st
 
 
 # Mistakes
-
-
-def test_all_mistakes_at_a_point_are_named_each_with_the_point() -> None:
-    scenario = load_scenario({"name": "x", "sweep": {"points": [{COUNT: 0, WIDTH: 0}]}})
-    with pytest.raises(ScenarioError) as caught:
-        points(scenario)
-    lines = str(caught.value).splitlines()
-    assert len(lines) == 2
-    assert all(line.startswith("x: sweep: point 0 (robots.0.count = 0, arena.width_cm = 0): ") for line in lines)
-
-
-def test_a_parameter_that_all_of_the_swept_controllers_lack_is_refused_at_its_point() -> None:
-    scenario = load_scenario(
-        {"robots": [{"parameters": {"copling": 0.2}}], "sweep": {"grid": {CONTROLLER: ["firefly", "constant"]}}}
-    )
-    with pytest.raises(ScenarioError, match=r"point 0 \(robots\.0\.controller = 'firefly'\): .*unknown 'copling'"):
-        points(scenario)
-
-
-def test_a_point_whose_robots_find_no_room_is_named() -> None:
-    scenario = load_scenario({"robots": [{"placement": "grid"}], "sweep": {"grid": {COUNT: [25, 26]}}})
-    roomy, crowded = points(scenario)
-    check_sweep([roomy])
-    with pytest.raises(ScenarioError, match=r"sweep: point 1 \(robots\.0\.count = 26\): .*is 26; allowed: up to 25"):
-        check_sweep([roomy, crowded])
-
-
-def test_two_axes_that_are_one_key_are_refused() -> None:
-    with pytest.raises(ScenarioError):
-        grid(robots__0__count=[1, 2], robots__00__count=[3])
 
 
 def test_a_scenario_with_a_sweep_is_not_simulated() -> None:

@@ -8,14 +8,9 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.keys import quick_version, without_quick
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
-from epuck_sim.scenario.yaml_io import read_yaml
-from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
 from tests.cli.commands import call, refused
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
-
-SHIPPED = builtin_files(SWEEPS)
-WITHOUT = [name for name, path in {**SHIPPED, **builtin_files(ARENAS)}.items() if "quick" not in read_yaml(path)]
 
 
 TINY = """
@@ -87,37 +82,11 @@ def test_without_the_option_the_full_version_is_loaded(quick: object) -> None:
     assert loaded == load_scenario({"model": "particles", "trials": 7})
 
 
-@pytest.mark.parametrize("given", [GIVEN, {**GIVEN, "quick": None}])
-def test_a_scenario_that_has_none_is_refused(given: dict) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        quick_version(given, "here")
-    assert str(caught.value) == "here: has no quick version; leave --quick out"
-
-
-@pytest.mark.parametrize(
-    ("quick", "shown"), [(3, "3"), ("yes", "'yes'"), (False, "False"), (0, "0"), ([], "[]"), (["trials"], "['trials']")]
-)
-def test_a_quick_version_that_is_no_mapping_is_refused(quick: object, shown: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        quick_version({**GIVEN, "quick": quick}, "here")
-    assert str(caught.value) == f"here: quick: is {shown}; allowed: a mapping of keys to values"
-
-
-def test_a_key_of_the_quick_version_that_is_none_is_named() -> None:
-    with pytest.raises(ScenarioError, match=r"scenario: stop\.max_cyles: unknown 'max_cyles', did you mean"):
-        load_scenario({"model": "particles", "quick": {"stop": {"max_cyles": 3}}}, quick=True)
-
-
 def test_changes_by_key_and_axes_count_beside_the_quick_version() -> None:
     given = {"model": "particles", "trials": 9, "quick": {"trials": 2, "stop": {"max_cycles": 5}}}
     scenario = load_scenario(given, ["trials=4"], ["agents.count=3,4"], quick=True)
     assert (scenario.trials, scenario.stop.max_cycles) == (4, 5)
     assert list(scenario.sweep.rows()) == [{"agents.count": 3}, {"agents.count": 4}]
-
-
-def test_the_quick_version_cannot_be_changed_by_key() -> None:
-    with pytest.raises(ScenarioError, match="quick: unknown 'quick'"):
-        load_scenario("fig-5-3", ["quick.trials=3"])
 
 
 def test_a_scenario_that_is_loaded_has_forgotten_its_quick_version() -> None:
@@ -136,21 +105,6 @@ def test_a_scenario_of_robots_may_have_a_quick_version_too() -> None:
 
 
 # The command
-
-
-@pytest.mark.parametrize("command", ["check", "run"])
-@pytest.mark.parametrize("name", WITHOUT[:2] + WITHOUT[-2:])
-def test_a_shipped_scenario_without_one_is_refused(command: str, name: str) -> None:
-    path = {**SHIPPED, **builtin_files(ARENAS)}[name]
-    assert refused(command, name, "--quick") == f"error: {path}: has no quick version; leave --quick out\n"
-
-
-@pytest.mark.parametrize("command", ["check", "run"])
-def test_a_quick_version_that_is_no_mapping_is_refused_with_its_file(tmp_path, command: str) -> None:
-    path = tmp_path / "odd.yaml"
-    path.write_text("model: particles\nquick: 3")
-    expected = f"error: {path}: quick: is 3; allowed: a mapping of keys to values\n"
-    assert refused(command, path, "--quick") == expected
 
 
 def test_run_runs_the_quick_version_and_its_folder_holds_that_alone(tiny, tmp_path) -> None:

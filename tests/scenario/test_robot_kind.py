@@ -12,7 +12,6 @@ from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from epuck_sim.scenario.yaml_io import parse_yaml
 
 RADIO = [{"count": 3, "signal": {"kind": "radio"}}]
-KILO = {"kind": "kilobot"}
 
 
 def test_robots_are_e_pucks_unless_a_scenario_says_otherwise() -> None:
@@ -74,14 +73,6 @@ def test_each_kind_brings_its_own_sensors_unless_its_group_has_others() -> None:
     assert list(bare.robots[0].sensors) == []
 
 
-def test_a_wrong_value_in_a_robots_file_is_named_with_its_line(tmp_path) -> None:
-    (tmp_path / "odd.yaml").write_text("radius_cm: 3\ninfrared:\n  sensors:\n  - [1, 0, 0]\n  - [9, 9, 0]\n")
-    with pytest.raises(
-        ScenarioError, match=r"scenario: robots\.0\.kind: .*odd\.yaml:5: infrared\.sensors\.1 is 12\.7 cm"
-    ):
-        load_scenario({"robots": [{"kind": str(tmp_path / "odd.yaml")}]})
-
-
 def test_a_swept_kind_has_the_values_of_its_own() -> None:
     given = {"robots": RADIO, "sweep": {"grid": {"robot": ["epuck", "kilobot", {"kind": "kilobot", "radius_cm": 2}]}}}
     robots = [point.scenario.robot for point in points(given)]
@@ -98,55 +89,6 @@ def test_a_single_key_of_the_robots_is_swept() -> None:
 def test_numbers_of_resamples_of_folders_without_the_section_stay() -> None:
     assert load_scenario("thesis").later_defaults()["robot"] is True
     assert "robot" not in load_scenario("kilobots").later_defaults()
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"robot": "thymio"}, "robot.kind: unknown 'thymio'; shipped robots: epuck, kilobot, pogobot; or give a"),
-        ({"robot": "thymio.yaml"}, "robot.kind: no robot file 'thymio.yaml' in "),
-        ({"robot": 3}, "robot: is 3; allowed: a mapping of keys to values"),
-        ({"robot": {"kind": ["epuck"]}}, "robot.kind: is ['epuck']; allowed: text"),
-        ({"robot": {"radius": 3}}, "robot.radius: unknown 'radius', did you mean 'radius_cm'?; allowed: kind"),
-        ({"robot": {"radius_cm": 0}}, "robot.radius_cm: is 0; allowed: above 0"),
-        ({"robot": {"radius_cm": 100}}, "robot.radius_cm: is 100; allowed: at most 50"),
-        ({"robot": {"mass_g": True}}, "robot.mass_g: is True; allowed: a number, not true or false"),
-        ({"robot": {"wheel_base_cm": 8}}, "robot: wheel_base_cm is 8; allowed: up to 7.4, the body's diameter"),
-        ({"robot": {"camera": {"forward_cm": 4}}}, "robot: camera.forward_cm is 4; allowed: up to 3.7, the body's"),
-        ({"robot": {"infrared": {"sensors": []}}}, "robot.infrared.sensors: is []; allowed: 1 or more values"),
-        ({"robot": {"infrared": {"sensors": [[0, 0, 0]] * 9}}}, "allowed: at most 8 values"),
-        ({"robot": {"infrared": {"sensors": [[3, 3, 0]]}}}, "robot: infrared.sensors.0 is 4.24 cm from the axle's"),
-        ({"robot": {"infrared": {"peak_cm": 1}}}, "robot.infrared: width_cm2 is 0.7; allowed: above the square of"),
-        ({"robot": {"infrared": {"range_cm": 0.2}}}, "robot.infrared: peak_cm is 0.3; allowed: below range_cm, 0.2"),
-        ({"robots": [{"kind": "thymio"}]}, "robots.0.kind: unknown 'thymio'; shipped robots: epuck, kilobot"),
-        ({"robots": [{}, {"kind": 3}]}, "robots.1.kind: is 3; allowed: a mapping of keys to values"),
-        ({"robots": [{"kind": {"radius_cm": 0}}]}, "robots.0.kind.radius_cm: is 0; allowed: above 0"),
-        ({"robots": [{"kind": "kilobot"}]}, "robots.0.signal.kind is 'camera', and the robot 'kilobot' has none"),
-        ({"robots": [{"kind": {"wheel_limit_cm_s": 20}}]}, "robots.0.kind.wheel_limit_cm_s is 20; allowed: up to 13"),
-        (
-            {"arena": {"width_cm": 20, "height_cm": 20}, "robots": [{"count": 8}, {**RADIO[0], "count": 50, **KILO}]},
-            "8 robots of 7.4 cm and 50 robots of 3.3 cm do not fit into the arena of 20 x 20 cm",
-        ),
-        ({"robot": "kilobot"}, "robots.0.signal.kind is 'camera', and the robot 'kilobot' has none; allowed: cone or"),
-        (
-            {"robot": "kilobot", "arena": {"width_cm": 3}, "robots": RADIO},
-            "arena.width_cm: is 3; allowed: at least 3.3",
-        ),
-        ({"robot": "kilobot", "arena": {"width_cm": 4, "height_cm": 4}, "robots": RADIO}, "3 robots of 3.3 cm do not"),
-        (
-            {"robot": {"wheel_limit_cm_s": 20}},
-            "robot.wheel_limit_cm_s is 20; allowed: up to 13 at timing.physics_hz 100: faster robots would overlap",
-        ),
-        (
-            {"robot": {"radius_cm": 5.5}, "robots": [{"count": 1, "placement": "grid"}]},
-            "robots.0.placement is 'grid', whose points are 10 cm apart, and robots are 11 cm wide",
-        ),
-    ],
-)
-def test_robots_that_there_are_not_are_refused_in_words(given, message) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(given)
-    assert message in str(caught.value)
 
 
 def test_a_robot_is_a_file_with_its_sensors_beside_it(tmp_path, monkeypatch) -> None:
@@ -174,15 +116,6 @@ def test_a_pogobot_tells_how_bright_it_is_on_three_sides() -> None:
     group = {"poses": [[20, 20, math.pi]], "controller": "external", "signal": {"kind": "radio"}}
     light = Simulation({**given, "robots": [group]}, 1).advance(1).readings["light"][0]
     assert light[0] > light[1] == pytest.approx(light[2])
-
-
-def test_wheels_wider_than_the_body_of_a_file_are_refused(tmp_path) -> None:
-    (tmp_path / "wide.yaml").write_text("radius_cm: 3\nwheel_base_cm: 7\n")
-    with pytest.raises(ScenarioError, match=r"robot\.kind: .*wide\.yaml:2: wheel_base_cm is 7; allowed: up to 6"):
-        load_scenario({"robot": str(tmp_path / "wide.yaml")})
-    (tmp_path / "wide.yaml").write_text("- 3\n")
-    with pytest.raises(ScenarioError, match=r"wide\.yaml: is \[3\]; a robot is a mapping of keys to values"):
-        load_scenario({"robot": str(tmp_path / "wide.yaml")})
 
 
 def test_faster_wheels_are_allowed_with_more_physics_steps() -> None:

@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.stop import Condition
@@ -47,18 +46,6 @@ def test_the_value_of_a_condition_and_the_whole_of_it_can_be_swept():
 def test_a_condition_holds_as_python_says(relation, value, limit):
     condition = Condition(measure="x", relation=relation, value=limit)
     assert condition.holds(value) == eval(f"{value} {relation} {limit}")
-
-
-def test_a_condition_without_measures_is_refused():
-    with pytest.raises(ScenarioError, match=r"stop\.when: unknown 'near_walls'; measures: none"):
-        load_scenario({"stop": {"when": NEAR}})
-
-
-def test_a_trial_does_not_end_in_two_ways():
-    with pytest.raises(ScenarioError, match=r"order_parameter is 0.9 and when is 'near_walls < 0.25'; give order_par"):
-        scenario("embodied", when=NEAR, order_parameter=0.9)
-    with pytest.raises(ScenarioError, match="further_cycles is 3 and order_parameter is null; allowed: 0"):
-        scenario("embodied", order_parameter=None, further_cycles=3)
 
 
 def test_a_condition_on_a_measure_of_ones_own(tmp_path):

@@ -54,23 +54,6 @@ def test_files_of_robots_are_found_beside_the_scenario(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"start": {"like": "thesis", "phases": "synchronised"}}, "start: like is 'thesis'; leave out all other keys"),
-        ({"agents": {"count": 9}}, "start.like: agents.count is 9, and that of the robots in thesis is 10"),
-        ({"space": {"side_cm": 50}}, r"space.side_cm is \[50.0, 50.0\], and that of the robots in thesis is \[60.0"),
-        ({"space": {"side_cm": 60, "dimensions": 1}}, "space.dimensions is 1"),
-        ({"start": {"like": "particles"}}, "start.like: particles is of model: particles; allowed: a scenario of robo"),
-        ({"start": {"like": "thesiss"}}, "thesiss"),
-        ({"start": {"like": "push"}, "agents": {"count": 2}}, "push"),
-    ],
-)
-def test_what_agents_cannot_start_like_is_refused(changes, message):
-    with pytest.raises(ScenarioError, match=message):
-        load_scenario({**AGENTS, **changes})
-
-
 def test_a_simulation_of_its_own_is_told_what_to_give():
     with pytest.raises(ScenarioError, match=r"give a ParticleSimulation start_like\(robots, seed\)"):
         ParticleSimulation(AGENTS, 1)
