@@ -23,7 +23,7 @@ from epuck_sim.embodied.swarm import Swarm, make_block, open_block
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.physics import SpreadSection
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
-from epuck_sim.scenario.robots import ConeSignal, RadioSignal, RobotGroup
+from epuck_sim.scenario.robots import CameraSignal, RadioSignal, RobotGroup
 
 
 def make_swarm_block(
@@ -197,8 +197,8 @@ def _set_senses(swarm: Swarm, scenario: EmbodiedScenario, sensors: Sequence[Sequ
 
 
 def _set_signal(swarm: Swarm, group: Any, section: RobotGroup, kind: RobotKind, scenario: EmbodiedScenario) -> None:
-    if isinstance(section.signal, ConeSignal | RadioSignal):
-        set_cone(group.cone, section.signal)
+    if not isinstance(section.signal, CameraSignal):
+        set_cone(group.cone, section.signal, kind.camera_forward_cm)
     else:
         rays = swarm.rays[group.ray : group.ray + section.pixels]
         set_camera(group.camera, rays, section.camera, kind, scenario.timing.control_hz)

@@ -11,7 +11,7 @@ from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.sensors.flash_cone import set_cone
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
-from epuck_sim.scenario.robots import CameraSignal, ConeSignal, RobotGroup
+from epuck_sim.scenario.robots import CameraSignal, RobotGroup
 from epuck_sim.util.jit import jit_inline
 
 
@@ -49,8 +49,8 @@ def make_scene(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arena: 
         group.first, group.count, group.pixels, group.ray = first, section.count, section.pixels, ray
         if isinstance(section.signal, CameraSignal):
             set_camera(group.camera, swarm.rays[ray : ray + section.pixels], section.camera, kind, 1.0)
-        elif isinstance(section.signal, ConeSignal):
-            set_cone(group.cone, section.signal)
+        else:
+            set_cone(group.cone, section.signal, kind.camera_forward_cm)
         first, ray = first + section.count, ray + section.pixels
     return Scene(groups, block, swarm)
 

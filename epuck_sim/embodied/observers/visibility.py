@@ -35,10 +35,10 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
         return np.empty((0, 3), np.int64)
     listed = np.ones(poses.shape[:2], np.bool_) if listed is None else listed
     found = np.empty((2 * len(poses) * scene.groups[group].count, 3), np.int64)  # most robots see no more than two
-    sightings = write_sightings(scene.block, group, kind == "cone", poses, listed, found)
+    sightings = write_sightings(scene.block, group, kind != "camera", poses, listed, found)
     if sightings > len(found):
         found = np.empty((sightings, 3), np.int64)
-        write_sightings(scene.block, group, kind == "cone", poses, listed, found)
+        write_sightings(scene.block, group, kind != "camera", poses, listed, found)
     return found[:sightings]
 
 

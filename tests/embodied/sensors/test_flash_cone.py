@@ -37,7 +37,7 @@ def with_cone(scene: Scene, section: ConeSection, occlusion: bool, observer: int
     """Return the robots of a scene; those from `observer` on have the ideal sensor."""
     block = block_of(scene, CameraSettings(1, 56.0, 1), observer)
     cone = block.swarm.groups[0].cone
-    set_cone(cone, section)
+    set_cone(cone, section, scene.body.forward_cm)
     cone.occlusion = occlusion
     return block
 
