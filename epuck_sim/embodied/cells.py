@@ -20,13 +20,9 @@ def cells_needed(width_cm: float, height_cm: float, robots: int, least_cm: float
 
 
 def set_cells(swarm: Swarm, width_cm: float, height_cm: float, least_cm: float) -> None:
-    """Set the size of the arena, and with it the grid of a swarm, of `open_block`.
+    """Set the size of the arena, and with it the grid of a swarm, of `open_block`, that has room for `cells_needed`.
 
-    Args:
-        swarm: The swarm, which has room for `cells_needed`.
-        width_cm: Width of the arena.
-        height_cm: Height of the arena.
-        least_cm: Least side of a cell, see `scenario.robot_kind.cell_cm`.
+    Cells are no narrower than `least_cm`, see `scenario.robot_kind.cell_cm`.
     """
     scene = swarm.scene[0]
     scene.width_cm, scene.height_cm = width_cm, height_cm

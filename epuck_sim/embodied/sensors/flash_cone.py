@@ -21,13 +21,7 @@ _FULL_CIRCLE_COS = -2.0
 
 
 def set_cone(record: Any, section: SectorSection, forward_cm: float) -> None:
-    """Set where flashes, or pulses, reach the robots of a group.
-
-    Args:
-        record: CONE of the group; written.
-        section: The group's section of a scenario.
-        forward_cm: Distance of a camera ahead of the robot's centre.
-    """
+    """Set CONE of a group, where flashes, or pulses, reach its robots; forward_cm: of a camera ahead of the centre."""
     record.range_cm = math.inf if section.range_cm is None else section.range_cm
     full, half = section.angle_deg == 360, math.radians(section.angle_deg / 2)
     record.cos = _FULL_CIRCLE_COS if full else cos(half)

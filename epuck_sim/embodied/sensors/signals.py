@@ -35,12 +35,7 @@ def begin_pictures(block: ByteArray, number: int) -> None:
 
 
 def forget_signals(swarm: Swarm, robot: int) -> None:
-    """Have neither a picture nor a pulse be on its way to a robot; its camera goes on at its instants.
-
-    Args:
-        swarm: The swarm, of `open_block`.
-        robot: Number of the robot.
-    """
+    """Have neither a picture nor a pulse be on its way to a robot; its camera goes on at its instants."""
     swarm.robots[robot].picture_arrives = NEVER
     group = next(group for group in swarm.groups if group.first <= robot < group.first + group.count)
     first = group.radio.first + robot - group.first
