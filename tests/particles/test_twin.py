@@ -120,11 +120,6 @@ def test_the_times_are_seconds_whatever_the_period():
     np.testing.assert_allclose(slow.order_parameter, quick.order_parameter, atol=1e-12)
 
 
-def test_times_that_are_not_ascending_are_refused():
-    with pytest.raises(ValueError, match="cannot go back"):
-        compare(times=np.array([2.5, 1.5]))
-
-
 # --- the twin ---------------------------------------------------------------------------------------
 
 
