@@ -90,6 +90,7 @@ def _robots_of_chapter_3(row: Row) -> dict[str, Any]:
         "robots.0.count": int(row["N"]),
         "robots.0.parameters.period_s": float(row["tau_s"]),
         "robots.0.parameters.coupling": float(row["epsilon"]),
+        "robots.0.signal.kind": "cone",
         "robots.0.signal.angle_deg": float(row["theta_deg"]),
         "robots.0.signal.range_cm": 1.5 * side if radius < 0 else radius + RADIUS_CM,
         "robots.0.parameters.speed_cm_s": float(row["V_cm_s"]),
@@ -221,7 +222,7 @@ the smallest is below {level} of either. The ratio of means, ours over theirs, i
 its 95 % interval; means are restricted to the limit.
 
 Enki sees robots whose centre is nearer than R + {radius} cm: so far reaches the cone in which chapter 3's
-robots see here.
+robots see here, instead of the camera that they have by default ([signals.md](signals.md)).
 
 ![Ratios of means, and z of all points beside the normal distribution](figures/validation.png)
 

@@ -20,13 +20,9 @@ def cells_needed(width_cm: float, height_cm: float, robots: int, least_cm: float
 
 
 def set_cells(swarm: Swarm, width_cm: float, height_cm: float, least_cm: float) -> None:
-    """Set the size of the arena, and with it the grid of a swarm, of `open_block`.
+    """Set the size of the arena, and with it the grid of a swarm, of `open_block`, that has room for `cells_needed`.
 
-    Args:
-        swarm: The swarm, which has room for `cells_needed`.
-        width_cm: Width of the arena.
-        height_cm: Height of the arena.
-        least_cm: Least side of a cell, see `scenario.robot_kind.cell_cm`.
+    Cells are no narrower than `least_cm`, see `scenario.robot_kind.cell_cm`.
     """
     scene = swarm.scene[0]
     scene.width_cm, scene.height_cm = width_cm, height_cm
@@ -92,3 +88,31 @@ def cell_of(robot: Any, scene: Any) -> int:
     column = cell_index(robot.x, scene.cell_width_cm, scene.columns)
     row = cell_index(robot.y, scene.cell_height_cm, scene.rows)
     return row * int(scene.columns) + column
+
+
+@jit_inline
+def rows_along(ay: float, by: float, reach: float, scene: Any) -> tuple[int, int]:
+    """Return the first and the last row of cells with centres within reach, cm, of a line from y = ay to by."""
+    height, rows = scene.cell_height_cm, scene.rows
+    return cell_index(min(ay, by) - reach, height, rows), cell_index(max(ay, by) + reach, height, rows)
+
+
+@jit_inline
+def members_along(ax: float, ay: float, bx: float, by: float, reach: float, row: int, swarm: Swarm) -> tuple[int, int]:
+    """Return where the robots of a row, of cells within reach, cm, of a line, begin in `Swarm.members`, and end.
+
+    The first and the last row, and column, also hold the robots beyond them.
+    """
+    scene = swarm.scene[0]
+    height = scene.cell_height_cm
+    low = -math.inf if row == 0 else row * height - reach
+    high = math.inf if row == scene.rows - 1 else (row + 1) * height + reach
+    if ay == by:
+        one, other = ax, bx
+    else:
+        begin = min(max((low - ay) / (by - ay), 0.0), 1.0)
+        end = min(max((high - ay) / (by - ay), 0.0), 1.0)
+        one, other = ax + begin * (bx - ax), ax + end * (bx - ax)
+    first = row * scene.columns + cell_index(min(one, other) - reach, scene.cell_width_cm, scene.columns)
+    last = row * scene.columns + cell_index(max(one, other) + reach, scene.cell_width_cm, scene.columns)
+    return swarm.cells[first], swarm.cells[last + 1]

@@ -5,9 +5,7 @@ bit.
 """
 
 import ctypes
-from bdb import BdbQuit
 from collections.abc import Callable, Sequence
-from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +16,10 @@ from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.interface import ACTUATORS, Controller, Sensor, Sensors, Wheels
-from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.control.names import check_sensed
 from epuck_sim.embodied.sensors.completion import completion, names_of_readings
-from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, open_block, swarm_at
-from epuck_sim.embodied.user_code import RobotError, as_python, line_again, view_at
-from epuck_sim.user_files import line_of_error
+from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, swarm_at
+from epuck_sim.embodied.user_code import UserCode, as_python, view_at
 from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest
 from epuck_sim.util.native import array_at, call_c, function_address
 
@@ -110,14 +106,7 @@ def bytes_needed(controller: Controller, robots: int) -> int:
 
 
 def assign_bytes(swarm: Swarm, number: int, controller: Controller, first: int) -> None:
-    """Write to a group's record where parameters and memories of its controllers are.
-
-    Args:
-        swarm: The swarm.
-        number: Number of the group.
-        controller: What is to run on its robots.
-        first: Index in `Swarm.bytes` of the first of the group's bytes, of which there are `bytes_needed`.
-    """
+    """Write to a group's record where its controllers' `bytes_needed` are, which begin at `first` in `Swarm.bytes`."""
     parameters, memory = controller.parameter_type, controller.memory
     group = swarm.groups[number]
     group.parameters = swarm.scene[0].at[BYTES] + first
@@ -131,16 +120,11 @@ def assign_bytes(swarm: Swarm, number: int, controller: Controller, first: int) 
         group.phase_is_float = memory["phase_ms"].kind == "f"
 
 
-class GroupControllers:
-    """The controllers of one group of robots of a block, which must stay where it is."""
+class GroupControllers(UserCode):
+    """The controllers of one group of robots."""
 
     controller: Controller
     """What runs on the robots."""
-    robots: slice
-    """Numbers of the robots."""
-    run: Callable[[ByteArray, IntArray, int], None]
-    """Runs one control step of each robot; takes the block, the addresses and the group's number. Compiled, unless
-    controllers are interpreted."""
 
     def __init__(
         self,
@@ -152,27 +136,16 @@ class GroupControllers:
         *,
         interpret: bool = False,
     ) -> None:
-        """Prepare `controller`, without starting it: the block stays as it is.
-
-        Args:
-            block: The swarm, in which the group has its bytes, see `assign_bytes`.
-            swarm: The arrays of the block.
-            number: Number of the group.
-            controller: What runs on its robots.
-            sensors: Their sensors in files of their own.
-            interpret: Whether it runs as plain Python instead of compiled.
+        """Prepare a group's controllers, without starting them: the block, in which it has its bytes, stays as it is.
 
         Raises:
-            ControllerError: It cannot be compiled, reads what its sensors do not tell, or the program has set a value
-                in its own import of the file.
+            ControllerError: It cannot be compiled, reads what its sensors, in files of their own, do not tell, or the
+                program has set a value in its own import of the file.
         """
-        check_imported_copies(controller)
+        self._group, is_compiled = swarm.groups[number], not (interpret or isinstance(controller, Firmware))
+        super().__init__(controller, block, swarm, number, self._group, is_compiled=is_compiled)
         check_sensed(controller, names_of_readings(sensors))
         self.controller, self._sensors = controller, tuple(sensors)
-        self._block, self._number, self._swarm = block, number, swarm
-        self._scene, self._group = swarm.scene[0], swarm.groups[number]
-        self.robots = slice(int(self._group.first), int(self._group.first + self._group.count))
-        self._is_compiled = not (interpret or isinstance(controller, Firmware))
         self._entries = [0] * ENTRIES
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
         if isinstance(controller, Firmware):
@@ -244,34 +217,17 @@ class GroupControllers:
                 raise fault from error
             raise
 
-    def fault(self, error: BaseException) -> RobotError | None:
-        """Return what to say of an error that a robot of this group has raised; None if none of them did."""
-        member = int(self._scene.serving - self._group.first)
-        if self._scene.sensing or not 0 <= member < self._group.count:
-            return None
-        if isinstance(error, BdbQuit | KeyboardInterrupt):  # the debugger was left, or Ctrl-C pressed
-            return None
-        place = self._line_again(error) if self._is_compiled else line_of_error(error, self.controller.sources)
-        self._scene.serving = -1
-        return RobotError(self.controller, member, error, place or str(self.controller.path))
+    def _is_at_work(self) -> bool:
+        return bool(not self._scene.sensing and self.robots.start <= self._scene.serving < self.robots.stop)
 
-    def _line_again(self, error: BaseException) -> str | None:
-        """Return FILE:LINE of an error, by running what has failed again: in Python, and on a copy of the swarm."""
-        block = self._block.copy()
-        swarm = open_block(block)
-        scene, group = swarm.scene[0], self._group
-        robot = swarm.robots[scene.serving]
-        robot.random, robot.actuators = scene.kept_random, scene.kept_actuators
+    def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:
+        scene, group, served = swarm.scene[0], self._group, swarm.robots[robot]
+        served.random, served.actuators = scene.kept_random, scene.kept_actuators
         kept = group.memory + group.count * group.memory_bytes
-        memory = group.memory + (scene.serving - group.first) * group.memory_bytes
+        memory = group.memory + (robot - group.first) * group.memory_bytes
         block[memory:][: group.memory_bytes] = block[kept:][: group.memory_bytes]
-        others = np.arange(len(swarm.robots)) != scene.serving
-        swarm.robots.present[others] = swarm.robots.starts[others] = False
-        again = partial(self._interpreted(swarm), block, np.zeros(0, np.int64), self._number)
-        return line_again(again, error, self.controller)
 
     def _interpreted(self, swarm: Swarm) -> Any:
-        """Return `run_group` as plain Python."""
         controller, complete = self.controller, bind(completion(self._sensors).function, array_at=view_at)
         functions = {"start": controller.start, "step": controller.step, "complete": complete}
         types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}

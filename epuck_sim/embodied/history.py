@@ -9,7 +9,7 @@ from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.loop import DONE, FIRED, ControlLoop, take_steps
 from epuck_sim.embodied.observers.contacts import find_contacts
 from epuck_sim.embodied.observers.scene import Scene, make_scene
-from epuck_sim.embodied.observers.visibility import find_sightings
+from epuck_sim.embodied.observers.visibility import find_all_sightings
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.jit import bind, jit_no_alloc
@@ -42,20 +42,12 @@ class Stretch(NamedTuple):
     @property
     def sightings(self) -> IntArray:
         """(sightings, 3) step from 0, robot that looks, and robot whose lit ring it sees, as `Step.sightings`."""
-        return self._find(self.ring_before)
+        return find_all_sightings(self.scene, self.poses, self.present, self.ring_before)
 
     @property
     def views(self) -> IntArray:
         """(views, 3) step from 0, robot that looks, and robot that is in its view, lit or not."""
-        return self._find(None)
-
-    def _find(self, listed: BoolArray | None) -> IntArray:
-        """Return the sightings of robots that are in the arena, step by step."""
-        groups = range(len(self.scene.groups))
-        found = np.concatenate([find_sightings(self.scene, self.poses, group, listed=listed) for group in groups])
-        if len(groups) > 1:
-            found = found[np.argsort(found[:, 0], kind="stable")]
-        return found if self.present.all() else np.asarray(found[self.present[found[:, 1]]])
+        return find_all_sightings(self.scene, self.poses, self.present, None)
 
     @property
     def contacts(self) -> IntArray:

@@ -21,9 +21,9 @@ from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
 from epuck_sim.embodied.sensors.radio import set_radio, slots_of
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.physics import SpreadSection
+from epuck_sim.scenario.physics import SpreadSection, TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
-from epuck_sim.scenario.robots import ConeSignal, RadioSignal, RobotGroup
+from epuck_sim.scenario.robots import CameraSignal, RadioSignal, RobotGroup
 
 
 def make_swarm_block(
@@ -34,11 +34,7 @@ def make_swarm_block(
 ) -> tuple[ByteArray, Swarm]:
     """Return the block of a swarm before its first trial, and its arrays: robots have no places, nothing is drawn.
 
-    Args:
-        scenario: The scenario.
-        arenas: Every arena that there is in a trial, first the one that it begins with.
-        controllers: What runs on each group.
-        sensors: Each group's sensors in files of their own.
+    There is room for all arenas of a trial, of which it begins in the first. Sensors are those in files of their own.
     """
     block = make_block(_lengths(scenario, arenas, controllers, sensors))
     swarm = open_block(block)
@@ -177,7 +173,7 @@ def _set_groups(swarm: Swarm, scenario: EmbodiedScenario, controllers: Sequence[
         group.row, group.in_view, group.waiting, group.ray = row, row, row, ray
         if _pictures(section) > 1:
             group.in_view, group.waiting, later = later, later + rows, later + 2 * rows
-        _set_signal(swarm, group, section, kind, scenario)
+        set_signal(swarm, group, section, kind, scenario.timing)
         group.radio.first = pulses
         set_infrared(group.infrared, kind, section.infrared, scenario.noise.infrared_counts)
         assign_bytes(swarm, number, controller, byte)
@@ -196,14 +192,15 @@ def _set_senses(swarm: Swarm, scenario: EmbodiedScenario, sensors: Sequence[Sequ
             number, byte = number + 1, byte + sensed_bytes_needed(sensor, group.count)
 
 
-def _set_signal(swarm: Swarm, group: Any, section: RobotGroup, kind: RobotKind, scenario: EmbodiedScenario) -> None:
-    if isinstance(section.signal, ConeSignal | RadioSignal):
-        set_cone(group.cone, section.signal)
+def set_signal(swarm: Swarm, group: Any, section: RobotGroup, kind: RobotKind, timing: TimingSection) -> None:
+    """Set how flashes reach a group's robots, which are of a kind; the group knows its pixels and rays."""
+    if not isinstance(section.signal, CameraSignal):
+        set_cone(group.cone, section.signal, kind.camera_forward_cm)
     else:
         rays = swarm.rays[group.ray : group.ray + section.pixels]
-        set_camera(group.camera, rays, section.camera, kind, scenario.timing.control_hz)
+        set_camera(group.camera, rays, section.camera, kind, timing.control_hz)
     if isinstance(section.signal, RadioSignal):
-        set_radio(group.radio, section.signal, scenario.timing.step_ms)
+        set_radio(group.radio, section.signal, timing.step_ms)
 
 
 def _set_reference(swarm: Swarm, robot: int) -> None:

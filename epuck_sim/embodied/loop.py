@@ -165,14 +165,7 @@ class ControlLoop:
     ) -> None:
         """Compile what a control step calls, and number it in the block.
 
-        Args:
-            scenario: The scenario.
-            block: The swarm.
-            swarm: The arrays of the block.
-            world: Its bodies.
-            sensors: Sensors in files of their own, of all groups.
-            groups: The controllers of each group.
-            interpret: Whether controllers run as plain Python.
+        Sensors are those in files of their own, of all groups; groups the controllers of each.
         """
         self._block = block
         calls = plan_calls(scenario, list(map(sensors_of, scenario.robots)), groups, sensors)

@@ -40,13 +40,9 @@ PLACED = -1
 
 @jit_no_alloc
 def clearance_cm(swarm: Swarm, x: float, y: float, circles: int) -> float:
-    """Return the distance from a point to the nearest wall or obstacle; negative beyond or inside it.
+    """Return the distance from a point to the nearest wall or obstacle, cm; negative beyond or inside it.
 
-    Args:
-        swarm: The swarm.
-        x: cm.
-        y: cm.
-        circles: Number of circles that count: `scene.circles`, or `scene.first_movable` for all but movables.
+    So many circles count: `scene.circles`, or `scene.first_movable` for all but movables.
     """
     scene = swarm.scene[0]
     clearance: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
@@ -228,10 +224,7 @@ class Placement:
             robots["x"][first + row], robots["y"][first + row], robots["heading"][first + row] = x, y, heading
 
     def place(self, block: ByteArray) -> None:
-        """Put robots on the grid, and at random places, by draws from `scene.placement_random`.
-
-        Args:
-            block: The swarm, in which others are parked, or at their given poses.
+        """Put robots on the grid, and at random places, by draws; others are parked, or at their given poses.
 
         Raises:
             ScenarioError: Robots do not fit.

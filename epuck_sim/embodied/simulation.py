@@ -541,12 +541,9 @@ class Simulation:
 
     def _located(self, error: BaseException) -> BaseException:
         """Return the error of a controller with its location; any other error as it is."""
-        for sensor in self._sensors:
-            if fault := sensor.fault(error):
+        for code in (*self._sensors, *self._groups):
+            if fault := code.fault(error):
                 return ControllerError(f"{self._location(fault.robot)}: {fault}")
-        for group in self._groups:
-            if fault := group.fault(error):
-                return ControllerError(f"{self._location(group.robots.start + fault.robot)}: {fault}")
         return error
 
 

@@ -111,6 +111,9 @@ CONE = record_type(
         ("cos", "f8"),  # cosine of half the opening angle; -2 for a full circle
         ("of_vision", "?"),  # whether the cone is the receiver's; else it is the sender's
         ("occlusion", "?"),  # whether robots and obstacles hide rings
+        ("by_parts", "?"),  # whether any part of a robot counts, as Enki's camera sees it; else its centre does
+        ("half_view_rad", "f8"),  # of that camera; infinite all around
+        ("forward_cm", "f8"),  # distance of that camera ahead of the robot's centre
     ]
 )
 """Where flashes, or radio pulses, reach."""

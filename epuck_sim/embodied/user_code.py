@@ -4,15 +4,20 @@ Compiled code does not know the line at which it has raised. What has failed run
 """
 
 import sys
+from abc import ABC, abstractmethod
+from bdb import BdbQuit
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import Described, Sensor
-from epuck_sim.embodied.swarm import Swarm
+from epuck_sim.control.loader import check_imported_copies
+from epuck_sim.embodied.swarm import Swarm, open_block
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import line_of_error
 from epuck_sim.util.jit import bind
@@ -26,7 +31,7 @@ class RobotError(ControllerError):
     """The controller of a robot, or a sensor in a file of its own, has raised an error.
 
     Attributes:
-        robot: The robot's number, in its group for a controller.
+        robot: The robot's number.
     """
 
     def __init__(self, user: Described, robot: int, error: BaseException, place: str) -> None:
@@ -36,15 +41,66 @@ class RobotError(ControllerError):
         self.robot = robot
 
 
+class UserCode(ABC):
+    """A user's code on robots of a block, which must stay where it is: the controllers of a group, or a sensor."""
+
+    robots: slice
+    """Numbers of the robots."""
+    run: Callable[[ByteArray, IntArray, int], None]
+    """Runs it on each of them; takes the block, the addresses and its number. Compiled, unless it is interpreted."""
+
+    def __init__(
+        self, user: Described, block: ByteArray, swarm: Swarm, number: int, record: Any, *, is_compiled: bool
+    ) -> None:
+        """Find the robots of a user's code, and what is its own in a block; record: its GROUP or SENSE, of this number.
+
+        Raises:
+            ControllerError: The program has set a value in its own import of the file.
+        """
+        check_imported_copies(user)
+        self._user, self._block, self._swarm, self._number = user, block, swarm, number
+        self._scene, self._is_compiled = swarm.scene[0], is_compiled
+        self.robots = slice(int(record.first), int(record.first + record.count))
+
+    @abstractmethod
+    def _is_at_work(self) -> bool: ...
+
+    @abstractmethod
+    def _interpreted(self, swarm: Swarm) -> Any: ...
+
+    @abstractmethod
+    def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:
+        """Set back what it has changed of the robot that it works on."""
+
+    def _without_line(self, error: BaseException, robot: int) -> tuple[str, BaseException]:  # noqa: ARG002
+        """Return the place of an error that is not met again, and the error."""
+        return str(self._user.path), error
+
+    def fault(self, error: BaseException) -> RobotError | None:
+        """Return what to say of an error that this code has raised on a robot; None if it did not."""
+        if not self._is_at_work() or isinstance(error, BdbQuit | KeyboardInterrupt):  # the debugger was left, or Ctrl-C
+            return None
+        robot = int(self._scene.serving)
+        place = self._line_again(error, robot) if self._is_compiled else line_of_error(error, self._user.sources)
+        if place is None:
+            place, error = self._without_line(error, robot)
+        self._scene.serving, self._scene.sensing = -1, 0
+        return RobotError(self._user, robot, error, place)
+
+    def _line_again(self, error: BaseException, robot: int) -> str | None:
+        block = self._block.copy()
+        swarm = open_block(block)
+        self._undo(block, swarm, robot)
+        others = np.arange(len(swarm.robots)) != robot
+        swarm.robots.present[others] = swarm.robots.starts[others] = False
+        again = partial(self._interpreted(swarm), block, np.zeros(0, np.int64), self._number)
+        return line_again(again, error, self._user)
+
+
 def as_python(function: Any, swarm: Swarm, names: dict[str, Any]) -> Any:
-    """Return a function (block, addresses, number) as plain Python that works on a swarm.
+    """Return a function (block, addresses, number) as plain Python on a swarm, in which names stand for others.
 
     It raises where compiled code does and numpy would warn: at 1 / 0.
-
-    Args:
-        function: The function.
-        swarm: The swarm.
-        names: What further global names of the function stand for.
     """
     bound = bind(function, swarm_at=lambda _: swarm, array_at=view_at, **names)
     return np.errstate(divide="raise", invalid="raise")(bound)
@@ -58,10 +114,7 @@ def view_at(block: Any, first: int, end: int, dtype: np.dtype[Any]) -> Any:
 def line_again(run: Callable[[], object], error: BaseException, user: Described) -> str | None:
     """Return FILE:LINE of an error in a user's code by running what has failed again; None if it does not fail so.
 
-    Args:
-        run: Runs it in plain Python, on a copy of the swarm.
-        error: The error.
-        user: What has raised it.
+    It runs in plain Python, on a copy of the swarm.
     """
     expected = ArithmeticError if isinstance(error, ArithmeticError) else type(error)  # numpy's of 1 / 0 is its own
     try:

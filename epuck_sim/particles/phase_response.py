@@ -204,14 +204,9 @@ def _shift_at(curve: ByteArray, phase: float) -> float:
 
 
 def curve_error(section: ResponseSection, phase: float, error: Exception) -> CurveError:
-    """Return the error that reports an exception in a user's response curve.
+    """Return the error that reports an exception of compiled code in a user's response curve, at a phase.
 
     Compiled code does not know the line: the function is called once more as plain Python.
-
-    Args:
-        section: The response of the scenario.
-        phase: The phase at which the function has failed.
-        error: What compiled code has raised.
     """
     curve = find_curve(section.curve)
     where = curve.name

@@ -20,13 +20,18 @@ class CameraSignal(ConfigModel):
     kind: Literal["camera"] = "camera"
 
 
-class ConeSection(ConfigModel):
-    """A circular sector with a robot's centre as its apex (thesis 3.1.2); a disc by default."""
+class SectorSection(ConfigModel):
+    """A circular sector (thesis 3.1.2); a disc by default."""
 
     range_cm: Positive | None = None
     """Radius; unlimited by default."""
     angle_deg: Annotated[Number, Field(gt=0, le=360)] = 360.0
     """Full opening angle, half of it to either side of straight ahead."""
+
+
+class ConeSection(SectorSection):
+    """A circular sector with a robot's centre as its apex."""
+
     of: Literal["vision", "emission"] = "vision"
     """Whose cone it is: the receiver's, in which the sender lies, or the sender's, in which the receiver lies."""
 
@@ -37,6 +42,17 @@ class ConeSignal(ConeSection):
     kind: Literal["cone"]
     occlusion: bool = True
     """Whether other robots and obstacles hide a ring: they block the line between the two robots' centres."""
+
+
+class EnkiCameraSignal(SectorSection):
+    """By what Enki's camera sees: lit rings of robots of which any part shows in a sector (thesis 3.1.4.3).
+
+    The range is that from the robot's centre to the nearest point of the other, and the camera is at the front.
+    """
+
+    kind: Literal["enki_camera"]
+    occlusion: bool = True
+    """Whether other robots and obstacles hide the part of a ring that is behind them."""
 
 
 class RadioSignal(ConeSection):
@@ -53,7 +69,7 @@ class RadioSignal(ConeSection):
     """Whether a robot receives nothing in a control step in which it sends."""
 
 
-SignalSection = Annotated[CameraSignal | ConeSignal | RadioSignal, Field(discriminator="kind")]
+SignalSection = Annotated[CameraSignal | ConeSignal | EnkiCameraSignal | RadioSignal, Field(discriminator="kind")]
 
 
 class CameraSection(ConfigModel):
@@ -222,10 +238,10 @@ def check_robots(
                 f"{kind.wheel_limit_cm_s:g}; allowed: up to {STEP_CM * physics_hz:g} at timing.physics_hz "
                 f"{physics_hz}: faster robots would overlap before a contact is found; give a higher physics_hz"
             )
-        if kind.camera is None and group.signal.kind == "camera":
+        if kind.camera is None and group.signal.kind in ("camera", "enki_camera"):
             raise ValueError(
-                f"robots.{number}.signal.kind is 'camera', and the robot {kind.kind!r} has none; allowed: cone or "
-                "radio, as in signal: {kind: radio, range_cm: 10}"
+                f"robots.{number}.signal.kind is {group.signal.kind!r}, and the robot {kind.kind!r} has none; allowed: "
+                "cone or radio, as in signal: {kind: radio, range_cm: 10}"
             )
         if group.placement == "grid" and 2 * kind.radius_cm > GRID_SPACING_CM:
             raise ValueError(

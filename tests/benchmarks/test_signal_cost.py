@@ -24,6 +24,8 @@ SIGNALS: dict[str, dict[str, Any]] = {
     "cone, no occlusion": {"kind": "cone", "occlusion": False},
     "cone": {"kind": "cone"},
     "cone of 50 cm, 60 degrees": {"kind": "cone", "range_cm": 50, "angle_deg": 60},
+    "Enki's camera": {"kind": "enki_camera"},
+    "Enki's camera, 50 cm, 60 deg": {"kind": "enki_camera", "range_cm": 50, "angle_deg": 60},
     "radio": {"kind": "radio"},
     "radio, collisions": {"kind": "radio", "collisions": True},
 }
@@ -45,9 +47,9 @@ def costs():
     print(
         "\n\nCPU time of a signal in a step in us, relative to the camera's, and that of a whole step relative to its"
     )
-    print("signal                     robots       us   signal     step")
+    print("signal                       robots       us   signal     step")
     for (signal, robots), (us, ratio, step_ratio) in found.items():
-        print(f"{signal:26} {robots:6}  {us:7.1f}  {ratio:7.2f}  {step_ratio:7.2f}")
+        print(f"{signal:28} {robots:6}  {us:7.1f}  {ratio:7.2f}  {step_ratio:7.2f}")
 
 
 def swarm(robots: int, signal: dict[str, Any], parameters: dict[str, float]) -> Simulation:

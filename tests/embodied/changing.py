@@ -77,7 +77,7 @@ REBUILT = {
 SIGNALS = [
     {"kind": "camera"},
     {"kind": "cone", "angle_deg": 360, "range_cm": 30},
-    {"kind": "cone", "angle_deg": 360},
+    {"kind": "enki_camera", "angle_deg": 300},
     {"kind": "radio", "collisions": True},
 ]
 

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.cells import cells_needed, set_cells
-from epuck_sim.embodied.swarm import make_block, open_block
+from epuck_sim.embodied.cells import cells_needed
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
-from tests.embodied.scenes import Scene, block_of, scenes, sort_robots
+from tests.embodied.scenes import Scene, block_of, empty_arena, scenes, sort_robots
 
 REACH_CM = math.hypot(3.35, 1.05) + 12 + 3.7
 """Distance of two e-pucks at which an infrared ray of one can meet the other: sensors 0 and 7 are farthest out."""
@@ -27,21 +26,9 @@ def crowds(draw):
     return width, height, draw(st.lists(st.tuples(x, y, st.just(0.0)), min_size=1, max_size=80))
 
 
-def _grid(width, height, robots):
-    """Return a block of robots in an arena of this size, and its arrays."""
-    cells = cells_needed(width, height, robots, cell_cm([EPUCK]))
-    block = make_block({"robots": robots, "cells": cells + 1, "members": robots})
-    swarm = open_block(block)
-    set_cells(swarm, width, height, cell_cm([EPUCK]))
-    assert swarm.scene[0].columns * swarm.scene[0].rows == cells
-    return block, swarm
-
-
-def _sorted(grid, poses):
-    block, swarm = grid
-    swarm.robots.x, swarm.robots.y, swarm.robots.heading = np.array(poses).T
-    sort_robots(block)
-    return swarm
+def block_at(width, height, poses):
+    """Return robots at these poses, sorted into the cells of an arena of this size."""
+    return block_of(Scene(np.array(poses), np.zeros(len(poses), bool), empty_arena(width, height)))
 
 
 def _cell(x, y, scene):
@@ -53,7 +40,7 @@ def _cell(x, y, scene):
 @given(crowds())
 def test_every_robot_is_in_the_cell_that_its_pose_says_by_number(crowd):
     width, height, poses = crowd
-    swarm = _sorted(_grid(width, height, len(poses)), poses)
+    swarm = block_at(width, height, poses).swarm
     twin = [[] for _ in range(len(swarm.cells) - 1)]
     for robot, (x, y, _) in enumerate(poses):
         twin[_cell(x, y, swarm.scene[0])].append(robot)
@@ -66,16 +53,16 @@ def test_every_robot_is_in_the_cell_that_its_pose_says_by_number(crowd):
 @given(crowds())
 def test_nothing_is_left_of_an_earlier_sorting(crowd):
     width, height, poses = crowd
-    used = _grid(width, height, len(poses))
-    _sorted(used, [(height - y, width - x, 0.0) for x, y, _ in poses])
-    again, fresh = _sorted(used, poses), _sorted(_grid(width, height, len(poses)), poses)
-    assert again.cells.tolist() == fresh.cells.tolist()
-    assert again.members.tolist() == fresh.members.tolist()
+    fresh, used = (block_at(width, height, each) for each in (poses, [(height - y, width - x, 0) for x, y, _ in poses]))
+    used.swarm.robots.x, used.swarm.robots.y, _ = np.array(poses).T
+    sort_robots(used.bytes)
+    assert used.swarm.cells.tolist() == fresh.swarm.cells.tolist()
+    assert used.swarm.members.tolist() == fresh.swarm.members.tolist()
 
 
 @given(sizes, sizes, st.integers(1, 500))
 def test_cells_share_the_floor_and_are_no_narrower_than_infrared_reaches(width, height, robots):
-    scene = _grid(width, height, robots)[1].scene[0]
+    scene = block_at(width, height, np.ones((robots, 3))).swarm.scene[0]
     assert scene.columns * scene.cell_width_cm == pytest.approx(width)
     assert scene.rows * scene.cell_height_cm == pytest.approx(height)
     assert scene.columns == 1 or scene.cell_width_cm >= REACH_CM - 1e-9

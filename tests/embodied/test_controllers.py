@@ -243,30 +243,10 @@ def test_a_controller_that_raises_in_start_is_named_likewise(interpret, tmp_path
     assert raised.value.robot == 2
 
 
-BY_ZERO = "(ZeroDivisionError|FloatingPointError)"
-
-
-@MODES
-@pytest.mark.parametrize(
-    ("value", "error"),
-    [
-        *((f"{quotient} / sensors.infrared[0]", BY_ZERO) for quotient in ("1", "0.0")),
-        *((quotient, BY_ZERO) for quotient in ("7 // parameters.whole", "sensors.step_ms % memory.x")),
-        *((place, "IndexError") for place in ("memory.row[6]", "sensors.camera[99]")),
-    ],
-)
-def test_division_by_zero_and_an_index_out_of_bounds_raise(value, error, interpret, tmp_path):
-    text = with_step(f"memory.x = {value}", PARAMETERS="{'whole': 0}", MEMORY="{'x': float, 'row': (float, 4)}")
-    bench = Bench(write_controller(tmp_path / "mine.py", text), interpret=interpret)
-    with pytest.raises(RobotError, match=rf"mine\.py:9: {error}: ") as raised:
-        bench.control.step()
-    assert raised.value.robot == 0
-
-
 FAILING = """
 import sibling
 
-PARAMETERS = {"way": 0}
+PARAMETERS = {"way": 0, "whole": 0}
 MEMORY = {"x": float, "row": (float, 4)}
 
 def start(memory, parameters, random):
@@ -296,6 +276,12 @@ def step(sensors, memory, actuators, parameters, random):
         except Exception:
             memory.x = 5.0
         memory.row[int(memory.x)] = 7
+    if parameters.way == 9:
+        memory.x = 0.0 / sensors.infrared[0]
+    if parameters.way == 10:
+        memory.x = sensors.step_ms % parameters.whole
+    if parameters.way == 11:
+        memory.x = sensors.camera[99]
     memory.x = fail(memory, parameters.way)
 """
 
@@ -312,6 +298,9 @@ def step(sensors, memory, actuators, parameters, random):
         (6, r"mine\.py:24: ValueError: 6$"),
         (7, r"sibling\.py:2: (ZeroDivision|FloatingPoint)Error: .* \(in the controller .*/mine\.py\)$"),
         (8, r"mine\.py:33: IndexError: index .*$"),
+        (9, r"mine\.py:35: (ZeroDivision|FloatingPoint)Error: .*$"),
+        (10, r"mine\.py:37: (ZeroDivision|FloatingPoint)Error: .*$"),
+        (11, r"mine\.py:39: IndexError: index .*$"),
     ],
 )
 def test_every_error_names_file_and_line(way, said, interpret, tmp_path):

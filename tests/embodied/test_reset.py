@@ -12,8 +12,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from tests.control.bench import with_step
-from tests.embodied.changing import CHANGING
-from tests.embodied.test_simulation import SHIPPED, steps_of
+from tests.embodied.test_simulation import steps_of
 
 
 def bits(step):
@@ -24,14 +23,6 @@ def bits(step):
 def following(simulation, steps=60):
     return [bits(step) for step in steps_of(simulation, steps)]
 
-
-IMPERFECT = load_scenario(
-    "physical",
-    (
-        *("spread={wheel_speed: 0.3, wheel_imbalance: 0.3, clock_rate: 0.1, infrared_gain: 0.5}", "stuck.per_hour=900"),
-        *("stuck.mean_s=2", "robots.0.camera.frames_per_s=8", "robots.0.parameters.speed_cm_s=12.8"),
-    ),
-)
 
 UNLIKE = load_scenario(
     {
@@ -44,19 +35,6 @@ UNLIKE = load_scenario(
         "arena": {"width_cm": 70, "height_cm": 70},
     }
 )
-
-
-@pytest.mark.parametrize("interpret", [False, True])
-@pytest.mark.parametrize("scenario", [*SHIPPED, IMPERFECT, UNLIKE, *map(load_scenario, CHANGING.values())], ids=str)
-def test_a_reset_simulation_is_as_good_as_a_new_one_to_the_bit(scenario, interpret):
-    used = Simulation(scenario, 5, interpret=interpret)
-    if len(used.external_wheels):
-        used.command(12.8, 11.0, True)
-    used.advance(100)
-    for seed in (8, 5):
-        used.reset(seed)
-        assert (used.seed, used.steps) == (seed, 0)
-        assert following(used) == following(Simulation(scenario, seed, interpret=interpret))
 
 
 def test_reset_keeps_the_seed_unless_another_is_given():
@@ -139,16 +117,6 @@ def test_copies_go_on_equal_to_the_bit_among_contacts_commands_and_changes(way, 
     assert drive(made, 60, np.random.default_rng(2)) == expected
     if made is not original:  # which neither notices its copy nor shares anything with it
         assert drive(original, 60, np.random.default_rng(2)) == expected
-
-
-@pytest.mark.parametrize("name", CHANGING)
-def test_copies_go_on_equal_to_the_bit_among_scheduled_changes_and_faults(name):
-    original = Simulation(CHANGING[name], 3)
-    original.advance(35)
-    made = [COPIES[way](original) for way in ("restored", "deep copied", "pickled")]
-    expected = following(Simulation(CHANGING[name], 3), 70)
-    assert [following(each, 35) for each in made] == [expected[35:]] * 3
-    assert [each.events for each in made] == [original.events] * 3
 
 
 def test_a_snapshot_is_a_moment_which_later_steps_do_not_change():

@@ -103,17 +103,6 @@ def test_random_places_are_as_near_as_the_bodies_allow():
     assert places.max() <= 50 - 1.65 + 1e-6
 
 
-def test_a_large_body_hides_a_ring_that_a_small_one_beside_the_line_does_not():
-    def sees(robot) -> int:
-        cone = {"kind": "cone", "range_cm": 40}
-        dark = {"poses": [[5, 25, 0], [22, 28, 0]], "controller": "constant", "signal": cone}
-        lit = {"poses": [[40, 25, 0]], "controller": "constant", "parameters": {"ring_on": True}, "signal": cone}
-        scenario = {"arena": FLOOR, "robot": robot, "robots": [dark, lit]}
-        return int(Simulation(scenario, 1).advance(2).camera[0, 0])
-
-    assert (sees("kilobot"), sees("epuck")) == (1, 0)
-
-
 def test_a_mixed_crowd_moves_as_if_all_of_it_took_every_physics_step():
     kinds = [RobotKind(radius_cm=5), KILOBOT, EPUCK]
     moves_as_if_all_took_every_physics_step(make_arena(90, 90, [(45, 45, 1.0)], []), range(8, 90, 11), kinds, 4)
@@ -167,32 +156,6 @@ def test_the_contact_of_two_kinds_lies_between_their_surfaces():
     assert points[0] == pytest.approx([23.7, 25], abs=0.01)
 
 
-@pytest.mark.parametrize(("kind", "sees"), [("kilobot", 1), ("epuck", 0)])
-def test_robots_hide_a_ring_as_far_as_their_own_body_reaches(kind, sees):
-    cone = {"signal": {"kind": "cone", "range_cm": 40}, "parameters": {}}
-    lit = {"signal": RADIO, "parameters": {"ring_on": True}}
-    simulation = mixed(
-        ("pogobot", [[5, 25, 0]], 0, cone), (kind, [[22, 28, 0]], 0, cone), ("kilobot", [[40, 25, 0]], 0, lit)
-    )
-    assert simulation.advance(2).camera[0, 0] == sees
-
-
-def test_proximity_sensors_meet_each_body_where_it_is_and_cameras_see_it_as_wide_as_it_is():
-    camera = {"signal": {"kind": "camera"}, "camera": {"pixels": 1000, "field_of_view_deg": 100}}
-    infrared = {"sensors": [[3.7, 0, 0]], "spread_deg": 1}
-
-    def read(kind) -> tuple[int, int]:
-        watching = {"kind": "epuck", "infrared": infrared}
-        groups = (watching, [[10, 25, 0]], 0, camera), (kind, [[20, 25, 0]], 0, {})
-        step = mixed(*groups).advance(2)
-        return int(step.distance_mm[0, 0]), int(step.camera[0].sum())
-
-    for kind, radius in (("epuck", 3.7), ("kilobot", 1.65)):
-        distance, pixels = read(kind)
-        assert distance == pytest.approx(10 * (10 - 3.7 - radius), abs=1)
-        assert pixels == pytest.approx(20 * math.degrees(math.asin(radius / 6.3)), abs=2)
-
-
 def test_own_sensors_know_the_radius_of_the_robot_that_senses_and_of_others(tmp_path):
     (tmp_path / "sizes.py").write_text(
         "from epuck_sim.embodied.sensing import distance_cm\n\nREADINGS = {'sizes': (float, 3)}\n\n\n"
@@ -237,34 +200,3 @@ def test_a_robot_without_infrared_sensors_reads_nothing_in_range_from_all():
     for step in islice(simulation, 40):  # the noise of readings is on
         assert (step.infrared == 0).all()
         assert (step.distance_mm == NOTHING_MM).all()
-
-
-@pytest.mark.parametrize("noise", ["off", "on"])
-def test_the_sensors_that_a_robot_has_read_by_their_place_and_the_others_nothing(noise):
-    infrared = {"sensors": [[1.0, 0.5, 0], [-1.5, 0, 180]], "range_cm": 8, "peak_counts": 1000}
-    robot = {"kind": "kilobot", "infrared": infrared}
-    step = drive([[42, 25, 0]], 0, 0, robot, noise=noise).advance(3)
-    distance = 50 - 42 - 1.0
-    reading = 1000 * (0.7 - 0.3**2) / (distance**2 - 2 * 0.3 * distance + 0.7)
-    assert step.infrared[0, 0] == pytest.approx(reading, rel=1e-9 if noise == "off" else None, abs=60)
-    if noise == "off":
-        assert step.distance_mm[0, 0] in (69, 70)
-        assert step.infrared[0, 1] == 0
-    assert step.infrared[0, 2:].tolist() == [0] * 6
-    assert step.distance_mm[0, 2:].tolist() == [NOTHING_MM] * 6
-
-
-def test_a_camera_looks_from_where_it_is_mounted():
-    """A ring covers the pixels within asin(radius / distance) of its direction, seen from the camera."""
-
-    def width(forward_cm: float) -> int:
-        robot = {"kind": "kilobot", "camera": {"forward_cm": forward_cm}}
-        camera = {"pixels": 560, "field_of_view_deg": 56}
-        watching = {"poses": [[10, 25, 0]], "controller": "constant", "camera": camera}
-        lit = {"poses": [[16, 25, 0]], "controller": "constant", "parameters": {"ring_on": True}, "camera": camera}
-        scenario = {"arena": FLOOR, "robot": robot, "robots": [watching, lit]}
-        return int(Simulation(scenario, 1).advance(2).camera[0].sum())
-
-    for forward_cm in (0.0, 0.7):
-        degrees = 2 * math.degrees(math.asin(1.65 / (6 - forward_cm)))
-        assert width(forward_cm) == pytest.approx(10 * degrees, abs=2)

@@ -1,7 +1,7 @@
 """Claims about robots' imperfections: in what they differ, their clocks, and how they get stuck."""
 
 import math
-from itertools import islice, pairwise
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -15,11 +15,11 @@ from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.trial.model import run_trial
+from epuck_sim.util.rng import uniform
 from epuck_sim.util.seeds import robot_streams
 from tests.embodied.changing import NOWHERE
 
-SPREADS = {"wheel_speed": 0.03, "wheel_imbalance": 0.02, "clock_rate": 0.002, "infrared_gain": 0.2}
-FACTORS = ("wheel_gain", "clock_rate", "infrared_gain")
+SPREADS = ("wheel_speed", "wheel_imbalance", "clock_rate", "infrared_gain")
 
 shares = st.floats(0, 0.99)
 spreads = st.fixed_dictionaries({**dict.fromkeys(SPREADS, shares), "clock_rate": st.floats(0, 0.1)})
@@ -32,23 +32,6 @@ def block_of(robots, seed=4, step_ms=100):
     swarm.scene[0].step_ms, swarm.scene[0].step_s = step_ms, step_ms / 1000
     swarm.robots.variation_random = robot_streams(np.random.SeedSequence(seed), robots)
     return block
-
-
-def variation_of(spread, robots=1000):
-    """Return the factors of robots with this spread, by name."""
-    block = block_of(robots)
-    swarm = open_block(block)
-    swarm.scene[0].spread = [spread.get(name, 0) for name in SPREADS]
-    vary(block)
-    return {name: swarm.robots[name].copy() for name in FACTORS}
-
-
-def assert_uniform(values, low, high):
-    """By chi-square with 19 degrees of freedom, 99.9 %."""
-    assert low <= values.min() <= values.max() <= high
-    counts, _ = np.histogram(values, bins=20, range=(low, high))
-    expected = values.size / 20
-    assert ((counts - expected) ** 2 / expected).sum() < 43.8
 
 
 # --- the physical experiments -----------------------------------------------------------------------
@@ -76,79 +59,19 @@ def test_imperfect_robots_synchronise_at_full_speed():
 # --- factors ----------------------------------------------------------------------------------------
 
 
-def test_without_spread_all_robots_are_exactly_as_they_should_be():
-    assert all((factors == 1.0).all() for factors in variation_of({}).values())
-
-
-@pytest.mark.parametrize("name", SPREADS)
-def test_each_spread_moves_only_what_it_says_and_does_not_decide_what_else_is_drawn(name):
-    field = name if name in FACTORS else "wheel_gain"
-    alone, together = variation_of({name: SPREADS[name]}), variation_of(SPREADS)
-    assert [factors for factors, values in alone.items() if (values != 1.0).any()] == [field]
-    if field == name:
-        np.testing.assert_array_equal(together[field], alone[field])
-    else:
-        wheels = [variation_of({wheel: SPREADS[wheel]})[field] for wheel in ("wheel_speed", "wheel_imbalance")]
-        np.testing.assert_array_equal(together[field], wheels[0] * wheels[1])
-
-
-def test_factors_are_uniform_around_one_and_drawn_for_each_robot_wheel_and_sensor():
-    both = variation_of({"wheel_speed": 0.03}, 4000)["wheel_gain"]
-    np.testing.assert_array_equal(both[:, 0], both[:, 1])
-    columns = [(both[:, 0] - 1) / 0.03]
-    for name, field, spread in (
-        *(("wheel_imbalance", "wheel_gain", 0.5), ("clock_rate", "clock_rate", 0.002)),
-        ("infrared_gain", "infrared_gain", 0.2),
-    ):
-        columns.append((variation_of({name: spread}, 4000)[field] - 1) / spread)
-    drawn = np.column_stack(columns)
-    for column in drawn.T:
-        assert_uniform(column, -1 - 1e-9, 1 + 1e-9)
-    correlation = np.corrcoef(drawn.T)[np.triu_indices(12, 1)]
-    assert np.abs(correlation).max() < 4 / math.sqrt(4000)
-    assert np.abs([np.corrcoef(column[1:], column[:-1])[0, 1] for column in drawn.T]).max() < 4 / math.sqrt(4000)
-
-
-@given(spreads, st.integers(1, 30), st.integers(0, 30))
-def test_further_robots_leave_the_others_as_they_are(spread, robots, more):
-    few, many = (variation_of(spread, number) for number in (robots, robots + more))
-    for name in FACTORS:
-        np.testing.assert_array_equal(few[name], many[name][:robots])
-
-
-def moved(spread, robots=10):
-    """Return (robots, 2) cm, rad: how far robots on a grid drive ahead, and turn, in half a second."""
-    group = {"count": robots, "placement": "grid", "controller": "constant"}
-    group["parameters"] = {"left_cm_s": 1.0, "right_cm_s": 1.0}
-    simulation = Simulation({"robots": [group], "noise": "off", "spread": spread}, 3)
-    poses = [step.poses.copy() for step in islice(simulation, 6)]
-    way = poses[-1] - poses[0]
-    return np.column_stack([np.hypot(way[:, 0], way[:, 1]), way[:, 2]])
-
-
-def test_wheels_that_differ_together_change_the_speed_and_wheels_that_differ_alone_the_course():
-    ideal = moved({})
-    np.testing.assert_allclose(ideal, [(0.5, 0)] * 10, atol=1e-12)
-    faster = moved({"wheel_speed": 0.1})
-    assert (np.abs(faster[:, 0] - 0.5) < 0.05 + 1e-9).all()
-    assert np.ptp(faster[:, 0]) > 0.05
-    np.testing.assert_allclose(faster[:, 1], 0, atol=1e-12)
-    crooked = moved({"wheel_imbalance": 0.1})
-    assert (np.abs(crooked[:, 1]) < 2 * 0.1 * 0.5 / 5.1).all()
-    assert np.ptp(crooked[:, 1]) > 0.01
-
-
-def test_each_sensor_s_gain_multiplies_its_reading():
-    scenario = {"robots": [{"poses": [[52, 20, 0], [54, 40, 0.3]], "controller": "constant"}], "noise": "off"}
-    true, read = (
-        next(Simulation({**scenario, "spread": {"infrared_gain": gain}}, 3)).infrared.copy() for gain in (0, 0.2)
-    )
-    inside = (true > 0) & (true < 3731 / 1.2)
-    assert inside.sum() > 4
-    assert (read[true == 0] == 0).all()
-    gains = read[inside] / true[inside]
-    assert ((gains > 0.8) & (gains < 1.2)).all()
-    assert len(np.unique(gains.round(6))) == len(gains)
+@given(spreads, st.integers(1, 30))
+def test_robots_differ_as_a_slow_twin_draws_for_each_from_its_own_stream(spread, robots):
+    block = block_of(robots)
+    swarm = open_block(block)
+    swarm.scene[0].spread = [spread[name] for name in SPREADS]
+    vary(block)
+    speed, imbalance, clock, gain = (spread[name] for name in SPREADS)
+    for robot, stream in zip(swarm.robots, robot_streams(np.random.SeedSequence(4), robots), strict=True):
+        drawn = np.array([2 * uniform(stream) - 1 for _ in range(12)])
+        np.testing.assert_array_equal(robot.wheel_gain, (1 + speed * drawn[0]) * (1 + imbalance * drawn[1:3]))
+        np.testing.assert_array_equal(robot.free_gain, robot.wheel_gain)
+        assert robot.own_step_ms == 100 * robot.clock_rate == 100 * (1 + clock * drawn[3])
+        np.testing.assert_array_equal(robot.infrared_gain, 1 + gain * drawn[4:])
 
 
 # --- clocks -----------------------------------------------------------------------------------------
@@ -211,38 +134,14 @@ def stuck_over(steps, robots=1, step_ms=100):
     return found
 
 
-def lengths(stuck):
-    """Return how many steps in a row robots are stuck, and how many free, without the first and the last of a row."""
-    runs = {False: [], True: []}
-    for robot in stuck.T:
-        edges = np.flatnonzero(np.diff(robot)) + 1
-        for begin, end in pairwise(edges):
-            runs[bool(robot[begin])].append(end - begin)
-    return np.array(runs[True]), np.array(runs[False])
-
-
-def test_robots_begin_free_and_the_share_of_time_stuck_is_that_of_the_means():
-    stuck = stuck_over(20_000, 50)
-    assert not stuck[0].any()
-    share = 5 / (5 + 10)
-    cycles = stuck.size * 0.1 / 15
-    assert stuck.mean() == pytest.approx(share, abs=4 * share * (1 - share) * math.sqrt(2 / cycles))
-
-
-def test_times_stuck_and_free_are_exponential_with_their_means():
-    held, free = lengths(stuck_over(20_000, 50))
-    for steps, mean_s in ((held, 5), (free, 10)):
-        assert len(steps) > 3000
-        assert 0.1 * steps.mean() == pytest.approx(mean_s, rel=0.06)
-        for quantile in (0.25, 0.5, 0.75):
-            assert 0.1 * np.quantile(steps, quantile) == pytest.approx(-mean_s * math.log(1 - quantile), rel=0.08)
-
-
-def test_times_stuck_do_not_depend_on_other_robots_nor_on_the_control_step():
-    few, many = (stuck_over(2000, robots) for robots in (3, 9))
-    np.testing.assert_array_equal(few, many[:, :3])
-    finer = stuck_over(20_000, 3, step_ms=10)
-    np.testing.assert_array_equal(finer[::10], few)
+@pytest.mark.parametrize("step_ms", [100, 10])
+def test_robots_are_free_and_stuck_by_turns_for_exponential_times_as_a_slow_twin_draws(step_ms):
+    steps, robots = 20_000, 9
+    changes = []
+    for stream in robot_streams(np.random.SeedSequence(4), robots):
+        times = [-mean_s * math.log(1 - uniform(stream)) for _ in range(1000) for mean_s in (10, 5)]
+        changes.append(np.searchsorted(np.cumsum(times), step_ms / 1000 * np.arange(steps), side="right"))
+    np.testing.assert_array_equal(stuck_over(steps, robots, step_ms), np.transpose(changes) % 2 == 1)
 
 
 def test_a_robot_that_is_stuck_stands_still_with_its_wheels_turning_and_its_oscillator_running():

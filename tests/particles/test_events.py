@@ -1,6 +1,5 @@
 """The kernel agrees with the naive model, event by event, and cascades follow the rules to the letter."""
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,7 +16,6 @@ from tests.particles.simulations import (
     make_resting,
     make_simulation,
     next_firing_event,
-    set_trajectories,
 )
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -164,18 +162,6 @@ def test_what_happens_at_the_very_time_has_happened():
     assert swarm.instants == 1
 
 
-def test_phases_and_positions_are_those_of_the_time_run_to():
-    swarm = make_resting(
-        [0.5, 0.25], [[10.0], [20.0]], [[1], [-1]], agents={"count": 2, "speed_cm_s": 4.0}, response={"coupling": 0}
-    )
-    swarm.run_to(0.375)
-    assert swarm.phases() == pytest.approx([0.875, 0.625])
-    assert swarm.positions()[:, 0] == pytest.approx([11.5, 18.5])
-    swarm.run_to(2.125)
-    assert swarm.phases() == pytest.approx([0.625, 0.375])
-    assert swarm.positions()[:, 0] == pytest.approx([18.5, 11.5])
-
-
 @pytest.mark.parametrize("kind", BY_POSITION)  # random agents are drawn by their numbers
 @given(st.data(), SEEDS)
 @settings(max_examples=25)
@@ -238,15 +224,6 @@ def test_a_phase_of_exactly_1_after_a_pulse_fires():
     check_next_firing(make_resting([0.75, 0.25], response={"coupling": 1.0}), 0.25, [0, 1], [1], [0, 0])
 
 
-def test_both_then_fire_together_for_ever():
-    swarm = make_resting([0.9, 0.85])
-    next(swarm)
-    for cycle in range(1, 1000):
-        event = next(swarm)
-        assert (as_set(event.fired), as_set(event.received)) == ({0, 1}, set())
-        assert event.time_s == pytest.approx(cycle + 0.1)
-
-
 def test_an_agent_made_to_fire_makes_others_fire_up_to_one_whose_phase_does_not_reach_1():
     nearest = {"neighbourhood": {"kind": "nearest"}}
     swarm = make_resting([0.9, 0.85, 0.85, 0.5], LINE, **nearest)
@@ -255,13 +232,6 @@ def test_an_agent_made_to_fire_makes_others_fire_up_to_one_whose_phase_does_not_
     assert (event.fired.tolist(), event.received.tolist()) == ([0, 1, 2], [1, 2, 3])
     swarm = make_resting([0.9, 0.85, 0.5, 0.85], LINE, **nearest)
     check_next_firing(swarm, 0.1, [0, 1], [1, 2], [0, 0, 0.66, 0.95])
-
-
-def test_pulses_at_two_instants_shift_a_phase_twice():
-    swarm = make_resting([0.9, 0.5, 0.7], [[0.0], [10.0], [20.0]], neighbourhood={"kind": "range", "radius_cm": 10})
-    check_next_firing(swarm, 0.1, [0], [1], [0, 0.66, 0.8])
-    check_next_firing(swarm, 0.3, [2], [1], [0.2, 0.86 * 1.1, 0])
-    check_next_firing(swarm, 0.3 + 1 - 0.86 * 1.1, [1], [0, 2], [1.1 * (0.2 + 0.054), 0, 1.1 * 0.054])
 
 
 @pytest.mark.parametrize("refractory", [0.25, 0.0, 0.4375])
@@ -274,17 +244,6 @@ def test_up_to_and_at_the_end_of_the_refractory_period_no_pulse_is_received(refr
         event = next(swarm)
         assert as_set(event.received) == ({1} if is_received else set())
         assert swarm.phases()[1] == pytest.approx(1.1 * phase if is_received else phase, abs=1e-15)
-
-
-def test_an_agent_in_the_refractory_period_receives_the_pulse_of_a_later_instant():
-    swarm = make_resting([0.9, 0.6, 0.0], response={"refractory": 0.3, "coupling": 0.25})
-    check_next_firing(swarm, 0.1, [0], [1], [0, 0.875, 0.1])
-    check_next_firing(swarm, 0.225, [1], [], [0.125, 0, 0.225])
-    event = next_firing_event(swarm)  # agent 2, whose phase went on undisturbed
-    assert event.time_s == pytest.approx(1.0)
-    assert as_set(event.fired) == {2, 0}
-    assert as_set(event.received) == {0, 1}
-    assert swarm.phases() == pytest.approx([0, 0.775 * 1.25, 0])
 
 
 @pytest.mark.parametrize(("later", "at_once"), [(0.0, True), (9e-13, True), (1.2e-12, False), (1e-9, False)])
@@ -315,88 +274,7 @@ def test_an_instant_begins_with_the_earliest_firing(firings, first):
     assert as_set(next(swarm).fired) == {2}
 
 
-def test_jittered_oscillators_keep_their_own_pace():
-    swarm = make_resting([0.5, 0.5], response={"coupling": 0.0}, clocks={"jitter": 0.1, "period_s": 2.0})
-    swarm._arrays.period[:] = 0.8, 1.25
-    swarm._arrays.next_firing[:] = 0.4, 0.625
-    times = {0: [], 1: []}
-    while swarm.time_s < 40:
-        for agent in (event := next(swarm)).fired:
-            times[int(agent)].append(event.time_s)
-    assert times[0] == pytest.approx(2 * (0.4 + 0.8 * np.arange(len(times[0]))), rel=1e-13)
-    assert times[1] == pytest.approx(2 * (0.625 + 1.25 * np.arange(len(times[1]))), rel=1e-13)
-
-
-def test_a_jittered_phase_is_measured_by_its_own_period():
-    swarm = make_resting([0.5, 0.5], response={"coupling": 0.2})
-    swarm._arrays.period[:] = 0.8, 1.25
-    swarm._arrays.next_firing[:] = 0.4, 0.625  # at 0.4 the other is at 0.5 + 0.4 / 1.25 = 0.82, pushed to 0.984
-    check_next_firing(swarm, 0.4, [0], [1], [0, 0.984])
-    assert next(swarm).time_s == pytest.approx(0.4 + 0.016 * 1.25)
-
-
 # --- reorientation ----------------------------------------------------------------------------------
-
-ROW = [[10.0, 10.0], [20.0, 10.0], [29.0, 10.0], [90.0, 10.0]]
-
-
-@pytest.mark.parametrize(
-    ("reorient_on", "turned"),
-    [
-        ([], []),
-        (["emitting"], [0, 1]),
-        (["receiving"], [1, 2]),
-        (["emitting", "receiving"], [0, 1, 2]),
-        (["receiving", "arriving"], [1, 2]),
-    ],
-)
-def test_agents_that_emit_or_receive_reorient_once_each(reorient_on, turned):
-    swarm = make_resting(
-        [0.9, 0.85, 0.5, 0.2],
-        ROW,
-        neighbourhood={"kind": "nearest"},
-        agents={"count": 4, "speed_cm_s": 0.01, "reorient_on": reorient_on},
-    )
-    headings, streams = swarm.headings(), swarm._arrays.streams.copy()
-    event = next(swarm)
-    assert (as_set(event.fired), as_set(event.received)) == ({0, 1}, {1, 2})
-    changed = (swarm.headings() != headings).any(axis=1)
-    assert np.flatnonzero(changed).tolist() == turned
-    # each draws once, even the agent that did both
-    twin = NaiveModel(make_simulation(agents={"count": 4}))
-    twin.streams = streams
-    for agent in turned:
-        twin.reorient(agent)
-    assert (swarm._arrays.streams == twin.streams).all()
-    assert [swarm.headings()[agent].tolist() for agent in turned] == [
-        pytest.approx(twin.headings[agent]) for agent in turned
-    ]
-
-
-def test_a_refractory_agent_has_not_received_the_pulse():
-    swarm = make_resting(
-        [0.9, 0.2, 0.5],
-        response={"refractory": 0.4},
-        agents={"count": 3, "speed_cm_s": 0.01, "reorient_on": ["receiving"]},
-    )
-    headings = swarm.headings()
-    assert as_set(next(swarm).received) == {2}
-    assert (swarm.headings() != headings).any(axis=1).tolist() == [False, False, True]
-
-
-@pytest.mark.parametrize(("reorient_on", "turned"), [("receiving", [3]), ("arriving", [0, 1, 2, 3])])
-def test_pulses_arrive_at_agents_that_do_not_receive_them(reorient_on, turned):
-    swarm = make_resting(  # 0 and 1 fire, 2 is refractory, 3 receives, 4 is out of reach
-        [0.9, 0.9, 0.2, 0.5, 0.5],
-        [[10.0, 10.0], [10.0, 14.0], [14.0, 10.0], [14.0, 14.0], [90.0, 90.0]],
-        response={"refractory": 0.4},
-        neighbourhood={"kind": "range", "radius_cm": 10},
-        agents={"count": 5, "speed_cm_s": 0.01, "reorient_on": [reorient_on]},
-    )
-    headings = swarm.headings()
-    event = next(swarm)
-    assert (as_set(event.fired), as_set(event.received)) == ({0, 1}, {3})
-    assert np.flatnonzero((swarm.headings() != headings).any(axis=1)).tolist() == turned
 
 
 def test_a_synchronised_swarm_goes_on_turning_only_if_arriving_pulses_turn_agents():
@@ -409,16 +287,3 @@ def test_a_synchronised_swarm_goes_on_turning_only_if_arriving_pulses_turn_agent
         headings = swarm.headings()
         assert len(next(swarm).fired) == 6
         assert ((swarm.headings() != headings).any(axis=1) == turns).all()
-
-
-def test_pulses_go_by_the_headings_before_the_turn():
-    places = [[50.0, 50.0], [60.0, 50.0], [40.0, 50.0]]
-    for seed in range(20):
-        swarm = make_simulation(
-            seed,
-            agents={"count": 3, "speed_cm_s": 0.0, "reorient_on": ["emitting"]},
-            neighbourhood={"kind": "cone_of_emission", "angle_deg": 90},
-        )
-        set_trajectories(swarm, places, [[1, 0], [1, 0], [1, 0]])
-        swarm._arrays.next_firing[:] = 0.1, 0.5, 0.6
-        assert as_set(next(swarm).received) == {1}

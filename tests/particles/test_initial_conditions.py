@@ -26,15 +26,6 @@ def test_a_displaced_start_differs_by_the_displacement_alone():
     assert two.phases() - one.phases() == pytest.approx([0.001] + [0.0] * 19)
 
 
-def test_the_displacement_of_one_agent_in_a_synchronised_swarm_is_that_of_the_scenario():
-    swarm = make_simulation(start={"phases": "synchronised", "displacement": 0.001}, agents={"count": 20})
-    assert swarm.phases().tolist() == pytest.approx([0.001] + [0.0] * 19)
-    event = next(event for event in swarm if event.turned is None)
-    assert event.fired[0] == 0  # which makes its neighbour fire, which is at 0.999
-    assert len(event.fired) > 1
-    assert event.time_s == pytest.approx(0.999)
-
-
 # --- a start of one's own ---------------------------------------------------------------------------
 
 
@@ -93,10 +84,6 @@ def speeds(**agents):
     return np.linalg.norm(swarm.positions() - start, axis=1) / 0.4
 
 
-def test_by_default_all_speeds_are_equal():
-    assert speeds() == pytest.approx(1, abs=1e-6)
-
-
 SIGMA = math.log(1 + 0.7**2) ** 0.5  # of the logarithm of lognormal speeds whose deviation is 0.7 of their mean
 
 
@@ -127,7 +114,3 @@ def test_jittered_periods_are_normal_around_the_nominal_one(jitter):
     assert periods == pytest.approx(swarm._arrays.period, rel=1e-9)
     assert swarm._arrays.period.min() >= 0.1
     assert stats.kstest(start, "uniform").pvalue > UNLIKELY  # jitter leaves phases uniform
-
-
-def test_without_jitter_periods_are_exactly_nominal():
-    assert (make_simulation(agents={"count": 100})._arrays.period == 1).all()

@@ -21,7 +21,6 @@ from tests.particles.simulations import (
     make_resting,
     make_simulation,
     neighbourhoods,
-    next_firing_event,
 )
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -118,23 +117,6 @@ def test_a_neighbourhood_that_is_known_is_given_up_in_time(kind, data, seed):
     assert compare_receivers(swarm, firings) > 0.95 * firings
 
 
-@pytest.mark.slow
-@by_position
-@boundaries
-@given(st.data(), SEEDS)
-@settings(max_examples=150)
-def test_receivers_are_the_agents_in_the_neighbourhood_in_many_more_swarms(kind, boundary, data, seed):
-    agents = data.draw(st.integers(2, 150))
-    swarm = make_simulation(
-        seed,
-        space={"dimensions": data.draw(st.integers(1, 3)), "side_cm": SIDE_CM, "boundary": boundary},
-        agents={"count": agents, "speed_cm_s": 10 ** data.draw(st.floats(-4, 2))},
-        neighbourhood=data.draw(neighbourhoods(kind, agents, SIDE_CM)),
-        response={"coupling": 0},
-    )
-    compare_receivers(swarm, 1500)
-
-
 @kinds
 @given(st.data(), SEEDS)
 @settings(max_examples=6)
@@ -148,12 +130,13 @@ def test_larger_swarms_agree_with_the_naive_model(kind, data, seed):
     "rule",
     [
         {"kind": "nearest", "k": 3},
+        {"kind": "nearest", "k": 30},
         {"kind": "range", "radius_cm": 4},
         {"kind": "cone_of_vision", "angle_deg": 40, "radius_cm": 9},
         {"kind": "cone_of_emission", "angle_deg": 40, "radius_cm": 9},
         {"kind": "cone_of_vision", "angle_deg": 5},
     ],
-    ids=lambda rule: rule["kind"],
+    ids=str,
 )
 @pytest.mark.parametrize(("agents", "speed_cm_s"), [(700, 1.0), (2500, 0.01), (2500, 40.0)])
 def test_receivers_in_large_swarms_are_the_agents_in_the_neighbourhood(agents, speed_cm_s, rule, boundary):
@@ -183,13 +166,7 @@ def receivers_of(places, headings, firing=0, side_cm=100.0, boundary="bounded", 
 
 
 PLACES = [[50.0, 50.0], [60.0, 50.0], [50.0, 65.0], [30.0, 50.0], [50.0, 45.0]]
-EAST, NORTH, WEST, SOUTH = [1, 0], [0, 1], [-1, 0], [0, -1]
-
-
-def test_being_nearest_is_not_mutual():
-    line = [[0.0], [10.0], [19.0]]
-    assert receivers_of(line, [[1]] * 3, kind="nearest") == {1}
-    assert receivers_of(line, [[1]] * 3, firing=1, kind="nearest") == {2}
+EAST = [1, 0]
 
 
 @pytest.mark.parametrize(
@@ -201,57 +178,6 @@ def test_all_agents_within_a_range_receive_including_its_edge(radius_cm, receive
         assert receivers_of(PLACES, [EAST] * 5, kind=kind, radius_cm=radius_cm, angle_deg=360) == received
 
 
-def test_with_a_cone_of_vision_agents_that_see_the_firing_agent_receive():
-    looking_at_0 = [EAST, WEST, SOUTH, EAST, NORTH]
-    rule = {"kind": "cone_of_vision", "angle_deg": 20}
-    assert receivers_of(PLACES, looking_at_0, **rule) == {1, 2, 3, 4}
-    assert receivers_of(PLACES, [EAST] * 5, **rule) == {3}
-    assert receivers_of(PLACES, [WEST] * 5, **rule, radius_cm=9) == set()
-    assert receivers_of(PLACES, looking_at_0, **rule, radius_cm=12) == {1, 4}
-
-
-def test_with_a_cone_of_emission_agents_that_the_firing_agent_sees_receive():
-    rule = {"kind": "cone_of_emission", "angle_deg": 20}
-    for heading, ahead in [(EAST, 1), (NORTH, 2), (WEST, 3), (SOUTH, 4)]:
-        assert receivers_of(PLACES, [heading, EAST, EAST, EAST, EAST], **rule) == {ahead}
-    assert receivers_of(PLACES, [WEST] * 5, **rule, radius_cm=15) == set()
-
-
-@pytest.mark.parametrize("kind", ["cone_of_vision", "cone_of_emission"])
-@pytest.mark.parametrize("angle_deg", [1, 30, 90, 179, 181, 270, 359])
-@pytest.mark.parametrize("dimensions", [2, 3])
-def test_a_cone_reaches_half_its_angle_to_either_side(kind, angle_deg, dimensions):
-    for off_deg, is_in in [(angle_deg / 2 - 0.01, True), (angle_deg / 2 + 0.01, False)]:
-        for sign in (1, -1):
-            off = sign * math.radians(off_deg)
-            ahead = [math.cos(off), *([0] * (dimensions - 2)), math.sin(off)]
-            place = [50 + 8 * along for along in ahead]
-            heading = [1.0, *([0.0] * (dimensions - 1))]
-            firing = 1 if kind == "cone_of_vision" else 0
-            received = receivers_of(
-                [[50.0] * dimensions, place], [heading, [-1.0, *heading[1:]]], firing, kind=kind, angle_deg=angle_deg
-            )
-            assert received == ({1 - firing} if is_in else set())
-
-
-def test_a_half_circle_in_a_segment_is_what_is_ahead():
-    places, headings = [[40.0], [50.0], [60.0]], [[1], [1], [1]]
-    rule = {"angle_deg": 180}
-    assert receivers_of(places, headings, 1, kind="cone_of_emission", **rule) == {2}
-    assert receivers_of(places, headings, 1, kind="cone_of_vision", **rule) == {0}
-
-
-def test_in_a_cyclic_space_ways_lead_over_the_edge_where_that_is_shorter():
-    places = [[2.0, 50.0], [97.0, 50.0], [20.0, 50.0]]
-    assert receivers_of(places, [EAST] * 3, kind="nearest") == {2}
-    assert receivers_of(places, [EAST] * 3, kind="nearest", boundary="cyclic") == {1}
-    rule = {"kind": "cone_of_emission", "angle_deg": 30, "radius_cm": 10}
-    assert receivers_of(places, [WEST] * 3, **rule, boundary="cyclic") == {1}
-    assert receivers_of(places, [WEST] * 3, **rule) == set()
-    corner = [[1.0, 1.0], [99.0, 99.0], [1.0, 5.0]]
-    assert receivers_of(corner, [EAST] * 3, kind="range", radius_cm=3, boundary="cyclic") == {1}
-
-
 @pytest.mark.parametrize("rule", [{"kind": "nearest"}, {"kind": "all"}, {"kind": "range", "radius_cm": 5}])
 def test_no_agent_receives_its_own_pulse(rule):
     swarm = make_resting([0.9], [[50.0, 50.0]], neighbourhood=rule)
@@ -260,31 +186,6 @@ def test_no_agent_receives_its_own_pulse(rule):
 
 
 # --- limits in which two rules are the same ---------------------------------------------------------
-
-CONES = ("cone_of_vision", "cone_of_emission")
-ALIKE = [
-    *(({"kind": kind, "angle_deg": 360, "radius_cm": 141.5}, {"kind": "all"}) for kind in CONES),  # the diagonal
-    *(({"kind": kind, "angle_deg": 360}, {"kind": "all"}) for kind in CONES),
-    *(({"kind": kind, "angle_deg": 360, "radius_cm": 10}, {"kind": "range", "radius_cm": 10}) for kind in CONES),
-    *(({"kind": kind, "angle_deg": 360, "radius_cm": 45}, {"kind": "range", "radius_cm": 45}) for kind in CONES),
-    ({"kind": "range", "radius_cm": 141.5}, {"kind": "all"}),
-    ({"kind": "nearest", "k": 11}, {"kind": "all"}),
-    ({"kind": "random", "k": 11}, {"kind": "all"}),
-]
-
-
-@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
-@pytest.mark.parametrize("rules", ALIKE, ids=str)
-def test_two_rules_that_are_the_same_in_a_limit_give_the_same_events(rules, boundary):
-    scene = {"agents": {"count": 12, "speed_cm_s": 20.0}, "response": {"coupling": 0.02}}
-    left, right = (make_simulation(1, neighbourhood=rule, space={"boundary": boundary}, **scene) for rule in rules)
-    for _ in range(1500):
-        mine, yours = next(left), next(right)
-        assert mine.time_s == yours.time_s
-        assert mine.turned == yours.turned
-        assert as_set(mine.fired) == as_set(yours.fired)
-        assert as_set(mine.received) == as_set(yours.received)
-        assert (left.phases() == right.phases()).all()
 
 
 # --- agents drawn at random -------------------------------------------------------------------------
@@ -307,20 +208,6 @@ def test_each_set_of_random_agents_is_drawn_as_often_whoever_fires_and_wherever_
     for firing in range(agents):
         counts = [number for (sender, _), number in drawn.items() if sender == firing]
         assert sets == 1 or stats.chisquare(counts).pvalue > UNLIKELY
-
-
-def test_random_agents_do_not_depend_on_motion_nor_motion_on_them():
-    scene = {"response": {"coupling": 0}}
-    slow, fast = (
-        make_simulation(3, agents={"speed_cm_s": speed}, neighbourhood={"kind": "random", "k": 3}, **scene)
-        for speed in (0.1, 50.0)
-    )
-    nearest = make_simulation(3, agents={"speed_cm_s": 50.0}, **scene)
-    for _ in range(200):
-        one, other = next_firing_event(slow), next_firing_event(fast)
-        assert as_set(one.received) == as_set(other.received)
-    nearest.run_to(fast.time_s)
-    assert nearest.positions() == pytest.approx(fast.positions(), abs=1e-9)
 
 
 @pytest.mark.parametrize("agents", [500, 2500])

@@ -166,22 +166,6 @@ def t_sync_cycles(trials, **sections):
     return np.array([result.t_sync_cycles for result in results])
 
 
-def test_swarms_of_intermediate_speed_take_longer_than_slow_or_fast_ones():
-    # 10 agents: with 20 a trial of the intermediate regime may take a million cycles
-    agents = {"count": 10}
-    slow, between, fast = (t_sync_cycles(40, agents={**agents, "speed_cm_s": speed}) for speed in (0.02, 1.0, 100.0))
-    assert np.median(between) > 2 * np.median(fast)
-    assert np.median(between) > np.median(slow) / 20  # which has to wait for motion
-    assert np.mean(fast) < 100
-
-
-def test_a_long_refractory_period_takes_the_intermediate_regime_away():
-    scene = {"agents": {"count": 10, "speed_cm_s": 1.0}}
-    assert (
-        np.median(t_sync_cycles(30, response={"refractory": 0.45}, **scene)) < np.median(t_sync_cycles(30, **scene)) / 2
-    )
-
-
 @pytest.mark.parametrize("kind", ["multiplicative", "sawtooth", "sine"])
 def test_in_the_fast_regime_all_swarms_synchronise(kind):
     assert t_sync_cycles(10, agents={"speed_cm_s": 100.0}, response={"curve": kind}).max() < 500

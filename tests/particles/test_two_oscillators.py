@@ -95,18 +95,6 @@ def test_by_delay_and_advance_two_come_nearer_at_each_firing_as_the_curve_says(o
         assert len(event.fired) == 1
 
 
-@pytest.mark.parametrize("kappa", [0.05, 0.1, 0.3])
-def test_by_the_sawtooth_curve_t_sync_is_a_logarithm(kappa):
-    apart, threshold = 0.3, 1 - 1e-9
-    swarm = make_resting(
-        [0.5, 0.2], response={"curve": "sawtooth", "coupling": kappa}, stop={"order_parameter": threshold}
-    )
-    # after firing n they are (1 - kappa)^n * apart from each other, and r = cos(pi d); 0 fires at 1, 3, 5 and so on
-    needed = math.log(math.acos(threshold) / math.pi / apart) / math.log(1 - kappa)
-    firing = math.ceil(needed)
-    assert run_trial(swarm).t_sync_cycles == firing // 2 + 1
-
-
 @pytest.mark.parametrize(("curve", "coupling"), [("multiplicative", 0.1), ("sawtooth", 0.5), ("sine", 0.08)])
 def test_what_order_change_says_of_two_is_what_happens_to_two(curve, coupling):
     number = ("multiplicative", "sawtooth", "sine").index(curve)

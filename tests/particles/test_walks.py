@@ -45,13 +45,6 @@ def turned_by(persistence, dimensions, count=20_000):
 # --- turns and runs ---------------------------------------------------------------------------------
 
 
-@dimensions
-@pytest.mark.parametrize("persistence", [0.0, 0.3, 0.9])
-def test_the_mean_cosine_of_turns_is_the_persistence(dimensions, persistence):
-    cosines, _ = turned_by(persistence, dimensions)
-    assert abs(cosines.mean() - persistence) < 4 * cosines.std() / math.sqrt(len(cosines))
-
-
 def test_turns_in_a_square_are_wrapped_cauchy_and_those_in_a_cube_of_henyey_and_greenstein():
     g = 0.6
     cosines, _ = turned_by(g, 2)
@@ -67,25 +60,6 @@ def test_without_persistence_any_direction_is_as_likely_and_with_all_of_it_none_
     assert is_anywhere(after)
     cosines, _ = turned_by(1.0, dimensions)
     assert cosines == pytest.approx(1, abs=1e-12)
-
-
-def run_durations(walk, **sections):
-    """Return s: the durations of the first runs of many agents, once those that began with the trial are over."""
-    swarm = walkers(walk, count=50, **sections)
-    began, durations = {}, []
-    while len(durations) < 5000:
-        event = next(swarm)
-        if event.turned is not None:
-            if event.turned in began:
-                durations.append(event.time_s - began[event.turned])
-            began[event.turned] = event.time_s
-    return np.array(durations)
-
-
-@pytest.mark.parametrize("walk", [BROWNIAN, CORRELATED])
-def test_runs_of_brownian_and_correlated_walks_are_exponential(walk):
-    durations = run_durations(walk, clocks={"period_s": 5.0})
-    assert stats.kstest(durations, "expon", args=(0, walk["run_s"])).pvalue > UNLIKELY
 
 
 @pytest.mark.parametrize("exponent", [2.2, 3.0])
@@ -125,38 +99,6 @@ def test_a_walk_with_full_persistence_is_a_straight_line(dimensions):
         straight.run_to(time_s)
         apart = (wandering.positions() - straight.positions()) / 100
         assert np.abs(apart - np.rint(apart)).max() < 1e-8
-
-
-@pytest.mark.parametrize("boundary", ["bounded", "cyclic", "mirrored"])
-@pytest.mark.parametrize("walk", [BROWNIAN, CORRELATED, LEVY])
-def test_walls_end_no_run_and_no_agent_leaves_the_space(boundary, walk):
-    swarm = walkers(walk, count=40, speed_cm_s=60.0, space={"boundary": boundary})
-    ends = swarm._arrays.run_end_cycle + swarm._arrays.run_end_time
-    walls = 0
-    for event in swarm:
-        if event.turned is not None:
-            is_end = event.time_s == pytest.approx(ends[event.turned], abs=1e-9)
-            walls += not is_end
-            now = swarm._arrays.run_end_cycle[event.turned] + swarm._arrays.run_end_time[event.turned]
-            assert (now > ends[event.turned]) == is_end
-            ends[event.turned] = now
-            assert ((swarm.positions() >= -1e-9) & (swarm.positions() <= 100 + 1e-9)).all()
-        if event.time_s > 12:
-            break
-    assert walls > 50
-
-
-@pytest.mark.parametrize("walk", [BROWNIAN, CORRELATED, LEVY])
-def test_how_often_positions_are_asked_for_makes_no_difference(walk):
-    agents = {"speed_distribution": "lognormal", "speed_spread": 1.0, "speed_per_run": True}
-    often, seldom = (walkers(walk, 30, 25.0, agents=agents, space={"side_cm": 100}) for _ in range(2))
-    for time_s in np.linspace(0.01, 33, 400):
-        often.run_to(time_s)
-        often.positions()
-    seldom.run_to(33.0)
-    assert often.positions().tobytes() == seldom.positions().tobytes()
-    assert often.headings().tobytes() == seldom.headings().tobytes()
-    assert often.speeds_cm_s.tobytes() == seldom.speeds_cm_s.tobytes()
 
 
 # --- speeds of runs ---------------------------------------------------------------------------------

@@ -330,12 +330,9 @@ def function_addresses() -> list[int]:
 
 @jit_no_alloc
 def try_calls(addresses: IntArray, things: IntArray, moved: FloatArray) -> None:
-    """Move a disc against a wall with each kind of call, and get its x, y and angle.
+    """Move a disc against a wall with each kind of call, and write its x, y and angle to moved, (3,).
 
-    Args:
-        addresses: See the module.
-        things: A wall's body and shape, and a disc's.
-        moved: (3,) is written.
+    Things are a wall's body and shape, and a disc's.
     """
     space, disc = pointer_from_c(addresses[_NEW_SPACE]), things[2]
     call_c(addresses[_SET_SLOP], space, SLOP_CM)

@@ -171,20 +171,11 @@ def list_candidates(swarm: Swarm) -> int:
 
 @jit_no_alloc
 def add_reached(swarm: Swarm, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
-    """Find robots that were no candidates, but may touch a robot at (x, y) within the next physics step.
+    """Add robots to the list of candidates that were none, but may touch a robot at (x, y) in the next physics step.
 
-    Straight lines take them to where they are now. They are added to the list of candidates.
-
-    Args:
-        swarm: The swarm.
-        found: Length of the list, see `list_candidates`.
-        x: Where the robot is, cm.
-        y: Where the robot is, cm.
-        approach_cm_s: Speed with which another robot may come nearer, but for contacts.
-        past_s: Time since the control step began.
-
-    Returns:
-        The length of the list with those that were added.
+    Straight lines take them to where they are now, `past_s` after the control step began. `approach_cm_s` is the speed
+    with which another robot may come nearer, but for contacts; `found` the length of the list, see `list_candidates`,
+    whose new length is returned.
     """
     largest_cm = swarm.scene[0].largest_cm
     reach_cm = touch_cm(largest_cm, largest_cm) + approach_cm_s * swarm.scene[0].physics_s + PUSHED_CM

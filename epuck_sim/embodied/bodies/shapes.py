@@ -86,13 +86,7 @@ def _each(discs: Sequence[tuple[Thing, ...]]) -> list[Thing]:
 
 
 def make_bodies(arena: Arena, kinds: Sequence[RobotKind], contact: ContactSection) -> Bodies:
-    """Return bodies at rest at the origin, movables where they begin.
-
-    Args:
-        arena: Walls, obstacles and movables.
-        kinds: What kind of robot each is.
-        contact: What happens where bodies touch.
-    """
+    """Return the bodies of an arena and of robots of these kinds, at rest at the origin, movables where they begin."""
     friction = contact.friction
     ground = pymunk.Body(body_type=pymunk.Body.STATIC)
     discs = []
@@ -138,10 +132,7 @@ def count_surfaces(arena: Arena) -> int:
 def make_surfaces(ground: pymunk.Body, arena: Arena, friction: float) -> list[pymunk.Shape]:
     """Return shapes of the ground: four slabs around the floor that overlap at the corners, and obstacles.
 
-    Args:
-        ground: The body of the floor.
-        arena: The arena.
-        friction: Coefficient between any two bodies that touch.
+    Friction is the coefficient between any two bodies that touch.
     """
     width, height, out = arena.width_cm, arena.height_cm, WALL_CM
     slabs = [

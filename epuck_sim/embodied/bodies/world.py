@@ -37,13 +37,7 @@ class World:
     """What `addresses` returns, and more; objects instead of addresses where Python moves the bodies."""
 
     def __init__(self, arenas: Sequence[Arena], kinds: Sequence[RobotKind], contact: ContactSection) -> None:
-        """Make the bodies; `use` and `place` begin a trial.
-
-        Args:
-            arenas: Every arena that there is in a trial, first the one that it begins with.
-            kinds: What kind of robot each is.
-            contact: What happens where bodies touch.
-        """
+        """Make the bodies; a trial begins in the first of all its arenas, by `use` and `place`."""
         self._arenas, self._arena, self._friction = arenas, arenas[0], contact.friction
         self._make_bodies = partial(make_bodies, arenas[0], kinds, contact)
         self._bodies: Bodies = self._make_bodies()
@@ -71,10 +65,7 @@ class World:
     def use(self, block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
         """Work on a block, the first one or one that is like it, from now on; the space is freed with the world.
 
-        Args:
-            block: The swarm; where in the addresses its bodies are is written to it.
-            swarm: The arrays of the block.
-            addresses: The array that begins with what `addresses` returns.
+        Its addresses begin with what `addresses` returns; where the bodies are in them is written to the block.
         """
         self._block, self._swarm = block, swarm
         self._way: Any = public_way(block) if self.is_public else chipmunk

@@ -101,20 +101,12 @@ def put_in(
     sequence: np.random.SeedSequence,
     origin: str,
 ) -> None:
-    """Put robots into the arena that are not in it; their controllers start.
+    """Put robots into the arena that are not in it, as the scenario says what they remember; their controllers start.
 
-    Args:
-        robots: Numbers of the robots.
-        poses: x, y in cm and heading in rad of each; free places are drawn if None.
-        scenario: Has what robots remember at the start.
-        block: The swarm.
-        world: All bodies.
-        controllers: Those of all groups.
-        sequence: Seed sequence from which places are drawn, for all robots in turn.
-        origin: Begins error messages.
+    Poses are cm, cm, rad; free places are drawn from the sequence, for all robots in turn, if they are None.
 
     Raises:
-        ScenarioError: There is no free place, or a pose that is given is not free.
+        ScenarioError: There is no free place, or a pose that is given is not free; the message begins with `origin`.
         RobotError: A controller raises at its start.
     """
     swarm = open_block(block)

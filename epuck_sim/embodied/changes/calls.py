@@ -24,11 +24,8 @@ def plan_calls(
 ) -> Calls:
     """Return what a control step calls.
 
-    Args:
-        scenario: Its faults, and whether robots come and go.
-        sensors: For each group, the functions with which its robots sense.
-        controllers: For each group, the function that runs its controllers.
-        own: Sensors in files of their own, of all groups.
+    Sensors are for each group the functions with which its robots sense, controllers what runs them; `own` are sensors
+    in files of their own, of all groups.
     """
     groups = range(len(scenario.robots))
 

@@ -45,17 +45,10 @@ def check_alike(old: Controller, new: Controller) -> None:
 def parameters_for(
     new: Controller, old: Controller, values: Mapping[str, Value], step_ms: int, origin: str
 ) -> dict[str, Value]:
-    """Return the parameters of a new controller: the old ones where it has them, unless these are the old defaults.
-
-    Args:
-        new: The new controller.
-        old: The old one.
-        values: The parameters of the old one.
-        step_ms: Length of a control step.
-        origin: Begins messages about parameters.
+    """Return the parameters of a new controller: the old ones, values, where it has them and they are no old defaults.
 
     Raises:
-        ScenarioError: The new controller does not take them.
+        ScenarioError: The new controller does not take them; the message begins with `origin`.
     """
     given = {name: value for name, value in values.items() if name in new.parameters and value != old.parameters[name]}
     return resolve_parameters(new, given, step_ms, origin)
@@ -69,18 +62,10 @@ def replace_controller(
     new: GroupControllers,
     parameters: Mapping[str, Value],
 ) -> Replaced:
-    """Have a swarm go on in a new block, in which a group has another controller.
+    """Have a swarm go on in a new block, in which a group has another controller; the old block stays as it is.
 
     Fields of memory whose names and types agree are kept, others begin as `start` sets them. The new controller runs
     once on what robots sense now, so that one that raises at once is refused; what that changes is set back.
-
-    Args:
-        old_block: The swarm so far, which stays as it is.
-        block: A block for the same swarm with the new controller.
-        number: Number of the group.
-        old: Its controllers so far.
-        new: Those of the new block.
-        parameters: Parameters of the new ones, see `parameters_for`.
 
     Raises:
         RobotError: The new controller raises.

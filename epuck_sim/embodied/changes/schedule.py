@@ -28,11 +28,9 @@ def timed_entries(schedule: Sequence[RobotScheduleEntry], step_ms: int) -> Timed
 
 
 def check_bodies_outside(swarm: Swarm, origin: str) -> None:
-    """Raise ScenarioError if a robot or a movable would be in a wall or an obstacle, or beyond the walls.
+    """Raise ScenarioError if a robot or a movable is in a wall or an obstacle, or beyond the walls, of a new arena.
 
-    Args:
-        swarm: Where robots and movables are now, in the new arena.
-        origin: Begins the message: what changes the arena, and when.
+    The message begins with `origin`: what changes the arena, and when.
     """
     scene, robots = swarm.scene[0], swarm.robots
     bodies = [(f"robot {robot}", robots[robot], robots[robot].radius_cm) for robot in np.flatnonzero(robots.present)]
@@ -55,11 +53,7 @@ def displace_phases(
 ) -> None:
     """Displace the phases of oscillators, and command their rings dark.
 
-    Args:
-        swarm: The swarm.
-        controllers: Those of all groups.
-        displacement: Whose phases, and by how much.
-        sequence: Seed sequence from which random phases are drawn, for all robots, whoever is displaced.
+    Random phases are drawn from the sequence for all robots, whoever is displaced.
     """
     robots = np.arange(len(swarm.robots))
     drawn = np.random.Generator(np.random.SFC64(sequence)).random(len(robots))

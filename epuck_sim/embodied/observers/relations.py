@@ -2,12 +2,10 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.observers.contacts import find_contacts
 from epuck_sim.embodied.observers.scene import Scene
-from epuck_sim.embodied.observers.visibility import find_sightings
+from epuck_sim.embodied.observers.visibility import find_all_sightings
 from epuck_sim.embodied.swarm import poses_of
 
 
@@ -37,12 +35,8 @@ class Relations:
         return self._last[what][1]
 
     def _find_sightings(self) -> IntArray:
-        """Return (sightings, 3) of lit rings; robots that look from where they are parked see none."""
-        robots, groups = self._scene.swarm.robots, range(len(self._scene.groups))
-        lit, poses = robots.ring_before[None].copy(), self._poses()
-        found: IntArray = np.concatenate([find_sightings(self._scene, poses, group, listed=lit) for group in groups])
-        present: BoolArray = robots.present
-        return found[present[found[:, 1]]]
+        robots = self._scene.swarm.robots
+        return find_all_sightings(self._scene, self._poses(), robots.present, robots.ring_before[None].copy())
 
     def _poses(self) -> FloatArray:
         return poses_of(self._scene.swarm.robots)[None].copy()

@@ -6,12 +6,11 @@ from typing import NamedTuple
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import ByteArray, FloatArray
 from epuck_sim.embodied.cells import cells_needed, sort_into_cells
-from epuck_sim.embodied.layout import set_arena, set_bodies
-from epuck_sim.embodied.sensors.camera import set_camera
-from epuck_sim.embodied.sensors.flash_cone import set_cone
+from epuck_sim.embodied.layout import set_arena, set_bodies, set_signal
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block
+from epuck_sim.scenario.physics import TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
-from epuck_sim.scenario.robots import CameraSignal, ConeSignal, RobotGroup
+from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.jit import jit_inline
 
 
@@ -47,10 +46,7 @@ def make_scene(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arena: 
     first = ray = 0
     for group, section, kind in zip(swarm.groups, groups, kinds, strict=True):
         group.first, group.count, group.pixels, group.ray = first, section.count, section.pixels, ray
-        if isinstance(section.signal, CameraSignal):
-            set_camera(group.camera, swarm.rays[ray : ray + section.pixels], section.camera, kind, 1.0)
-        elif isinstance(section.signal, ConeSignal):
-            set_cone(group.cone, section.signal)
+        set_signal(swarm, group, section, kind, TimingSection())
         first, ray = first + section.count, ray + section.pixels
     return Scene(groups, block, swarm)
 

@@ -18,7 +18,7 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
     """Find the robots that the robots of a group see in some steps.
 
     A camera sees a robot if a pixel of the central window shows it; one that shows on both sides of an obstacle counts
-    once. The ideal sensor sees those whose rings it would perceive. Who hears pulses sees nobody.
+    once. The ideal sensor, and Enki's camera, see those whose rings they would perceive. Who hears pulses sees nobody.
 
     Args:
         scene: The arena, whose obstacles hide robots, and the groups.
@@ -35,11 +35,20 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
         return np.empty((0, 3), np.int64)
     listed = np.ones(poses.shape[:2], np.bool_) if listed is None else listed
     found = np.empty((2 * len(poses) * scene.groups[group].count, 3), np.int64)  # most robots see no more than two
-    sightings = write_sightings(scene.block, group, kind == "cone", poses, listed, found)
+    sightings = write_sightings(scene.block, group, kind != "camera", poses, listed, found)
     if sightings > len(found):
         found = np.empty((sightings, 3), np.int64)
-        write_sightings(scene.block, group, kind == "cone", poses, listed, found)
+        write_sightings(scene.block, group, kind != "camera", poses, listed, found)
     return found[:sightings]
+
+
+def find_all_sightings(scene: Scene, poses: FloatArray, present: BoolArray, listed: BoolArray | None) -> IntArray:
+    """Find those of all groups that are present, (robots,), step by step, as `find_sightings` does for one group."""
+    groups = range(len(scene.groups))
+    found: IntArray = np.concatenate([find_sightings(scene, poses, group, listed=listed) for group in groups])
+    if len(groups) > 1:
+        found = found[np.argsort(found[:, 0], kind="stable")]
+    return found if present.all() else found[present[found[:, 1]]]
 
 
 @jit

@@ -48,15 +48,7 @@ FEW_LIT = 8
 
 
 def set_camera(record: Any, rays: Any, section: CameraSection, kind: RobotKind, control_hz: float) -> None:
-    """Set the camera of a group.
-
-    Args:
-        record: CAMERA of the group; written.
-        rays: (pixels,) RAY of the group; written.
-        section: The group's section of a scenario.
-        kind: The kind of its robots.
-        control_hz: Control steps in a second.
-    """
+    """Set CAMERA, and (pixels,) RAY, of a group by its section of a scenario."""
     pixels, central = section.pixels, section.central_pixels or section.pixels
     pitch = math.radians(section.field_of_view_deg) / pixels
     angles = math.radians(section.field_of_view_deg) / 2 - pitch * (np.arange(pixels) + 0.5)
@@ -126,14 +118,10 @@ def look(block: ByteArray, addresses: IntArray, number: int) -> None:
 
 @jit_inline
 def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
-    """Write what a camera sees: 0 where the nearest surface is dark, or beyond the range.
+    """Write what a camera sees to (pixels,) zeros: the label of the robot that a pixel shows, within range.
 
-    Args:
-        swarm: All robots, sorted into cells, with labels and a list of those that have one: see `lit_rings`.
-        group: The robot's GROUP.
-        robot: Its number.
-        lit: Number of robots in the list, above 0.
-        row: (pixels,) zeros; the label of the robot that each pixel shows is written.
+    Robots are sorted into cells, have labels, and of those that have one, more than 0 of them, there is a list: see
+    `lit_rings`.
     """
     camera = group.camera
     eye = eye_of(swarm.robots[robot], robot, camera)

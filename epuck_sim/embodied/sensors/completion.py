@@ -19,10 +19,9 @@ def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
 
 @lru_cache
 def completion(sensors: tuple[Sensor, ...]) -> Any:
-    """Return a kernel (sensors, block, swarm, first, member) that adds the readings of further sensors to `Sensors`.
+    """Return a kernel (sensors, block, swarm, first, member) that adds a group's further readings to `Sensors`.
 
-    Args:
-        sensors: Sensors in files of their own, of one group; the first has index `first` in `Swarm.senses`.
+    The first of its sensors in files of their own has index `first` in `Swarm.senses`.
     """
     if not sensors:
         return _as_they_are

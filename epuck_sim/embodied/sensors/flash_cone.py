@@ -1,17 +1,18 @@
 """The ideal sensor of flashes: which lit rings lie in a cone, and whether something hides them (thesis 3.1.2, 3.1.4.3).
 
 Robots count by their centres: a robot is in the cone if its centre is, and it is hidden if the line between the centres
-of the two meets the body of a third robot, or an obstacle.
+of the two meets the body of a third robot, or an obstacle. Enki's camera differs, see `enki_camera`.
 """
 
 import math
 from typing import Any
 
 from epuck_sim.arrays import ByteArray, IntArray
-from epuck_sim.embodied.cells import cell_index, cells_around, members_in_row
+from epuck_sim.embodied.cells import cells_around, members_along, members_in_row, rows_along
+from epuck_sim.embodied.sensors.enki_camera import shows
 from epuck_sim.embodied.sensors.lit_rings import find_lit, find_visible
 from epuck_sim.embodied.swarm import Swarm, swarm_at
-from epuck_sim.scenario.robots import ConeSection, ConeSignal
+from epuck_sim.scenario.robots import ConeSection, ConeSignal, EnkiCameraSignal, SectorSection
 from epuck_sim.util.elementary import cos, hypot, sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
@@ -19,13 +20,15 @@ _FULL_CIRCLE_COS = -2.0
 """Stands for the cosine of half the angle of a full circle; below any cosine."""
 
 
-def set_cone(record: Any, section: ConeSection) -> None:
-    """Set the cone in which flashes, or pulses, reach the robots of a group; record: CONE of the group."""
+def set_cone(record: Any, section: SectorSection, forward_cm: float) -> None:
+    """Set CONE of a group, where flashes, or pulses, reach its robots; forward_cm: of a camera ahead of the centre."""
     record.range_cm = math.inf if section.range_cm is None else section.range_cm
-    full = section.angle_deg == 360
-    record.cos = _FULL_CIRCLE_COS if full else cos(math.radians(section.angle_deg / 2))
-    record.of_vision = section.of == "vision"
-    record.occlusion = isinstance(section, ConeSignal) and section.occlusion
+    full, half = section.angle_deg == 360, math.radians(section.angle_deg / 2)
+    record.cos = _FULL_CIRCLE_COS if full else cos(half)
+    record.of_vision = not isinstance(section, ConeSection) or section.of == "vision"
+    record.occlusion = isinstance(section, ConeSignal | EnkiCameraSignal) and section.occlusion
+    record.by_parts = isinstance(section, EnkiCameraSignal)
+    record.half_view_rad, record.forward_cm = math.inf if full else half, forward_cm
 
 
 @jit_no_alloc
@@ -61,6 +64,8 @@ def _perceives_any(swarm: Swarm, cone: Any, receiver: int, lit: int) -> bool:
 @jit_no_alloc
 def perceives(swarm: Swarm, cone: Any, receiver: int, sender: int) -> bool:
     """Return whether a robot would perceive another one's lit ring, in a CONE; robots are sorted into cells."""
+    if cone.by_parts:
+        return sender != receiver and shows(swarm, cone, receiver, sender)
     reaches = sender != receiver and in_cone(swarm.robots[receiver], swarm.robots[sender], cone)
     return reaches and not (cone.occlusion and _is_hidden(swarm, receiver, sender))
 
@@ -101,40 +106,19 @@ def _is_hidden(swarm: Swarm, receiver: int, sender: int) -> bool:
 @jit_inline
 def _is_behind_robot(swarm: Swarm, receiver: int, sender: int) -> bool:
     """Return whether a third robot is on the line between two; only cells that the line passes are looked at."""
-    scene = swarm.scene[0]
-    radius, height, rows = scene.largest_cm, scene.cell_height_cm, scene.rows
     ax, ay = swarm.robots[receiver].x, swarm.robots[receiver].y
     bx, by = swarm.robots[sender].x, swarm.robots[sender].y
-    for row in range(
-        cell_index(min(ay, by) - radius, height, rows), cell_index(max(ay, by) + radius, height, rows) + 1
-    ):
-        left, right = _part_in_row(ax, ay, bx, by, row, scene)
-        first = row * scene.columns + cell_index(left - radius, scene.cell_width_cm, scene.columns)
-        last = row * scene.columns + cell_index(right + radius, scene.cell_width_cm, scene.columns)
-        for place in range(swarm.cells[first], swarm.cells[last + 1]):
+    reach = swarm.scene[0].largest_cm
+    first, last = rows_along(ay, by, reach, swarm.scene[0])
+    for row in range(first, last + 1):
+        start, end = members_along(ax, ay, bx, by, reach, row, swarm)
+        for place in range(start, end):
             member = swarm.members[place]
             if member.robot in (receiver, sender):
                 continue
             if _distance_to_line(member.x - ax, member.y - ay, bx - ax, by - ay) < member.radius_cm:
                 return True
     return False
-
-
-@jit_inline
-def _part_in_row(ax: float, ay: float, bx: float, by: float, row: int, scene: Any) -> tuple[float, float]:
-    """Return from where to where in x a line is within the largest robot's radius of a row of cells.
-
-    The first and the last row also hold the robots beyond them.
-    """
-    height, radius = scene.cell_height_cm, scene.largest_cm
-    low = -math.inf if row == 0 else row * height - radius
-    high = math.inf if row == scene.rows - 1 else (row + 1) * height + radius
-    if ay == by:
-        return min(ax, bx), max(ax, bx)
-    start = min(max((low - ay) / (by - ay), 0.0), 1.0)
-    end = min(max((high - ay) / (by - ay), 0.0), 1.0)
-    one, other = ax + start * (bx - ax), ax + end * (bx - ax)
-    return min(one, other), max(one, other)
 
 
 @jit_inline

@@ -27,14 +27,7 @@ _ROUNDING_MM = 1e-6  # added before truncation to whole mm: a wall 40 mm away mu
 
 
 def set_infrared(record: Any, kind: RobotKind, section: InfraredSection, noise_counts: float) -> None:
-    """Set the proximity sensors of a group; a kind of robot without any has 0 sensors.
-
-    Args:
-        record: INFRARED of the group; written.
-        kind: The kind of its robots.
-        section: The group's section of a scenario.
-        noise_counts: Standard deviation of the noise of a reading.
-    """
+    """Set INFRARED of a group by its section of a scenario; a kind of robot without any sensors has 0."""
     record.by_table, record.sees_robots = section.distance == "firmware_table", section.robots
     record.noise_counts, record.reach_cm = noise_counts, kind.ray_reach_cm
     record.count = 0
@@ -186,12 +179,7 @@ def _read(sensors: Any, robot: Any) -> None:
 
 @jit_inline
 def reading_at(distance_cm: float, sensors: Any) -> float:
-    """Return the reading in counts for a surface at a distance: m (c - x0^2) / (x^2 - 2 x0 x + c); 0 beyond the range.
-
-    Args:
-        distance_cm: The distance, x.
-        sensors: INFRARED.
-    """
+    """Return the counts that INFRARED reads at a distance x: m (c - x0^2) / (x^2 - 2 x0 x + c); 0 beyond the range."""
     peak: float = sensors.peak_counts
     peak_cm: float = sensors.peak_cm
     width: float = sensors.width_cm2

@@ -12,9 +12,7 @@ from epuck_sim.util.native import call
 def find_lit(robots: Any, numbers: IntArray) -> int:
     """Label the robots whose rings are lit with 1, others with 0, and list the lit; return how many there are.
 
-    Args:
-        robots: (robots,) ROBOT.
-        numbers: Scratch of the swarm; written.
+    Labels and list are written to the swarm's scratch numbers.
     """
     found = 0
     for robot in range(len(robots)):

@@ -1,8 +1,6 @@
 """Sensors in files of their own: compiled with their files, or run as plain Python (see `control.sensors`)."""
 
-from bdb import BdbQuit
 from collections.abc import Callable
-from functools import partial
 from math import isnan
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
@@ -13,11 +11,10 @@ import numpy.typing as npt
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.interface import Sensor, World
-from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.embodied.start import Part
-from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, Swarm, open_block, swarm_at
-from epuck_sim.embodied.user_code import RobotError, as_python, line_again
-from epuck_sim.user_files import line_of_definition, line_of_error
+from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, Swarm, swarm_at
+from epuck_sim.embodied.user_code import UserCode, as_python
+from epuck_sim.user_files import line_of_definition
 from epuck_sim.util.jit import kernel_digest
 from epuck_sim.util.native import array_at, function_address, record_type
 from epuck_sim.util.seeds import robot_streams
@@ -92,49 +89,34 @@ def readings_of(swarm: Swarm, record: Any, sensor: Sensor) -> npt.NDArray[np.voi
     return readings
 
 
-class OwnSensor:
-    """A sensor of one group of robots of a block, which must stay where it is."""
+class OwnSensor(UserCode):
+    """A sensor in a file of its own, of one group of robots."""
 
     sensor: Sensor
     name: str
     """Its name in the scenario."""
-    robots: slice
-    """Numbers of the robots that have it."""
-    run: Callable[[ByteArray, IntArray, int], None]
-    """Has all of them sense; takes the block, the addresses and the sensor's index in `Swarm.senses`."""
     address: int
     """Address of `run` in this process; 0 if it is interpreted."""
 
     def __init__(
         self, block: ByteArray, swarm: Swarm, number: int, name: str, sensor: Sensor, *, interpret: bool = False
     ) -> None:
-        """Compile a sensor, without calling it.
-
-        Args:
-            block: The swarm, in which the sensor has its bytes, see `assign_sense`.
-            swarm: The arrays of the block.
-            number: Index of the sensor in `Swarm.senses`.
-            name: Its name in the scenario.
-            sensor: The sensor.
-            interpret: Whether it runs as plain Python instead of compiled.
+        """Compile a sensor of a scenario, without calling it; number: its index in `Swarm.senses`, see `assign_sense`.
 
         Raises:
             ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
         """
-        check_imported_copies(sensor)
-        self.sensor, self.name, self._number, self._is_compiled = sensor, name, number, not interpret
-        self._block, self._swarm = block, swarm
-        self._scene, self._own = self._swarm.scene[0], self._swarm.senses[number]
-        self.robots = slice(int(self._own.first), int(self._own.first + self._own.count))
+        self._own = swarm.senses[number]
+        super().__init__(sensor, block, swarm, number, self._own, is_compiled=not interpret)
+        self.sensor, self.name = sensor, name
         self._names = {"sense": sensor.sense, "READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
         if interpret:
-            self.run, self.address = self._interpreted(self._swarm), 0
+            self.run, self.address = self._interpreted(swarm), 0
             return
         self.run = compile_for(sensor, _sense, kernel_digest("embodied"), self._names)
         self.address = function_address(self.run)
 
     def _interpreted(self, swarm: Swarm) -> Any:
-        """Return `_sense` as plain Python."""
         return as_python(_sense, swarm, self._names)
 
     @property
@@ -157,34 +139,17 @@ class OwnSensor:
         streams = robot_streams(sequence, self.robots.stop)[self.robots]
         self._swarm.sensed[self._own.random : self._own.kept] = streams.view(np.uint8).ravel()
 
-    def fault(self, error: BaseException) -> RobotError | None:
-        """Return what to say of an error that this sensor has raised; None if it did not. The robot's is its number."""
-        if self._scene.sensing != self._number + 1 or isinstance(error, BdbQuit | KeyboardInterrupt):
-            return None
-        robot = int(self._scene.serving)
-        member = robot - self.robots.start
-        place = self._line_again(error) if self._is_compiled else line_of_error(error, self.sensor.sources)
-        if place is None:
-            line = line_of_definition("sense", self.sensor.sources[self.sensor.path])
-            place = f"{self.sensor.path}:{line}"
-            if lacking := self._lacking(member):
-                error = ValueError(f"readings.{lacking} is not a number; allowed: numbers")
-        self._scene.serving, self._scene.sensing = -1, 0
-        return RobotError(self.sensor, robot, error, place)
+    def _is_at_work(self) -> bool:
+        return bool(self._scene.sensing == self._number + 1)
 
-    def _lacking(self, member: int) -> str | None:
-        """Return the name of a reading of a robot that is not a number."""
-        reading = self.readings[member]
-        names = self.sensor.readings.names or ()
-        return next((name for name in names if np.isnan(np.asarray(reading[name], float)).any()), None)
-
-    def _line_again(self, error: BaseException) -> str | None:
-        """Return FILE:LINE of an error, by running what has failed again: in Python, and on a copy of the swarm."""
-        block = self._block.copy()
-        swarm = open_block(block)
-        robot, own = swarm.scene[0].serving, swarm.senses[self._number]
-        stream = own.random + STREAM_BYTES * (robot - own.first)
+    def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:  # noqa: ARG002
+        stream = swarm.senses[self._number].random + STREAM_BYTES * (robot - self.robots.start)
         swarm.sensed[stream : stream + STREAM_BYTES] = swarm.scene[0].kept_random.view(np.uint8)
-        swarm.robots.present[np.arange(len(swarm.robots)) != robot] = False
-        again = partial(self._interpreted(swarm), block, np.zeros(0, np.int64), self._number)
-        return line_again(again, error, self.sensor)
+
+    def _without_line(self, error: BaseException, robot: int) -> tuple[str, BaseException]:
+        reading = self.readings[robot - self.robots.start]
+        for name in self.sensor.readings.names or ():
+            if np.isnan(np.asarray(reading[name], float)).any():
+                error = ValueError(f"readings.{name} is not a number; allowed: numbers")
+                break
+        return f"{self.sensor.path}:{line_of_definition('sense', self.sensor.sources[self.sensor.path])}", error

@@ -22,13 +22,7 @@ def slots_of(section: SignalSection, step_ms: int) -> int:
 
 
 def set_radio(record: Any, section: RadioSignal, step_ms: int) -> None:
-    """Set the radio of a group, without the index of its pulses; see `set_cone` for where they reach.
-
-    Args:
-        record: RADIO of the group; written.
-        section: The group's section of a scenario.
-        step_ms: Length of a control step.
-    """
+    """Set RADIO of a group, without the index of its pulses; `set_cone` says where they reach."""
     record.loss, record.collisions, record.half_duplex = section.loss, section.collisions, section.half_duplex
     record.slots = slots_of(section, step_ms)
 

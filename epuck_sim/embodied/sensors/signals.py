@@ -17,7 +17,7 @@ from epuck_sim.util.rng import uniform
 def sensors_of(section: RobotGroup) -> list[Callable[..., None]]:
     """Return what a control step calls, in this order, to have a group sense: functions (block, addresses, group)."""
     if section.signal.kind != "camera":
-        return [sense_infrared, perceive_flashes if section.signal.kind == "cone" else receive_pulses]
+        return [sense_infrared, receive_pulses if section.signal.kind == "radio" else perceive_flashes]
     camera = section.camera
     mirrors, waits = camera.reflection_range_cm > 0, camera.frames_per_s is not None
     return [sense_infrared, look, *[add_reflections] * mirrors, *[take_pictures] * waits]
@@ -35,12 +35,7 @@ def begin_pictures(block: ByteArray, number: int) -> None:
 
 
 def forget_signals(swarm: Swarm, robot: int) -> None:
-    """Have neither a picture nor a pulse be on its way to a robot; its camera goes on at its instants.
-
-    Args:
-        swarm: The swarm, of `open_block`.
-        robot: Number of the robot.
-    """
+    """Have neither a picture nor a pulse be on its way to a robot; its camera goes on at its instants."""
     swarm.robots[robot].picture_arrives = NEVER
     group = next(group for group in swarm.groups if group.first <= robot < group.first + group.count)
     first = group.radio.first + robot - group.first

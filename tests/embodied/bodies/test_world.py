@@ -125,14 +125,6 @@ def test_a_jam_of_robots_that_all_push_is_neither_squeezed_nor_set_in_motion(rob
 # --- nothing tunnels --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("heading", [0, 0.4, 1.2, math.atan2(30, 50), math.pi])
-def test_a_robot_at_full_speed_stays_within_the_walls(heading):
-    path = moved([constant([[50, 30, heading]], FULL_CM_S)], 1000)[:, 0, :2]
-    assert path.min() >= RADIUS_CM - 0.13  # a physics step is 0.128 cm
-    assert (path <= np.array([100, 60]) - RADIUS_CM + 0.13).all()
-    np.testing.assert_allclose(path[-1], path[-2], atol=1e-6)  # it has come to rest
-
-
 @pytest.mark.parametrize("speed", [FULL_CM_S, -FULL_CM_S])
 @pytest.mark.parametrize("behind", [0, 5])
 def test_a_robot_stays_on_its_side_of_a_thin_box_even_with_others_pressing_from_behind(behind, speed):
@@ -142,14 +134,6 @@ def test_a_robot_stays_on_its_side_of_a_thin_box_even_with_others_pressing_from_
     path = moved([constant(queue, speed)], 1000, obstacles=[box])
     assert path[:, 0, 0].max() <= 59.75 - RADIUS_CM + 0.13
     assert path[-1, 0, 0] > 59.75 - RADIUS_CM - 0.1  # it presses against the box
-
-
-@pytest.mark.parametrize("turned", [0.3, 1.2])
-def test_a_robot_does_not_cross_a_thin_box_that_spans_the_arena_askew(turned):
-    box = {"shape": "box", "x_cm": 50, "y_cm": 30, "width_cm": 0.5, "height_cm": 50, "heading_rad": turned}
-    path = moved([constant([[25, 30, 0]], FULL_CM_S)], 1000, obstacles=[box], height=120)[:, 0, :2]
-    corners = box_corners(50, 30, 0.5, 50, turned)
-    assert to_polygon(path, corners).min() >= RADIUS_CM - 0.13
 
 
 # --- pushing ----------------------------------------------------------------------------------------
@@ -173,13 +157,6 @@ def test_a_row_that_one_robot_pushes_moves_at_its_share_of_the_speed(robots):
     row = [[27.4 + 7.4 * place, 30, 0] for place in range(robots - 1)]
     path = moved([constant([[20, 30, 0]], FULL_CM_S), constant(row)], 100, width=200)
     np.testing.assert_allclose(np.diff(path[50:, :, 0], axis=0) / 0.1, FULL_CM_S / robots, rtol=1e-3)
-
-
-def test_a_row_of_ten_keeps_together_and_moves_at_its_share_on_average():
-    row = [[27.4 + 7.4 * place, 30, 0] for place in range(9)]
-    path = moved([constant([[20, 30, 0]], FULL_CM_S), constant(row)], 300, width=200)[100:, :, 0]
-    np.testing.assert_allclose((path[-1] - path[0]) / 20, FULL_CM_S / 10, rtol=2e-3)
-    np.testing.assert_allclose(np.diff(path, axis=1), 2 * RADIUS_CM, rtol=0, atol=2 * MILLIMETRE)
 
 
 @pytest.mark.parametrize("robots", [2, 3, 10])

@@ -182,30 +182,6 @@ def test_who_is_in_the_arena_is_whom_entries_add_and_do_not_remove():
     assert [event.what for event in simulation.events if event.source == "schedule.0"] == ["removes 2, 4; adds 6"]
 
 
-def test_robots_come_to_free_places_with_controllers_that_start():
-    robots = [{"count": 12, "controller": "firefly", "memory": {"phase_ms": 300}, "parameters": {"speed_cm_s": 0}}]
-    arena = {
-        "width_cm": 40,
-        "height_cm": 40,
-        "obstacles": [{"shape": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 6}],
-    }
-    entries = [{"at_s": 1, "remove": list(range(6, 12))}, {"at_s": 2, "add": list(range(6, 12))}]
-    places = set()
-    for seed in range(5):
-        simulation = Simulation({"robots": robots, "arena": arena, "schedule": entries}, seed)
-        before = simulation.advance(20).phase_ms.copy()
-        assert (before[:6] == 300 + 2000).all()
-        assert np.isnan(before[6:]).all()
-        step = simulation.advance(1)
-        assert (step.phase_ms[6:] == 300 + 100).all()
-        apart = np.hypot(*(step.poses[:, None, :2] - step.poses[None, :, :2]).T) + 100 * np.eye(12)
-        assert apart.min() >= 7.4 - 1e-6
-        assert np.hypot(*(step.poses[:, :2] - 20).T).min() >= 9.7 - 1e-6
-        assert np.abs(step.poses[:, :2] - 20).max() <= 16.3 + 1e-6
-        places.add(tuple(step.poses[6:, 0]))
-    assert len(places) == 5
-
-
 def test_a_single_robot_that_is_left_runs_on_and_order_counts_those_present():
     given = quiet([[0, 1, 2, 3, 4, 5]], stop={"order_parameter": 0.95, "max_cycles": 5})
     schedule = [{"at_s": 0.5, "remove": [1, 2, 3, 4, 5]}]

@@ -1,7 +1,6 @@
 """Claims about faults of robots: who has them and when, what they do, and that they change nothing else."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -26,6 +25,8 @@ from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.scenario.faults import FAULTS
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
+from epuck_sim.util.rng import next_word, uniform
+from epuck_sim.util.seeds import robot_streams
 from tests.embodied.changing import EVERYTHING, FAULTY, NOWHERE, steps_of, swarm_of
 
 STEP_MS = 100
@@ -84,32 +85,32 @@ def test_a_share_or_a_number_of_robots_is_drawn_in_each_trial(whom, count):
         assert (np.sum(drawn, axis=0) < 25).all()
 
 
-def test_random_faults_last_and_stay_away_for_exponential_times():
-    found = active_over({"kind": "wheels_dead", "per_hour": 360, "mean_s": 5}, 20_000, 50)
-    assert not found[0].any()
-    share, cycles = 5 / 15, found.size * 0.1 / 15
-    assert found.mean() == pytest.approx(share, abs=4 * share * (1 - share) * math.sqrt(2 / cycles))
-    lengths = {False: [], True: []}
-    for robot in found.T:
-        for begin, end in pairwise(np.flatnonzero(np.diff(robot)) + 1):
-            lengths[bool(robot[begin])].append(0.1 * (end - begin))
-    for active, mean_s in ((True, 5), (False, 10)):
-        for quantile in (0.25, 0.5, 0.75):
-            expected = -mean_s * math.log(1 - quantile)
-            assert np.quantile(lengths[active], quantile) == pytest.approx(expected, rel=0.08)
-
-
-def test_random_faults_stay_within_their_time_and_last_if_they_are_not_said_to_end():
-    within = active_over({"kind": "wheels_dead", "per_hour": 3600, "at_s": 5, "until_s": 8}, 120, 30)
-    assert not within[:50].any()
-    assert not within[80:].any()
-    assert within[79].sum() > 20
-    assert (np.diff(within[:80].astype(int), axis=0) >= 0).all()
-
-
-def test_further_robots_and_other_faults_leave_a_fault_as_it_is():
-    fault = {"kind": "wheels_dead", "per_hour": 360, "mean_s": 5}
-    np.testing.assert_array_equal(active_over(fault, 1000, 3), active_over(fault, 1000, 9)[:, :3])
+@pytest.mark.parametrize(
+    "when",
+    [
+        {"per_hour": 360, "mean_s": 5},
+        {"per_hour": 3600, "at_s": 5, "until_s": 8},
+        {"per_hour": 900, "mean_s": 1, "at_s": 3, "until_s": 500},
+    ],
+    ids=str,
+)
+def test_random_faults_last_and_stay_away_for_exponential_times_as_a_slow_twin_draws(when):
+    steps, robots, changes = 10_000, 12, []
+    begin_s, end_s, free_s = when.get("at_s", 0), when.get("until_s", math.inf), 3600 / when["per_hour"]
+    own, _ = np.random.SeedSequence(3, spawn_key=(0,)).spawn(2)
+    for stream in robot_streams(own, robots):
+        next_word(stream)  # decides on flashes
+        times, time_s = [], begin_s
+        while time_s < end_s and time_s < steps / 10:
+            time_s -= free_s * math.log(1 - uniform(stream))
+            if time_s < end_s:
+                lasts_s = -when["mean_s"] * math.log(1 - uniform(stream)) if "mean_s" in when else math.inf
+                times += [time_s, min(time_s + lasts_s, end_s)]
+                time_s = times[-1]
+        changes.append(np.searchsorted(times, np.arange(steps) / 10, side="right"))
+    found = active_over({"kind": "wheels_dead", **when}, steps, robots)
+    np.testing.assert_array_equal(found, np.transpose(changes) % 2 == 1)
+    assert found.any(axis=0).sum() > robots / 2
 
 
 # --- what they do -----------------------------------------------------------------------------------

@@ -136,14 +136,6 @@ def test_surfaces_touch_where_they_are_no_farther_apart_than_1_6_mm(gap: float, 
     assert len(touching([(50, 60 + place)], ((), [box_corners(50, 50, 30, 20, 0)]))) == number
 
 
-def test_where_a_robot_looks_does_not_matter() -> None:
-    arena = make_arena(100.0, 100.0, [(50, 57.4, 3.7)], [])
-    turned = np.array([[(50, 50, heading), (57.4, 50, -heading)] for heading in (0.0, 1.0, 2.0, -30.0)])
-    found = contacts(turned, arena).reshape(4, 2, 3)
-    assert found[..., 0].tolist() == [[step, step] for step in range(4)]
-    assert (found[..., 1:] == found[0, :, 1:]).all()
-
-
 # --- many contacts, and none ------------------------------------------------------------------------
 
 
@@ -157,15 +149,6 @@ def test_there_is_room_for_any_number_of_contacts(steps: int) -> None:
     assert len(found) == len(expected) == 60 * steps
     apart = np.abs(found[:, None] - np.array(expected)[None]).max(axis=2)
     assert apart.min(axis=0).max() < 1e-9
-
-
-def test_where_nothing_touches_there_is_no_contact() -> None:
-    assert touching([(20, 20), (50, 50)], ([(80, 80, 5)], [box_corners(20, 80, 5, 5, 1.0)])) == []
-
-
-def test_a_step_without_contacts_is_left_out() -> None:
-    poses = np.array([[(50, 50, 0.0)], [(3.7, 50, 0.0)], [(50, 50, 0.0)], [(50, 96.3, 0.0)]])
-    assert contacts(poses, make_arena(100.0, 100.0, [], [])).tolist() == [[1, 0, 50], [3, 50, 100]]
 
 
 def test_robots_move_what_they_touch_and_nothing_before() -> None:

@@ -62,17 +62,6 @@ def test_the_contacts_of_a_step_are_those_of_its_poses() -> None:
     assert total > 20
 
 
-def test_there_is_room_for_any_number_of_sightings() -> None:
-    robots = [
-        {"count": 12, "placement": "grid", "controller": "constant", "parameters": {"ring_on": True}},
-    ]
-    camera = {"pixels": 1000, "field_of_view_deg": 360}
-    scenario = load_scenario({"robots": [{**robots[0], "camera": camera}]})
-    first, second = (len(step.sightings) for step in islice(Simulation(scenario, 1), 2))
-    assert first == 0
-    assert second > 4 * 12
-
-
 @pytest.mark.parametrize("interpret", [False, True])
 def test_asking_changes_nothing(interpret) -> None:
     steps = 150 if not interpret else 20

@@ -12,7 +12,6 @@ from epuck_sim.arena import make_arena
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.sensors.camera import look
 from epuck_sim.embodied.swarm import HIDE, swarm_at
-from epuck_sim.geometry import box_corners
 from epuck_sim.util.jit import address_of, jit_no_alloc
 from tests.embodied.scenes import (
     ADDRESSES,
@@ -78,10 +77,6 @@ def test_pixel_0_is_the_left_edge():
     assert left == right[::-1]
 
 
-def test_an_unlit_robot_is_dark():
-    assert sum(_row(0.0, [_at(0.0, 20)], [False])) == 0
-
-
 def test_a_robot_s_own_ring_is_not_seen():
     poses = np.array([(*ME, 0.0), _at(0.0, 20)])
     scene = Scene(poses, np.array([True, False]), empty_arena())
@@ -98,27 +93,6 @@ def test_a_robot_that_touches_the_nose_fills_the_row(heading, field_of_view_deg)
 
 
 # --- what hides what --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("heading", [0.0, 1.0, -2.5])
-def test_a_robot_half_hidden_is_half_seen(heading):
-    beside = math.asin(RADIUS_CM / 20)  # so that the dark robot's edge lies on the line of sight
-    dark, lit = _at(heading, 20, beside), _at(heading, 40)
-    whole = _row(heading, [lit], [True])
-    assert _row(heading, [dark, lit], [False, True]) == [0] * 30 + whole[30:]
-    assert _row(heading, [lit, dark], [True, False]) == [0] * 30 + whole[30:]
-
-
-def test_a_robot_behind_another_is_not_seen():
-    near, far = _at(0.0, 20), _at(0.0, 60)
-    assert sum(_row(0.0, [near, far], [False, True])) == 0
-    assert _row(0.0, [near, far], [True, False]) == _row(0.0, [near], [True])
-
-
-def test_two_lit_robots_cover_what_either_does():
-    one, other = _at(0.0, 20, 0.1), _at(0.0, 40, -0.2)
-    either = np.maximum(_row(0.0, [one], [True]), _row(0.0, [other], [True]))
-    assert _row(0.0, [one, other], [True, True]) == either.tolist()
 
 
 def test_of_two_robots_as_near_the_lit_one_is_seen():
@@ -148,80 +122,13 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
         assert block.swarm.pixels[0] == near_is_lit
 
 
-def _obstacle(kind, ahead):
-    """Return an obstacle whose right side lies on the line of sight of ME, which looks along x."""
-    x, y = ME[0] + RADIUS_CM + ahead, ME[1]
-    return {
-        "circle": ([(x, y + 5, 5)], []),
-        "box": ([], [box_corners(x, y + 5, 2, 10, 0.0)]),
-        "turned box": ([], [box_corners(x, y + 5, 10, 2, math.pi / 2)]),
-        "polygon": ([], [np.array([(x - 2, y), (x + 2, y), (x, y + 8)])]),
-    }[kind]
-
-
-obstacles = pytest.mark.parametrize("kind", ["circle", "box", "turned box", "polygon"])
-
-
-@obstacles
-def test_an_obstacle_hides_the_half_that_it_covers(kind):
-    lit = _at(0.0, 40)
-    whole = _row(0.0, [lit], [True])
-    assert _row(0.0, [lit], [True], obstacles=_obstacle(kind, 20)) == [0] * 30 + whole[30:]
-
-
-@obstacles
-@pytest.mark.parametrize("ahead", [60.0, -20.0])
-def test_an_obstacle_beyond_a_robot_or_behind_the_camera_hides_nothing(kind, ahead):
-    lit = _at(0.0, 40)
-    assert _row(0.0, [lit], [True], obstacles=_obstacle(kind, ahead)) == _row(0.0, [lit], [True])
-
-
 # --- settings of a camera ---------------------------------------------------------------------------
-
-
-@settings(max_examples=40)
-@given(scenes())
-def test_a_central_window_is_the_full_row_with_the_rest_darkened(scene):
-    full = rows(scene, CameraSettings())
-    for central in (4, 6, 20, 40, 58, 60):
-        outside = (60 - central) // 2
-        darkened = full.copy()
-        darkened[:, :outside] = darkened[:, 60 - outside :] = 0
-        np.testing.assert_array_equal(rows(scene, CameraSettings(central_pixels=central)), darkened)
-
-
-@pytest.mark.parametrize("heading", [0.0, 2.0])
-def test_surfaces_beyond_the_range_are_not_seen(heading):
-    distance = 40.0
-    robot = _at(heading, distance)
-    angles = CameraSettings().angles()
-    cut = np.sqrt(np.maximum(RADIUS_CM**2 - (distance * np.sin(angles)) ** 2, 0))
-    surface = np.where(cut > 0, distance * np.cos(angles) - cut, np.inf)
-    for range_cm in (36.0, 36.32, 37.0, 39.0, 41.0):
-        seen = _row(heading, [robot], [True], CameraSettings(range_cm=range_cm))
-        assert seen == (surface <= range_cm).astype(int).tolist()
-    assert 0 < (surface <= 36.32).sum() < (surface <= 41.0).sum()
 
 
 @given(headings, st.floats(3.8, 90), bearings)
 def test_all_round_a_robot_is_seen_wherever_it_stands(heading, distance, bearing):
     expected = _covered(distance, bearing, ALL_ROUND)
     assert _row(heading, [_at(heading, distance, bearing)], [True], ALL_ROUND) == expected
-
-
-def test_all_round_a_robot_behind_lights_both_ends_of_the_row():
-    row = _row(0.0, [_at(0.0, 20, math.pi)], [True], ALL_ROUND)
-    assert row == [1, 1] + [0] * 56 + [1, 1]
-
-
-@pytest.mark.parametrize(
-    ("pixels", "degrees", "lit"), [(60, 56.0, 22), (120, 56.0, 42), (60, 28.0, 42), (61, 56.0, 21)]
-)
-def test_pixels_share_the_field_of_view(pixels, degrees, lit):
-    distance = RADIUS_CM / math.sin(math.radians(10))
-    row = _row(0.0, [_at(0.0, distance)], [True], CameraSettings(pixels, degrees, pixels))
-    assert len(row) == pixels
-    assert sum(row) == lit
 
 
 # --- a slow twin, order, groups ---------------------------------------------------------------------
@@ -273,14 +180,6 @@ def test_far_lit_rings_among_many_robots_are_seen_as_by_the_slow_twin(share):
     np.testing.assert_array_equal(rows(scene, camera)[~doubtful], expected[~doubtful])
     assert expected.sum() > 100
     assert doubtful.mean() < 1e-3
-
-
-@settings(max_examples=40)
-@given(scenes(robots=(10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
-def test_rows_do_not_depend_on_the_order_of_robots(scene, camera, seed):
-    order = np.random.default_rng(seed).permutation(len(scene.poses))
-    shuffled = Scene(scene.poses[order], scene.lit[order], scene.arena)
-    np.testing.assert_array_equal(rows(shuffled, camera), rows(scene, camera)[order])
 
 
 @settings(max_examples=40)

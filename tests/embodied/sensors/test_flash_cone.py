@@ -21,7 +21,6 @@ from tests.embodied.scenes import (
     CameraSettings,
     Scene,
     block_of,
-    empty_arena,
     scenes,
 )
 
@@ -37,7 +36,7 @@ def with_cone(scene: Scene, section: ConeSection, occlusion: bool, observer: int
     """Return the robots of a scene; those from `observer` on have the ideal sensor."""
     block = block_of(scene, CameraSettings(1, 56.0, 1), observer)
     cone = block.swarm.groups[0].cone
-    set_cone(cone, section)
+    set_cone(cone, section, scene.body.forward_cm)
     cone.occlusion = occlusion
     return block
 
@@ -134,22 +133,6 @@ def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, 
     perceive_flashes(block.bytes, ADDRESSES, 0)
     expected = pairs(scene, section, occlusion)[observer:, scene.lit].any(axis=1)
     np.testing.assert_array_equal(block.swarm.pixels, expected)
-
-
-def test_a_cone_of_emission_is_the_senders():
-    scene = Scene(np.array([[20.0, 50, 0], [60, 50, 0]]), np.ones(2, bool), empty_arena())
-    vision = pairs(scene, ConeSection(angle_deg=90), occlusion=True)
-    emission = pairs(scene, ConeSection(angle_deg=90, of="emission"), occlusion=True)
-    np.testing.assert_array_equal(vision, [[False, True], [False, False]])
-    np.testing.assert_array_equal(emission, [[False, False], [True, False]])
-
-
-@pytest.mark.parametrize("occlusion", [True, False])
-def test_a_body_between_two_robots_hides_the_ring_of_one_from_the_other(occlusion):
-    scene = Scene(np.array([[20.0, 50, 0], [60, 50, 0], [40, 53, 0]]), np.ones(3, bool), empty_arena())
-    found = pairs(scene, ConeSection(), occlusion)
-    assert found[0, 1] == found[1, 0] == (not occlusion)
-    assert found[2].tolist() == [True, True, False]
 
 
 def lit_pair(signal: dict, first: list[float], second: list[float]) -> Simulation:

@@ -18,13 +18,11 @@ from epuck_sim.embodied.sensors.infrared import (
     set_infrared,
 )
 from epuck_sim.embodied.swarm import INFRARED
-from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import InfraredSection
 from tests.embodied.scenes import (
     ADDRESSES,
     BODIES,
-    RADIUS_CM,
     SENSORS,
     Scene,
     block_of,
@@ -144,29 +142,6 @@ def test_a_wall_straight_ahead_reads_what_the_centre_ray_alone_would(sensor, dis
         assert reading == pytest.approx(_f(max(distance, 0.3)), rel=1e-9)
 
 
-@sensors
-@pytest.mark.parametrize("turned", [0.0, 0.7, -2.0])
-def test_a_flat_side_of_an_obstacle_reads_like_a_wall(sensor, turned):
-    arena = make_arena(100, 100, [], [box_corners(50, 50, 10, 40, turned)])
-    at = 50 + 12.5 * np.array([math.cos(turned), math.sin(turned)])
-    reading = _readings([_facing(sensor, *at, turned + math.pi)], arena)[0, sensor]
-    assert reading == pytest.approx(_f(7.5), rel=1e-9)
-
-
-@sensors
-@pytest.mark.parametrize("distance", [1.0, 5.0, 9.0])
-def test_a_robot_straight_ahead_reads_nearer_than_its_centre_ray_where_the_side_rays_pass(sensor, distance):
-    away = distance + RADIUS_CM
-    cut = RADIUS_CM**2 - (away * math.sin(SPREAD)) ** 2
-    sides = 2 * _f(away * math.cos(SPREAD) - math.sqrt(cut)) if cut > 0 else 0.0
-    foot = distance / math.cos(SPREAD)
-    expected = _f(distance) + sides - 2 * _f(foot)
-    x, y, heading = _facing(sensor, 50, 50, 0.3)
-    other = 50 + away * math.cos(0.3), 50 + away * math.sin(0.3), 0.0
-    reading = _readings([(x, y, heading), other], empty_arena(100, 100))[0, sensor]
-    assert reading == pytest.approx(max(expected, 0.0), rel=1e-9)
-
-
 def test_a_wall_at_exactly_12_cm_is_in_range_and_a_hair_further_is_not():
     at_range, beyond = (_sensed([(50.0, y, 0.0)], empty_arena(100, 30.6)) for y in (15.3, 15.3 - 1e-9))
     assert (at_range[0][0, 5], beyond[0][0, 5]) == (response(12.0), 0.0)
@@ -193,14 +168,6 @@ def test_a_reading_is_never_negative():
     assert 3731.0 > _f(5.0) < 2 * _f(5.0 / math.cos(SPREAD))
     arena = make_arena(100, 100, [(55.5, 50, 0.5)], [])
     assert _readings([_facing(0, 50, 50, 0.0)], arena)[0, 0] == 0.0
-
-
-@sensors
-def test_only_the_sensors_that_look_there_read_an_obstacle(sensor):
-    x, y, heading = _facing(sensor, 50, 50, 0.0)
-    counts = _readings([(x, y, heading)], make_arena(100, 100, [(56, 50, 4)], []))[0]
-    assert counts.argmax() == sensor
-    assert (np.delete(counts, [sensor, (sensor + 1) % 8, (sensor - 1) % 8]) == 0).all()
 
 
 # --- noise ------------------------------------------------------------------------------------------

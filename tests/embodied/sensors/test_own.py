@@ -126,16 +126,6 @@ def test_sensors_draw_from_streams_that_depend_on_their_names_and_the_robot_alon
 
 
 @pytest.mark.usefixtures("files")
-def test_a_reset_and_a_copy_read_the_same_again():
-    simulation = Simulation(scenario(NOISY), 3)
-    first = simulation.advance(15).readings["ground"].tobytes()
-    simulation.reset(4)
-    assert simulation.advance(15).readings["ground"].tobytes() != first
-    simulation.reset(3)
-    assert simulation.advance(15).readings["ground"].tobytes() == first
-
-
-@pytest.mark.usefixtures("files")
 def test_groups_have_sensors_of_their_own_and_common_ones():
     groups = [{"count": 2, "controller": "follower.py"}, {"count": 1, "controller": "wanderer.py", "sensors": []}]
     readings = Simulation({"robots": groups, "sensors": ["ground.py"]}, 1).advance(1).readings

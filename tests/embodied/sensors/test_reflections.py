@@ -14,7 +14,6 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.sensors.camera import look
 from epuck_sim.embodied.sensors.reflections import add_reflections
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.geometry import box_corners
 from tests.embodied.scenes import (
     ADDRESSES,
     BODIES,
@@ -138,16 +137,6 @@ def test_rows_are_those_of_the_slow_twin() -> None:
     assert tally["doubtful"] < 0.02 * tally["pixels"]
 
 
-@settings(max_examples=40)
-@given(scenes(robots=(10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
-def test_it_does_not_matter_how_robots_are_numbered(scene: Scene, camera: CameraSettings, seed: int) -> None:
-    camera = camera._replace(reflection_range_cm=FAR)
-    order = np.random.default_rng(seed).permutation(len(scene.poses))
-    shuffled = Scene(scene.poses[order], scene.lit[order], scene.arena)
-    np.testing.assert_array_equal(mirrored_rows(shuffled, camera), mirrored_rows(scene, camera)[order])
-    np.testing.assert_array_equal(mirrored_rows(scene, camera, 3), mirrored_rows(scene, camera)[3:])
-
-
 # --- closed forms -----------------------------------------------------------------------------------
 
 
@@ -167,13 +156,6 @@ def test_the_image_of_a_ring_behind_is_as_far_beyond_the_wall_as_the_ring_before
     assert seen_by_first(poses, [False, True]) == covered(math.hypot(ahead, aside), bearing)
 
 
-@given(st.floats(0.01, 90))
-def test_a_robot_sees_its_own_ring_in_the_wall_that_it_faces(wall_cm):
-    poses = [(SIDE - wall_cm - RADIUS_CM, 100.0, 0.0)]
-    assert seen_by_first(poses, [True]) == covered(2 * wall_cm + RADIUS_CM, 0.0)
-    assert sum(seen_by_first(poses, [False])) == 0
-
-
 @pytest.mark.parametrize("beyond_cm", [0.0, 0.03])
 @pytest.mark.parametrize("others_are_lit", [False, True])
 def test_a_robot_that_presses_its_nose_against_a_wall_sees_its_own_ring_at_most(beyond_cm, others_are_lit):
@@ -182,65 +164,7 @@ def test_a_robot_that_presses_its_nose_against_a_wall_sees_its_own_ring_at_most(
         assert seen_by_first(poses, [own, others_are_lit, others_are_lit]) == [int(own)] * 60
 
 
-def test_in_a_corner_no_ray_is_mirrored_twice():
-    # by both walls, the robot would see itself straight ahead, where the corner is
-    poses = [(SIDE - 20.0, SIDE - 20.0, math.radians(45.0))]
-    assert sum(seen_by_first(poses, [True])) == 0
-
-
-def test_all_round_a_ring_shows_itself_and_in_all_four_walls():
-    camera = CameraSettings(360, 360.0, 360, reflection_range_cm=FAR)
-    x, y = 130.0, 150.0
-    images = np.array([(x, y), (-x, y), (2 * SIDE - x, y), (x, -y), (x, 2 * SIDE - y)]) - (100.0 + RADIUS_CM, 100.0)
-    each = [covered(math.hypot(*image), math.atan2(image[1], image[0]), camera) for image in images]
-    assert np.sum(each, axis=0).max() == 1
-    assert seen_by_first([(100.0, 100.0, 0.0), (x, y, 0.0)], [False, True], camera) == np.sum(each, axis=0).tolist()
-
-
 # --- what hides an image, and how far it is seen ------------------------------------------------------
-
-ME, BEHIND = (150.0, 100.0, 0.0), (120.0, 130.0, 0.0)
-NOSE_CM, IMAGE_CM = (150.0 + RADIUS_CM, 100.0), (280.0, 130.0)
-AT_WALL_CM = 100.0 + 30.0 * (SIDE - NOSE_CM[0]) / (IMAGE_CM[0] - NOSE_CM[0])  # y where the ray to the image meets it
-
-
-def image_row(others=(), camera=MIRRORS, obstacles=((), ())):
-    """Return what ME sees of the ring BEHIND among other robots, whose rings are dark."""
-    return seen_by_first([ME, BEHIND, *others], [False, True, *(False for _ in others)], camera, obstacles)
-
-
-def on_leg(leg: int, share: float) -> tuple[float, float]:
-    """Return a place on the way from the camera to the wall, leg 0, or from there to the ring, leg 1."""
-    ends = np.array([NOSE_CM, (SIDE, AT_WALL_CM), BEHIND[:2]])
-    x, y = ends[leg] + share * (ends[leg + 1] - ends[leg])
-    return float(x), float(y)
-
-
-@pytest.mark.parametrize("leg", [0, 1])
-@pytest.mark.parametrize("kind", ["robot", "circle", "box"])
-def test_both_legs_must_be_free(leg, kind):
-    assert sum(image_row()) > 2
-    x, y = on_leg(leg, 0.5)
-    aside = (x, y + 25.0) if leg else (x, y - 25.0)
-    for (x_cm, y_cm), hides in (((x, y), True), (aside, False)):
-        others = [(x_cm, y_cm, 1.0)] if kind == "robot" else []
-        circles = [(x_cm, y_cm, 4.0)] if kind == "circle" else []
-        boxes = [box_corners(x_cm, y_cm, 8.0, 8.0, 0.3)] if kind == "box" else []
-        assert (sum(image_row(others, obstacles=(circles, boxes))) == 0) is hides
-
-
-def test_the_range_counts_the_whole_way():
-    surface = math.dist(NOSE_CM, IMAGE_CM) - RADIUS_CM
-    whole = image_row()
-    assert sum(image_row(camera=CameraSettings(reflection_range_cm=surface - 0.01))) == 0
-    assert 0 < sum(image_row(camera=CameraSettings(reflection_range_cm=surface + 0.05))) < sum(whole)
-    assert image_row(camera=CameraSettings(reflection_range_cm=surface + RADIUS_CM)) == whole
-
-
-def test_direct_sight_has_a_range_of_its_own():
-    ring = [ME, (165.0, 100.0, 0.0)]
-    row = seen_by_first(ring, [False, True], CameraSettings(reflection_range_cm=1.0))
-    assert row == covered(165.0 - NOSE_CM[0], 0.0)
 
 
 # --- in a simulation ----------------------------------------------------------------------------------

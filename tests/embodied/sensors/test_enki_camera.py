@@ -1,0 +1,106 @@
+"""Claims about what Enki's camera sees, against a slow twin: a fan of rays."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.scenario.robots import EnkiCameraSignal
+from tests.embodied.scenes import BODIES, EDGE_CM, Scene, empty_arena, scenes
+from tests.embodied.sensors.test_flash_cone import pairs
+
+RAYS = 3600
+ANGLES = np.arange(RAYS) * 2 * math.pi / RAYS
+
+sections = st.builds(
+    EnkiCameraSignal,
+    kind=st.just("enki_camera"),
+    range_cm=st.sampled_from([None, 15.0, 40.0]),
+    angle_deg=st.sampled_from([360.0, 350.0, 180.0]) | st.floats(1, 360),
+)
+
+
+def offsets(bearing: FloatArray) -> FloatArray:
+    """Return (rays, n) rad between 0 and pi from each ray of the fan to each of (n,) directions."""
+    return np.abs((ANGLES[:, None] - bearing[None] + math.pi) % (2 * math.pi) - math.pi)
+
+
+def narrow(each: BoolArray) -> BoolArray:
+    """Return (rays, ...) what holds of a ray and both beside it."""
+    return each & np.roll(each, 1, axis=0) & np.roll(each, -1, axis=0)
+
+
+def wide(each: BoolArray) -> BoolArray:
+    return ~narrow(~each)
+
+
+def depths(x: float, y: float, edges: FloatArray) -> FloatArray:
+    """Return (rays, edges) cm along each ray from (x, y) to each edge."""
+    dx, dy = np.cos(ANGLES)[:, None], np.sin(ANGLES)[:, None]
+    (ax, ay), (ex, ey) = (edges[:, :2] - [x, y]).T, (edges[:, 2:4] - edges[:, :2]).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth, share = (ax * ey - ay * ex) / (dx * ey - dy * ex), (ax * dy - ay * dx) / (dx * ey - dy * ex)
+    return np.where((depth >= 0) & (share >= 0) & (share <= 1), depth, math.inf)
+
+
+def slow_camera(scene: Scene, section: EnkiCameraSignal, occlusion: bool) -> tuple[BoolArray, BoolArray]:
+    """Return (robots, robots) whether the first sees the second by a ray, and whether it may do so between rays."""
+    robots = len(scene.poses)
+    surely, perhaps = np.zeros((2, robots, robots), bool)
+    discs = np.vstack([np.column_stack([scene.poses[:, :2], scene.radii_cm]), scene.arena.circles])
+    reach = math.inf if section.range_cm is None else section.range_cm
+    for one, (centre_x, centre_y, heading) in enumerate(scene.poses):
+        x, y = np.array([centre_x, centre_y]) + scene.body.forward_cm * np.array([math.cos(heading), math.sin(heading)])
+        away = np.hypot(discs[:, 0] - x, discs[:, 1] - y)
+        covers = offsets(np.arctan2(discs[:, 1] - y, discs[:, 0] - x)) <= np.arctan(discs[:, 2] / away)
+        edge_depths = depths(x, y, scene.arena.edges)
+        view = offsets(np.array([heading])) <= math.radians(section.angle_deg / 2) + 1e-12
+        for other in range(robots):
+            gap = math.hypot(*(discs[other, :2] - [centre_x, centre_y])) - discs[other, 2]
+            if other == one or gap > reach + EDGE_CM:
+                continue
+            nearer = (away < away[other]) & (np.arange(len(discs)) != one)
+            hides = np.column_stack([covers[:, nearer], edge_depths < away[other]]) & occlusion
+            shown = covers[:, other] & view[:, 0]
+            surely[one, other] = (shown & ~hides.any(axis=1)).any() and gap < reach - EDGE_CM
+            shown = wide(covers[:, other]) & wide(view)[:, 0]
+            perhaps[one, other] = (shown & ~narrow(hides).any(axis=1)).any()
+    return surely, perhaps
+
+
+@given(scenes(robots=(2, 3, 10, 40), bodies=BODIES), sections, st.booleans())
+def test_a_robot_is_seen_if_a_ray_of_a_fan_meets_it_first(scene, section, occlusion):
+    surely, perhaps = slow_camera(scene, section, occlusion)
+    found = pairs(scene, section, occlusion)
+    assert (surely <= found).all()
+    assert (found <= perhaps).all()
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "occlusion", "seen"),
+    [
+        (40, 53, True, True),  # the third covers a part of the second
+        (40, 51, True, False),  # and all of it
+        (40, 51, False, True),
+    ],
+)
+def test_a_ring_is_hidden_only_where_all_of_it_is(x, y, occlusion, seen):
+    scene = Scene(np.array([[20.0, 50, 0], [60, 50, 0], [x, y, 0]]), np.ones(3, bool), empty_arena())
+    found = pairs(scene, EnkiCameraSignal(kind="enki_camera"), occlusion)
+    assert found[0].tolist() == [False, seen, True]
+
+
+@pytest.mark.parametrize(("apart_cm", "seen"), [(28.69, 1), (28.71, 0)])
+def test_the_range_is_that_from_the_robots_centre_to_the_others_rim(apart_cm, seen):
+    robots = {
+        "poses": [[20, 50, 0], [20 + apart_cm, 50, 0]],
+        "signal": {"kind": "enki_camera", "range_cm": 25, "angle_deg": 100},
+        "controller": "constant",
+        "parameters": {"ring_on": True},
+    }
+    simulation = Simulation({"arena": {"width_cm": 100, "height_cm": 100}, "robots": [robots], "noise": "off"})
+    assert simulation.advance(2).camera.tolist() == [[seen], [0]]
