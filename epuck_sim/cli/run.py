@@ -124,6 +124,14 @@ def run(
             rich_help_panel=SWEEPS,
         ),
     ] = None,
+    take_over: Annotated[
+        bool,
+        typer.Option(
+            "--take-over",
+            help="Take a run folder over from a process that is gone, on a file system without locks.",
+            rich_help_panel=SWEEPS,
+        ),
+    ] = False,
     point: PointOption = None,
     trial: TrialOption = None,
     help_all: HelpAllOption = False,  # noqa: ARG001
@@ -177,6 +185,11 @@ def run(
                 "a sweep keeps no traces, recordings and films; --point and --trial run one trial again, with them",
             ),
         )
+        if folder is not None and take_over:
+            from epuck_sim.runs.folder import take_over as take_over_lease
+
+            if (holder := take_over_lease(folder)) is not None:
+                typer.echo(f"{folder}: taken over from {holder}", err=True)
         view = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
         watched = Watched(trace, record, film, view, level or Level.FULL, tuple(memory or ()), relations)
         loaded = read_scenario(scenario, settings, axes, measures=measures, controller=controller, quick=quick)

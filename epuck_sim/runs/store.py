@@ -5,7 +5,7 @@ results of two scenarios.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from operator import attrgetter, itemgetter
 from pathlib import Path
@@ -28,7 +28,7 @@ from epuck_sim.runs.database import (
     sqlite_errors,
     writing,
 )
-from epuck_sim.runs.folder import DATABASE, acquire
+from epuck_sim.runs.folder import DATABASE, acquire, is_at
 from epuck_sim.runs.reader import measures_in, read_finished
 from epuck_sim.runs.records import FinishedTrials, Outcome
 from epuck_sim.runs.share import WHOLE, Share, read_share
@@ -67,7 +67,7 @@ class Store:
         if self._path.exists():
             check_database(self._path)
         with ExitStack() as stack:
-            stack.enter_context(acquire(folder))
+            is_held = stack.enter_context(acquire(folder))
             sync_folder(folder.parent)  # which may have got the folder just now
             is_new = not self._path.exists()
             if not is_new:
@@ -85,6 +85,8 @@ class Store:
                 part.write_text(write_scenario(scenario), encoding="utf-8")
             stack.enter_context(sqlite_errors(self._path))
             self._connection = stack.enter_context(writing(self._path))
+            opened = self._path.stat()
+            self._is_ours: Callable[[], bool] = lambda: is_held() and is_at(self._path, opened)
             with self._connection:
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
@@ -120,9 +122,13 @@ class Store:
 
         Returns:
             Whether each has a result with all its measures now.
+
+        Raises:
+            StoreError: They cannot be stored, or the folder's name is no longer that of what is stored in.
         """
         places = [(self._points[outcome.point].key, outcome.trial) for outcome in outcomes]
         self._new = 0
+        self._check_ours()
         with sqlite_errors(self._path), self._connection:
             if self._has_measures:
                 are_stored = [self._put(outcome, place) for outcome, place in zip(outcomes, places, strict=True)]
@@ -130,9 +136,17 @@ class Store:
                 self._enter(outcomes, places)
                 are_stored = [outcome.result is not None for outcome in outcomes]
             sign(self._connection, "trials", places)
+        self._check_ours()
         self._trials += self._new
         note_trials(self._path, self._trials)
         return are_stored
+
+    def _check_ours(self) -> None:
+        if not self._is_ours():
+            raise StoreError(
+                f"{self._path.parent}: was moved, deleted, replaced or taken over while this run was at work on it, "
+                "which has ended; what it has stored is where the folder is now: go on there"
+            )
 
     def _put(self, outcome: Outcome, place: tuple[str, int]) -> bool:
         stored = self._connection.execute(
