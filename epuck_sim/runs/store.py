@@ -32,11 +32,11 @@ from epuck_sim.runs.folder import DATABASE, acquire, is_at
 from epuck_sim.runs.reader import measures_in, read_finished
 from epuck_sim.runs.records import FinishedTrials, Outcome
 from epuck_sim.runs.share import WHOLE, Share, read_share
-from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
+from epuck_sim.runs.sources import write_sources
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.atomic_write import atomic_write, sync_folder
+from epuck_sim.util.atomic_write import sync_folder
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -81,8 +81,10 @@ class Store:
                 with new_database(self._path, list(points[0].axes), rows):
                     pass
             # before the points: the folder's own scenario must have all that the database has
-            with atomic_write(folder / RUN_SCENARIO) as part:
-                part.write_text(write_scenario(scenario), encoding="utf-8")
+            different = {
+                (row.controllers, row.measures): point.scenario for row, point in zip(rows, points, strict=True)
+            }
+            write_sources(folder, scenario, different.values())
             stack.enter_context(sqlite_errors(self._path))
             self._connection = stack.enter_context(writing(self._path))
             opened = self._path.stat()

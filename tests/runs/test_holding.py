@@ -16,12 +16,12 @@ from typer.testing import CliRunner
 from epuck_sim.cli.app import app
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import folder as folders
-from epuck_sim.runs.folder import HOLDER, LEASE_S, LOCK, current_holder, own_name, take_over
+from epuck_sim.runs.folder import HOLDER, LEASE_S, current_holder, own_name, take_over
 from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host
-from tests.runs.test_store import DEMO, contents, fill, outcome, refused, stored
+from tests.runs.test_store import DEMO, FILES, contents, fill, outcome, refused, stored
 from tests.sweep.short_sweeps import short_sweep
 
 
@@ -86,7 +86,7 @@ def test_without_locks_a_folder_is_held_by_a_lease_and_is_free_afterwards(tmp_pa
         f"after {LEASE_S:g} s, or at once with --take-over"
     )
     assert current_holder(tmp_path) is None
-    assert set(contents(tmp_path)) == {LOCK, "results.sqlite", "scenario.yaml"}
+    assert set(contents(tmp_path)) == FILES
 
 
 @pytest.mark.parametrize("_no_locks", ["ENOSYS"], indirect=True)

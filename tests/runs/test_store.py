@@ -32,6 +32,9 @@ COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.s
 CONTROLLER = "robots.0.controller"
 DATABASE = "results.sqlite"
 
+FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}
+"""Names of the files in a run folder without users' files."""
+
 MINE = """
 PARAMETERS = {"pace": 2.0, "loud": True}
 MEMORY = {}
@@ -90,7 +93,7 @@ def stored(folder: Path) -> list[dict]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 # What a folder holds
@@ -102,7 +105,7 @@ def test_a_new_folder_holds_the_database_and_the_scenario_that_was_run(tmp_path)
         assert set(store.finished()) == set()
         assert store.censored() is None
     assert stored(folder) == []
-    assert {path.name for path in folder.iterdir()} - {".lock"} == {DATABASE, "scenario.yaml"}
+    assert set(contents(folder)) == FILES
     assert load_scenario(folder) == load_scenario(folder / "scenario.yaml") == DEMO
 
 
@@ -322,7 +325,7 @@ def test_a_folder_that_is_empty_but_for_what_a_killed_run_left_is_taken(tmp_path
         (tmp_path / name).write_bytes(data)
     assert len(fill(tmp_path)) == 4
     assert len(stored(tmp_path)) == 12
-    assert set(contents(tmp_path)) == {".lock", DATABASE, "scenario.yaml"}
+    assert set(contents(tmp_path)) == FILES
 
 
 def test_half_files_that_a_killed_run_left_in_a_run_folder_do_no_harm(tmp_path) -> None:
@@ -550,7 +553,7 @@ def test_a_lock_ends_with_the_process_that_held_it_even_where_it_was_killed(tmp_
     assert current_holder(tmp_path) is None
     with Store(tmp_path, DEMO, points(DEMO)):
         assert current_holder(tmp_path) == f"process {os.getpid()} on {host()}"
-    assert set(contents(tmp_path)) == {".lock", DATABASE, "scenario.yaml"}
+    assert set(contents(tmp_path)) == FILES
 
 
 def test_the_folder_is_free_again_after_the_end_and_after_an_error(tmp_path) -> None:
