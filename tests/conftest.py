@@ -1,5 +1,7 @@
 """Settings of all tests."""
 
+import os
+import tempfile
 from collections.abc import Iterator
 
 import pytest
@@ -8,6 +10,8 @@ from hypothesis import settings
 from epuck_sim.sweep import executors
 from tests.processes import end_all
 from tests.sweep.pool_here import pool_here
+
+os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="epuck-sim-tests-")  # not what the user trusts
 
 settings.register_profile("same", deadline=None, max_examples=100, derandomize=True, print_blob=True)
 settings.register_profile("search", deadline=None, max_examples=500, print_blob=True)

@@ -180,6 +180,10 @@ FoldersArgument = Annotated[
 OfOption = Annotated[
     str | None, typer.Option("--of", metavar="NAME", help="A measure of the folder's trials; T_sync by default.")
 ]
+TrustOption = Annotated[
+    bool,
+    typer.Option("--trust", help="Run the code that another's run folder brings, as you.", rich_help_panel=SWEEPS),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.", rich_help_panel=OUTPUT)]
 
 
@@ -191,11 +195,19 @@ def read_scenario(
     measures: Sequence[str] | None = None,
     controller: str | None = None,
     quick: bool = False,
+    trusted: bool = False,
 ) -> "EmbodiedScenario | ParticleScenario":
-    """Return the scenario that a command's options name and change, and print what it warns of; see `load_scenario`."""
+    """Return the scenario that a command's options name and change, and print what it warns of; see `load_scenario`.
+
+    Code that a run folder brings is not run unless this user trusts it, or `trusted` says so.
+    """
+    from epuck_sim.runs.trust import check_trusted, run_folder_of, trust
     from epuck_sim.scenario.embodied import EmbodiedScenario
     from epuck_sim.scenario.loader import load_scenario
 
+    if trusted and (folder := run_folder_of(scenario)) is not None:
+        trust(folder)
+    check_trusted(scenario)
     with word_if_slow(f"reading {scenario}"), print_warnings():
         loaded = load_scenario(
             scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick

@@ -6,7 +6,15 @@ from typing import Annotated
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
-from epuck_sim.cli.options import WEB_PORT, InterpretOption, PointOption, PortOption, TrialOption, WebOption
+from epuck_sim.cli.options import (
+    WEB_PORT,
+    InterpretOption,
+    PointOption,
+    PortOption,
+    TrialOption,
+    TrustOption,
+    WebOption,
+)
 
 replays = typer.Typer()
 
@@ -27,6 +35,7 @@ def replay(
         ),
     ] = None,
     interpret: InterpretOption = False,
+    trust: TrustOption = False,
     web: WebOption = False,
     port: PortOption = None,
     screenshot: Annotated[
@@ -66,7 +75,7 @@ def replay(
             from epuck_sim.cli.trials import record_again
 
             file = record or Path(f"{source.resolve().name}-point-{point}-trial-{trial}.rrd")
-            record_again(source, point, trial, file, interpret=interpret)
+            record_again(source, point, trial, file, interpret=interpret, trusted=trust)
             typer.echo(file)
         end_s = last_moment_s(file)
         if screenshot is not None:

@@ -19,6 +19,7 @@ from epuck_sim.cli.options import (
     QuickOption,
     SetOption,
     TrialsOption,
+    TrustOption,
     WorkersOption,
     read_scenario,
 )
@@ -386,6 +387,7 @@ def plan(
         typer.Option(min=0.1, max=3600, help="Seconds to spend on timing trials of a scenario; 20 by default."),
     ] = None,
     workers: WorkersOption = None,
+    trust: TrustOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Print how long a sweep will take, by timing some of its trials, or how long one will take to go on.
@@ -415,14 +417,14 @@ def plan(
             from epuck_sim.statistics.planning import plan_trials
 
             planned = plan_trials(read_points(folder, of=of), (difference or DIFFERENCE_PERCENT) / 100, power / 100)
-            duration = _duration_of_folder(folder, trials, processes)
+            duration = _duration_of_folder(folder, trials, processes, trust)
             print_power(sweep, planned, duration, as_json)
         else:
             duration = _duration_of_scenario(sweep, settings, axes, quick, trials, seconds or BUDGET_S, processes)
             print_plan(sweep, duration, as_json)
 
 
-def _duration_of_folder(folder: Path, trials: int | None, workers: int) -> "Duration":
+def _duration_of_folder(folder: Path, trials: int | None, workers: int, trusted: bool) -> "Duration":
     from epuck_sim.cli.plan_tables import Duration
     from epuck_sim.estimate import Estimate
     from epuck_sim.runs.share import WHOLE, Share
@@ -431,7 +433,7 @@ def _duration_of_folder(folder: Path, trials: int | None, workers: int) -> "Dura
 
     stored, status = read_wall_times(folder), read_status(folder)
     share = Share.parse(status.share) if status.share else WHOLE
-    wanted = trials or read_scenario(folder / RUN_SCENARIO).trials
+    wanted = trials or read_scenario(folder / RUN_SCENARIO, trusted=trusted).trials
     times = [time for of_point in stored.values() for time in of_point]
     mean = sum(times) / len(times) if times else 0.0
     left = {number: max(0, len(share.trials(number, wanted)) - len(of_point)) for number, of_point in stored.items()}

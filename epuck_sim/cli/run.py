@@ -19,6 +19,7 @@ from epuck_sim.cli.options import (
     ControllerOption,
     DaskOption,
     FoldedCommand,
+    FolderArgument,
     FoldersArgument,
     HelpAllOption,
     InterpretOption,
@@ -31,6 +32,7 @@ from epuck_sim.cli.options import (
     SetOption,
     TrialOption,
     TrialsOption,
+    TrustOption,
     WebOption,
     WorkersOption,
     read_scenario,
@@ -124,6 +126,15 @@ def run(
             rich_help_panel=SWEEPS,
         ),
     ] = None,
+    take_over: Annotated[
+        bool,
+        typer.Option(
+            "--take-over",
+            help="Take a run folder over from a process that is gone, on a file system without locks.",
+            rich_help_panel=SWEEPS,
+        ),
+    ] = False,
+    trust: TrustOption = False,
     point: PointOption = None,
     trial: TrialOption = None,
     help_all: HelpAllOption = False,  # noqa: ARG001
@@ -177,9 +188,16 @@ def run(
                 "a sweep keeps no traces, recordings and films; --point and --trial run one trial again, with them",
             ),
         )
+        if folder is not None and take_over:
+            from epuck_sim.runs.folder import take_over as take_over_lease
+
+            if (holder := take_over_lease(folder)) is not None:
+                typer.echo(f"{folder}: taken over from {holder}", err=True)
         view = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
         watched = Watched(trace, record, film, view, level or Level.FULL, tuple(memory or ()), relations)
-        loaded = read_scenario(scenario, settings, axes, measures=measures, controller=controller, quick=quick)
+        loaded = read_scenario(
+            scenario, settings, axes, measures=measures, controller=controller, quick=quick, trusted=trust
+        )
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
         if folder is not None:
@@ -237,3 +255,16 @@ def merge(
 
         merge_folders(folders, out)
         print_status(read_status(out), as_json)
+
+
+@runs.command()
+def verify(folder: FolderArgument) -> None:
+    """Look at every file of FOLDER, and say whether it is whole; exit code 1 if one is not. Nothing in it is run."""
+    with exit_on_error():
+        from epuck_sim.runs.verify import verify as verdicts
+
+        found = verdicts(folder)
+        for each in found:
+            typer.echo(f"{each.file}: {each.says}")
+        if not all(each.is_whole for each in found):
+            raise typer.Exit(1)

@@ -40,10 +40,17 @@ def check(
     Comments at its end say how many points and trials it has, and what they take.
     """
     with exit_on_error():
-        from epuck_sim.scenario.loader import write_scenario
+        from epuck_sim.runs.trust import is_trusted, run_folder_of
+        from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
         from epuck_sim.scenario.points import points
         from epuck_sim.sweep.checks import check_sweep, describe_size
 
+        if (folder := run_folder_of(scenario)) is not None and not is_trusted(folder):
+            changed = any((settings, axes, controller, quick))
+            reject_first((changed, f"{folder}: brings code that you have not run; only what is stored can be shown"))
+            sys.stdout.write((folder / RUN_SCENARIO).read_text(encoding="utf-8", errors="replace"))
+            sys.stdout.write("# as it is stored: not checked, as that would run code which you have not run\n")
+            return
         loaded = read_scenario(scenario, settings, axes, controller=controller, quick=quick)
         with word_if_slow(f"checking {scenario}"), prefix_scenario(scenario):
             found = points(loaded)

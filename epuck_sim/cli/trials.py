@@ -108,13 +108,13 @@ def _run_trial(
         return run_trial(simulation, observers, progress)
 
 
-def record_again(folder: Path, point: int, trial: int, file: Path, *, interpret: bool) -> None:
+def record_again(folder: Path, point: int, trial: int, file: Path, *, interpret: bool, trusted: bool = False) -> None:
     """Simulate a trial of a run folder again, record it, and say so if its outcome differs from the stored one."""
     from epuck_sim.runs.status import read_outcome, read_status
     from epuck_sim.util.provenance import format_versions, versions
 
     stored = read_outcome(folder, point, trial)
-    chosen, seed = trial_of_sweep(str(folder), read_scenario(folder / RUN_SCENARIO), point, trial)
+    chosen, seed = trial_of_sweep(str(folder), read_scenario(folder / RUN_SCENARIO, trusted=trusted), point, trial)
     (result,) = run_trials(str(folder), chosen, [seed], Watched(record=file), interpret=interpret)
     if stored is not None and stored != (result.cycles, result.censored):
         made = "; ".join(format_versions(row.made_by) for row in read_status(folder).versions)

@@ -254,6 +254,8 @@ def _library(contents: Iterable[bytes], make: Callable[[Path], object]) -> Path:
     Its name holds two digests, of what it is made from and of itself: one that was damaged since is made anew.
     """
     folder = cache_root() / "firmware"
+    if not folder.is_dir():
+        folder = cache_root(to_fill=True) / "firmware"
     folder.mkdir(parents=True, exist_ok=True)
     made_from = _digest(b"".join(hashlib.sha256(each).digest() for each in contents))
     for library in folder.glob(f"{made_from}-*.so"):

@@ -19,7 +19,7 @@ from epuck_sim.errors import RecordingError
 from epuck_sim.figures.agent_paths import agent_path
 from epuck_sim.figures.labels import format_axis_values
 from epuck_sim.recording.layers.arena import UNLABELLED
-from epuck_sim.recording.layers.time_series import phase_lead
+from epuck_sim.recording.layers.series import phase_lead
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import population_of
 from epuck_sim.recording.population import Population

@@ -11,10 +11,8 @@ import rerun.blueprint as rrb
 from epuck_sim.embodied.memory import READING
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.layers.arena import NUMBERS, ROBOTS
-from epuck_sim.recording.layers.events import EVENTS
-from epuck_sim.recording.layers.images import CAMERA, INFRARED, SPACE_TIME
-from epuck_sim.recording.layers.memory import memory_entity
-from epuck_sim.recording.layers.time_series import FLASHES, PHASE_LEAD, PHASES, WHEELS
+from epuck_sim.recording.layers.robots import CAMERA, INFRARED, SPACE_TIME
+from epuck_sim.recording.layers.series import EVENTS, FLASHES, PHASE_LEAD, PHASES, WHEELS, memory_entity
 from epuck_sim.recording.level import Level
 from epuck_sim.util.atomic_write import write_errors
 

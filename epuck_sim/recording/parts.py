@@ -7,14 +7,12 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk
 
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.buffers.agents import AgentBuffer
-from epuck_sim.recording.buffers.robots import RobotBuffer
-from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.layers.agents import AgentLayers
 from epuck_sim.recording.layers.robots import RobotLayers
 from epuck_sim.recording.layout import agent_layout, robot_layout
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import Population, agent_population, robot_population
+from epuck_sim.recording.rows import AgentBuffer, RobotBuffer, RowBatch
 from epuck_sim.scenario.scenario import Scenario
 
 

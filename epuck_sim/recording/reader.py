@@ -11,10 +11,9 @@ import rerun.blueprint as rrb
 from epuck_sim.arrays import Float32Array
 from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.recording.entities import Entities
-from epuck_sim.recording.layers import time_series
+from epuck_sim.recording.layers import series
 from epuck_sim.recording.layers.arena import HEADINGS, MOVABLES, ROBOTS
-from epuck_sim.recording.layers.events import EVENTS
-from epuck_sim.recording.layers.memory import MEMORY, memory_entity
+from epuck_sim.recording.layers.series import EVENTS, MEMORY, memory_entity
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.links import LINKED, read_links
 from epuck_sim.recording.parts import layout_of, population_of
@@ -26,14 +25,14 @@ from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.provenance import format_versions
 
-_SERIES = (time_series.ORDER_AT_STEPS, time_series.ORDER_AT_FIRINGS, time_series.FLASHES, time_series.PHASES)
+_SERIES = (series.ORDER_AT_STEPS, series.ORDER_AT_FIRINGS, series.FLASHES, series.PHASES)
 
 
 def last_moment_s(path: Path) -> float:
     """Return the time of a recording's last row in seconds, 0 if there is none; raise as `read_recording` does."""
-    entities = Entities(path, time_series.ORDER_AT_STEPS)
+    entities = Entities(path, series.ORDER_AT_STEPS)
     _check_format(path, entities.properties(TRIAL))
-    return float(entities.times(time_series.ORDER_AT_STEPS).max(initial=0))
+    return float(entities.times(series.ORDER_AT_STEPS).max(initial=0))
 
 
 def read_layout(path: Path) -> rrb.Blueprint | None:
@@ -106,14 +105,14 @@ def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) 
         versions=json.loads(trial["versions"]),
         cycles=outcome["cycles"],
         synchronised=outcome["synchronised"],
-        time_s=entities.times(time_series.ORDER_AT_STEPS),
-        order_parameter=entities.values(time_series.ORDER_AT_STEPS, "Scalars:scalars"),
-        flash_s=entities.times(time_series.FLASHES),
-        flash_robot=entities.values(time_series.FLASHES, "Scalars:scalars").astype(np.int64),
-        flash_cycle=entities.values(time_series.FLASHES, "cycle").astype(np.int64),
-        firing_s=entities.times(time_series.ORDER_AT_FIRINGS),
-        firing_order=entities.values(time_series.ORDER_AT_FIRINGS, "Scalars:scalars"),
-        phase_ms=entities.values(time_series.PHASES, "Scalars:scalars").reshape(-1, count),
+        time_s=entities.times(series.ORDER_AT_STEPS),
+        order_parameter=entities.values(series.ORDER_AT_STEPS, "Scalars:scalars"),
+        flash_s=entities.times(series.FLASHES),
+        flash_robot=entities.values(series.FLASHES, "Scalars:scalars").astype(np.int64),
+        flash_cycle=entities.values(series.FLASHES, "cycle").astype(np.int64),
+        firing_s=entities.times(series.ORDER_AT_FIRINGS),
+        firing_order=entities.values(series.ORDER_AT_FIRINGS, "Scalars:scalars"),
+        phase_ms=entities.values(series.PHASES, "Scalars:scalars").reshape(-1, count),
         positions=positions,
         headings=headings,
         ring_on=entities.values(ROBOTS, "Points2D:class_ids").reshape(-1, count) == 1,

@@ -13,9 +13,7 @@ from rerun.chunk import Chunk
 
 from epuck_sim.recording.chunks import static_chunk, strict_mode
 from epuck_sim.recording.layers.arena import arena_entities, changing_walls, static_arena_entities
-from epuck_sim.recording.layers.events import EventLog
-from epuck_sim.recording.layers.memory import MemorySeries, recorded_fields
-from epuck_sim.recording.layers.time_series import static_time_series, time_series
+from epuck_sim.recording.layers.series import EventLog, MemorySeries, recorded_fields, static_time_series, time_series
 from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import parts_of

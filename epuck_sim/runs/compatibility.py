@@ -74,34 +74,35 @@ def own_files(scenario: Scenario) -> tuple[str, ...]:
     return (*_named(scenario), *measures)
 
 
+def own_sources(scenario: Scenario) -> dict[Path, bytes]:
+    """Return the contents of every file of a user from which a scenario's trials are made.
+
+    Raises:
+        EpuckSimError: One of them is not there.
+    """
+    measures = (section.find().sources for section in scenario.measures)
+    return {path: data for each in (*(files for _, files in _used(scenario)), *measures) for path, data in each.items()}
+
+
 def _named(scenario: Scenario) -> list[str]:
-    """Return controllers, sensors in files of their own, a floor's picture and a user's response curve."""
-    controllers = map(_controller, scenario.controllers)
-    return [*controllers, *_own_sensors(scenario), *_own_picture(scenario), *_own_curve(scenario)]
+    return [_with_digest(name, sources) if sources else name for name, sources in _used(scenario)]
 
 
-def _controller(name: str) -> str:
-    return name if name in CONTROLLER.shipped() else _with_digest(Path(name).name, find_controller(name).sources)
-
-
-def _own_sensors(scenario: Scenario) -> list[str]:
-    groups = scenario.robots if isinstance(scenario, EmbodiedScenario) else ()
-    files = [sensor["file"] for group in groups for sensor in group.sensors.values()]
-    return [_with_digest(Path(file).name, find_sensor(file).sources) for file in files]
-
-
-def _own_picture(scenario: Scenario) -> list[str]:
-    """Return the picture of the floor, if there is one."""
-    if not isinstance(scenario, EmbodiedScenario) or scenario.arena.floor.picture is None:
-        return []
-    path = Path(scenario.arena.floor.picture)
-    return [_with_digest(path.name, {path: path.read_bytes()})]
-
-
-def _own_curve(scenario: Scenario) -> list[str]:
-    """Return the response curve, if it is a user's."""
-    curve = find_curve(scenario.response.curve) if isinstance(scenario, ParticleScenario) else None
-    return [_with_digest(Path(curve.name).name, curve.sources)] if curve and curve.sources else []
+def _used(scenario: Scenario) -> Iterator[tuple[str, Mapping[Path, bytes]]]:
+    """Yield names and sources of controllers, sensors in files, a floor's picture and a user's response curve."""
+    for name in scenario.controllers:
+        shipped = name in CONTROLLER.shipped()
+        yield (name, {}) if shipped else (Path(name).name, find_controller(name).sources)
+    if isinstance(scenario, EmbodiedScenario):
+        files = (sensor["file"] for group in scenario.robots for sensor in group.sensors.values())
+        yield from ((Path(file).name, find_sensor(file).sources) for file in files)
+        if scenario.arena.floor.picture is not None:
+            path = Path(scenario.arena.floor.picture)
+            yield path.name, {path: path.read_bytes()}
+    if isinstance(scenario, ParticleScenario):
+        curve = find_curve(scenario.response.curve)
+        if curve.sources:
+            yield Path(curve.name).name, curve.sources
 
 
 def _measure(section: MeasureSection) -> tuple[str, dict[str, Any]]:
@@ -180,6 +181,11 @@ def _with_effect(point: StoredPoint) -> dict[str, Any]:
     for section, key in ((scenario.get("arena", {}).get("floor"), "picture"), (scenario.get("response"), "curve")):
         if section is not None and section.get(key) is not None:
             section[key] = next(named, section[key])  # a shipped curve is stored with the scenario alone
+    kinds = (scenario.get("robot"), *(group.get("kind") for group in scenario.get("robots", ())))
+    for section in (scenario.get("start"), *kinds):
+        for key in ("like", "kind"):
+            if isinstance(section, dict) and isinstance(section.get(key), str):
+                section[key] = Path(section[key]).name  # files may move
     return {key: value for key, value in scenario.items() if key not in WITHOUT_EFFECT}
 
 

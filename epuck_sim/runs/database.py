@@ -16,7 +16,7 @@ import numpy as np
 
 from epuck_sim.arrays import IntArray
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.folder import STORED, database_of
+from epuck_sim.runs.folder import STORED, current_holder, database_of, has_locks, is_at, own_name
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -121,7 +121,10 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
     with closing(_connect(path, "rw")) as connection:
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = FULL")
+        opened = path.stat()
         yield connection
+        if not is_at(path, opened):  # what has the name now, and its log, are not ours to change
+            return
         with suppress(sqlite3.OperationalError):
             connection.execute("PRAGMA journal_mode = DELETE")
             path.with_name(STORED).unlink(missing_ok=True)
@@ -265,7 +268,15 @@ def read_numbers(text: str | None) -> IntArray:
 
 
 def _connect_to_read(path: Path) -> sqlite3.Connection:
-    """Return a connection that cannot write, after the write in which another process may have died was undone."""
+    """Return a connection that cannot write, after the write in which another process may have died was undone.
+
+    Raises:
+        StoreError: Another process writes to it, which on a file system without locks nobody can wait for.
+    """
+    if not has_locks(path.parent) and (holder := current_holder(path.parent)) not in (None, own_name()):
+        raise StoreError(
+            f"{path.parent}: {holder} is at work on it, and its file system has no locks; read it when that has ended"
+        )
     if path.with_name(f"{path.name}-journal").exists():
         with closing(_connect(path, "rw")) as connection:  # a connection that cannot write cannot undo a write either
             connection.execute("SELECT count(*) FROM sqlite_master")
@@ -278,7 +289,7 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
 
 def file_uri(path: Path, mode: str) -> str:
     """Return the URI under which SQLite opens a database to read, `ro`, to write, `rw`, or to make it, `rwc`."""
-    return f"{path.resolve().as_uri()}?mode={mode}"
+    return f"{path.resolve().as_uri()}?mode={mode}{'' if has_locks(path.parent) else '&nolock=1'}"
 
 
 @contextmanager

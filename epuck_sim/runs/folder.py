@@ -1,14 +1,26 @@
-"""A run folder: the names of its files, and its lock, with which one command at a time writes to it."""
+"""A run folder: the names of its files, and its lock, with which one command at a time writes to it.
+
+The lock is one of the system's, which ends with its process. Where the file system has none, the file `HOLDER` is a
+lease: its process renews it while it is at work, and one that was not renewed for `LEASE_S` has ended.
+"""
 
 import os
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from epuck_sim.errors import StoreError
 from epuck_sim.scenario.loader import RUN_SCENARIO
-from epuck_sim.util.atomic_write import is_leftover
+from epuck_sim.util.atomic_write import is_leftover, temporary_path
 from epuck_sim.util.provenance import host
+
+try:
+    import fcntl
+except ImportError:  # on Windows, where every run folder has a lease
+    fcntl = None  # type: ignore[assignment]
 
 DATABASE = "results.sqlite"
 """Name of the file that holds a row for each trial."""
@@ -20,13 +32,16 @@ LOCK = ".lock"
 """Name of the file that is locked; the lock ends with the process at the latest."""
 
 HOLDER = ".lock-holder"
-"""Name of the file that names the process which holds the lock.
-
-It is a file of its own because filelock versions before 3.21 empty the locked file on every attempt to lock it.
-"""
+"""Name of the file that names the process which holds the lock, or the lease."""
 
 WAIT_S = 0.2
 """Time in seconds for which a lock is tried: `current_holder` of another process may have it for a moment."""
+
+RENEW_S, LEASE_S = 10.0, 60.0
+"""Times in seconds between two renewals of a lease, and from the last one to its end."""
+
+SETTLE_S = 0.5
+"""Time in seconds after which the last of several processes that take a lease at once has it."""
 
 
 def database_of(folder: Path | str) -> Path:
@@ -37,58 +52,208 @@ def database_of(folder: Path | str) -> Path:
 
 
 @contextmanager
-def acquire(folder: Path) -> Iterator[None]:
-    """Make the folder if it does not exist, and hold its lock while the block lasts.
+def acquire(folder: Path) -> Iterator[Callable[[], bool]]:
+    """Make the folder if it does not exist, and hold its lock or lease while the block lasts.
+
+    Yields:
+        A function that tells whether it is held still: the folder may be moved or deleted, the lease taken over.
 
     Raises:
-        StoreError: The folder cannot be made, is not a run folder, or is locked by another process.
+        StoreError: The folder cannot be made, is not a run folder, or another process is at work on it.
     """
-    from filelock import FileLock, Timeout  # noqa: PLC0415 it loads asyncio, and results are read without locks
+    held: list[Callable[[], bool]] = []
+
+    def is_held() -> bool:
+        return all(each() for each in held)
+
+    def let_go() -> None:
+        if is_held():
+            (folder / HOLDER).unlink(missing_ok=True)
 
     with ExitStack() as stack:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             _check_no_foreign_files(folder)
-            stack.enter_context(FileLock(folder / LOCK, timeout=WAIT_S, thread_local=False))
+            number, has_name = stack.enter_context(_opened(folder / LOCK))
+            held.append(has_name)
+            if _is_leased(folder):
+                held.append(stack.enter_context(_lease(folder)))
+            else:
+                _lock(number, WAIT_S)
+                (folder / HOLDER).write_text(own_name(), encoding="utf-8")
+            stack.callback(let_go)
             for path in folder.iterdir():
                 if is_leftover(path.name, DATABASE) or is_leftover(path.name, RUN_SCENARIO):
                     path.unlink()  # nobody else writes here: a killed command has left it
-            stack.callback((folder / HOLDER).unlink, missing_ok=True)
-            (folder / HOLDER).write_text(f"process {os.getpid()} on {host()}", encoding="utf-8")
-        except Timeout as error:
-            raise StoreError(f"{folder}: {_holder(folder)} is at work on it; wait until it ends, or stop it") from error
+        except BlockingIOError as error:
+            gone = f"; if it is gone, its lease ends after {LEASE_S:g} s, or at once with --take-over"
+            more = gone if _is_leased(folder) else ""
+            raise StoreError(
+                f"{folder}: {_holder(folder)} is at work on it; wait until it ends, or stop it{more}"
+            ) from error
         except OSError as error:
             raise StoreError(f"{folder}: cannot be used as a run folder: {error.strerror}") from error
-        yield
+        yield is_held
 
 
 def _check_no_foreign_files(folder: Path) -> None:
     names = sorted(path.name for path in folder.iterdir())
     # a command that was killed at once leaves these
-    foreign = [name for name in names if name not in (LOCK, HOLDER) and not is_leftover(name, DATABASE)]
+    left = [name for name in names if is_leftover(name, DATABASE) or is_leftover(name, HOLDER)]
+    foreign = [name for name in names if name not in (LOCK, HOLDER, *left)]
     if foreign and DATABASE not in names:
         raise StoreError(
             f"{folder}: is not a run folder: it holds {foreign[0]!r} but no {DATABASE}; give a new or empty one"
         )
 
 
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[int, Callable[[], bool]]]:
+    """Open a file, which is made if it does not exist; yield its number, and whether it has its name still."""
+    number = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    opened = os.fstat(number)
+    try:
+        yield number, lambda: is_at(path, opened)
+    finally:
+        os.close(number)
+
+
+def is_at(path: Path, opened: os.stat_result) -> bool:
+    """Return whether the file that is open, and was so when it was opened, still has this name."""
+    try:
+        return os.path.samestat(path.stat(), opened)
+    except OSError:
+        return False
+
+
+def _lock(number: int, wait_s: float) -> None:
+    """Lock an open file until it is closed; raise BlockingIOError if another process has it locked."""
+    end_s = time.monotonic() + wait_s
+    while True:
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > end_s:
+                raise
+            time.sleep(0.01)
+        else:
+            return
+
+
+def has_locks(folder: Path) -> bool:
+    """Return whether the file system of a run folder has locks, of both kinds: our own and that of SQLite."""
+    if fcntl is None:
+        return True  # SQLite locks files in another way there
+    try:
+        number = os.open(folder / LOCK, os.O_RDONLY)
+    except OSError:  # nobody writes there, or we may not know
+        return True
+    try:
+        for lock in (fcntl.lockf, fcntl.flock):
+            with suppress(BlockingIOError, PermissionError):
+                lock(number, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    finally:
+        os.close(number)
+    return True
+
+
+def _is_leased(folder: Path) -> bool:
+    return fcntl is None or not has_locks(folder)
+
+
+@contextmanager
+def _lease(folder: Path) -> Iterator[Callable[[], bool]]:
+    """Hold the lease of a folder; yield whether it has not been taken over.
+
+    Raises:
+        BlockingIOError: Another process has it.
+    """
+    path = folder / HOLDER
+    if _is_lease_running(folder):
+        raise BlockingIOError
+    with temporary_path(path) as part, _opened(part) as (number, _):
+        os.write(number, own_name().encode())
+        part.replace(path)
+        own = os.fstat(number)
+        time.sleep(SETTLE_S)
+        if not is_at(path, own):
+            raise BlockingIOError
+        over = threading.Event()
+
+        def renew() -> None:
+            while not over.wait(RENEW_S):
+                if is_at(path, own):
+                    with suppress(OSError):
+                        os.utime(path)
+
+        thread = threading.Thread(target=renew, daemon=True)
+        thread.start()
+        try:
+            yield lambda: is_at(path, own)
+        finally:
+            over.set()
+            thread.join()
+
+
+def _is_lease_running(folder: Path) -> bool:
+    """Return whether a folder's lease was renewed lately, by the clock of the file system, and its process is there."""
+    try:
+        renewed = (folder / HOLDER).stat().st_mtime
+    except OSError:
+        return False
+    match = re.fullmatch(r"process (\d+) on (.*)", _holder(folder))
+    if match and match[2] == host() and fcntl is not None:  # on Windows looking would end the process
+        try:
+            os.kill(int(match[1]), 0)
+        except ProcessLookupError:
+            return False
+        except PermissionError:  # it is another user's
+            pass
+    try:
+        os.utime(folder / LOCK)
+        now = (folder / LOCK).stat().st_mtime
+    except OSError:
+        now = time.time()
+    return now - renewed < LEASE_S
+
+
+def take_over(folder: Path) -> str | None:
+    """End the lease of a run folder, whose process gives up if it is at work still.
+
+    Returns:
+        The process that had it; None if none had, or if the folder has a lock, which ends with its process.
+    """
+    holder = current_holder(folder) if _is_leased(folder) else None
+    if holder is not None:
+        (folder / HOLDER).unlink(missing_ok=True)
+    return holder
+
+
 def current_holder(folder: Path) -> str | None:
-    """Return the process that holds the lock of a run folder.
+    """Return the process that holds the lock or the lease of a run folder.
 
     Returns:
         None if no process holds it, or if this user may not lock files there and so cannot find out.
     """
     if not (folder / LOCK).is_file():
         return None
-    from filelock import FileLock, Timeout  # noqa: PLC0415 see `acquire`
-
+    if _is_leased(folder):
+        return _holder(folder) if _is_lease_running(folder) else None
     try:
-        with FileLock(folder / LOCK).acquire(blocking=False):
-            return None
-    except Timeout:
+        with _opened(folder / LOCK) as (number, _):
+            _lock(number, 0)
+    except BlockingIOError:
         return _holder(folder)
     except OSError:
-        return None
+        pass
+    return None
+
+
+def own_name() -> str:
+    """Return what this process is called where it holds a run folder."""
+    return f"process {os.getpid()} on {host()}"
 
 
 def _holder(folder: Path) -> str:

@@ -11,8 +11,8 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points
 from epuck_sim.runs.database import columns_of, file_uri, new_database, quoted, reading, sqlite_errors
 from epuck_sim.runs.folder import DATABASE, acquire
-from epuck_sim.scenario.loader import RUN_SCENARIO
-from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.runs.sources import read_sources, write_files
+from epuck_sim.runs.trust import is_trusted, trust
 from epuck_sim.util.provenance import PROVENANCE, format_versions
 
 GOLDEN_RATIO = 0x9E3779B97F4A7C15
@@ -99,10 +99,7 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
     largest = max(points, key=lambda folder: _size(points[folder]))
     for folder, of_folder in points.items():
         check_same_sweep(folder, of_folder, points[largest], f"in {largest}")
-    try:
-        scenario = (largest / RUN_SCENARIO).read_bytes()
-    except OSError as error:
-        raise StoreError(f"{largest / RUN_SCENARIO}: cannot be read: {error.strerror}; copy it, too") from error
+    sources = read_sources(largest)
     with acquire(whole):
         if (whole / DATABASE).exists():
             raise StoreError(
@@ -112,8 +109,9 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
         with new_database(whole / DATABASE, axes, points[largest]) as connection:
             for folder in points:
                 _add(connection, folder)
-        with atomic_write(whole / RUN_SCENARIO) as part:
-            part.write_bytes(scenario)
+        write_files(whole, sources)
+        if is_trusted(largest):
+            trust(whole)
 
 
 def _size(points: Sequence[StoredPoint]) -> tuple[int, int, int]:

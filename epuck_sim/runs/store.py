@@ -5,7 +5,7 @@ results of two scenarios.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from operator import attrgetter, itemgetter
 from pathlib import Path
@@ -28,15 +28,15 @@ from epuck_sim.runs.database import (
     sqlite_errors,
     writing,
 )
-from epuck_sim.runs.folder import DATABASE, acquire
+from epuck_sim.runs.folder import DATABASE, acquire, is_at
 from epuck_sim.runs.reader import measures_in, read_finished
 from epuck_sim.runs.records import FinishedTrials, Outcome
 from epuck_sim.runs.share import WHOLE, Share, read_share
-from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
+from epuck_sim.runs.sources import write_sources
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.atomic_write import atomic_write, sync_folder
+from epuck_sim.util.atomic_write import sync_folder
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -67,7 +67,7 @@ class Store:
         if self._path.exists():
             check_database(self._path)
         with ExitStack() as stack:
-            stack.enter_context(acquire(folder))
+            is_held = stack.enter_context(acquire(folder))
             sync_folder(folder.parent)  # which may have got the folder just now
             is_new = not self._path.exists()
             if not is_new:
@@ -81,10 +81,14 @@ class Store:
                 with new_database(self._path, list(points[0].axes), rows):
                     pass
             # before the points: the folder's own scenario must have all that the database has
-            with atomic_write(folder / RUN_SCENARIO) as part:
-                part.write_text(write_scenario(scenario), encoding="utf-8")
+            different = {
+                (row.controllers, row.measures): point.scenario for row, point in zip(rows, points, strict=True)
+            }
+            write_sources(folder, scenario, different.values())
             stack.enter_context(sqlite_errors(self._path))
             self._connection = stack.enter_context(writing(self._path))
+            opened = self._path.stat()
+            self._is_ours: Callable[[], bool] = lambda: is_held() and is_at(self._path, opened)
             with self._connection:
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
@@ -120,9 +124,13 @@ class Store:
 
         Returns:
             Whether each has a result with all its measures now.
+
+        Raises:
+            StoreError: They cannot be stored, or the folder's name is no longer that of what is stored in.
         """
         places = [(self._points[outcome.point].key, outcome.trial) for outcome in outcomes]
         self._new = 0
+        self._check_ours()
         with sqlite_errors(self._path), self._connection:
             if self._has_measures:
                 are_stored = [self._put(outcome, place) for outcome, place in zip(outcomes, places, strict=True)]
@@ -130,9 +138,17 @@ class Store:
                 self._enter(outcomes, places)
                 are_stored = [outcome.result is not None for outcome in outcomes]
             sign(self._connection, "trials", places)
+        self._check_ours()
         self._trials += self._new
         note_trials(self._path, self._trials)
         return are_stored
+
+    def _check_ours(self) -> None:
+        if not self._is_ours():
+            raise StoreError(
+                f"{self._path.parent}: was moved, deleted, replaced or taken over while this run was at work on it, "
+                "which has ended; what it has stored is where the folder is now: go on there"
+            )
 
     def _put(self, outcome: Outcome, place: tuple[str, int]) -> bool:
         stored = self._connection.execute(

@@ -22,10 +22,11 @@ ROOM_BYTES = 4_000_000
 
 
 @lru_cache
-def cache_root() -> Path:
+def cache_root(*, to_fill: bool = False) -> Path:
     """Return the folder for compiled code: $NUMBA_CACHE_DIR, else the user's cache folder, else a temporary one.
 
-    A folder that is full is not used, nor one that other users can write to: what lies in it is run.
+    A folder that other users can write to is not used: what lies in it is run. Nor is one that is full, if it is to be
+    filled; that takes a trial, which may be slow where home lies on a network.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(chosen) if chosen else platformdirs.user_cache_path("epuck-sim")
@@ -33,8 +34,9 @@ def cache_root() -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         if not chosen:
             folder.chmod(0o700)
-        with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(bytes(ROOM_BYTES))
+        if to_fill:
+            with tempfile.TemporaryFile(dir=folder) as file:
+                file.write(bytes(ROOM_BYTES))
         if _is_private(folder.resolve()):
             return folder
         reason = "other users can write to it"

@@ -72,6 +72,7 @@ def _open_cache(contents_digest: str) -> Path:
         try:
             os.utime(folder)
         except FileNotFoundError:
+            folder = cache_root(to_fill=True) / contents_digest
             folder.mkdir(parents=True, exist_ok=True)
             remove_unused(folder.parent.iterdir(), is_cache)
     return folder

@@ -377,7 +377,7 @@ def test_what_numba_cannot_compile_runs_interpreted(tmp_path):
 @pytest.fixture
 def _caches(tmp_path, monkeypatch):
     """A cache of compiled code, and one of bytecode, that begin empty."""
-    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path / "cache")
+    monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path / "cache")
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
 
 

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from epuck_sim.recording.layers.numerals import number_strips, row_numbers
+from epuck_sim.recording.layers.robots import number_strips, row_numbers
 
 
 def test_each_number_is_within_its_row_and_left_of_the_picture() -> None:

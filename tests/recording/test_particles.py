@@ -17,8 +17,7 @@ from epuck_sim.figures.trial_page import RED, check_drawable, draw_page
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles import links as pulses
 from epuck_sim.particles.simulation import Event, ParticleSimulation
-from epuck_sim.recording import recorder
-from epuck_sim.recording.buffers import agents
+from epuck_sim.recording import recorder, rows
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
@@ -416,8 +415,8 @@ def test_what_cannot_be_recorded_is_refused_in_words(tmp_path, more: Mapping[str
 
 
 def test_a_trial_that_outlasts_the_clock_is_refused_in_words(tmp_path, monkeypatch) -> None:
-    assert np.iinfo(np.int64).max > agents.LATEST_S * 1e9
-    monkeypatch.setattr(agents, "LATEST_S", 9e7)
+    assert np.iinfo(np.int64).max > rows.LATEST_S * 1e9
+    monkeypatch.setattr(rows, "LATEST_S", 9e7)
     scenario = load("alone", clocks={"period_s": 1e6}, stop={"order_parameter": None, "max_cycles": 91})
     with pytest.raises(EpuckSimError, match="alone: lasts more than 9e\\+07 s"):
         recorded(tmp_path / "t.rrd", scenario, level=Level.SUMMARY)

@@ -22,7 +22,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import recorder
-from epuck_sim.recording.layers import images
+from epuck_sim.recording.layers import robots as layers
 from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
@@ -435,7 +435,7 @@ ROWS_OF = {"robots": [{"count": 3, "camera": {"pixels": 12}}], "timing": {"contr
 @pytest.fixture(params=["one window", "73 rows", "one step"])
 def space_time(request, tmp_path, monkeypatch) -> tuple[Found, Watched]:
     """Record two and a half pictures, of 120 steps each."""
-    monkeypatch.setattr(images, "PICTURE_STEPS", 120)
+    monkeypatch.setattr(layers, "PICTURE_STEPS", 120)
     for name, value in WINDOWS[request.param].items():
         monkeypatch.setattr(recorder, name, value)
     scenario = load_scenario({**ROWS_OF, "stop": {"max_time_s": 150, "order_parameter": 1}})
@@ -470,8 +470,8 @@ def test_time_runs_down_a_picture_and_robots_stand_side_by_side(space_time: tupl
 
 
 def test_robots_for_whom_there_is_no_room_are_left_out(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(images, "MAX_COLUMNS", 38)
-    monkeypatch.setattr(images, "PICTURE_STEPS", 120)
+    monkeypatch.setattr(layers, "MAX_COLUMNS", 38)
+    monkeypatch.setattr(layers, "PICTURE_STEPS", 120)
     watched = Watched()
     recorded(tmp_path / "t.rrd", load(ROWS_OF, 60), 1, Level.FULL, watched)
     shown, shape = pictures_of(Found(tmp_path / "t.rrd"))

@@ -66,7 +66,7 @@ from tests.recording.viewers import (
     replace_rerun,
 )
 
-# as in `layers.arena`, `layers.time_series` and `layers.images.COLOURS`
+# as in `layers.arena`, `layers.series` and `layers.robots.COLOURS`
 WALL = (150, 150, 150)
 RED, BLUE = (225, 40, 40), (60, 130, 230)
 UNLIT_PIXEL = (30, 30, 34)

@@ -164,7 +164,7 @@ def test_a_folder_stays_with_its_share(tmp_path) -> None:
 def test_a_folder_is_for_its_share_from_its_first_moment(tmp_path, monkeypatch) -> None:
     """A command may be killed between the appearance of the database and its first commit."""
     with monkeypatch.context() as killed:
-        killed.setattr(store, "write_scenario", lambda _: 1 / 0)
+        killed.setattr(store, "write_sources", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             Store(tmp_path, MANY, points(MANY), Share(1, 2))
     assert read_status(tmp_path).share == "1/2"

@@ -32,6 +32,9 @@ COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.s
 CONTROLLER = "robots.0.controller"
 DATABASE = "results.sqlite"
 
+FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}
+"""Names of the files in a run folder without users' files."""
+
 MINE = """
 PARAMETERS = {"pace": 2.0, "loud": True}
 MEMORY = {}
@@ -48,7 +51,8 @@ def scenario_of(sweep: dict | None, **changes) -> Scenario:
     return load_scenario({"name": "demo", "trials": 3, "sweep": sweep, **changes})
 
 
-DEMO = scenario_of({"grid": {COUNT: [2, 3], SPEED: [1, 0.5]}})
+DEMO_SWEEP = {"grid": {COUNT: [2, 3], SPEED: [1, 0.5]}}
+DEMO = scenario_of(DEMO_SWEEP)
 
 
 def outcome(point: Point, trial: int, error: str | None = None, **changes) -> Outcome:
@@ -90,7 +94,7 @@ def stored(folder: Path) -> list[dict]:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 # What a folder holds
@@ -102,7 +106,7 @@ def test_a_new_folder_holds_the_database_and_the_scenario_that_was_run(tmp_path)
         assert set(store.finished()) == set()
         assert store.censored() is None
     assert stored(folder) == []
-    assert {path.name for path in folder.iterdir()} - {".lock"} == {DATABASE, "scenario.yaml"}
+    assert set(contents(folder)) == FILES
     assert load_scenario(folder) == load_scenario(folder / "scenario.yaml") == DEMO
 
 
@@ -322,7 +326,7 @@ def test_a_folder_that_is_empty_but_for_what_a_killed_run_left_is_taken(tmp_path
         (tmp_path / name).write_bytes(data)
     assert len(fill(tmp_path)) == 4
     assert len(stored(tmp_path)) == 12
-    assert set(contents(tmp_path)) == {".lock", DATABASE, "scenario.yaml"}
+    assert set(contents(tmp_path)) == FILES
 
 
 def test_half_files_that_a_killed_run_left_in_a_run_folder_do_no_harm(tmp_path) -> None:
@@ -379,17 +383,9 @@ def test_another_scenario_is_refused_with_every_difference(tmp_path, changes: li
 
 
 def test_another_controller_is_refused_with_both_names(tmp_path) -> None:
-    sweep = {"grid": {COUNT: [2]}}
-    fill(tmp_path, scenario_of(sweep))
-    message = refused(tmp_path, scenario_of(sweep, robots=[{"controller": "oscillator"}]))
+    fill(tmp_path, scenario_of({"grid": {COUNT: [2]}}))
+    message = refused(tmp_path, scenario_of({"grid": {COUNT: [2]}}, robots=[{"controller": "oscillator"}]))
     assert "\n  robots.0.controller: 'firefly' in the folder, 'oscillator' now" in message
-
-
-def test_what_was_not_there_is_shown_as_nothing(tmp_path) -> None:
-    ring = {"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 3}
-    fill(tmp_path)
-    message = refused(tmp_path, load_scenario(DEMO, [f"arena.obstacles={json.dumps([ring])}"]))
-    assert "arena.obstacles.0.shape: 'nothing' in the folder, 'circle' now" in message
 
 
 def test_of_many_differences_eight_are_shown(tmp_path) -> None:
@@ -407,39 +403,38 @@ def test_of_many_differences_eight_are_shown(tmp_path) -> None:
     assert lines[-1].strip() == "..."
 
 
-def test_a_sweep_that_lacks_a_stored_point_is_refused(tmp_path) -> None:
-    found = fill(tmp_path)
-    message = refused(tmp_path, scenario_of({"grid": {COUNT: [2, 4], SPEED: [1, 0.5]}}))
-    assert "holds a point that this sweep lacks: " in message
-    assert any(point.key in message for point in found if point.axes[COUNT] == 3)
-
-
-def test_a_sweep_with_fewer_trials_than_are_stored_is_refused(tmp_path) -> None:
-    fill(tmp_path)
-    message = refused(tmp_path, load_scenario(DEMO, ["trials=2"]))
-    assert "holds 3 trials at " in message
-    assert message.endswith("trials is 2; allowed: 3 or more, or another folder")
-
-
 def test_a_sweep_that_lacks_a_stored_trial_is_refused_however_few_are_stored(tmp_path) -> None:
     with Store(tmp_path, DEMO, points(DEMO)) as store:
         store.add([outcome(points(DEMO)[0], 2)])
     refused(tmp_path, load_scenario(DEMO, ["trials=1"]))
 
 
+RING = {"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 3}
+
+
 @pytest.mark.parametrize(
-    ("sweep", "axes"),
+    ("changes", "says"),
     [
-        ({"grid": {COUNT: [2, 3]}}, f"{COUNT}, {SPEED} and {COUNT}"),
-        ({"grid": {COUNT: [2, 3], WIDTH: [60]}}, f"{COUNT}, {SPEED} and {COUNT}, {WIDTH}"),
-        (None, f"{COUNT}, {SPEED} and none"),
+        ({"arena": {"obstacles": [RING]}}, "  arena.obstacles.0.shape: 'nothing' in the folder, 'circle' now"),
+        ({"sweep": {"grid": {COUNT: [2, 4], SPEED: [1, 0.5]}}}, "holds a point that this sweep lacks: "),
+        ({"trials": 2}, "holds 3 trials at "),
+        ({"trials": 2}, "trials is 2; allowed: 3 or more, or another folder"),
+        *(
+            (
+                {"sweep": sweep},
+                f"another sweep; axes in the folder and now: {COUNT}, {SPEED} and {axes}; give another folder",
+            )
+            for sweep, axes in (
+                ({"grid": {COUNT: [2, 3]}}, COUNT),
+                ({"grid": {COUNT: [2, 3], WIDTH: [60]}}, f"{COUNT}, {WIDTH}"),
+                (None, "none"),
+            )
+        ),
     ],
-    ids=["fewer", "others", "none"],
 )
-def test_other_axes_are_refused(tmp_path, sweep: dict | None, axes: str) -> None:
+def test_what_does_not_belong_to_the_folder_is_refused(tmp_path, changes: dict, says: str) -> None:
     fill(tmp_path)
-    message = refused(tmp_path, scenario_of(sweep))
-    assert message == f"{tmp_path}: holds another sweep; axes in the folder and now: {axes}; give another folder"
+    assert says in refused(tmp_path, scenario_of(**{"sweep": DEMO_SWEEP, **changes}))
 
 
 def rewrite(path: Path, text: str) -> None:
@@ -449,20 +444,29 @@ def rewrite(path: Path, text: str) -> None:
     os.utime(path, ns=(later, later))
 
 
+CURVE = "def phase_shift(phase, coupling, parameters):\n    return coupling\n"
+
+
 @pytest.mark.parametrize("axis", [False, True], ids=["the same at all points", "an axis"])
-def test_a_user_s_controller_that_has_changed_is_refused(tmp_path, axis: bool) -> None:
-    path = tmp_path / "mine.py"
-    path.write_text(MINE)
-    robots = [{} if axis else {"controller": str(path)}]
-    sweep = {"grid": {CONTROLLER: [str(path), "firefly"]} if axis else {COUNT: [2, 3]}}
-    fill(tmp_path / "r", scenario_of(sweep, robots=robots))
-    rewrite(path, MINE.replace("parameters.pace", "2 * parameters.pace"))
-    message = refused(tmp_path / "r", scenario_of(sweep, robots=robots))
-    assert "\n  robots.0.controller: 'mine.py with digest " in message
+@pytest.mark.parametrize("key", [CONTROLLER, "response.curve"])
+def test_a_user_s_file_that_has_changed_is_refused(tmp_path, key: str, axis: bool) -> None:
+    path, is_curve = tmp_path / "mine.py", key == "response.curve"
+    text = CURVE if is_curve else MINE
+    path.write_text(text)
+    one = {"response": {"curve": str(path)}} if is_curve else {"robots": [{"controller": str(path)}]}
+    given = {"model": "particles"} if is_curve else {}
+    other = "agents.count" if is_curve else COUNT
+    shipped = "sine" if is_curve else "firefly"
+    sweep = {"grid": {key: [str(path), shipped]} if axis else {other: [2, 3]}}
+    given |= {} if axis else one
+    fill(tmp_path / "r", scenario_of(sweep, **given))
+    rewrite(path, text.replace("return coupling", "return 2 * coupling").replace("= parameters", "= 2 * parameters"))
+    message = refused(tmp_path / "r", scenario_of(sweep, **given))
+    assert f"\n  {key}: 'mine.py with digest " in message
     there, here = (part.split()[0] for part in message.split("digest ")[1:])
     assert there != here
-    rewrite(path, MINE)
-    assert len(fill(tmp_path / "r", scenario_of(sweep, robots=robots))) == 2
+    rewrite(path, text)
+    assert len(fill(tmp_path / "r", scenario_of(sweep, **given))) == 2
 
 
 def test_a_user_s_controller_whose_helper_has_changed_is_refused(tmp_path) -> None:
@@ -481,20 +485,6 @@ def test_a_user_s_controller_may_move_to_another_folder(tmp_path) -> None:
         robots = [{"controller": str(tmp_path / name / "mine.py")}]
         fill(tmp_path / "r", scenario_of(None, robots=robots))
     assert len(stored(tmp_path / "r")) == 3
-
-
-@pytest.mark.parametrize("axis", [False, True], ids=["the same at all points", "an axis"])
-def test_a_user_s_response_curve_that_has_changed_is_refused(tmp_path, axis: bool) -> None:
-    path = tmp_path / "mine.py"
-    path.write_text("def phase_shift(phase, coupling, parameters):\n    return coupling\n")
-    response = {} if axis else {"curve": str(path)}
-    sweep = {"grid": {"response.curve": [str(path), "sine"]} if axis else {"agents.count": [2, 3]}}
-    given = {"model": "particles", "response": response}
-    fill(tmp_path / "r", scenario_of(sweep, **given))
-    rewrite(path, "def phase_shift(phase, coupling, parameters):\n    return 2 * coupling\n")
-    assert "\n  response.curve: 'mine.py with digest " in refused(tmp_path / "r", scenario_of(sweep, **given))
-    rewrite(path, "def phase_shift(phase, coupling, parameters):\n    return coupling\n")
-    assert len(fill(tmp_path / "r", scenario_of(sweep, **given))) == 2
 
 
 def test_a_folder_that_was_refused_is_not_held_open(tmp_path) -> None:
@@ -550,7 +540,7 @@ def test_a_lock_ends_with_the_process_that_held_it_even_where_it_was_killed(tmp_
     assert current_holder(tmp_path) is None
     with Store(tmp_path, DEMO, points(DEMO)):
         assert current_holder(tmp_path) == f"process {os.getpid()} on {host()}"
-    assert set(contents(tmp_path)) == {".lock", DATABASE, "scenario.yaml"}
+    assert set(contents(tmp_path)) == FILES
 
 
 def test_the_folder_is_free_again_after_the_end_and_after_an_error(tmp_path) -> None:

@@ -236,24 +236,6 @@ sweep: {{grid: {{robots.0.parameters.{axis}: [0, 1]}}}}
     assert len(set(table(folder)) - before) == len(failed)
 
 
-def test_a_second_command_on_the_folder_is_refused_while_the_first_is_at_work(tmp_path) -> None:
-    path, folder = short_sweep(tmp_path, 1000), tmp_path / "run"
-    first = begin(path, "--out", folder, "--workers", 1, folder=tmp_path)
-    try:
-        wait_until(lambda: stored(folder) > 0)
-        second = begin(path, "--out", folder, folder=tmp_path)
-        _, err = second.communicate(timeout=60)
-        assert second.returncode == 2
-        assert f"process {first.pid} on " in err
-        status = begin(folder, folder=tmp_path, command="status")
-        out, _ = status.communicate(timeout=60)
-        assert f"process {first.pid} on " in out
-        assert status.returncode == 0
-    finally:
-        first.terminate()
-        first.communicate()
-
-
 def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
     tasks = [*missing_tasks(points(load_scenario(short_sweep(tmp_path, 63))), FinishedTrials([]), interpret=False)]
 

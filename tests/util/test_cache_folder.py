@@ -62,7 +62,7 @@ def test_a_full_folder_and_one_that_others_can_write_to_are_said_and_not_used(tm
 
     def root() -> Path:
         cache_root.cache_clear()
-        return cache_root()
+        return cache_root(to_fill=True)
 
     assert root() == chosen
     chosen.chmod(0o777)
@@ -75,6 +75,7 @@ def test_a_full_folder_and_one_that_others_can_write_to_are_said_and_not_used(tm
     try:
         with pytest.warns(UserWarning, match="chosen: File too large; compiled code is kept in"):
             assert root() == tmp_path / f"epuck-sim-{USER}"
+        assert cache_root() == chosen  # for what it holds already, nothing is written
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
         signal.signal(signal.SIGXFSZ, ignored)

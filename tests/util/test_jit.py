@@ -246,7 +246,7 @@ def test_a_cache_in_use_is_marked_so_and_old_ones_go_when_a_new_one_is_made(tmp_
 
 
 def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path)
 
     def plus_two(value: int) -> int:
         return value + 2
@@ -260,7 +260,7 @@ def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monke
 
 
 def test_files_of_the_cache_that_were_damaged_are_compiled_anew_and_healed(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path)
 
     def is_from_cache() -> bool:
         def plus_four(value: int) -> int:
@@ -283,7 +283,7 @@ def test_files_of_the_cache_that_were_damaged_are_compiled_anew_and_healed(tmp_p
 
 
 def test_a_cache_that_gets_full_costs_a_warning_not_the_run(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path)
 
     def plus_three(value: int) -> int:
         return value + 3

@@ -8,10 +8,10 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.layers.arena import FAINT, ranges, ray_ends, static_ranges, strip_columns, unit_vectors
 from epuck_sim.recording.population import Population
+from epuck_sim.recording.rows import RowBatch
 from epuck_sim.scenario.particles import Cone, ParticleScenario, Range
 
 CONES = "/arena/cones"

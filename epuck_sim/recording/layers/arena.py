@@ -15,9 +15,9 @@ from rerun.chunk import Chunk
 
 from epuck_sim.arena import Arena, floor_levels
 from epuck_sim.arrays import FloatArray
-from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.population import Population
+from epuck_sim.recording.rows import RowBatch
 
 ARENA = "/arena"
 """Entity with the transform."""

@@ -8,7 +8,7 @@ import rerun as rr
 
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.layers.memory import recorded_fields
+from epuck_sim.recording.layers.series import recorded_fields
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import layout_of
 from epuck_sim.recording.recorder import Recorder

@@ -1,17 +1,22 @@
-"""Plots over time in a recording: flashes, order parameter, phases, wheel speeds."""
+"""Plots over time in a recording: flashes, order, phases, wheels, memory and readings; and a log of what changed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim.arrays import FloatArray
-from epuck_sim.recording.buffers.row_batch import RowBatch
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.embodied.memory import READING, check_fields, field_values, reading_fields
+from epuck_sim.embodied.step import Step
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import Population
+from epuck_sim.recording.rows import RowBatch
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.scenario import Scenario, require_model
+from epuck_sim.scenario.schedule import TrialEvent
 
 FLASHES = "/flashes"
 """Entity with a scalar at each flash: the number of the robot or agent; `cycle`: which of its flashes it is, from 1."""
@@ -104,3 +109,72 @@ def scalar_columns(values: FloatArray) -> rr.ComponentColumnList:
     """Return (rows, ...) values as scalars, row by row."""
     flat = values.reshape(len(values), -1)
     return rr.Scalars.columns(scalars=flat.ravel()).partition(np.full(len(flat), flat.shape[1]))
+
+
+MEMORY = "/memory"
+"""Entity above those with (robots,) scalars at each step, one for each field that is recorded, which has its name."""
+
+
+class MemorySeries:
+    """Gathers fields of what robots remember, a row for each step."""
+
+    def __init__(self, scenario: Scenario, fields: Sequence[str], population: Population) -> None:
+        """Check the fields; raise ScenarioError if no controller remembers one, or if there are no controllers."""
+        if fields:
+            own = [field for field in fields if not field.startswith(READING)]
+            check_fields(require_model(scenario, EmbodiedScenario, "robots alone have a memory to record"), own)
+        self._rows: dict[str, list[FloatArray]] = {field: [] for field in fields}
+        self._population = population
+
+    def append(self, step: Step) -> None:
+        """Add a step."""
+        for field, rows in self._rows.items():
+            rows.append(field_values(step, field))
+
+    def static_chunks(self) -> Iterator[Chunk]:
+        """Yield the appearance of the plots."""
+        for field in self._rows:
+            lines = rr.SeriesLines(names=robot_names(self._population), **KEEP_EXTREMES)
+            yield static_chunk(memory_entity(field), lines)
+
+    def flush(self, time_ns: IntArray) -> Iterator[Chunk]:
+        """Yield the steps, which were at these times, and remove them."""
+        for field, rows in self._rows.items():
+            yield temporal_chunk(memory_entity(field), time_ns, *scalar_columns(np.array(rows)))
+            rows.clear()
+
+
+def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> tuple[str, ...]:
+    """Return the fields that a recording has: those that are asked for, each once, and in a full one all readings."""
+    readings = reading_fields(scenario) if level is Level.FULL and isinstance(scenario, EmbodiedScenario) else []
+    return tuple(dict.fromkeys([*memory, *readings]))
+
+
+def memory_entity(field: str) -> str:
+    """Return the entity of a field: NaN for robots whose controllers have no such field."""
+    return f"{MEMORY}/{field}"
+
+
+EVENTS = "/events"
+"""Entity with a text at each change."""
+
+
+class EventLog:
+    """Writes events, each once."""
+
+    def __init__(self) -> None:
+        self._written = 0
+
+    def flush(self, events: Sequence[TrialEvent]) -> Iterator[Chunk]:
+        """Yield those of a trial's events so far that are new."""
+        new = events[self._written :]
+        self._written = len(events)
+        if new:
+            time_ns = np.array([round(event.time_s * 1e9) for event in new])
+            yield temporal_chunk(EVENTS, time_ns, *rr.TextLog.columns(text=[in_words(event) for event in new]))
+
+
+def in_words(event: TrialEvent) -> str:
+    """Return an event as one line of text."""
+    whom = f" in {', '.join(map(str, event.robots))}" if event.robots else ""
+    return f"{event.source}: {event.what}{whom}"

@@ -1,1 +1,0 @@
-"""Rows of a trial, gathered in memory until they are written as chunks."""

@@ -1,0 +1,188 @@
+"""Run folders are complete: users' files lie in them, with digests, and `verify` looks at all of it."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from epuck_sim.cli.app import app
+from epuck_sim.runs.share import merge_folders
+from epuck_sim.runs.store import Store
+from epuck_sim.runs.trust import is_trusted
+from epuck_sim.runs.verify import verify
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from tests.runs.test_store import COUNT, MINE, fill, rewrite, scenario_of, stored
+
+MEASURE = """
+class Coverage:
+    def __init__(self, simulation):
+        pass
+
+    def step(self, step):
+        pass
+
+    def value(self):
+        return 1.0
+"""
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Path:
+    """Return the run folder of a sweep with two controllers of one name, a helper, and a measure."""
+    own = tmp_path / "own"
+    for name in ("here", "there"):
+        (own / name).mkdir(parents=True)
+        (own / name / "mine.py").write_text(MINE.replace("PARAMETERS", "from helper import PACE\nPARAMETERS"))
+        (own / name / "helper.py").write_text(f"PACE = {len(name)}\n")
+    (own / "coverage.py").write_text(MEASURE)
+    axis = {"robots.0.controller": [str(own / name / "mine.py") for name in ("here", "there")], COUNT: [2, 3]}
+    measures = [str(own / "coverage.py:Coverage")]
+    fill(tmp_path / "run", scenario_of({"grid": axis}, measures=measures), measures={"Coverage": 1.0})
+    return tmp_path / "run"
+
+
+def test_a_folder_has_users_files_and_names_them_relative_to_itself(made: Path) -> None:
+    names = {f"sources/{name}/{file}.py" for name in ("here", "there") for file in ("mine", "helper")}
+    assert {path.relative_to(made).as_posix() for path in made.rglob("*.py")} == {*names, "sources/coverage.py"}
+    scenario = yaml.safe_load((made / "scenario.yaml").read_text())
+    assert scenario["sweep"]["grid"]["robots.0.controller"] == ["sources/here/mine.py", "sources/there/mine.py"]
+    assert [*scenario["measures"][0]] == ["sources/coverage.py:Coverage"]
+    assert str(made.parent) not in (made / "scenario.yaml").read_text()
+
+
+def test_a_folder_that_was_sent_to_somebody_goes_on_there(made: Path, tmp_path: Path) -> None:
+    before = stored(made)
+    there = tmp_path / "elsewhere" / "sent"
+    shutil.copytree(made, there)
+    shutil.rmtree(tmp_path / "own")
+    shutil.rmtree(made)
+    loaded = load_scenario(there)
+    with Store(there, loaded, points(loaded)) as store:
+        assert len(set(store.finished())) == len(before) == 12
+    assert stored(there) == before
+    assert all(each.is_whole for each in verify(there))
+
+
+def test_files_of_the_same_name_that_come_later_lie_beside_the_first(made: Path, tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "coverage.py").write_text(MEASURE.replace("Coverage", "Other"))
+    more = load_scenario(made, measures=[str(tmp_path / "other" / "coverage.py")])
+    with Store(made, more, points(more)):
+        pass
+    assert (made / "sources" / "coverage.py").read_text() == MEASURE
+    assert "Other" in (made / "sources-2" / "coverage.py").read_text()
+    assert [each.measure.rpartition("/")[2] for each in load_scenario(made).measures] == [
+        "coverage.py:Coverage",
+        "coverage.py:Other",
+    ]
+
+
+def test_a_merged_folder_is_complete_too(made: Path, tmp_path: Path) -> None:
+    merge_folders([made], tmp_path / "whole")
+    shutil.rmtree(made)
+    assert all(each.is_whole for each in verify(tmp_path / "whole"))
+    assert len(points(load_scenario(tmp_path / "whole"))) == 4
+
+
+def flip(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "name", "says", "code"),
+    [
+        (flip, "scenario.yaml", "scenario.yaml: is damaged, or was changed", 1),
+        (Path.unlink, "scenario.yaml", "scenario.yaml: cannot be read: No such file", 1),
+        (flip, "sources/here/mine.py", "sources/here/mine.py: is damaged, or was changed", 1),
+        (Path.unlink, "sources/here/helper.py", "sources/here/helper.py: cannot be read: No such file", 1),
+        (flip, "results.sqlite", "results.sqlite: is damaged: ", 1),
+        (Path.unlink, "results.sqlite", "is not a run folder", 2),
+        (
+            lambda path: path.write_text("0" * 64 + path.read_text()[64:]),
+            "SHA256SUMS",
+            ": is damaged, or was changed",
+            1,
+        ),
+        (lambda path: path.write_text("a"), "SHA256SUMS", "SHA256SUMS: is damaged: 'a' is no digest", 1),
+        (Path.unlink, "SHA256SUMS", "scenario.yaml: has no digest: an earlier version has written it", 0),
+    ],
+)
+def test_verify_names_what_is_not_as_it_was_written(
+    made: Path, spoil: Callable[[Path], object], name: str, says: str, code: int
+) -> None:
+    whole = CliRunner().invoke(app, ["verify", str(made)])
+    assert whole.exit_code == 0
+    assert "results.sqlite: 12 of 12 trials of demo, each with its checksum\n" in whole.stdout
+    assert "sources/here/helper.py: is as it was written\n" in whole.stdout
+    spoil(made / name)
+    found = CliRunner().invoke(app, ["verify", str(made)])
+    assert (found.exit_code, says in found.stdout + found.stderr) == (code, True), found.stdout
+
+
+@pytest.fixture
+def foreign(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a run folder that somebody else has made, whose code leaves a trace where it is run."""
+    mark = f"open({str(tmp_path / 'was-run')!r}, 'w').close()\n"
+    for path in made.rglob("*.py"):
+        rewrite(path, mark + path.read_text())
+    shutil.rmtree(tmp_path / "own")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return made
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "check",
+        "status",
+        "report",
+        "verify",
+        "summarize",
+        "plot --form curves --x robots.0.count",
+        "export --to x.csv",
+        "list",
+    ],
+)
+def test_what_shows_a_folder_runs_none_of_its_code(foreign: Path, tmp_path: Path, monkeypatch, command: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    name, *options = command.split()
+    found = CliRunner().invoke(app, [name, *([str(foreign)] * (name != "list")), *options])
+    assert not (tmp_path / "was-run").exists(), found.stdout
+    assert name == "verify" or found.exit_code == 0, found.stderr
+
+
+@pytest.mark.parametrize("command", ["run", "plan", "replay --point 0 --trial 0"])
+def test_what_runs_a_folder_asks_for_trust_once(foreign: Path, tmp_path: Path, monkeypatch, command: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    name, *options = command.split()
+    refusal = CliRunner().invoke(app, [name, str(foreign), *options])
+    assert refusal.exit_code == 2
+    assert "brings code that you have not run: sources/coverage.py, sources/here/helper.py" in refusal.stderr
+    assert not (tmp_path / "was-run").exists()
+    CliRunner().invoke(app, [name, str(foreign), *options, "--trust"])
+    assert (tmp_path / "was-run").exists()
+    monkeypatch.setattr("epuck_sim.runs.trust._trusted", set())  # another process
+    assert is_trusted(foreign)
+    (foreign / "sources" / "more.py").touch()
+    assert not is_trusted(foreign)
+
+
+def test_a_merged_folder_is_trusted_as_its_parts(foreign: Path, tmp_path: Path) -> None:
+    merge_folders([foreign], tmp_path / "whole")
+    assert not is_trusted(tmp_path / "whole")
+
+
+def test_what_a_run_has_put_into_its_folder_is_trusted(made: Path) -> None:
+    assert is_trusted(made)
+
+
+def test_verify_runs_nothing(made: Path) -> None:
+    rewrite(made / "sources" / "here" / "mine.py", "raise SystemExit('run')")
+    found = CliRunner().invoke(app, ["verify", str(made)])
+    assert (found.exit_code, "sources/here/mine.py: is damaged, or was changed" in found.stdout) == (1, True)
