@@ -164,8 +164,9 @@ def calibrate(
     rings = measure_rings(dark if corners is None else islice(dark, most_frames), background, most_frames)
     if corners is None and not rings.number:
         raise FilmError(
-            f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough? If there are "
-            "rings, give the floor's corners by --corners, which determine their size"
+            f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough, but not so "
+            "long that rings are discs? If there are rings, give the floor's corners by --corners, which determine "
+            "their size"
         )
     found = fit_camera(size_px, floor_cm, above_cm, rings, corners, options.lens)
     if corners is not None and options.corners_px is None:
