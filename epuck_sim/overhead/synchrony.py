@@ -170,18 +170,6 @@ def firing_spread_s(period_s: float, order_parameter: float = ORDER_PARAMETER) -
     return period_s / (2 * math.pi) * math.acos(order_parameter)
 
 
-def spread_at_s(period_s: float, flash_s: float, order_parameter: float = ORDER_PARAMETER) -> float:
-    """Return the spread of the histogram when the firings have this order parameter, whatever their distribution.
-
-    Each flash adds its duration to the spread of the firings. For r_sync = 0.95 the result is twice the thesis's 2
-    frames, which swarms reach some cycles later: in its eq. C.3 all flashes end within sigma_A.
-
-    >>> f"{spread_at_s(5.0, 0.375):.3f}"
-    '0.275'
-    """
-    return math.hypot(firing_spread_s(period_s, order_parameter), flash_s / math.sqrt(12))
-
-
 def spread_threshold_s(period_s: float, flash_s: float) -> float:
     """Return the bound of eq. C.3: the largest spread of a histogram if all rings are lit within sigma_A of its middle.
 

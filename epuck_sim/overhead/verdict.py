@@ -302,6 +302,13 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
                 f"{fewest} to {most} flashes are seen in a period of the synchronised swarm, and the number of robots, "
                 "by which flashes are divided, is not known; give --robots"
             )
+    before = whole_periods(evidence.onsets_s, period_s, (evidence.span_s[0], evidence.in_order_s or -math.inf), 0.0)
+    usual = float(np.median(before.numbers)) if len(before.numbers) >= FEW else evidence.swarm
+    if usual < evidence.swarm and not found:
+        found.append(
+            f"before T_sync {usual:g} flashes are usually seen in a period, but {evidence.swarm} robots "
+            "flash once or more: some are missed, and T_sync is too few cycles; give --corners, or fix the exposure"
+        )
     periods = float(evidence.times_s[-1] - evidence.times_s[0]) / period_s
     if not evidence.period_is_given and periods < ENOUGH_PERIODS:
         found.append(

@@ -12,7 +12,7 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.counting import RingCounter
 from epuck_sim.overhead.flashes import Flash, count_lit
-from epuck_sim.overhead.synchrony import spread_at_s, spread_threshold_s
+from epuck_sim.overhead.synchrony import spread_threshold_s
 from epuck_sim.overhead.track import Track, analyse, without_steady
 from tests.overhead.counts import counted
 from tests.overhead.films import code_rings, coded, make_geometry
@@ -165,15 +165,11 @@ def test_what_is_known_is_not_estimated() -> None:
     ("options", "expected_s"),
     [
         (TrackOptions(), spread_threshold_s(5.0, 0.375)),
-        (TrackOptions(order_parameter=0.95), spread_at_s(5.0, 0.375)),
-        (TrackOptions(order_parameter=0.8), spread_at_s(5.0, 0.375, 0.8)),
         (TrackOptions(threshold_ms=130.0), 0.13),
         (TrackOptions(threshold_ms=130.0, order_parameter=0.8), 0.13),
     ],
 )
-def test_threshold_is_the_given_one_or_that_of_an_order_parameter_or_of_the_thesis(
-    options: TrackOptions, expected_s: float
-) -> None:
+def test_threshold_is_the_given_one_or_that_of_the_thesis(options: TrackOptions, expected_s: float) -> None:
     assert options.threshold_s(5.0, 0.375) == pytest.approx(expected_s)
 
 
@@ -185,10 +181,10 @@ def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
         1,
         1,
     ]  # first half in step to 0.1 s, then wholly
-    counts = counted(np.arange(11)[:, None] + 0.5 + offsets, 0.1, times_s)
+    counts = counted(np.arange(11)[:, None] + 0.5 + offsets, 0.06, times_s)
     strict, loose = (analysed(times_s, counts, TrackOptions(period_s=1.0, order_parameter=r)) for r in (0.9999, 0.9))
-    assert loose.histogram_s == pytest.approx(0.55, abs=0.1)
-    assert strict.histogram_s == pytest.approx(5.55, abs=0.1)
+    assert loose.t_sync_s == pytest.approx(0.55, abs=0.05)
+    assert strict.t_sync_s == pytest.approx(5.5, abs=0.1)
 
 
 # --- what is odd ------------------------------------------------------------------------------------

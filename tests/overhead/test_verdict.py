@@ -3,21 +3,27 @@
 import numpy as np
 import pytest
 
+from epuck_sim.overhead.counting import CountedRings
 from epuck_sim.overhead.flashes import Flash, FlashLinker, count_lit, count_places, join_broken
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import evaluate
 from epuck_sim.overhead.verdict import (
     Evidence,
     count_images,
+    doubts,
     light_without_rings,
     may_be_half_a_period,
     objections,
     recurs_after_two,
 )
 from tests.overhead.counts import counted
+from tests.overhead.films import make_geometry
 
 TIMES = np.arange(240) / 30
 ONSETS = np.array([*(0.1 + np.arange(3)[:, None] + np.arange(4) / 5).ravel(), *np.repeat(3.5 + np.arange(4), 4)])
+
+
+COUNTED = CountedRings(240, 0.0, TIMES, np.zeros(240, int), np.zeros(240, int), (), 0, (), make_geometry())
 
 
 def evidence(**changes) -> Evidence:
@@ -96,6 +102,30 @@ def test_two_groups_in_turn_are_no_swarm_in_step_from_the_beginning() -> None:
     (reason,) = objections(given, sync_of(given))
     assert "2 s are the period and two groups flash in turn" in reason
     assert objections(given._replace(robots=3), sync_of(given)) == []
+
+
+@pytest.mark.parametrize(("every", "is_doubted"), [(1, False), (5, True)])
+def test_flashes_that_are_missed_before_synchrony_are_doubted(every: int, is_doubted: bool) -> None:
+    flashes = tuple(flash for k, flash in enumerate(evidence().flashes) if flash.onset_s > 3 or every == 1 or k % every)
+    counts = counted(np.array([flash.onset_s for flash in flashes]), 0.1, TIMES)
+    given = evidence(flashes=flashes, counts=counts)
+    found = doubts(COUNTED._replace(times_s=TIMES, counts=counts), given, sync_of(given), 0)
+    assert any("some are missed" in doubt for doubt in found) == is_doubted
+
+
+@pytest.mark.parametrize(("size", "is_doubted"), [(1.0, False), (1.05, False), (0.88, True), (1.12, True)])
+def test_rings_that_are_too_large_by_the_corners_are_doubted(size: float, is_doubted: bool) -> None:
+    given = evidence()
+    found = doubts(COUNTED._replace(geometry=make_geometry()._replace(ring_size=size)), given, sync_of(given), 0)
+    assert any("times as large as they are" in doubt for doubt in found) == is_doubted
+
+
+def test_a_number_of_robots_that_varies_is_doubted() -> None:
+    flashes = tuple(flash for k, flash in enumerate(evidence().flashes) if k not in {14, 17, 22})
+    given = evidence(flashes=flashes, robots=None)
+    (doubt,) = doubts(COUNTED, given, sync_of(given), 0)
+    assert doubt.startswith("3 to 4 flashes are seen in a period of the synchronised swarm")
+    assert doubts(COUNTED, evidence(robots=None), sync_of(given), 0) == []
 
 
 def test_light_without_rings_is_measured() -> None:
