@@ -35,6 +35,7 @@ film may advance phases. All of 40 films that ended with T_sync had more, and 17
 LIGHT_TOLERANCE = 1.5  # factor by which spreads by the total light and by rings may differ without contradiction
 LATE_PERIODS = 0.75  # time in periods by which the total light may be synchronised before the rings
 MOST_MISSED = 0.15  # share of the frames with light that may show no ring: the first and last of a flash are dim
+ENOUGH_BEFORE = 1.8  # flashes of each robot before T_sync from which their number tells whether some are missed
 FEW = 5  # flashes below which nothing is said about them
 TWIN_S = 0.1  # time by which a flash and its mirror image may seem to begin or end apart
 DIMMER = 0.8  # light of a mirror image, relative to that of its robot, at most
@@ -303,7 +304,8 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
                 "by which flashes are divided, is not known; give --robots"
             )
     before = whole_periods(evidence.onsets_s, period_s, (evidence.span_s[0], evidence.in_order_s or -math.inf), 0.0)
-    usual = float(np.median(before.numbers)) if len(before.numbers) >= FEW else evidence.swarm
+    is_known = len(before.numbers) > ENOUGH_BEFORE * evidence.swarm
+    usual = float(np.median(before.numbers)) if is_known else evidence.swarm
     if usual < evidence.swarm and not found:
         found.append(
             f"before T_sync {usual:g} flashes are usually seen in a period, but {evidence.swarm} robots "
