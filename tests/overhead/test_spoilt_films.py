@@ -19,7 +19,7 @@ from tests.overhead.effects import KINDS, padded
         *(
             pytest.param(kind, strengths[-1], marks=pytest.mark.slow)
             for kind, (_, strengths) in KINDS.items()
-            if kind not in {"burnt out", "lamp"}
+            if kind not in {"burnt out", "lamp", "rolling shutter"}  # flashes of 1.4 frames are cut in the middle
         ),
     ],
 )
