@@ -87,9 +87,9 @@ def verdict(film: Path, options: TrackOptions, rings: Path | None) -> tuple[int,
         track = track_film(str(film), options, rings, passed)
     except FilmError:
         return 1, np.nan
-    if track.t_sync_s is None:
+    if track.histogram_s is None:
         return 1 if track.confidence == "none" else 2, np.nan
-    error_periods = track.t_sync_s / PERIOD_S - TRUE_PERIODS
+    error_periods = track.histogram_s / PERIOD_S - TRUE_PERIODS
     return 0 if abs(error_periods) <= WITHIN_PERIODS else 2, error_periods
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from epuck_sim.cli.tables import show
 from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.estimate import Estimate, significant
-from epuck_sim.overhead.compare import QuantityComparison
+from epuck_sim.overhead.compare import QuantityComparison, judge
 from epuck_sim.overhead.film_fit import Fitted
 from epuck_sim.util.provenance import versions
 
@@ -31,7 +31,6 @@ def print_comparison_json(
             "film": _finite(row.film),
             "film_is_beyond": math.isinf(row.film),
             "percentile": _finite(row.percentile),
-            "is_unusual": row.is_unusual,
             "trials": [_finite(value) for value in row.trials.tolist()],
             "beyond": row.beyond,
             "unknown": row.unknown,
@@ -39,15 +38,28 @@ def print_comparison_json(
         for row in rows
     ]
     values = {key: each._asdict() for key, each in fitted.items()}
-    found = {"film": film, "scenario": scenario, "quantities": quantities, "fitted": values, "versions": versions()}
-    print(json.dumps(found), flush=True)
+    verdict = judge(rows)
+    judged = {**verdict._asdict(), "p_value": _finite(verdict.p_value)}
+    found = {
+        "film": film,
+        "scenario": scenario,
+        "verdict": judged,
+        "quantities": quantities,
+        "fitted": values,
+        "versions": versions(),
+    }
+    print(json.dumps({**found, "versions": versions()}), flush=True)
 
 
 def print_comparison(
     film: str, scenario: str, rows: Sequence[QuantityComparison], fitted: Mapping[str, Fitted]
 ) -> None:
-    """Print readable tables on stdout."""
-    headings = {"trials": "trials: median, 5 % and 95 %", "percentile": "film's percentile", "unusual": ""}
+    """Print the verdict, and readable tables, on stdout."""
+    verdict = judge(rows)
+    for sentence in filter(None, (verdict.caution, verdict.sentence)):
+        print(f"{sentence[0].upper()}{sentence[1:]}.")
+    print()
+    headings = {"trials": "trials: median, 5 % and 95 %", "percentile": "film's percentile"}
     title = f"{film} beside trials of {scenario}"
     compared = Table(title, [Row({}, _cells(row)) for row in rows], (), headings)
     values = [Row({}, {"key": key, "value": Estimate(*each)}) for key, each in fitted.items()]
@@ -66,7 +78,6 @@ def _cells(row: QuantityComparison) -> dict[str, Any]:
         "film": "beyond" if math.isinf(row.film) else significant(row.film),
         "trials": Estimate(middle, low, high),
         "percentile": Share(row.percentile / 100),
-        "unusual": "unusual" * row.is_unusual,
     }
 
 

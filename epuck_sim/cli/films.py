@@ -223,7 +223,7 @@ def track(
             "--threshold-ms",
             min=1,
             max=86_400_000,
-            help="Synchrony: standard deviation of the flashes within a period; by default about 130 for 5 s.",
+            help="Histogram: standard deviation of a period's flashes at synchrony; by default about 130 for 5 s.",
             rich_help_panel=DECISION,
         ),
     ] = None,
@@ -233,7 +233,7 @@ def track(
             "--order-parameter",
             min=0.5,
             max=1,
-            help="Derive the threshold from this order parameter, instead of --threshold-ms.",
+            help="T_sync: order parameter from which the swarm is synchronised; by default 0.95.",
             rich_help_panel=DECISION,
         ),
     ] = None,
@@ -289,7 +289,6 @@ def track(
     with exit_on_error():
         reject_first(
             ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
-            (threshold is not None and order is not None, "--threshold-ms and --order-parameter exclude each other"),
             (end is not None and end <= start, "--end-s is not after --start-s"),
             (
                 camera is not None and any((start, end, fps, tags)),

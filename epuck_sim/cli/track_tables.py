@@ -1,6 +1,7 @@
 """What `epuck-sim track` prints: a table, or JSON."""
 
 import json
+import re
 import textwrap
 from collections.abc import Iterator
 
@@ -9,7 +10,7 @@ from epuck_sim.overhead.robots import Robots, summary
 from epuck_sim.overhead.track import Track
 from epuck_sim.util.provenance import versions
 
-NAMES_WIDTH = 26
+NAMES_WIDTH = 27
 """Width of the names of results, in letters."""
 
 
@@ -28,30 +29,36 @@ def print_track(track: Track, robots: Robots | None = None) -> None:
 
 
 def _lines(track: Track) -> Iterator[tuple[str, str]]:
+    if track.t_sync_s is not None:
+        yield "T_sync", f"{track.t_sync_cycles:.1f} cycles, {track.t_sync_s:.1f} s"
+    else:
+        yield "T_sync", "unknown" if track.confidence == "none" else "never"
+    for reason in track.reasons:
+        yield "because", reason
+    yield "confidence", track.confidence + _settled_by(track)
+    if track.histogram_s is not None:
+        yield "by the histogram", f"{track.histogram_periods:.1f} periods, {track.histogram_s:.1f} s"
     yield "frames", f"{track.frames} at {track.fps:.4g} per second"
     yield "trial", f"from {track.start_s:.1f} s, for {track.duration_s:.1f} s"
     yield "geometry from", track.calibration
     yield "period", f"{track.period_s:.4g} s{_if_estimated(track, 'period_s')}"
     yield "flash", f"{track.flash_ms:.0f} ms"
     yield "robots seen", f"{track.robots_seen} at once, {track.flashes_per_period:.1f} flashes per period"
-    yield "threshold", f"{track.threshold_ms:.0f} ms{_if_estimated(track, 'threshold_ms')}"
-    if track.t_sync_s is not None:
-        yield "T_sync", f"{track.t_sync_s:.1f} s, {track.t_sync_periods:.1f} periods"
-        yield "cycles until then", f"{track.t_sync_cycles:.1f} flashes per robot"
-    else:
-        yield "T_sync", "unknown" if track.confidence == "none" else "never"
-    if track.t_sync_onsets_s is not None:
-        yield "by onsets", f"{track.t_sync_onsets_s:.1f} s, {track.t_sync_onsets_periods:.1f} periods"
-    for reason in track.reasons:
-        yield "because", reason
-    yield "confidence", track.confidence
+    yield "threshold of the histogram", f"{track.threshold_ms:.0f} ms{_if_estimated(track, 'threshold_ms')}"
+
+
+def _settled_by(track: Track) -> str:
+    """Return which options would settle what is doubtful; nothing if nothing is."""
+    doubts = (*(track.reasons if track.confidence == "none" else ()), *track.warnings)
+    options = dict.fromkeys(re.findall(r"(?<!\S)--[a-z-]+", " ".join(doubts)))
+    return f"; {', '.join(options)} may settle it" if options else ""
 
 
 def _lines_about_robots(track: Track, robots: Robots) -> Iterator[tuple[str, str]]:
     found = summary(track, robots)
     yield f"robots by {robots.by}", f"{len(robots.numbers)}"
     yield "links between flashes", f"{found['links']}, of which {100 * found['unsure_share']:.0f} % are unsure"
-    yield "by phases", "never" if found["t_sync_s"] is None else f"{found['t_sync_s']:.1f} s"
+    yield "by phases", "never" if found["by_phases_s"] is None else f"{found['by_phases_s']:.1f} s"
     yield "pairs that flash together", f"{found['pairs_together']}"
 
 

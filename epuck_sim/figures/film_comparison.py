@@ -45,8 +45,9 @@ def _status(value: float) -> str:
 
 
 def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:
-    """Return the figure: a histogram of the trials for each quantity, and a line where the film is."""
-    down = math.ceil(len(rows) / ACROSS)
+    """Return the figure: a histogram of the trials for each quantity that is known, and a line where the film is."""
+    rows = [row for row in rows if not math.isnan(row.percentile) and np.isfinite(row.trials).any()]
+    down = max(math.ceil(len(rows) / ACROSS), 1)
     figure = Figure(figsize=(3.6 * ACROSS, 2.3 * down), dpi=300, layout="constrained")
     panels = figure.subplots(down, ACROSS, squeeze=False).ravel()
     for panel, row in zip(panels, rows, strict=False):
@@ -58,16 +59,14 @@ def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:
 
 def _draw_quantity(panel: Axes, row: QuantityComparison) -> None:
     values = row.trials[np.isfinite(row.trials)]
-    if len(values):
-        spread = float(np.ptp(np.append(values, row.film if math.isfinite(row.film) else values[0])))
-        edges = 12 if spread > 0 else [values[0] - 0.5, values[0] + 0.5]
-        panel.hist(values, edges, color=TRIALS)
+    spread = float(np.ptp(np.append(values, row.film if math.isfinite(row.film) else values[0])))
+    edges = 12 if spread > 0 else [values[0] - 0.5, values[0] + 0.5]
+    panel.hist(values, edges, color=TRIALS)
     notes = [f"{row.beyond} trials beyond the film's end"] * (row.beyond > 0)
     if math.isfinite(row.film):
         panel.axvline(row.film, color=FILM, linewidth=2)
     else:
-        notes.append("film: beyond its end" if math.isinf(row.film) else "film: not known")
-    if not math.isnan(row.percentile):
-        notes.append(f"film at {row.percentile:.0f} %")
+        notes.append("film: beyond its end")
+    notes.append(f"film at {row.percentile:.0f} %")
     panel.set_title("\n".join(notes), fontsize="small", loc="left")
     panel.set(xlabel=f"{row.quantity.name} ({row.quantity.unit})", ylabel="trials")

@@ -156,8 +156,8 @@ def _draw_spreads(panel: Axes, track: Track) -> None:
 
 
 def _mark_synchrony(panel: Axes, track: Track) -> None:
-    if track.t_sync_periods is not None:
-        periods = track.t_sync_periods
+    if track.histogram_periods is not None:
+        periods = track.histogram_periods
         panel.axvline(periods, color=SYNC, linewidth=1.2, zorder=0.5, label=f"T_sync: {periods:.1f} periods")
 
 
@@ -174,7 +174,7 @@ def choose_moments(track: Track) -> list[list[tuple[float, Evaluation | None]]]:
 
 
 def _is_first_synchrony(track: Track, evaluation: Evaluation) -> bool:
-    return track.t_sync_s is not None and abs(evaluation.time_s - (track.start_s + track.t_sync_s)) < 1e-6
+    return track.histogram_s is not None and abs(evaluation.time_s - (track.start_s + track.histogram_s)) < 1e-6
 
 
 def _evenly_spaced(moments: Sequence[tuple[float, Evaluation]]) -> list[tuple[float, Evaluation | None]]:

@@ -53,7 +53,7 @@ class Annotator:
 
     def annotate(self, tracked: TrackedFrame) -> Picture:
         """Return (height_px, width_px, 3) the next frame, annotated with what is known by then."""
-        frame, rings, start_s, evaluation, t_sync_s = tracked
+        frame, rings, start_s, evaluation, histogram_s = tracked
         if start_s != self._start_s:
             self._start_s, self._spread_s, self._max_count = start_s, None, FULL_COUNT
             self._counts.clear()
@@ -70,7 +70,7 @@ class Annotator:
         strip = annotated[self._top_px :]
         strip[:] = GREY
         self._draw_bars(strip[2 * self._line_px :], frame.time_s)
-        self._write(strip, frame.time_s, len(rings), t_sync_s)
+        self._write(strip, frame.time_s, len(rings), histogram_s)
         return annotated
 
     def _remember(self, time_s: float, count: int) -> None:
@@ -93,14 +93,14 @@ class Annotator:
         middle = width - 1 - width // (2 * PERIODS)
         bars[rows * 2 // 3 :, middle : middle + thick] = BLUE
 
-    def _write(self, strip: Picture, now_s: float, count: int, t_sync_s: float | None) -> None:
+    def _write(self, strip: Picture, now_s: float, count: int, histogram_s: float | None) -> None:
         since_s = now_s - self._start_s
         _write_text(strip, 0, self._line_px, f"{since_s:.1f} s = {since_s / self._period_s:.1f} periods", WHITE, 0.0)
         _write_text(strip, 1, self._line_px, "1 ring" if count == 1 else f"{count} rings", WHITE, 0.0)
         if self._spread_s is not None:
             _write_text(strip, 0, self._line_px, f"spread {1000 * self._spread_s:.0f} ms", WHITE, 1.0)
-        if t_sync_s is not None:
-            periods = (t_sync_s - self._start_s) / self._period_s
+        if histogram_s is not None:
+            periods = (histogram_s - self._start_s) / self._period_s
             _write_text(strip, 1, self._line_px, f"synchronised at {periods:.1f} periods", CYAN, 1.0)
 
 

@@ -15,7 +15,7 @@ from epuck_sim.overhead.camera_fit import fit_camera, measure_rings
 from epuck_sim.overhead.floor import find_corners
 from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.light import Background, is_lit
-from epuck_sim.overhead.synchrony import spread_at_s, spread_threshold_s
+from epuck_sim.overhead.synchrony import spread_threshold_s
 from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection
 
@@ -63,9 +63,9 @@ class TrackOptions(NamedTuple):
     robots: int | None = None
     """Number of robots."""
     threshold_ms: float | None = None
-    """Spread at which the swarm counts as synchronised."""
+    """Spread at which the swarm counts as synchronised by the histogram."""
     order_parameter: float | None = None
-    """Order parameter of the firings at which the swarm counts as synchronised; used if `threshold_ms` is None."""
+    """Order parameter of the onsets at which the swarm counts as synchronised; 0.95 if it is None."""
 
     lens: Lens | None = None
     """The lens, if it was calibrated."""
@@ -89,11 +89,9 @@ class TrackOptions(NamedTuple):
         )
 
     def threshold_s(self, period_s: float, flash_s: float) -> float:
-        """Return the spread at which a swarm counts as synchronised: the one given, or the bound of Appendix C."""
+        """Return the threshold of the histogram: the one given, or the bound of Appendix C."""
         if self.threshold_ms is not None:
             return self.threshold_ms / 1000
-        if self.order_parameter is not None:
-            return spread_at_s(period_s, flash_s, self.order_parameter)
         return spread_threshold_s(period_s, flash_s)
 
 
@@ -164,8 +162,9 @@ def calibrate(
     rings = measure_rings(dark if corners is None else islice(dark, most_frames), background, most_frames)
     if corners is None and not rings.number:
         raise FilmError(
-            f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough? If there are "
-            "rings, give the floor's corners by --corners, which determine their size"
+            f"{name}: no lit ring is seen; is it the right film, and is the exposure long enough, but not so "
+            "long that rings are discs? If there are rings, give the floor's corners by --corners, which determine "
+            "their size"
         )
     found = fit_camera(size_px, floor_cm, above_cm, rings, corners, options.lens)
     if corners is not None and options.corners_px is None:

@@ -126,6 +126,8 @@ class Geometry(NamedTuple):
     """Constant light: picture of the dark scene without rings."""
     ring_light: float = 0.0
     """Levels by which rings in the dark are usually brighter than their inside; 0 if it is not known."""
+    ring_size: float = 1.0
+    """Radius of the rings by the floor's corners, relative to the known one."""
 
     def is_on_floor(self, x_cm: float, y_cm: float) -> bool:
         """Return whether a ring may be a robot's: a robot at a wall is its radius inside, its image as far outside."""

@@ -216,7 +216,8 @@ def fit_camera(
     best = fits[-1] if fits[-1].cost < FISHEYE_GAIN * fits[0].cost else fits[0]
     tilt_deg = math.degrees(math.acos(min(1.0, -best.camera.rotation[2, 2])))
     told = (RINGS, False) if corners is None else (CORNERS, True)
-    return Geometry(best.camera, floor_cm, *told, best.error_cm(), tilt_deg, ring_light=rings.light)
+    told_by = (best.error_cm(), tilt_deg)
+    return Geometry(best.camera, floor_cm, *told, *told_by, ring_light=rings.light, ring_size=best.ring_size)
 
 
 class _Fit:
@@ -271,6 +272,7 @@ class _Fit:
             self._found = fit.x
         self.cost = float(fit.cost)
         self.camera = self._camera(self._filled(self._found))
+        self.ring_size = math.exp(self._filled(self._found)[7])
         self._covariance = np.linalg.pinv(fit.jac.T @ fit.jac)
 
     def _filled(self, free_values: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ what pictures add, tenths of a millimetre, is left out.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,7 +27,11 @@ from epuck_sim.scenario.loader import with_values, write_scenario
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.seeds import trial_seed
 
-UNUSUAL_PERCENT = 2.5  # percentage of the trials beyond which a film is unusual, at either end
+UNLIKE = 0.05  # p-value from which on a film is unlike the trials
+FEWEST_TRIALS = 19  # trials below which no film has so small a p-value
+FEWEST_KNOWN = 0.5  # share of the trials that must tell a quantity for it to be judged
+LEAST_SPREAD = 0.005  # least standard deviation of a quantity, relative to its largest value: pictures tell no more
+MOST_NAMED = 3  # quantities that a verdict names, at most
 NEAR_WALL_CM = 5.0  # distance from a wall within which a robot's middle is near it, as in the measure `near_walls`
 
 SEEN_SHARE = 0.1
@@ -69,13 +73,71 @@ class QuantityComparison(NamedTuple):
             return math.nan
         return float(100 * (np.mean(known < self.film) + np.mean(known == self.film) / 2))
 
-    @property
-    def is_unusual(self) -> bool:
-        """Whether fewer than 2.5 % of the trials are as extreme; needs 40 trials."""
-        known = self.trials[~np.isnan(self.trials)]
-        if math.isnan(self.film) or len(known) * UNUSUAL_PERCENT < 100:
-            return False
-        return bool(100 * min(np.mean(known <= self.film), np.mean(known >= self.film)) < UNUSUAL_PERCENT)
+    def distances(self) -> FloatArray:
+        """Return (1 + trials,) how far the film, and each trial, is from the others, in their standard deviations.
+
+        A time beyond the film's end counts as the longest that is known. What is not known is at distance 0, and so are
+        all if the film or most of the trials do not tell the quantity.
+        """
+        values = np.append(self.film, self.trials)
+        is_finite, is_known = np.isfinite(values), ~np.isnan(values)
+        if not is_known[0] or not is_finite.any() or is_known.sum() < max(3.0, FEWEST_KNOWN * len(values)):
+            return np.zeros(len(values))
+        longest = values[is_finite].max()
+        values = np.where(np.isinf(values), longest, values)
+        distances = np.zeros(len(values))
+        for index in np.flatnonzero(is_known):
+            others = values[is_known & (np.arange(len(values)) != index)]
+            spread = max(float(others.std(ddof=1)), LEAST_SPREAD * float(np.abs(others).max()), 1e-12)
+            distances[index] = (values[index] - others.mean()) / spread
+        return distances
+
+
+class Verdict(NamedTuple):
+    """Whether a film is like simulated trials, by all quantities together."""
+
+    p_value: float
+    """Share of the film and the trials whose farthest quantity is at least as far from the others as the film's."""
+    caution: str
+    """Why the test may find nothing, and what to do; empty if there is no reason."""
+    sentence: str
+
+
+def judge(rows: Sequence[QuantityComparison]) -> Verdict:
+    """Return the verdict of one test of all quantities: each trial, held against the rest, gives its distribution.
+
+    Quantities depend on each other, and many are tested: both are in the distribution of the largest distance.
+    """
+    trials = len(rows[0].trials)
+    distances = np.array([row.distances() for row in rows])
+    largest = np.abs(distances).max(axis=0)
+    if not largest[0]:
+        return Verdict(math.nan, _caution(rows), "nothing can be said: the film and the trials tell nothing in common")
+    p_value = float(np.count_nonzero(largest >= largest[0]) / (1 + trials))
+    if p_value > UNLIKE:
+        return Verdict(p_value, _caution(rows), f"the film is like the simulated trials (p = {p_value:.2g})")
+    far = np.argsort(-np.abs(distances[:, 0]))[:MOST_NAMED]
+    bound = np.sort(largest[1:])[-max(1, int(UNLIKE * trials))]
+    named = [
+        f"{rows[index].quantity.name} is {'higher' if distances[index, 0] > 0 else 'lower'}"
+        for index in far
+        if abs(distances[index, 0]) >= bound
+    ]
+    sentence = f"the film is unlike the simulated trials (p = {p_value:.2g}): {' and '.join(named)} than theirs"
+    return Verdict(p_value, _caution(rows), sentence)
+
+
+def _caution(rows: Sequence[QuantityComparison]) -> str:
+    """Return why the test may find nothing."""
+    trials = len(rows[0].trials)
+    if trials < FEWEST_TRIALS:
+        return f"{trials} trials are too few to show that a film is unlike them; give --trials {FEWEST_TRIALS} or more"
+    if 2 * rows[0].beyond > trials:
+        return (
+            f"{rows[0].beyond} of {trials} trials are not synchronised when the film ends: it hardly tells whether "
+            "T_sync is theirs; film for longer"
+        )
+    return ""
 
 
 def compare_film(
@@ -161,8 +223,8 @@ def _clock_rates(track: Track, robots: Robots) -> float:
 
 
 QUANTITIES = (
-    Quantity("T_sync", "periods", lambda track, _: _within(track, track.t_sync_periods)),
-    Quantity("T_sync by onsets", "periods", lambda track, _: _within(track, track.t_sync_onsets_periods)),
+    Quantity("T_sync", "cycles", lambda track, _: _within(track, track.t_sync_cycles)),
+    Quantity("T_sync by the histogram", "periods", lambda track, _: _within(track, track.histogram_periods)),
     Quantity("flash", "ms", lambda track, _: track.flash_ms),
     Quantity("median cycle", "s", _median_cycle),
     Quantity("speed straight ahead", "cm/s", lambda _, robots: robots.identities.speed_cm_s),

@@ -36,6 +36,8 @@ class CountedRings(NamedTuple):
     """Rings on the floor that never went off."""
     geometry: Geometry
     """The camera and the floor."""
+    rings: Sequence[Sequence[Ring]] = ()
+    """Rings on the floor in each frame, including those of a lit beginning; empty if it was not filmed."""
 
 
 class RingCounter:
@@ -51,11 +53,11 @@ class RingCounter:
 
     def __init__(self, geometry: Geometry) -> None:
         self._geometry = geometry
-        self._finder = RingFinder(geometry.camera, geometry.ring_light)
+        self._finder = RingFinder(geometry.camera, geometry.ring_light, sees_discs=geometry.knows_floor)
         self._background = Background(geometry.background)
         self._meter = LightMeter(geometry)
         self._was_lit, self._has_begun = True, False
-        self._frames = 0
+        self._rings: list[list[Ring]] = []
         self._begin(0.0)
 
     def process(self, frame: Frame) -> list[Ring]:
@@ -64,7 +66,7 @@ class RingCounter:
         seen = self._finder.find_in(light)
         rings = self._on_floor(seen)
         lit = light.room_is_lit
-        if not self._frames or (self._was_lit and not lit and not self._has_begun):
+        if not self._rings or (self._was_lit and not lit and not self._has_begun):
             self._begin(frame.time_s)
         self._was_lit = lit
         self._has_begun |= bool(rings) and not lit
@@ -74,12 +76,8 @@ class RingCounter:
         self._areas.append(area_px)
         self._linker.add(frame.time_s, rings)
         self._outside += len(seen) - len(rings)
-        self._frames += 1
+        self._rings.append(rings)
         return rings
-
-    def skip(self, frame: Frame) -> None:
-        """Learn the background from the next frame, whose rings are not asked for."""
-        self._background.update(frame)
 
     def _begin(self, start_s: float) -> None:
         """Begin the trial, and forget what was before."""
@@ -109,7 +107,7 @@ class RingCounter:
         """Return what has been counted so far."""
         background = self._background.picture
         return CountedRings(
-            frames=self._frames,
+            frames=len(self._rings),
             start_s=self.start_s,
             times_s=self.times_s,
             counts=self.counts,
@@ -118,6 +116,7 @@ class RingCounter:
             outside=self._outside,
             always_lit=[] if background is None else self._on_floor(self._finder.find(background)),
             geometry=self._geometry,
+            rings=self._rings,
         )
 
 
@@ -131,7 +130,7 @@ class TrackedFrame(NamedTuple):
     """Beginning of the trial on the film's clock."""
     evaluation: Evaluation | None
     """The evaluation that this frame completed, whose mode was half a period ago."""
-    t_sync_s: float | None
+    histogram_s: float | None
     """Time of the first mode around which the histogram was narrow enough, on the film's clock."""
 
 
@@ -153,13 +152,13 @@ def track_frames(
         steady: Returns how many of the rings in a frame, whose time it is given, stay lit; they do not count.
     """
     detector: SynchronyDetector | None = None
-    t_sync_s = None
+    histogram_s = None
     for frame in frames:
         start_before_s = counter.start_s
         rings = counter.process(frame)
         if detector is None or counter.start_s != start_before_s:
-            detector, t_sync_s = SynchronyDetector(period_s, counter.start_s), None
+            detector, histogram_s = SynchronyDetector(period_s, counter.start_s), None
         evaluation = detector.update(frame.time_s, max(0, len(rings) - steady(frame.time_s)))
-        if evaluation is not None and t_sync_s is None and is_synchronised(evaluation, threshold_s()):
-            t_sync_s = evaluation.time_s
-        yield TrackedFrame(frame, rings, counter.start_s, evaluation, t_sync_s)
+        if evaluation is not None and histogram_s is None and is_synchronised(evaluation, threshold_s()):
+            histogram_s = evaluation.time_s
+        yield TrackedFrame(frame, rings, counter.start_s, evaluation, histogram_s)

@@ -122,6 +122,27 @@ class FlashLinker:
         return sum(lit.onset_s < time_s and not lit.missed for lit in self._lit)
 
 
+def join_broken(flashes: Sequence[Flash], flash_s: float) -> tuple[Flash, ...]:
+    """Return flashes, of which one that begins at the place of another, within a flash of its end, continues it.
+
+    Poor pictures lose rings in the middle of a flash; no robot flashes again so soon.
+    """
+    joined: list[Flash] = []
+    first = 0
+    for flash in flashes:
+        while first < len(joined) and joined[first].onset_s < flash.onset_s - 4 * flash_s:
+            first += 1
+        for index in range(first, len(joined)):
+            before = joined[index]
+            is_near = math.dist(before[2:4], flash[2:4]) <= REACH_CM
+            if is_near and 0 <= flash.onset_s - before.end_s <= flash_s:
+                joined[index] = before._replace(end_s=flash.end_s, light=max(before.light, flash.light))
+                break
+        else:
+            joined.append(flash)
+    return tuple(joined)
+
+
 def frames_lit(onset_s: FloatArray, end_s: FloatArray, times_s: FloatArray) -> IntArray:
     """Return (flashes, 2) the first frame that shows each flash, and the frame after the last.
 

@@ -26,6 +26,9 @@ SHADE_FITS = 8  # fits of the floor's shade; each covers more of the picture, fr
 MIN_FLOOR = 0.1  # minimum area of the floor, as a fraction of the picture
 CORNER_TOLERANCE = 0.004  # of approxPolyDP, as a fraction of the outline's length; lenses bow straight edges
 
+PADDING_PX = 9.0  # distance beyond the corners at which a film may be padded
+BLACK_LEVEL = 6.0  # level of padding after compression; a lit room is brighter everywhere
+
 # the sides
 SEARCH_REACHES = (0.03, 0.015)
 """Distances on either side of a line within which the edge is searched, as fractions of the picture's shorter side:
@@ -96,6 +99,8 @@ def find_corners(picture: Picture) -> FloatArray | None:
             return None
         corners = np.array([meeting_point(whole[k - 1], whole[k], corners[k]) for k in range(4)])
     rows, columns = shade.shape
+    if _borders_on_padding(np.asarray(grey, np.float32), corners):
+        return None
     is_in = (corners >= 0).all() and (corners <= (columns - 1, rows - 1)).all()
     return corners if is_in and _is_around_middle(corners, shade.shape) else None
 
@@ -159,6 +164,19 @@ def _is_around_middle(corners: FloatArray, shape: tuple[int, ...]) -> bool:
     if polygon_area(corners) < 0:
         corners = corners[::-1]
     return is_convex(corners) and bool(contains(corners, np.array([(columns - 1) / 2, (rows - 1) / 2])))
+
+
+def _borders_on_padding(grey: Float32Array, corners: FloatArray) -> bool:
+    """Return whether there is nothing beyond one of the sides: bars around a film are black, lit rooms are nowhere."""
+    share = np.linspace(0.1, 0.9, PROBES)[:, None]
+    away = corners.mean(axis=0) - corners
+    beyond = corners - away * (PADDING_PX / np.hypot(*away.T))[:, None]
+    for start, end in zip(beyond, np.roll(beyond, -1, axis=0), strict=True):
+        at_column, at_row = (start + share * (end - start)).astype(np.float32).T
+        levels = cv2.remap(grey, at_column, at_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        if float(np.median(levels)) <= BLACK_LEVEL:
+            return True
+    return False
 
 
 class Side(NamedTuple):

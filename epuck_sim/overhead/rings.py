@@ -74,9 +74,17 @@ MAX_BEYOND = 0.85
 between six lit ones, light grows outwards."""
 MAX_BEYOND_LIT = 1.5  # the same in a lit room, where haze is coloured and cores are pale; grey things have no colour
 
+# rings that are burnt out
+SATURATED_LEVEL = 220  # level, without the background, of light that is burnt out in all colours
+HOLE_CM = 2.0  # width of holes in a disc that are filled; the inside of a ring that is none is 5 cm wide
+DISC_RADII_CM = (2.8, 9.0)  # bounds of the radius of rings that are burnt out to discs
+DISC_LIGHT = 256.0  # light of such a ring: more than a picture's levels can show
+_NEAR = np.ones((5, 5), np.uint8)
+
 _ANGLES = np.arange(BINS) * (2 * np.pi / BINS)
 _RADII = np.arange(round(REACH_CM / STEP_CM)) * STEP_CM
 _ROUND = np.column_stack([np.ones(BINS), np.cos(_ANGLES), np.sin(_ANGLES)])
+_ALL = np.ones(BINS, bool)
 _DESIGN = np.column_stack([_ROUND, np.cos(2 * _ANGLES), np.sin(2 * _ANGLES)])
 
 
@@ -118,9 +126,16 @@ class Fit(NamedTuple):
 class RingFinder:
     """Finds rings in the pictures of one camera."""
 
-    def __init__(self, camera: CameraModel, usual_light: float = 0.0) -> None:
-        """Prepare what all pictures share; usual_light: levels by which dark rings exceed their inside, if known."""
+    def __init__(self, camera: CameraModel, usual_light: float = 0.0, *, sees_discs: bool = False) -> None:
+        """Prepare what all pictures share.
+
+        Args:
+            camera: The camera.
+            usual_light: Levels by which dark rings exceed their inside, if they are known.
+            sees_discs: Whether discs of saturated light are rings, too; the camera's scale must be known.
+        """
         self.camera = camera
+        self._sees_discs = sees_discs
         self._least_dark = max(MIN_LEVEL_DARK, MIN_RELATIVE_LIGHT * usual_light)
         self.view = rectified_view(camera)
 
@@ -170,7 +185,25 @@ class RingFinder:
                 fit = fit_ring(view, cells, column, row, max(least, mean_least))
                 if fit is not None and _is_ring(fit, most_beyond) and _is_new(fit, fits, cells):
                     fits.append(fit)
-        return fits
+        return fits + self._discs(view, fits) if self._sees_discs and not lit else fits
+
+    def _discs(self, view: Light, found: list[Fit]) -> list[Fit]:
+        """Return rings that are burnt out to discs, beside those found: middles of saturated light, widest first."""
+        saturated = np.asarray(view >= SATURATED_LEVEL, np.uint8)
+        cells = self.view.cells_per_cm
+        if not saturated.any():
+            return []
+        saturated = self.view.close_gaps(saturated, HOLE_CM)
+        if np.count_nonzero(saturated) < math.pi * (DISC_RADII_CM[0] * cells) ** 2:
+            return []
+        within = np.asarray(cv2.distanceTransform(saturated, cv2.DIST_L2, 5), np.float32) / cells
+        rows, columns = np.nonzero((within >= cv2.dilate(within, _NEAR)) & (within >= DISC_RADII_CM[0]))
+        discs: list[Fit] = []
+        for index in np.argsort(-within[rows, columns], kind="stable"):
+            column, row = float(columns[index]), float(rows[index])
+            if within[rows[index], columns[index]] <= DISC_RADII_CM[1] and _is_free(column, row, found + discs, cells):
+                discs.append(Fit(column, row, epuck.RING_RADIUS_CM, (0.0, 0.0), 0.0, _ALL, DISC_LIGHT, 1.0, 0.0))
+        return discs
 
 
 def _is_ring(fit: Fit, most_beyond: float) -> bool:

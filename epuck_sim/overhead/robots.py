@@ -237,8 +237,8 @@ def summary(track: Track, robots: Robots) -> dict[str, Any]:
         "links": int(np.count_nonzero(~np.isnan(robots.identities.certainty))),
         "unsure_share": robots.identities.unsure,
         "flashes_of_no_robot": int(np.count_nonzero(robots.identities.robot < 0)),
-        "t_sync_s": after_s,
-        "t_sync_periods": None if after_s is None else after_s / track.period_s,
+        "by_phases_s": after_s,
+        "by_phases_periods": None if after_s is None else after_s / track.period_s,
         "pairs_together": sum(pair.together >= TOGETHER * max(pair.flashes, 1) for pair in _pairs(track, robots)),
         "warnings": list(robots.warnings),
     }

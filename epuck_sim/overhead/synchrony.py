@@ -1,4 +1,4 @@
-"""Detects synchrony from counts of lit rings, by the evolving histogram of thesis 4.3.1 and Fig. 4.6, or from onsets.
+"""Detects synchrony: by the order parameter of onsets, or by the evolving histogram of thesis 4.3.1 and Fig. 4.6.
 
 A count belongs to a frame, and a frame stands for the time until the next one. So frames may come at any rate, be
 dropped or be doubled. What was lit while frames were dropped is unknown: a frame stands for at most
@@ -170,18 +170,6 @@ def firing_spread_s(period_s: float, order_parameter: float = ORDER_PARAMETER) -
     return period_s / (2 * math.pi) * math.acos(order_parameter)
 
 
-def spread_at_s(period_s: float, flash_s: float, order_parameter: float = ORDER_PARAMETER) -> float:
-    """Return the spread of the histogram when the firings have this order parameter, whatever their distribution.
-
-    Each flash adds its duration to the spread of the firings. For r_sync = 0.95 the result is twice the thesis's 2
-    frames, which swarms reach some cycles later: in its eq. C.3 all flashes end within sigma_A.
-
-    >>> f"{spread_at_s(5.0, 0.375):.3f}"
-    '0.275'
-    """
-    return math.hypot(firing_spread_s(period_s, order_parameter), flash_s / math.sqrt(12))
-
-
 def spread_threshold_s(period_s: float, flash_s: float) -> float:
     """Return the bound of eq. C.3: the largest spread of a histogram if all rings are lit within sigma_A of its middle.
 
@@ -213,16 +201,54 @@ def order_over_time(onsets_s: FloatArray, period_s: float) -> tuple[FloatArray, 
     return np.minimum(order, 1.0), end - first
 
 
-def first_in_order_s(onsets_s: FloatArray, period_s: float, span_s: tuple[float, float], least: float) -> float | None:
-    """Return the first onset around which the order parameter is that of synchrony; None if there is none.
+class Periods(NamedTuple):
+    """The periods around onsets that were filmed whole and hold flashes of most robots, in order of time."""
+
+    onset_s: FloatArray
+    """(n,) the onsets that they are around."""
+    order: FloatArray
+    """(n,) order parameters of the onsets in them."""
+    numbers: IntArray
+    """(n,) how many these are."""
+
+    def first_in_order_s(self, order_parameter: float = ORDER_PARAMETER) -> float | None:
+        """Return the first onset around which the order parameter is that of synchrony; None if there is none."""
+        found = self.onset_s[self.order >= order_parameter]
+        return float(found[0]) if len(found) else None
+
+    def robots(self) -> int:
+        """Return the number of flashes in the periods in which they are nearest together: one of each robot.
+
+        The fifth whose order parameters are highest count; before synchrony a robot may flash twice in a period. It is
+        0 if there is none.
+        """
+        nearest = self.numbers[np.argsort(-self.order, kind="stable")][: max(len(self.numbers) // 5, 1)]
+        return round(float(np.median(nearest))) if len(nearest) else 0
+
+
+def whole_periods(onsets_s: FloatArray, period_s: float, span_s: tuple[float, float], least: float) -> Periods:
+    """Return the periods around onsets that are within what was filmed and hold enough of the robots.
 
     Args:
         onsets_s: (n,) onsets of flashes, ascending.
         period_s: Period of the oscillators.
-        span_s: Beginning and end of what was filmed; the period around the onset must be within.
-        least: Number of onsets below which the period around an onset holds too few of the robots.
+        span_s: Beginning and end of what was filmed.
+        least: Number of onsets below which a period holds too few of the robots.
     """
     order, numbers = order_over_time(onsets_s, period_s)
-    is_whole = (onsets_s - span_s[0] >= period_s / 2) & (span_s[1] - onsets_s >= period_s / 2)
-    found = onsets_s[is_whole & (order >= ORDER_PARAMETER) & (numbers >= least)]
-    return float(found[0]) if len(found) else None
+    is_whole = (onsets_s - span_s[0] >= period_s / 2) & (span_s[1] - onsets_s >= period_s / 2) & (numbers >= least)
+    return Periods(onsets_s[is_whole], order[is_whole], numbers[is_whole])
+
+
+def order_at_end(onsets_s: FloatArray, period_s: float, end_s: float, robots: int) -> float:
+    """Return the highest order parameter at the onsets of the last half period, whose next flashes were not filmed.
+
+    A robot's phase is known from its last flash, and robots have the last flashes, one each. A flash seen since may
+    have advanced a phase, so that the order parameter may be higher.
+    """
+    highest = 0.0
+    for last in range(robots - 1, len(onsets_s)) if robots > 1 else ():
+        if onsets_s[last] > end_s - period_s / 2:
+            since = np.minimum((onsets_s[last] - onsets_s[last - robots + 1 : last + 1]) / period_s, 1.0)
+            highest = max(highest, float(np.abs(np.exp(2j * np.pi * since).mean())))
+    return highest

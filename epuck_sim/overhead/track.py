@@ -2,6 +2,7 @@
 
 import csv
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,15 +15,15 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator
 from epuck_sim.overhead.calibration import TrackOptions, calibrate, described_geometry, excerpt, parse_metadata
 from epuck_sim.overhead.camera import Geometry
-from epuck_sim.overhead.counting import CountedRings, RingCounter, track_frames
+from epuck_sim.overhead.counting import CountedRings, RingCounter, TrackedFrame
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.film_writer import film_file
-from epuck_sim.overhead.flashes import REACH_CM, Flash, count_lit, count_places
+from epuck_sim.overhead.flashes import REACH_CM, Flash, FlashTable, count_lit, count_places, join_broken
 from epuck_sim.overhead.frame import Frame, Picture, ProgressWrapper
 from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.period import estimate_flash_s, estimate_period_s
 from epuck_sim.overhead.rings import Ring
-from epuck_sim.overhead.synchrony import Evaluation, evaluate, first_in_order_s, first_synchronised, frame_ends
+from epuck_sim.overhead.synchrony import ORDER_PARAMETER, Evaluation, evaluate, first_synchronised, frame_ends
 from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.verdict import Evidence, doubts, objections, why_never
 from epuck_sim.util.atomic_write import atomic_write
@@ -30,6 +31,12 @@ from epuck_sim.util.atomic_write import atomic_write
 FLASH_FRACTION = 0.075  # fraction of a period for which a ring is lit (thesis 4.2.1)
 
 LONG_FLASHES = 6.0  # duration of a flash, in medians of all, from which a ring is always lit, without a known period
+SAME_PLACE_CM = 0.5  # distance within which flashes are at one place
+FEWEST_FLICKERS, MOST_FLICKERS = (
+    6,
+    3.0,
+)  # flashes at a place, and these relative to the median, beyond which it flickers
+SAME_TIME_S = 1e-6  # times that differ by less are the same; the difference is rounding
 SHORTEST_STEADY_S = 2.0  # shortest time for which such a ring is lit
 
 RingWriter = Callable[[Frame, Sequence[Ring]], None]
@@ -70,16 +77,16 @@ class Track(NamedTuple):
     flashes_per_period: float
     """Mean number of flashes per period, over the time without gaps between frames."""
     t_sync_s: float | None
-    """Time from the beginning of the trial to the flash around which the histogram was first narrow enough."""
+    """Time from the beginning of the trial to the first flash around which the order parameter of the flashes in a
+    period is that of synchrony."""
     t_sync_periods: float | None
     """The same time in periods."""
     t_sync_cycles: float | None
-    """Mean number of flashes of a robot by that time, as simulated trials count cycles; coupling makes them shorter
-    than periods."""
-    t_sync_onsets_s: float | None
-    """Time from the beginning of the trial to the first flash around which the onsets in a period have an order
-    parameter of 0.95 or more."""
-    t_sync_onsets_periods: float | None
+    """T_sync as simulated trials have it: flashes of a robot until then, the one at that time included. It is the mean
+    over robots, as a film does not show which one is the reference."""
+    histogram_s: float | None
+    """Time from the beginning of the trial to the flash around which the histogram was first narrow enough."""
+    histogram_periods: float | None
     """The same time in periods."""
     confidence: Literal["high", "low", "none"]
     """Whether T_sync, or that there is none, can be trusted: `low` if something is doubtful, `none` if nothing can be
@@ -98,6 +105,8 @@ class Track(NamedTuple):
     """Flashes of the trial, in order of their onsets, without those of rings that are always lit."""
     steady: tuple[Flash, ...]
     """Rings that are always lit, as flashes."""
+    rings: Sequence[Sequence[Ring]]
+    """Rings on the floor in each frame of the film."""
     geometry: Geometry
     """The camera that took the film, and the floor."""
     options: TrackOptions
@@ -107,7 +116,7 @@ class Track(NamedTuple):
 
     def summary(self) -> dict[str, Any]:
         """Return the fields that are texts, numbers, or tuples of texts."""
-        others = {"times_s", "counts", "evaluations", "flashes", "steady", "geometry", "options", "tags"}
+        others = {"times_s", "counts", "evaluations", "flashes", "steady", "rings", "geometry", "options", "tags"}
         return {name: value for name, value in self._asdict().items() if name not in others}
 
     def periods_at(self, time_s: Any) -> Any:
@@ -171,41 +180,38 @@ def track_film(
 
 
 def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
-    """Read a tracked film again, and write it with the rings found and the histogram drawn; raises as `film_file`."""
+    """Write a tracked film again with the rings found and the histogram drawn; raises as `film_file`."""
     camera = track.geometry.camera
     annotator = Annotator(camera.width_px, camera.height_px, track.period_s)
-    counter, threshold_s = RingCounter(track.geometry), track.threshold_ms / 1000
-
-    def steady(time_s: float) -> int:
-        return sum(flash.onset_s <= time_s < flash.end_s for flash in track.steady)
-
+    evaluations = deque(track.evaluations)
+    sync_s = math.inf if track.histogram_s is None else track.start_s + track.histogram_s
+    shown_s: float | None = None
     with (
         open_film(track.film) as film,
         film_file(path, annotator.width_px, annotator.height_px, {"annotated": True}, path.stem) as writer,
     ):
-        frames = progress(excerpt(film.frames(), track.options), film.duration_s)
-        for tracked in track_frames(frames, counter, track.period_s, lambda: threshold_s, steady):
-            shown = tracked if track.confidence != "none" else tracked._replace(t_sync_s=None)
-            writer.write(Frame(tracked.frame.time_s, annotator.annotate(shown)))
+        for frame, rings in zip(
+            progress(excerpt(film.frames(), track.options), film.duration_s), track.rings, strict=False
+        ):
+            is_due = evaluations and evaluations[0].time_s + track.period_s / 2 <= frame.time_s
+            evaluation = evaluations.popleft() if is_due else None
+            if evaluation is not None and evaluation.time_s >= sync_s - SAME_TIME_S:
+                shown_s = sync_s
+            start_s = track.start_s if frame.time_s >= track.start_s else 0.0
+            tracked = TrackedFrame(frame, rings, start_s, evaluation, shown_s)
+            writer.write(Frame(frame.time_s, annotator.annotate(tracked)))
 
 
 def snapshot(track: Track) -> Snapshot:
-    """Return the frame of a tracked film in which the swarm becomes synchronised, or else the last one."""
-    at_s = math.inf if track.t_sync_s is None else track.start_s + track.t_sync_s
+    """Return the frame of a tracked film in which it is synchronised by the histogram, or else the last one."""
+    at_s = math.inf if track.histogram_s is None else track.start_s + track.histogram_s
     begins_s = track.times_s[track.times_s <= at_s][-1]  # the frame that stands for that moment
-    counter = RingCounter(track.geometry)
     with open_film(track.film) as film:
-        for frame in excerpt(film.frames(), track.options):
-            if frame.time_s >= begins_s:
-                break
-            counter.skip(frame)
+        moments = zip(excerpt(film.frames(), track.options), track.rings, strict=False)
+        frame, rings = next(moment for moment in moments if moment[0].time_s >= begins_s)
     steady_cm = [(flash.x_cm, flash.y_cm) for flash in track.steady if flash.onset_s <= frame.time_s <= flash.end_s]
-    rings = [
-        ring[3:6]
-        for ring in counter.process(frame)
-        if all(math.dist(ring[:2], place_cm) > REACH_CM for place_cm in steady_cm)
-    ]
-    return Snapshot(frame.time_s, frame.picture, np.array(rings).reshape(-1, 3))
+    shown = [ring[3:6] for ring in rings if all(math.dist(ring[:2], place_cm) > REACH_CM for place_cm in steady_cm)]
+    return Snapshot(frame.time_s, frame.picture, np.array(shown).reshape(-1, 3))
 
 
 @contextmanager
@@ -258,6 +264,7 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
             "flashes do not clearly repeat; give --period-s"
         )
     flash_s = _flash_s(times_s, counts, period_s)
+    flashes = join_broken(flashes, flash_s)
     threshold_s = options.threshold_s(period_s, flash_s)
     evaluations = evaluate(times_s, counts, period_s, start_s)
     sync = first_synchronised(evaluations, threshold_s)
@@ -271,21 +278,17 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
         start_s=start_s,
         robots=options.robots,
         period_is_given=options.period_s is not None,
+        order_parameter=options.order_parameter or ORDER_PARAMETER,
     )
+    in_order_s = evidence.in_order_s
     reasons = objections(evidence, sync)
-    t_sync_s = None if reasons or sync is None else sync.time_s
-    in_order_s = None if reasons else _in_order_s(evidence)
+    t_sync_s = None if reasons else in_order_s
+    histogram_s = None if reasons or sync is None else sync.time_s
     lit_always = count_places([*(ring[:2] for ring in counted.always_lit), *(each[2:4] for each in steady)])
-    found, most_lit = doubts(counted, evidence, sync, lit_always), evidence.most_lit
-    if t_sync_s is not None and options.robots and most_lit < options.robots:
-        found.append(
-            f"the swarm is synchronised, but at most {most_lit} rings were lit at once, of {options.robots} robots"
-        )
+    found = doubts(counted, evidence, sync, lit_always)
     frame_s = float(np.median(np.diff(times_s)))
     frames_s = frame_ends(times_s, times_s[-1]) - times_s
     lit_s = frames_s * counts / flash_s  # all rings' light over that of one flash
-    until_s = math.nan if t_sync_s is None else t_sync_s + period_s / 4  # when that flash is over
-    cycles = float(lit_s[times_s <= until_s].sum()) / (options.robots or max(most_lit, 1))
     return Track(
         film=film,
         frames=counted.frames,
@@ -300,21 +303,22 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
         rings_outside=counted.outside,
         always_lit=lit_always,
         position_error_mm=10 * geometry.error_cm or None,
-        robots_seen=most_lit,
+        robots_seen=evidence.most_lit,
         flashes_per_period=float(lit_s.sum() / frames_s.sum()) * period_s,
         t_sync_s=_since(start_s, t_sync_s),
         t_sync_periods=_since(start_s, t_sync_s, period_s),
-        t_sync_cycles=None if t_sync_s is None else cycles,
-        t_sync_onsets_s=_since(start_s, in_order_s),
-        t_sync_onsets_periods=_since(start_s, in_order_s, period_s),
+        t_sync_cycles=None if t_sync_s is None else evidence.cycles_at(t_sync_s),
+        histogram_s=_since(start_s, histogram_s),
+        histogram_periods=_since(start_s, histogram_s, period_s),
         confidence="none" if reasons else "low" if found or warnings else "high",
-        reasons=tuple(reasons or ([] if sync else [why_never(evaluations, period_s, flash_s, threshold_s)])),
+        reasons=tuple(reasons or ([] if in_order_s else [why_never(evidence)])),
         warnings=(*warnings, *found),
         times_s=times_s,
         counts=counts,
         evaluations=tuple(evaluations),
         flashes=flashes,
         steady=steady,
+        rings=counted.rings,
         geometry=geometry,
         options=options,
     )
@@ -324,24 +328,24 @@ def _since(start_s: float, time_s: float | None, unit_s: float = 1.0) -> float |
     return None if time_s is None else (time_s - start_s) / unit_s
 
 
-def _in_order_s(evidence: Evidence) -> float | None:
-    """Return when the onsets of flashes were first in order, on the film's clock; None if they never were."""
-    onsets_s = np.array([flash.onset_s for flash in evidence.flashes])
-    filmed_s = float(evidence.times_s[0]), float(evidence.times_s[-1])
-    return first_in_order_s(onsets_s, evidence.period_s, filmed_s, evidence.usual_flashes)
-
-
 def without_steady(
     flashes: tuple[Flash, ...], times_s: FloatArray, counts: IntArray, period_s: float | None
 ) -> tuple[tuple[Flash, ...], tuple[Flash, ...], IntArray]:
     """Return flashes, those of rings that are always lit, and (frames,) counts without these.
 
-    Without a period, a ring is always lit if it is lit for much longer than usual.
+    Without a period, a ring is always lit if it is lit for much longer than usual. A place with many times as many
+    flashes as other places has a lamp that the camera sees now and then.
     """
     usual_s = float(np.median([flash.end_s - flash.onset_s for flash in flashes]))
     longest_s = period_s / 2 if period_s else max(LONG_FLASHES * usual_s, SHORTEST_STEADY_S)
-    steady = tuple(flash for flash in flashes if flash.end_s - flash.onset_s > longest_s)
-    others = tuple(flash for flash in flashes if flash.end_s - flash.onset_s <= longest_s)
+    places = FlashTable.of(flashes).places_cm
+    here = [int(np.count_nonzero(np.hypot(*(places - place).T) < SAME_PLACE_CM)) for place in places]
+    usual = max(FEWEST_FLICKERS, MOST_FLICKERS * float(np.median(here)))
+    is_steady = [
+        flash.end_s - flash.onset_s > longest_s or number > usual for flash, number in zip(flashes, here, strict=True)
+    ]
+    steady = tuple(flash for flash, stays in zip(flashes, is_steady, strict=True) if stays)
+    others = tuple(flash for flash, stays in zip(flashes, is_steady, strict=True) if not stays)
     if not others:
         return flashes, (), counts
     return others, steady, np.maximum(counts - count_lit(steady, times_s), 0)

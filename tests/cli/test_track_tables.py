@@ -17,7 +17,10 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.frame import Frame
 from tests.overhead.films import TRACK
 
-NEVER = TRACK._replace(t_sync_s=None, t_sync_periods=None, t_sync_cycles=None, estimated=())
+NEVER = TRACK._replace(
+    **dict.fromkeys(("t_sync_s", "t_sync_periods", "t_sync_cycles", "histogram_s", "histogram_periods")),
+    estimated=(),
+)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +68,7 @@ def test_json_is_one_line_that_any_program_reads(capsys: pytest.CaptureFixture[s
     printed = json.loads(line)
     assert printed.pop("versions")["epuck_sim"]
     assert printed == json.loads(json.dumps(TRACK.summary()))
-    assert (printed["t_sync_s"], printed["warnings"], printed["estimated"]) == (2.55, ["odd"], ["period_s"])
+    assert (printed["histogram_s"], printed["warnings"], printed["estimated"]) == (2.55, ["odd"], ["period_s"])
 
 
 def test_table_has_all_results(capsys: pytest.CaptureFixture[str]) -> None:
@@ -73,7 +76,7 @@ def test_table_has_all_results(capsys: pytest.CaptureFixture[str]) -> None:
     text = capsys.readouterr().out
     for words in (
         *("film.mp4", "240 at 29.97 per second", "from 2.0 s, for 8.0 s", "somewhere", "1 s, estimated", "100 ms"),
-        *("6 at once, 6.0 flashes per period", "32 ms\n", "2.5 s, 2.5 periods", "3.4 flashes per robot"),
+        *("6 at once, 6.0 flashes per period", "32 ms\n", "3.4 cycles, 2.5 s", "2.5 periods, 2.5 s"),
     ):
         assert words in text
     assert "32 ms, estimated" not in text
@@ -85,6 +88,19 @@ def test_table_of_a_swarm_that_never_synchronised(capsys: pytest.CaptureFixture[
     assert "never" in text
     assert "flashes until then" not in text
     assert "estimated" not in text
+
+
+def test_t_sync_comes_first_and_the_table_fits_a_screen(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("epuck_sim.cli.track_tables.terminal_width", lambda: 80)
+    doubts = ("rings are missed, or something shines; give --corners, --arena-cm", "is it 2 s? give --period-s")
+    print_track(TRACK._replace(warnings=doubts, confidence="low"))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split() == ["T_sync", "3.4", "cycles,", "2.5", "s"]
+    assert "low; --corners, --arena-cm, --period-s may settle it" in lines[2]
+    assert len(lines) <= 20
+    assert max(map(len, lines)) <= 80
 
 
 def test_name_of_a_film_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:

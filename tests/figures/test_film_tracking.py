@@ -38,8 +38,8 @@ def make_track(cycles: int, narrow_from: int | None = None, seconds: float | Non
         period_s=PERIOD,
         start_s=START,
         threshold_ms=1000 * THRESHOLD,
-        t_sync_s=None if at_s is None else at_s - START,
-        t_sync_periods=None if at_s is None else (at_s - START) / PERIOD,
+        histogram_s=None if at_s is None else at_s - START,
+        histogram_periods=None if at_s is None else (at_s - START) / PERIOD,
     )
 
 
@@ -83,10 +83,10 @@ def test_the_second_row_leads_from_the_first_evaluation_to_the_third_row():
 
 
 def test_the_third_row_is_one_before_synchrony_synchrony_one_after_and_the_last():
-    rounded = LONG._replace(t_sync_s=LONG.t_sync_s * (1 + 1e-15))
+    rounded = LONG._replace(histogram_s=LONG.histogram_s * (1 + 1e-15))
     third = choose_moments(rounded)[2]
     times = [each.time_s for each in LONG.evaluations]
-    sync = times.index(START + LONG.t_sync_s)
+    sync = times.index(START + LONG.histogram_s)
     assert [evaluation for _, evaluation in third] == [LONG.evaluations[n] for n in (sync - 1, sync, sync + 1, -1)]
 
 
@@ -105,7 +105,7 @@ def test_no_evaluation_is_shown_twice_and_short_films_show_fewer(cycles):
 
 def test_without_synchrony_the_third_row_is_the_last_evaluations():
     film = make_track(20)
-    assert film.t_sync_s is None
+    assert film.histogram_s is None
     assert [evaluation for _, evaluation in choose_moments(film)[2]] == list(film.evaluations[-ACROSS:])
 
 
@@ -140,7 +140,7 @@ def test_snapshots_show_the_counts_until_then_and_the_spread(drawn):
 
 def test_the_panels_below_mark_synchrony_and_the_threshold(drawn):
     counts, detector = panels(drawn)[12:]
-    cycles = LONG.t_sync_s / PERIOD
+    cycles = LONG.histogram_s / PERIOD
     for axes in (counts, detector):
         assert any(set(line.get_xdata()) == {cycles} for line in axes.get_lines())
     assert any(np.allclose(line.get_ydata(), 1000 * THRESHOLD) for line in detector.get_lines())

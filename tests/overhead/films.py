@@ -79,11 +79,11 @@ TRACK = Track(
     position_error_mm=None,
     robots_seen=6,
     flashes_per_period=6.04,
-    t_sync_s=2.55,
-    t_sync_periods=2.55,
+    histogram_s=2.55,
+    histogram_periods=2.55,
     t_sync_cycles=3.44,
-    t_sync_onsets_s=2.5,
-    t_sync_onsets_periods=2.5,
+    t_sync_s=2.5,
+    t_sync_periods=2.5,
     confidence="high",
     reasons=(),
     warnings=("odd",),
@@ -92,6 +92,7 @@ TRACK = Track(
     evaluations=(),
     flashes=(),
     steady=(),
+    rings=(),
     geometry=make_geometry(),
     options=TrackOptions(),
 )
@@ -167,7 +168,7 @@ class Coded:
     The ring that went on first goes off first, and each that goes on is at another place.
     """
 
-    def __init__(self, *_: object) -> None:
+    def __init__(self, *_: object, **__: object) -> None:
         self._lit: list[int] = []
         self._next = 0
 

@@ -33,8 +33,8 @@ def rings(count: int) -> list[FoundRing]:
     return [FoundRing(30 + 40 * ring, 50, 15) for ring in range(count)]
 
 
-def annotate(annotator, frame, rings=(), start_s=0.0, evaluation=None, t_sync_s=None) -> np.ndarray:
-    return annotator.annotate(TrackedFrame(frame, rings, start_s, evaluation, t_sync_s))
+def annotate(annotator, frame, rings=(), start_s=0.0, evaluation=None, histogram_s=None) -> np.ndarray:
+    return annotator.annotate(TrackedFrame(frame, rings, start_s, evaluation, histogram_s))
 
 
 def annotate_counts(annotator: Annotator, counts: dict[float, int], start_s: float = 0.0) -> np.ndarray:

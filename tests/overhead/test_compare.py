@@ -9,10 +9,12 @@ from epuck_sim import load_scenario
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.compare import (
     QUANTITIES,
+    UNLIKE,
     QuantityComparison,
     compare_film,
     fit_scenario,
     fitted_values,
+    judge,
     save_fitted,
     simulate_film,
     track_trial,
@@ -39,12 +41,50 @@ def test_the_percentile_counts_trials_with_smaller_values() -> None:
     assert math.isnan(compared(1.0, [math.nan]).percentile)
 
 
-def test_only_many_trials_show_that_a_film_is_unusual() -> None:
-    assert compared(50.0, [*range(40)]).is_unusual
-    assert compared(-1.0, [*range(40)]).is_unusual
-    assert not compared(39.0, [*range(40)]).is_unusual
-    assert not compared(50.0, [*range(39)]).is_unusual
-    assert not compared(math.nan, [*range(60)]).is_unusual
+def rows_of(film: list[float], trials: np.ndarray) -> list[QuantityComparison]:
+    return [QuantityComparison(*row) for row in zip(QUANTITIES[: len(film)], film, trials.T, strict=True)]
+
+
+def test_few_films_like_the_trials_are_called_unlike() -> None:
+    random = np.random.default_rng(0)
+    mixing = np.array([[1.0, 0.9, 0.0], [0.0, 0.4, 0.0], [0.0, 0.0, 1.0]])  # the first two depend on each other
+    p_values = []
+    for _ in range(300):
+        drawn = 5 + random.standard_normal((41, 3)) @ mixing
+        p_values.append(judge(rows_of(drawn[0].tolist(), drawn[1:])).p_value)
+    assert np.mean(np.array(p_values) <= UNLIKE) <= 0.08  # exactly 2 of 41, give or take
+    assert np.mean(np.array(p_values) <= 0.5) == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize(("off", "way"), [(-6.0, "lower"), (6.0, "higher")])
+def test_a_verdict_names_what_is_far_off(off: float, way: str) -> None:
+    trials = 5 + np.random.default_rng(1).standard_normal((40, 3))
+    verdict = judge(rows_of([5.0, 5.0, 5.0 + off], trials))
+    assert verdict.p_value == pytest.approx(1 / 41)
+    assert verdict.sentence == f"the film is unlike the simulated trials (p = 0.024): flash is {way} than theirs"
+    assert verdict.caution == ""
+
+
+def test_what_is_not_known_is_not_judged() -> None:
+    trials = 5 + np.random.default_rng(2).standard_normal((40, 2))
+    assert "like the simulated trials" in judge(rows_of([5.0, math.nan], trials)).sentence
+    trials[:30, 1] = math.nan
+    assert judge(rows_of([5.0, 99.0], trials)).p_value > UNLIKE
+    verdict = judge(rows_of([math.nan, math.nan], trials))
+    assert (math.isnan(verdict.p_value), "nothing can be said" in verdict.sentence) == (True, True)
+
+
+def test_too_few_trials_and_too_short_a_film_are_said_first() -> None:
+    trials = 5 + np.random.default_rng(3).standard_normal((40, 1))
+    assert judge(rows_of([99.0], trials[:18])).caution == (
+        "18 trials are too few to show that a film is unlike them; give --trials 19 or more"
+    )
+    assert judge(rows_of([99.0], trials[:19])).caution == ""
+    assert judge(rows_of([99.0], trials[:19])).p_value == 0.05
+    trials[:21] = math.inf
+    verdict = judge(rows_of([math.inf], trials))
+    assert verdict.caution.startswith("21 of 40 trials are not synchronised when the film ends")
+    assert verdict.p_value > UNLIKE
 
 
 def test_a_trial_is_tracked_as_if_it_were_filmed() -> None:

@@ -116,8 +116,8 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
     in_trial = [tracked for tracked in tracked_frames if tracked.frame.time_s >= track.start_s]
     assert [tracked.evaluation for tracked in in_trial if tracked.evaluation] == list(track.evaluations)
     if track.confidence != "none":
-        assert track.t_sync_s == (None if last.t_sync_s is None else last.t_sync_s - track.start_s)
-    is_known = [tracked.t_sync_s is not None for tracked in in_trial]
+        assert track.histogram_s == (None if last.histogram_s is None else last.histogram_s - track.start_s)
+    is_known = [tracked.histogram_s is not None for tracked in in_trial]
     assert is_known == sorted(is_known)
 
 
@@ -125,7 +125,7 @@ def test_synchrony_in_the_light_is_forgotten_in_the_dark(counter: RingCounter) -
     times_s = np.arange(150) / 15
     counts = counted(np.repeat(0.5 + np.arange(10), 2), 0.1, times_s)
     tracked_frames = list(track_frames(coded(times_s, counts, times_s < 5), counter, 1.0, lambda: 0.05, none_steady))
-    found = [tracked.t_sync_s for tracked in tracked_frames]
+    found = [tracked.histogram_s for tracked in tracked_frames]
     assert found[74] == pytest.approx(0.5, abs=0.15)
     assert found[75] is None
     assert found[-1] == pytest.approx(5.5, abs=0.15)

@@ -52,7 +52,7 @@ def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
     assert tracked.score.precision >= 0.99
     assert tracked.score.rms_cm <= 0.4
     assert tracked.track.reasons == ()
-    assert tracked.track.t_sync_periods == pytest.approx(2.55, abs=0.25)
+    assert tracked.track.histogram_periods == pytest.approx(2.55, abs=0.25)
 
 
 def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_p
     tracked = Tracked(tmp_path, camera, robots, scale=0.4, frames_per_s=12.0, extras=extras, **known).track
     assert tracked.rings_outside > 10
     assert tracked.always_lit == 1
-    assert tracked.t_sync_periods == pytest.approx(2.55, abs=0.25)
+    assert tracked.histogram_periods == pytest.approx(2.55, abs=0.25)
     assert tracked.confidence == "low"
     assert any("outside of the floor" in warning for warning in tracked.warnings)
     assert any("stayed lit" in warning for warning in tracked.warnings)
@@ -77,7 +77,7 @@ def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_p
 def test_groups_that_flash_in_turn_are_not_taken_for_one(tmp_path: Path) -> None:
     robots = swarm(6, 7, 0, seed=3, period_s=2.0, groups=2, swing_cm=0.3)
     tracked = Tracked(tmp_path, GOOD, robots, scale=0.4, frames_per_s=12.0).track
-    assert tracked.t_sync_s is None
+    assert tracked.histogram_s is None
     if tracked.period_s < 1.5:
         assert any("half of the period fits as well" in reason for reason in tracked.reasons)
 
@@ -85,5 +85,5 @@ def test_groups_that_flash_in_turn_are_not_taken_for_one(tmp_path: Path) -> None
 def test_a_wrong_number_of_robots_gives_no_answer(tmp_path: Path) -> None:
     robots = swarm(4, 4, 1, seed=4, period_s=2.0)
     tracked = Tracked(tmp_path, GOOD, robots, scale=0.4, period_s=2.0, robots=9, frames_per_s=12.0).track
-    assert (tracked.t_sync_s, tracked.confidence) == (None, "none")
+    assert (tracked.histogram_s, tracked.confidence) == (None, "none")
     assert any("9 robots" in reason for reason in tracked.reasons)

@@ -96,7 +96,7 @@ def test_flashes_tell_whose_they_are_and_the_order_of_phases() -> None:
     assert table["phase_order_parameter"][-1] == pytest.approx(np.abs(np.exp(2j * np.pi * 0.02) + 2) / 3, abs=1e-6)
     found = summary(track, robots)
     assert (found["by"], found["robots"], found["links"], found["unsure_share"]) == ("motion", [0, 1, 2], 15, 0)
-    assert found["t_sync_s"] == pytest.approx(0.52)
+    assert found["by_phases_s"] == pytest.approx(0.52)
     assert found["pairs_together"] == 3
     assert pair_columns(track, robots)["share"].tolist() == [1, 1, 1]
 
@@ -139,7 +139,7 @@ def test_a_film_without_flashes_gives_tables_without_rows(tmp_path: Path) -> Non
         for name, columns in (("f", flash_columns), ("t", trace_columns), ("p", pair_columns)):
             write_table(tmp_path / f"{name}.{ending}", columns(track, robots), {})
     assert (tmp_path / "t.csv").read_text() == "time_s,robot,x_cm,y_cm,heading_rad,ring_on,phase_ms\n"
-    assert summary(track, robots)["t_sync_s"] is None
+    assert summary(track, robots)["by_phases_s"] is None
 
 
 # --- phases and pairs -------------------------------------------------------------------------------

@@ -16,12 +16,13 @@ from epuck_sim.overhead.synchrony import (
     Evaluation,
     SynchronyDetector,
     evaluate,
-    first_in_order_s,
     first_synchronised,
     frame_ends,
     is_synchronised,
+    order_at_end,
     order_over_time,
     weighted_spread,
+    whole_periods,
 )
 from tests.overhead.counts import counted, frames, steady, uneven
 
@@ -290,12 +291,29 @@ def test_it_is_that_of_the_onsets_within_half_a_period(onsets_ms: list[int], per
 
 
 def test_synchrony_begins_with_the_first_flash_together() -> None:
-    assert first_in_order_s(ONSETS_TOGETHER, 1.0, (0.0, 6.0), 5) == 4.5
-    assert first_in_order_s(ONSETS_TOGETHER, 1.0, (0.0, 4.9), 5) is None
-    assert first_in_order_s(ONSETS_TOGETHER, 1.0, (4.1, 6.0), 5) == 5.5
-    assert first_in_order_s(ONSETS_TOGETHER, 1.0, (0.0, 6.0), 7) is None
+    assert whole_periods(ONSETS_TOGETHER, 1.0, (0.0, 6.0), 5).first_in_order_s() == 4.5
+    assert whole_periods(ONSETS_TOGETHER, 1.0, (0.0, 4.9), 5).first_in_order_s() is None
+    assert whole_periods(ONSETS_TOGETHER, 1.0, (4.1, 6.0), 5).first_in_order_s() == 5.5
+    assert whole_periods(ONSETS_TOGETHER, 1.0, (0.0, 6.0), 7).first_in_order_s() is None
 
 
 def test_a_lone_flash_is_in_step_with_nobody() -> None:
-    assert first_in_order_s(np.array([1.0, 3.0, 5.0]), 1.0, (0.0, 6.0), 2) is None
-    assert first_in_order_s(np.empty(0), 1.0, (0.0, 6.0), 2) is None
+    assert whole_periods(np.array([1.0, 3.0, 5.0]), 1.0, (0.0, 6.0), 2).first_in_order_s() is None
+    assert whole_periods(np.empty(0), 1.0, (0.0, 6.0), 2).first_in_order_s() is None
+
+
+def test_robots_are_counted_where_they_are_nearest_together() -> None:
+    early = np.sort(np.concatenate([0.7 * np.arange(5) + shift for shift in (0.0, 0.2, 0.4)]))  # cycles are shortened
+    onsets_s = np.concatenate([early, np.repeat(4.5 + np.arange(5), 3) + np.tile([-0.02, 0.0, 0.02], 5)])
+    assert whole_periods(onsets_s, 1.0, (0.0, 9.5), 2).robots() == 3
+    assert whole_periods(onsets_s, 1.0, (0.0, 9.5), 9).robots() == 0
+    assert whole_periods(np.empty(0), 1.0, (0.0, 9.5), 2).robots() == 0
+
+
+def test_the_order_parameter_at_the_end_is_that_of_the_last_flashes() -> None:
+    onsets_s = np.array([1.0, 1.1, 1.2, 2.0, 2.1, 2.2])
+    phases = np.array([0.0, 0.1, 0.2])
+    assert order_at_end(onsets_s, 1.0, 2.3, 3) == pytest.approx(np.abs(np.exp(2j * np.pi * phases).mean()))
+    assert order_at_end(onsets_s, 1.0, 2.9, 3) == 0.0
+    assert order_at_end(onsets_s, 1.0, 2.3, 7) == 0.0
+    assert order_at_end(onsets_s, 1.0, 2.3, 0) == 0.0

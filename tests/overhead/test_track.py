@@ -88,7 +88,7 @@ def test_described_film_gives_its_trial(tracked: Track, named: str) -> None:
     assert tracked.times_s == pytest.approx(TIMES, abs=1e-4)
     assert (tracked.period_s, tracked.estimated, tracked.warnings) == (1.0, ("threshold_ms",), ())
     assert tracked.robots_seen == 6
-    assert tracked.t_sync_s == pytest.approx(2.55, abs=1e-3)
+    assert tracked.histogram_s == pytest.approx(2.55, abs=1e-3)
     assert tracked.flash_ms == pytest.approx(100, abs=5)
 
 
@@ -97,7 +97,7 @@ def test_foreign_film_gives_the_same_trial(tracked: Track, foreign: str) -> None
     assert (track.calibration, track.estimated) == (RINGS, ("period_s", "threshold_ms"))
     assert track.counts.tolist() == tracked.counts.tolist()
     assert track.period_s == pytest.approx(1, abs=0.01)
-    assert track.t_sync_s == pytest.approx(tracked.t_sync_s)
+    assert track.histogram_s == pytest.approx(tracked.histogram_s)
 
 
 def test_options_override_the_film(named: str) -> None:
@@ -105,7 +105,7 @@ def test_options_override_the_film(named: str) -> None:
     assert (track.period_s, track.threshold_ms, track.estimated) == (1.25, 500.0, ())
     assert track.calibration == DESCRIPTION
     assert track.reasons == ("6 rings were lit at once, but there are 3 robots: check --robots, or what else is lit",)
-    assert (track.t_sync_s, track.confidence) == (None, "none")
+    assert (track.histogram_s, track.confidence) == (None, "none")
 
 
 def test_rings_are_listed_where_they_are(named: str, tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_trial_begins_in_the_dark(begins_lit: str, tracked: Track, tmp_path: Pat
     assert track.start_s == pytest.approx(1, abs=1e-4)
     assert track.duration_s == pytest.approx(4.5, abs=1e-3)
     assert track.counts.tolist() == tracked.counts.tolist()
-    assert track.t_sync_s == pytest.approx(tracked.t_sync_s, abs=1e-3)
+    assert track.histogram_s == pytest.approx(tracked.histogram_s, abs=1e-3)
     assert score(read_rings(tmp_path / "rings.csv"), 1 + TIMES, LIT).worst_cm <= 0.3
     assert snapshot(track).time_s == pytest.approx(3.5, abs=0.1)
     assert len(snapshot(track).rings_px) == 6
@@ -165,7 +165,7 @@ def test_lit_film_is_tracked(lit_reel: list[Frame], tmp_path: Path, tracked: Tra
     assert track.start_s == 0
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
     assert score(read_rings(tmp_path / "rings.csv"), TIMES, LIT).worst_cm <= 0.2
-    assert track.t_sync_s == pytest.approx(tracked.t_sync_s)
+    assert track.histogram_s == pytest.approx(tracked.histogram_s)
 
 
 def test_light_that_goes_on_for_a_moment_hides_no_ring(
@@ -198,7 +198,7 @@ def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Tra
     assert track.counts.tolist() == tracked.counts[kept].tolist()
     assert track.times_s == pytest.approx(TIMES[kept], abs=1e-3)
     assert track.period_s == pytest.approx(1, abs=0.01)
-    assert track.t_sync_s == pytest.approx(tracked.t_sync_s, abs=0.02)
+    assert track.histogram_s == pytest.approx(tracked.histogram_s, abs=0.02)
     assert any("left out" in warning for warning in track.warnings)
     assert any("frames were dropped" in warning for warning in track.warnings)
 
@@ -206,7 +206,7 @@ def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Tra
 def test_synchrony_is_not_detected_in_a_period_half_of_which_is_missing(reel: list[Frame], tmp_path: Path) -> None:
     frames = [frame for frame in reel if not 2.7 < frame.time_s < 3.05]
     track = track_film(save_stamped(tmp_path / "gap.mkv", frames, described()), TrackOptions(), None, passed)
-    assert track.t_sync_s == pytest.approx(3.55, abs=0.02)
+    assert track.histogram_s == pytest.approx(3.55, abs=0.02)
 
 
 def test_rate_that_wanders_moves_nothing(tracked: Track, tmp_path: Path) -> None:
@@ -218,14 +218,14 @@ def test_rate_that_wanders_moves_nothing(tracked: Track, tmp_path: Path) -> None
     track = track_film(name, TrackOptions(), None, passed)
     assert track.counts.tolist() == ring_on.sum(axis=1).tolist()
     assert track.period_s == pytest.approx(1, abs=0.01)
-    assert track.t_sync_s == pytest.approx(tracked.t_sync_s, abs=0.05)
+    assert track.histogram_s == pytest.approx(tracked.histogram_s, abs=0.05)
 
 
 def test_film_that_was_cut_off_is_tracked_to_its_end(reel: list[Frame], tmp_path: Path) -> None:
     path = tmp_path / "cut.mkv"
     save_stamped(path, reel, described())
     track = track_film(str(cut_off(path, 0.8)), TrackOptions(), None, passed)
-    assert track.t_sync_s == pytest.approx(2.55, abs=0.02)
+    assert track.histogram_s == pytest.approx(2.55, abs=0.02)
     assert track.frames < len(reel)
 
 
@@ -256,7 +256,7 @@ def test_snapshot_shows_a_mode_that_lasts_for_one_frame(tmp_path: Path) -> None:
     name = save(tmp_path / "brief.mp4", shoot(TIMES, flashing(TIMES, phases)), described())
     track = track_film(name, TrackOptions(threshold_ms=100.0), None, passed)
     assert track.evaluations[0].rings == 6
-    assert track.t_sync_s is not None
+    assert track.histogram_s is not None
     assert len(snapshot(track).rings_px) == 6
 
 
@@ -307,7 +307,7 @@ def test_annotation_says_what_the_track_says(
 
     monkeypatch.setattr(Annotator, "annotate", annotate)
     annotate_film(track, tmp_path / "annotated.mp4", passed)
-    assert annotated[-1].t_sync_s == track.t_sync_s
+    assert annotated[-1].histogram_s == track.histogram_s
     assert [tracked.evaluation for tracked in annotated if tracked.evaluation] == list(track.evaluations)
     assert [len(tracked.rings) for tracked in annotated] == track.counts.tolist()
 

@@ -100,7 +100,7 @@ def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Fra
     assert not camera.is_open
     assert (track.film, track.calibration, track.period_s) == ("camera 7", RINGS, 1.0)
     assert track.estimated == ("threshold_ms",)
-    assert track.start_s + track.t_sync_s == pytest.approx(2.55, abs=1e-3)
+    assert track.start_s + track.histogram_s == pytest.approx(2.55, abs=1e-3)
     assert camera.given == round(3.05 * 30) + 1
     assert track.times_s[-1] == pytest.approx(3.05, abs=0.04)
     assert len(read_rings(table)) == track.counts.sum()
@@ -113,19 +113,19 @@ def test_camera_needs_no_frame_of_the_dark_if_it_saw_the_floor(plug: Plug) -> No
     track = watch(TrackOptions(threshold_ms=50.0))
     assert track.calibration == LIGHT
     assert track.start_s == pytest.approx(1)
-    assert track.t_sync_s == pytest.approx(2.55, abs=1e-3)
+    assert track.histogram_s == pytest.approx(2.55, abs=1e-3)
 
 
 def test_threshold_of_a_camera_is_the_one_that_is_known(plug: Plug, reel: list[Frame]) -> None:
     plug(reel)
     track = watch(TrackOptions(threshold_ms=1.0))
-    assert (track.threshold_ms, track.t_sync_s) == (1.0, None)
+    assert (track.threshold_ms, track.histogram_s) == (1.0, None)
 
 
 def test_synchrony_that_is_not_believed_is_told_and_filmed_on(plug: Plug, reel: list[Frame]) -> None:
     camera, told = plug(reel), []
     track = watch(TrackOptions(robots=12, threshold_ms=50.0), told.append)
-    assert (track.t_sync_s, track.confidence) == (None, "none")
+    assert (track.histogram_s, track.confidence) == (None, "none")
     assert camera.given == len(reel)
     assert len(told) == 1
     assert told[0].startswith("not yet believed to be synchronised: ")
@@ -134,7 +134,7 @@ def test_synchrony_that_is_not_believed_is_told_and_filmed_on(plug: Plug, reel: 
 def test_ctrl_c_gives_what_is_known_so_far(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
     plug(reel[:70])
     track = watch(TrackOptions(corners_px=CORNERS_PX), rings=tmp_path / "r.csv", annotate=tmp_path / "s.mp4")
-    assert track.t_sync_s is None
+    assert track.histogram_s is None
     assert track.frames == 70
     assert track.counts.tolist() == LIT[:70].sum(axis=1).tolist()
     assert len(read_rings(tmp_path / "r.csv")) == LIT[:70].sum()

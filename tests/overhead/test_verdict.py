@@ -3,14 +3,27 @@
 import numpy as np
 import pytest
 
-from epuck_sim.overhead.flashes import Flash, FlashLinker, count_lit, count_places
+from epuck_sim.overhead.counting import CountedRings
+from epuck_sim.overhead.flashes import Flash, FlashLinker, count_lit, count_places, join_broken
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import evaluate
-from epuck_sim.overhead.verdict import Evidence, count_images, may_be_half_a_period, objections, recurs_after_two
+from epuck_sim.overhead.verdict import (
+    Evidence,
+    count_images,
+    doubts,
+    light_without_rings,
+    may_be_half_a_period,
+    objections,
+    recurs_after_two,
+)
 from tests.overhead.counts import counted
+from tests.overhead.films import make_geometry
 
 TIMES = np.arange(240) / 30
 ONSETS = np.array([*(0.1 + np.arange(3)[:, None] + np.arange(4) / 5).ravel(), *np.repeat(3.5 + np.arange(4), 4)])
+
+
+COUNTED = CountedRings(240, 0.0, TIMES, np.zeros(240, int), np.zeros(240, int), (), 0, (), make_geometry())
 
 
 def evidence(**changes) -> Evidence:
@@ -81,6 +94,48 @@ def test_the_double_period_is_doubted_where_robots_move_too_far_to_tell(
     assert not may_be_half_a_period(given._replace(period_is_given=True))
 
 
+def test_two_groups_in_turn_are_no_swarm_in_step_from_the_beginning() -> None:
+    onsets = 0.55 + np.repeat(np.arange(8), 3)
+    flashes = tuple(Flash(at, at + 0.1, 20.0 + 12 * at + 2 * (k % 3), 20.0, 50.0) for k, at in enumerate(onsets))
+    counts = counted(onsets, 0.1, TIMES)
+    given = evidence(flashes=flashes, counts=counts, area=100 * counts, robots=None, period_is_given=False)
+    (reason,) = objections(given, sync_of(given))
+    assert "2 s are the period and two groups flash in turn" in reason
+    assert objections(given._replace(robots=3), sync_of(given)) == []
+
+
+@pytest.mark.parametrize(("every", "is_doubted"), [(1, False), (5, True)])
+def test_flashes_that_are_missed_before_synchrony_are_doubted(every: int, is_doubted: bool) -> None:
+    flashes = tuple(flash for k, flash in enumerate(evidence().flashes) if flash.onset_s > 3 or every == 1 or k % every)
+    counts = counted(np.array([flash.onset_s for flash in flashes]), 0.1, TIMES)
+    given = evidence(flashes=flashes, counts=counts)
+    found = doubts(COUNTED._replace(times_s=TIMES, counts=counts), given, sync_of(given), 0)
+    assert any("some are missed" in doubt for doubt in found) == is_doubted
+
+
+@pytest.mark.parametrize(("size", "is_doubted"), [(1.0, False), (1.05, False), (0.88, True), (1.12, True)])
+def test_rings_that_are_too_large_by_the_corners_are_doubted(size: float, is_doubted: bool) -> None:
+    given = evidence()
+    found = doubts(COUNTED._replace(geometry=make_geometry()._replace(ring_size=size)), given, sync_of(given), 0)
+    assert any("times as large as they are" in doubt for doubt in found) == is_doubted
+
+
+def test_a_number_of_robots_that_varies_is_doubted() -> None:
+    flashes = tuple(flash for k, flash in enumerate(evidence().flashes) if k not in {14, 17, 22})
+    given = evidence(flashes=flashes, robots=None)
+    (doubt,) = doubts(COUNTED, given, sync_of(given), 0)
+    assert doubt.startswith("3 to 4 flashes are seen in a period of the synchronised swarm")
+    assert doubts(COUNTED, evidence(robots=None), sync_of(given), 0) == []
+
+
+def test_light_without_rings_is_measured() -> None:
+    given = evidence()
+    assert light_without_rings(given) == 0
+    missed = np.where(np.arange(len(TIMES)) % 3 == 0, 0, given.counts)
+    assert light_without_rings(given._replace(counts=missed)) == pytest.approx(1 / 3, abs=0.1)
+    assert light_without_rings(given._replace(counts=0 * given.counts)) == 0
+
+
 def test_mirror_images_are_counted() -> None:
     random = np.random.default_rng(0)
     robots = [Flash(t, t + 0.3, *random.uniform(5, 55, 2), 80.0) for t in np.sort(random.uniform(0, 60, 30))]
@@ -101,6 +156,14 @@ def test_rings_are_linked_to_flashes_across_a_frame_that_misses_one() -> None:
     assert (one.onset_s, one.end_s, other.onset_s, other.end_s) == (0, 4, 1, 4)
     assert (one.x_cm, other.x_cm) == (pytest.approx(10.5), pytest.approx(30.4))
     assert count_lit(linker.flashes, np.arange(8.0)).tolist() == [1, 2, 2, 2, 0, 0, 0, 0]
+
+
+def test_a_flash_that_breaks_off_is_one() -> None:
+    one, rest, other = (
+        Flash(*times, x_cm, 20.0, 9.0) for times, x_cm in (((0, 1), 10), ((1.5, 2), 11), ((1.6, 2), 30))
+    )
+    late = rest._replace(onset_s=3.5, end_s=4.0)
+    assert join_broken([one, rest, other, late], 1.0) == (one._replace(end_s=2), other, late)
 
 
 def test_a_ring_that_is_lit_at_the_end_ends_with_the_film() -> None:
