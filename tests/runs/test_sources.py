@@ -41,7 +41,8 @@ def made(tmp_path: Path) -> Path:
     (own / "coverage.py").write_text(MEASURE)
     axis = {"robots.0.controller": [str(own / name / "mine.py") for name in ("here", "there")], COUNT: [2, 3]}
     measures = [str(own / "coverage.py:Coverage")]
-    fill(tmp_path / "run", scenario_of({"grid": axis}, measures=measures), measures={"Coverage": 1.0})
+    scenario = scenario_of({"grid": axis}, measures=measures)
+    fill(tmp_path / "run", scenario, measures={"Coverage": 1.0}, t_sync_cycles=9, cycles=9)
     return tmp_path / "run"
 
 
