@@ -1,6 +1,7 @@
 """Settings of all tests."""
 
 import os
+import signal
 import tempfile
 from collections.abc import Iterator
 
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import settings
 
 from epuck_sim.sweep import executors
+from epuck_sim.util.system import signals
 from tests.processes import end_all
 from tests.sweep.pool_here import pool_here
 
@@ -15,6 +17,10 @@ os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="epuck-sim-tests-")  # no
 
 settings.register_profile("same", deadline=None, max_examples=100, derandomize=True, print_blob=True)
 settings.register_profile("search", deadline=None, max_examples=500, print_blob=True)
+# what `nohup` ignores is heard by the processes that tests start
+for _number in signals("SIGHUP"):
+    signal.signal(_number, signal.SIG_DFL)
+
 settings.load_profile("same")  # --hypothesis-profile search looks for what nobody has seen yet
 
 

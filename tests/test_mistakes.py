@@ -136,7 +136,7 @@ def test_a_mistake_ends_the_command_with_one_message_before_anything_runs(row, s
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
-    monkeypatch.setattr("epuck_sim.cli.trials.simulate", lambda *_, **__: pytest.fail("a trial was simulated"))
+    monkeypatch.setattr("epuck_sim.cli.trials.run_trial", lambda *_, **__: pytest.fail("a trial was simulated"))
     result = CliRunner().invoke(app, shlex.split(row.get("command", "check s.yaml")))
     assert result.exit_code == row.get("code", 2), result.output
     said = " ".join(result.stderr.replace("│", " ").split())

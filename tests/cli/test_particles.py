@@ -336,7 +336,7 @@ def test_fit_tells_that_there_are_too_few_speeds(folder) -> None:
 
 
 def test_fit_of_one_speed_alone_is_refused(tmp_path) -> None:
-    path = written(tmp_path, "sizes", OVER_TIME.replace(f", {SPEED}: [3, 30]", ""))
+    path = written(tmp_path, "sizes", UNTIL_SYNCHRONY.replace(f", {SPEED}: [3, 30]", ""))
     called("run", path, "--out", tmp_path / "run", "--workers", 1)
     assert "speed_cm_s" in refused("fit", tmp_path / "run")
 

@@ -275,7 +275,7 @@ def test_a_library_whose_end_is_missing_is_refused_before_it_is_loaded(tmp_path)
 
 
 def test_a_library_that_was_damaged_in_the_cache_is_made_anew(tmp_path, monkeypatch):
-    monkeypatch.setattr(compiling, "cache_root", lambda: tmp_path / "cache")
+    monkeypatch.setattr(compiling, "cache_root", lambda **_: tmp_path / "cache")
     write_firmware(tmp_path / "mine.c")
     (kept,) = (tmp_path / "cache" / "firmware").glob("*.so")
     contents = kept.read_bytes()
@@ -298,7 +298,7 @@ def test_without_a_compiler_the_way_out_is_said(compiler, tmp_path, monkeypatch)
 
 
 def test_a_file_is_compiled_once_for_its_contents_and_again_by_another_compiler(tmp_path, monkeypatch):
-    monkeypatch.setattr(compiling, "cache_root", lambda: tmp_path / "cache")
+    monkeypatch.setattr(compiling, "cache_root", lambda **_: tmp_path / "cache")
     compiled = []
     run = compiling._run
     monkeypatch.setattr(compiling, "_run", lambda path, command: compiled.append("-c" in command) or run(path, command))
