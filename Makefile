@@ -56,6 +56,7 @@ page-types: ## check the types of the pages' scripts, with npm
 
 bench: $(VENV)/test-tools ## measure; figures as ratios within one run
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
+	$(BIN)/python -m tests.benchmarks.ratios
 
 slow: $(VENV)/test-tools ## the science that takes minutes
 	$(BIN)/python -m pytest -m slow
