@@ -76,6 +76,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/python docs/figures/base_curve.py
 	$(BIN)/python docs/figures/shipped_pictures.py
 	$(BIN)/python -m docs.validation runs/validation
+	$(BIN)/python -m docs.paper.make
 	set -e; for sweep in $(SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --trials $(TRIALS) --out runs/$$sweep; \
 	    $(BIN)/epuck-sim plot runs/$$sweep --to docs/figures/$$sweep; \

@@ -43,7 +43,7 @@ def read_validation() -> Iterator[tuple[str, str]]:
     (points,) = re.findall(r"(\d+) points are compared", text)
     yield "compared", points
     rows = re.findall(r"^\| ([^|]+), (?:Enki|C\+\+) \| \d+ of \d+ \| [^|]+ \| [^|]+ \| ([^|]+) \|", text, re.MULTILINE)
-    yield "validation_rows", "ratios of mean T_sync: " + comma_list(f"{what} {ratio}" for what, ratio in rows)
+    yield "validation_rows", "ratios of mean T_sync: " + comma_list([f"{what} {ratio}" for what, ratio in rows])
 
 
 def read_base_curve() -> Iterator[tuple[str, str]]:
