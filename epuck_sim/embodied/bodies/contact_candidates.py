@@ -1,5 +1,7 @@
 """Which robots may touch something soon: only they need a physics engine, all others move in straight lines.
 
+Most candidates touch a wall alone, or one other robot alone: `lone_contacts` moves these without a physics engine.
+
 Candidates are the robots that would touch something in a control step if all moved in straight lines, and all that they
 may push or be pushed into, one by the other. All others are farther from a candidate than the two could come if both
 were as fast as the fastest robot and contacts moved each `PUSHED_CM` farther.
@@ -16,22 +18,17 @@ robots in the space, unless contacts or the correction of overlaps move a robot 
 import math
 from typing import Any
 
+from epuck_sim.embodied.bodies.lone_contacts import MARGIN_CM, lone_motion, move_lone
 from epuck_sim.embodied.cells import cells_around, members_in_row
 from epuck_sim.embodied.swarm import Swarm
 from epuck_sim.util.elementary import hypot
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
-MARGIN_CM = 0.08
-"""Margin in cm by which bodies are enlarged; overlaps of up to twice the margin are not corrected.
-
-pymunk detects a contact only after bodies overlap, and two e-pucks that meet head-on at full speed approach by 2.56 mm
-in a physics step. Margins make it detect contacts 1.6 mm earlier, so that real bodies overlap by less than 1 mm, and
-robots that press on something come to rest where their real surfaces touch. Scenarios refuse wheels that are too fast
-for this.
-"""
-
 PUSHED_CM = 0.1
 """Distance in cm by which contacts may move a robot farther than the fastest robot drives before anybody looks."""
+
+NOBODY = -1
+"""Stands for no robot."""
 
 _ROUNDING_CM = 1e-6
 
@@ -52,7 +49,7 @@ def wall_touch_cm(radius_cm: float) -> float:
 def find_contact_candidates(swarm: Swarm) -> float:
     """Find the robots that may touch a wall, an obstacle or another robot in a control step, see the module.
 
-    Writes `may_touch`, and scratch numbers; robots are sorted into cells by where they are.
+    Writes `may_touch`, `partner` and scratch numbers; robots are sorted into cells by where they are.
 
     Returns:
         The speed of the fastest robot, cm/s.
@@ -68,32 +65,55 @@ def find_contact_candidates(swarm: Swarm) -> float:
     # robots of further cells may be within reach, too; and movables may push robots that are far from each other
     if reach_cm > min(scene.cell_width_cm, scene.cell_height_cm) or scene.circles > scene.first_movable:
         for number in range(len(robots)):
-            robots[number].may_touch = robots[number].present
+            robots[number].may_touch, robots[number].partner = robots[number].present, NOBODY
         return fastest
     found = 0
     for number in range(len(robots)):
         robot = robots[number]
+        robot.partner = NOBODY
         robot.may_touch = robot.present and (
-            _meets_wall(swarm, number, time_s)
+            _wall_gap_cm(swarm, number, time_s) <= wall_touch_cm(robot.radius_cm)
             or _is_near_obstacle(swarm, number, wall_touch_cm(robot.radius_cm) + path_cm)
             or (scene.touch and _meets_robot(swarm, number, time_s, reach_cm))
         )
         if robot.may_touch:
+            robot.partner = number
             reached[found] = number
             found += 1
     while scene.touch and found > 0:
         found -= 1
         found = _reach_others(swarm, reached[found], reach_cm, found)
+    for number in range(len(robots)):
+        robot = robots[number]
+        if robot.may_touch and robot.partner >= number:
+            other = robots[robot.partner]
+            is_lone = scene.smooth and other.partner == number and _is_lone(swarm, number, path_cm)
+            robot.may_touch = other.may_touch = not is_lone
+            if not is_lone:
+                robot.partner = other.partner = NOBODY
     return fastest
 
 
 @jit_inline
-def _meets_wall(swarm: Swarm, number: int, time_s: float) -> bool:
+def _is_lone(swarm: Swarm, number: int, path_cm: float) -> bool:
+    """Return whether a robot and its partner touch nothing but each other, or one robot nothing but walls."""
+    scene, other = swarm.scene[0], swarm.robots[number].partner
+    reach_cm = wall_touch_cm(scene.largest_cm) + path_cm
+    if _is_near_obstacle(swarm, number, reach_cm) or _is_near_obstacle(swarm, other, reach_cm):
+        return False
+    if other != number and min(_wall_gap_cm(swarm, number, 0.0), _wall_gap_cm(swarm, other, 0.0)) <= reach_cm:
+        return False
+    return lone_motion(swarm, number, scene.physics_steps, path_cm).is_exact
+
+
+@jit_inline
+def _wall_gap_cm(swarm: Swarm, number: int, time_s: float) -> float:
+    """Return the distance from the nearest wall to a robot's centre when it has moved in a straight line."""
     robot, scene = swarm.robots[number], swarm.scene[0]
     x = robot.x + robot.vx * time_s
     y = robot.y + robot.vy * time_s
     gap_cm: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
-    return gap_cm <= wall_touch_cm(robot.radius_cm)
+    return gap_cm
 
 
 @jit_inline
@@ -142,7 +162,10 @@ def _closest(dx: float, dy: float, vx: float, vy: float, time_s: float) -> float
 
 @jit_inline
 def _reach_others(swarm: Swarm, number: int, reach_cm: float, found: int) -> int:
-    """Add to the scratch numbers the robots within reach of one that may be pushed; return how many are in them."""
+    """Add to the scratch numbers the robots within reach of one that may be pushed; return how many are in them.
+
+    If there is only one, it is the robot's partner.
+    """
     robot = swarm.robots[number]
     near = cells_around(robot.x, robot.y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
@@ -150,9 +173,12 @@ def _reach_others(swarm: Swarm, number: int, reach_cm: float, found: int) -> int
         for index in range(start, end):
             member = swarm.members[index]
             dx, dy = member.x - robot.x, member.y - robot.y
+            if dx * dx + dy * dy > reach_cm * reach_cm or member.robot == number:
+                continue
+            robot.partner = member.robot if robot.partner == number else NOBODY
             other = swarm.robots[member.robot]
-            if dx * dx + dy * dy <= reach_cm * reach_cm and not other.may_touch:
-                other.may_touch = True
+            if not other.may_touch:
+                other.may_touch, other.partner = True, member.robot
                 swarm.numbers[found] = member.robot
                 found += 1
     return found
@@ -170,26 +196,47 @@ def list_candidates(swarm: Swarm) -> int:
 
 
 @jit_no_alloc
-def add_reached(swarm: Swarm, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
+def add_reached(swarm: Swarm, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
     """Add robots to the list of candidates that were none, but may touch a robot at (x, y) in the next physics step.
 
-    Straight lines take them to where they are now, `past_s` after the control step began. `approach_cm_s` is the speed
-    with which another robot may come nearer, but for contacts; `found` the length of the list, see `list_candidates`,
-    whose new length is returned.
+    They are moved to where they are now, `past` physics steps after the control step began. `approach_cm_s` is the
+    speed with which another robot may come nearer, but for contacts; `found` the length of the list, see
+    `list_candidates`, whose new length is returned.
     """
-    largest_cm = swarm.scene[0].largest_cm
+    largest_cm, time_s = swarm.scene[0].largest_cm, past * swarm.scene[0].physics_s
     reach_cm = touch_cm(largest_cm, largest_cm) + approach_cm_s * swarm.scene[0].physics_s + PUSHED_CM
     near = cells_around(x, y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
         start, end = members_in_row(near, row, swarm)
         for index in range(start, end):
-            other = swarm.robots[swarm.members[index].robot]
-            dx, dy = other.x + other.vx * past_s - x, other.y + other.vy * past_s - y
-            if other.present and not other.may_touch and hypot(dx, dy) <= reach_cm:
-                move_straight(other, past_s)
-                other.may_touch = True
-                swarm.numbers[found] = index
-                found += 1
+            number = swarm.members[index].robot
+            other = swarm.robots[number]
+            if not other.present or other.may_touch:
+                continue
+            there_x, there_y = other.x + other.vx * time_s, other.y + other.vy * time_s
+            if other.partner != NOBODY:
+                moved = lone_motion(swarm, number, past, math.inf)
+                there_x, there_y = moved.x, moved.y
+            if hypot(there_x - x, there_y - y) <= reach_cm:
+                found = _add(swarm, number, past, found)
+    return found
+
+
+@jit_inline
+def _add(swarm: Swarm, number: int, past: int, found: int) -> int:
+    """Move a robot, and its partner, if it has one, and add them to the list of candidates; return its new length."""
+    robot = swarm.robots[number]
+    if robot.partner == NOBODY:
+        move_straight(robot, past * swarm.scene[0].physics_s)
+    else:
+        other, moved = swarm.robots[robot.partner], lone_motion(swarm, number, past, math.inf)
+        move_lone(swarm, number, past)
+        other.vx, other.vy, robot.vx, robot.vy = moved.other_vx, moved.other_vy, moved.vx, moved.vy
+    for index in range(len(swarm.members)):
+        if swarm.members[index].robot in (number, robot.partner):
+            swarm.robots[swarm.members[index].robot].may_touch = True
+            swarm.numbers[found] = index
+            found += 1
     return found
 
 
@@ -199,3 +246,17 @@ def move_straight(robot: Any, time_s: float) -> None:
     robot.x += robot.vx * time_s
     robot.y += robot.vy * time_s
     robot.heading += robot.spin * time_s
+
+
+@jit_no_alloc
+def move_others(swarm: Swarm) -> None:
+    """Move the robots that are no candidates for a control step."""
+    scene = swarm.scene[0]
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        if robot.may_touch:
+            continue
+        if robot.partner == NOBODY:
+            move_straight(robot, scene.physics_steps * scene.physics_s)
+        elif robot.partner >= number:
+            move_lone(swarm, number, scene.physics_steps)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.embodied.bodies.lone_contacts import MARGIN_CM
 from epuck_sim.embodied.cells import cells_around, members_in_row
 from epuck_sim.embodied.observers.scene import Scene, place_robots
 from epuck_sim.embodied.swarm import Swarm, swarm_at
