@@ -13,14 +13,14 @@ from typing import Any
 import pymunk
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.embodied.bodies.contact_candidates import (
+from epuck_sim.embodied.bodies.contacts import (
     PUSHED_CM,
+    SLOP_CM,
     add_reached,
     find_contact_candidates,
     list_candidates,
     move_others,
 )
-from epuck_sim.embodied.bodies.lone_contacts import SLOP_CM
 from epuck_sim.embodied.bodies.shapes import Bodies, Thing
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, swarm_at

@@ -19,7 +19,7 @@ import pymunk
 from epuck_sim.arrays import ByteArray
 from epuck_sim.elementary import hypot
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.bodies.contact_candidates import add_reached, find_contact_candidates, move_others
+from epuck_sim.embodied.bodies.contacts import add_reached, find_contact_candidates, move_others
 from epuck_sim.embodied.bodies.shapes import Thing
 from epuck_sim.embodied.swarm import open_block, swarm_at
 from epuck_sim.util.jit import jit_no_alloc

@@ -13,7 +13,7 @@ from epuck_sim import epuck
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.cells import cells_around
-from epuck_sim.embodied.sensors.ray_casting import to_disc, to_segment
+from epuck_sim.embodied.sensors.sight import to_disc, to_segment
 from epuck_sim.embodied.swarm import RAYS, swarm_at
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import InfraredSection

@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.bodies.contact_candidates import NOBODY, PUSHED_CM
-from epuck_sim.embodied.bodies.lone_contacts import MARGIN_CM
+from epuck_sim.embodied.bodies.contacts import MARGIN_CM, NOBODY, PUSHED_CM
 from epuck_sim.embodied.bodies.public_space import find_candidates
 from epuck_sim.geometry import box_corners
 from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld, overlap_cm, squeeze

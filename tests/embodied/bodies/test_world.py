@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from epuck_sim.arena import clearance_cm, make_arena
-from epuck_sim.embodied.bodies.contact_candidates import NOBODY
+from epuck_sim.embodied.bodies.contacts import NOBODY
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.geometry import box_corners
 from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld

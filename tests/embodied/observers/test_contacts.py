@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.bodies.lone_contacts import MARGIN_CM
-from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import make_scene
+from epuck_sim.embodied.bodies.contacts import MARGIN_CM
+from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import EPUCK

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.observers.scene import make_scene
-from epuck_sim.embodied.observers.visibility import find_sightings
+from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import RobotGroup
 from tests.embodied.scenes import (

@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.embodied.cells import cell_index, set_cells
-from epuck_sim.embodied.sensors.field_of_view import (
+from epuck_sim.embodied.sensors.sight import (
     ATAN2_ERROR_RAD,
     SECTOR_RAD,
     SLACK_CM,
@@ -20,8 +20,8 @@ from epuck_sim.embodied.sensors.field_of_view import (
     make_strips,
     make_wedge,
     may_contain_robot,
+    to_disc,
 )
-from epuck_sim.embodied.sensors.ray_casting import to_disc
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from tests.embodied.scenes import RADIUS_CM

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.sensors.ray_casting import to_disc, to_segment
+from epuck_sim.embodied.sensors.sight import to_disc, to_segment
 
 places = st.floats(-100, 100)
 turns = st.floats(-math.pi, math.pi)
