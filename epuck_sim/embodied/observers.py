@@ -20,7 +20,7 @@ from epuck_sim.embodied.sensors.camera import see
 from epuck_sim.embodied.sensors.flash_cone import perceives
 from epuck_sim.embodied.sensors.sight import list_labelled
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block, poses_of, swarm_at
-from epuck_sim.scenario.physics import TimingSection
+from epuck_sim.scenario.embodied import TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.jit import jit, jit_inline

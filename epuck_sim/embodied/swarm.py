@@ -57,7 +57,7 @@ ROBOT = record_type(
         ("number", "i8"),
         ("present", "?"),  # whether the robot is in the arena; others are parked far outside, at rest, in the dark
         ("may_touch", "?"),  # whether it may touch something in this control step that takes Chipmunk to settle
-        ("partner", "i8"),  # the only robot that it may touch, itself if that is no robot, or -1: see `lone_contacts`
+        ("partner", "i8"),  # the only robot that it may touch, itself if that is no robot, or -1: see `bodies.contacts`
         ("in_space", "?"),  # whether its body is in Chipmunk's space
         ("is_stuck", "?"),
         ("sends", "?"),  # whether its radio pulse is on the air

@@ -73,7 +73,7 @@ END = FIRST + len(FUNCTIONS)
 def move_bodies(swarm: Swarm, addresses: IntArray) -> None:
     """Move all bodies for a control step.
 
-    Only robots that may touch something are in Chipmunk's space, but for what `lone_contacts` moves as it would be
+    Only robots that may touch something are in Chipmunk's space, but for what `contacts` moves as it would be
     moved there; the others move in straight lines. Where nobody is in the space, no physics step is taken. Robots are
     sorted into cells before and after.
     """

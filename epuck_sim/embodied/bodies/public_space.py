@@ -90,7 +90,7 @@ def find_candidates(block: ByteArray) -> float:
 
 @jit_no_alloc
 def add_robots_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
-    """Find further robots of a block that may touch one; see `contact_candidates.add_reached`."""
+    """Find further robots of a block that may touch one; see `contacts.add_reached`."""
     return add_reached(swarm_at(block), found, x, y, approach_cm_s, past)
 
 

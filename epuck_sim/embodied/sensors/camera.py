@@ -141,8 +141,8 @@ def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
     few_lit = lit * lit <= FEW_LIT * robots
     if few_lit and not see_lit(swarm, lit, camera, eye, picture):
         return  # nothing red to see: most of the time, where robots are few
-    see_sectors(swarm.scene[0], swarm.cells, swarm.members, camera, eye, picture)
-    hide_behind_obstacles(swarm.scene[0], swarm.circles, swarm.edges, camera, eye, picture)
+    see_sectors(swarm, camera, eye, picture)
+    hide_behind_obstacles(swarm, camera, eye, picture)
 
 
 @jit_inline
@@ -191,7 +191,7 @@ def see_lit(swarm: Swarm, lit: int, camera: Any, eye: Eye, picture: Picture) -> 
 
 
 @jit_inline
-def see_sectors(scene: Any, cells: IntArray, members: Any, camera: Any, eye: Eye, picture: Picture) -> None:
+def see_sectors(swarm: Swarm, camera: Any, eye: Eye, picture: Picture) -> None:
     """Write all robots to a picture, sector by sector; pixels that cannot change any more are in none."""
     pixels = max(1, int(SECTOR_RAD * camera.pixels_per_rad))
     left = camera.first
@@ -202,18 +202,17 @@ def see_sectors(scene: Any, cells: IntArray, members: Any, camera: Any, eye: Eye
         right, end = left, min(left + pixels, camera.end)
         while right + 1 < end and picture.depth[right + 1] >= 0.0:
             right += 1
-        _see_sector(scene, cells, members, camera, eye, left, right, picture)
+        _see_sector(swarm, camera, eye, left, right, picture)
         left = right + 1
 
 
 @jit_inline
-def _see_sector(
-    scene: Any, cells: IntArray, members: Any, camera: Any, eye: Eye, left: int, right: int, picture: Picture
-) -> None:
+def _see_sector(swarm: Swarm, camera: Any, eye: Eye, left: int, right: int, picture: Picture) -> None:
     """Write all robots to the pixels from `left` to `right`.
 
     Strips of cells are visited from near to far, until all remaining robots must be hidden.
     """
+    scene = swarm.scene[0]
     view = view_between(camera, eye, picture.rays, left, right, scene.largest_cm)
     strips = make_strips(view, scene)
     wedge = make_wedge(view, strips)
@@ -222,8 +221,8 @@ def _see_sector(
         cell, spans, length = cells_in_strip(view, wedge, strips, strip, scene)
         for span in range(spans):
             start = cell + span * scene.columns
-            for place in range(cells[start], cells[start + length]):
-                member = members[place]
+            for place in range(swarm.cells[start], swarm.cells[start + length]):
+                member = swarm.members[place]
                 dx, dy = member.x - eye.x, member.y - eye.y
                 if may_contain_robot(view, dx, dy) and member.robot != eye.robot:
                     label = picture.labels[member.robot]
@@ -277,9 +276,9 @@ def add_robot(
 
 
 @jit_inline
-def hide_behind_obstacles(scene: Any, circles: Any, edges: Any, camera: Any, eye: Eye, picture: Picture) -> None:
+def hide_behind_obstacles(swarm: Swarm, camera: Any, eye: Eye, picture: Picture) -> None:
     """Set pixels to 0 where an obstacle is nearer than the robot seen."""
-    row, depth = picture.row, picture.depth
+    scene, row, depth = swarm.scene[0], picture.row, picture.depth
     if scene.circles + scene.edges == 0:
         return
     for pixel in range(camera.first, camera.end):
@@ -289,11 +288,11 @@ def hide_behind_obstacles(scene: Any, circles: Any, edges: Any, camera: Any, eye
         dx = eye.cos * ray.cos - eye.sin * ray.sin
         dy = eye.sin * ray.cos + eye.cos * ray.sin
         for place in range(scene.circles):
-            circle = circles[place]
+            circle = swarm.circles[place]
             if to_disc(eye.x, eye.y, dx, dy, circle.x, circle.y, circle.radius) < depth[pixel]:
                 row[pixel] = 0
         for place in range(scene.edges):
-            edge = edges[place]
+            edge = swarm.edges[place]
             if to_segment(eye.x, eye.y, dx, dy, edge.ax, edge.ay, edge.bx, edge.by) < depth[pixel]:
                 row[pixel] = 0
 
@@ -337,7 +336,7 @@ def _reflect(
     swarm: Swarm, camera: Any, robot: int, lit: int, walls: WallsInView, image: Picture, picture: Picture
 ) -> None:
     """Add what a robot sees in the walls to its picture; walls and image are scratch."""
-    scene, cells, members, circles, edges = swarm.scene[0], swarm.cells, swarm.members, swarm.circles, swarm.edges
+    scene = swarm.scene[0]
     eye = eye_of(swarm.robots[robot], robot, camera)
     find_walls(eye, camera, scene, picture.rays, walls)
     for pixel in range(len(picture.depth)):
@@ -350,12 +349,12 @@ def _reflect(
         mirrored = mirrored_in(wall, eye, scene)
         if few_lit and not see_lit(swarm, lit, camera, mirrored, image):
             continue
-        see_sectors(scene, cells, members, camera, mirrored, image)
-        hide_behind_obstacles(scene, circles, edges, camera, mirrored, image)
+        see_sectors(swarm, camera, mirrored, image)
+        hide_behind_obstacles(swarm, camera, mirrored, image)
         any_image |= add_image(image, walls, camera, picture)
     if any_image:  # hide it where something stands before the wall
-        see_sectors(scene, cells, members, camera, eye, picture)
-        hide_behind_obstacles(scene, circles, edges, camera, eye, picture)
+        see_sectors(swarm, camera, eye, picture)
+        hide_behind_obstacles(swarm, camera, eye, picture)
 
 
 @jit_inline

@@ -39,10 +39,8 @@ def receive_pulses(block: ByteArray, addresses: IntArray, number: int) -> None: 
     for place in range(group.count):
         leaving = swarm.air[radio.first + departing * group.count + place]
         leaving.count = _take_from_air(swarm, group, senders, group.first + place, leaving)
-        pulses, sensors = (
-            swarm.air[radio.first + arriving * group.count + place],
-            swarm.robots[group.first + place].sensors,
-        )
+        pulses = swarm.air[radio.first + arriving * group.count + place]
+        sensors = swarm.robots[group.first + place].sensors
         sensors.pulses = pulses.count
         for message in range(MAX_MESSAGES):
             sensors.messages[message] = pulses.messages[message] if message < pulses.count else 0
