@@ -164,6 +164,8 @@ def test_there_is_room_for_any_number_of_sightings(steps: int) -> None:
     assert found == [[step, 0, robot] for step in range(steps) for robot in range(1, 10)]
 
 
+# --- who touches what -------------------------------------------------------------------------------
+
 GAP_CM = 2 * MARGIN_CM
 
 
@@ -181,9 +183,6 @@ def touching(places: list[tuple[float, float]], obstacles=((), ()), width: float
     """Return the points where robots at these places touch something in 100 cm high arena, sorted."""
     poses = np.array([[(x, y, 1.0) for x, y in places]])
     return sorted((x, y) for _, x, y in contacts(poses, make_arena(width, 100.0, *obstacles)).tolist())
-
-
-# --- a slow twin ------------------------------------------------------------------------------------
 
 
 def slow_contacts(poses: FloatArray, arena: Arena) -> tuple[FloatArray, BoolArray]:
@@ -267,9 +266,6 @@ def test_contacts_are_those_of_the_slow_twin() -> None:
     assert tally["doubtful"] < 0.01 * tally["contacts"]
 
 
-# --- robots -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("gap", "number"), [(-0.05, 1), (0.0, 1), (0.15, 1), (0.17, 0), (5.0, 0)])
 def test_surfaces_touch_where_they_are_no_farther_apart_than_1_6_mm(gap: float, number: int) -> None:
     place = 3.7 + gap
@@ -278,9 +274,6 @@ def test_surfaces_touch_where_they_are_no_farther_apart_than_1_6_mm(gap: float, 
     assert len(touching([(50, place)])) == len(touching([(50, 100 - place)])) == number
     assert len(touching([(50, 60 + place)], ([(50, 50, 10)], ()))) == number
     assert len(touching([(50, 60 + place)], ((), [box_corners(50, 50, 30, 20, 0)]))) == number
-
-
-# --- many contacts, and none ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("steps", [1, 3])
@@ -304,6 +297,8 @@ def test_robots_move_what_they_touch_and_nothing_before() -> None:
     assert (touches[1:][moved]).all()
     assert (moved[touches[:-1]]).all()
 
+
+# --- in the present step ----------------------------------------------------------------------------
 
 CROWD = load_scenario(
     {

@@ -114,6 +114,8 @@ def test_no_contact_is_missed_however_far_robots_are_squeezed_out(seed, robots, 
     assert overlap_cm(world.poses[:, :2]) <= max(overlap_cm(twin.poses[:, :2]), 0) + 0.05
 
 
+# --- contacts of one robot with walls alone, or of two robots with each other alone ---------------------
+
 KINDS = (EPUCK, EPUCK.model_copy(update={"radius_cm": 2.5, "mass_g": 400.0}))
 WALLS = [[5.0, 30, 0], [54, 5, 1]], [(-1, 0), (1, -1)]  # two robots that press on a wall, and into a corner
 PAIR = [[26.0, 30, 0], [34.5, 31, 1]], [(1, 0), (-1, 0)]

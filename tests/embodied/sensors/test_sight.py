@@ -70,6 +70,8 @@ def test_a_segment_parallel_to_the_ray_is_missed(y):
     assert to_segment(0.0, 0.0, 1.0, 0.0, 9.0, y, 3.0, y) == math.inf
 
 
+# --- views ------------------------------------------------------------------------------------------
+
 WIDTH_CM, HEIGHT_CM = 150.0, 230.0
 REACH_CM = RADIUS_CM + SLACK_CM
 headings = st.floats(-math.pi, math.pi) | st.integers(-4, 4).map(lambda eighths: eighths * math.pi / 4)
