@@ -35,7 +35,25 @@ def make_swarm_block(
     """Return the block of a swarm before its first trial, and its arrays: robots have no places, nothing is drawn.
 
     There is room for all arenas of a trial, of which it begins in the first. Sensors are those in files of their own.
+    The last block is kept: most simulations are of the same scenario as the one before.
     """
+    made_from = scenario, controllers, sensors
+    if _last.get("made_from") != made_from:
+        _last["block"] = _make(scenario, arenas, controllers, sensors)
+        _last["made_from"] = made_from
+    block = _last["block"].copy()
+    return block, open_block(block)
+
+
+_last: dict[str, Any] = {}
+
+
+def _make(
+    scenario: EmbodiedScenario,
+    arenas: Sequence[Arena],
+    controllers: Sequence[Controller],
+    sensors: Sequence[Sequence[Sensor]],
+) -> ByteArray:
     block = make_block(_lengths(scenario, arenas, controllers, sensors))
     swarm = open_block(block)
     _set_scene(swarm.scene[0], scenario)
@@ -47,7 +65,7 @@ def make_swarm_block(
     _set_senses(swarm, scenario, sensors)
     set_faults(swarm, scenario)
     _set_reference(swarm, scenario.stop.reference_robot)
-    return block, swarm
+    return block
 
 
 def _lengths(

@@ -7,8 +7,9 @@ bodies move. What a controller commands in one step is seen by the other robots 
 import itertools
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +34,6 @@ from epuck_sim.embodied.observers.scene import Scene
 from epuck_sim.embodied.placement import Placement
 from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.sensors.signals import begin_pictures
-from epuck_sim.embodied.snapshot import Change, Snapshot
 from epuck_sim.embodied.start import Part, draw_start, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
@@ -48,6 +48,34 @@ from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.scenario.sensors import sensor_parameters
 from epuck_sim.user_files import Value
 from epuck_sim.util.memory import lack_of_memory
+
+
+class Change(NamedTuple):
+    """A call from outside that changed a simulation, and changes another one in the same way."""
+
+    steps: int
+    """Control steps before it."""
+    method: str
+    """Name of the method of `Simulation`."""
+    given: tuple[Any, ...]
+    values: dict[str, Any]
+    """Arguments by name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A simulation at one moment; can be pickled."""
+
+    scenario: EmbodiedScenario
+    seed: int
+    steps: int
+    """Control steps taken."""
+    changes: tuple[Change, ...]
+    """What was commanded and changed from outside, in order."""
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return f"Snapshot({self.scenario!r}, seed={self.seed}, steps={self.steps}, changes={len(self.changes)})"
 
 
 class Simulation:

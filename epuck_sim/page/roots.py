@@ -18,7 +18,6 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied import controllers, loop, placement, start
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.sensors import camera, flash_cone, infrared, own, radio, reflections, signals
-from epuck_sim.embodied.sensors.completion import completion
 from epuck_sim.page.kernels import FOLDER, Model
 from epuck_sim.particles import events, initial_conditions, motion, neighbours, phase_response
 from epuck_sim.scenario.curves import ResponseSection, find_curve
@@ -91,7 +90,7 @@ def controller_root(controller: Controller, sensors: tuple[Sensor, ...] = ()) ->
     """
     names = _user_functions(controller, start=controller.start, step=controller.step)
     types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
-    return _careful(bind(controllers.run_group, **names, **types, complete=completion(sensors))), _OF_GROUP
+    return _careful(bind(controllers.run_group, **names, **types, complete=controllers.completion(sensors))), _OF_GROUP
 
 
 def sensor_root(sensor: Sensor) -> Root:

@@ -18,7 +18,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from epuck_sim.cli.observers import LiveView
-from epuck_sim.embodied.changes import controller_files
+from epuck_sim.embodied.changes import replacement
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.recording import recorder
@@ -465,7 +465,7 @@ def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_t
     def live_viewer(*_: Any) -> Iterator[tuple[Window, int]]:
         yield Window(), 77
 
-    monkeypatch.setattr(controller_files, "LOOK_S", 0)
+    monkeypatch.setattr(replacement, "LOOK_S", 0)
     monkeypatch.setattr(live, "live_viewer", live_viewer)
     monkeypatch.setattr(live, "live", show_live)
     options = ("--set", "stop.max_time_s=4", "--memory", "steps", "--interpret")

@@ -165,7 +165,7 @@ def test_a_file_of_several_groups_is_compiled_once(files, monkeypatch):
     group = {"count": 2, "controller": "sees.py", "sensors": ["ground.py", "counter.py"]}
     given = {"robots": [group, group, {**group, "sensors": [{"ground.py": {"noise": 0.1}}, "counter.py"]}]}
     Simulation(given, 1).advance(3)
-    assert sorted(compiled) == ["_sense", "_sense", "run_group"]
+    assert sorted(compiled) == ["run_group", "run_sensor", "run_sensor"]
 
 
 @pytest.mark.parametrize("interpret", [False, True])
