@@ -17,7 +17,7 @@ from epuck_sim.control.loader import load_controller
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.swarm import Swarm, open_block
 from epuck_sim.errors import ControllerError, EpuckSimError
-from epuck_sim.scenario.controllers import resolve_parameters
+from epuck_sim.scenario.robots import resolve_parameters
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list
 
