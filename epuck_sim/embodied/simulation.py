@@ -17,8 +17,7 @@ import numpy.typing as npt
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.control.interface import Controller
-from epuck_sim.control.loader import find_controller
-from epuck_sim.control.sensors import find_sensor
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.attendance import put_in, take_out
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
@@ -46,7 +45,7 @@ from epuck_sim.scenario.robot_kind import cell_cm, sensor_parameters
 from epuck_sim.scenario.robots import resolve_parameters
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.user_files import Value
-from epuck_sim.util.memory import lack_of_memory
+from epuck_sim.util.machine import lack_of_memory
 
 
 class Change(NamedTuple):

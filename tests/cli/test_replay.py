@@ -32,7 +32,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
-from epuck_sim.util import ports
+from epuck_sim.util import machine
 from tests.cli.commands import call, called, contents, refused, trials
 from tests.cli.commands import cells as table_cells
 from tests.control.bench import with_step
@@ -113,7 +113,7 @@ def views(monkeypatch) -> Views:
         tell(f"{ADDRESS}:{port}")
 
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(ports, "check_port", lambda _: None)
+    monkeypatch.setattr(machine, "check_port", lambda _: None)
     monkeypatch.setattr(viewer, "show", found.shown.append)
     monkeypatch.setattr(viewer, "serve", serve)
     monkeypatch.setattr(viewer, "draw_screenshot", lambda *call: found.drawn.append(call))
