@@ -37,14 +37,14 @@ def make_swarm_block(
     The last block is kept: most simulations are of the same scenario as the one before.
     """
     made_from = scenario, controllers, sensors
-    if _last.get("made_from") != made_from:
-        _last["block"] = _make(scenario, arenas, controllers, sensors)
-        _last["made_from"] = made_from
-    block = _last["block"].copy()
+    kept = _last.get("one")
+    if kept is None or kept[0] != made_from or arenas[0].floor.picture.size:  # whose file may have changed
+        kept = _last["one"] = made_from, _make(scenario, arenas, controllers, sensors)
+    block = kept[1].copy()
     return block, open_block(block)
 
 
-_last: dict[str, Any] = {}
+_last: dict[str, tuple[Any, ByteArray]] = {}
 
 
 def _make(

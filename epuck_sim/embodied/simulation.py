@@ -288,10 +288,11 @@ class Simulation:
 
         return Shown(self.scenario, self.seed)
 
-    def controller_at_work(self) -> tuple[int, int] | None:
-        """Return robot and step of the controller that is running, for another thread; None while none is."""
-        robot = int(self._swarm.scene["serving"][0])
-        return (robot, int(self._step[0])) if robot >= 0 else None
+    def at_work(self) -> tuple[int, int, str] | None:
+        """Return robot and step of the user's code that is running, and which, for another thread; None if none is."""
+        robot, sensor = int(self._swarm.scene["serving"][0]), int(self._swarm.scene["sensing"][0])
+        code = f"sensor {self._sensors[sensor - 1].name}" if sensor else "controller"
+        return (robot, int(self._step[0]), code) if robot >= 0 else None
 
     def __iter__(self) -> Self:
         """Return the simulation itself: a further loop continues where the last one stopped."""
