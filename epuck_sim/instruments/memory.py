@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.embodied.memory import check_field, memory_values
+from epuck_sim.embodied.step import check_field, memory_values
 from epuck_sim.instruments.graphs import check_choice
 
 TAKEN = ("final", "mean", "series")

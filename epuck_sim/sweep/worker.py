@@ -35,10 +35,10 @@ SET_UP_FACTOR = 10
 EXIT_CODE = 70
 """Exit code of a worker that was ended."""
 
-SETTING_UP = (-1, -1)
+SETTING_UP = (-1, -1, "controller")
 """Robot and step of a trial that is set up."""
 
-AtWork = Callable[[], tuple[int, int] | None]
+AtWork = Callable[[], tuple[int, int, str] | None]
 """Returns robot and step of the controller that is running; None while none is."""
 
 
@@ -69,7 +69,7 @@ def _run_task(task: Task, simulations: "_Simulations", dog: "Watchdog") -> Outco
     dog.begin(f"{task.scenario.name}: seed {task.seed}")
     try:
         simulation = simulations.begin(task)
-        dog.watch_steps(getattr(simulation, "controller_at_work", lambda: None))  # agents have none
+        dog.watch_steps(getattr(simulation, "at_work", lambda: None))  # agents have none
         result, error = run_trial(simulation), None
         simulations.keep(task, simulation)
     except EpuckSimError as problem:
@@ -135,7 +135,7 @@ class Watchdog:
 
     def run(self) -> None:
         """End this process if one controller stays at work for longer than the limit."""
-        last: tuple[int, tuple[int, int] | None] = (0, None)
+        last: tuple[int, tuple[int, int, str] | None] = (0, None)
         since_s = self._cpu_s()
         while not self.over.wait(self._limit_s / 20):
             now = self._trials, self._at_work()
@@ -144,9 +144,9 @@ class Watchdog:
             elif self._cpu_s() - since_s > self._limit_s * (SET_UP_FACTOR if now[1] == SETTING_UP else 1):
                 self._end(*now[1])
 
-    def _end(self, robot: int, step: int) -> None:
+    def _end(self, robot: int, step: int, code: str) -> None:
         where = f"robot {robot}, step {step}" if step >= 0 else "at the start"
-        line = f"{self._name}: {where}: its controller has not returned for {self._limit_s:g} s; its worker is ended\n"
+        line = f"{self._name}: {where}: its {code} has not returned for {self._limit_s:g} s; its worker is ended\n"
         try:
             os.write(sys.stderr.fileno(), line.encode())
         finally:  # whether or not there is somewhere to write to
