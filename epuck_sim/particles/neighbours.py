@@ -21,7 +21,7 @@ from epuck_sim.particles.motion import (
     distance_travelled,
     time_of_end,
 )
-from epuck_sim.particles.selection import FEW, find_two_smallest, minimum, select_smallest
+from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
 from epuck_sim.particles.swarm import SEARCH, Candidates, Cells, Draws, Neighbours, Trajectories, entry_of
 from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
@@ -318,20 +318,18 @@ def _nearest_image(is_cyclic: bool, side_cm: float, offset_cm: float) -> float:
 def _select_nearest(block: ByteArray, agent: int, time: float, count: int, radius_cm: float) -> bool:
     """Find the k nearest; return whether no agent beyond the radius, within which all are candidates, is nearer."""
     neighbours, candidates = carve(block, Neighbours), carve(block, Candidates)
-    square, k = candidates.square_distance, neighbours.scene.k
+    square, selected, k = candidates.square_distance, candidates.selected, neighbours.scene.k
     members = neighbours.members[_row_of(neighbours, agent) :]
-    selected = members if k <= FEW else candidates.selected  # which has room for what selecting more of them takes
     if k == 1:
-        members[0], farthest, next_square = find_two_smallest(square, count)
+        selected[0], farthest, next_square = find_two_smallest(square, count)
     else:
-        farthest = select_smallest(square, count, k, candidates.bucket_of, candidates.bucket_end, selected)
-        next_square = minimum(square, 0, count)
+        select_smallest(square, count, k + 1, candidates.bucket_of, candidates.bucket_end, selected)
+        farthest, next_square = square[selected[k - 1]], square[selected[k]]
     if farthest > radius_cm * radius_cm:
         return False
     neighbours.counts[agent] = k
-    if k > FEW or neighbours.scene.cells:
-        for rank in range(k):
-            members[rank] = candidates.candidates[selected[rank]]
+    for rank in range(k):
+        members[rank] = candidates.candidates[selected[rank]]
     if _should_cache(neighbours, agent):
         # the farthest neighbour may recede while another agent approaches: each has half of the gap
         gap_cm = min(math.sqrt(next_square), radius_cm) - math.sqrt(farthest)
