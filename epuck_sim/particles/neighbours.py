@@ -47,7 +47,6 @@ SKIPPED_PULSES_CONE = 32
 RADIUS_GROWTH = 1.5
 """Factor by which the search radius grows while fewer than k agents are found."""
 
-
 MAX_CACHED = 4_000_000
 """Largest number of neighbours that are cached, of all agents together: they take 16 MB."""
 
@@ -165,10 +164,10 @@ def search_cone(block: ByteArray, addresses: IntArray, agent: int, time: float) 
 @jit_no_alloc
 def search_cells(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find an agent's neighbours among the candidates from the cell list."""
-    candidates, trajectories, neighbours = (
+    candidates, neighbours, trajectories = (
         carve(block, Candidates),
-        carve(block, Trajectories),
         carve(block, Neighbours),
+        carve(block, Trajectories),
     )
     scene = trajectories.scene
     is_nearest, radius_cm = scene.kind == NEAREST, scene.search_radius_cm
@@ -236,19 +235,14 @@ def _place_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories
 def _gather_candidates(trajectories: Trajectories, candidates: Candidates, agent: int, time: float, count: int) -> int:
     """Compute the candidates' positions, and their headings for a cone; return the firing agent's index among them."""
     scene, found, travelled_cm = trajectories.scene, candidates.candidates, trajectories.end_times
+    agents = scene.agents
     own = 0
     for index in range(count):
         own = index if found[index] == agent else own
         travelled_cm[index] = distance_travelled(trajectories, entry_of(found, index), time)
     for axis in range(scene.dimensions):
-        origin, heading = (
-            row_at(trajectories.origin, axis, scene.agents),
-            row_at(trajectories.heading, axis, scene.agents),
-        )
-        positions, headings = (
-            row_at(candidates.positions, axis, scene.agents),
-            row_at(candidates.headings, axis, scene.agents),
-        )
+        origin, heading = row_at(trajectories.origin, axis, agents), row_at(trajectories.heading, axis, agents)
+        positions, headings = row_at(candidates.positions, axis, agents), row_at(candidates.headings, axis, agents)
         for index in range(count):
             positions[index] = origin[found[index]] + heading[found[index]] * travelled_cm[index]
         if scene.cos != FULL_CIRCLE_COS:
