@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import MeasureError, ScenarioError
-from epuck_sim.instruments.consensus import STREAM, Words
+from epuck_sim.measures.consensus import STREAM, Words
 from epuck_sim.scenario.loader import load_scenario
 from tests.instruments.test_instruments import AGENTS, ROBOTS, run
 

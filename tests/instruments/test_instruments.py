@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import MeasureError
-from epuck_sim.instruments.clusters import cluster_numbers
-from epuck_sim.instruments.links import changed_share
+from epuck_sim.measures.clusters import cluster_numbers
+from epuck_sim.measures.links import changed_share
 from epuck_sim.measures.loader import find_measure
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.scenario.loader import load_scenario

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import MeasureError
-from epuck_sim.instruments.clusters import surviving_clusters
-from epuck_sim.instruments.flashes import FlashesMissed, FlashesRepeated
-from epuck_sim.instruments.motion import correlation_time
-from epuck_sim.instruments.order import BelowThreshold, StaysAbove, ThresholdCycles
-from epuck_sim.instruments.perturbations import growth_rates, mean_with_interval
+from epuck_sim.measures.clusters import surviving_clusters
+from epuck_sim.measures.flashes import FlashesMissed, FlashesRepeated
 from epuck_sim.measures.loader import find_measure
+from epuck_sim.measures.motion import correlation_time
+from epuck_sim.measures.order import BelowThreshold, StaysAbove, ThresholdCycles
+from epuck_sim.measures.perturbations import growth_rates, mean_with_interval
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.loader import load_scenario

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.instruments.graphs import component_sizes, degrees
+from epuck_sim.measures.links import component_sizes, degrees
 from tests.instruments.test_instruments import AGENTS, CYCLES, ROBOTS, at_cycles, run, slow_links
 
 CROWD = {**ROBOTS, "robots": [{"count": 8, "camera": {"field_of_view_deg": 90}}]}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import MeasureError, ScenarioError
-from epuck_sim.instruments.movables import Moved
+from epuck_sim.measures.motion import Moved
 from epuck_sim.scenario.loader import load_scenario
 
 
