@@ -18,7 +18,8 @@ _BY_MODULE = {
     "flashes": "flashes_missed flashes_repeated flashes_seen",
     "links": "component_count degree isolated largest_component link_life neighbour_change spanning_time",
     "memory": "memory",
-    "motion": "avoiding coverage density in_contact mean_speed mean_squared_displacement moved near_walls velocity_correlation_time",
+    "motion": "avoiding coverage density in_contact mean_speed mean_squared_displacement moved near_walls "
+    "velocity_correlation_time",
     "order": "below_threshold order_parameter stays_above threshold_cycles",
     "perturbations": "perturbation perturbation_exponent perturbation_growth perturbation_transient",
     "suspicion": "detection_delay false_alarms",
