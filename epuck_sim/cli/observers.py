@@ -9,7 +9,7 @@ from epuck_sim.cli.errors import print_stderr
 from epuck_sim.recording.level import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
-from epuck_sim.trial.observer import Observer
+from epuck_sim.trial.result import Observer
 from epuck_sim.util.atomic_write import check_trial_paths, trial_path
 
 ObserverFactory = Callable[[int, int], AbstractContextManager[Observer]]
