@@ -126,6 +126,14 @@ def run(
             rich_help_panel=SWEEPS,
         ),
     ] = None,
+    trial_timeout: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="A trial of a sweep that takes longer has failed; key trial_timeout_s.",
+            rich_help_panel=SWEEPS,
+        ),
+    ] = None,
     take_over: Annotated[
         bool,
         typer.Option(
@@ -182,6 +190,7 @@ def run(
                 folder is None and (workers is not None or dask is not None),
                 "--workers and --dask need a run folder: --out FOLDER",
             ),
+            (folder is None and trial_timeout is not None, "--trial-timeout is for sweeps: give --out FOLDER"),
             (folder is None and share is not None, "--share needs a run folder of its own: --out FOLDER"),
             (
                 folder is not None and is_watched,
@@ -195,8 +204,15 @@ def run(
                 typer.echo(f"{folder}: taken over from {holder}", err=True)
         view = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
         watched = Watched(trace, record, film, view, level or Level.FULL, tuple(memory or ()), relations)
+        changes = [*(settings or ()), *([] if trial_timeout is None else [f"trial_timeout_s={trial_timeout}"])]
         loaded = read_scenario(
-            scenario, settings, axes, measures=measures, controller=controller, quick=quick, trusted=trust
+            scenario,
+            changes,
+            axes,
+            measures=measures,
+            controller=controller,
+            quick=quick,
+            trusted=trust,
         )
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
