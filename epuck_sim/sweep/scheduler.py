@@ -186,8 +186,8 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
             suspects.appendleft(task)
             return
         except pool.deaths as death:
-            timeout_s = task.scenario.trial_timeout_s
-            is_late = timeout_s is not None and time.monotonic() - began_s > timeout_s
+            timeout_s = task.scenario.trial_timeout_s or math.inf
+            is_late = time.monotonic() - began_s > timeout_s
             yield [make_outcome(task, None, out_of_time(timeout_s) if is_late else f"its worker died: {death}")]
             return
 

@@ -2,6 +2,8 @@
 
 import os
 import sqlite3
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,9 +11,10 @@ import pytest
 from epuck_sim.runs import database, store
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.share import Share, read_share
+from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
-from tests.runs.test_store import DATABASE, DEMO, FILES, outcome
+from tests.runs.test_store import DATABASE, DEMO, FILES, fill, outcome
 
 
 @pytest.fixture
@@ -77,3 +80,18 @@ def test_a_new_database_is_one_file_and_has_its_share_before_anything_else_can_f
     with database.new_database(tmp_path / "other", [], []) as connection:
         connection.execute("INSERT INTO points VALUES ('', 0, 1, '', '', '', '', NULL, 0)")
         assert {path.suffix for path in tmp_path.glob("other*")} == {".part"}
+
+
+def test_a_write_in_which_a_process_died_is_undone_before_a_folder_is_read(tmp_path) -> None:
+    fill(tmp_path)
+    script = f"""
+import os, sqlite3
+connection = sqlite3.connect({str(tmp_path / DATABASE)!r})
+connection.execute("PRAGMA cache_size = 1")  # pages reach the file before the commit
+connection.execute("BEGIN")
+connection.execute("UPDATE points SET scenario = replace(hex(zeroblob(20000)), '0', 'x')")
+os._exit(0)
+"""
+    subprocess.run([sys.executable, "-c", script], check=True)
+    assert (tmp_path / f"{DATABASE}-journal").stat().st_size
+    assert read_status(tmp_path).scenario == "demo"
