@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from typing import Any
 
 from epuck_sim.errors import EpuckSimError
@@ -131,7 +132,13 @@ class _Simulations:
 
 def make_outcome(task: Task, result: TrialResult | None, error: str | None) -> Outcome:
     """Return the outcome of a task that this process has run, with its versions and host."""
-    return Outcome(task.point, task.trial, task.seed, result, error, {**versions(), "host": host()})
+    return Outcome(task.point, task.trial, task.seed, result, error, _provenance())
+
+
+@lru_cache
+def _provenance() -> dict[str, str]:
+    """Return one object for all outcomes, which is pickled once a chunk."""
+    return {**versions(), "host": host()}
 
 
 class Watchdog:
