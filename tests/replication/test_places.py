@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim import load_scenario
-from epuck_sim.replication.places import Course, Drawn, Place, collapse, find_place, place_exponent, spread
+from epuck_sim.replication.criteria import Course, Drawn, Place, collapse, find_place, place_exponent, spread
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.names import Statistic
 
