@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from epuck_sim.cli.status_tables import describe_at_limit
 from epuck_sim.cli.tables import show
-from epuck_sim.display.numbers import in_words
+from epuck_sim.display.html import in_words
 from epuck_sim.display.table import plain
 from epuck_sim.estimate import Estimate
 from epuck_sim.runs.status import PointAtLimit

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from epuck_sim.display.numbers import in_words
+from epuck_sim.display.html import in_words
 from epuck_sim.runs.share import Share
 from epuck_sim.runs.status import Failure, PointAtLimit, Status
 from epuck_sim.scenario.points import describe_axes

@@ -65,7 +65,7 @@ def _cells(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
 
 
 def _summary(results: Sequence[TrialResult], max_cycles: int) -> str:
-    from epuck_sim.statistics.names import Statistic  # what follows takes scipy
+    from epuck_sim.statistics.measured import Statistic  # what follows takes scipy
     from epuck_sim.statistics.statistic import estimate
 
     measured = _measured(results, max_cycles)

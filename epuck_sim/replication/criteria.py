@@ -16,13 +16,12 @@ from scipy.special import bdtr, bdtrc, stdtr, stdtrit
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
-from epuck_sim.statistics import shares
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.extrema import search_extrema
-from epuck_sim.statistics.fast_regime import find_fast_speed
-from epuck_sim.statistics.mean import MeanError, mean_and_error, student_estimate
+from epuck_sim.statistics.extrema import find_fast_speed, search_extrema
+from epuck_sim.statistics.mean import MeanError, mean_and_error, student_estimate, wilson_interval
+from epuck_sim.statistics.mean import share_difference as estimate_difference
 from epuck_sim.statistics.measured import Measured, cut
-from epuck_sim.statistics.weibull_mean import weibull_mean
+from epuck_sim.statistics.survival import weibull_mean
 
 RESAMPLES = 200
 """Number of resamples of a ratio of estimators."""
@@ -88,7 +87,7 @@ def share_effect(successes: int, trials: int) -> Effect:
     if trials < MIN_TRIALS:
         return Effect(Estimate(share), lambda _: 1.0, lambda _: 1.0)
     return Effect(
-        Estimate(share, *shares.wilson_interval(share, trials)),
+        Estimate(share, *wilson_interval(share, trials)),
         lambda threshold: float(bdtrc(successes - 1, trials, threshold)) if successes else 1.0,
         lambda threshold: float(bdtr(successes, trials, threshold)),
     )
@@ -136,7 +135,7 @@ def share_difference(first: Measured, second: Measured) -> Effect:
         return student(math.nan, 0.0, 0)
     chance = stats.hypergeom(sum(sizes), true + int(one.values.sum()), sizes[1])
     return Effect(
-        shares.share_difference(one, other),
+        estimate_difference(one, other),
         lambda _: float(chance.sf(true - 1)),
         lambda _: float(chance.cdf(true)),
     )

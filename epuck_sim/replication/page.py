@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from matplotlib import rc_context
 
-from epuck_sim.display.numbers import in_words
+from epuck_sim.display.html import in_words
 from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import plot

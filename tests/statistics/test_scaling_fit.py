@@ -11,7 +11,7 @@ from epuck_sim.cli.tables import show
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.estimate import Estimate
 from epuck_sim.statistics.extrema import SpeedExtrema
-from epuck_sim.statistics.scaling_fit import FittedCurve, fit_curves, fit_laws, fit_tables
+from epuck_sim.statistics.fit import FittedCurve, fit_curves, fit_laws, fit_tables
 from tests.cli.commands import cells
 from tests.runs.made_folders import (
     COUNT,

@@ -19,9 +19,8 @@ from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.points import points
 from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import measure_t_sync
-from epuck_sim.statistics.summary import summarize as summaries_of
-from epuck_sim.statistics.survival import median_time
-from epuck_sim.statistics.weibull_mean import confidence_interval, weibull_mean, weibull_resamples
+from epuck_sim.statistics.statistic import summarize as summaries_of
+from epuck_sim.statistics.survival import confidence_interval, median_time, weibull_mean, weibull_resamples
 from tests.cli.commands import cells
 from tests.runs.made_folders import (
     COUPLING,
