@@ -11,8 +11,8 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.labels import FOLDER, sweep_title
 from epuck_sim.runs.reader import PointTrials, read_points
+from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.validation import validate
 from epuck_sim.statistics.measured import measure_unit
 from epuck_sim.statistics.series import has_series
 from epuck_sim.util.messages import comma_list, did_you_mean
