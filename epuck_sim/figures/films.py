@@ -189,7 +189,7 @@ def _first_and_last(moments: Sequence[tuple[float, Evaluation]]) -> list[tuple[f
     return [*moments[: ACROSS - 1], *moments[ACROSS - 1 :][-1:]]
 
 
-ACROSS = 3
+PANELS_ACROSS = 3
 """Number of panels in a row."""
 
 TRIALS, FILM = "0.6", "#d62728"
@@ -223,9 +223,9 @@ def _status(value: float) -> str:
 def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:
     """Return the figure: a histogram of the trials for each quantity that is known, and a line where the film is."""
     rows = [row for row in rows if not math.isnan(row.percentile) and np.isfinite(row.trials).any()]
-    down = max(math.ceil(len(rows) / ACROSS), 1)
-    figure = Figure(figsize=(3.6 * ACROSS, 2.3 * down), dpi=300, layout="constrained")
-    panels = figure.subplots(down, ACROSS, squeeze=False).ravel()
+    down = max(math.ceil(len(rows) / PANELS_ACROSS), 1)
+    figure = Figure(figsize=(3.6 * PANELS_ACROSS, 2.3 * down), dpi=300, layout="constrained")
+    panels = figure.subplots(down, PANELS_ACROSS, squeeze=False).ravel()
     for panel, row in zip(panels, rows, strict=False):
         _draw_quantity(panel, row)
     for panel in panels[len(rows) :]:
