@@ -174,7 +174,7 @@ def calibrate(
             f"{name}: by {found.calibration} the camera is tilted by {found.tilt_deg:.0f} degrees; allowed: up "
             f"to {MAX_TILT_DEG:.0f}; give the floor's corners by --corners"
         )
-    return found._replace(background=background.picture)
+    return found._replace(background=background.levels)
 
 
 def _after_light(frames: Iterator[Frame], most_lit_s: float) -> Iterator[Frame]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.frame import Light
 from epuck_sim.scenario.overhead import OverheadSection
 
 REFERENCE_HEIGHT_CM = 110.0  # height of the camera above the floor in the thesis's experiments (4.3.1)
@@ -122,8 +122,8 @@ class Geometry(NamedTuple):
     each other. 0 if nothing tells."""
     tilt_deg: float = 0.0
     """Angle between the camera's axis and straight down."""
-    background: Picture | None = None
-    """Constant light: picture of the dark scene without rings."""
+    background: Light | None = None
+    """Constant light of the dark scene without rings."""
     ring_light: float = 0.0
     """Levels by which rings in the dark are usually brighter than their inside; 0 if it is not known."""
     ring_size: float = 1.0

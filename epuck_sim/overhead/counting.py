@@ -10,7 +10,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.camera import Geometry
 from epuck_sim.overhead.flashes import Flash, FlashLinker
 from epuck_sim.overhead.frame import Frame
-from epuck_sim.overhead.light import Background, LightMeter, ring_light
+from epuck_sim.overhead.light import Background, LightMeter, RingLight
 from epuck_sim.overhead.rings import Ring, RingFinder
 from epuck_sim.overhead.synchrony import Evaluation, SynchronyDetector, is_synchronised
 
@@ -62,7 +62,7 @@ class RingCounter:
 
     def process(self, frame: Frame) -> list[Ring]:
         """Find the lit rings on the floor in the next frame, count them, and return them."""
-        light = ring_light(frame.picture, self._background.update(frame))
+        light = self._background.light_beyond(frame)
         seen = self._finder.find_in(light)
         rings = self._on_floor(seen)
         lit = light.room_is_lit
@@ -105,7 +105,7 @@ class RingCounter:
 
     def counted(self) -> CountedRings:
         """Return what has been counted so far."""
-        background = self._background.picture
+        background = self._background.levels
         return CountedRings(
             frames=len(self._rings),
             start_s=self.start_s,
@@ -114,7 +114,7 @@ class RingCounter:
             areas_px=np.array(self._areas, np.int64),
             flashes=self._linker.flashes,
             outside=self._outside,
-            always_lit=[] if background is None else self._on_floor(self._finder.find(background)),
+            always_lit=[] if background is None else self._on_floor(self._finder.find_in(RingLight(background, False))),
             geometry=self._geometry,
             rings=self._rings,
         )

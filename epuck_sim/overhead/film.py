@@ -163,7 +163,7 @@ class Film:
             ticks, unit_s = picture.dts if self._format == "avi" else picture.pts, picture.time_base
             time_s = self._clock.time_s(None if ticks is None or unit_s is None else ticks * unit_s)
             if time_s is not None:
-                pixels = reformatter.reformat(picture, format="rgb24").to_ndarray()
+                pixels = reformatter.reformat(picture, format="rgb24", threads=1).to_ndarray()
                 turned = np.rot90(pixels, round(first.rotation / 90))  # as players show it
                 yield Frame(time_s, np.ascontiguousarray(turned, np.uint8))
             lasted_s = picture.duration * unit_s if picture.duration and unit_s else 0

@@ -8,6 +8,8 @@ import numpy.typing as npt
 
 Picture = npt.NDArray[np.uint8]
 """(height_px, width_px, 3) red, green, blue; row 0 is the upper edge."""
+Light = npt.NDArray[np.uint8]
+"""(rows, columns) one channel of a picture or of the rectified view."""
 
 
 class Frame(NamedTuple):

@@ -10,7 +10,6 @@ from typing import Any
 
 import av
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from epuck_sim.arena import make_arena
@@ -159,7 +158,8 @@ def code_rings(patch: pytest.MonkeyPatch) -> None:
     """Have counters take the rings that `coded` writes into frames."""
     where = "epuck_sim.overhead.counting"
     patch.setattr(f"{where}.RingFinder", Coded)
-    patch.setattr(f"{where}.ring_light", lambda picture, _: RingLight(picture[:, :, 2], is_lit(picture)))
+    light = lambda _, frame: RingLight(frame.picture[:, :, 2], is_lit(frame.picture))  # noqa: E731
+    patch.setattr(f"{where}.Background.light_beyond", light)
 
 
 class Coded:
@@ -171,9 +171,6 @@ class Coded:
     def __init__(self, *_: object, **__: object) -> None:
         self._lit: list[int] = []
         self._next = 0
-
-    def find(self, picture: npt.NDArray[np.uint8]) -> list[Ring]:
-        return self.find_in(RingLight(picture[:, :, 2], False))
 
     def find_in(self, light: RingLight) -> list[Ring]:
         count = int(light.levels[0, 0])
