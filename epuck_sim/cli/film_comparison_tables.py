@@ -10,8 +10,7 @@ import numpy as np
 from epuck_sim.cli.tables import show
 from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.estimate import Estimate, significant
-from epuck_sim.overhead.compare import QuantityComparison, judge
-from epuck_sim.overhead.film_fit import Fitted
+from epuck_sim.overhead.compare import Fitted, QuantityComparison, judge
 from epuck_sim.util.provenance import versions
 
 UNTOLD = (

@@ -13,7 +13,7 @@ from epuck_sim.arrays import BoolArray, Float32Array
 from epuck_sim.environments.batch import SwarmBatch
 from epuck_sim.environments.rewards import Situation, SituationFunction
 from epuck_sim.environments.screen import RENDER_MODES, RenderMode, Screen
-from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.camera import Picture
 from epuck_sim.scenario.scenario import Scenario
 
 

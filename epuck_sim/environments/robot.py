@@ -17,7 +17,7 @@ from epuck_sim.environments.rewards import Situation, SituationFunction
 from epuck_sim.environments.screen import RENDER_MODES, RenderMode, Screen
 from epuck_sim.environments.vector import SwarmVectorEnv, vector_env
 from epuck_sim.errors import ScenarioError
-from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.camera import Picture
 from epuck_sim.scenario.scenario import Scenario
 
 ROBOT_ENV = "epuck_sim/Robot-v0"

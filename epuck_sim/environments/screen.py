@@ -5,7 +5,7 @@ from typing import Literal
 import gymnasium
 
 from epuck_sim.environments.rewards import Situation
-from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.render import ArenaView
 from epuck_sim.scenario.embodied import EmbodiedScenario
 

@@ -10,10 +10,9 @@ from pydantic import BaseModel, Field, ValidationError
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.camera import REFERENCE_HEIGHT_CM, REFERENCE_SIDE_CM, Geometry, Lens, overhead_camera
+from epuck_sim.overhead.camera import REFERENCE_HEIGHT_CM, REFERENCE_SIDE_CM, Frame, Geometry, Lens, overhead_camera
 from epuck_sim.overhead.camera_fit import fit_camera, measure_rings
 from epuck_sim.overhead.floor import find_corners
-from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.light import Background, is_lit
 from epuck_sim.overhead.synchrony import spread_threshold_s
 from epuck_sim.scenario.base import Positive, WholeNumber

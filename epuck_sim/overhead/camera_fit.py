@@ -15,9 +15,8 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.geometry import polygon_area
-from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, Geometry, Lens, fisheye_lens, simple_lens
+from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, Frame, Geometry, Lens, fisheye_lens, simple_lens
 from epuck_sim.overhead.floor import check_corners
-from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.light import LEAST_LIGHT, Background, RingLight, is_lit, ring_light
 from epuck_sim.overhead.rings import RingFinder
 

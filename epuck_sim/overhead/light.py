@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 
 from epuck_sim.arrays import BoolArray
-from epuck_sim.overhead.camera import Geometry
-from epuck_sim.overhead.frame import Frame, Light, Picture
+from epuck_sim.overhead.camera import Frame, Geometry, Light, Picture
 
 LIT_LEVEL = 40
 """Median level of a picture's darkest colour from which the room is lit; noise in the dark is far below, and the haze
@@ -35,7 +34,7 @@ def is_lit(picture: Picture) -> bool:
     step = max(min(rows, columns) // LIT_SAMPLES, 1)
     middle = picture[rows // 4 : rows - rows // 4 : step, columns // 4 : columns - columns // 4 : step]
     red, green, blue = cv2.split(np.ascontiguousarray(middle))
-    return 2 * np.count_nonzero(cv2.min(cv2.min(red, green), blue) >= LIT_LEVEL) >= red.size
+    return bool(np.median(cv2.min(cv2.min(red, green), blue)) >= LIT_LEVEL)
 
 
 def ring_light(picture: Picture) -> RingLight:
@@ -75,7 +74,9 @@ class Background:
         self._last_s = frame.time_s
         whole = int(self._rise)
         self._rise -= whole
-        self.levels = np.asarray(cv2.min(cv2.add(levels, whole) if whole else levels, light.levels), np.uint8)
+        self.levels = np.asarray(
+            cv2.min(cv2.convertScaleAbs(levels, beta=whole) if whole else levels, light.levels), np.uint8
+        )
         return RingLight(np.asarray(cv2.subtract(light.levels, self.levels), np.uint8), False)
 
 

@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
-from epuck_sim.overhead.camera import CameraModel
-from epuck_sim.overhead.frame import Light, Picture
+from epuck_sim.overhead.camera import CameraModel, Light, Picture
 from epuck_sim.overhead.light import RingLight, ring_light
 
 # the view from above

@@ -15,9 +15,8 @@ import pytest
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.camera import CameraModel, Geometry, overhead_camera
-from epuck_sim.overhead.film_writer import film_file
-from epuck_sim.overhead.frame import Frame, Timed
+from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, Timed, overhead_camera
+from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.light import RingLight, is_lit
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.overhead.rings import Ring
@@ -156,10 +155,11 @@ def read_rings(path: Path, unknown: float = math.nan) -> list[dict[str, float]]:
 
 def code_rings(patch: pytest.MonkeyPatch) -> None:
     """Have counters take the rings that `coded` writes into frames."""
-    where = "epuck_sim.overhead.counting"
+    where = "epuck_sim.overhead.flashes"
     patch.setattr(f"{where}.RingFinder", Coded)
     light = lambda _, frame: RingLight(frame.picture[:, :, 2], is_lit(frame.picture))  # noqa: E731
     patch.setattr(f"{where}.Background.light_beyond", light)
+    patch.setattr(f"{where}.LightMeter.lit_px", lambda *_: 0)
 
 
 class Coded:

@@ -8,8 +8,7 @@ import pytest
 from scipy import ndimage
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera import Geometry, simple_lens
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.camera import Frame, Geometry, simple_lens
 from epuck_sim.overhead.light import Background, LightMeter, is_lit, ring_light
 from epuck_sim.overhead.rings import MAX_CELLS_PER_PIXEL, MAX_REACH_HEIGHTS, fit_ring, rectified_view
 from tests.overhead.drawn_rings import (
