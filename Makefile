@@ -56,6 +56,7 @@ page-types: ## check the types of the pages' scripts, with npm
 
 bench: $(VENV)/test-tools ## measure; figures as ratios within one run
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
+	$(BIN)/python -m tests.benchmarks.ratios
 
 slow: $(VENV)/test-tools ## the science that takes minutes
 	$(BIN)/python -m pytest -m slow
@@ -75,6 +76,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/python docs/figures/base_curve.py
 	$(BIN)/python docs/figures/shipped_pictures.py
 	$(BIN)/python -m docs.validation runs/validation
+	$(BIN)/python -m docs.paper.make
 	set -e; for sweep in $(SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --trials $(TRIALS) --out runs/$$sweep; \
 	    $(BIN)/epuck-sim plot runs/$$sweep --to docs/figures/$$sweep; \

@@ -242,6 +242,14 @@ def plot(
         bool,
         typer.Option("--points", help="Draw each trial as a dot, in curves and violins.", rich_help_panel=LOOKS),
     ] = False,
+    theory: Annotated[
+        bool,
+        typer.Option(
+            "--theory",
+            help="Dash what predict says of T_sync against speed under the curves.",
+            rich_help_panel=LOOKS,
+        ),
+    ] = False,
     title: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Title; by default there is none.", rich_help_panel=LOOKS)
     ] = None,
@@ -288,6 +296,7 @@ def plot(
             "labels": _parse_labels(label) if label else None,
             "scale": None if log is None else "log" if log else "linear",
             "points": points or None,
+            "theory": theory or None,
             "width_cm": width_cm,
             "font_pt": font_pt,
         }

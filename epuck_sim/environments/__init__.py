@@ -6,9 +6,9 @@ swarms; `RobotEnv` a Gymnasium `Env` of one robot among others, registered as `R
 """
 
 try:
-    from epuck_sim.environments.parallel import parallel_env
+    from epuck_sim.environments.batch import Task
+    from epuck_sim.environments.one_swarm import ROBOT_ENV, RobotEnv, parallel_env
     from epuck_sim.environments.rewards import Situation, aggregation, coverage, synchrony
-    from epuck_sim.environments.robot import ROBOT_ENV, RobotEnv
     from epuck_sim.environments.vector import vector_env
 except ModuleNotFoundError as error:
     if error.name not in ("gymnasium", "pettingzoo"):
@@ -19,6 +19,7 @@ __all__ = [
     "ROBOT_ENV",
     "RobotEnv",
     "Situation",
+    "Task",
     "aggregation",
     "coverage",
     "parallel_env",

@@ -3,20 +3,44 @@
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from epuck_sim.embodied.observers.contacts import find_contacts
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
-from epuck_sim.environments.rewards import Situation, SituationFunction, find_reward
+from epuck_sim.environments.rewards import Situation, SituationFunction, find_reward, order_of
 from epuck_sim.environments.spaces import AgentSpaces, Commanded, gather
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import arena_entries
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.seeds import trial_seed
+
+ScenarioLike = Scenario | str | Path | Mapping[str, Any]
+"""What `load_scenario` takes."""
+
+
+class Task(TypedDict, total=False):
+    """What agents are to do: the arguments of every environment, each of which may be left out."""
+
+    seed: int | None
+    """Seed of the first episode of the first swarm, `seed + 1` of the second, and so on; by default the scenario's."""
+    reward: SituationFunction | str
+    """`aggregation`, the default, `synchrony`, `coverage`, or a function of a `Situation` of a batch of swarms; or a
+    file with such a function, called `reward`; or the name of a reward that an installed package offers."""
+    terminate: Callable[[Situation], BoolArray] | None
+    """Function of a `Situation` that returns (swarms,) whether the task is done; none by default."""
+    actions: Literal["continuous", "discrete"]
+    """Speeds, the default, or numbers of motions."""
+    episode_s: float
+    """Simulated seconds after which an episode is truncated, 60 by default."""
+    control_steps: int
+    """Control steps, of 0.1 s by default, for which each action holds; 1 by default."""
 
 
 class SwarmBatch:
@@ -24,17 +48,18 @@ class SwarmBatch:
 
     def __init__(
         self,
-        scenario: Scenario | str | Path | Mapping[str, Any],
+        scenario: ScenarioLike,
         swarms: int,
         *,
-        reward: SituationFunction | str,
-        terminate: Callable[[Situation], BoolArray] | None,
-        discrete: bool,
-        episode_s: float,
-        control_steps: int,
+        seed: int | None = None,
+        reward: SituationFunction | str = "aggregation",
+        terminate: Callable[[Situation], BoolArray] | None = None,
+        actions: Literal["continuous", "discrete"] = "continuous",
+        episode_s: float = 60.0,
+        control_steps: int = 1,
         threads: int = 1,
     ) -> None:
-        """Build the swarms; see `parallel_env` and `vector_env` for the arguments."""
+        """Build the swarms; see `Task` and `vector_env` for the arguments."""
         self._reward = find_reward(reward)
         self._terminate = terminate
         for name, value in (("swarms", swarms), ("control_steps", control_steps), ("threads", threads)):
@@ -47,29 +72,37 @@ class SwarmBatch:
                 "observations and rewards take the robots and the arena to be those of the start"
             )
         self.simulations = [first, *(Simulation(first.scenario) for _ in range(swarms - 1))]
-        self.spaces = AgentSpaces(first, discrete=discrete)
+        self.spaces = AgentSpaces(first, discrete=actions == "discrete")
+        arena = first.scenario.arena.build()
+        self._scene = make_scene(first.scenario.robots, first.scenario.group_kinds, arena)
         self._oscillators_exist = not np.isnan(first.period_ms).all()
         self.control_steps = control_steps
         self._last_step = episode_s / first.step_s - 1e-6  # 6 s are 60 steps, however 0.1 s is rounded
         if not episode_s >= first.step_s:
             raise ValueError(f"episode_s is {episode_s}; allowed: at least a control step, {first.step_s:g} s")
-        self._masters = [first.seed] * swarms
+        master = first.seed if seed is None else seed
+        self._masters = [master + swarm for swarm in range(swarms)]
         self._episodes = [-1] * swarms
         self._steps: list[Step] = [None] * swarms  # type: ignore[list-item] # until `begin`
+        self._watches: list[SynchronyWatch] = [None] * swarms  # type: ignore[list-item]
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self._shares = [range(share, swarms, threads) for share in range(min(threads, swarms))]
 
-    def set_seed(self, swarm: int, seed: int | None) -> None:
-        """Have a swarm's episodes begin from this seed with the next one; go on with the present ones if None."""
-        if seed is not None:
-            self._masters[swarm], self._episodes[swarm] = int(seed), -1
+    def begin(self, swarms: Sequence[int], seeds: Sequence[int | None] = ()) -> None:
+        """Begin the next episodes of these swarms: their robots are placed, and sense.
 
-    def begin(self, swarms: Sequence[int]) -> None:
-        """Begin the next episodes of these swarms: their robots are placed, and sense."""
+        Seeds, one for each of all swarms, begin rows of episodes; where they are None, the present rows go on.
+        """
+        for swarm, seed in enumerate(seeds):
+            if seed is not None:
+                self._masters[swarm], self._episodes[swarm] = int(seed), -1
         for swarm in swarms:
+            simulation = self.simulations[swarm]
             self._episodes[swarm] += 1
-            self.simulations[swarm].reset(trial_seed(self._masters[swarm], self._episodes[swarm]))
-            self._steps[swarm] = next(self.simulations[swarm])
+            simulation.reset(trial_seed(self._masters[swarm], self._episodes[swarm]))
+            self._watches[swarm] = SynchronyWatch(simulation)
+            self._steps[swarm] = step = next(simulation)
+            self._watches[swarm].look(step)
 
     def act(self, actions: npt.ArrayLike, resting: BoolArray) -> None:
         """Have the robots do what (swarms, agents, ...) actions command until the next observation.
@@ -96,7 +129,11 @@ class SwarmBatch:
             if rings is not None:
                 commands.rings[:] = rings[swarm]
             commands.carry_out()
-            self._steps[swarm] = simulation.advance(self.control_steps)
+            watch, end = self._watches[swarm], simulation.steps + self.control_steps
+            while simulation.steps < end:
+                step = simulation.advance(end - simulation.steps, until_firing=watch.measures)
+                watch.look(step, may_fire=simulation.is_firing)
+            self._steps[swarm] = step
 
     def look(self) -> Situation:
         """Return where all robots are and what they do."""
@@ -130,10 +167,44 @@ class SwarmBatch:
         truncated = np.array([step.number >= self._last_step for step in self._steps])
         return rewards, terminated, truncated
 
+    def infos(self, situation: Situation) -> dict[str, npt.NDArray[Any]]:
+        """Return (swarms, agents) by key what is worth knowing beside rewards; see docs/learning.md."""
+        found: dict[str, npt.NDArray[Any]] = {"contacts": self._contacts(situation)[:, self.spaces.robots]}
+        if self._oscillators_exist:
+            found["order_parameter"] = order_of(situation.phase)
+        if self._watches[0].measures:
+            found["t_sync_cycles"] = np.array([watch.outcome.cycles for watch in self._watches])
+            found["synchronised"] = np.array([watch.is_synchronised for watch in self._watches])
+        shape = found["contacts"].shape
+        return {key: each if each.ndim > 1 else np.broadcast_to(each[:, None], shape) for key, each in found.items()}
+
+    def _contacts(self, situation: Situation) -> IntArray:
+        """Return (swarms, robots) how many robots, walls and other things each robot touches."""
+        if situation.movables.size:
+            pairs = [step.contacts for step in self._steps]
+            touching = np.column_stack([np.repeat(range(len(pairs)), list(map(len, pairs))), np.concatenate(pairs)])
+        else:  # swarms differ in poses alone, and are looked at together
+            touching = find_contacts(self._scene, situation.poses)[0]
+        swarms, robots = situation.ring_on.shape
+        ends = touching[:, :1] * robots + touching[:, 1:]
+        counts: IntArray = np.bincount(ends[touching[:, 1:] >= 0], minlength=swarms * robots)
+        return counts.reshape(swarms, robots)
+
     def close(self) -> None:
         """End the threads."""
         if self._pool is not None:
             self._pool.shutdown()
+
+
+def seeds_from(seed: int | Sequence[int | None] | None, swarms: int) -> Sequence[int | None]:
+    """Return the seeds of swarms: those given, or `seed`, `seed + 1`, and so on; none if it is None."""
+    if seed is None:
+        return ()
+    if isinstance(seed, int | np.integer):
+        return [seed + swarm for swarm in range(swarms)]
+    if len(seed) != swarms:
+        raise ValueError(f"seed holds {len(seed)} seeds; allowed: one for each of {swarms} swarms, or one")
+    return seed
 
 
 def _commanded(simulation: Simulation) -> Simulation:

@@ -51,12 +51,20 @@ def synchrony(situation: Situation) -> FloatArray:
     Raises:
         ScenarioError: There are no oscillators.
     """
-    has_phase = ~np.isnan(situation.phase.reshape(-1, situation.phase.shape[-1])[0])
-    if not has_phase.any():
+    r = order_of(situation.phase)
+    if np.isnan(r).any():
         raise ScenarioError(
             "synchrony is of oscillators, and no robot is one; drive the wheels alone: controller: external_wheels"
         )
-    r: FloatArray = np.abs(np.exp(2j * np.pi * situation.phase[..., has_phase]).mean(axis=-1))
+    return r
+
+
+def order_of(phase: FloatArray) -> FloatArray:
+    """Return (...) the order parameter of (..., robots) phases from 0 to 1, NaN for robots without; NaN if all are."""
+    has_phase = ~np.isnan(phase.reshape(-1, phase.shape[-1])[0])
+    if not has_phase.any():
+        return np.full(phase.shape[:-1], np.nan)
+    r: FloatArray = np.abs(np.exp(2j * np.pi * phase[..., has_phase]).mean(axis=-1))
     return r
 
 

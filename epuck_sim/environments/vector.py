@@ -1,8 +1,7 @@
 """All robots of many swarms as one Gymnasium vector environment: one policy for all, evaluated on all at once."""
 
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -10,52 +9,22 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
-from epuck_sim.environments.batch import SwarmBatch
-from epuck_sim.environments.rewards import Situation, SituationFunction
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.environments.batch import ScenarioLike, SwarmBatch, Task, seeds_from
+from epuck_sim.environments.rewards import Situation
 
 
-def vector_env(
-    scenario: Scenario | str | Path | Mapping[str, Any],
-    swarms: int,
-    *,
-    seed: int | None = None,
-    reward: SituationFunction | str = "aggregation",
-    terminate: Callable[[Situation], BoolArray] | None = None,
-    actions: Literal["continuous", "discrete"] = "continuous",
-    episode_s: float = 60.0,
-    control_steps: int = 1,
-    threads: int = 1,
-) -> "SwarmVectorEnv":
+def vector_env(scenario: ScenarioLike, swarms: int, *, threads: int = 1, **task: Unpack[Task]) -> "SwarmVectorEnv":
     """Return a Gymnasium `VectorEnv` of all agents of a number of swarms of one scenario.
 
     Row `swarm * agents + agent` of all arrays is one agent. Outcomes do not depend on the number of threads.
 
     Args:
-        scenario: See `parallel_env`, also for the other arguments.
+        scenario: See `parallel_env`.
         swarms: Number of swarms.
-        seed: Seed of the first swarm, `seed + 1` of the second, and so on; the scenario's own by default.
-        reward: See `parallel_env`.
-        terminate: See `parallel_env`.
-        actions: See `parallel_env`.
-        episode_s: See `parallel_env`.
-        control_steps: See `parallel_env`.
         threads: Threads that take the swarms' steps.
+        task: See `Task`.
     """
-    batch = SwarmBatch(
-        scenario,
-        swarms,
-        reward=reward,
-        terminate=terminate,
-        discrete=actions == "discrete",
-        episode_s=episode_s,
-        control_steps=control_steps,
-        threads=threads,
-    )
-    first = batch.simulations[0].seed if seed is None else seed
-    for swarm in range(swarms):
-        batch.set_seed(swarm, first + swarm)
-    return SwarmVectorEnv(batch)
+    return SwarmVectorEnv(SwarmBatch(scenario, swarms, threads=threads, **task))
 
 
 class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
@@ -89,15 +58,11 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
                 in the rows of seeds that have begun.
             options: Ignored.
         """
-        seeds = [seed + swarm for swarm in range(self.swarms)] if isinstance(seed, int | np.integer) else seed
-        if seeds is not None and len(seeds) != self.swarms:
-            raise ValueError(f"seed holds {len(seeds)} seeds; allowed: one for each of {self.swarms} swarms, or one")
-        for swarm in range(self.swarms):
-            self._batch.set_seed(swarm, seeds[swarm] if seeds is not None else None)
-        self._batch.begin(range(self.swarms))
+        self._batch.begin(range(self.swarms), seeds_from(seed, self.swarms))
         self._is_over[:] = False
         self._has_begun = True
-        return self._rows(self._batch.observe(self._batch.look())), {}
+        situation = self._batch.look()
+        return self._rows(self._batch.observe(situation)), self._infos(situation)
 
     def step(self, actions: npt.ArrayLike) -> tuple[Float32Array, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Have all robots act; those of swarms whose episodes are over begin a new one instead.
@@ -106,7 +71,8 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             actions: (swarms * agents, ...) an action for each agent.
 
         Returns:
-            (swarms * agents, ...) observations, rewards, whether terminated, whether truncated; and no infos.
+            (swarms * agents, ...) observations, rewards, whether terminated, whether truncated; and infos, arrays
+            of one for each agent.
 
         Raises:
             ValueError: `reset` was not called, or actions are not of the action space.
@@ -127,7 +93,12 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self._is_over = terminated | truncated
         each = self.agents
         flags = np.repeat(terminated, each), np.repeat(truncated, each)
-        return self._rows(self._batch.observe(situation)), rewards.ravel(), *flags, {}
+        return self._rows(self._batch.observe(situation)), rewards.ravel(), *flags, self._infos(situation)
+
+    def _infos(self, situation: Situation) -> dict[str, Any]:
+        """Return infos as Gymnasium has them of vectors: an array by each key, and which agents it tells of."""
+        values = {key: each.ravel() for key, each in self._batch.infos(situation).items()}
+        return values | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in values}
 
     def _rows(self, values: Float32Array) -> Float32Array:
         return values.reshape(self.num_envs, *values.shape[2:])

@@ -1,13 +1,14 @@
 """What a page needs to know of a scenario of point agents; `web/agents.js` makes blocks of it, as `rules` does here."""
 
+import base64
 import math
 from typing import Any
 
+from epuck_sim.page.own import CURVE
 from epuck_sim.page.records import fields_of
 from epuck_sim.page.settings import Setting, refuse, stops
 from epuck_sim.particles import neighbours
 from epuck_sim.particles.oscillators import BRANCHES, FLAT
-from epuck_sim.particles.phase_response import CURVES
 from epuck_sim.particles.rules import rules_of
 from epuck_sim.particles.swarm import ARRAYS, CALLS, SCENE, SCENE_BYTES, Arrays
 from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
@@ -26,12 +27,17 @@ CONES = "cone_of_vision cone_of_emission"
 
 assert MOST_AGENTS <= FLAT
 
-_FUNCTIONS = {"CONTINUE": "continue_trajectory", "BEGIN_RUN": "begin_run", "REORIENT": "reorient_agents"}
+_FUNCTIONS = {
+    "CURVE": CURVE,
+    "CONTINUE": "continue_trajectory",
+    "BEGIN_RUN": "begin_run",
+    "REORIENT": "reorient_agents",
+}
 
 
 def check_agents(scenario: ParticleScenario) -> None:
     """Raise ScenarioError for what keeps a scenario of agents from being a page, with its key."""
-    agents, curve = scenario.agents, scenario.response.curve
+    agents = scenario.agents
     refuse(
         scenario,
         {
@@ -39,7 +45,6 @@ def check_agents(scenario: ParticleScenario) -> None:
             "agents.count": (agents.count > MOST_AGENTS, f"is {agents.count}; a page shows up to {MOST_AGENTS}"),
             "agents.speed_distribution": (agents.speed_distribution != "fixed", RANDOM_NUMBERS),
             "clocks.jitter": (scenario.clocks.jitter > 0, RANDOM_NUMBERS),
-            "response.curve": (curve not in CURVES, f"is {curve}, and pages have the shipped curves alone"),
             "schedule": (bool(scenario.schedule), "pages change nothing by a schedule"),
             "start.like": (scenario.start.like is not None, "a page has no trial of robots to begin with"),
             "stop.when": (scenario.stop.when is not None, "pages have no measures that could end a trial"),
@@ -56,7 +61,12 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
     check_agents(scenario)
     rules, start = rules_of(scenario), scenario.start
     arrays, walk, stop = Arrays(rules.new_block()), scenario.agents.walk, scenario.stop
-    functions = {"CONTINUE": True, "BEGIN_RUN": walk.kind != "straight", "REORIENT": bool(scenario.agents.reorient_on)}
+    functions = {
+        "CURVE": len(arrays.curve) > 0,
+        "CONTINUE": True,
+        "BEGIN_RUN": walk.kind != "straight",
+        "REORIENT": bool(scenario.agents.reorient_on),
+    }
     given = {
         "origin": start.positions_cm is not None,
         "heading": start.headings is not None,
@@ -68,7 +78,13 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
         "scene_bytes": SCENE_BYTES,
         "scene_base": rules.beginning[:SCENE_BYTES].tolist(),
         "arrays": [(name, dtype.itemsize, size) for name, (dtype, size) in ARRAYS.items()],
-        "sizes": {"run_speeds": 0, "curve": 0, "groups": 0, "parts": 0},  # for no more than `FLAT` agents
+        "sizes": {
+            "run_speeds": 0,
+            "curve": len(arrays.curve),
+            "groups": 0,
+            "parts": 0,
+        },  # for no more than `FLAT` agents
+        "curve": base64.b64encode(arrays.curve.tobytes()).decode(),
         "fill": {"run_end_cycle": -1, "period": 1, "cached_until": "-Infinity", "block_earliest": "-Infinity"},
         "given": {name: getattr(arrays, name).ravel().tolist() for name, is_given in given.items() if is_given},
         "is_synchronised": start.phases == "synchronised",

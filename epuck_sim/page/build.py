@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import get_args
@@ -19,7 +19,7 @@ import llvmlite.binding as llvm
 
 from epuck_sim.embodied.bodies.chipmunk import FUNCTIONS
 from epuck_sim.page.kernels import FOLDER, Model
-from epuck_sim.page.roots import digest_kernels, roots
+from epuck_sim.page.roots import Root, digest_kernels, roots
 from epuck_sim.util.memory import in_bytes
 from epuck_sim.util.native import portable_module, stay_portable
 
@@ -39,13 +39,14 @@ LEFT_OUT = ("cpHastySpace", "cpPolyline", "cpMarch", "cpSpaceDebug")
 """Sources of Chipmunk that the program does not use."""
 
 
-def compile_kernels(model: Model) -> bytes:
-    """Return the object file of all kernels of a model; each is outside known by its name."""
+def compile_kernels(named: Mapping[str, Root]) -> bytes:
+    """Return the object file of kernels, which are known outside by their names; ends what else a process compiles."""
+    stay_portable()
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     machine = llvm.Target.from_triple(TARGET).create_target_machine(opt=3, features=FEATURES)
     whole = llvm.parse_assembly("")
-    for name, (kernel, arguments) in roots(model).items():
+    for name, (kernel, arguments) in named.items():
         text, symbol = portable_module(kernel.part, *arguments)
         module = llvm.parse_assembly(_retarget(text, str(machine.target_data)))
         for each in (*module.functions, *module.global_variables):
@@ -106,13 +107,14 @@ def chipmunk_sources(folder: Path) -> list[object]:
 
 def main() -> None:
     """Make the module of each model."""
-    stay_portable()
     for model in get_args(Model):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             is_embodied = model == "embodied"
             exports = [*roots(model), *(function for function in FUNCTIONS if is_embodied)]
-            wasm = link(compile_kernels(model), exports, folder, *(chipmunk_sources(folder) if is_embodied else ()))
+            wasm = link(
+                compile_kernels(roots(model)), exports, folder, *(chipmunk_sources(folder) if is_embodied else ())
+            )
         packed = gzip.compress(wasm, 9, mtime=0)
         (FOLDER / f"{model}.wasm.gz").write_bytes(packed)
         (FOLDER / f"{model}.digest").write_text(digest_kernels(model) + "\n")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
@@ -13,16 +14,17 @@ from epuck_sim.embodied.bodies.shapes import WALL_CM
 from epuck_sim.embodied.cells import cells_needed
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.sensors.camera import set_camera
+from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import CAMERA, GROUP, RAY, ROBOT, SCENE, Swarm
+from epuck_sim.page.own import own_controllers, own_sensors
 from epuck_sim.page.records import fields_of
-from epuck_sim.page.roots import controller_root
+from epuck_sim.page.roots import shipped_root
 from epuck_sim.page.settings import Setting, refuse, stops
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.robot_kind import cell_cm
 from epuck_sim.trial.synchrony import NOMINAL_PERIOD_S
-from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 
 MOST_ROBOTS = 200
 """Largest swarm of a page."""
@@ -44,8 +46,8 @@ PARAMETERS: Mapping[str, tuple[str, str, tuple[Any, ...]]] = {
 
 def check_robots(scenario: EmbodiedScenario) -> None:
     """Raise ScenarioError for what keeps a scenario of robots from being a page, with its key."""
-    own = [group.controller for group in scenario.robots if group.controller not in builtin_files(CONTROLLERS)]
-    external = [group.controller for group in scenario.robots if find_controller(group.controller).external]
+    controllers = [find_controller(group.controller) for group in scenario.robots]
+    unfit = [each.name for each in controllers if each.external or isinstance(each, Firmware)]
     radios = any(group.signal.kind == "radio" for group in scenario.robots)
     refuse(
         scenario,
@@ -56,10 +58,9 @@ def check_robots(scenario: EmbodiedScenario) -> None:
                 f"are {scenario.robot_count}{' with radios' * radios}; a page shows up to {MOST_ROBOTS}",
             ),
             "robots.controller": (
-                bool(own or external),
-                f"is {(own or external or [''])[0]}; pages have the shipped controllers, which nobody commands",
+                bool(unfit),
+                f"is {''.join(unfit[:1])}; pages have controllers in Python, which nobody commands",
             ),
-            "robots.sensors": (any(group.sensors for group in scenario.robots), "pages have no sensors in files"),
             "arena.movables": (bool(scenario.arena.movables), "nothing is pushed in pages"),
             "robots.present": (scenario.members_change, "all robots of a page are there all the time"),
             "faults": (bool(scenario.faults), "robots of pages have no faults"),
@@ -123,14 +124,25 @@ def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
         side_cm = max(_sides(scenario), key=lambda side: cells_needed(side, side, count, least_cm))
         chosen = load_scenario(chosen, [f"arena.width_cm={side_cm:g}", f"arena.height_cm={side_cm:g}"])
     block, functions = Simulation(chosen, seed=0).beginning()
-    named = {index: _name(function) for index, function in functions.items()}
-    return {"block": base64.b64encode(block.tobytes()).decode(), "functions": named}
+    controllers, sensors = own_controllers(scenario), own_sensors(scenario)
+    groups = [function for function in functions.values() if isinstance(function, GroupControllers)]
+
+    def name_of(function: Any) -> str:
+        if isinstance(function, GroupControllers):
+            return controllers.get(groups.index(function), shipped_root(function.controller.name))
+        return sensors[function.name] if isinstance(function, OwnSensor) else str(function.function.__name__)
+
+    return {
+        "block": base64.b64encode(block.tobytes()).decode(),
+        "functions": {index: name_of(function) for index, function in functions.items()},
+        "streams": [_streams(function) for function in functions.values() if isinstance(function, OwnSensor)],
+    }
 
 
-def _name(function: Any) -> str:
-    if isinstance(function, GroupControllers):
-        return controller_root(function.controller.name)
-    return str(function.function.__name__)
+def _streams(sensor: OwnSensor) -> dict[str, Any]:
+    """Return where the streams of a sensor's robots stand in the block, and which of a trial's numbers they are."""
+    first, end = sensor.streams_at
+    return {"at": first, "bytes": end - first, "robot": sensor.robots.start, "keys": list(sensor.keys)}
 
 
 def _view(scenario: EmbodiedScenario, view_deg: float) -> dict[str, Any]:

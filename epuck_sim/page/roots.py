@@ -13,13 +13,15 @@ import numpy as np
 from numba import types
 
 from epuck_sim.control.compilation import jit_functions
+from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied import controllers, loop, placement, start
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.sensors import camera, flash_cone, infrared, radio, reflections, signals
+from epuck_sim.embodied.sensors import camera, flash_cone, infrared, own, radio, reflections, signals
 from epuck_sim.embodied.sensors.completion import completion
 from epuck_sim.page.kernels import FOLDER, Model
-from epuck_sim.particles import events, initial_conditions, motion, neighbours
+from epuck_sim.particles import events, initial_conditions, motion, neighbours, phase_response
+from epuck_sim.scenario.particles import ResponseSection, find_curve
 from epuck_sim.util import elementary, generators
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 from epuck_sim.util.jit import bind
@@ -33,6 +35,7 @@ Root = tuple[Any, tuple[Any, ...]]
 _SWARM = BLOCK, ADDRESSES
 _OF_AGENT = *_SWARM, types.int64, types.float64
 _OF_GROUP = *_SWARM, types.int64
+_OF_CURVE = BLOCK, types.float64
 
 _SEEDS: tuple[Root, ...] = (
     (generators.begin_sequence, (WORDS, WORDS)),
@@ -70,22 +73,49 @@ def roots(model: Model) -> Mapping[str, Root]:
     of_model = _AGENTS if model == "particles" else _ROBOTS
     named = {kernel.function.__name__: (kernel, arguments) for kernel, arguments in _SEEDS + of_model}
     if model == "embodied":
-        named |= {controller_root(name): (controller_kernel(name), _OF_GROUP) for name in builtin_files(CONTROLLERS)}
+        named |= {shipped_root(name): controller_root(find_controller(name)) for name in builtin_files(CONTROLLERS)}
     return named
 
 
-def controller_root(name: str) -> str:
+def shipped_root(name: str) -> str:
     """Return the name of what runs a shipped controller."""
     return f"run_{name}"
 
 
-def controller_kernel(name: str) -> Any:
-    """Return the function (block, addresses, group) that runs a shipped controller, as `GroupControllers` has it."""
-    controller = find_controller(name)
-    functions = jit_functions((controller.start, controller.step), controller.modules, name)
-    names = dict(zip(("start", "step"), functions, strict=True)) | {"complete": completion(())}
-    bound = bind(controllers.run_group, **names, MEMORY=controller.memory, PARAMETERS=controller.parameter_type)
-    return SimpleNamespace(function=bound, part=compile_part(bound, error_model="python", boundscheck=True))
+def controller_root(controller: Controller, sensors: tuple[Sensor, ...] = ()) -> Root:
+    """Return the function (block, addresses, group) that runs a controller, as `GroupControllers` has it.
+
+    Args:
+        controller: The controller.
+        sensors: Those in files of their own that its group has.
+    """
+    names = _user_functions(controller, start=controller.start, step=controller.step)
+    types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
+    return _careful(bind(controllers.run_group, **names, **types, complete=completion(sensors))), _OF_GROUP
+
+
+def sensor_root(sensor: Sensor) -> Root:
+    """Return the function (block, addresses, sense) that has a group read a sensor, as `OwnSensor` has it."""
+    names = _user_functions(sensor, sense=sensor.sense)
+    types = {"READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
+    return _careful(bind(own.run_sensor, **names, **types)), _OF_GROUP
+
+
+def curve_root(response: ResponseSection) -> Root:
+    """Return the function (bytes, phase) of a user's response curve."""
+    curve = find_curve(response.curve)
+    names = _user_functions(curve, _shift=curve.phase_shift)
+    return _careful(bind(phase_response.shift_at, **names, _PARAMETERS=phase_response.record_of(response))), _OF_CURVE
+
+
+def _user_functions(described: Any, **functions: Any) -> dict[str, Any]:
+    """Return functions of a user's file as compiled code calls them, by the names of those that call them."""
+    return dict(zip(functions, jit_functions(functions.values(), described.modules, described.name), strict=True))
+
+
+def _careful(function: Any) -> Any:
+    """Return a kernel of a user's file, in which errors are Python's and indices are checked."""
+    return SimpleNamespace(function=function, part=compile_part(function, error_model="python", boundscheck=True))
 
 
 # --- what a module is made from ------------------------------------------------------------------------

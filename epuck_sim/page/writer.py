@@ -15,6 +15,7 @@ from epuck_sim import __version__
 from epuck_sim.display.page import check_suffix
 from epuck_sim.page.agents import agents_facts, agents_settings
 from epuck_sim.page.kernels import Model, read_module
+from epuck_sim.page.own import compile_own
 from epuck_sim.page.robots import robots_facts, robots_settings
 from epuck_sim.page.settings import Setting, Value, values_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -111,6 +112,7 @@ def make_page(scenario: EmbodiedScenario | ParticleScenario, source: str, settin
         "STYLE": style,
         "DATA": _packed(gzip.compress(json.dumps(data, allow_nan=False).encode(), 9, mtime=0)),
         "WASM": _packed(read_module(model)),
+        "OWN": _packed(compile_own(scenario)),
         "CORE": core,
         "PAGE": interface,
     }

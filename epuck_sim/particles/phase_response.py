@@ -19,7 +19,7 @@ from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.control.compilation import digest_sources, explain_refusal, frozen_values, jit_functions
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
-from epuck_sim.scenario.curves import ResponseSection, find_curve
+from epuck_sim.scenario.particles import ResponseSection, find_curve
 from epuck_sim.user_files import line_of_error, record_type
 from epuck_sim.util.elementary import expm1, sin
 from epuck_sim.util.jit import bind, compile_cached, digest, jit, jit_inline, kernel_digest, name_after
@@ -169,8 +169,7 @@ def make_response(section: ResponseSection) -> Response:
 def _compile_curve(section: ResponseSection) -> CompiledCurve:
     """Return a user's curve, compiled; its code stays at its address until the process ends."""
     curve = find_curve(section.curve)
-    parameters = curve.resolve(section.parameters)
-    kind = record_type({name: type(value) for name, value in parameters.items()}) if parameters else _NOTHING
+    parameters, kind = curve.resolve(section.parameters), record_of(section)
     sources = digest_sources(curve.sources, curve.modules).encode()
     whole = digest(
         [kernel_digest("particles").encode(), sources, *frozen_values(curve.modules.values()), repr(kind).encode()]
@@ -180,7 +179,7 @@ def _compile_curve(section: ResponseSection) -> CompiledCurve:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
                 (function,) = jit_functions([curve.phase_shift], curve.modules, whole)
-                wrapper = name_after(bind(_shift_at, _shift=function, _PARAMETERS=kind), whole)
+                wrapper = name_after(bind(shift_at, _shift=function, _PARAMETERS=kind), whole)
                 compiled: Any = compile_cached(wrapper, whole, careful=True, nogil=True)
                 compiled.compile((BLOCK, types.float64))
         except Exception as error:  # numba's own errors, and what escapes it
@@ -193,7 +192,13 @@ def _compile_curve(section: ResponseSection) -> CompiledCurve:
     return CompiledCurve(_compiled[whole], np.concatenate([coupling.view(np.uint8), record.view(np.uint8)]))
 
 
-def _shift_at(curve: ByteArray, phase: float) -> float:
+def record_of(section: ResponseSection) -> np.dtype[Any]:
+    """Return the type of the record of a user's curve's parameters."""
+    parameters = find_curve(section.curve).resolve(section.parameters)
+    return record_type({name: type(value) for name, value in parameters.items()}) if parameters else _NOTHING
+
+
+def shift_at(curve: ByteArray, phase: float) -> float:
     """Return the shift of a phase by a user's curve."""
     coupling = array_at(curve, 0, WORD_BYTES, FLOAT)
     parameters = array_at(curve, WORD_BYTES, len(curve), _PARAMETERS)  # noqa: F821 see `bind`

@@ -20,8 +20,8 @@ from epuck_sim.recording.parts import layout_of, population_of
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.provenance import format_versions
 

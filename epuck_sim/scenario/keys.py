@@ -11,11 +11,10 @@ from epuck_sim.control.sensors import find_sensor
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.axes import SweepAxes, with_ranges
 from epuck_sim.scenario.base import ConfigModel, class_of, ends_in, section_classes
-from epuck_sim.scenario.curves import ResponseSection, find_curve
-from epuck_sim.scenario.robot_kind import without_brought_sensors
+from epuck_sim.scenario.particles import ResponseSection, find_curve
+from epuck_sim.scenario.robot_kind import FILE, given_to_all, without_brought_sensors
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
-from epuck_sim.scenario.sensors import FILE, given_to_all
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.messages import short_repr
 

@@ -9,7 +9,7 @@ from pydantic import Field
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
 from epuck_sim.scenario.base import ConfigModel, WholeNumber
-from epuck_sim.scenario.schedule import conditions_in
+from epuck_sim.scenario.changes import conditions_in
 from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
 from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.util.messages import counted

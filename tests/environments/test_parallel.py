@@ -14,6 +14,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments import parallel_env
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.model import run_trial
 
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
 DANCERS = {"name": "dancers", "robots": [{"count": 4, "controller": "external_wheels"}]}
@@ -95,6 +96,39 @@ def test_the_reward_for_synchrony_is_that_of_the_phases_observed():
     phases = np.array([complex(*observations[agent][env.observation_fields["phase"]]) for agent in env.agents])
     assert list(rewards.values()) == pytest.approx([abs(phases.mean())] * 4, abs=1e-6)
     assert rewards["robot_0"] < 0.99
+
+
+@pytest.mark.parametrize("control_steps", [1, 7])
+def test_infos_tell_of_the_trial_as_an_observer_of_it_is_told(control_steps):
+    """Robots that are told to stand still, and flash by themselves."""
+    told: list[tuple[int, int, bool]] = []
+    group = {"count": 6, "controller": "external_wheels", "signal": {"kind": "radio"}}
+    still = {"robots": [group], "stop": {"order_parameter": 0.6}}
+
+    def note(step, state):
+        told.append((step.number, state.outcome.cycles, state.is_synchronised))
+
+    env = parallel_env(still, seed=4, control_steps=control_steps, episode_s=400)
+    simulation = env._batch.simulations[0]
+    _, infos = env.reset()
+    shown = [(simulation.steps - 1, infos)]
+    while env.agents:
+        *_, infos = env.step({agent: np.zeros(2) for agent in env.agents})
+        shown.append((simulation.steps - 1, infos))
+    run_trial(Simulation(still, simulation.seed), [note])
+    assert told[-1][2]
+    after = {number: rest for number, *rest in told}
+    found = {number: [one["robot_0"][key] for key in ("t_sync_cycles", "synchronised")] for number, one in shown}
+    assert {number: found[number] for number in found if number in after} == {
+        number: after[number] for number in after if number in found
+    }
+
+
+def test_infos_count_what_each_robot_touches():
+    places = [[3.7, 30, 0], [11.1, 30, 0], [40, 40, 0]]  # in a row from the left wall, and one by itself
+    env = parallel_env({"robots": [{"controller": "external", "poses": places}]})
+    assert [infos["contacts"] for infos in env.reset()[1].values()] == [2, 1, 0]
+    assert all(infos.keys() == {"contacts"} for infos in env.reset()[1].values())  # nobody is an oscillator
 
 
 def test_episodes_end_as_gymnasium_means_it_and_then_only_reset_is_allowed():

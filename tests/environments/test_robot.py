@@ -44,15 +44,14 @@ def test_it_does_what_the_agent_of_a_swarm_does_to_the_bit():
     swarm = parallel_env(AMONG_FIREFLIES, seed=3, reward="coverage", episode_s=2.0)
     for _ in range(2):
         observation, infos = robot.reset()
-        rows, _ = swarm.reset()
-        assert infos == {}
+        rows, expected_infos = swarm.reset()
         while swarm.agents:
             np.testing.assert_array_equal(observation, rows["robot_2"])
             action = swarm.action_space("robot_2").sample()
             observation, *found, infos = robot.step(action)
-            rows, *expected, _ = swarm.step({"robot_2": action})
+            rows, *expected, expected_infos = swarm.step({"robot_2": action})
             assert found == [values["robot_2"] for values in expected]
-            assert infos == {}
+            assert infos == expected_infos["robot_2"]
         with pytest.raises(ValueError, match="call reset"):
             robot.step(action)
 

@@ -2,6 +2,7 @@
 
 import gzip
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from typer.testing import CliRunner
 
 from epuck_sim import EpuckSimError, ParticleSimulation, ScenarioError, Simulation, load_scenario
 from epuck_sim.cli.app import app
+from epuck_sim.page import own
 from epuck_sim.page.kernels import ANEW, read_module
 from epuck_sim.page.roots import is_fresh, meanings
 from epuck_sim.page.writer import make_page, write_page
@@ -104,11 +106,26 @@ def test_what_cannot_be_a_page_is_refused_with_its_key_and_nothing_is_written(tm
     assert list(tmp_path.iterdir()) == []
 
 
-def test_firmware_and_curves_in_files_are_refused_by_name(tmp_path: Path) -> None:
-    curve = tmp_path / "mine.py"
-    curve.write_text("def phase_shift(phase, coupling, parameters):\n    return coupling * phase\n")
-    with pytest.raises(ScenarioError, match=r"response\.curve: is .*mine\.py, and pages have the shipped curves alone"):
-        write_page("particles", tmp_path / "x.html", [f"response.curve={curve}"])
+CURVE = "def phase_shift(phase, coupling, parameters):\n    return {}\n"
+
+
+def test_files_of_ones_own_need_ziglang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.py").write_text(CURVE.format("coupling * phase"))
+    monkeypatch.setattr(own, "find_spec", lambda _: None)
+    with pytest.raises(ScenarioError, match=r"response curves in files .* pip install 'epuck-sim\[page\]'"):
+        write_page("particles", tmp_path / "x.html", [f"response.curve={tmp_path / 'mine.py'}"])
+    assert not (tmp_path / "x.html").exists()
+
+
+def test_firmware_is_refused_by_name(tmp_path: Path) -> None:
+    if shutil.which("cc") is None:
+        pytest.skip("there is no C compiler")
+    (tmp_path / "mine.c").write_text(
+        "#define PARAMETERS\n#define MEMORY\n#include <epuck.h>\n\nvoid start(void) {}\n\nvoid step(void) {}\n"
+    )
+    changes = [f"robots.0.controller={tmp_path / 'mine.c'}", "robots.0.parameters={}"]
+    with pytest.raises(ScenarioError, match=r"robots\.controller: is .*mine.*; pages have controllers in Python"):
+        write_page("thesis", tmp_path / "x.html", changes)
 
 
 def test_a_page_is_named_as_such(tmp_path: Path) -> None:

@@ -1,6 +1,11 @@
 """A page's trial is the program's, to the bit: of each model, of all that sliders change, and however it is run."""
 
+import base64
+import gzip
 import json
+import shutil
+import subprocess
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,14 +15,13 @@ import pytest
 import yaml
 
 from epuck_sim import load_scenario, run_trial
-from epuck_sim.page.writer import make_page, page_data
+from epuck_sim.page.kernels import read_module
+from epuck_sim.page.writer import CORE, WEB, make_page, page_data
 from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.trial.model import simulate
 from epuck_sim.util.seeds import trial_seed
 from tests.browsers import Driven, needs_browser
-
-pytestmark = needs_browser
 
 CASES: dict[str, tuple[str, list[str], int]] = {
     # name: scenario, changes, trials
@@ -79,7 +83,7 @@ def ended(scenario: Any, seeds: range) -> list[list[Any]]:
 
 TRIALS = """
 (values, seeds) => {
-  const swarm = makeSwarm(page.module, page.data.facts, values);
+  const swarm = makeSwarm(page.modules, page.data.facts, values);
   return seeds.map((seed) => {
     swarm.reset(BigInt(seed));
     const run = swarm.run();
@@ -101,6 +105,30 @@ def opened(browser: Driven, pages: Path, scenario: str, changes: list[str]) -> A
     return loaded
 
 
+IN_NODE = """
+const { facts, values, wasm, seeds } = JSON.parse(require("fs").readFileSync(0));
+const page = { modules: [new WebAssembly.Module(fromBase64(wasm)), null], data: { facts } };
+console.log(JSON.stringify((TRIALS)(values, seeds)));
+"""
+NODE = shutil.which("node")
+
+
+@pytest.mark.skipif(NODE is None, reason="there is no node to run the scripts of pages with")
+@pytest.mark.parametrize("name", ["particles", "thesis"])
+def test_trials_end_as_the_programs_do_in_node_too(tmp_path: Path, name: str) -> None:
+    scenario = load_scenario(name, ["stop.max_cycles=40"])
+    data, seeds = page_data(scenario, name), range(100)
+    wasm = base64.b64encode(gzip.decompress(read_module(scenario.model))).decode()
+    script = tmp_path / "trials.js"
+    core = "\n".join((WEB / each).read_text() for each in CORE)
+    script.write_text(core + IN_NODE.replace("TRIALS", TRIALS))
+    given = {"facts": data["facts"], "values": data["values"], "wasm": wasm, "seeds": list(seeds)}
+    assert NODE is not None
+    found = subprocess.run([NODE, script], input=json.dumps(given), capture_output=True, text=True, check=True)
+    assert json.loads(found.stdout) == ended(scenario, seeds)
+
+
+@needs_browser
 @pytest.mark.parametrize("case", CASES)
 def test_trials_end_as_the_programs_do_to_the_bit(browser: Driven, pages: Path, case: str) -> None:
     name, changes, trials = CASES[case]
@@ -109,6 +137,87 @@ def test_trials_end_as_the_programs_do_to_the_bit(browser: Driven, pages: Path, 
     assert found == ended(scenario, range(trials))
 
 
+OWN_FILES = {
+    "turner.py": """
+from epuck_sim.util.rng import randint
+
+PARAMETERS = {"speed_cm_s": 6.0, "mean_wait_steps": 40}
+MEMORY = {"wait": int, "sightings": int}
+
+def start(memory, parameters, random):
+    memory.wait = randint(random, 2 * parameters.mean_wait_steps)
+
+def step(sensors, memory, actuators, parameters, random):
+    red_left = sensors.camera[:30].any()
+    memory.sightings += int(red_left)
+    actuators.left_cm_s = -parameters.speed_cm_s if red_left else parameters.speed_cm_s
+    actuators.right_cm_s = parameters.speed_cm_s
+    memory.wait -= 1
+    actuators.ring_on = memory.wait < 0
+    if memory.wait < -4:
+        memory.wait = randint(random, 2 * parameters.mean_wait_steps)
+""",
+    "stopper.py": """
+import firefly
+
+PARAMETERS = {**firefly.PARAMETERS, "dark": 0.5}
+MEMORY = firefly.MEMORY
+start = firefly.start
+
+def step(sensors, memory, actuators, parameters, random):
+    firefly.step(sensors, memory, actuators, parameters, random)
+    if sensors.ground < parameters.dark:
+        actuators.left_cm_s = 0.0
+""",
+    "ground.py": """
+from epuck_sim.embodied.sensing import brightness_at
+from epuck_sim.util.rng import uniform
+
+PARAMETERS = {"noise": 0.2}
+READINGS = {"ground": float}
+
+def sense(world, robot, readings, parameters, random):
+    readings.ground = brightness_at(world, robot.x, robot.y) + parameters.noise * uniform(random)
+""",
+    "square.py": """
+PARAMETERS = {"power": 2}
+
+def phase_shift(phase, coupling, parameters):
+    return coupling * phase**parameters.power
+""",
+}
+TURNERS = ["robots=[{count: 8, controller: turner.py}]", "stop={max_time_s: 60}"]
+STOPPERS = [
+    "robots=[{count: 4}, {count: 4, controller: stopper.py, sensors: [ground.py]}]",
+    "arena.floor.patches=[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 15, brightness: 0.1}]",
+    "stop.max_cycles=20",
+]
+OWN_CASES = {
+    "a controller": ("thesis", TURNERS, []),
+    "a controller and a sensor": ("thesis", STOPPERS, []),
+    "a response curve": ("particles", ["response.curve=square.py", "stop.max_cycles=200"], ["response.coupling=0.2"]),
+}
+
+
+@needs_browser
+@pytest.mark.skipif(find_spec("ziglang") is None, reason="there is no ziglang to compile users' files for pages with")
+@pytest.mark.parametrize("case", OWN_CASES)
+def test_a_users_files_run_in_a_page_to_the_bit(
+    browser: Driven, pages: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str
+) -> None:
+    for name, text in OWN_FILES.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    name, changes, moved = OWN_CASES[case]
+    scenario = opened(browser, pages, name, changes)
+    assert browser.run(f"({TRIALS})(page.values, {json.dumps(list(range(20)))})") == ended(scenario, range(20))
+    for key, value in (change.split("=") for change in moved):
+        browser.run(f"page.change({{'{key}': {value}}})")
+    found = browser.run(f"({TRIALS})(page.values, [3, 4])")
+    assert found == ended(load_scenario(name, [*changes, *moved]), range(3, 5))
+
+
+@needs_browser
 @pytest.mark.parametrize("name", ["particles", "thesis"])
 def test_what_sliders_change_is_what_the_command_says(browser: Driven, pages: Path, name: str) -> None:
     scenario = opened(browser, pages, name, ["stop.max_cycles=30"])
@@ -130,12 +239,13 @@ def test_what_sliders_change_is_what_the_command_says(browser: Driven, pages: Pa
         browser.run("find('defaults').click()")
 
 
+@needs_browser
 @pytest.mark.parametrize("name", ["particles", "thesis"])
 def test_a_trial_that_is_looked_at_ends_as_one_that_is_not(browser: Driven, pages: Path, name: str) -> None:
     opened(browser, pages, name, [])
     looked = browser.run(
         """(() => {
-          const swarm = makeSwarm(page.module, page.data.facts, page.values), flashes = [];
+          const swarm = makeSwarm(page.modules, page.data.facts, page.values), flashes = [];
           swarm.reset(4n);
           for (let time = 0; !swarm.has_ended; time += 0.37) {
             swarm.advance_to(time, (at, who) => flashes.push([at, who]));
@@ -152,6 +262,7 @@ def test_a_trial_that_is_looked_at_ends_as_one_that_is_not(browser: Driven, page
     assert all(one[0] <= other[0] for one, other in pairwise(looked[4]))
 
 
+@needs_browser
 @pytest.mark.parametrize("worker", ["", "globalThis.Worker = class { constructor() { throw new Error('refused'); } };"])
 def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(
     browser: Driven, pages: Path, worker: str
@@ -168,6 +279,7 @@ def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(
     assert "100 trials: mean T_sync" in browser.run("find('histogram').ariaLabel")
 
 
+@needs_browser
 def test_means_and_intervals_are_the_programs(browser: Driven, pages: Path) -> None:
     opened(browser, pages, "particles", [])
     random = np.random.default_rng(1)

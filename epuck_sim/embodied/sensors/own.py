@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # `bind` provides them
     PARAMETERS: np.dtype[Any]
 
 
-def _sense(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
+def run_sensor(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
     """Have the robots of a group that are in the arena read a sensor; others read 0."""
     swarm = swarm_at(block)
     scene, own = swarm.scene[0], swarm.senses[number]
@@ -113,11 +113,11 @@ class OwnSensor(UserCode):
         if interpret:
             self.run, self.address = self._interpreted(swarm), 0
             return
-        self.run = compile_for(sensor, _sense, kernel_digest("embodied"), self._names)
+        self.run = compile_for(sensor, run_sensor, kernel_digest("embodied"), self._names)
         self.address = function_address(self.run)
 
     def _interpreted(self, swarm: Swarm) -> Any:
-        return as_python(_sense, swarm, self._names)
+        return as_python(run_sensor, swarm, self._names)
 
     @property
     def readings(self) -> npt.NDArray[np.void]:
@@ -133,9 +133,20 @@ class OwnSensor(UserCode):
         )
         return parameters
 
+    @property
+    def keys(self) -> tuple[int, int]:
+        """Keys by which the sequence of its random numbers is a child of the trial's."""
+        return int(Part.SENSORS), crc32(self.name.encode())
+
+    @property
+    def streams_at(self) -> tuple[int, int]:
+        """Where its robots' streams begin and end in the block, in bytes."""
+        first = int(self._scene.at[SENSED_BYTES])
+        return first + int(self._own.random), first + int(self._own.kept)
+
     def draw_streams(self, seed: int) -> None:
         """Set the robots' streams for the trial with a seed: they depend on the sensor's name and the robot alone."""
-        sequence = np.random.SeedSequence(seed, spawn_key=(Part.SENSORS, crc32(self.name.encode())))
+        sequence = np.random.SeedSequence(seed, spawn_key=self.keys)
         streams = robot_streams(sequence, self.robots.stop)[self.robots]
         self._swarm.sensed[self._own.random : self._own.kept] = streams.view(np.uint8).ravel()
 

@@ -56,9 +56,9 @@ function maxOffset(agents, threshold) {
 
 /** A swarm of point agents with the values of some keys. */
 class Agents {
-  /** @param {WebAssembly.Module} module @param {any} facts see agents.py @param {Values} values */
-  constructor(module, facts, values) {
-    const kernels = (this.kernels = new Kernels(module)), scene = agentsScene(facts, values);
+  /** @param {Modules} modules @param {any} facts see agents.py @param {Values} values */
+  constructor(modules, facts, values) {
+    const kernels = (this.kernels = new Kernels(modules)), scene = agentsScene(facts, values);
     this.facts = facts;
     this.values = values;
     this.seeds = new Seeds(kernels);
@@ -90,6 +90,8 @@ class Agents {
     this.array("candidates", Uint32Array).set(Array.from({ length: this.count }, (_, agent) => agent));
     this.fill("speed", this.values["agents.speed_cm_s"] * this.period_s);
     for (const [name, numbers] of Object.entries(facts.given)) this.array(name, Float64Array).set(numbers);
+    this.array("curve", Uint8Array).set(fromBase64(facts.curve));
+    if (facts.curve) this.block.floats(this.at.curve[0], 1)[0] = this.values["response.coupling"];
     this.give();
     this.beginning = block.bytes.slice(0, this.at.members[0]);
     this.addresses = kernels.take(8 * facts.calls.length);

@@ -9,18 +9,33 @@
 /** What numba's functions return that return, or return nothing. */
 const FINE = [0, -2];
 
+/** Where the part of the memory ends that own.py gives to the module of a scenario's own files. */
+const OWN_END = 19 * 2 ** 20;
+
+/** @typedef {[WebAssembly.Module, WebAssembly.Module | null]} Modules of the model, and of the scenario's own files */
+
 /** An instance of a module: its memory, of which parts are handed out, and its functions. */
 class Kernels {
-  /** @param {WebAssembly.Module} module */
-  constructor(module) {
+  /** @param {Modules} modules */
+  constructor([module, own]) {
     const { exports } = new WebAssembly.Instance(module, {});
-    this.functions = /** @type {{[name: string]: (...given: any[]) => any}} */ (exports);
+    this.functions = /** @type {{[name: string]: (...given: any[]) => any}} */ ({ ...exports });
     this.memory = /** @type {WebAssembly.Memory} */ (exports.memory);
     this.table = /** @type {WebAssembly.Table} */ (exports.__indirect_function_table);
     this.functions._initialize();
     /** @type {Map<string, number>} */
     this.addresses = new Map();
     this.result = this.take(64);
+    if (own) this.add(own);
+  }
+
+  /** Add the functions of a module that has its place in the same memory. @param {WebAssembly.Module} own */
+  add(own) {
+    this.memory.grow(Math.max(0, OWN_END - this.memory.buffer.byteLength) / 65536);
+    const { exports } = new WebAssembly.Instance(own, { env: { memory: this.memory } });
+    const functions = /** @type {{[name: string]: () => void}} */ (exports);
+    functions._initialize();
+    Object.assign(this.functions, { ...functions, ...this.functions });
   }
 
   /** Take part of the memory, which is zero. @param {number} bytes */
@@ -125,14 +140,28 @@ class Seeds {
     return Kernels.array(this.block.first, words.length, 8);
   }
 
+  /** Return the sequence of numbers that a seed and the keys of its children have. @param {bigint} seed @param {number[]} keys */
+  sequence(seed, keys) {
+    const { kernels, first } = this.block, sequence = Kernels.array(first + 256, 5, 8);
+    kernels.call("begin_sequence", ...sequence, ...this.words(seed));
+    for (const key of keys) kernels.call("spawn", ...sequence, ...sequence, BigInt(key));
+    return sequence;
+  }
+
   /** @param {bigint} master @param {number} trial */
   of(master, trial) {
     if (trial === 0) return master;
     const { kernels, first } = this.block;
-    const sequence = Kernels.array(first + 256, 5, 8);
-    kernels.call("begin_sequence", ...sequence, ...this.words(master));
-    kernels.call("spawn", ...sequence, ...sequence, BigInt(trial));
-    kernels.call("draw_words", ...Kernels.array(first + 384, 1, 8), ...sequence);
+    kernels.call("draw_words", ...Kernels.array(first + 384, 1, 8), ...this.sequence(master, [trial]));
     return this.block.view.getBigUint64(384, true) >> 11n;
+  }
+
+  /** Write streams of random numbers into the bytes of a swarm, as `OwnSensor.draw_streams` does. */
+  /** @param {bigint} seed @param {{at: number, bytes: number, robot: number, keys: number[]}} streams @param {Uint8Array} bytes */
+  draw(seed, { at, bytes: length, robot, keys }, bytes) {
+    const first = 32 * robot, end = first + length, { kernels } = this.block;
+    if (!this.drawn || this.drawn.size < end) this.drawn = new Block(kernels, end);
+    kernels.call("draw_words", ...Kernels.array(this.drawn.first, end / 8, 8), ...this.sequence(seed, keys));
+    bytes.set(this.drawn.bytes.subarray(first, end), at);
   }
 }

@@ -29,13 +29,13 @@ function complain(what) {
 }
 
 class Page {
-  /** @param {any} data see writer.py @param {WebAssembly.Module} module */
-  constructor(data, module) {
-    Object.assign(this, { data, module });
+  /** @param {any} data see writer.py @param {Modules} modules */
+  constructor(data, modules) {
+    Object.assign(this, { data, modules });
     this.data = data;
-    this.module = module;
+    this.modules = modules;
     this.settings = new Map(data.settings.map((/** @type {any} */ each) => [each.key, each]));
-    this.trials = new Trials(`${find("core").textContent}\nserve(self);`, module, data.facts);
+    this.trials = new Trials(`${find("core").textContent}\nserve(self);`, modules, data.facts);
     this.results = /** @type {Done[]} */ ([]);
     this.is_playing = false;
     this.rate = 1;
@@ -55,7 +55,7 @@ class Page {
   /** Begin a trial with the present values and seed. */
   begin() {
     try {
-      if (!this.swarm || this.swarm.values !== this.values) this.swarm = makeSwarm(this.module, this.data.facts, this.values);
+      if (!this.swarm || this.swarm.values !== this.values) this.swarm = makeSwarm(this.modules, this.data.facts, this.values);
       this.swarm.reset(this.seed);
       find("trouble").hidden = true;
     } catch (error) {
@@ -562,7 +562,8 @@ function toYaml(value, indent = "") {
   try {
     if (typeof WebAssembly === "undefined" || typeof DecompressionStream === "undefined") throw new Error("This browser does not run WebAssembly; any of the last three years does.");
     const data = JSON.parse(new TextDecoder().decode(await unpack("data")));
-    /** @type {any} */ (globalThis).page = new Page(data, await WebAssembly.compile(await unpack("wasm")));
+    const own = find("own").textContent.trim() ? await WebAssembly.compile(await unpack("own")) : null;
+    /** @type {any} */ (globalThis).page = new Page(data, [await WebAssembly.compile(await unpack("wasm")), own]);
     document.documentElement.dataset.ready = "yes";
   } catch (error) {
     complain(error);

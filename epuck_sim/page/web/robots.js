@@ -17,9 +17,9 @@ function fromBase64(text) {
 
 /** A swarm of robots with the values of some keys. */
 class Robots {
-  /** @param {WebAssembly.Module} module @param {any} facts see robots.py @param {Values} values */
-  constructor(module, facts, values) {
-    const kernels = (this.kernels = new Kernels(module));
+  /** @param {Modules} modules @param {any} facts see robots.py @param {Values} values */
+  constructor(modules, facts, values) {
+    const kernels = (this.kernels = new Kernels(modules));
     this.facts = facts;
     this.values = values;
     this.max_cycles = values["stop.max_cycles"];
@@ -162,6 +162,7 @@ class Robots {
     this.seed = seed;
     this.block.bytes.set(this.beginning);
     kernels.call("draw_all", ...block, ...this.seeds.words(seed), ...this.scratch);
+    for (const streams of facts.swarms[this.values["robots.0.count"]].streams) this.seeds.draw(seed, streams, this.block.bytes);
     if (this.get("scene", "robots_vary")) kernels.call("vary", ...block);
     kernels.call("begin_placement", ...block);
     for (const placement of ["grid", "random"])

@@ -8,19 +8,19 @@
 const BUSY_MS = 12;
 
 /** Return a function that makes the swarm of a task, or takes the last one. */
-/** @param {WebAssembly.Module} module @param {any} facts */
-function swarmMaker(module, facts) {
+/** @param {Modules} modules @param {any} facts */
+function swarmMaker(modules, facts) {
   /** @type {any} */
   let swarm = null;
   return (/** @type {Values} */ values) => {
-    if (!swarm || swarm.values !== values) swarm = makeSwarm(module, facts, values);
+    if (!swarm || swarm.values !== values) swarm = makeSwarm(modules, facts, values);
     return swarm;
   };
 }
 
-/** Return the swarm of a model. @param {WebAssembly.Module} module @param {any} facts @param {Values} values @returns {any} */
-function makeSwarm(module, facts, values) {
-  return new (facts.swarms ? Robots : Agents)(module, facts, values);
+/** Return the swarm of a model. @param {Modules} modules @param {any} facts @param {Values} values @returns {any} */
+function makeSwarm(modules, facts, values) {
+  return new (facts.swarms ? Robots : Agents)(modules, facts, values);
 }
 
 /** Serve a page from a worker. @param {any} scope the worker's global scope */
@@ -30,7 +30,7 @@ function serve(scope) {
   /** @type {Values[]} */
   let points;
   scope.onmessage = (/** @type {MessageEvent} */ { data }) => {
-    if (data.module) [make, points] = [swarmMaker(data.module, data.facts), data.points];
+    if (data.modules) [make, points] = [swarmMaker(data.modules, data.facts), data.points];
     else scope.postMessage({ task: data, result: runTask(make(points[data.point]), data) });
   };
 }
@@ -46,9 +46,9 @@ function runTask(swarm, task) {
 
 /** Runs trials and tells of each result; one set of trials at a time. */
 class Trials {
-  /** @param {string} source of a worker @param {WebAssembly.Module} module @param {any} facts */
-  constructor(source, module, facts) {
-    Object.assign(this, { module, facts });
+  /** @param {string} source of a worker @param {Modules} modules @param {any} facts */
+  constructor(source, modules, facts) {
+    Object.assign(this, { modules, facts });
     this.address = typeof Blob === "undefined" ? "" : URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
     this.workers = /** @type {Worker[]} */ ([]);
     this.round = 0;
@@ -80,7 +80,7 @@ class Trials {
   /** @param {Values[]} points @param {Task[]} tasks @param {(done: Done) => void} tell @param {number} round @returns {Promise<Task[]>} */
   in_workers(points, tasks, tell, round) {
     const open = new Map(tasks.map((task, number) => [number, task]));
-    const waiting = [...open.keys()], { module, facts } = /** @type {any} */ (this);
+    const waiting = [...open.keys()], { modules, facts } = /** @type {any} */ (this);
     return new Promise((resolve) => {
       this.settle = () => resolve([...open.values()]);
       const give = (/** @type {Worker} */ worker) => {
@@ -102,7 +102,7 @@ class Trials {
             give(worker);
             if (!open.size) resolve([]);
           };
-          worker.postMessage({ module, facts, points });
+          worker.postMessage({ modules, facts, points });
           give(worker);
         }
       } catch {
@@ -113,7 +113,7 @@ class Trials {
 
   /** Run trials in the page, a little at a time. @param {Task[]} tasks @param {(done: Done) => void} tell @param {number} round */
   async in_page(tasks, tell, round) {
-    const { module, facts } = /** @type {any} */ (this), make = swarmMaker(module, facts);
+    const { modules, facts } = /** @type {any} */ (this), make = swarmMaker(modules, facts);
     let until = performance.now() + BUSY_MS;
     for (const task of tasks) {
       const swarm = make(task.values);

@@ -14,9 +14,9 @@ from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import Population
 from epuck_sim.recording.rows import RowBatch
+from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
-from epuck_sim.scenario.schedule import TrialEvent
 
 FLASHES = "/flashes"
 """Entity with a scalar at each flash: the number of the robot or agent; `cycle`: which of its flashes it is, from 1."""

@@ -1,0 +1,93 @@
+"""Compiles what a scenario's own files have for its page: a module of WebAssembly beside the model's, in its memory.
+
+Controllers, sensors and response curves in files of their own are kernels as shipped ones are. A process of its own
+compiles them, as it makes all code for another machine from then on; ziglang links them.
+"""
+
+import gzip
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from importlib.util import find_spec
+from multiprocessing import get_context
+from pathlib import Path
+
+from epuck_sim.control.loader import find_controller
+from epuck_sim.control.sensors import find_sensor
+from epuck_sim.errors import ScenarioError
+from epuck_sim.page.build import compile_kernels, link
+from epuck_sim.page.roots import Root, controller_root, curve_root, sensor_root
+from epuck_sim.particles.phase_response import CURVES
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.util.builtin import CONTROLLERS, builtin_files
+
+FIRST_BYTE = 18 * 2**20
+"""Where the module's part of the memory begins: behind what the model's module has from its start on."""
+
+BYTES = 2**20
+"""Size of that part: its constants, its stack, and what its functions allocate."""
+
+STACK_BYTES = 2**18
+
+PLACED = (
+    *("-Wl,--import-memory", f"-Wl,--initial-memory={FIRST_BYTE + BYTES}"),
+    f"-Wl,-z,stack-size={FIRST_BYTE + STACK_BYTES}",  # which grows down from there, and constants stand behind it
+)
+"""Options of the linker that put a module in its place."""
+
+CURVE = "run_curve"
+
+
+def own_controllers(scenario: EmbodiedScenario) -> dict[int, str]:
+    """Return the kernels' names by the numbers of groups with controllers, or sensors, in files of their own."""
+    shipped = builtin_files(CONTROLLERS)
+    own = [number for number, each in enumerate(scenario.robots) if each.sensors or each.controller not in shipped]
+    return {number: f"run_group_{number}" for number in own}
+
+
+def own_sensors(scenario: EmbodiedScenario) -> dict[str, str]:
+    """Return the kernels' names by the names of sensors in files of their own."""
+    return {name: f"sense_{name}" for group in scenario.robots for name in group.sensors}
+
+
+def own_roots(scenario: EmbodiedScenario | ParticleScenario) -> dict[str, Root]:
+    """Return the kernels that a page of a scenario needs beside those of its model."""
+    if isinstance(scenario, ParticleScenario):
+        return {} if scenario.response.curve in CURVES else {CURVE: curve_root(scenario.response)}
+    sensors = [{name: find_sensor(each["file"]) for name, each in group.sensors.items()} for group in scenario.robots]
+    found = {
+        root: controller_root(find_controller(scenario.robots[number].controller), tuple(sensors[number].values()))
+        for number, root in own_controllers(scenario).items()
+    }
+    names = own_sensors(scenario)
+    return found | {names[name]: sensor_root(sensor) for group in sensors for name, sensor in group.items()}
+
+
+def has_own(scenario: EmbodiedScenario | ParticleScenario) -> bool:
+    """Return whether a page compiles files of a scenario."""
+    if isinstance(scenario, ParticleScenario):
+        return scenario.response.curve not in CURVES
+    return bool(own_controllers(scenario))
+
+
+def compile_own(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
+    """Return the module of a scenario's own files, gzipped; nothing if there are none.
+
+    Raises:
+        ScenarioError: ziglang is not installed.
+        ControllerError: A controller or a sensor cannot be compiled.
+        CurveError: A response curve cannot be compiled.
+    """
+    if not has_own(scenario):
+        return b""
+    if find_spec("ziglang") is None:
+        what = "controllers, sensors and response curves in files are compiled for a page by ziglang"
+        raise ScenarioError(f"{scenario.name}: {what}: pip install 'epuck-sim[page]'")
+    with ProcessPoolExecutor(1, get_context("spawn")) as executor:
+        return executor.submit(_compile, scenario).result()
+
+
+def _compile(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
+    roots = own_roots(scenario)
+    with tempfile.TemporaryDirectory() as folder:
+        return gzip.compress(link(compile_kernels(roots), roots, Path(folder), *PLACED), 9, mtime=0)
