@@ -23,7 +23,7 @@ from epuck_sim.trial.hopelessness import CYCLES, HopelessnessWatch
 from epuck_sim.trial.observer import TrialState
 
 if TYPE_CHECKING:  # films are a neighbour
-    from epuck_sim.overhead.frame import ProgressWrapper
+    from epuck_sim.overhead.camera import ProgressWrapper
 
 REFRESH_S = 0.2
 """Seconds between two updates on a terminal."""
