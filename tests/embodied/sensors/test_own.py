@@ -203,7 +203,7 @@ def test_readings_are_in_traces_recordings_notebooks_and_observations_without_an
     assert names <= set(table.column_names)
     for last in (table.column("sensors.ground.0").to_numpy()[-4:], recorded["sensors.ground.0"][-1]):
         np.testing.assert_array_equal(last, step.readings["ground"][:, 0])
-    assert "<th>ground</th><th>own_number</th>" in step._repr_html_().replace("\n", "")
+    assert '>ground</th><th scope="col">own_number</th>' in step._repr_html_()
     observed, _ = parallel_env(loaded).reset(seed=1)
     start = Simulation(loaded, 1).advance(1).readings["ground"]
     expected = [[*row, number] for number, row in enumerate(start)]
