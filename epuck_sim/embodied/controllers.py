@@ -5,9 +5,7 @@ bit.
 """
 
 import ctypes
-from collections import namedtuple
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +17,10 @@ from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.interface import ACTUATORS, Controller, Sensor, Sensors, Wheels
 from epuck_sim.control.names import check_sensed
-from epuck_sim.embodied.swarm import BYTES, SENSED, SENSED_BYTES, Swarm, swarm_at
+from epuck_sim.embodied.sensors.own import completion, names_of_readings
+from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, swarm_at
 from epuck_sim.embodied.user_code import UserCode, as_python, view_at
-from epuck_sim.util.jit import WITHOUT_ALLOCATION, Kernel, address_of, bind, jit_inline, jit_no_alloc, kernel_digest
+from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest
 from epuck_sim.util.native import array_at, call_c, function_address
 
 Records = npt.NDArray[np.void]
@@ -99,52 +98,6 @@ def _run_firmware(block: ByteArray, addresses: IntArray, number: int) -> None:
             scene.serving = group.first + member
             call_c(function, addresses[group.controller + 3] + member * E_GROUP_BYTES)
     scene.serving = -1
-
-
-def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
-    """Return the names of all readings of sensors, in order."""
-    return tuple(name for sensor in sensors for name in sensor.readings.names or ())
-
-
-@lru_cache
-def completion(sensors: tuple[Sensor, ...]) -> Any:
-    """Return a kernel (sensors, block, swarm, first, member) that adds a group's further readings to `Sensors`.
-
-    The first of its sensors in files of their own has index `first` in `Swarm.senses`.
-    """
-    if not sensors:
-        return _as_they_are
-    known: dict[str, Any] = {
-        "array_at": array_at,
-        "Complete": namedtuple("Sensors", (*Sensors._fields, *names_of_readings(sensors))),
-    }
-    lines, fields = [], [f"sensors.{name}" for name in Sensors._fields]
-    for number, sensor in enumerate(sensors):
-        known[f"TYPE_{number}"] = sensor.readings
-        place = f"swarm.senses[first + {number}]"
-        lines.append(
-            f"    own_{number} = array_at(block, at + {place}.readings, at + {place}.random, TYPE_{number})[member]"
-        )
-        for name in sensor.readings.names or ():
-            field = sensor.readings[name]
-            number_type = "float" if field.kind == "f" else "int"
-            fields.append(f"own_{number}.{name}[:]" if field.shape else f"{number_type}(own_{number}.{name})")
-    source = [
-        "def complete(sensors, block, swarm, first, member):",
-        f"    at = swarm.scene[0].at[{SENSED_BYTES}]",
-        *lines,
-        f"    return Complete({', '.join(fields)})",
-    ]
-    exec("\n".join(source), known)
-    complete = known["complete"]
-    kernel = Kernel(complete, **WITHOUT_ALLOCATION, forceinline=True)
-    kernel.for_python = complete
-    return kernel
-
-
-@jit_inline
-def _as_they_are(sensors: Any, block: ByteArray, swarm: Any, first: int, member: int) -> Any:  # noqa: ARG001
-    return sensors
 
 
 def bytes_needed(controller: Controller, robots: int) -> int:
