@@ -11,8 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from epuck_sim.control.loader import find_controller
-from epuck_sim.control.sensors import find_sensor
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.scenario.arena import ArenaSection, find_picture
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
 from epuck_sim.scenario.changes import (
