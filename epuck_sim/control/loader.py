@@ -49,11 +49,7 @@ PARTS = {
 
 
 def find_controller(name: str, folder: Path | None = None) -> Controller:
-    """Return a controller: a shipped one, an installed package's, or the one that a file describes.
-
-    Args:
-        name: A name, or the path of a file, which ends in .py, .c or .so.
-        folder: Where a relative path begins; if there is no such file, it begins at the working directory.
+    """Return a controller: a shipped one, an installed package's, or that of a file (.py, .c, .so); see `Kind.locate`.
 
     Raises:
         ControllerError: There is no such controller, or the file does not describe one.
@@ -110,11 +106,7 @@ MOST_NUMBERS = 10_000
 
 
 def find_sensor(name: str, folder: Path | None = None) -> Sensor:
-    """Return a sensor: an installed package's, or the one that a file describes.
-
-    Args:
-        name: A name, or the path of a file, which ends in .py.
-        folder: Where a relative path begins; if there is no such file, it begins at the working directory.
+    """Return a sensor: an installed package's, or that of a file (.py); see `Kind.locate`.
 
     Raises:
         ControllerError: There is no such sensor, or the file does not describe one.

@@ -154,15 +154,6 @@ def act_again(block: ByteArray, addresses: IntArray) -> None:
         make_calls(block, addresses, scene.late, scene.calls)
 
 
-def sensors_of(section: RobotGroup) -> list[Callable[..., None]]:
-    """Return what a control step calls, in this order, to have a group sense: functions (block, addresses, group)."""
-    if section.signal.kind != "camera":
-        return [sense_infrared, receive_pulses if section.signal.kind == "radio" else perceive_flashes]
-    camera = section.camera
-    mirrors, waits = camera.reflection_range_cm > 0, camera.frames_per_s is not None
-    return [sense_infrared, look, *[add_reflections] * mirrors, *[take_pictures] * waits]
-
-
 def plan_calls(
     scenario: EmbodiedScenario, sensors: Sequence[Sequence[Any]], controllers: Sequence[Any], own: Sequence[Any] = ()
 ) -> tuple[list[tuple[Any, int]], list[tuple[Any, int]]]:
@@ -191,6 +182,15 @@ def plan_calls(
         *((freeze, group) for group in groups if faulty),
     ]
     return early, [*([(fail_actuators, 0)] * faulty), *([(rest, 0)] * scenario.members_change)]
+
+
+def sensors_of(section: RobotGroup) -> list[Callable[..., None]]:
+    """Return what a control step calls, in this order, to have a group sense: functions (block, addresses, group)."""
+    if section.signal.kind != "camera":
+        return [sense_infrared, receive_pulses if section.signal.kind == "radio" else perceive_flashes]
+    camera = section.camera
+    mirrors, waits = camera.reflection_range_cm > 0, camera.frames_per_s is not None
+    return [sense_infrared, look, *[add_reflections] * mirrors, *[take_pictures] * waits]
 
 
 class ControlLoop:

@@ -47,8 +47,7 @@ SETTING_UP = (-1, -1, "controller")
 """What is `AtWork` on a trial that is set up."""
 
 AtWork = Callable[[], tuple[int, int, str] | None]
-"""Returns the robot whose code is running, -1 while none's is, the number of steps, and which code; None if unknown."""
-
+"""Returns the robot whose controller or sensor is running, or -1, the step, and which runs; None if nobody knows."""
 KEPT, KEPT_BYTES = 200, 2**28
 """Most simulations that a worker keeps, and the memory that they may take: points of a sweep take turns."""
 
@@ -92,10 +91,9 @@ def _run_task(task: Task, simulations: "_Simulations", dog: "Watchdog") -> Outco
 
 
 def _at_work(simulation: Any) -> AtWork:
-    other = "measure or response curve"
     if hasattr(simulation, "at_work"):
-        return lambda: simulation.at_work() or (-1, simulation.steps, other)
-    return lambda: (-1, simulation.instants, other) if hasattr(simulation, "instants") else None
+        return lambda: simulation.at_work() or (-1, simulation.steps, "")
+    return lambda: (-1, simulation.instants, "") if hasattr(simulation, "instants") else None
 
 
 def out_of_time(timeout_s: float) -> str:
@@ -182,7 +180,8 @@ class Watchdog:
             elif self._cpu_s() - since_s > self._limit_s * (SET_UP_FACTOR if now[1] == SETTING_UP else 1):
                 robot, step, code = now[1]
                 where = f"robot {robot}, step {step}" if robot >= 0 else f"step {step}" if step >= 0 else "at the start"
-                self._end(f"{where}: its {code} has not returned for {self._limit_s:g} s")
+                what = f"its {code}" if code else "a measure or response curve"
+                self._end(f"{where}: {what} has not returned for {self._limit_s:g} s")
 
     def _end(self, why: str) -> None:
         try:

@@ -106,7 +106,7 @@ def test_a_curve_that_never_returns_is_heard_like_a_controller(tmp_path, monkeyp
     monkeypatch.setenv(LIMIT_VARIABLE, "1.5")
     failed, err = run_endless(tmp_path, CURVE)
     assert all("its worker died" in message for message in failed.values())
-    assert ": its measure or response curve has not returned for 1.5 s; its worker is ended\n" in err
+    assert ": a measure or response curve has not returned for 1.5 s; its worker is ended\n" in err
 
 
 def test_a_measure_that_never_returns_has_failed_when_its_time_is_up_and_status_says_why(tmp_path) -> None:

@@ -203,7 +203,7 @@ def test_readings_are_in_traces_recordings_notebooks_and_observations_without_an
     assert names <= set(table.column_names)
     for last in (table.column("sensors.ground.0").to_numpy()[-4:], recorded["sensors.ground.0"][-1]):
         np.testing.assert_array_equal(last, step.readings["ground"][:, 0])
-    assert "<th>ground</th><th>own_number</th>" in step._repr_html_().replace("\n", "")
+    assert '>ground</th><th scope="col">own_number</th>' in step._repr_html_()
     observed, _ = parallel_env(loaded).reset(seed=1)
     start = Simulation(loaded, 1).advance(1).readings["ground"]
     expected = [[*row, number] for number, row in enumerate(start)]
@@ -379,3 +379,25 @@ def test_two_sensors_with_a_reading_of_one_name_are_refused():
     given["robots"][0]["sensors"] = {"left": "ground.py", "right": {"file": "ground.py", "ahead_cm": 1}}
     with pytest.raises(EpuckSimError, match=r"sensors\.right: tells 'ground', and left does, too; rename it"):
         load_scenario(given)
+
+
+def test_sensors_and_robots_of_an_axis_are_looked_for_in_the_scenario_s_folder(tmp_path, files, monkeypatch):
+    files()
+    (tmp_path / "cart.yaml").write_text("radius_cm: 4\nsensors: [ground.py]\n")
+    (tmp_path / "s.yaml").write_text("robots: [{count: 2, controller: wanderer.py}]\n")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+
+    def swept(axis):
+        return points(load_scenario("../s.yaml", axes=[axis]))
+
+    for key in ("sensors", "robots.0.sensors"):
+        found = swept(f"{key}=[dice.py],[dice.py, {{ground.py: {{noise: 0.5}}}}],{{left: {{file: ground.py}}}}")
+        assert [list(point.scenario.robots[0].sensors) for point in found] == [["dice"], ["dice", "ground"], ["left"]]
+        assert [point.axes[key] for point in found[:2]] == [["dice.py"], ["dice.py", {"ground.py": {"noise": 0.5}}]]
+    for key in ("robot", "robots.0.kind"):
+        found = swept(f"{key}=cart.yaml,epuck")
+        assert [list(point.scenario.robots[0].sensors) for point in found] == [["ground"], []]
+        assert [point.axes[key] for point in found] == ["cart.yaml", "epuck"]
+    with pytest.raises(EpuckSimError, match=r"sweep: sensors\.0: no sensor file 'gone\.py' in "):
+        swept("sensors=[gone.py]")
