@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import make_scene
+from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.environments.rewards import Situation, SituationFunction, find_reward, order_of

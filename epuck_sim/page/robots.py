@@ -9,7 +9,7 @@ import numpy as np
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.bodies.shapes import WALL_CM
 from epuck_sim.embodied.cells import cells_needed
 from epuck_sim.embodied.controllers import GroupControllers

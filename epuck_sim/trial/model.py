@@ -63,7 +63,7 @@ def _run_robots(*given: Any) -> TrialResult:
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
     if _has_room(scenario):  # which needs no compiled code
         return
-    from epuck_sim.embodied.observers.scene import make_scene
+    from epuck_sim.embodied.observers import make_scene
     from epuck_sim.embodied.placement import Placement
     from epuck_sim.embodied.start import draw_start
 

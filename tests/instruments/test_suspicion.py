@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.observers.scene import make_scene
-from epuck_sim.embodied.observers.visibility import find_sightings
+from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario

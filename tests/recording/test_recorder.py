@@ -16,8 +16,7 @@ import pyarrow.compute as pc
 import pytest
 from rerun.chunk import RrdReader
 
-from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import make_scene
+from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError

@@ -1,4 +1,4 @@
-"""Claims about who may touch something within a control step: none is missed, and few are named in vain."""
+"""Claims about contacts: none is missed, few are named in vain, and lone ones are settled as pymunk settles them."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM, PUSHED_CM
+from epuck_sim.embodied.bodies.contacts import MARGIN_CM, NOBODY, PUSHED_CM
 from epuck_sim.embodied.bodies.public_space import find_candidates
 from epuck_sim.geometry import box_corners
+from epuck_sim.scenario.robot_kind import EPUCK
 from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld, overlap_cm, squeeze
 
 RADIUS_CM = 3.7
@@ -23,7 +24,8 @@ def candidates(poses, velocities, side=100.0, obstacles=([], [])):
     world = MovedWorld(make_arena(side, side, *obstacles), poses)
     world.velocities[:] = velocities
     find_candidates(world.block)
-    return world.swarm.robots.may_touch.tolist()
+    robots = world.swarm.robots
+    return (robots.may_touch | (robots.partner != NOBODY)).tolist()
 
 
 def slow_twin(positions, velocities, side, slack_cm):
@@ -106,7 +108,35 @@ def test_no_contact_is_missed_however_far_robots_are_squeezed_out(seed, robots, 
         world.advance(steps)
     world, twin = worlds
     apart = np.linalg.norm(world.poses[:, None, :2] - world.poses[None, :, :2], axis=2) + 100 * np.eye(len(poses))
-    assert apart[~world.is_in_space].min(initial=100) > TOUCH_CM
+    assert apart[~world.is_in_space & (world.swarm.robots.partner == NOBODY)].min(initial=100) > TOUCH_CM
     free = ~world.is_in_space
     np.testing.assert_allclose(world.poses[free], twin.poses[free], rtol=0, atol=1e-9)
     assert overlap_cm(world.poses[:, :2]) <= max(overlap_cm(twin.poses[:, :2]), 0) + 0.05
+
+
+# --- contacts of one robot with walls alone, or of two robots with each other alone ---------------------
+
+KINDS = (EPUCK, EPUCK.model_copy(update={"radius_cm": 2.5, "mass_g": 400.0}))
+WALLS = [[5.0, 30, 0], [54, 5, 1]], [(-1, 0), (1, -1)]  # two robots that press on a wall, and into a corner
+PAIR = [[26.0, 30, 0], [34.5, 31, 1]], [(1, 0), (-1, 0)]
+
+
+@pytest.mark.parametrize(("poses", "towards"), [WALLS, PAIR], ids=["walls", "pair"])
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("steps", [10, 3])
+def test_lone_robots_move_as_in_the_space_of_pymunk(poses, towards, seed, steps):
+    random = np.random.default_rng(seed)
+    world, twin = (kind(make_arena(60, 60, [], []), poses, kinds=KINDS) for kind in (MovedWorld, FullSpaceWorld))
+    alone = pressed = 0
+    for _ in range(20):
+        velocities = np.pad(9 * np.array(towards) + random.uniform(-4, 4, (2, 2)), ((0, 0), (0, 1)))
+        velocities[:, 2] = random.uniform(-3, 3, 2)
+        straight = world.poses + velocities * 0.01 * steps
+        for each in (world, twin):
+            each.velocities[:] = velocities
+            each.advance(steps)
+        np.testing.assert_allclose(world.poses, twin.poses, rtol=0, atol=1e-9)
+        alone += not world.is_in_space.any()
+        pressed += np.abs(world.poses - straight).max() > 1e-3
+    assert alone >= 18  # where a contact has something left to correct, the space settles it
+    assert pressed >= 5

@@ -1,4 +1,4 @@
-"""Claims about view culling: nothing is ruled out that a ray meets, and what is ruled out is enough."""
+"""Claims about what sensors look with: rays end at the first surface, and views rule out nothing that a ray meets."""
 
 import math
 from typing import Any, NamedTuple
@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.embodied.cells import cell_index, set_cells
-from epuck_sim.embodied.sensors.field_of_view import (
+from epuck_sim.embodied.sensors.sight import (
     ATAN2_ERROR_RAD,
     SECTOR_RAD,
     SLACK_CM,
@@ -20,11 +20,57 @@ from epuck_sim.embodied.sensors.field_of_view import (
     make_strips,
     make_wedge,
     may_contain_robot,
+    to_disc,
+    to_segment,
 )
-from epuck_sim.embodied.sensors.ray_casting import to_disc
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from tests.embodied.scenes import RADIUS_CM
+
+places = st.floats(-100, 100)
+turns = st.floats(-math.pi, math.pi)
+lengths = st.floats(0.01, 100)
+
+
+def test_a_disc_that_is_grazed_is_met_where_it_touches():
+    assert to_disc(0.0, 0.0, 1.0, 0.0, 10.0, 3.0, 3.0) == 10.0
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_disc_just_short_of_the_ray_is_missed(side):
+    assert to_disc(0.0, 0.0, 1.0, 0.0, 10.0, side * (3.0 + 1e-9), 3.0) == math.inf
+    assert to_disc(0.0, 0.0, 1.0, 0.0, 10.0, side * (3.0 - 1e-9), 3.0) == pytest.approx(10.0, abs=1e-4)
+
+
+@given(places, places, lengths, turns, st.floats(-1.5, 1.5), st.floats(0.01, 0.999))
+def test_from_inside_a_disc_is_met_at_once_towards_its_centre_and_never_away_from_it(cx, cy, radius, at, slant, share):
+    x, y = cx + share * radius * math.cos(at), cy + share * radius * math.sin(at)
+    towards = at + math.pi + slant
+    assert to_disc(x, y, math.cos(towards), math.sin(towards), cx, cy, radius) == 0.0
+    assert to_disc(x, y, -math.cos(towards), -math.sin(towards), cx, cy, radius) == math.inf
+
+
+def test_a_disc_touched_by_the_start_is_met_towards_its_centre_alone():
+    assert to_disc(0.0, 0.0, 1.0, 0.0, 3.0, 0.0, 3.0) == 0.0
+    assert to_disc(0.0, 0.0, -1.0, 0.0, 3.0, 0.0, 3.0) == math.inf
+
+
+@pytest.mark.parametrize("ends", [(5.0, 0.0, 5.0, 2.0), (5.0, -2.0, 5.0, 0.0)])
+def test_a_segment_is_met_at_its_very_end(ends):
+    assert to_segment(0.0, 0.0, 1.0, 0.0, *ends) == 5.0
+
+
+def test_a_ray_that_starts_on_a_segment_meets_it_at_once():
+    assert to_segment(5.0, 1.0, 1.0, 0.0, 5.0, 0.0, 5.0, 2.0) == 0.0
+
+
+@pytest.mark.parametrize("y", [0.0, 1.0])
+def test_a_segment_parallel_to_the_ray_is_missed(y):
+    assert to_segment(0.0, 0.0, 1.0, 0.0, 3.0, y, 9.0, y) == math.inf
+    assert to_segment(0.0, 0.0, 1.0, 0.0, 9.0, y, 3.0, y) == math.inf
+
+
+# --- views ------------------------------------------------------------------------------------------
 
 WIDTH_CM, HEIGHT_CM = 150.0, 230.0
 REACH_CM = RADIUS_CM + SLACK_CM

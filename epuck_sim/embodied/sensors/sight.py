@@ -1,14 +1,18 @@
-"""View culling: which robots and cells a camera may see, found without trigonometric functions.
+"""What sensors look with: rays that end at surfaces, views that rule out what they cannot show, and lists of lit rings.
 
-The tests are fast and conservative: they never rule out a disc that a ray would meet. `camera` then decides ray by
-ray what is seen.
+A ray starts at (ox, oy) and runs along the unit vector (dx, dy); its functions return the distance in cm to the first
+surface, `inf` where the ray misses, and 0 where it starts inside a disc and looks towards its centre. Views rule out
+robots and cells without trigonometric functions, and never a disc that a ray would meet.
 """
 
 import math
 from typing import Any, NamedTuple
 
+from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.cells import cell_index
+from epuck_sim.embodied.swarm import HIDE
 from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.native import call
 
 SECTOR_RAD = 1.0
 """Largest angle of a view that is searched strip by strip: all its rays must run ahead, at most 74 degrees aside."""
@@ -18,6 +22,47 @@ ATAN2_ERROR_RAD = 1.2e-5
 
 SLACK_CM = 1e-6
 """What is added to a robot's radius in cm, so that rounding never rules out a robot that a ray just meets."""
+
+
+# --- rays ---------------------------------------------------------------------------------------------
+
+
+@jit_inline
+def to_disc(ox: float, oy: float, dx: float, dy: float, cx: float, cy: float, radius: float) -> float:
+    """Return the distance along the ray to the disc of `radius` around (cx, cy)."""
+    fx = cx - ox
+    fy = cy - oy
+    along = fx * dx + fy * dy
+    if along <= 0.0:  # also from inside: bodies that touch may overlap a little, and a sensor that looks away sees none
+        return math.inf
+    outside = fx * fx + fy * fy - radius * radius
+    if outside <= 0.0:
+        return 0.0
+    cut = along * along - outside
+    if cut < 0.0:
+        return math.inf
+    # the nearer root, written without a difference of nearly equal numbers
+    return outside / (along + math.sqrt(cut))
+
+
+@jit_inline
+def to_segment(ox: float, oy: float, dx: float, dy: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Return the distance along the ray to the segment from (ax, ay) to (bx, by)."""
+    ex = bx - ax
+    ey = by - ay
+    turn = dx * ey - dy * ex
+    if turn == 0.0:  # parallel: the ray would meet the polygon's neighbouring edges
+        return math.inf
+    fx = ax - ox
+    fy = ay - oy
+    distance = (fx * ey - fy * ex) / turn
+    share = (fx * dy - fy * dx) / turn
+    if distance < 0.0 or share < 0.0 or share > 1.0:
+        return math.inf
+    return distance
+
+
+# --- views --------------------------------------------------------------------------------------------
 
 
 class FieldOfView(NamedTuple):
@@ -164,3 +209,40 @@ def fast_atan2(ahead: float, aside: float) -> float:
     if ahead < 0.0:
         angle = math.pi - angle
     return angle if aside >= 0.0 else -angle
+
+
+# --- lit rings: numbers and labels in a swarm's scratch, see `Swarm.numbers` -----------------------------
+
+
+@jit_inline
+def find_lit(robots: Any, numbers: IntArray) -> int:
+    """Label the robots whose rings are lit with 1, others with 0, and list the lit; return how many there are.
+
+    Labels and list are written to the swarm's scratch numbers.
+    """
+    found = 0
+    for robot in range(len(robots)):
+        numbers[len(robots) + robot] = 0
+        if robots[robot].ring_on:
+            numbers[len(robots) + robot] = 1
+            numbers[found] = robot
+            found += 1
+    return found
+
+
+@jit_inline
+def find_visible(block: ByteArray, addresses: IntArray, robot: int, robots: int, numbers: IntArray) -> int:
+    """Label and list the lit rings that faults do not hide from a robot, of all robots; return how many there are."""
+    call(addresses[HIDE], block, addresses, robot)
+    return list_labelled(robots, numbers)
+
+
+@jit_inline
+def list_labelled(robots: int, numbers: IntArray) -> int:
+    """List the robots whose labels are not 0; return how many there are."""
+    found = 0
+    for robot in range(robots):
+        if numbers[robots + robot] > 0:
+            numbers[found] = robot
+            found += 1
+    return found
