@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from epuck_sim.cli.errors import print_stderr
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.observer import Observer
@@ -70,12 +70,12 @@ def open_observers(
     if watched.film is not None:
         from epuck_sim.overhead.filming import film_trial  # OpenCV and PyAV take a while
 
-        filmed, film = require_bodies(scenario), watched.film
-        factories.append(lambda trial, seed: film_trial(trial_path(film, trial, trials), filmed, seed))
+        film = watched.film
+        factories.append(lambda trial, seed: film_trial(trial_path(film, trial, trials), scenario, seed))
     if watched.live is None:
         yield factories
     else:
-        with _viewer(watched, watched.live, require_bodies(scenario), echo) as factory:
+        with _viewer(watched, watched.live, scenario, echo) as factory:
             yield [*factories, factory]
 
 
@@ -89,13 +89,12 @@ def _recorder(watched: Watched, path: Path, scenario: Scenario, trials: int) -> 
 
 
 @contextmanager
-def _viewer(watched: Watched, view: LiveView, scenario: EmbodiedScenario, echo: bool) -> Iterator[ObserverFactory]:
+def _viewer(watched: Watched, view: LiveView, scenario: Scenario, echo: bool) -> Iterator[ObserverFactory]:
     from epuck_sim.cli.keys import pressed_keys
-    from epuck_sim.recording.viewer.live import live, live_viewer
-    from epuck_sim.recording.viewer.pace import sleep
+    from epuck_sim.recording.live import live, live_viewer, sleep
 
     memory, level = tuple(dict.fromkeys(watched.memory)), watched.level
-    with live_viewer(view.port, print_stderr) as (viewer, intake):
+    with live_viewer(view.port, _invite) as (viewer, intake):
         with pressed_keys(echo=echo) as wait:
             if wait is not None:
                 print_stderr("space: pause, go on; n: one step; q: end")
@@ -106,7 +105,11 @@ def _viewer(watched: Watched, view: LiveView, scenario: EmbodiedScenario, echo: 
             viewer.wait()
 
 
+def _invite(address: str) -> None:
+    print_stderr(f"open this address in a browser on this machine; the trial begins by itself:\n{address}")
+
+
 def require_bodies(scenario: Scenario) -> EmbodiedScenario:
     """Return a scenario of robots with bodies; raise ScenarioError for another."""
-    why = "--trace, --film and --live need model: embodied; --record FILE.rrd takes every model"
+    why = "--trace needs model: embodied; --record FILE.rrd, --film and --live take every model"
     return require_model(scenario, EmbodiedScenario, why)

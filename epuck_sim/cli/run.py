@@ -37,7 +37,7 @@ from epuck_sim.cli.options import (
     WorkersOption,
     read_scenario,
 )
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level
 
 runs = typer.Typer()
 

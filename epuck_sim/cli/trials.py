@@ -13,6 +13,7 @@ from epuck_sim.cli.observers import ObserverFactory, Watched, open_observers
 from epuck_sim.cli.options import read_scenario
 from epuck_sim.cli.progress import SweepProgressBar, TrialProgress
 from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
@@ -98,11 +99,11 @@ def _run_trial(
         setting_up = f"setting up a trial with a population of {scenario.population:,}"
         with word_if_slow(setting_up) if scenario.population >= LARGE else nullcontext():
             simulation = simulate(scenario, seed, interpret=interpret)
-        if watched.live is not None:
+        if watched.live is not None and isinstance(scenario, EmbodiedScenario):
             from epuck_sim.embodied.changes.controller_files import ControllerFiles  # numba takes a while
             from epuck_sim.embodied.simulation import Simulation
 
-            assert isinstance(simulation, Simulation), "what is shown live has bodies"
+            assert isinstance(simulation, Simulation), "its scenario has bodies"
             observers.append(ControllerFiles(simulation, print_stderr))
         progress.begin(trial)
         return run_trial(simulation, observers, progress)

@@ -71,7 +71,7 @@ def test_a_recording_over_which_rerun_breaks_down_is_not_read(tmp_path, monkeypa
     program = tmp_path / "rerun"
     program.write_text("#!/bin/sh\nexit 101\n")
     program.chmod(0o700)
-    monkeypatch.setattr("epuck_sim.recording.viewer.process.PROGRAM", (str(program),))
+    monkeypatch.setattr("epuck_sim.recording.process.PROGRAM", (str(program),))
     monkeypatch.setattr(entities, "RrdReader", None)
     path = tmp_path / "t.rrd"
     path.write_bytes((Path(__file__).parents[1] / "old" / "0.1.0" / "robots.rrd").read_bytes())  # has no seal
