@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import rerun as rr
 import rerun.blueprint as rrb
-from epuck_sim.recording.parts import layout_of
 from rerun.chunk import Chunk, LazyChunkStream, RrdReader
 
 from epuck_sim.arrays import BoolArray, FloatArray
@@ -18,7 +17,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.recording import Level, recorder
-from epuck_sim.recording.layout import arrangement_of, layout_file
+from epuck_sim.recording.layout import arrangement_of, layout_file, layout_of
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.reader import read_layout, read_recording
 from epuck_sim.recording.recorded import Recorded
