@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording import entities
+from epuck_sim.recording import reader as entities
 from epuck_sim.recording.reader import last_moment_s, read_layout, read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.rrd_file import is_whole
