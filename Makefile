@@ -61,8 +61,8 @@ bench: $(VENV)/test-tools ## measure; figures as ratios within one run
 slow: $(VENV)/test-tools ## the science that takes minutes
 	$(BIN)/python -m pytest -m slow
 
-torture: $(VENV)/test-tools ## kills and full disks at every write, flipped bytes, far-fetched input, stand-ins for SLURM; bounded by timeout
-	timeout 3600 $(BIN)/python -m pytest -m "slow or not slow" -s tests/sweep/test_kills.py tests/runs/test_checksums.py \
+torture: $(VENV)/test-tools ## every command that writes, with kills and full disks, flipped bytes, far-fetched input, stand-ins for SLURM; bounded by timeout
+	TORTURE=25 timeout 3600 $(BIN)/python -m pytest -m "slow or not slow" -rP -n 2 tests/sweep/test_torture.py tests/runs/test_checksums.py \
 	    tests/runs/test_durable.py tests/runs/test_merge.py \
 	    tests/cli/test_far_fetched.py tests/cli/test_job_array.py tests/util/test_memory.py \
 	    tests/recording/test_damaged.py tests/overhead/test_damaged_films.py tests/sweep/test_temporary_folders.py

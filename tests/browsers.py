@@ -12,14 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from epuck_sim.arrays import FloatArray
 
 BROWSER = shutil.which("chromium")
-
-needs_browser = pytest.mark.skipif(BROWSER is None, reason="there is no chromium to look at pages with")
 
 OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--virtual-time-budget=30000")
 

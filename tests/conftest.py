@@ -12,6 +12,7 @@ from epuck_sim.sweep import executors
 from epuck_sim.util.system import signals
 from tests.processes import end_all
 from tests.sweep.pool_here import pool_here
+from tests.tools import MissingTools
 
 os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="epuck-sim-tests-")  # not what the user trusts
 
@@ -22,6 +23,10 @@ for _number in signals("SIGHUP"):
     signal.signal(_number, signal.SIG_DFL)
 
 settings.load_profile("same")  # --hypothesis-profile search looks for what nobody has seen yet
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(MissingTools())
 
 
 @pytest.fixture(autouse=True)

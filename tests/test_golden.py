@@ -20,7 +20,7 @@ import pytest
 from scipy.stats import mannwhitneyu
 
 from epuck_sim import EmbodiedScenario, ParticleScenario, Simulation
-from epuck_sim.scenario.curves import SHIPPED
+from epuck_sim.scenario.particles import SHIPPED
 from epuck_sim.util.builtin import ARENAS, builtin_files
 from tests import golden
 

@@ -16,7 +16,8 @@ from epuck_sim.cli.listing import list_names
 from epuck_sim.measures.shipped import SHIPPED
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
-from tests.browsers import needs_browser, shown
+from tests.browsers import shown
+from tests.tools import needs_browser
 
 ROOT = Path(__file__).parent.parent
 

@@ -9,9 +9,6 @@ from epuck_sim import __version__
 from epuck_sim.cli.films import films
 from epuck_sim.cli.interrupt import EXIT_CODE, end_on_request
 from epuck_sim.cli.options import Commands
-from epuck_sim.cli.page import pages
-from epuck_sim.cli.predict import predictions
-from epuck_sim.cli.replay import replays
 from epuck_sim.cli.replicate import replications
 from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
@@ -24,7 +21,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
-for commands in (runs, scenarios, replays, pages, predictions, films, results, replications):
+for commands in (runs, scenarios, films, results, replications):
     app.add_typer(commands)
 app.add_typer(news, name="new")
 

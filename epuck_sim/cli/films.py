@@ -9,13 +9,14 @@ import typer
 
 from epuck_sim.cli.errors import exit_on_error, print_stderr, reject_first
 from epuck_sim.cli.options import (
-    OUTPUT,
     WEB_PORT,
     JsonOption,
     PortOption,
     ScenarioArgument,
     SetOption,
     check_outputs,
+    options_of,
+    output_option,
     read_scenario,
 )
 from epuck_sim.errors import FilmError
@@ -25,68 +26,57 @@ if TYPE_CHECKING:
 
 films = typer.Typer()
 
-FILM, GEOMETRY, DECISION, CAMERA = "Film", "Geometry", "Decision", "Live camera"
-"""Headings of options, in the help."""
+film_option, geometry_option, decision_option, camera_option = options_of("Film", "Geometry", "Decision", "Live camera")
 
 
 def arena_option(otherwise: str) -> Any:
     """Return the option of the floor's size, whose help says what it is if the film does not describe it."""
-    return typer.Option(
+    return geometry_option(
         "--arena-cm",
         metavar="SIDE|WIDTHxHEIGHT",
         help=f"Size of the floor; by default as the film describes it, or {otherwise}.",
-        rich_help_panel=GEOMETRY,
     )
 
 
 ArenaOption = Annotated[str | None, arena_option("60")]
 HeightOption = Annotated[
     float | None,
-    typer.Option(
+    geometry_option(
         "--height-cm",
         min=10,
         max=100_000,
         help="Height of the camera above the floor; by default 110 for a side of 60.",
-        rich_help_panel=GEOMETRY,
     ),
 ]
 CornersOption = Annotated[
     str | None,
-    typer.Option(
-        metavar="X,Y,X,Y,X,Y,X,Y",
-        help="The floor's four corners, in any order, in pixels from the upper left.",
-        rich_help_panel=GEOMETRY,
+    geometry_option(
+        metavar="X,Y,X,Y,X,Y,X,Y", help="The floor's four corners, in any order, in pixels from the upper left."
     ),
 ]
 LensOption = Annotated[
     Path | None,
-    typer.Option(metavar="FILE.json", help="The lens of the camera, written by `calibrate`.", rich_help_panel=GEOMETRY),
+    geometry_option(metavar="FILE.json", help="The lens of the camera, written by `calibrate`."),
 ]
 TagsOption = Annotated[
     str | None,
-    typer.Option(
+    film_option(
         metavar="DICTIONARY[:NUMBERS]",
         help="Tell robots apart by the ArUco tags on top of them: 4X4_50, or 4X4_50:0-9 if no others are there.",
-        rich_help_panel=FILM,
     ),
 ]
 PeriodOption = Annotated[
     float | None,
-    typer.Option(
+    decision_option(
         "--period-s",
         min=0.1,
         max=86_400,
         help="Period of the oscillators; by default as the film describes it, or estimated.",
-        rich_help_panel=DECISION,
     ),
 ]
 RobotsOption = Annotated[
     int | None,
-    typer.Option(
-        min=1,
-        help="Number of robots; no T_sync is given if the flashes do not add up to it.",
-        rich_help_panel=DECISION,
-    ),
+    decision_option(min=1, help="Number of robots; no T_sync is given if the flashes do not add up to it."),
 ]
 
 
@@ -177,38 +167,28 @@ def track(
     ] = None,
     camera: Annotated[
         int | None,
-        typer.Option(
-            min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.", rich_help_panel=FILM
-        ),
+        film_option(min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C."),
     ] = None,
     web: Annotated[
         bool,
-        typer.Option(
-            "--web", help="Show what --camera sees, with rings and histogram, in a browser.", rich_help_panel=CAMERA
-        ),
+        camera_option("--web", help="Show what --camera sees, with rings and histogram, in a browser."),
     ] = False,
     port: PortOption = None,
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.mp4", help="Write what --camera sees, to track it again.", rich_help_panel=CAMERA),
+        camera_option(metavar="FILE.mp4", help="Write what --camera sees, to track it again."),
     ] = None,
     start: Annotated[
         float,
-        typer.Option(
-            "--start-s", min=0, help="Leave out what is before this time on the film's clock.", rich_help_panel=FILM
-        ),
+        film_option("--start-s", min=0, help="Leave out what is before this time on the film's clock."),
     ] = 0.0,
     end: Annotated[
         float | None,
-        typer.Option(
-            "--end-s", min=0, help="Leave out what is after this time on the film's clock.", rich_help_panel=FILM
-        ),
+        film_option("--end-s", min=0, help="Leave out what is after this time on the film's clock."),
     ] = None,
     fps: Annotated[
         float | None,
-        typer.Option(
-            min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps.", rich_help_panel=FILM
-        ),
+        film_option(min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps."),
     ] = None,
     arena: ArenaOption = None,
     height: HeightOption = None,
@@ -219,70 +199,51 @@ def track(
     robots: RobotsOption = None,
     threshold: Annotated[
         float | None,
-        typer.Option(
+        decision_option(
             "--threshold-ms",
             min=1,
             max=86_400_000,
             help="Histogram: standard deviation of a period's flashes at synchrony; by default about 130 for 5 s.",
-            rich_help_panel=DECISION,
         ),
     ] = None,
     order: Annotated[
         float | None,
-        typer.Option(
+        decision_option(
             "--order-parameter",
             min=0.5,
             max=1,
             help="T_sync: order parameter from which the swarm is synchronised; by default 0.95.",
-            rich_help_panel=DECISION,
         ),
     ] = None,
     as_json: JsonOption = False,
     plot: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.png",
-            help="Draw the histogram over time; its table is written beside it as .csv.",
-            rich_help_panel=OUTPUT,
-        ),
+        output_option(metavar="FILE.png", help="Draw the histogram over time; its table is written beside it as .csv."),
     ] = None,
     rings: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.csv", help="Write the position and size of every ring in every frame.", rich_help_panel=OUTPUT
-        ),
+        output_option(metavar="FILE.csv", help="Write the position and size of every ring in every frame."),
     ] = None,
     flashes: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.csv|.parquet",
-            help="Write when, how long and where each flash was, and whose it is.",
-            rich_help_panel=OUTPUT,
+        output_option(
+            metavar="FILE.csv|.parquet", help="Write when, how long and where each flash was, and whose it is."
         ),
     ] = None,
     trace: Annotated[
         Path | None,
-        typer.Option(
+        output_option(
             metavar="FILE.parquet|.csv",
             help="Write a row for each robot and frame, with columns that `run --trace` writes, too.",
-            rich_help_panel=OUTPUT,
         ),
     ] = None,
     pairs: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.csv|.parquet",
-            help="Write how often each two robots flash together.",
-            rich_help_panel=OUTPUT,
-        ),
+        output_option(metavar="FILE.csv|.parquet", help="Write how often each two robots flash together."),
     ] = None,
     annotate: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.mp4",
-            help="Write the film with the rings found and the histogram drawn.",
-            rich_help_panel=OUTPUT,
-        ),
+        output_option(metavar="FILE.mp4", help="Write the film with the rings found and the histogram drawn."),
     ] = None,
 ) -> None:
     """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""
@@ -302,7 +263,7 @@ def track(
             ),
         )
         from epuck_sim.cli.progress import progress_bar
-        from epuck_sim.cli.track_tables import print_track, print_track_json
+        from epuck_sim.cli.tables import print_track, print_track_json
         from epuck_sim.overhead.live import Watching, track_camera
         from epuck_sim.overhead.robots import find_robots, save_robots
         from epuck_sim.overhead.track import annotate_film, snapshot, track_film
@@ -366,24 +327,21 @@ def compare_film(
     as_json: JsonOption = False,
     plot: Annotated[
         Path | None,
-        typer.Option(
+        output_option(
             metavar="STEM|FILE",
             help="Draw the film beside the trials, as STEM.png and STEM.svg or one picture, FILE.png, FILE.svg or "
             "FILE.pdf, with all values as CSV beside it.",
-            rich_help_panel=OUTPUT,
         ),
     ] = None,
     fit: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.yaml", help="Write the scenario with what the film tells of robots.", rich_help_panel=OUTPUT
-        ),
+        output_option(metavar="FILE.yaml", help="Write the scenario with what the film tells of robots."),
     ] = None,
 ) -> None:
     """Print what FILM has of T_sync, flashes, speeds and clocks, beside the distributions in simulated trials."""
     with exit_on_error():
-        from epuck_sim.cli.film_comparison_tables import print_comparison, print_comparison_json
         from epuck_sim.cli.progress import progress_bar, trials_bar
+        from epuck_sim.cli.tables import print_comparison, print_comparison_json
         from epuck_sim.overhead import compare
         from epuck_sim.overhead.robots import find_robots
         from epuck_sim.overhead.track import track_film

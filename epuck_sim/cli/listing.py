@@ -13,8 +13,8 @@ from epuck_sim.control.loader import CONTROLLER
 from epuck_sim.control.sensors import SENSOR
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.loader import MEASURE, find_measure
-from epuck_sim.scenario.curves import CURVE
 from epuck_sim.scenario.loader import SCENARIO
+from epuck_sim.scenario.particles import CURVE
 from epuck_sim.scenario.robot_kind import ROBOT
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.user_files import OWN_PACKAGE, Kind, Place

@@ -1,7 +1,8 @@
 """Options that several commands share, what shells complete, and the fold in long helps."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,13 +16,17 @@ if TYPE_CHECKING:  # or --help would wait for pydantic
     from epuck_sim.scenario.embodied import EmbodiedScenario
     from epuck_sim.scenario.particles import ParticleScenario
 
-SCENARIO, OUTPUT = "Scenario", "Output"
-"""Headings of groups of options, in the help."""
-
-MORE_OUTPUT, LIVE, CONTROLLERS, SWEEPS, LOOKS = "More output", "Live view", "Controllers", "Sweeps", "Looks"
+FOLDED = ("More output", "Live view", "Controllers", "Sweeps", "Looks")
 """Headings of groups of options that `--help` leaves out, and `--help-all` shows."""
 
-FOLDED = (MORE_OUTPUT, LIVE, CONTROLLERS, SWEEPS, LOOKS)
+
+def options_of(*headings: str) -> Iterator[Callable[..., Any]]:
+    """Yield what makes an option of the group with each of these headings, as `typer.Option` does."""
+    return (partial(typer.Option, rich_help_panel=heading) for heading in headings)
+
+
+scenario_option, output_option = options_of("Scenario", "Output")
+more_output_option, live_option, controllers_option, sweeps_option, looks_option = options_of(*FOLDED)
 
 WEB_PORT = 9090
 """Default port of viewers for browsers."""
@@ -107,69 +112,54 @@ ScenarioArgument = Annotated[
 ]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a value: count=5; repeatable.", rich_help_panel=SCENARIO),
+    scenario_option("--set", metavar="KEY=VALUE", help="Change a value: count=5; repeatable."),
 ]
 AxesOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--sweep",
-        metavar="KEY=V,V",
-        help="Add an axis: count=5,10, or speed_cm_s=0.1:10:20 for 20 speeds; repeatable.",
-        rich_help_panel=SCENARIO,
+    scenario_option(
+        "--sweep", metavar="KEY=V,V", help="Add an axis: count=5,10, or speed_cm_s=0.1:10:20 for 20 speeds; repeatable."
     ),
 ]
 TrialsOption = Annotated[
     int | None,
-    typer.Option(
-        metavar="N", min=1, max=10_000_000, help="Trials, at each point of a sweep.", rich_help_panel=SCENARIO
-    ),
+    scenario_option(metavar="N", min=1, max=10_000_000, help="Trials, at each point of a sweep."),
 ]
 ControllerOption = Annotated[
     str | None,
-    typer.Option(
+    scenario_option(
         metavar="FILE",
         help="Run this controller on all robots, with their parameters.",
-        rich_help_panel=SCENARIO,
         autocompletion=complete("epuck_sim.control.loader", "CONTROLLER"),
     ),
 ]
 MeasureOption = Annotated[
     list[str] | None,
-    typer.Option(
+    scenario_option(
         "--measure",
         metavar="FILE",
         help="Measure more, by a name (`list --measures`) or file; repeatable.",
-        rich_help_panel=SCENARIO,
         autocompletion=complete("epuck_sim.measures.loader", "MEASURE"),
     ),
 ]
-QuickOption = Annotated[
-    bool, typer.Option("--quick", help="Take the scenario's quick version.", rich_help_panel=SCENARIO)
-]
+QuickOption = Annotated[bool, scenario_option("--quick", help="Take the scenario's quick version.")]
 WorkersOption = Annotated[
     int | None,
-    typer.Option(metavar="N", min=1, help="Worker processes; all cores by default.", rich_help_panel=SWEEPS),
+    sweeps_option(metavar="N", min=1, help="Worker processes; all cores by default."),
 ]
-DaskOption = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler's workers.", rich_help_panel=SWEEPS)
-]
+DaskOption = Annotated[str | None, sweeps_option(metavar="ADDRESS", help="Run on this Dask scheduler's workers.")]
 PointOption = Annotated[
     int | None,
-    typer.Option(metavar="K", min=0, help="One trial of a sweep: its point, from 0.", rich_help_panel=SWEEPS),
+    sweeps_option(metavar="K", min=0, help="One trial of a sweep: its point, from 0."),
 ]
 TrialOption = Annotated[
     int | None,
-    typer.Option(metavar="J", min=0, help="One trial of a sweep: its number, from 0.", rich_help_panel=SWEEPS),
+    sweeps_option(metavar="J", min=0, help="One trial of a sweep: its number, from 0."),
 ]
-InterpretOption = Annotated[
-    bool, typer.Option("--interpret", help="Run controllers as plain Python.", rich_help_panel=CONTROLLERS)
-]
-WebOption = Annotated[
-    bool, typer.Option("--web", help="Show it in a browser instead of a window.", rich_help_panel=LIVE)
-]
+InterpretOption = Annotated[bool, controllers_option("--interpret", help="Run controllers as plain Python.")]
+WebOption = Annotated[bool, live_option("--web", help="Show it in a browser instead of a window.")]
 PortOption = Annotated[
     int | None,
-    typer.Option(metavar="PORT", min=1, max=65535, help=f"Port of --web; {WEB_PORT} by default.", rich_help_panel=LIVE),
+    live_option(metavar="PORT", min=1, max=65535, help=f"Port of --web; {WEB_PORT} by default."),
 ]
 FolderArgument = Annotated[
     Path, typer.Argument(metavar="FOLDER", help="A run folder, as `run --out` makes it.", show_default=False)
@@ -182,9 +172,9 @@ OfOption = Annotated[
 ]
 TrustOption = Annotated[
     bool,
-    typer.Option("--trust", help="Run the code that another's run folder brings, as you.", rich_help_panel=SWEEPS),
+    sweeps_option("--trust", help="Run the code that another's run folder brings, as you."),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.", rich_help_panel=OUTPUT)]
+JsonOption = Annotated[bool, output_option("--json", help="Print JSON.")]
 
 
 def read_scenario(
@@ -201,7 +191,7 @@ def read_scenario(
 
     Code that a run folder brings is not run unless this user trusts it, or `trusted` says so.
     """
-    from epuck_sim.runs.trust import check_trusted, run_folder_of, trust
+    from epuck_sim.runs.sources import check_trusted, run_folder_of, trust
     from epuck_sim.scenario.embodied import EmbodiedScenario
     from epuck_sim.scenario.loader import load_scenario
 

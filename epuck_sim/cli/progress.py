@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
 
 from epuck_sim.cli.errors import print_stderr
-from epuck_sim.cli.status_tables import describe_at_limit
+from epuck_sim.cli.tables import describe_at_limit
 from epuck_sim.display.numbers import in_words
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.runs.status import FEW_TRIALS, PointAtLimit

@@ -9,7 +9,6 @@ import typer
 
 from epuck_sim.cli.errors import exit_on_error, prefix_scenario, reject_first
 from epuck_sim.cli.options import (
-    LOOKS,
     AxesOption,
     FoldedCommand,
     FolderArgument,
@@ -21,13 +20,14 @@ from epuck_sim.cli.options import (
     TrialsOption,
     TrustOption,
     WorkersOption,
+    looks_option,
     read_scenario,
 )
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.statistics.names import Statistic
 
 if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
-    from epuck_sim.cli.plan_tables import Duration
+    from epuck_sim.cli.tables import Duration
     from epuck_sim.figures.saving import Target
     from epuck_sim.scenario.points import Point
 
@@ -217,55 +217,40 @@ def plot(
             "FOLDER/T_sync, FOLDER/NAME_OF_MEASURE or FOLDER/FORM, or the recording's name.",
         ),
     ] = None,
-    statistic: Annotated[
-        Statistic | None, typer.Option(metavar="NAME", help=_STATISTIC_HELP, rich_help_panel=LOOKS)
-    ] = None,
+    statistic: Annotated[Statistic | None, looks_option(metavar="NAME", help=_STATISTIC_HELP)] = None,
     censored_at: Annotated[
         int | None,
-        typer.Option(
-            metavar="CYCLES",
-            min=1,
-            help="For violins: estimate the mean as if trials were censored there.",
-            rich_help_panel=LOOKS,
-        ),
+        looks_option(metavar="CYCLES", min=1, help="For violins: estimate the mean as if trials were censored there."),
     ] = None,
     log: Annotated[
         bool | None,
-        typer.Option(
-            "--log/--linear",
-            help="Scale of T_sync or the measure.",
-            show_default="log for T_sync",
-            rich_help_panel=LOOKS,
-        ),
+        looks_option("--log/--linear", help="Scale of T_sync or the measure.", show_default="log for T_sync"),
     ] = None,
     points: Annotated[
         bool,
-        typer.Option("--points", help="Draw each trial as a dot, in curves and violins.", rich_help_panel=LOOKS),
+        looks_option("--points", help="Draw each trial as a dot, in curves and violins."),
     ] = False,
-    title: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Title; by default there is none.", rich_help_panel=LOOKS)
-    ] = None,
+    theory: Annotated[
+        bool,
+        looks_option("--theory", help="Dash what predict says of T_sync against speed under the curves."),
+    ] = False,
+    title: Annotated[str | None, looks_option(metavar="TEXT", help="Title; by default there is none.")] = None,
     label: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="KEY=TEXT",
-            help="Label of an axis, or of T_sync or a measure; may be repeated.",
-            rich_help_panel=LOOKS,
-        ),
+        looks_option(metavar="KEY=TEXT", help="Label of an axis, or of T_sync or a measure; may be repeated."),
     ] = None,
     width_cm: Annotated[
         float | None,
-        typer.Option(
+        looks_option(
             metavar="CM",
             min=5,
             max=100,
             help="Width of a sweep's figure: 8.5 cm, that of a column, or 17.5 cm, that of a page, for several panels.",
-            rich_help_panel=LOOKS,
         ),
     ] = None,
     font_pt: Annotated[
         float | None,
-        typer.Option(metavar="PT", min=4, max=30, help="Size of letters; 8 points by default.", rich_help_panel=LOOKS),
+        looks_option(metavar="PT", min=4, max=30, help="Size of letters; 8 points by default."),
     ] = None,
     help_all: HelpAllOption = False,  # noqa: ARG001
 ) -> None:
@@ -288,6 +273,7 @@ def plot(
             "labels": _parse_labels(label) if label else None,
             "scale": None if log is None else "log" if log else "linear",
             "points": points or None,
+            "theory": theory or None,
             "width_cm": width_cm,
             "font_pt": font_pt,
         }
@@ -396,7 +382,7 @@ def plan(
     with the spread of the stored trials; of a truth value, whose share of trials is compared, in percentage points.
     """
     with exit_on_error():
-        from epuck_sim.cli.plan_tables import print_plan, print_power
+        from epuck_sim.cli.tables import print_plan, print_power
         from epuck_sim.runs.folder import DATABASE
         from epuck_sim.sweep.executors import available_cores
 
@@ -425,7 +411,7 @@ def plan(
 
 
 def _duration_of_folder(folder: Path, trials: int | None, workers: int, trusted: bool) -> "Duration":
-    from epuck_sim.cli.plan_tables import Duration
+    from epuck_sim.cli.tables import Duration
     from epuck_sim.estimate import Estimate
     from epuck_sim.runs.share import WHOLE, Share
     from epuck_sim.runs.status import read_status, read_wall_times
@@ -476,7 +462,7 @@ def estimate_duration(found: "Sequence[Point]", wanted: int, budget_s: float, wo
     """
     import numpy as np
 
-    from epuck_sim.cli.plan_tables import Duration
+    from epuck_sim.cli.tables import Duration
     from epuck_sim.runs.status import PointAtLimit
     from epuck_sim.statistics.mean import estimate_mean
     from epuck_sim.statistics.measured import Measured

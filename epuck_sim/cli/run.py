@@ -1,4 +1,4 @@
-"""The commands that run trials, and tell how far sweeps are: `run`, `status` and `merge`."""
+"""The commands that run and show trials, and tell how far sweeps are: `run`, `replay`, `status`, `merge`, `verify`."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -8,12 +8,6 @@ import typer
 
 from epuck_sim.cli.errors import exit_on_error, print_traceback, reject_first
 from epuck_sim.cli.options import (
-    CONTROLLERS,
-    LIVE,
-    MORE_OUTPUT,
-    OUTPUT,
-    SCENARIO,
-    SWEEPS,
     WEB_PORT,
     AxesOption,
     ControllerOption,
@@ -35,7 +29,13 @@ from epuck_sim.cli.options import (
     TrustOption,
     WebOption,
     WorkersOption,
+    controllers_option,
+    live_option,
+    more_output_option,
+    output_option,
     read_scenario,
+    scenario_option,
+    sweeps_option,
 )
 from epuck_sim.recording import Level
 
@@ -50,88 +50,70 @@ def run(
     trials: TrialsOption = None,
     seed: Annotated[
         int | None,
-        typer.Option(metavar="N", min=0, help="Master seed; the scenario's own by default.", rich_help_panel=SCENARIO),
+        scenario_option(metavar="N", min=0, help="Master seed; the scenario's own by default."),
     ] = None,
     controller: ControllerOption = None,
     measures: MeasureOption = None,
     quick: QuickOption = False,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Run all points and trials into a run folder.", rich_help_panel=OUTPUT),
+        output_option(metavar="FOLDER", help="Run all points and trials into a run folder."),
     ] = None,
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.rrd", help="Record for rerun's viewer, see `replay`.", rich_help_panel=OUTPUT),
+        output_option(metavar="FILE.rrd", help="Record for rerun's viewer, see `replay`."),
     ] = None,
     film: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.mp4", help="Film with the camera above the arena.", rich_help_panel=OUTPUT),
+        output_option(metavar="FILE.mp4", help="Film with the camera above the arena."),
     ] = None,
-    live: Annotated[bool, typer.Option("--live", help="Show the trial while it runs.", rich_help_panel=OUTPUT)] = False,
+    live: Annotated[bool, output_option("--live", help="Show the trial while it runs.")] = False,
     as_json: JsonOption = False,
     trace: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.parquet", help="Write every robot and step.", rich_help_panel=MORE_OUTPUT),
+        more_output_option(metavar="FILE.parquet", help="Write every robot and step."),
     ] = None,
     memory: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="FIELD",
-            help="Add a field of the controllers' MEMORY to --trace, --record and --live; repeatable.",
-            rich_help_panel=MORE_OUTPUT,
+        more_output_option(
+            metavar="FIELD", help="Add a field of the controllers' MEMORY to --trace, --record and --live; repeatable."
         ),
     ] = None,
     relations: Annotated[
         bool,
-        typer.Option(
-            "--relations",
-            help="Add to --trace whom each robot sees lit, and whom it touches.",
-            rich_help_panel=MORE_OUTPUT,
-        ),
+        more_output_option("--relations", help="Add to --trace whom each robot sees lit, and whom it touches."),
     ] = False,
     level: Annotated[
         Level | None,
-        typer.Option(
-            "--record-level", help="How much is recorded, or shown live; full by default.", rich_help_panel=MORE_OUTPUT
-        ),
+        more_output_option("--record-level", help="How much is recorded, or shown live; full by default."),
     ] = None,
     speed: Annotated[
         float | None,
-        typer.Option(
-            metavar="X",
-            min=0.01,
-            max=1000,
-            help="Speed of --live, relative to real robots; 1 by default.",
-            rich_help_panel=LIVE,
-        ),
+        live_option(metavar="X", min=0.01, max=1000, help="Speed of --live, relative to real robots; 1 by default."),
     ] = None,
     web: WebOption = False,
     port: PortOption = None,
     interpret: InterpretOption = False,
     traceback: Annotated[
         bool,
-        typer.Option(
-            "--traceback",
-            help="Print the traceback of what a controller raises; for --interpret.",
-            rich_help_panel=CONTROLLERS,
-        ),
+        controllers_option("--traceback", help="Print the traceback of what a controller raises; for --interpret."),
     ] = False,
     workers: WorkersOption = None,
     dask: DaskOption = None,
     share: Annotated[
         str | None,
-        typer.Option(
-            metavar="K/N",
-            help="Run only share K of N, into a folder of its own; `merge` puts shares together.",
-            rich_help_panel=SWEEPS,
+        sweeps_option(
+            metavar="K/N", help="Run only share K of N, into a folder of its own; `merge` puts shares together."
         ),
+    ] = None,
+    trial_timeout: Annotated[
+        float | None,
+        sweeps_option(metavar="SECONDS", help="A trial of a sweep that takes longer has failed; key trial_timeout_s."),
     ] = None,
     take_over: Annotated[
         bool,
-        typer.Option(
-            "--take-over",
-            help="Take a run folder over from a process that is gone, on a file system without locks.",
-            rich_help_panel=SWEEPS,
+        sweeps_option(
+            "--take-over", help="Take a run folder over from a process that is gone, on a file system without locks."
         ),
     ] = False,
     trust: TrustOption = False,
@@ -165,8 +147,7 @@ def run(
                 for option, path, ending in (("--trace", trace, ".parquet"), ("--film", film, ".mp4"))
             ),
         )
-        from epuck_sim.cli.observers import LiveView, Watched
-        from epuck_sim.cli.trials import run_trials, seeds_of, sweep_into, trial_of_sweep
+        from epuck_sim.cli.trials import LiveView, Watched, run_trials, seeds_of, sweep_into, trial_of_sweep
         from epuck_sim.scenario.loader import find_scenario
 
         is_one = point is not None or trial is not None
@@ -182,6 +163,7 @@ def run(
                 folder is None and (workers is not None or dask is not None),
                 "--workers and --dask need a run folder: --out FOLDER",
             ),
+            (folder is None and trial_timeout is not None, "--trial-timeout is for sweeps: give --out FOLDER"),
             (folder is None and share is not None, "--share needs a run folder of its own: --out FOLDER"),
             (
                 folder is not None and is_watched,
@@ -195,8 +177,15 @@ def run(
                 typer.echo(f"{folder}: taken over from {holder}", err=True)
         view = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
         watched = Watched(trace, record, film, view, level or Level.FULL, tuple(memory or ()), relations)
+        changes = [*(settings or ()), *([] if trial_timeout is None else [f"trial_timeout_s={trial_timeout}"])]
         loaded = read_scenario(
-            scenario, settings, axes, measures=measures, controller=controller, quick=quick, trusted=trust
+            scenario,
+            changes,
+            axes,
+            measures=measures,
+            controller=controller,
+            quick=quick,
+            trusted=trust,
         )
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
@@ -220,6 +209,85 @@ def run(
 
 
 @runs.command()
+def replay(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="RECORDING", help="A recording FILE.rrd, or a run folder with --point and --trial."),
+    ],
+    point: PointOption = None,
+    trial: TrialOption = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.rrd",
+            help="Where to record it; by default to FOLDER-point-K-trial-J.rrd in the current folder.",
+        ),
+    ] = None,
+    interpret: InterpretOption = False,
+    trust: TrustOption = False,
+    web: WebOption = False,
+    port: PortOption = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw what the viewer shows; this needs no display.")
+    ] = None,
+    at: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", min=0, help="Moment that is drawn, in simulated time; the end by default."),
+    ] = None,
+) -> None:
+    """Open a recording in rerun's viewer. Sweeps keep none: a trial of a run folder is simulated again."""
+    with exit_on_error():
+        again = point is not None and trial is not None
+        reject_first(
+            (web and screenshot is not None, "--web and --screenshot exclude each other"),
+            (port is not None and not web, "--port is for --web"),
+            (at is not None and screenshot is None, "--at is for --screenshot"),
+            (screenshot is not None and screenshot.suffix != ".png", "--screenshot: a picture's name must end in .png"),
+            (not source.exists(), f"{source}: there is no such file or run folder"),
+            (
+                source.is_dir() != again or (point is None) != (trial is None),
+                "--point and --trial go together, and with a run folder",
+            ),
+            ((record is not None or interpret) and not again, "--record and --interpret are for a run folder's trial"),
+        )
+        from epuck_sim.recording.reader import last_moment_s
+        from epuck_sim.recording.viewer import NO_DISPLAY, draw_screenshot, has_display, serve, show
+        from epuck_sim.util.atomic_write import check_target
+        from epuck_sim.util.ports import check_port
+
+        if web:
+            check_port(port or WEB_PORT)
+        if screenshot is not None:
+            check_target(screenshot)
+        file = source
+        if point is not None and trial is not None:
+            from epuck_sim.cli.trials import record_again
+
+            file = record or Path(f"{source.resolve().name}-point-{point}-trial-{trial}.rrd")
+            record_again(source, point, trial, file, interpret=interpret, trusted=trust)
+            typer.echo(file)
+        end_s = last_moment_s(file)
+        if screenshot is not None:
+            reject_first(
+                (at is not None and at > end_s, f"--at is {at or 0:.9g}; allowed: 0 to {end_s:.9g}, where {file} ends")
+            )
+            draw_screenshot(file, end_s if at is None else at, screenshot)
+        elif web:
+            serve(file, port or WEB_PORT, announce)
+        elif again and not has_display():
+            typer.echo(NO_DISPLAY, err=True)
+        else:
+            show(file)
+
+
+def announce(address: str) -> None:
+    """Print where a recording is served, and how to end that."""
+    typer.echo("open this address in a browser on this machine:", err=True)
+    typer.echo(address)
+    typer.echo("press Ctrl-C to end", err=True)
+
+
+@runs.command()
 def status(
     folders: FoldersArgument,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON; of several folders, a list.")] = False,
@@ -229,7 +297,7 @@ def status(
     Of several folders, such as the shares of a sweep, a line each and their sum.
     """
     with exit_on_error():
-        from epuck_sim.cli.status_tables import print_status, print_statuses
+        from epuck_sim.cli.tables import print_status, print_statuses
         from epuck_sim.runs.status import read_status
 
         if len(folders) == 1:
@@ -249,7 +317,7 @@ def merge(
     Folders of another scenario, another controller or other versions are refused. `run WHOLE` runs what is missing.
     """
     with exit_on_error():
-        from epuck_sim.cli.status_tables import print_status
+        from epuck_sim.cli.tables import print_status
         from epuck_sim.runs.share import merge_folders
         from epuck_sim.runs.status import read_status
 
@@ -261,7 +329,7 @@ def merge(
 def verify(folder: FolderArgument) -> None:
     """Look at every file of FOLDER, and say whether it is whole; exit code 1 if one is not. Nothing in it is run."""
     with exit_on_error():
-        from epuck_sim.runs.verify import verify as verdicts
+        from epuck_sim.runs.status import verify as verdicts
 
         found = verdicts(folder)
         for each in found:

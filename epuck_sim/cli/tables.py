@@ -1,17 +1,31 @@
-"""What commands print of results: tables for people, JSON and CSV for programs."""
+"""What commands print: tables for people, JSON and CSV for programs."""
 
 import json
+import math
+import re
 import shutil
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from epuck_sim.display.table import Row, Table, plain
+import numpy as np
+
+from epuck_sim.display.numbers import in_words
+from epuck_sim.display.table import Row, Share, Table, plain
+from epuck_sim.estimate import Estimate, significant
+from epuck_sim.scenario.points import describe_axes
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.provenance import versions
+from epuck_sim.util.messages import counted
+from epuck_sim.util.provenance import format_versions, versions
 
-if TYPE_CHECKING:
-    from epuck_sim.statistics.measured import Measured
+if TYPE_CHECKING:  # or a trial would wait for OpenCV and scipy
+    from epuck_sim.overhead.compare import QuantityComparison
+    from epuck_sim.overhead.film_fit import Fitted
+    from epuck_sim.overhead.robots import Robots
+    from epuck_sim.overhead.track import Track
+    from epuck_sim.runs.status import Failure, PointAtLimit, Status
+    from epuck_sim.statistics.planning import TrialPlan
 
 
 def show(tables: Sequence[Table], found: Any, *, as_json: bool, as_csv: bool = False) -> None:
@@ -22,6 +36,11 @@ def show(tables: Sequence[Table], found: Any, *, as_json: bool, as_csv: bool = F
         print(tables[0].to_csv(), end="")
     else:
         print("\n\n".join(table.to_text(terminal_width()) for table in tables))
+
+
+def print_json(found: Mapping[str, Any]) -> None:
+    """Print what was found, and the versions, as one JSON object on a line of stdout, at once."""
+    print(json.dumps({**found, "versions": versions()}), flush=True)
 
 
 def terminal_width() -> int | None:
@@ -46,13 +65,13 @@ def print_trials(results: Sequence[TrialResult], max_cycles: int) -> None:
         **{name: name for name in results[0].measures},
     }
     has_order = any(result.order_parameter is not None for result in results)
-    rows = [Row({"seed": each.seed}, _cells(each, has_order=has_order)) for each in results]
+    rows = [Row({"seed": each.seed}, _cells_of_trial(each, has_order=has_order)) for each in results]
     print(Table(results[0].scenario, rows, (), headings).to_text(terminal_width()))
     if len(results) > 1 and results[0].censored is not None:
         print(_summary(results, max_cycles))
 
 
-def _cells(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
+def _cells_of_trial(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
     """Return the cells that apply to a trial of its scenario: without oscillators there is no T_sync."""
     cells: dict[str, Any] = {}
     if result.censored is not None:
@@ -65,25 +84,297 @@ def _cells(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
 
 
 def _summary(results: Sequence[TrialResult], max_cycles: int) -> str:
-    from epuck_sim.statistics.names import Statistic  # what follows takes scipy
-    from epuck_sim.statistics.statistic import estimate
+    from epuck_sim.statistics.measured import Measured
+    from epuck_sim.statistics.names import Statistic
+    from epuck_sim.statistics.statistic import estimate  # which takes scipy
 
-    measured = _measured(results, max_cycles)
+    times = np.array([result.cycles for result in results], float)
+    is_observed = np.array([not result.censored for result in results])
+    measured = Measured(times, is_observed, max_cycles, results[0].seed)
     mean, median = (estimate(measured, statistic) for statistic in (Statistic.MEAN, Statistic.MEDIAN))
     ends = f"{mean.name} {mean} cycles, {median.name} {median}"
     return f"T_sync of {len(results)} trials: {ends}; {100 * measured.censored:.0f} % censored"
 
 
-def _measured(results: Sequence[TrialResult], max_cycles: int) -> "Measured":
-    import numpy as np
-
-    from epuck_sim.statistics.measured import Measured
-
-    times = np.array([result.cycles for result in results], float)
-    return Measured(times, np.array([not result.censored for result in results]), max_cycles, results[0].seed)
-
-
 def print_trial_json(result: TrialResult) -> None:
     """Print a trial as one JSON object on a line of stdout, at once."""
     events = [event._asdict() for event in result.events]
-    print(json.dumps({**result._asdict(), "events": events, "versions": versions()}), flush=True)
+    print_json({**result._asdict(), "events": events})
+
+
+MOST_LISTED = 10
+"""Maximum number of failed trials, of shares without a folder, and of points at their limit, that are listed."""
+
+
+def print_status(status: "Status", as_json: bool) -> None:
+    """Print how far a sweep is on stdout."""
+    if as_json:
+        print(json.dumps(_status_object(status)))
+        return
+    share = "" if status.share is None else f"share {status.share}, "
+    print(
+        f"{status.scenario}: {share}{counted(status.points, 'point')}, "
+        f"{status.stored} of {status.trials} trials have a result"
+    )
+    censored = "" if status.censored is None else f"censored: {status.censored}; "
+    print(f"  {censored}failed: {len(status.failed)}; computing time: {in_words(status.wall_s)}")
+    if status.unmeasured:
+        print(f"  {status.unmeasured} of these results lack measures that were added")
+    for row in status.versions:
+        print(f"  {counted(row.trials, 'trial')}: {format_versions(row.made_by)}")
+    if status.at_work:
+        print(f"  {status.at_work} is at work on it")
+    for line in describe_at_limit(status.at_limit):
+        print(f"  {line}")
+    print_failures(status.failed)
+
+
+def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:
+    """Return a line for each of the first points whose trials all reach their limit; the last ends with what to do."""
+    lines = [
+        f"{f'at {describe_axes(each.axes)}, ' if each.axes else ''}every trial so far ({each.trials}) reaches the limit"
+        for each in points[:MOST_LISTED]
+    ]
+    if len(points) > MOST_LISTED:
+        lines.append(f"so it is at {counted(len(points) - MOST_LISTED, 'further point')}")
+    if lines:
+        lines[-1] += "; go on, or take another limit in a new folder: --set stop.max_cycles=N"
+    return lines
+
+
+def print_failures(failures: "Sequence[Failure]") -> None:
+    """Print the first failed trials on stdout, each with the words that run it alone."""
+    for failure in failures[:MOST_LISTED]:
+        print(f"  failed: --point {failure.point} --trial {failure.trial}: {failure.error}")
+    if len(failures) > MOST_LISTED:
+        print(f"  and {len(failures) - MOST_LISTED} more")
+
+
+def _status_object(status: "Status") -> dict[str, Any]:
+    rows = {name: [row._asdict() for row in getattr(status, name)] for name in ("failed", "versions", "at_limit")}
+    return {**status._asdict(), **rows}
+
+
+def print_statuses(statuses: "Mapping[str, Status]", as_json: bool) -> None:
+    """Print how far several run folders are on stdout, a line each, and their sum."""
+    if as_json:
+        print(json.dumps([{"folder": folder, **_status_object(status)} for folder, status in statuses.items()]))
+        return
+    for folder, status in statuses.items():
+        share = "" if status.share is None else f" (share {status.share})"
+        failed = f"; failed: {len(status.failed)}" if status.failed else ""
+        at_work = f"; {status.at_work} is at work" if status.at_work else ""
+        print(f"{folder}{share}: {status.stored} of {status.trials}{failed}{at_work}")
+    stored, trials = (sum(getattr(status, name) for status in statuses.values()) for name in ("stored", "trials"))
+    failures = sum(len(status.failed) for status in statuses.values())
+    print(f"together: {stored} of {trials} trials have a result; failed: {failures}")
+    if missing := _missing_shares(statuses.values()):
+        more = f" and {len(missing) - MOST_LISTED} more" if len(missing) > MOST_LISTED else ""
+        print(f"shares without a folder here: {', '.join(missing[:MOST_LISTED])}{more}")
+
+
+def _missing_shares(statuses: "Iterable[Status]") -> list[str]:
+    """Return the shares that none of the folders is for, if all are shares of the same number of them."""
+    from epuck_sim.runs.share import Share as ShareOfSweep
+
+    shares = {ShareOfSweep.parse(status.share) for status in statuses if status.share is not None}
+    if len({share.of for share in shares}) != 1:
+        return []
+    (count,) = {share.of for share in shares}
+    return [
+        str(share) for share in (ShareOfSweep(number, count) for number in range(1, count + 1)) if share not in shares
+    ]
+
+
+class Duration(NamedTuple):
+    """How long a sweep will take."""
+
+    points: int
+    trials: int
+    """Trials at each point."""
+    left: int
+    """Number of trials that are still to be run."""
+    workers: int
+    compute_s: Estimate
+    """Computing time of these trials together."""
+    timed: int
+    """Number of trials from which this follows."""
+    is_cut: bool
+    """Whether the last of these was cut: then it takes longer."""
+    at_limit: "Sequence[PointAtLimit]" = ()
+    """Points whose trials, of these, have all reached their limit."""
+
+
+def print_plan(name: str, duration: Duration, as_json: bool) -> None:
+    """Print how long a scenario's sweep will take, on stdout."""
+    if as_json:
+        print(json.dumps({"duration": plain(_duration_object(duration))}))
+    else:
+        _print_duration(name, duration)
+
+
+def print_power(name: str, plan: "TrialPlan", duration: Duration, as_json: bool) -> None:
+    """Print how many trials show a difference, and how long the rest of a run folder's sweep will take, on stdout."""
+    show([plan.table(name)], {**plan._asdict(), "duration": _duration_object(duration)}, as_json=as_json)
+    if not as_json:
+        _print_duration(name, duration)
+
+
+def _print_duration(name: str, duration: Duration) -> None:
+    total = f"{name}: {counted(duration.points, 'point')}, {counted(duration.trials, 'trial')} each"
+    if not duration.left:
+        print(f"{total}: all are stored.")
+    elif not duration.timed:
+        print(f"{total}: {duration.left} are left; none has been timed.")
+    else:
+        computing, source = describe_computing(duration)
+        print(f"{total}: {duration.left} are left: {computing}.")
+        print(f"{source}.")
+    for line in describe_at_limit(duration.at_limit):
+        print(line)
+
+
+def describe_computing(duration: Duration) -> tuple[str, str]:
+    """Return how long the trials that are left take, and from how many that follows."""
+    wall = duration.compute_s.apply(lambda seconds: seconds / duration.workers)
+    computing, with_workers = (_in_words(each, duration.is_cut) for each in (duration.compute_s, wall))
+    cut = "; the last was cut, so that it is more" if duration.is_cut else ""
+    follows = f"That follows from {counted(duration.timed, 'trial')}{cut}"
+    return f"{computing} of computing, {with_workers} with {counted(duration.workers, 'worker')}", follows
+
+
+def _in_words(estimate: Estimate, is_cut: bool) -> str:
+    value, low, high = map(in_words, estimate.ends)
+    return f"{'more than ' * is_cut}{value}" + f" ({low} to {high})" * estimate.has_interval
+
+
+def _duration_object(duration: Duration) -> dict[str, object]:
+    at_limit = [each._asdict() for each in duration.at_limit]
+    return {**duration._asdict(), "at_limit": at_limit, "wall_s": duration.compute_s.value / duration.workers}
+
+
+NAMES_WIDTH = 27
+"""Width of the names of results, in letters."""
+
+
+def print_track_json(track: "Track", robots: "Robots | None" = None) -> None:
+    """Print the summary of a track, and of who is who if that was asked for, as one JSON object on a line of stdout."""
+    from epuck_sim.overhead.robots import summary
+
+    identities = {} if robots is None else {"identities": summary(track, robots)}
+    print_json({**track.summary(), **identities})
+
+
+def print_track(track: "Track", robots: "Robots | None" = None) -> None:
+    """Print the summary of a track, and of who is who if that was asked for, as a readable table on stdout."""
+    print(track.film)
+    for name, value in (*_lines_of_track(track), *(() if robots is None else _lines_about_robots(track, robots))):
+        text = f"{name:{NAMES_WIDTH}}{value}"
+        print(textwrap.fill(text, terminal_width() or 120, subsequent_indent=" " * NAMES_WIDTH))
+
+
+def _lines_of_track(track: "Track") -> Iterator[tuple[str, str]]:
+    if track.t_sync_s is not None:
+        yield "T_sync", f"{track.t_sync_cycles:.1f} cycles, {track.t_sync_s:.1f} s"
+    else:
+        yield "T_sync", "unknown" if track.confidence == "none" else "never"
+    for reason in track.reasons:
+        yield "because", reason
+    yield "confidence", track.confidence + _settled_by(track)
+    if track.histogram_s is not None:
+        yield "by the histogram", f"{track.histogram_periods:.1f} periods, {track.histogram_s:.1f} s"
+    yield "frames", f"{track.frames} at {track.fps:.4g} per second"
+    yield "trial", f"from {track.start_s:.1f} s, for {track.duration_s:.1f} s"
+    yield "geometry from", track.calibration
+    yield "period", f"{track.period_s:.4g} s{_if_estimated(track, 'period_s')}"
+    yield "flash", f"{track.flash_ms:.0f} ms"
+    yield "robots seen", f"{track.robots_seen} at once, {track.flashes_per_period:.1f} flashes per period"
+    yield "threshold of the histogram", f"{track.threshold_ms:.0f} ms{_if_estimated(track, 'threshold_ms')}"
+
+
+def _settled_by(track: "Track") -> str:
+    """Return which options would settle what is doubtful; nothing if nothing is."""
+    doubts = (*(track.reasons if track.confidence == "none" else ()), *track.warnings)
+    options = dict.fromkeys(re.findall(r"(?<!\S)--[a-z-]+", " ".join(doubts)))
+    return f"; {', '.join(options)} may settle it" if options else ""
+
+
+def _lines_about_robots(track: "Track", robots: "Robots") -> Iterator[tuple[str, str]]:
+    from epuck_sim.overhead.robots import summary
+
+    found = summary(track, robots)
+    yield f"robots by {robots.by}", f"{len(robots.numbers)}"
+    yield "links between flashes", f"{found['links']}, of which {100 * found['unsure_share']:.0f} % are unsure"
+    yield "by phases", "never" if found["by_phases_s"] is None else f"{found['by_phases_s']:.1f} s"
+    yield "pairs that flash together", f"{found['pairs_together']}"
+
+
+def _if_estimated(track: "Track", name: str) -> str:
+    return ", estimated" if name in track.estimated else ""
+
+
+UNTOLD = (
+    "A film does not tell coupling, refractory time, what robots see and how late, or gains of infrared sensors: those "
+    "stay as the scenario has them, and trials may differ from the film by them."
+)
+
+
+def print_comparison_json(
+    film: str, scenario: str, rows: "Sequence[QuantityComparison]", fitted: "Mapping[str, Fitted]"
+) -> None:
+    """Print one JSON object; null is what is not known, or lies beyond a film's or trial's end, which are counted."""
+    quantities = [
+        {
+            "name": row.quantity.name,
+            "unit": row.quantity.unit,
+            "film": _finite(row.film),
+            "film_is_beyond": math.isinf(row.film),
+            "percentile": _finite(row.percentile),
+            "trials": [_finite(value) for value in row.trials.tolist()],
+            "beyond": row.beyond,
+            "unknown": row.unknown,
+        }
+        for row in rows
+    ]
+    values = {key: each._asdict() for key, each in fitted.items()}
+    from epuck_sim.overhead.compare import judge
+
+    verdict = judge(rows)
+    judged = {**verdict._asdict(), "p_value": _finite(verdict.p_value)}
+    print_json({"film": film, "scenario": scenario, "verdict": judged, "quantities": quantities, "fitted": values})
+
+
+def print_comparison(
+    film: str, scenario: str, rows: "Sequence[QuantityComparison]", fitted: "Mapping[str, Fitted]"
+) -> None:
+    """Print the verdict, and readable tables, on stdout."""
+    from epuck_sim.overhead.compare import judge
+
+    verdict = judge(rows)
+    for sentence in filter(None, (verdict.caution, verdict.sentence)):
+        print(f"{sentence[0].upper()}{sentence[1:]}.")
+    print()
+    headings = {"trials": "trials: median, 5 % and 95 %", "percentile": "film's percentile"}
+    title = f"{film} beside trials of {scenario}"
+    compared = Table(title, [Row({}, _cells_of_quantity(row)) for row in rows], (), headings)
+    values = [Row({}, {"key": key, "value": Estimate(*each)}) for key, each in fitted.items()]
+    told = Table("What the film tells of the scenario, with 95 % intervals", values, [UNTOLD])
+    show([compared, told], None, as_json=False)
+
+
+def _cells_of_quantity(row: "QuantityComparison") -> dict[str, Any]:
+    known = row.trials[~np.isnan(row.trials)]
+    low, middle, high = [math.nan] * 3
+    if len(known):
+        low, middle, high = np.quantile(known, (0.05, 0.5, 0.95), method="nearest").tolist()
+    return {
+        "quantity": row.quantity.name,
+        "unit": row.quantity.unit,
+        "film": "beyond" if math.isinf(row.film) else significant(row.film),
+        "trials": Estimate(middle, low, high),
+        "percentile": Share(row.percentile / 100),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

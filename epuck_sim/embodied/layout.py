@@ -20,8 +20,7 @@ from epuck_sim.embodied.sensors.own import assign_sense
 from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
 from epuck_sim.embodied.sensors.radio import set_radio, slots_of
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block
-from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.physics import SpreadSection, TimingSection
+from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
 from epuck_sim.scenario.robots import CameraSignal, RadioSignal, RobotGroup
 

@@ -39,13 +39,12 @@ from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.embodied.user_code import RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario.controllers import resolve_parameters
+from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after, arena_entries
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.robot_kind import cell_cm
+from epuck_sim.scenario.robot_kind import cell_cm, sensor_parameters
+from epuck_sim.scenario.robots import resolve_parameters
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
-from epuck_sim.scenario.schedule import TrialEvent
-from epuck_sim.scenario.sensors import sensor_parameters
 from epuck_sim.user_files import Value
 from epuck_sim.util.memory import lack_of_memory
 

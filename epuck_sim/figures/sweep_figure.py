@@ -11,8 +11,8 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.labels import FOLDER, sweep_title
 from epuck_sim.runs.reader import PointTrials, read_points
+from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.validation import validate
 from epuck_sim.statistics.measured import measure_unit
 from epuck_sim.statistics.series import has_series
 from epuck_sim.util.messages import comma_list, did_you_mean
@@ -26,6 +26,9 @@ FORMS = {
     "course": "twins:Courses",
 }
 """Module in `figures.forms` and class of each form, by its name."""
+
+WITH_THEORY = {"theory": "theory:PredictedCurves"}
+"""That of curves with predictions, which are no form of their own."""
 
 Results = Path | str | Sequence[Path | str] | Sequence[PointTrials]
 """A run folder, several, or the points of one."""
@@ -51,7 +54,7 @@ def plot(
         ax: Axes to draw into, one for each panel. They get neither title nor legend, but all marks have labels, which
             `ax.legend()` shows. By default there is a new figure with a legend.
         options: Keys of the section `figure` of scenarios, which counts for all others: `form`, `x`, `y`, `panels`,
-            `statistic`, `censored_at_cycles`, `title`, `labels`, `scale`, `points`, `width_cm` and `font_pt`.
+            `statistic`, `censored_at_cycles`, `title`, `labels`, `scale`, `points`, `theory`, `width_cm` and `font_pt`.
 
     Returns:
         The new figure, or that of `ax`.
@@ -105,7 +108,9 @@ def read_form(
             raise EpuckSimError(f"{where}: {did_you_mean(key, known)}; allowed: {comma_list(known)}")
     if not any(len(point.times) for point in points):
         raise StoreError(f"{folder}: holds no results yet")
-    form = _find(name).read(points, Choices(section, given.keys(), folder, prefix))
+    form = _find("theory" if name == "curves" and section.theory else name).read(
+        points, Choices(section, given.keys(), folder, prefix)
+    )
     form.of, form.unit, form.settings = points[0].of, measure_unit(points[0]) or "", section
     form.ran = _describe(points, folders)
     return form
@@ -159,7 +164,7 @@ def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> s
 
 
 def _find(name: str) -> type[Form]:
-    module, _, member = FORMS[name].partition(":")
+    module, _, member = (FORMS | WITH_THEORY)[name].partition(":")
     found: type[Form] = getattr(import_module(f"epuck_sim.figures.forms.{module}"), member)
     return found
 

@@ -27,11 +27,11 @@ from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.rows import AgentBuffer, population_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.keys import full_keys, parse_setting, set_value
+from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from epuck_sim.scenario.scenario import Scenario, require_model
-from epuck_sim.scenario.validation import validate
 from epuck_sim.trial.observer import Observer
 from epuck_sim.util.memory import lack_of_memory
 from epuck_sim.util.provenance import versions

@@ -21,7 +21,7 @@ from epuck_sim.embodied.sensors import camera, flash_cone, infrared, own, radio,
 from epuck_sim.embodied.sensors.completion import completion
 from epuck_sim.page.kernels import FOLDER, Model
 from epuck_sim.particles import events, initial_conditions, motion, neighbours, phase_response
-from epuck_sim.scenario.curves import ResponseSection, find_curve
+from epuck_sim.scenario.particles import ResponseSection, find_curve
 from epuck_sim.util import elementary, generators
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 from epuck_sim.util.jit import bind

@@ -19,7 +19,7 @@ from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.control.compilation import digest_sources, explain_refusal, frozen_values, jit_functions
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
-from epuck_sim.scenario.curves import ResponseSection, find_curve
+from epuck_sim.scenario.particles import ResponseSection, find_curve
 from epuck_sim.user_files import line_of_error, record_type
 from epuck_sim.util.elementary import expm1, sin
 from epuck_sim.util.jit import bind, compile_cached, digest, jit, jit_inline, kernel_digest, name_after

@@ -11,7 +11,7 @@ import numpy as np
 from epuck_sim.arrays import FloatArray
 from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES, forget_earliest
 from epuck_sim.particles.swarm import Arrays
-from epuck_sim.scenario.schedule import AgentDisplacement, AgentScheduleEntry, TimedEntries
+from epuck_sim.scenario.changes import AgentDisplacement, AgentScheduleEntry, TimedEntries
 
 Moment = tuple[float, float]
 """A cycle, from 0, and the time in it, 0 to 1."""

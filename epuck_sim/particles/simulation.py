@@ -29,11 +29,10 @@ from epuck_sim.particles.schedule import (
     timed_entries,
 )
 from epuck_sim.particles.swarm import Arrays
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.changes import TrialEvent
+from epuck_sim.scenario.loader import agents_with, load_scenario
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
-from epuck_sim.scenario.schedule import TrialEvent
-from epuck_sim.scenario.validation import agents_with
 from epuck_sim.util.generators import seed_words
 from epuck_sim.util.jit import compile_kernel
 

@@ -27,9 +27,9 @@ from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
 from epuck_sim.recording.rows import population_of
 from epuck_sim.recording.rrd_file import APPLICATION, ENDING, TIMELINE, is_whole
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.provenance import format_versions
 

@@ -65,9 +65,11 @@ def _sections(contents: Contents) -> Iterator[Node]:
 
 
 def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[Node]:
-    """Yield a figure with a caption below it; nothing where the form does not fit."""
+    """Yield a figure with a caption below it, and what theory predicts; nothing where the form does not fit."""
+    figure = points[0].scenario.figure.model_copy(update={"theory": points[0].of is None})
+    first = points[0]._replace(scenario=points[0].scenario.model_copy(update={"figure": figure}))
     try:
-        form = read_form(points, {"form": name})
+        form = read_form([first, *points[1:]], {"form": name})
         drawn = form.draw_figure()
     except EpuckSimError:
         return

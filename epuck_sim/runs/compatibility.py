@@ -10,13 +10,12 @@ from typing import Any, NamedTuple
 from epuck_sim.control.loader import CONTROLLER, find_controller
 from epuck_sim.control.sensors import find_sensor
 from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.scenario.curves import find_curve
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.loader import validate
+from epuck_sim.scenario.particles import ParticleScenario, find_curve
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.stop import MeasureSection
-from epuck_sim.scenario.validation import validate
 from epuck_sim.util.messages import short_repr
 
 MOST_SHOWN = 8

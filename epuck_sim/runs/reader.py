@@ -15,9 +15,9 @@ from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.interface import Value
 from epuck_sim.runs.database import NULL, UNMEASURED, read_numbers, reading
 from epuck_sim.runs.records import FinishedTrials
+from epuck_sim.scenario.changes import TrialEvent
+from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
-from epuck_sim.scenario.schedule import TrialEvent
-from epuck_sim.scenario.validation import validate
 from epuck_sim.util.messages import comma_list, did_you_mean
 
 if TYPE_CHECKING:

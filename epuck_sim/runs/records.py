@@ -8,6 +8,7 @@ import numpy as np
 from epuck_sim.arrays import IntArray
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.util.seeds import point_seed
 
 
 class Task(NamedTuple):
@@ -16,10 +17,16 @@ class Task(NamedTuple):
     point: int
     """Number of the point in the sweep."""
     trial: int
-    seed: int
+    key: str
+    """The point's axis values as text."""
     scenario: Scenario
     interpret: bool
     """Whether controllers run as plain Python."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of the trial, which its worker derives."""
+        return point_seed(self.scenario.seed, self.key, self.trial)
 
 
 class Outcome(NamedTuple):

@@ -11,8 +11,7 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points
 from epuck_sim.runs.database import columns_of, file_uri, new_database, quoted, reading, sqlite_errors
 from epuck_sim.runs.folder import DATABASE, acquire
-from epuck_sim.runs.sources import read_sources, write_files
-from epuck_sim.runs.trust import is_trusted, trust
+from epuck_sim.runs.sources import is_trusted, read_sources, trust, write_files
 from epuck_sim.util.provenance import PROVENANCE, format_versions
 
 GOLDEN_RATIO = 0x9E3779B97F4A7C15

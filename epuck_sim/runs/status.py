@@ -1,14 +1,19 @@
-"""How far the sweep in a run folder is, how its trials ended and how long they took; nothing in it is changed."""
+"""How far the sweep in a run folder is, how its trials ended, and whether its files are whole; nothing is changed."""
 
+import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from epuck_sim.errors import StoreError
 from epuck_sim.runs.database import UNMEASURED, reading
-from epuck_sim.runs.folder import current_holder
+from epuck_sim.runs.folder import DATABASE, current_holder, database_of
 from epuck_sim.runs.reader import measures_in, read_finished
 from epuck_sim.runs.share import WHOLE, read_share
+from epuck_sim.runs.sources import DIGESTS, read_digests
+from epuck_sim.scenario.loader import RUN_SCENARIO
+from epuck_sim.util.messages import counted
 from epuck_sim.util.provenance import PROVENANCE
 
 
@@ -158,4 +163,44 @@ def read_wall_times(folder: Path) -> dict[int, list[float]]:
             "SELECT number, wall_s FROM trials JOIN points ON point = key WHERE error IS NULL ORDER BY number, trial"
         ):
             found[number].append(wall_s)
+    return found
+
+
+class Verdict(NamedTuple):
+    """What was found of one file of a run folder."""
+
+    file: str
+    is_whole: bool
+    says: str
+
+
+def verify(folder: Path) -> list[Verdict]:
+    """Look at every file of a run folder, and return what each is; nothing in it is run or changed.
+
+    Raises:
+        StoreError: It is no run folder.
+    """
+    database_of(folder)
+    try:
+        status = read_status(folder)
+    except StoreError as error:
+        found = [Verdict(DATABASE, False, str(error).removeprefix(f"{folder / DATABASE}: "))]
+    else:
+        rows = f"{status.stored} of {counted(status.trials, 'trial')} of {status.scenario}, each with its checksum"
+        found = [Verdict(DATABASE, True, rows)]
+    try:
+        digests = read_digests(folder)
+    except StoreError as error:
+        return [*found, Verdict(DIGESTS, False, str(error).removeprefix(f"{folder / DIGESTS}: "))]
+    if digests is None:
+        is_there = (folder / RUN_SCENARIO).is_file()
+        says = "has no digest: an earlier version has written it" if is_there else "is missing"
+        return [*found, Verdict(RUN_SCENARIO, is_there, says)]
+    for name, digest in digests.items():
+        try:
+            is_whole = hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+            says = "is as it was written" if is_whole else "is damaged, or was changed"
+        except OSError as error:
+            is_whole, says = False, f"cannot be read: {error.strerror}"
+        found.append(Verdict(name, is_whole, says))
     return found

@@ -49,6 +49,8 @@ class FigureSection(ConfigModel):
     """Scale of T_sync or the measure; by default logarithmic for T_sync and for positive values that are far apart."""
     points: bool = False
     """Whether each trial is a dot, in curves and violins."""
+    theory: bool = False
+    """Whether what `predict` says is dashed under curves of T_sync against speed."""
     width_cm: Annotated[Number, Field(ge=5, le=100)] | None = None
     """Width; by default that of a column, or of a page for several panels."""
     font_pt: Annotated[Number, Field(ge=4, le=30)] = 8.0

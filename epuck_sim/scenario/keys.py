@@ -11,11 +11,10 @@ from epuck_sim.control.sensors import find_sensor
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.axes import SweepAxes, with_ranges
 from epuck_sim.scenario.base import ConfigModel, class_of, ends_in, section_classes
-from epuck_sim.scenario.curves import ResponseSection, find_curve
-from epuck_sim.scenario.robot_kind import without_brought_sensors
+from epuck_sim.scenario.particles import ResponseSection, find_curve
+from epuck_sim.scenario.robot_kind import FILE, given_to_all, without_brought_sensors
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
-from epuck_sim.scenario.sensors import FILE, given_to_all
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.messages import short_repr
 
@@ -208,13 +207,16 @@ def merge(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
 def add_measures(given: Mapping[str, Any], names: Sequence[str], origin: str) -> dict[str, Any]:
     """Return the mapping `given` with more measures after those that it has; parameters of any can then be set.
 
+    A name that is there already is not added: a command that was killed may be given again.
+
     Raises:
         ScenarioError: The scenario's own measures are no list; the message begins with `origin`.
     """
     own = given.get("measures") or []
     if not isinstance(own, list | tuple):
         raise ScenarioError(f"{origin}: measures: is {short_repr(own)}; allowed: a list")
-    return {**given, "measures": [*own, *({name: {}} for name in names)]}
+    there = [name for each in own for name in ([*each] if isinstance(each, dict) else [each])]
+    return {**given, "measures": [*own, *({name: {}} for name in names if name not in there)]}
 
 
 def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any], option: str) -> dict[str, Any]:

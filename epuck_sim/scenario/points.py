@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import map_pictures
 from epuck_sim.scenario.axes import canonical_text
-from epuck_sim.scenario.controllers import map_controllers, share_parameters
-from epuck_sim.scenario.curves import map_curves
 from epuck_sim.scenario.keys import set_value
 from epuck_sim.scenario.loader import complete, from_keys, load_scenario
+from epuck_sim.scenario.particles import map_curves
+from epuck_sim.scenario.robots import map_controllers, share_parameters
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.seeds import point_seed

@@ -8,13 +8,13 @@ from pydantic import Field
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
-from epuck_sim.scenario.base import ConfigModel, WholeNumber
-from epuck_sim.scenario.schedule import conditions_in
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
+from epuck_sim.scenario.changes import conditions_in
 from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
 from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.util.messages import counted
 
-WITHOUT_EFFECT = {"name", "description", "trials", "figure", "measures", "overhead"}
+WITHOUT_EFFECT = {"name", "description", "trials", "trial_timeout_s", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
 
 STOP = "stop.when"
@@ -37,6 +37,8 @@ class Scenario(ConfigModel):
     stop: StopSection
     trials: Annotated[WholeNumber, Field(ge=1, le=10_000_000)] = 1
     """Number of trials; in a sweep, at each of its points."""
+    trial_timeout_s: Annotated[Number, Field(gt=0)] | None = None
+    """Wall time after which a trial of a sweep has failed; None for no limit."""
     seed: Annotated[WholeNumber, Field(ge=0)] = 0
     """The master seed, from which each trial gets its own."""
     measures: tuple[MeasureSection, ...] = ()

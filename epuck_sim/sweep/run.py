@@ -120,4 +120,4 @@ def first_of_each_kind(
 
 
 def _task(point: Point, trial: int, interpret: bool) -> Task:
-    return Task(point.number, trial, point.seed(trial), point.scenario, interpret)
+    return Task(point.number, trial, point.key, point.scenario, interpret)

@@ -4,6 +4,7 @@ A chunk is half a second of work, less towards the end, so that no worker is lef
 """
 
 import math
+import time
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Future
@@ -14,7 +15,7 @@ from typing import TypeVar
 from epuck_sim.errors import ClusterError
 from epuck_sim.runs.records import Outcome, Task
 from epuck_sim.sweep.executors import OpenPool, Pool
-from epuck_sim.sweep.worker import compile_ahead, make_outcome, run_chunk
+from epuck_sim.sweep.worker import compile_ahead, make_outcome, out_of_time, run_chunk
 
 Result = TypeVar("Result")
 
@@ -178,14 +179,16 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
             future = pool.executor.submit(run_chunk, [suspects[0]])
         except BrokenExecutor:  # an idle worker has died
             return
-        task = suspects.popleft()
+        task, began_s = suspects.popleft(), time.monotonic()
         try:
             yield _result(future, pool)
         except pool.losses:
             suspects.appendleft(task)
             return
         except pool.deaths as death:
-            yield [make_outcome(task, None, f"its worker died: {death}")]
+            timeout_s = task.scenario.trial_timeout_s or math.inf
+            is_late = time.monotonic() - began_s > timeout_s
+            yield [make_outcome(task, None, out_of_time(timeout_s) if is_late else f"its worker died: {death}")]
             return
 
 

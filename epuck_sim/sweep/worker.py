@@ -2,17 +2,19 @@
 
 It imports only what a simulation needs: no plots, no tables, no command line.
 
-Compiled code cannot be interrupted. A thread compares, now and then, which controller is running in which step, and
-ends the worker if it does not return, so that an endless loop costs a sweep that trial alone. The time that counts is
-processor time of the thread that simulates, so that a machine which sleeps or is busy ends nothing.
+Compiled code cannot be interrupted. A thread looks, now and then, whether the trial goes on, and ends the worker if it
+does not, so that an endless loop costs a sweep that trial alone. The time that counts is processor time of the thread
+that simulates, so that a machine which sleeps or is busy ends nothing; that of `trial_timeout_s` is wall time.
 """
 
+import math
 import os
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from typing import Any
 
 from epuck_sim.errors import EpuckSimError
@@ -27,7 +29,10 @@ LIMIT_VARIABLE = "EPUCK_SIM_STEP_LIMIT_S"
 """Environment variable that replaces `STEP_LIMIT_S`."""
 
 STEP_LIMIT_S = 60.0
-"""Processor time in seconds in which a controller must return from a step: a million times what one takes."""
+"""Processor time in seconds in which a controller must return from a step: a million times what one takes.
+
+So must measures and response curves.
+"""
 
 SET_UP_FACTOR = 10
 """Limit for setting up a trial, which may compile and runs `start`, relative to that of a step."""
@@ -35,18 +40,23 @@ SET_UP_FACTOR = 10
 EXIT_CODE = 70
 """Exit code of a worker that was ended."""
 
+OVERTIME_S = 1.0
+"""Wall time in seconds beyond `trial_timeout_s` after which a trial that does not end itself is ended by its worker."""
+
 SETTING_UP = (-1, -1)
-"""Robot and step of a trial that is set up."""
+"""What is `AtWork` on a trial that is set up."""
 
 AtWork = Callable[[], tuple[int, int] | None]
-"""Returns robot and step of the controller that is running; None while none is."""
-
-
+"""Returns the robot whose controller is running, -1 while none is, and the number of steps; None if nobody knows."""
 KEPT, KEPT_BYTES = 200, 2**28
 """Most simulations that a worker keeps, and the memory that they may take: points of a sweep take turns."""
 
 _kept: dict[tuple[object, ...], Simulated] = {}
 """Simulations whose trials have ended, the last used one last."""
+
+
+class TrialTimeoutError(EpuckSimError):
+    """Ends a trial that takes longer than its scenario allows."""
 
 
 def compile_ahead(tasks: Sequence[Task]) -> None:
@@ -61,7 +71,7 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
 def run_chunk(tasks: Sequence[Task]) -> list[Outcome]:
     """Run the trials in order; an error in one of them becomes its outcome."""
     simulations = _Simulations()
-    with watchdog() as dog:
+    with watchdog(tasks[0].scenario.trial_timeout_s) as dog:
         return [_run_task(task, simulations, dog) for task in tasks]
 
 
@@ -69,14 +79,26 @@ def _run_task(task: Task, simulations: "_Simulations", dog: "Watchdog") -> Outco
     dog.begin(f"{task.scenario.name}: seed {task.seed}")
     try:
         simulation = simulations.begin(task)
-        dog.watch_steps(getattr(simulation, "controller_at_work", lambda: None))  # agents have none
-        result, error = run_trial(simulation), None
+        dog.watch_steps(_at_work(simulation))
+        is_limited = task.scenario.trial_timeout_s is not None
+        result, error = run_trial(simulation, progress=dog.check_time if is_limited else None), None
         simulations.keep(task, simulation)
     except EpuckSimError as problem:
         result, error = None, storable(str(problem))
     except BaseException as problem:  # one trial's error, of whatever kind, must not end the others
         result, error = None, describe_error(problem)
     return make_outcome(task, result, error)
+
+
+def _at_work(simulation: Any) -> AtWork:
+    if hasattr(simulation, "controller_at_work"):
+        return lambda: simulation.controller_at_work() or (-1, simulation.steps)
+    return lambda: (-1, simulation.instants) if hasattr(simulation, "instants") else None
+
+
+def out_of_time(timeout_s: float) -> str:
+    """Return the error of a trial that took longer than its scenario allows."""
+    return f"has not ended within {timeout_s:g} s, its trial_timeout_s"
 
 
 class _Simulations:
@@ -110,53 +132,68 @@ class _Simulations:
 
 def make_outcome(task: Task, result: TrialResult | None, error: str | None) -> Outcome:
     """Return the outcome of a task that this process has run, with its versions and host."""
-    return Outcome(task.point, task.trial, task.seed, result, error, {**versions(), "host": host()})
+    return Outcome(task.point, task.trial, task.seed, result, error, _provenance())
+
+
+@lru_cache
+def _provenance() -> dict[str, str]:
+    """Return one object for all outcomes, which is pickled once a chunk."""
+    return {**versions(), "host": host()}
 
 
 class Watchdog:
     """What `watchdog` yields: it watches the setting up of each trial until it is told how to watch its steps."""
 
-    def __init__(self, limit_s: float) -> None:
+    def __init__(self, limit_s: float, timeout_s: float | None) -> None:
         self._name = ""
         self._trials = 0
-        self._limit_s = limit_s
+        self._limit_s, self._timeout_s = limit_s, math.inf if timeout_s is None else timeout_s
+        self._began_s = math.inf  # of the trial's steps
         self._at_work: AtWork = lambda: None
         self._cpu_s = _thread_clock()
         self.over = threading.Event()
 
     def begin(self, name: str) -> None:
         """Watch the setting up of another trial from now on; name: that of the trial, for the message."""
-        self._name, self._at_work = name, lambda: SETTING_UP
+        self._name, self._at_work, self._began_s = name, lambda: SETTING_UP, math.inf
         self._trials += 1
 
     def watch_steps(self, at_work: AtWork) -> None:
         """Watch the steps of the trial from now on."""
-        self._at_work = at_work
+        self._at_work, self._began_s = at_work, time.monotonic()
+
+    def check_time(self, _: object = None) -> None:
+        """Raise TrialTimeoutError if the trial has taken too long; it is the progress that `run_trial` tells."""
+        if time.monotonic() - self._began_s > self._timeout_s:
+            raise TrialTimeoutError(out_of_time(self._timeout_s))
 
     def run(self) -> None:
-        """End this process if one controller stays at work for longer than the limit."""
+        """End this process if a trial does not go on for longer than the limit, or does not end when its time is up."""
         last: tuple[int, tuple[int, int] | None] = (0, None)
         since_s = self._cpu_s()
-        while not self.over.wait(self._limit_s / 20):
+        while not self.over.wait(min(self._limit_s, self._timeout_s) / 20):
+            if time.monotonic() - self._began_s > self._timeout_s + OVERTIME_S:
+                self._end(out_of_time(self._timeout_s))
             now = self._trials, self._at_work()
             if now != last or now[1] is None:
                 last, since_s = now, self._cpu_s()
             elif self._cpu_s() - since_s > self._limit_s * (SET_UP_FACTOR if now[1] == SETTING_UP else 1):
-                self._end(*now[1])
+                robot, step = now[1]
+                where = f"robot {robot}, step {step}" if robot >= 0 else f"step {step}" if step >= 0 else "at the start"
+                what = "its controller" if robot >= 0 or step < 0 else "a measure or response curve"
+                self._end(f"{where}: {what} has not returned for {self._limit_s:g} s")
 
-    def _end(self, robot: int, step: int) -> None:
-        where = f"robot {robot}, step {step}" if step >= 0 else "at the start"
-        line = f"{self._name}: {where}: its controller has not returned for {self._limit_s:g} s; its worker is ended\n"
+    def _end(self, why: str) -> None:
         try:
-            os.write(sys.stderr.fileno(), line.encode())
+            os.write(sys.stderr.fileno(), f"{self._name}: {why}; its worker is ended\n".encode())
         finally:  # whether or not there is somewhere to write to
             os._exit(EXIT_CODE)
 
 
 @contextmanager
-def watchdog() -> Iterator[Watchdog]:
-    """Watch the trials that this thread simulates in the block."""
-    dog = Watchdog(float(os.environ.get(LIMIT_VARIABLE, STEP_LIMIT_S)))
+def watchdog(timeout_s: float | None = None) -> Iterator[Watchdog]:
+    """Watch the trials that this thread simulates in the block, each of which may take a wall time."""
+    dog = Watchdog(float(os.environ.get(LIMIT_VARIABLE, STEP_LIMIT_S)), timeout_s)
     thread = threading.Thread(target=dog.run, daemon=True)
     thread.start()
     try:

@@ -1,7 +1,7 @@
 """Predictions of a scenario's regimes, and the table of those of a sweep."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,7 +74,13 @@ def predict(scenario: Scenario) -> Prediction:
     Raises:
         ScenarioError: No pulse can shift a phase, the swarm is of one or too large, or its oscillators are unknown.
     """
-    return _Theory(scenario).at(scenario)
+    return _Theory(scenario).at(_speed_of(scenario))
+
+
+def predict_speeds(scenario: Scenario, speeds_cm_s: Iterable[float]) -> list[Prediction]:
+    """Return `predict` for a scenario at each of these speeds."""
+    theory = _Theory(scenario)
+    return [theory.at(speed) for speed in speeds_cm_s]
 
 
 def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
@@ -85,7 +91,7 @@ def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
         key = str(without_speed(point.scenario))
         if key not in kept:
             kept[key] = _Theory(point.scenario)
-        found.append((point, kept[key].at(point.scenario)))
+        found.append((point, kept[key].at(_speed_of(point.scenario))))
     return found
 
 
@@ -93,6 +99,7 @@ class _Theory:
     """What a swarm's graph and chains tell of all of its speeds."""
 
     def __init__(self, scenario: Scenario) -> None:
+        self._name = scenario.name
         self._response, self._threshold, self._jitter = _oscillators(scenario)
         self._notes = _left_out(scenario)
         agents = scenario.population
@@ -108,15 +115,15 @@ class _Theory:
         self._link_cm = math.nan if self._is_random else _link_length(scenario)
         self._period_s = scenario.scales["tau"]
 
-    def at(self, scenario: Scenario) -> Prediction:
-        """Return the prediction for a scenario that differs in its speed alone."""
-        fast, speed = self._course.limits[-1], _speed_of(scenario)
+    def at(self, speed: float) -> Prediction:
+        """Return the prediction at a speed, cm/s."""
+        fast = self._course.limits[-1]
         stays = not speed or math.isnan(self._link_cm)
         cycles = self._link_cm / (speed * self._period_s) if speed else math.inf
         frozen = self._frozen if not self._is_random else fast
         joined = self._graph.joined.apply(lambda value: value * frozen.ended.value)
         return Prediction(
-            scenario.name,
+            self._name,
             self._verdict,
             self._place("v_m", self._rise.minimum),
             self._place("v_p", self._rise.peak),

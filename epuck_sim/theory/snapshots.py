@@ -16,9 +16,8 @@ from epuck_sim.embodied.placement import Placement
 from epuck_sim.embodied.start import draw_start
 from epuck_sim.embodied.swarm import poses_of
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.scenario.curves import ResponseSection
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.particles import ParticleScenario, ParticleStop, RandomAgents, StartSection
+from epuck_sim.scenario.particles import ParticleScenario, ParticleStop, RandomAgents, ResponseSection, StartSection
 from epuck_sim.scenario.robots import ConeSignal, RadioSignal, RobotGroup
 from epuck_sim.scenario.scenario import Scenario
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 
 from epuck_sim.measures.interface import Value
+from epuck_sim.scenario.changes import ScheduleEntry, condition_key
 from epuck_sim.scenario.scenario import STOP
-from epuck_sim.scenario.schedule import ScheduleEntry, condition_key
 from epuck_sim.scenario.stop import Awaited
 from epuck_sim.trial.observer import TrialState
 

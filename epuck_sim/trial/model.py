@@ -11,9 +11,9 @@ import numpy as np
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import SCENARIO_TYPES
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.validation import SCENARIO_TYPES
 from epuck_sim.trial.conditions import Conditions
 from epuck_sim.trial.measuring import begin_measures
 from epuck_sim.trial.observer import Observer, Progress

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from epuck_sim.order_parameter import Firing
-from epuck_sim.scenario.schedule import TrialEvent
+from epuck_sim.scenario.changes import TrialEvent
 
 
 class TrialState(Protocol):

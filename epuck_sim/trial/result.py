@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from epuck_sim.measures.interface import Value
-from epuck_sim.scenario.schedule import TrialEvent
+from epuck_sim.scenario.changes import TrialEvent
 
 
 class TrialResult(NamedTuple):

@@ -12,7 +12,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ControllerError
 from epuck_sim.order_parameter import METRICS, Firing
-from epuck_sim.scenario.schedule import TrialEvent
+from epuck_sim.scenario.changes import TrialEvent
 
 NOMINAL_PERIOD_S = 5.0
 """Length of a cycle, in seconds, if the reference is no oscillator (4.2.1)."""

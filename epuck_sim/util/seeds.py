@@ -5,6 +5,7 @@ the order in which robots are served nor what other robots draw can change its n
 """
 
 import hashlib
+from functools import lru_cache
 
 import numpy as np
 
@@ -27,6 +28,7 @@ def trial_seed(master: int, trial: int) -> int:
     return master if trial == 0 else _derived(master, (trial,))
 
 
+@lru_cache(maxsize=16)  # of a trial under way it is asked several times
 def point_seed(master: int, point: str, trial: int) -> int:
     """Return the seed of a trial of a sweep.
 

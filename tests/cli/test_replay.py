@@ -17,7 +17,7 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from epuck_sim.cli.observers import LiveView
+from epuck_sim.cli.trials import LiveView
 from epuck_sim.embodied.changes import controller_files
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step

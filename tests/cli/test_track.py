@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
-from epuck_sim.cli.track_tables import NAMES_WIDTH
+from epuck_sim.cli.tables import NAMES_WIDTH
 from epuck_sim.overhead import live, track
 from epuck_sim.overhead.film import Film, open_film
 from epuck_sim.overhead.frame import Frame

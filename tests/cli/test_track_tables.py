@@ -12,7 +12,7 @@ from rich.console import Console
 from epuck_sim.cli import progress as progress_module
 from epuck_sim.cli.films import parse_arena, parse_corners
 from epuck_sim.cli.progress import progress_bar
-from epuck_sim.cli.track_tables import print_track, print_track_json
+from epuck_sim.cli.tables import print_track, print_track_json
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.frame import Frame
 from tests.overhead.films import TRACK
@@ -93,7 +93,7 @@ def test_table_of_a_swarm_that_never_synchronised(capsys: pytest.CaptureFixture[
 def test_t_sync_comes_first_and_the_table_fits_a_screen(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("epuck_sim.cli.track_tables.terminal_width", lambda: 80)
+    monkeypatch.setattr("epuck_sim.cli.tables.terminal_width", lambda: 80)
     doubts = ("rings are missed, or something shines; give --corners, --arena-cm", "is it 2 s? give --period-s")
     print_track(TRACK._replace(warnings=doubts, confidence="low"))
     lines = capsys.readouterr().out.splitlines()

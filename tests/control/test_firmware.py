@@ -15,6 +15,9 @@ from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.rng import randint, uniform
 from tests.control.bench import Bench
+from tests.tools import needs_compiler
+
+pytestmark = needs_compiler
 
 FIREFLY = Path(__file__).parents[1] / "controllers" / "firmware" / "firefly.c"
 

@@ -15,7 +15,8 @@ from epuck_sim.page import own
 from epuck_sim.page.kernels import ANEW, read_module
 from epuck_sim.page.roots import is_fresh, meanings
 from epuck_sim.page.writer import make_page, write_page
-from tests.browsers import Driven, needs_browser
+from tests.browsers import Driven
+from tests.tools import needs_browser
 
 MOST_BYTES = 500_000
 

@@ -21,7 +21,8 @@ from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.trial.model import simulate
 from epuck_sim.util.seeds import trial_seed
-from tests.browsers import Driven, needs_browser
+from tests.browsers import Driven
+from tests.tools import needs_browser
 
 CASES: dict[str, tuple[str, list[str], int]] = {
     # name: scenario, changes, trials

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_shift
-from epuck_sim.scenario.curves import SHIPPED
+from epuck_sim.scenario.particles import SHIPPED
 
 MULTIPLICATIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR = 0, 4, 5
 PHASES = np.linspace(0, 1, 2001)

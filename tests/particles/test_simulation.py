@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.events import advance
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.scenario.curves import SHIPPED
+from epuck_sim.scenario.particles import SHIPPED
 from tests.particles.simulations import KINDS, any_sections, make_simulation, scenario
 
 SEEDS = st.integers(0, 2**63 - 1)

@@ -18,8 +18,9 @@ from epuck_sim.runs.status import Failure
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.statistics.summary import summarize
 from epuck_sim.sweep.run import run_sweep
-from tests.browsers import needs_browser, picture
+from tests.browsers import picture
 from tests.runs.made_folders import COUNT, COUPLING, SPEED, SPEEDS, censored, ended, store, sweep, weibull
+from tests.tools import needs_browser
 
 NASTY = "<b>&'\"</script><img src=x>"
 

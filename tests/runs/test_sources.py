@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
 from epuck_sim.runs.share import merge_folders
+from epuck_sim.runs.sources import is_trusted
+from epuck_sim.runs.status import verify
 from epuck_sim.runs.store import Store
-from epuck_sim.runs.trust import is_trusted
-from epuck_sim.runs.verify import verify
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from tests.runs.test_store import COUNT, MINE, fill, rewrite, scenario_of, stored
@@ -168,7 +168,7 @@ def test_what_runs_a_folder_asks_for_trust_once(foreign: Path, tmp_path: Path, m
     assert not (tmp_path / "was-run").exists()
     CliRunner().invoke(app, [name, str(foreign), *options, "--trust"])
     assert (tmp_path / "was-run").exists()
-    monkeypatch.setattr("epuck_sim.runs.trust._trusted", set())  # another process
+    monkeypatch.setattr("epuck_sim.runs.sources._trusted", set())  # another process
     assert is_trusted(foreign)
     (foreign / "sources" / "more.py").touch()
     assert not is_trusted(foreign)

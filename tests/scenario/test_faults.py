@@ -2,7 +2,7 @@
 
 import pytest
 
-from epuck_sim.scenario.faults import FAULTS
+from epuck_sim.scenario.changes import FAULTS
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml

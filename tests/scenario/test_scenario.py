@@ -8,7 +8,7 @@ import pytest
 
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario import controllers
+from epuck_sim.scenario import robots
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
@@ -64,7 +64,7 @@ def test_a_loaded_scenario_is_completed_without_a_look_into_folders(monkeypatch)
 
 def test_a_model_without_controllers_has_nothing_to_complete(monkeypatch) -> None:
     scenario = load_scenario("particles")
-    monkeypatch.setattr(controllers, "find_controller", None)
+    monkeypatch.setattr(robots, "find_controller", None)
     assert load_scenario(scenario) is scenario
 
 

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.validation import validate
 
 PYDANTIC_S_WORDS = (
     "input",

@@ -76,7 +76,7 @@ def test_a_worker_with_another_controller_is_refused_in_words(tmp_path) -> None:
     path = tmp_path / "own.py"
     path.write_text(OWN)
     scenario = load_scenario({"robots": [{"controller": str(path)}]})
-    given = [Task(0, 0, 1, scenario, False)]
+    given = [Task(0, 0, "", scenario, False)]
     executor = SameVersionsExecutor(Here())
     assert executor.submit(answer, given).result() == "done"
     path.write_text(path.read_text().replace("pass", "actuators.ring_on = True"))

@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.runs.records import FinishedTrials, SweepProgress
+from epuck_sim.runs.records import FinishedTrials, SweepProgress, Task
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.points import points
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import first_of_each_kind, missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
@@ -93,13 +93,12 @@ def test_trial_0_of_all_points_comes_first(tmp_path) -> None:
     assert len(tasks) == POINTS * 3 - 2
 
 
-def test_no_seed_is_computed_before_its_trial_is_due(monkeypatch) -> None:
-    computed = []
-    monkeypatch.setattr(Point, "seed", lambda _, trial: computed.append(trial) or trial)
+def test_no_task_is_made_before_its_trial_is_due(monkeypatch) -> None:
+    made = []
+    monkeypatch.setattr("epuck_sim.sweep.run.Task", lambda *given: made.append(given) or Task(*given))
     found = points(load_scenario("thesis", ["trials=10000000"]))
-    tasks = missing_tasks(found, FinishedTrials([(0, [0])]), interpret=False)
-    assert next(tasks).trial == 1
-    assert computed == [1]
+    assert next(missing_tasks(found, FinishedTrials([(0, [0])]), interpret=False)).trial == 1
+    assert len(made) == 1
 
 
 def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> None:

@@ -22,7 +22,7 @@ SCENARIO = load_scenario("pair")
 
 
 def task(trial: int) -> Task:
-    return Task(0, trial, trial, SCENARIO, False)
+    return Task(0, trial, "", SCENARIO, False)
 
 
 def queue(count: int) -> TaskQueue:

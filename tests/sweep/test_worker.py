@@ -46,7 +46,7 @@ SCENARIOS = {
 def tasks_of(given, trials: int = 4) -> list[Task]:
     """Return trials of a sweep, points in turn."""
     found = points(load_scenario(given))
-    return [Task(p.number, trial, p.seed(trial), p.scenario, False) for trial, p in product(range(trials), found)]
+    return [Task(p.number, trial, p.key, p.scenario, False) for trial, p in product(range(trials), found)]
 
 
 def outcomes(tasks: list[Task]):

@@ -6,9 +6,8 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario, write_scenario
+from epuck_sim.scenario.loader import SCENARIO_TYPES, load_scenario, validate, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.validation import SCENARIO_TYPES, validate
 from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.observer import TrialState

@@ -19,7 +19,7 @@ import pymunk
 
 from epuck_sim.arena import Arena
 from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
-from epuck_sim.scenario.physics import ContactSection
+from epuck_sim.scenario.embodied import ContactSection
 from epuck_sim.scenario.robot_kind import RobotKind
 
 WALL_CM = 50.0

@@ -20,7 +20,7 @@ from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.public_space import public_way, reason_for_public_way, versions
 from epuck_sim.embodied.bodies.shapes import Bodies, count_surfaces, make_bodies, make_surfaces
 from epuck_sim.embodied.swarm import GROUND, SPACE, Swarm
-from epuck_sim.scenario.physics import ContactSection
+from epuck_sim.scenario.embodied import ContactSection
 from epuck_sim.scenario.robot_kind import RobotKind
 
 

@@ -17,9 +17,8 @@ from epuck_sim import epuck
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.swarm import FLOAT64, INT64, SENSED_BYTES, Swarm, open_block, swarm_at
+from epuck_sim.scenario.changes import FAULTS, FaultSection, SensorDead, TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.faults import FAULTS, FaultSection, SensorDead
-from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.util.elementary import log
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import array_at
@@ -28,7 +27,7 @@ from epuck_sim.util.seeds import robot_streams
 
 RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5)
 CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART, SENSOR_DEAD = range(5, 11)
-"""Numbers of the kinds of faults: those in `scenario.faults.FAULTS`, in order."""
+"""Numbers of the kinds of faults: those in `scenario.changes.FAULTS`, in order."""
 
 KINDS = tuple(FAULTS)
 """Names of the kinds, by their numbers."""

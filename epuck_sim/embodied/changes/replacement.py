@@ -14,7 +14,7 @@ from epuck_sim.control.interface import Controller
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.swarm import Swarm, open_block
 from epuck_sim.errors import ControllerError
-from epuck_sim.scenario.controllers import resolve_parameters
+from epuck_sim.scenario.robots import resolve_parameters
 from epuck_sim.user_files import Value
 
 _PLACES = {

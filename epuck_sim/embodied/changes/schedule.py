@@ -11,7 +11,7 @@ from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.placement import clearance_cm
 from epuck_sim.embodied.swarm import Swarm
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.schedule import RobotDisplacement, RobotScheduleEntry, TimedEntries
+from epuck_sim.scenario.changes import RobotDisplacement, RobotScheduleEntry, TimedEntries
 
 DEEPEST_CM = 2 * MARGIN_CM
 """How far a body may reach into new walls and obstacles, cm: as far as bodies may overlap that press on each other."""

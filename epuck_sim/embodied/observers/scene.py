@@ -8,7 +8,7 @@ from epuck_sim.arrays import ByteArray, FloatArray
 from epuck_sim.embodied.cells import cells_needed, sort_into_cells
 from epuck_sim.embodied.layout import set_arena, set_bodies, set_signal
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block
-from epuck_sim.scenario.physics import TimingSection
+from epuck_sim.scenario.embodied import TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.jit import jit_inline

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
 
@@ -51,7 +51,7 @@ class Curves(Form):
     """
 
     name = "curves"
-    takes = ("x", "panels", "statistic", "scale", "points")
+    takes = ("x", "panels", "statistic", "scale", "points", "theory")
 
     axis: str
     """Dotted key of the horizontal axis."""
@@ -61,6 +61,8 @@ class Curves(Form):
     """Dotted key of the axis that has a panel for each of its values; None for one panel."""
     trials: Sequence[Sequence[Measured]] = ()
     """The trials at each point of each curve, if they are to be drawn."""
+    others: list[FloatArray] = field(default_factory=list)
+    """Further values for which panels have room."""
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
@@ -134,13 +136,12 @@ class Curves(Form):
         return notes
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        labels = self._curve_labels()
-        own_panels = [panels[self.titles.index(head)] for head in self._heads]
+        labels, own_panels = self._curve_labels(), self.panels_of(panels)
         highest, beyond = self._ends()
         x, values = (np.concatenate([getattr(curve, name) for curve in self.curves]) for name in ("x", "values"))
         is_log = has_log_scale(self.of, values, self.settings.scale)
         names = list(dict.fromkeys(labels))
-        looks = dict(zip(names, choose_looks(len(names)), strict=True))
+        looks = dict(zip(labels, self.looks, strict=True))
         for panel in panels:
             make_logarithmic(panel, *["y"] * is_log, *["x"] * is_logarithmic(self.axis, x))
         for name, look in looks.items():
@@ -162,6 +163,17 @@ class Curves(Form):
             if math.isfinite(highest):
                 _make_room(panel, highest, CROSS_ROW * (len(crossed) + 0.8) if crossed else 0.0)
 
+    @property
+    def looks(self) -> list[Look]:
+        """Look of each curve; curves with one label, in several panels, look alike."""
+        labels = self._curve_labels()
+        names = list(dict.fromkeys(labels))
+        return [choose_looks(len(names))[names.index(label)] for label in labels]
+
+    def panels_of(self, panels: Sequence[Axes]) -> list[Axes]:
+        """Return the panel of each curve."""
+        return [panels[self.titles.index(head)] for head in self._heads]
+
     def _curve_labels(self) -> list[str]:
         rows = short_files(distinguishing_axes([curve.axes for curve in self.curves]))
         return [
@@ -174,7 +186,7 @@ class Curves(Form):
     def _ends(self) -> tuple[float, float]:
         """Return the highest value, -inf without any, and how far up bands are drawn whose end is not reached."""
         dots = [measured.values for trials in self.trials for measured in trials]
-        values = np.concatenate([curve.values for curve in self.curves] + dots)
+        values = np.concatenate([curve.values for curve in self.curves] + dots + self.others)
         known = values[np.isfinite(values)]
         if self.of is not None:
             highest = float(known.max(initial=-math.inf))

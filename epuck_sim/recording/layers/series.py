@@ -14,9 +14,9 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.recording import Level
 from epuck_sim.recording.rows import Population, RowBatch
 from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
+from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
-from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.trial.observer import TrialState
 
 FLASHES = "/flashes"

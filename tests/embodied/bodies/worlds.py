@@ -14,7 +14,7 @@ from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.cells import cells_needed, set_cells
 from epuck_sim.embodied.layout import set_bodies
 from epuck_sim.embodied.swarm import make_block, offset_of, open_block, poses_of
-from epuck_sim.scenario.physics import ContactSection
+from epuck_sim.scenario.embodied import ContactSection
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind, cell_cm
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from epuck_sim.embodied.changes.calls import plan_calls
-from epuck_sim.scenario.faults import FAULTS
+from epuck_sim.scenario.changes import FAULTS
 from epuck_sim.scenario.loader import load_scenario
 
 NEEDED = {"clock_drift": {"rate": 1.1}, "clock_jitter": {"jitter": 0.1}, "camera_misses": {"missed": 0.5}}

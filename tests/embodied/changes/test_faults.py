@@ -22,7 +22,7 @@ from epuck_sim.embodied.changes.faults import (
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
-from epuck_sim.scenario.faults import FAULTS
+from epuck_sim.scenario.changes import FAULTS
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util.rng import next_word, uniform

@@ -7,7 +7,7 @@ from epuck_sim.control.loader import find_controller, load_controller
 from epuck_sim.embodied.changes.schedule import displace_phases
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import open_block
-from epuck_sim.scenario.schedule import RobotDisplacement, TrialEvent
+from epuck_sim.scenario.changes import RobotDisplacement, TrialEvent
 from tests.embodied.changes.blocks import controlled_block
 from tests.embodied.changing import SCHEDULED, steps_of, swarm_of
 

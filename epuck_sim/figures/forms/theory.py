@@ -1,0 +1,154 @@
+"""Curves of T_sync against speed over what theory predicts of them, dashed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.display.table import Row
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.forms.curves import Curves
+from epuck_sim.figures.forms.form import Choices
+from epuck_sim.figures.saving import Table, tabulate
+from epuck_sim.figures.style import GREY, typeset
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.statistics.curves import Curve
+from epuck_sim.theory.predict import Prediction, predict_speeds
+
+AXES = ("agents.speed_cm_s", "robots.0.parameters.speed_cm_s")
+"""Axes whose speed predictions know."""
+
+MOST_CURVES = 12
+"""Largest number of curves that are predicted: each takes about a second."""
+
+SPEEDS = 60
+"""Number of speeds at which a curve is predicted."""
+
+DASHES: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7, "zorder": 1.5}
+"""Looks of predictions, which lie under what trials say."""
+
+PLACE: dict[str, Any] = {"markerfacecolor": "white", "markersize": 5, "linewidth": 0.7}
+"""Looks of V_m and V_p."""
+
+EDGE = 0.04
+"""Length of the marks of the limits at the edges of a panel, as a share of its width."""
+
+CAPTION = (
+    "dashed is T_sync as predict has it from who hears whom, without a trial: its course, at the left edge that of "
+    "swarms that stand, at the right one that of the fastest; hollow triangles are V_m and V_p, with their uncertainty"
+)
+"""What captions say of predictions."""
+
+
+class Predicted(NamedTuple):
+    """Prediction of a curve."""
+
+    speeds: FloatArray
+    """(S,) cm/s, ascending."""
+    at: list[Prediction]
+    """(S,) predictions."""
+
+    @property
+    def times(self) -> FloatArray:
+        """(S,) T_sync, cycles."""
+        return np.array([each.t_sync.value for each in self.at])
+
+
+def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
+    """Return predictions of curves of T_sync.
+
+    Raises:
+        EpuckSimError: The axis is no speed, there are too many curves, or nothing can be predicted of a swarm.
+    """
+    if curves[0].of is not None or axis not in AXES:
+        raise EpuckSimError(f"predictions are of T_sync against {' or '.join(AXES)}, but this is against {axis}")
+    if len(curves) > MOST_CURVES:
+        raise EpuckSimError(f"predictions are of up to {MOST_CURVES} curves, but these are {len(curves)}")
+    found = []
+    for curve in curves:
+        moving = curve.x[curve.x > 0]
+        speeds = np.geomspace(moving.min(), moving.max(), SPEEDS) if len(moving) else np.zeros(1)
+        found.append(Predicted(speeds, predict_speeds(curve.scenario, speeds.tolist())))
+    return found
+
+
+@dataclass(kw_only=True)
+class PredictedCurves(Curves):
+    """Curves with their predictions."""
+
+    predicted: Sequence[Predicted] = ()
+    """That of each curve; none where there cannot be any."""
+    reason: str = ""
+    """Why there are none, though the scenario asks for them."""
+
+    @classmethod
+    def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
+        """Estimate and predict a curve for each combination of the other axes.
+
+        Raises:
+            EpuckSimError: As for curves; and an option asks for predictions where there are none.
+        """
+        form = super().read(points, choices)
+        try:
+            form.predicted = predict_curves(form.axis, form.curves)
+        except EpuckSimError as error:
+            if "theory" in choices.given:
+                raise EpuckSimError(f"{choices.prefix}theory: {error}") from error
+            form.reason = str(error)
+        form.others = [each.times for each in form.predicted]
+        return form
+
+    @property
+    def tables(self) -> Mapping[str, Table]:
+        """The tables of the curves; and a row for each, with its verdict, V_m and V_p, and T_sync in both limits."""
+        rows = [
+            (curve.axes, _row(each.at[0]))
+            for curve, each in zip(self.curves, self.predicted, strict=bool(self.predicted))
+        ]
+        return {**super().tables, **({"-theory.csv": tabulate(rows)} if rows else {})}
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What curves do not show, and what predictions leave out."""
+        if not self.predicted:
+            return [*super().notes, f"no prediction: {self.reason}"]
+        left_out = dict.fromkeys(note.removesuffix(".") for each in self.predicted for note in each.at[0].notes)
+        return [*super().notes, CAPTION, *left_out]
+
+    def draw(self, panels: Sequence[Axes]) -> None:
+        for panel, each, look in zip(self.panels_of(panels), self.predicted, self.looks, strict=False):
+            draw_prediction(panel, each, look.colour)
+        super().draw(panels)
+        if self.predicted:
+            panels[0].plot([], [], color=GREY, label="predicted", **DASHES)
+        if any(np.isfinite(each.at[0].v_p_cm_s.value) for each in self.predicted):
+            panels[0].plot([], [], "^", color=GREY, label=typeset("predicted V_m and V_p"), **PLACE)
+
+
+def draw_prediction(panel: Axes, predicted: Predicted, colour: str) -> None:
+    """Draw T_sync as it is predicted, its limits at the edges of the panel, and V_m and V_p, if there are any."""
+    speeds, times, any_speed = predicted.speeds, predicted.times, predicted.at[0]
+    panel.plot(speeds, times, color=colour, **DASHES)
+    for limit, edge in ((any_speed.t_sync_frozen, (0, EDGE)), (any_speed.t_sync_fast, (1 - EDGE, 1))):
+        panel.plot(edge, (limit.value,) * 2, color=colour, transform=panel.get_yaxis_transform(), **DASHES)
+    for place, marker in ((any_speed.v_m_cm_s, "v"), (any_speed.v_p_cm_s, "^")):
+        if speeds[0] <= place.value <= speeds[-1]:
+            ends = np.clip((place.low, place.value, place.high), speeds[0], speeds[-1])
+            time = np.interp(np.log(place.value), np.log(speeds), times)
+            panel.plot(ends, (time,) * 3, marker=marker, markevery=[1], color=colour, **PLACE)
+
+
+def _row(found: Prediction) -> dict[str, list[Any]]:
+    cells = {
+        "regime": found.intermediate_regime.verdict,
+        "probability": found.intermediate_regime.probability,
+        "v_m": found.v_m_cm_s,
+        "v_p": found.v_p_cm_s,
+        "t_frozen": found.t_sync_frozen,
+        "frozen_share": found.frozen_share.value,
+        "t_fast": found.t_sync_fast,
+    }
+    return {name: [value] for name, value in Row({}, cells).record().items()}

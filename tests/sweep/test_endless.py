@@ -1,0 +1,137 @@
+"""Users' code that crashes, never returns or takes too long costs a sweep its own trial alone; edits are noticed."""
+
+import pytest
+
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.sweep.run import run_sweep
+from epuck_sim.sweep.worker import LIMIT_VARIABLE, out_of_time
+from epuck_sim.trial.model import simulate
+from tests.cli.commands import called
+from tests.sweep.pool_here import pool_here
+from tests.sweep.short_sweeps import begin, errors, stored
+from tests.tools import needs_compiler
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled() -> None:
+    """Have compiled code in the cache: limits here are too short for compiling it."""
+    for name in ("pair", "particles"):
+        simulate(load_scenario(name), 1)
+
+
+FATE = """
+#define PARAMETERS E_INT(fatal)
+#define MEMORY E_INT(fate) E_INT(steps)
+#include <epuck.h>
+
+void start(void) {{ memory->fate = e_random_word() % 3; {start} }}
+
+void step(void) {{
+    memory->steps++;
+    if (parameters->fatal && memory->fate == 0 && memory->steps > 3) {{
+        {fatal}
+    }}
+}}
+"""
+
+CRASH, LOOP = "*(volatile int *)parameters->fatal = 1;", "while (memory->fate == 0) *e_swarm->serving += 0;"
+
+
+def write_sweep(folder, fatal, start=""):
+    (folder / "fate.c").write_text(FATE.format(fatal=fatal, start=start))
+    path = folder / "sweep.yaml"
+    path.write_text(
+        "robots: [{count: 1, controller: fate.c}]\nstop: {max_time_s: 1}\ntrials: 8\n"
+        "sweep: {grid: {robots.0.parameters.fatal: [0, 1]}}\n"
+    )
+    return path
+
+
+@needs_compiler
+@pytest.mark.parametrize("fatal", [CRASH, LOOP], ids=["crash", "endless loop"])
+def test_firmware_that_crashes_or_never_returns_costs_its_own_trial_alone(tmp_path, monkeypatch, fatal) -> None:
+    monkeypatch.setenv(LIMIT_VARIABLE, "0.5")
+    folder = tmp_path / "run"
+    run = begin(write_sweep(tmp_path, fatal), "--out", folder, "--workers", 2, folder=tmp_path)
+    _, err = run.communicate(timeout=280)
+    assert run.returncode == 1, err
+    assert stored(folder) == 16
+    failed = errors(folder)
+    assert 0 < len(failed) < 8
+    assert all("its worker died" in message for message in failed.values())
+    if fatal == LOOP:
+        assert "robot 0, step 3: its controller has not returned for 0.5 s; its worker is ended\n" in err
+
+
+MEASURE = """
+from itertools import count
+
+def fate(simulation):
+    for _ in count() if simulation.scenario.agents.count == 6 else ():
+        pass
+"""
+
+CURVE = """
+PARAMETERS = {"fatal": 0}
+
+def phase_shift(phase, coupling, parameters):
+    while parameters.fatal and abs(100 * phase - round(100 * phase)) > 1e-6:  # not where it is tried before trials
+        coupling += 0
+    return coupling * phase
+"""
+
+AGENTS = "{model: particles, agents: {count: 5}, stop: {max_cycles: 3}, trials: 1, KEY: VALUE, sweep: {grid: {AXIS}}}"
+
+ENDLESS = {MEASURE: ("measures", "[endless.py]", "agents.count: [5, 6]")}
+ENDLESS[CURVE] = ("response", "{curve: endless.py}", "response.parameters.fatal: [0, 1]")
+
+
+def run_endless(tmp_path, text: str, *options: object) -> tuple[dict, str]:
+    """Run trials of agents at two points; return the errors of those that failed, and what was printed as error."""
+    (tmp_path / "endless.py").write_text(text)
+    scenario = AGENTS
+    for name, value in zip(("KEY", "VALUE", "AXIS"), ENDLESS[text], strict=True):
+        scenario = scenario.replace(name, value)
+    (tmp_path / "sweep.yaml").write_text(scenario)
+    run = begin("sweep.yaml", "--out", "run", "--workers", 2, *options, folder=tmp_path)
+    _, err = run.communicate(timeout=280)
+    assert run.returncode == 1, err
+    assert stored(tmp_path / "run") == 2
+    failed = errors(tmp_path / "run")
+    assert len(failed) == 1, err
+    return failed, err
+
+
+def test_a_curve_that_never_returns_is_heard_like_a_controller(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv(LIMIT_VARIABLE, "1.5")
+    failed, err = run_endless(tmp_path, CURVE)
+    assert all("its worker died" in message for message in failed.values())
+    assert ": a measure or response curve has not returned for 1.5 s; its worker is ended\n" in err
+
+
+def test_a_measure_that_never_returns_has_failed_when_its_time_is_up_and_status_says_why(tmp_path) -> None:
+    failed, err = run_endless(tmp_path, MEASURE, "--trial-timeout", 0.5)
+    assert set(failed.values()) == {out_of_time(0.5)}
+    assert "1 trial failed; run again to retry them" in err
+    assert called("status", tmp_path / "run").count(out_of_time(0.5)) == 1
+
+
+def test_a_slow_trial_ends_itself_without_its_worker_and_may_be_run_with_another_limit(tmp_path) -> None:
+    slow = load_scenario({"stop": {"max_cycles": 10**6}, "robots": [{"count": 5}], "trials": 2, "trial_timeout_s": 0.3})
+    slow = slow.model_copy(update={"stop": slow.stop.model_copy(update={"order_parameter": None})})
+    progress = run_sweep(slow, tmp_path / "run", pool_here)
+    assert (progress.stored, progress.failed) == (0, 2)
+    assert set(errors(tmp_path / "run").values()) == {out_of_time(0.3)}
+    run_sweep(slow.model_copy(update={"trial_timeout_s": 0.2}), tmp_path / "run", pool_here)
+    assert set(errors(tmp_path / "run").values()) == {out_of_time(0.2)}
+
+
+@needs_compiler
+def test_a_run_folder_refuses_firmware_that_has_changed(tmp_path) -> None:
+    path, folder = write_sweep(tmp_path, "memory->fate = 1;"), tmp_path / "run"
+    assert begin(path, "--out", folder, "--workers", 1, folder=tmp_path).wait(120) == 0
+    write_sweep(tmp_path, "memory->fate = 2;")
+    run = begin(path, "--out", folder, folder=tmp_path)
+    _, err = run.communicate(timeout=120)
+    assert run.returncode == 2
+    assert "robots.0.controller: 'fate.c with digest " in err
