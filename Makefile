@@ -73,6 +73,8 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/epuck-sim plot runs/thesis_run.rrd --to docs/figures/thesis_run
 	$(BIN)/epuck-sim replay runs/thesis_run.rrd --screenshot docs/figures/viewer.png --at 89
 	$(BIN)/python docs/figures/animation.py
+	$(BIN)/python docs/run_notebook.py docs/notebook.ipynb
+	$(BIN)/python docs/figures/moving.py
 	$(BIN)/python docs/figures/base_curve.py
 	$(BIN)/python docs/figures/shipped_pictures.py
 	$(BIN)/python -m docs.validation runs/validation
@@ -84,6 +86,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/epuck-sim fit $(SWEEPS:%=runs/%) > docs/figures/scaling.txt
 	$(BIN)/python docs/figures/response_curves.py
 	$(BIN)/python docs/examples/learn_response.py docs/figures/learning
+	$(BIN)/python docs/examples/learnt_policy.py docs/figures/policy
 	$(BIN)/python docs/figures/overhead_views.py
 	$(BIN)/python -m docs.figures.overhead_kinds
 	$(BIN)/python -m docs.figures.overhead_identities

@@ -4,6 +4,7 @@ import doctest
 import json
 import pkgutil
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -20,8 +21,8 @@ from typer.testing import CliRunner
 import epuck_sim
 from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.recording import live, viewer
 from epuck_sim.recording.reader import read_recording
-from epuck_sim.recording.viewer import live, viewer
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml
@@ -268,3 +269,11 @@ def test_examples_in_docstrings_hold() -> None:
     results = [doctest.testmod(import_module(module)) for module in modules if not module.endswith("__main__")]
     assert sum(result.failed for result in results) == 0
     assert sum(result.attempted for result in results) >= 6
+
+
+def test_the_moving_pictures_are_those_of_their_commands() -> None:
+    films = runpy.run_path(str(ROOT / "docs/figures/moving.py"))["FILMS"]
+    rows = re.findall(r"moving-(\w+)\.gif\) \| .*`epuck-sim (.*)`", (ROOT / "docs/gallery.md").read_text())
+    assert dict(rows) == films
+    pictures = [ROOT / f"docs/figures/moving-{name}.gif" for name in films]
+    assert sum(picture.stat().st_size for picture in pictures) < 15e6

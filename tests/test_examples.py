@@ -1,4 +1,5 @@
-"""Claims about docs/examples: the response begins as the thesis's, and evolution finds one that synchronises sooner."""
+"""Claims about docs/examples: the response begins as the thesis's, evolution finds one that synchronises sooner, and
+the policies that are shipped do what their table says."""
 
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
@@ -89,3 +90,24 @@ def test_it_learns_to_synchronise_sooner_than_the_thesis(learn_response):
     (point,) = comparison.points
     assert point.ratio.high < 0.5
     assert point.p_value < 0.001
+
+
+@pytest.mark.parametrize("name", ["aggregation", "covering"])
+def test_the_shipped_policies_are_worth_more_than_the_baselines(monkeypatch, name):
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import learnt_policy  # noqa: PLC0415 found by its path
+
+    random, thesis, learnt = (rewards for _, rewards in learnt_policy.baselines(name, 6))
+    assert learnt.min() > max(random.mean(), thesis.mean())
+
+
+def test_the_table_is_of_the_shipped_policies(monkeypatch):
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import learnt_policy  # noqa: PLC0415 found by its path
+
+    rows = [line.split() for line in (EXAMPLES.parent / "figures/policy.txt").read_text().splitlines()[1:]]
+    (mean,) = (float(row[2]) for row in rows if row[:2] == ["aggregation", "learnt"])
+    few = learnt_policy.rewards_of(
+        learnt_policy.TASKS["aggregation"], learnt_policy.learnt("aggregation", np.random.default_rng(1)), 8
+    )
+    assert few.mean() == pytest.approx(mean, abs=4 * few.std() / np.sqrt(7))

@@ -37,7 +37,7 @@ from epuck_sim.cli.options import (
     scenario_option,
     sweeps_option,
 )
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level
 
 runs = typer.Typer()
 
@@ -251,7 +251,7 @@ def replay(
             ((record is not None or interpret) and not again, "--record and --interpret are for a run folder's trial"),
         )
         from epuck_sim.recording.reader import last_moment_s
-        from epuck_sim.recording.viewer.viewer import NO_DISPLAY, draw_screenshot, has_display, serve, show
+        from epuck_sim.recording.viewer import NO_DISPLAY, draw_screenshot, has_display, serve, show
         from epuck_sim.util.atomic_write import check_target
         from epuck_sim.util.machine import check_port
 
@@ -282,6 +282,7 @@ def replay(
 
 def announce(address: str) -> None:
     """Print where a recording is served, and how to end that."""
+    typer.echo("open this address in a browser on this machine:", err=True)
     typer.echo(address)
     typer.echo("press Ctrl-C to end", err=True)
 

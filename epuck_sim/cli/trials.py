@@ -13,7 +13,7 @@ from epuck_sim.cli.errors import prefix_scenario, print_stderr, word_if_slow
 from epuck_sim.cli.options import read_scenario
 from epuck_sim.cli.progress import SweepProgressBar, TrialProgress
 from epuck_sim.errors import ScenarioError
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import Point, points
@@ -86,12 +86,12 @@ def open_observers(
     if watched.film is not None:
         from epuck_sim.overhead.filming import film_trial  # OpenCV and PyAV take a while
 
-        filmed, film = require_bodies(scenario), watched.film
-        factories.append(lambda trial, seed: film_trial(trial_path(film, trial, trials), filmed, seed))
+        film = watched.film
+        factories.append(lambda trial, seed: film_trial(trial_path(film, trial, trials), scenario, seed))
     if watched.live is None:
         yield factories
     else:
-        with _viewer(watched, watched.live, require_bodies(scenario), echo) as factory:
+        with _viewer(watched, watched.live, scenario, echo) as factory:
             yield [*factories, factory]
 
 
@@ -105,13 +105,12 @@ def _recorder(watched: Watched, path: Path, scenario: Scenario, trials: int) -> 
 
 
 @contextmanager
-def _viewer(watched: Watched, view: LiveView, scenario: EmbodiedScenario, echo: bool) -> Iterator[ObserverFactory]:
+def _viewer(watched: Watched, view: LiveView, scenario: Scenario, echo: bool) -> Iterator[ObserverFactory]:
     from epuck_sim.cli.keys import pressed_keys
-    from epuck_sim.recording.viewer.live import live, live_viewer
-    from epuck_sim.recording.viewer.pace import sleep
+    from epuck_sim.recording.live import live, live_viewer, sleep
 
     memory, level = tuple(dict.fromkeys(watched.memory)), watched.level
-    with live_viewer(view.port, print_stderr) as (viewer, intake):
+    with live_viewer(view.port, _invite) as (viewer, intake):
         with pressed_keys(echo=echo) as wait:
             if wait is not None:
                 print_stderr("space: pause, go on; n: one step; q: end")
@@ -122,9 +121,13 @@ def _viewer(watched: Watched, view: LiveView, scenario: EmbodiedScenario, echo: 
             viewer.wait()
 
 
+def _invite(address: str) -> None:
+    print_stderr(f"open this address in a browser on this machine; the trial begins by itself:\n{address}")
+
+
 def require_bodies(scenario: Scenario) -> EmbodiedScenario:
     """Return a scenario of robots with bodies; raise ScenarioError for another."""
-    why = "--trace, --film and --live need model: embodied; --record FILE.rrd takes every model"
+    why = "--trace needs model: embodied; --record FILE.rrd, --film and --live take every model"
     return require_model(scenario, EmbodiedScenario, why)
 
 
@@ -201,11 +204,11 @@ def _run_trial(
         setting_up = f"setting up a trial with a population of {scenario.population:,}"
         with word_if_slow(setting_up) if scenario.population >= LARGE else nullcontext():
             simulation = simulate(scenario, seed, interpret=interpret)
-        if watched.live is not None:
+        if watched.live is not None and isinstance(scenario, EmbodiedScenario):
             from epuck_sim.embodied.changes.replacement import ControllerFiles  # numba takes a while
             from epuck_sim.embodied.simulation import Simulation
 
-            assert isinstance(simulation, Simulation), "what is shown live has bodies"
+            assert isinstance(simulation, Simulation), "its scenario has bodies"
             observers.append(ControllerFiles(simulation, print_stderr))
         progress.begin(trial)
         return run_trial(simulation, observers, progress)

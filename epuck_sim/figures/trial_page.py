@@ -17,12 +17,11 @@ from epuck_sim.arrays import Float32Array, FloatArray, IntArray
 from epuck_sim.display.table import leaves
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.labels import format_axis_values
-from epuck_sim.recording.layers.arena import UNLABELLED
+from epuck_sim.recording import Level
+from epuck_sim.recording.layers.arena import LEGIBLE_SHARE, UNLABELLED
 from epuck_sim.recording.layers.series import phase_lead
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.parts import population_of
-from epuck_sim.recording.population import Population
 from epuck_sim.recording.recorded import Recorded
+from epuck_sim.recording.rows import Population, population_of
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
@@ -36,9 +35,6 @@ DARK = "#8a8f98"
 
 INNER_SHARE = 0.88
 """Radius of the white line within the coloured edge of a disc, as a share of its radius."""
-
-LEGIBLE_SHARE = 1 / 15
-"""Smallest diameter of a disc that has room for a number, as a share of the arena's longer side."""
 
 MAX_VECTOR_MARKS = 5_000
 """Largest number of marks that an SVG holds one by one; more of them are a picture in it."""

@@ -18,14 +18,17 @@ from epuck_sim.overhead.camera import CameraModel, Frame, Picture, ProgressWrapp
 from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.render import NO_MOVABLES, ExposureSample, Renderer
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.parts import population_of
+from epuck_sim.particles.simulation import Event, ParticleSimulation
+from epuck_sim.recording import Level
+from epuck_sim.recording.layers.arena import GREY, LIT, NIGHT, WHITE
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
+from epuck_sim.recording.rows import AgentBuffer, population_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.keys import full_keys, parse_setting, set_value
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.result import Observer
@@ -40,6 +43,15 @@ SAMPLES = 4
 
 A robot at 12.8 cm/s moves by less than the width of a ring from one to the next, in exposures of up to 90 ms.
 """
+
+AGENTS_PX, AGENTS_MARGIN_PX, SEGMENT_PX = 720, 40, 120
+"""Side of pictures of agents, their margin, and the height of pictures of a segment, in pixels."""
+
+AGENTS_FRAMES_PER_S = 25
+"""Pictures of agents in a simulated second."""
+
+DISC = (120, 126, 138)
+"""Colour of an agent that has not just fired: brighter than in the viewer, where it carries a number."""
 
 TIME_TOLERANCE_S = 1e-6  # times that differ by no more than this are taken as equal; the difference is rounding
 HEIGHT_SHARE = 0.03  # height of a caption's capital letters, as a share of the picture's height
@@ -57,9 +69,12 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
     >>> with film_trial("trial.mp4", scenario, seed=1) as observer:  # doctest: +SKIP
     ...     result = run_trial(Simulation(scenario, seed=1), [observer])
 
+    Point-like agents have no bodies that a camera could see: they are drawn as discs on the floor of their space, a
+    line for a segment, for 0.075 of a period in red after they have fired.
+
     Args:
         path: The film, whose name ends in .mp4.
-        scenario: Scenario of the trial, as `load_scenario` returns it; its model must be `embodied`.
+        scenario: Scenario of the trial, as `load_scenario` returns it.
         seed: Seed of the trial; the camera's noise is drawn from it, too.
 
     Yields:
@@ -67,9 +82,13 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
 
     Raises:
         ScenarioError: The scenario is of another model.
-        FilmError: Its camera cannot see the arena, or the name does not end in .mp4.
+        FilmError: Its camera cannot see the arena, its space is a cube, or the name does not end in .mp4.
         EpuckSimError: The file cannot be written.
     """
+    if isinstance(scenario, ParticleScenario):
+        with _film_agents(Path(path), scenario, seed) as observer:
+            yield observer
+        return
     with _film(Path(path), _require_rings(scenario, scenario.name), seed) as observe:
         yield lambda step, state: observe(
             state.cycles, state.order_parameter, step.time_s, step.poses, step.ring_on, step.movables, step.arena
@@ -161,6 +180,60 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None =
         yield observe
         for frame in camera.finish():
             writer.write(finished(frame))
+
+
+@contextmanager
+def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[Observer]:
+    """Yield an observer that films agents: discs where they are at each picture, from above."""
+    population = population_of(scenario)
+    if population.is_cube:
+        raise FilmError(
+            f"{scenario.name}: --film shows a floor, and its space has three dimensions; allowed: two or one; --record "
+            "and --live show it from above"
+        )
+    side_cm, height_cm = population.largest_cm
+    scale = (AGENTS_PX - 2 * AGENTS_MARGIN_PX) / side_cm
+    height_px = AGENTS_PX if height_cm else SEGMENT_PX
+    floor = np.full((height_px, AGENTS_PX, 3), NIGHT, np.uint8)
+    top_px = AGENTS_MARGIN_PX if height_cm else SEGMENT_PX // 2
+    corner = AGENTS_PX - AGENTS_MARGIN_PX, top_px + round(scale * height_cm)
+    cv2.rectangle(floor, (AGENTS_MARGIN_PX, top_px), corner, GREY, 2)
+    radius_px = round(scale * population.radii_cm[0])
+    buffer = AgentBuffer(scenario, seed, Level.POSES, 1, AGENTS_FRAMES_PER_S * scenario.clocks.period_s)
+    captions, frames = Captions(0.0), 0
+
+    def draw(poses: FloatArray, is_lit: BoolArray) -> Picture:
+        picture = floor.copy()
+        for (x_cm, y_cm, heading), lit in zip(poses, is_lit, strict=True):
+            middle = AGENTS_MARGIN_PX + scale * x_cm, top_px + scale * (height_cm - y_cm)
+            front = middle[0] + radius_px * math.cos(heading), middle[1] - radius_px * math.sin(heading)
+            begin, end = ([round(16 * value) for value in place] for place in (middle, front))  # 1/16 pixel
+            cv2.circle(picture, begin, 16 * radius_px, LIT if lit else DISC, -1, cv2.LINE_AA, shift=4)
+            cv2.line(picture, begin, end, WHITE, 2, cv2.LINE_AA, shift=4)
+        return picture
+
+    with film_file(path, AGENTS_PX, height_px, describe_agents(scenario, seed), scenario.name) as writer:
+
+        def observe(event: Event, state: ParticleSimulation) -> None:
+            nonlocal frames
+            captions.add(event.time_s, state.cycles, state.order_parameter)
+            buffer.append(event, state)
+            if not buffer.row_count:
+                return
+            rows = buffer.flush()
+            for time_ns, poses, is_lit in zip(rows.time_ns.tolist(), rows.poses, rows.ring_on, strict=True):
+                if abs(time_ns - frames * 1e9 / AGENTS_FRAMES_PER_S) < 2:  # not a row of an event
+                    frame = Frame(frames / AGENTS_FRAMES_PER_S, draw(poses, is_lit))
+                    writer.write(captions.write(frame))
+                    frames += 1
+
+        yield observe
+
+
+def describe_agents(scenario: ParticleScenario, seed: int) -> dict[str, Any]:
+    """Return the description stored in a film of agents: how to make it again."""
+    made_by = versions()
+    return {"epuck_sim": made_by["epuck_sim"], "scenario": scenario.name, "seed": seed, "versions": made_by}
 
 
 def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:

@@ -2,3 +2,19 @@
 
 May import: trial, the models and scenario; never runs, sweep or statistics.
 """
+
+from enum import StrEnum
+
+
+class Level(StrEnum):
+    """How much of a trial a recording holds: each level includes the one before."""
+
+    SUMMARY = "summary"
+    """Flashes and the order parameter."""
+    POSES = "poses"
+    """Also the arena, poses, rings and phases of robots or agents."""
+    FULL = "full"
+    """Also fields of view, which robots see which, camera rows, infrared distances, wheel speeds and contacts.
+
+    Point-like agents have none of these; instead, cones or ranges, and which agents receive whose pulses.
+    """

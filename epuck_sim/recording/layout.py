@@ -1,95 +1,118 @@
 """Layouts of the viewer: the arena on the left, plots on the right, pictures below, time in seconds."""
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
-import rerun as rr
 import rerun.blueprint as rrb
 
+from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.step import READING
-from epuck_sim.recording.chunks import APPLICATION, TIMELINE
-from epuck_sim.recording.layers.arena import NUMBERS, ROBOTS
+from epuck_sim.recording import Level
+from epuck_sim.recording.layers.arena import LEGEND, NIGHT, number_width
 from epuck_sim.recording.layers.robots import CAMERA, INFRARED, SPACE_TIME
-from epuck_sim.recording.layers.series import EVENTS, FLASHES, PHASE_LEAD, PHASES, WHEELS, memory_entity
-from epuck_sim.recording.level import Level
+from epuck_sim.recording.layers.series import EVENTS, FLASHES, NOW, PHASE_LEAD, PHASES, WHEELS, memory_entity
+from epuck_sim.recording.rows import population_of
+from epuck_sim.recording.rrd_file import APPLICATION, TIMELINE
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.atomic_write import write_errors
 
 MARGIN_CM = 2.0
 """Margin around the arena of robots, cm."""
 
-NUMBER_RADIUS_CM = 1e-3
-"""Radius of the points that carry the numbers of robots, cm: too small to be seen."""
-
 MARGIN_SHARE = 1 / 30
 """Margin around the space of point-like agents, as a share of its width."""
 
-
-def robot_layout(
-    level: Level, width_cm: float, height_cm: float, memory: Sequence[str] = (), has_events: bool = False
-) -> rrb.Blueprint:
-    """Return the layout for recordings of robots.
-
-    Args:
-        level: How much is recorded.
-        width_cm: Width of the arena.
-        height_cm: Height of the arena.
-        memory: Fields of the controllers' MEMORY that are recorded.
-        has_events: Whether there is a log of events.
-    """
-    flashes, lead, phases, order = _plots("robot")
-    logs: list[rrb.View] = [
-        _plot(memory_entity(field), field if field.startswith(READING) else f"memory: {field}") for field in memory
-    ]
-    if has_events:
-        logs.insert(0, rrb.TextLogView(origin=EVENTS, name="events"))
-    arena = _arena(width_cm, height_cm, MARGIN_CM)
-    if level is Level.SUMMARY:
-        body: rrb.Container = rrb.Vertical(flashes, *([rrb.Tabs(*logs)] if logs else []), order)
-    elif level is Level.POSES:
-        plots = rrb.Vertical(flashes, rrb.Tabs(*logs, lead, phases), order)
-        body = rrb.Horizontal(arena, plots, column_shares=[3, 2])
-    else:
-        wheels = _plot(WHEELS, "wheels [cm/s]")
-        rows = rrb.Spatial2DView(origin=CAMERA, name="camera rows")
-        space_time = rrb.Spatial2DView(origin=SPACE_TIME, name="camera rows over a minute")
-        distances = rrb.Spatial2DView(origin=INFRARED, name="infrared distances [mm]")
-        pictures = rrb.Horizontal(rows, distances, column_shares=[3, 2])
-        plots = rrb.Vertical(flashes, rrb.Tabs(*logs, lead, phases, wheels), order)
-        above = rrb.Horizontal(rrb.Tabs(arena, space_time), plots, column_shares=[3, 2])
-        body = rrb.Vertical(above, pictures, row_shares=[3, 1])
-    return _blueprint(body)
+LAYOUT_BYTES = 2_000_000
+"""More than the file of any layout takes."""
 
 
-def agent_layout(
-    level: Level, width_cm: float, height_cm: float, _: Sequence[str] = (), __: bool = False
-) -> rrb.Blueprint:
-    """Return the layout for recordings of point-like agents, which remember nothing and have no events.
+class Arrangement(NamedTuple):
+    """What a layout depends on."""
 
-    A segment, which has no height, lies above the plots.
-    """
-    flashes, lead, phases, order = _plots("agent")
-    arena = _arena(width_cm, height_cm, MARGIN_SHARE * width_cm)
-    if level is Level.SUMMARY:
-        body: rrb.Container = rrb.Vertical(flashes, order)
-    elif height_cm > 0:
-        body = rrb.Horizontal(arena, rrb.Vertical(flashes, rrb.Tabs(lead, phases), order), column_shares=[1, 1])
-    else:
-        body = rrb.Vertical(arena, flashes, rrb.Tabs(lead, phases), order, row_shares=[1, 2, 2, 2])
-    return _blueprint(body)
+    level: Level
+    noun: str
+    """What one of the population is called."""
+    place: str
+    """Title of the arena."""
+    width_cm: float
+    height_cm: float
+    margin_cm: float
+    """Width, height and margin of the arena; the height of a segment is 0."""
+    memory: tuple[str, ...]
+    """Fields of the controllers' MEMORY that are recorded."""
+    has_events: bool
+    """Whether there is a log of events."""
+    pixels: int
+    """Pixels of a camera's row; 0 for agents."""
+    size: int
+    """Number of robots or agents."""
 
 
-def _plots(noun: str) -> tuple[rrb.TimeSeriesView, ...]:
-    """Return the plots of flashes, phase leads, phases and the order parameter; `noun` is robot or agent."""
-    half = rrb.ScalarAxis(range=(-0.52, 0.52))
-    unit = rrb.ScalarAxis(range=(0, 1.02))
-    return (
-        _plot(FLASHES, f"flashes [{noun}]"),
-        _plot(PHASE_LEAD, "phase ahead of reference [cycles]", half),
-        _plot(PHASES, "phases [ms]"),
-        _plot("/order", "order parameter: blue at firings of the reference, red the threshold", unit),
+def arrangement_of(scenario: Scenario, level: Level, memory: Sequence[str] = ()) -> Arrangement:
+    """Return what the layout of a scenario's recording depends on; raise RecordingError as `population_of` does."""
+    population = population_of(scenario)
+    bodies = scenario if isinstance(scenario, EmbodiedScenario) else None
+    return Arrangement(
+        level,
+        population.noun,
+        "a cube from above [cm]" if population.is_cube else "arena [cm]",
+        *population.largest_cm,
+        MARGIN_CM if bodies else MARGIN_SHARE * population.largest_cm[0],
+        tuple(memory),
+        scenario.has_events,
+        bodies.camera_pixels if bodies else 0,
+        population.size,
     )
+
+
+def layout_of(scenario: Scenario, level: Level, memory: Sequence[str] = ()) -> rrb.Blueprint:
+    """Return how the viewer lays out recordings of a scenario; raise RecordingError as `population_of` does."""
+    return make_layout(arrangement_of(scenario, level, memory))
+
+
+def make_layout(given: Arrangement) -> rrb.Blueprint:
+    """Return a layout; a segment, which has no height, lies above the plots."""
+    half, unit = rrb.ScalarAxis(range=(-0.52, 0.52)), rrb.ScalarAxis(range=(0, 1.02))
+    flashes = _plot(FLASHES, f"flashes [{given.noun}]")
+    order = _plot("/order", "order parameter: blue at firings of the reference, red the threshold", unit)
+    tabs: list[rrb.View] = [rrb.TextLogView(origin=EVENTS, name="events")] if given.has_events else []
+    tabs += [
+        _plot(memory_entity(field), field if field.startswith(READING) else f"memory: {field}")
+        for field in given.memory
+    ]
+    now = rrb.TextDocumentView(origin=NOW, name="now")
+    if given.level is Level.SUMMARY:
+        logs = [rrb.Tabs(*tabs)] if tabs else []
+        return _blueprint(rrb.Vertical(now, flashes, *logs, order, row_shares=[1, *[4] * (2 + len(logs))]))
+    tabs += [_plot(PHASE_LEAD, "phase ahead of reference [cycles]", half), _plot(PHASES, "phases [ms]")]
+    has_pictures = given.pixels and given.level is Level.FULL
+    if has_pictures:
+        tabs.append(_plot(WHEELS, "wheels [cm/s]"))
+    plots: list[rrb.Container | rrb.View] = [flashes, rrb.Tabs(*tabs), order]
+    x_cm, y_cm = ((-given.margin_cm, side + given.margin_cm) for side in (given.width_cm, given.height_cm))
+    arena: rrb.Container | rrb.View = _picture("/", given.place, x_cm, y_cm, contents="/arena/**")
+    said = rrb.Horizontal(now, rrb.TextDocumentView(origin=LEGEND, name="what is drawn"), column_shares=[2, 5])
+    if given.height_cm == 0:
+        return _blueprint(rrb.Vertical(said, arena, *plots, row_shares=[1, 1, 2, 2, 2]))
+    if has_pictures:
+        space_time = rrb.Spatial2DView(origin=SPACE_TIME, name="camera rows over a minute", background=NIGHT)
+        arena = rrb.Tabs(arena, space_time)
+    above = rrb.Horizontal(
+        rrb.Vertical(said, arena, row_shares=[1, 5]),
+        rrb.Vertical(*plots),
+        column_shares=[3, 2] if given.pixels else [1, 1],
+    )
+    if not has_pictures:
+        return _blueprint(above)
+    left, rows = -number_width(given.size), (-0.3, given.size + 0.3)
+    cameras = _picture(CAMERA, "camera rows", (left, given.pixels + 0.3), rows)
+    distances = _picture(INFRARED, "infrared distances [mm]", (left, SENSORS + 0.3), rows)
+    pictures = rrb.Horizontal(cameras, distances, column_shares=[3, 2])
+    return _blueprint(rrb.Vertical(above, pictures, row_shares=[3, 1]))
 
 
 def _plot(origin: str, name: str, values: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
@@ -99,37 +122,20 @@ def _plot(origin: str, name: str, values: rrb.ScalarAxis | None = None) -> rrb.T
     return rrb.TimeSeriesView(origin=origin, name=name, axis_x=whole, axis_y=values, plot_legend=legend)
 
 
-def _arena(width_cm: float, height_cm: float, margin_cm: float) -> rrb.Spatial2DView:
-    bounds = rrb.VisualBounds2D(x_range=(-margin_cm, width_cm + margin_cm), y_range=(-margin_cm, height_cm + margin_cm))
-    # a label has the colour of its disc, on which it can hardly be read: it gets points of its own
-    discs = rr.Points2D.from_fields(show_labels=False).visualizer()
-    numbers = rr.Points2D.from_fields(colors=NUMBERS, radii=NUMBER_RADIUS_CM).visualizer()
-    return rrb.Spatial2DView(
-        origin="/",
-        contents="/arena/**",
-        name="arena [cm]",
-        visual_bounds=bounds,
-        overrides={ROBOTS: [discs, numbers]},
-    )
+def _picture(
+    origin: str, name: str, x: tuple[float, float], y: tuple[float, float], contents: str = "$origin/**"
+) -> rrb.Spatial2DView:
+    """Return a view of a plane, whose background is dark in every theme, as its colours are chosen for that."""
+    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
+    return rrb.Spatial2DView(origin=origin, contents=contents, name=name, visual_bounds=bounds, background=NIGHT)
 
 
 def _blueprint(body: rrb.Container) -> rrb.Blueprint:
     return rrb.Blueprint(body, rrb.TimePanel(timeline=TIMELINE, state="collapsed"), collapse_panels=True)
 
 
-LAYOUT_BYTES = 2_000_000
-"""More than the file of any layout takes."""
-
-
 @lru_cache
-def layout_file(
-    level: Level,
-    width_cm: float,
-    height_cm: float,
-    make: Callable[[Level, float, float, Sequence[str], bool], rrb.Blueprint] = robot_layout,
-    memory: tuple[str, ...] = (),
-    has_events: bool = False,
-) -> bytes:
+def layout_file(given: Arrangement) -> bytes:
     """Return a layout as a file for the viewer (.rbl), which is cached: rerun leaves two threads behind for each.
 
     Raises:
@@ -139,5 +145,5 @@ def layout_file(
         file = Path(folder) / "layout.rbl"
         with write_errors(file):
             file.write_bytes(bytes(LAYOUT_BYTES))  # rerun would wait for ever for room
-        make(level, width_cm, height_cm, memory, has_events).save(APPLICATION, file)
+        make_layout(given).save(APPLICATION, file)
         return file.read_bytes()

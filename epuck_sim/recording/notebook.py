@@ -8,7 +8,7 @@ import numpy as np
 from epuck_sim.display.arena_svg import draw_arena
 from epuck_sim.display.html import element, facts, to_html
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.recording.parts import population_of
+from epuck_sim.recording.rows import population_of
 
 if TYPE_CHECKING:  # a recording shows itself by this module
     from epuck_sim.recording.recorded import Recorded
@@ -61,8 +61,8 @@ def _show_recording(path: Path) -> Any:
     from rerun import notebook  # noqa: PLC0415
     from rerun.chunk import RrdReader  # noqa: PLC0415
 
-    from epuck_sim.recording.chunks import APPLICATION  # noqa: PLC0415
     from epuck_sim.recording.reader import read_layout  # noqa: PLC0415
+    from epuck_sim.recording.rrd_file import APPLICATION  # noqa: PLC0415
 
     layout = read_layout(path)
     if not notebook.HAS_NOTEBOOK:

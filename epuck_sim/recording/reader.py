@@ -2,28 +2,110 @@
 
 import json
 import warnings
+from collections import defaultdict
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 import rerun.blueprint as rrb
+from rerun.chunk import Chunk, RrdReader
 
-from epuck_sim.arrays import Float32Array
+from epuck_sim.arrays import Float32Array, FloatArray, IntArray
 from epuck_sim.errors import RecordingError, ScenarioError
-from epuck_sim.recording.entities import Entities
+from epuck_sim.recording import Level
 from epuck_sim.recording.layers import series
-from epuck_sim.recording.layers.arena import HEADINGS, MOVABLES, ROBOTS
+from epuck_sim.recording.layers.arena import HEADINGS, LINKS, MOVABLES, ROBOTS, unit_vectors
+from epuck_sim.recording.layers.robots import CONTACTS, SIGHTINGS
 from epuck_sim.recording.layers.series import EVENTS, MEMORY, memory_entity
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.links import LINKED, read_links
-from epuck_sim.recording.parts import layout_of, population_of
-from epuck_sim.recording.recorded import Recorded
+from epuck_sim.recording.layout import layout_of
+from epuck_sim.recording.process import crashes_on
+from epuck_sim.recording.recorded import Links, Recorded
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
+from epuck_sim.recording.rows import population_of
+from epuck_sim.recording.rrd_file import APPLICATION, ENDING, TIMELINE, is_whole
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import validate
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.provenance import format_versions
+
+
+class Entities:
+    """The properties in a recording's file, and some of its entities."""
+
+    def __init__(self, path: Path, *entities: str) -> None:
+        self._properties: dict[str, dict[str, Any]] = defaultdict(dict)
+        self._batches: dict[str, list[pa.RecordBatch]] = defaultdict(list)
+        for chunk in _read_chunks(path, ["/__properties/**", *entities]):
+            if chunk.is_static:
+                self._properties[chunk.entity_path] |= chunk.to_record_batch().to_pydict()
+            else:
+                self._batches[chunk.entity_path].append(chunk.to_record_batch())
+        for batches in self._batches.values():
+            batches.sort(key=lambda batch: batch.column(TIMELINE)[0].value)
+
+    def properties(self, name: str) -> dict[str, Any]:
+        """Return the values of a property by key; none if there is no such property."""
+        columns = self._properties[f"/__properties/{name}"]
+        return {key: value[0][0] for key, value in columns.items() if isinstance(value[0], list)}
+
+    def times(self, entity: str) -> FloatArray:
+        """Return (rows,) s: the times of an entity's rows."""
+        times = [batch.column(TIMELINE).cast(pa.int64()).to_numpy() for batch in self._batches[entity]]
+        return np.concatenate([np.empty(0), *times]) / 1e9
+
+    def values(self, entity: str, component: str) -> FloatArray:
+        """Return the numbers of a component in all rows, one after the other."""
+        columns = [batch.column(component).flatten() for batch in self._batches[entity]]
+        numbers = [column.flatten() if pa.types.is_fixed_size_list(column.type) else column for column in columns]
+        return np.concatenate([np.empty(0), *(number.to_numpy() for number in numbers)])
+
+    def texts(self, entity: str, component: str) -> list[str]:
+        """Return the texts of a component in all rows, one after the other."""
+        columns = [batch.column(component).flatten() for batch in self._batches[entity]]
+        return [text for column in columns for text in column.to_pylist()]
+
+    def lengths(self, entity: str, component: str) -> IntArray:
+        """Return (rows,) how many values a component has in each row."""
+        counts = [pc.fill_null(pc.list_value_length(batch.column(component)), 0) for batch in self._batches[entity]]
+        return np.concatenate([np.empty(0, np.int64), *(count.to_numpy() for count in counts)])
+
+
+@lru_cache(maxsize=64)
+def _is_damaged(path: Path, _mtime_ns: int) -> bool:
+    """Return whether a file is not what was written; asked once for each state of a file, as all of it is read."""
+    whole = is_whole(path)
+    return crashes_on(path) if whole is None else not whole
+
+
+def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
+    if not path.is_file():
+        raise RecordingError(f"{path}: {'is not a file' if path.exists() else 'there is no such file'}")
+    if path.suffix != ENDING:  # which the viewer requires, too
+        raise RecordingError(f"{path}: is not a recording: the name must end in {ENDING}")
+    if path.stat().st_size and _is_damaged(path.resolve(), path.stat().st_mtime_ns):
+        raise RecordingError(f"{path}: is not a complete recording: it is damaged; record the trial again")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a truncated file, which is refused below
+        try:
+            reader = RrdReader(path)
+            found = reader.recordings()
+            if len(found) == 1 and found[0].application_id == APPLICATION:
+                return reader.store().stream().filter(content=entities).to_chunks()
+        except (RuntimeError, ValueError) as error:
+            if "Not an RRD file" in str(error):
+                raise RecordingError(f"{path}: is not a recording, though its name ends in {ENDING}") from error
+            reason = "its end is missing" if "footer" in str(error) else error
+            raise RecordingError(f"{path}: is not a complete recording: {reason}; record the trial again") from error
+    programs = ", ".join(sorted({entry.application_id for entry in found})) or "no program"
+    raise RecordingError(
+        f"{path}: holds {len(found)} recordings, made by {programs}; allowed: one made by {APPLICATION}"
+    )
+
 
 _SERIES = (series.ORDER_AT_STEPS, series.ORDER_AT_FIRINGS, series.FLASHES, series.PHASES)
 
@@ -156,3 +238,114 @@ def _scenario(trial: dict[str, Any]) -> Scenario:
     warnings.warn(f"{scenario.name}: the picture of its floor is left out: there is no file {picture}", stacklevel=4)
     floor = scenario.arena.floor.model_copy(update={"picture": None})
     return scenario.model_copy(update={"arena": scenario.arena.model_copy(update={"floor": floor})})
+
+
+LINKED = (SIGHTINGS, CONTACTS, LINKS)
+"""Entities with links."""
+
+BETWEEN_CM = 1e-3
+"""Largest distance of a contact of two robots from the point between them, cm, as it is recorded."""
+
+BLOCK = 1_000_000
+"""Most distances that are computed at a time."""
+
+
+def read_links(entities: Entities, scenario: Scenario, positions: Float32Array, headings: FloatArray) -> Links:
+    """Return the links of a full recording.
+
+    Args:
+        entities: The entities `LINKED`.
+        scenario: The trial's scenario.
+        positions: (rows, count, 2) cm.
+        headings: (rows, count) rad.
+
+    Raises:
+        ValueError: Some rows are missing.
+    """
+    middles = _far_if_absent(positions.astype(np.float64))
+    if isinstance(scenario, ParticleScenario):
+        side_cm = scenario.space.side_cm if scenario.space.boundary == "cyclic" else np.inf
+        sightings = np.empty((0, 4), np.int64)
+        contacts, points = np.empty((0, 3), np.int64), np.empty((0, 2))
+        pulses = _read_arrows(entities, LINKS, middles, middles, side_cm)
+    else:
+        assert isinstance(scenario, EmbodiedScenario)  # no other model has cameras
+        kinds = scenario.robot_kinds
+        forward_cm = np.array([kind.camera_forward_cm for kind in kinds])[:, None]
+        cameras = _far_if_absent(middles + forward_cm * unit_vectors(headings))
+        sightings = _read_arrows(entities, SIGHTINGS, cameras, middles, np.inf)
+        contacts, points = _read_contacts(entities, middles, np.array([kind.radius_cm for kind in kinds]))
+        pulses = np.empty((0, 4), np.int64)
+    return Links(sightings, contacts, points, pulses)
+
+
+def _far_if_absent(places: FloatArray) -> FloatArray:
+    """Return (rows, count, 2) cm with those of robots that are not in the arena, which are NaN, infinitely far away."""
+    return np.nan_to_num(places, nan=np.inf)
+
+
+def _read_arrows(entities: Entities, entity: str, tails: FloatArray, heads: FloatArray, cycle_cm: float) -> IntArray:
+    """Return (arrows, 4) row, number at the tail, number at the head, class of each arrow of an entity.
+
+    Args:
+        entities: Holds the entity.
+        entity: Name of the entity.
+        tails: (rows, count, 2) cm: where an arrow of each robot or agent begins.
+        heads: (rows, count, 2) cm: where an arrow to each ends.
+        cycle_cm: Side of a cyclic space, beyond which an arrow may lead; else infinite.
+    """
+    rows = _rows_of(entities, entity, "Arrows2D:origins", len(tails))
+    origins = entities.values(entity, "Arrows2D:origins").reshape(-1, 2)
+    ends = origins + entities.values(entity, "Arrows2D:vectors").reshape(-1, 2)
+    classes = entities.values(entity, "Arrows2D:class_ids").astype(np.int64)
+    froms, tos = nearest(origins, tails, rows, cycle_cm), nearest(ends, heads, rows, cycle_cm)
+    return np.column_stack([rows, froms, tos, classes])
+
+
+def _read_contacts(entities: Entities, positions: FloatArray, radii_cm: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return (contacts, 3) row, robot, and other robot or -1; and (contacts, 2) cm the points.
+
+    A point between two robots divides the line between their centres as their radii do. On a wall or obstacle it
+    belongs to the robot whose surface is nearest.
+    """
+    rows = _rows_of(entities, CONTACTS, "Points2D:positions", len(positions))
+    points = entities.values(CONTACTS, "Points2D:positions").reshape(-1, 2)
+    contacts = np.column_stack([rows, np.full((len(rows), 2), -1)])
+    for contact, point, places in zip(contacts, points, positions[rows], strict=True):
+        contact[1] = first = int((np.hypot(*(places - point).T) - radii_cm).argmin())
+        shares = radii_cm[first] / (radii_cm[first] + radii_cm)
+        between = places[first] + shares[:, None] * (places - places[first])
+        distance_cm = np.hypot(*(between - point).T)
+        distance_cm[first] = np.inf
+        second = int(distance_cm.argmin())
+        if distance_cm[second] <= BETWEEN_CM:
+            contact[1:] = sorted((first, second))
+    return contacts, points
+
+
+def _rows_of(entities: Entities, entity: str, component: str, row_count: int) -> IntArray:
+    """Return the row of each value of a component; raise ValueError unless the entity has all rows."""
+    lengths = entities.lengths(entity, component)
+    if len(lengths) != row_count:
+        raise ValueError(f"{entity} is missing in some of {row_count} rows")
+    return np.repeat(np.arange(row_count), lengths)
+
+
+def nearest(points: FloatArray, places: FloatArray, rows: IntArray, cycle_cm: float) -> IntArray:
+    """Return (points,) the number of the place in its row that is nearest to each point.
+
+    Args:
+        points: (points, 2) cm.
+        places: (rows, count, 2) cm.
+        rows: (points,) row of each point.
+        cycle_cm: Side of a cyclic space, across whose edges the nearest place may lie; else infinite.
+    """
+    found = np.empty(len(points), np.int64)
+    block = max(1, BLOCK // max(1, places.shape[1]))
+    for start in range(0, len(points), block):
+        part = slice(start, start + block)
+        away = np.abs(points[part, None] - places[rows[part]])
+        if cycle_cm < np.inf:
+            away = np.minimum(away, np.abs(cycle_cm - away))
+        found[part] = (away**2).sum(axis=2).argmin(axis=1)
+    return found

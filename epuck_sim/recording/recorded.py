@@ -6,11 +6,23 @@ from typing import NamedTuple
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.links import Links
-from epuck_sim.recording.parts import population_of
+from epuck_sim.recording import Level
+from epuck_sim.recording.rows import population_of
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after, arena_entries
 from epuck_sim.scenario.scenario import Scenario
+
+
+class Links(NamedTuple):
+    """Links of a trial; what its model does not have has no rows."""
+
+    sightings: IntArray
+    """(sightings, 4) row, robot that looks, robot in its view, and 1 if that is seen lit."""
+    contacts: IntArray
+    """(contacts, 3) row, robot, and the robot that it touches, or -1: a wall, obstacle or movable."""
+    contact_points: FloatArray
+    """(contacts, 2) cm: where they touch, in the same order."""
+    pulses: IntArray
+    """(pulses, 4) row, agent that fires, agent that receives, and 1 if its phase shifts."""
 
 
 class Recorded(NamedTuple):

@@ -11,14 +11,23 @@ from typing import Any
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim.recording.chunks import static_chunk, strict_mode
-from epuck_sim.recording.layers.arena import arena_entities, changing_walls, static_arena_entities
-from epuck_sim.recording.layers.series import EventLog, MemorySeries, recorded_fields, static_time_series, time_series
-from epuck_sim.recording.layout import layout_file
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.parts import parts_of
-from epuck_sim.recording.rrd_file import rrd_file
+from epuck_sim.recording import Level
+from epuck_sim.recording.layers.arena import AgentLayers, arena_entities, changing_walls, static_arena_entities
+from epuck_sim.recording.layers.robots import RobotLayers
+from epuck_sim.recording.layers.series import (
+    EventLog,
+    MemorySeries,
+    Now,
+    recorded_fields,
+    static_time_series,
+    time_series,
+)
+from epuck_sim.recording.layout import arrangement_of, layout_file
+from epuck_sim.recording.rows import AgentBuffer, make_buffer, population_of
+from epuck_sim.recording.rrd_file import rrd_file, static_chunk, strict_mode
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import complete, write_scenario
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialState
 from epuck_sim.util.provenance import versions
@@ -57,10 +66,8 @@ def record(
         EpuckSimError: The file cannot be written, the scenario cannot be recorded, or no controller remembers a field.
     """
     scenario = complete(scenario, scenario.name)  # with every default written out
-    parts = parts_of(scenario)
     memory = recorded_fields(scenario, level, memory)
-    width_cm, height_cm = parts.population(scenario).largest_cm
-    layout = layout_file(level, width_cm, height_cm, parts.layout, memory, scenario.has_events)
+    layout = layout_file(arrangement_of(scenario, level, memory))
     with rrd_file(Path(path), recording_id(scenario, seed, level, memory), layout) as write:
         recorder = Recorder(scenario, seed, level, BUFFER_S, write, memory)
         yield recorder
@@ -94,20 +101,24 @@ class Recorder:
         """
         self._level = level
         self._send = write
-        parts = parts_of(scenario)
-        self._population = population = parts.population(scenario)
+        self._population = population = population_of(scenario)
         self._threshold = scenario.stop.order_parameter
         self._state: TrialState | None = None
         capacity = max(1, int(min(buffer_s * population.rows_per_s, BUFFER_ROWS / population.size)))
-        self._buffer = parts.buffer(scenario, seed, level, capacity)
-        self._layers = parts.layers(scenario, population) if level is Level.FULL else None
+        self._buffer = make_buffer(scenario, seed, level, capacity)
+        self._layers: RobotLayers | AgentLayers | None = None
+        if level is Level.FULL and isinstance(scenario, EmbodiedScenario):
+            self._layers = RobotLayers(scenario, population)
+        elif level is Level.FULL and isinstance(scenario, ParticleScenario):
+            self._layers = AgentLayers(scenario, population)
         self._memory = MemorySeries(scenario, memory, population)
         self._events = EventLog()
+        self._now = Now()
         self._write(_description(scenario, seed, level, memory))
         self._write(self._memory.static_chunks())
         self._write(static_time_series(population, level))
         if level is not Level.SUMMARY:
-            self._write(static_arena_entities(population))
+            self._write(static_arena_entities(population, level))
         if self._layers is not None:
             self._write(self._layers.static_chunks())
 
@@ -119,6 +130,12 @@ class Recorder:
         if self._buffer.is_full:
             self.flush()
 
+    def catch_up(self, time_s: float) -> None:
+        """Record agents, of which nothing is heard between two events, up to a time before the next one."""
+        if isinstance(self._buffer, AgentBuffer):
+            self._buffer.catch_up(time_s)
+        self.flush()
+
     def flush(self) -> None:
         """Write the rows that are held back."""
         if not self._buffer.row_count:
@@ -126,10 +143,11 @@ class Recorder:
         batch = self._buffer.flush()
         if self._state is not None:
             self._write(self._events.flush(self._state.events))
+            self._write(self._now.chunks(batch, self._state))
         self._write(self._memory.flush(batch.time_ns))
         self._write(time_series(batch, self._population, self._threshold, self._level))
         if self._level is not Level.SUMMARY:
-            self._write(arena_entities(batch, self._population.radii_cm))
+            self._write(arena_entities(batch, self._population))
             if self._population.arena_changes:
                 self._write(changing_walls(batch))
         if self._layers is not None:

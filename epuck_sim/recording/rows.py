@@ -5,24 +5,124 @@ anything between two events: agents move straight on and phases rise evenly, so 
 all moments until the next.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arena import Arena
+from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles.simulation import Event, ParticleSimulation
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import ROWS_PER_PERIOD
-from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.recording import Level
+from epuck_sim.scenario.embodied import EmbodiedScenario, arena_entries, largest_cm
 from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.embodied import SynchronyWatch
+
+ROWS_PER_PERIOD = 20
+"""Regular rows in a nominal period of point-like agents; there are further rows at the instants at which some fire."""
+
+PATH_S = 10.0
+"""Length of the drawn paths of robots in seconds."""
+
+PATH_CYCLES = 3
+"""Length of the drawn paths of agents in nominal periods."""
+
+SIDE_IN_RADII = 60
+"""Side of the space of agents, in radii of the disc that is drawn for each."""
+
+SHORTEST_S = 1e-6
+"""Shortest period that can be recorded, in seconds: recordings store whole nanoseconds."""
+
+
+class Population(NamedTuple):
+    """The robots, or point-like agents, of a scenario."""
+
+    noun: str
+    """What one of them is called: robot or agent."""
+    moment: str
+    """What a row is called: step or moment."""
+    size: int
+    """Number of robots or agents."""
+    radii_cm: FloatArray
+    """(size,) radius of the disc that is drawn for each, cm."""
+    arena: Arena
+    """Arena of the robots at the start; for agents their square, the base of their cube, or a segment of height 0."""
+    largest_cm: tuple[float, float]
+    """Largest width and height that the arena has."""
+    arena_changes: bool
+    """Whether its walls or obstacles may change."""
+    is_cyclic: bool
+    """Whether the space is cyclic."""
+    period_ms: FloatArray
+    """(size,) nominal periods of the oscillators, ms; NaN for a robot that is none."""
+    reference: int
+    """Number of the reference robot or agent."""
+    is_cube: bool
+    """Whether the space has a third dimension, along which it is seen."""
+    rows_per_s: float
+    """Fewest rows that are recorded of a simulated second."""
+    path_s: float
+    """Length of the drawn paths in seconds."""
+
+
+def population_of(scenario: Scenario) -> Population:
+    """Return a scenario's population; raise RecordingError if its model, or its period, cannot be recorded."""
+    if isinstance(scenario, EmbodiedScenario):
+        return _robots(scenario)
+    if isinstance(scenario, ParticleScenario):
+        return _agents(scenario)
+    raise RecordingError(f"{scenario.name}: model: {scenario.model} cannot be recorded; allowed: embodied, particles")
+
+
+def _robots(scenario: EmbodiedScenario) -> Population:
+    periods = [1000 * group.parameters.get("period_s", math.nan) for group in scenario.robots]
+    return Population(
+        noun="robot",
+        moment="step",
+        size=scenario.robot_count,
+        radii_cm=np.array([kind.radius_cm for kind in scenario.robot_kinds]),
+        arena=scenario.arena.build(),
+        largest_cm=largest_cm(scenario),
+        arena_changes=bool(arena_entries(scenario)),
+        is_cyclic=False,
+        is_cube=False,
+        period_ms=np.repeat(periods, [group.count for group in scenario.robots]),
+        reference=scenario.stop.reference_robot,
+        rows_per_s=scenario.timing.control_hz,
+        path_s=PATH_S,
+    )
+
+
+def _agents(scenario: ParticleScenario) -> Population:
+    side_cm, period_s = scenario.space.side_cm, scenario.clocks.period_s
+    if period_s < SHORTEST_S:
+        raise RecordingError(
+            f"{scenario.name}: clocks.period_s is {period_s:g}, which is too short for a recording, whose times are "
+            f"whole nanoseconds; allowed: {SHORTEST_S:g} or longer"
+        )
+    height_cm = side_cm if scenario.space.dimensions > 1 else 0.0
+    return Population(
+        noun="agent",
+        moment="moment",
+        size=scenario.agents.count,
+        radii_cm=np.full(scenario.agents.count, side_cm / SIDE_IN_RADII),
+        arena=make_arena(side_cm, height_cm, (), ()),
+        largest_cm=(side_cm, height_cm),
+        arena_changes=False,
+        is_cyclic=scenario.space.boundary == "cyclic",
+        is_cube=scenario.space.dimensions == 3,
+        period_ms=np.full(scenario.agents.count, 1000 * period_s),
+        reference=scenario.stop.reference,
+        rows_per_s=ROWS_PER_PERIOD / period_s,
+        path_s=PATH_CYCLES * period_s,
+    )
 
 
 class RowBatch(NamedTuple):
@@ -149,6 +249,14 @@ class RobotBuffer:
         return batch
 
 
+def make_buffer(scenario: Scenario, seed: int, level: Level, capacity: int) -> Any:
+    """Return a buffer for a trial that must be flushed after some `capacity` rows."""
+    if isinstance(scenario, EmbodiedScenario):
+        return RobotBuffer(scenario, level, capacity)
+    assert isinstance(scenario, ParticleScenario), "other models have no population"
+    return AgentBuffer(scenario, seed, level, capacity)
+
+
 GLOW = 0.075
 """Share of a period for which an agent is shown as lit after it has fired: an instant would hardly be seen."""
 
@@ -185,13 +293,21 @@ class AgentBuffer:
     row_count: int
     """Rows in the buffer."""
 
-    def __init__(self, scenario: ParticleScenario, seed: int, level: Level, capacity: int) -> None:
+    def __init__(
+        self,
+        scenario: ParticleScenario,
+        seed: int,
+        level: Level,
+        capacity: int,
+        rows_per_period: float = ROWS_PER_PERIOD,
+    ) -> None:
         """Prepare for `capacity` rows, which those that lead to a single event may exceed."""
         # observers are shown no swarm before its first event
         fresh = ParticleSimulation(scenario, seed)
         self._before = _state_of(fresh)
         self._periods_s = fresh.periods_s
         self._capacity = capacity
+        self._rows_per_period = rows_per_period
         self._stop = scenario.stop
         self._period_s = scenario.clocks.period_s
         self._has_links = level is Level.FULL
@@ -228,9 +344,13 @@ class AgentBuffer:
             self._regular_row += self._regular_ns(self._regular_row) == time_ns
         self._before = now
 
+    def catch_up(self, time_s: float) -> None:
+        """Add the regular rows before a time at which nothing has happened since the last event."""
+        self._add_regular_rows(round(time_s * 1e9))
+
     def _regular_ns(self, number: int) -> int:
         """Return the time of a regular row, ns."""
-        return round(number * self._period_s * 1e9 / ROWS_PER_PERIOD)
+        return round(number * self._period_s * 1e9 / self._rows_per_period)
 
     def _add_regular_rows(self, until_ns: int) -> None:
         """Add the regular rows before `until_ns`: all agents have moved straight on since the event before."""

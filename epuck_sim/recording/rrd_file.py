@@ -1,4 +1,4 @@
-"""The file of a recording, which gets its name only when it is complete."""
+"""The file of a recording: chunks, of which it is made, and how it gets its name only when it is complete."""
 
 import hashlib
 import mmap
@@ -11,10 +11,42 @@ from queue import Full, Queue
 import rerun as rr
 from rerun.chunk import Chunk, LazyChunkStream
 
+from epuck_sim.arrays import IntArray
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.chunks import APPLICATION, static_chunk
-from epuck_sim.recording.viewer.process import run_rerun
+from epuck_sim.recording.process import run_rerun
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
+
+APPLICATION = "epuck-sim"
+"""Name by which the viewer matches layouts to recordings."""
+
+TIMELINE = "sim_time"
+"""Name of the only timeline of recordings: simulated time."""
+
+
+@contextmanager
+def strict_mode() -> Iterator[None]:
+    """Have rerun raise an error in the block for malformed data, about which it would only warn."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)
+
+
+def static_chunk(entity: str, values: rr.AsComponents) -> Chunk:
+    """Return a chunk that holds at all times."""
+    batches = values.as_component_batches()
+    columns = [
+        rr.ComponentColumn(each.component_descriptor(), each, lengths=[len(each.as_arrow_array())]) for each in batches
+    ]
+    return Chunk.from_columns(entity, [], columns)
+
+
+def temporal_chunk(entity: str, time_ns: IntArray, *columns: rr.ComponentColumn) -> Chunk:
+    """Return a chunk with a row for each of these times, (rows,) in nanoseconds of simulated time."""
+    return Chunk.from_columns(entity, [rr.TimeColumn(TIMELINE, duration=time_ns.astype("timedelta64[ns]"))], columns)
+
 
 ENDING = ".rrd"
 """Suffix of a recording's name, by which the viewer knows it."""

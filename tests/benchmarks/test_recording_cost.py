@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.embodied import SynchronyWatch

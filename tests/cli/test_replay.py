@@ -21,12 +21,10 @@ from epuck_sim.cli.trials import LiveView
 from epuck_sim.embodied.changes import replacement
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
-from epuck_sim.recording import recorder
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level, live, recorder, viewer
+from epuck_sim.recording.live import sleep
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
-from epuck_sim.recording.viewer import live, viewer
-from epuck_sim.recording.viewer.pace import sleep
 from epuck_sim.runs.status import read_outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points

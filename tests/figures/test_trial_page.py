@@ -24,12 +24,12 @@ from epuck_sim.errors import RecordingError
 from epuck_sim.figures.saving import Target, save_figure
 from epuck_sim.figures.trial_page import MAX_VECTOR_MARKS, RED, check_drawable, draw_page, page_title
 from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.recording import Level
 from epuck_sim.recording.layers.arena import UNLABELLED
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import PATH_S
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
+from epuck_sim.recording.rows import PATH_S
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from tests.cli.commands import call, refused

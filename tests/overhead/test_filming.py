@@ -12,14 +12,15 @@ import pytest
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
-from epuck_sim.errors import FilmError, ScenarioError
+from epuck_sim.errors import FilmError
 from epuck_sim.overhead import filming
 from epuck_sim.overhead.calibration import DESCRIPTION, TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import open_film
-from epuck_sim.overhead.filming import Captions, describe_film, film_recording, film_trial
+from epuck_sim.overhead.filming import AGENTS_MARGIN_PX, AGENTS_PX, Captions, describe_film, film_recording, film_trial
 from epuck_sim.overhead.track import track_film
-from epuck_sim.recording.level import Level
+from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.recording import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
@@ -176,14 +177,23 @@ def test_setting_of_anything_but_the_camera_is_refused(filmed: Filmed, tmp_path:
     assert not list(tmp_path.iterdir())
 
 
-def test_trial_of_point_like_agents_is_refused(tmp_path: Path) -> None:
-    scenario = load_scenario({"name": "p", "model": "particles"})
-    with (
-        pytest.raises(ScenarioError, match=r"^p: model is 'particles'; its agents have no rings; allowed: 'embodied'$"),
-        film_trial(tmp_path / "no.mp4", scenario, SEED),
-    ):
-        pass
-    assert not list(tmp_path.iterdir())
+def test_agents_are_discs_on_the_floor_of_their_space_and_red_when_they_have_fired(tmp_path: Path) -> None:
+    places, flashes = [(10.0, 80.0), (70.0, 30.0)], []
+    given = {"agents": {"count": 2, "speed_cm_s": 0}, "start": {"positions_cm": places}, "space": {"side_cm": 100}}
+    scenario = load_scenario({"model": "particles", **given, "stop": {"max_cycles": 3}})
+    with film_trial(tmp_path / "t.mp4", scenario, 1) as observer:
+        simulation = ParticleSimulation(scenario, 1)
+        run_trial(simulation, [observer, lambda event, _: flashes.extend((event.time_s, k) for k in event.fired)])
+    with open_film(str(tmp_path / "t.mp4")) as film:
+        frames = list(film.frames())
+    assert len(frames) == 1 + int(25 * flashes[-1][0])
+    scale, glow_s = (AGENTS_PX - 2 * AGENTS_MARGIN_PX) / 100, 0.075 * scenario.clocks.period_s
+    for frame in frames:
+        for agent, (x_cm, y_cm) in enumerate(places):
+            column, row = (round(AGENTS_MARGIN_PX + scale * cm) for cm in (x_cm, 100 - y_cm))
+            red, green, _ = np.median(frame.picture[row - 6 : row + 7, column - 6 : column + 7], axis=(0, 1))
+            lit = any(0 < frame.time_s - at_s < glow_s for at_s, fired in flashes if fired == agent)
+            assert (red > 150, green > 90) == (lit, not lit)
 
 
 # --- whole or nothing -------------------------------------------------------------------------------

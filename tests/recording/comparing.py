@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.rrd_file import SEAL
-from epuck_sim.recording.viewer.process import run_rerun
 
 
 def compare(one: Path, other: Path) -> None:

@@ -5,8 +5,8 @@ import pytest
 
 from epuck_sim import ArenaView, load_scenario, read_recording
 from epuck_sim.figures.trial_page import draw_page
-from epuck_sim.recording.entities import Entities
 from epuck_sim.recording.layers.arena import OBSTACLES, WALLS
+from epuck_sim.recording.reader import Entities
 from tests.embodied.changes.test_arena_change import GATE, PILLARS
 from tests.recording.filmed import films_of, record_and_film
 

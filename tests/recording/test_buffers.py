@@ -16,7 +16,7 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.order_parameter import METRICS
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level
 from epuck_sim.recording.rows import RobotBuffer, RowBatch
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario

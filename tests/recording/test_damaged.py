@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording import entities
+from epuck_sim.recording import reader as entities
 from epuck_sim.recording.reader import last_moment_s, read_layout, read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.rrd_file import is_whole
@@ -71,7 +71,7 @@ def test_a_recording_over_which_rerun_breaks_down_is_not_read(tmp_path, monkeypa
     program = tmp_path / "rerun"
     program.write_text("#!/bin/sh\nexit 101\n")
     program.chmod(0o700)
-    monkeypatch.setattr("epuck_sim.recording.viewer.process.PROGRAM", (str(program),))
+    monkeypatch.setattr("epuck_sim.recording.process.PROGRAM", (str(program),))
     monkeypatch.setattr(entities, "RrdReader", None)
     path = tmp_path / "t.rrd"
     path.write_bytes((Path(__file__).parents[1] / "old" / "0.1.0" / "robots.rrd").read_bytes())  # has no seal

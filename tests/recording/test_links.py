@@ -12,9 +12,8 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
 from epuck_sim.particles.links import LinkSearch
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.links import nearest
-from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording import Level
+from epuck_sim.recording.reader import nearest, read_recording
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario

@@ -16,12 +16,11 @@ from rerun.experimental import ViewerClient
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.viewer import live as live_module
-from epuck_sim.recording.viewer import pace as pace_module
-from epuck_sim.recording.viewer import process
-from epuck_sim.recording.viewer.live import live, live_viewer
-from epuck_sim.recording.viewer.process import NO_GRAPHICS, in_background, proxy_url
+from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.recording import Level, process
+from epuck_sim.recording import live as live_module
+from epuck_sim.recording.live import live, live_viewer
+from epuck_sim.recording.process import NO_GRAPHICS, in_background, proxy_url
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial
@@ -184,11 +183,13 @@ class Paced(NamedTuple):
     """Simulated time that each recorder holds back."""
     flushed_at: list[float]
     """When the viewer was sent all that had been held back."""
+    caught_up_s: list[float]
+    """Simulated times up to which agents were shown between two events."""
 
 
 @pytest.fixture
 def paced(monkeypatch) -> Paced:
-    clock, shown_s, held_back_s, flushed_at = Clock(), [], [], []
+    clock, shown_s, held_back_s, flushed_at, caught_up_s = Clock(), [], [], [], []
 
     class Recorder:
         def __init__(
@@ -199,15 +200,18 @@ def paced(monkeypatch) -> Paced:
         def __call__(self, *_: Any) -> None:
             shown_s.append(clock.now)
 
+        def catch_up(self, time_s: float) -> None:
+            caught_up_s.append(time_s)
+
         def flush(self) -> None:
             flushed_at.append(clock.now)
 
         def finish(self) -> None:
             pass
 
-    monkeypatch.setattr(pace_module, "time", clock)
+    monkeypatch.setattr(live_module, "time", clock)
     monkeypatch.setattr(live_module, "Recorder", Recorder)
-    return Paced(clock, shown_s, held_back_s, flushed_at)
+    return Paced(clock, shown_s, held_back_s, flushed_at, caught_up_s)
 
 
 def show_steps(clock: Clock, speed: float, took_s: list[float]) -> float:
@@ -268,6 +272,27 @@ def test_a_paused_trial_shows_its_last_step(paced: Paced) -> None:
             look(SimpleNamespace(number=number, time_s=number / 10), None)
     assert paced.flushed_at == [paced.shown_s[1]]
     assert np.diff(paced.shown_s) == pytest.approx([0.1, 0.1 + 3 * 0.1])
+
+
+def test_agents_that_move_on_between_two_events_are_shown_as_often_as_the_viewer_is_told(paced: Paced) -> None:
+    with (
+        live_viewer(free_port(), ignore) as (browsers, intake),
+        live(browsers, intake, load_scenario("particles"), 0, Level.FULL, 2.0) as look,
+    ):
+        for time_s in (0.1, 0.75, 0.8):
+            look(SimpleNamespace(time_s=time_s), None)
+    assert paced.caught_up_s == pytest.approx([0.3, 0.5, 0.7])
+    assert np.diff(paced.shown_s) == pytest.approx([0.65 / 2, 0.05 / 2])
+
+
+def test_agents_that_are_shown_are_in_the_same_trial() -> None:
+    scenario = load_scenario("particles", ["stop.max_cycles=5"])
+    with (
+        live_viewer(free_port(), ignore) as (browsers, intake),
+        live(browsers, intake, scenario, 3, Level.FULL, FAST) as look,
+    ):
+        shown = run_trial(ParticleSimulation(scenario, 3), [look])
+    assert shown._replace(wall_s=0) == run_trial(ParticleSimulation(scenario, 3), [])._replace(wall_s=0)
 
 
 # --- viewers --------------------------------------------------------------------------------------------
@@ -335,8 +360,8 @@ CLOSED = """
 import sys, time
 import psutil
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.viewer.live import live, live_viewer
+from epuck_sim.recording import Level
+from epuck_sim.recording.live import live, live_viewer
 from epuck_sim.util.machine import free_port
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.embodied.simulation import Simulation

@@ -9,7 +9,7 @@ from rerun import notebook
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import EpuckSimError, RecordingError
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level
 from epuck_sim.recording.notebook import show
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorder import record

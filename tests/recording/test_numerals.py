@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from epuck_sim.recording.layers.robots import number_strips, row_numbers
+from epuck_sim.recording.layers.arena import DARK, LIT, NIGHT, WHITE, number_strips, row_numbers
 
 
 def test_each_number_is_within_its_row_and_left_of_the_picture() -> None:
@@ -24,3 +24,15 @@ def test_digits_differ() -> None:
         points = np.round(strip, 6).tolist()
         drawn.add(frozenset(frozenset(map(tuple, piece)) for piece in pairwise(points)))
     assert len(drawn) == 10
+
+
+def test_numbers_of_robots_have_contrast_on_their_discs_in_every_theme() -> None:
+    def luminance(colour: tuple[int, int, int]) -> float:
+        """Return the relative luminance of WCAG 2."""
+        share = np.array(colour) / 255
+        return float(
+            np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4) @ (0.2126, 0.7152, 0.0722)
+        )
+
+    for below in (LIT, DARK, NIGHT):
+        assert (luminance(WHITE) + 0.05) / (luminance(below) + 0.05) >= 4.5

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from epuck_sim.recording.viewer import pace as pace_module
-from epuck_sim.recording.viewer.pace import END, MOST_LATE_S, PAUSE, STEP, Pace
+from epuck_sim.recording import live as pace_module
+from epuck_sim.recording.live import END, MOST_LATE_S, PAUSE, STEP, Pace
 
 
 class Clock:

@@ -17,12 +17,11 @@ from epuck_sim.figures.trial_page import RED, check_drawable, draw_page
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles import links as pulses
 from epuck_sim.particles.simulation import Event, ParticleSimulation
-from epuck_sim.recording import recorder, rows
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level, recorder, rows
+from epuck_sim.recording.process import NO_GRAPHICS, run_rerun
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.viewer.process import NO_GRAPHICS, run_rerun
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.trial.model import run_trial
@@ -346,7 +345,7 @@ def test_a_range_is_drawn_as_circles_around_the_agents(tmp_path) -> None:
 
 # --- levels and windows -----------------------------------------------------------------------------
 
-SUMMARY = {"/flashes", "/order/steps", "/order/firings"}
+SUMMARY = {"/now", "/flashes", "/order/steps", "/order/firings"}
 POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
 MOVING = {Level.SUMMARY: SUMMARY, Level.POSES: POSES, Level.FULL: POSES | {"/arena/links"}}
 
@@ -357,7 +356,9 @@ def test_each_level_holds_what_it_should_and_no_more(tmp_path, name: str, level:
     recorded(tmp_path / "t.rrd", load(name), level=level)
     outlines = {"cyclic": {"/arena/cones"}, "cyclic segment": {"/arena/ranges"}}.get(name, set())
     threshold = {"/order/threshold"} if name == "thesis" else set()
+    numbers = {f"/arena/numbers/{agent}" for agent in range(load(name).agents.count)}
     expected = MOVING[level] | threshold | (outlines if level is Level.FULL else set())
+    expected |= numbers if level is not Level.SUMMARY else set()
     assert set(Found(tmp_path / "t.rrd").moving) == expected
     read = read_recording(tmp_path / "t.rrd")
     assert read.level is level
@@ -524,7 +525,7 @@ def test_a_trial_of_a_sweep_is_recorded_again(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("few.yaml").write_text(SWEEP)
     assert call("run", "few.yaml", "--out", "runs", "--workers", 1).exit_code == 0
-    monkeypatch.setattr("epuck_sim.recording.viewer.viewer.has_display", lambda: False)
+    monkeypatch.setattr("epuck_sim.recording.viewer.has_display", lambda: False)
     done = call("replay", "runs", "--point", 1, "--trial", 1, "--record", "again.rrd")
     assert done.exit_code == 0, done.stderr
     assert "not the trial that is stored" not in done.stderr

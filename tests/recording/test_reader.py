@@ -15,14 +15,12 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step, memory_values
 from epuck_sim.errors import RecordingError, ScenarioError
-from epuck_sim.recording import recorder
-from epuck_sim.recording.layout import layout_file
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.parts import layout_of
+from epuck_sim.recording import Level, recorder
+from epuck_sim.recording.layout import arrangement_of, layout_file, layout_of
+from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.reader import read_layout, read_recording
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.viewer.process import run_rerun
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.embodied import SynchronyWatch
@@ -220,7 +218,7 @@ def test_a_path_may_be_text(tmp_path, whole: bytes) -> None:
 
 
 def test_a_layout_is_no_recording(tmp_path, capfd) -> None:
-    (tmp_path / "t.rrd").write_bytes(layout_file(Level.FULL, 60, 60))
+    (tmp_path / "t.rrd").write_bytes(layout_file(arrangement_of(load_scenario("thesis"), Level.FULL)))
     assert "holds 0 recordings" in refusal(tmp_path / "t.rrd", capfd)
 
 

@@ -16,11 +16,10 @@ from rerun.chunk import LazyChunkStream, RrdReader
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.recording import recorder
-from epuck_sim.recording.layout import LAYOUT_BYTES, layout_file
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level, recorder
+from epuck_sim.recording.layout import LAYOUT_BYTES, arrangement_of, layout_file
+from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.viewer.process import run_rerun
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial
@@ -168,7 +167,7 @@ def room_for(largest: int) -> Iterator[None]:
 def test_where_there_is_no_room_nothing_is_left(tmp_path, part: str) -> None:
     path = tmp_path / "t.rrd"
     recorded(path)
-    whole, layout = path.stat().st_size, len(layout_file(Level.FULL, 60, 60))
+    whole, layout = path.stat().st_size, len(layout_file(arrangement_of(load_scenario("thesis"), Level.FULL)))
     room = {"layout": layout // 2, "data": whole // 2, "whole": whole - layout // 2}
     assert room["layout"] < layout < room["data"] < whole - layout < room["whole"] < whole
     path.write_text("older")
@@ -185,7 +184,7 @@ def test_a_folder_for_temporary_files_without_room_is_an_error_at_once(tmp_path)
     with room_for(LAYOUT_BYTES // 2), pytest.raises(EpuckSimError, match=said):
         recorded(tmp_path / "t.rrd")
     assert list(tmp_path.iterdir()) == []
-    assert len(layout_file(Level.FULL, 60, 60)) < LAYOUT_BYTES // 5
+    assert len(layout_file(arrangement_of(load_scenario("thesis"), Level.FULL))) < LAYOUT_BYTES // 5
 
 
 @pytest.mark.usefixtures("small_buffers")
@@ -275,7 +274,7 @@ def test_a_run_that_is_killed_leaves_no_recording(tmp_path) -> None:
 MANY = """
 import json, os, sys
 from pathlib import Path
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.embodied.simulation import Simulation

@@ -19,14 +19,14 @@ from scipy import ndimage
 from scipy.spatial import ConvexHull
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.recording.viewer import process
+from epuck_sim.recording import process
 from tests.processes import processes_marked, wait_until
 
 # as in `layers.arena.RINGS`
-LIT, DARK = (255, 80, 60), (75, 80, 92)
+LIT, DARK = (220, 40, 30), (62, 67, 78)
 
-ARENA = np.s_[60:660, :955]
-"""In a picture of 1600 x 900: columns are laid out as 3 to 2, rows as 3 to 1."""
+ARENA = np.s_[172:660, :955]
+"""In a picture of 1600 x 900: columns are laid out as 3 to 2, rows as 3 to 1; words are above."""
 
 NOTHING_STARTS = ("/nonexistent/rerun",)
 
@@ -87,9 +87,10 @@ def alike(picture: FloatArray, colour: Sequence[int]) -> BoolArray:
 def discs(picture: FloatArray, colour: Sequence[int]) -> FloatArray:
     """Return (discs, 3) x, y and radius from left to right, in pixels, of what is thick and round.
 
-    Arrows and labels lie on them: a circle is put around what is left.
+    Arrows and numbers lie on them, which are white: a circle is put around what is left.
     """
-    found, count = ndimage.label(ndimage.binary_opening(alike(picture, colour), iterations=8))
+    whole = ndimage.binary_closing(alike(picture, colour) | (picture.min(axis=-1) > 190), iterations=2)
+    found, count = ndimage.label(ndimage.binary_opening(whole, iterations=8))
     circles = []
     for disc in range(1, count + 1):
         points = np.argwhere(found == disc)[:, ::-1]
@@ -97,7 +98,7 @@ def discs(picture: FloatArray, colour: Sequence[int]) -> FloatArray:
         equations = np.column_stack([2 * rim, np.ones(len(rim))])
         (x, y, rest), *_ = np.linalg.lstsq(equations, (rim**2).sum(axis=1), rcond=None)
         circles.append((x, y, np.sqrt(rest + x**2 + y**2)))
-    return np.array(sorted(circles)).reshape(-1, 3)
+    return np.array(sorted(circle for circle in circles if circle[2] > 10)).reshape(-1, 3)  # numbers are smaller
 
 
 class Stand(NamedTuple):

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.recording.level import Level
+from epuck_sim.recording import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario

@@ -1,4 +1,4 @@
-"""The arena as a recording shows it, whatever its model: floor, lamps, walls, obstacles, movables, robots or agents.
+"""The arena as a recording shows it, whatever its model, and what surrounds and links point-like agents.
 
 Everything lies under `/arena`, in cm. In rerun's pictures y points down; a transform there flips them, so that data
 keep the coordinates of the simulation.
@@ -15,9 +15,10 @@ from rerun.chunk import Chunk
 
 from epuck_sim.arena import Arena, floor_levels
 from epuck_sim.arrays import FloatArray
-from epuck_sim.recording.chunks import static_chunk, temporal_chunk
-from epuck_sim.recording.population import Population
-from epuck_sim.recording.rows import RowBatch
+from epuck_sim.recording import Level
+from epuck_sim.recording.rows import Population, RowBatch
+from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
+from epuck_sim.scenario.particles import Cone, ParticleScenario, Range
 
 ARENA = "/arena"
 """Entity with the transform."""
@@ -40,6 +41,12 @@ LAMPS = "/arena/lamps"
 ROBOTS = "/arena/robots"
 """Entity with (count,) discs in each row, robots or agents, of class 1 while the ring is lit or the flash is shown."""
 
+NUMBERS = "/arena/numbers"
+"""Entity above those with the number of a robot or agent, which a transform moves to its place in each row."""
+
+LEGEND = "/legend"
+"""Entity with a text: what lines and arrows in the arena mean."""
+
 HEADINGS = "/arena/headings"
 """Entity with (count,) arrows in each row, from the middle to the front of the disc."""
 
@@ -58,22 +65,93 @@ FLOOR_PX = 1024
 GREY = (150, 150, 150)
 FAINT = (90, 90, 100)
 WHITE = (255, 255, 255)
-LIT = (255, 80, 60)
-DARK = (75, 80, 92)
+LIT = (220, 40, 30)
+DARK = (62, 67, 78)
 YELLOW = (255, 200, 0)
 RINGS = rr.AnnotationContext([(0, "dark", DARK), (1, "lit", LIT)])
-"""Rings differ in brightness, too, for those who do not tell red from green."""
+"""Rings differ in brightness, too, for those who do not tell red from green. White numbers have a contrast of 4.8 on
+lit ones and of 10 on dark ones."""
 
-NUMBERS = (0, 125, 225)
-"""Colour of numbers: as far in brightness from the viewer's dark theme as from its light one."""
+NIGHT = (13, 16, 17)
+"""Background of pictures, whatever the viewer's theme."""
+
+MEANINGS = {
+    "robot": (
+        "Disc: a robot, bright red while its ring is lit; white arrow: its heading.",
+        "Grey lines: the edges of its field of view. Coloured arrows: from a camera to each robot in its view, red if "
+        "it sees that lit. Yellow dot: contact.",
+    ),
+    "agent": (
+        "Disc: an agent, bright red when it has just fired; white arrow: its heading.",
+        "Grey lines: its cone, or how far it reaches. Coloured arrows: from who fires to each who receives the pulse, "
+        "yellow if that shifts its phase.",
+    ),
+}
+"""What lines and arrows mean, of robots and of agents: in every recording, and besides in a full one."""
 
 ARROW_RADIUS = 0.25 / 3.7
 """Half-thickness of a heading arrow, relative to the disc's radius."""
 
+_STROKES = (
+    ((0, 0), (1, 0), (1, 2), (0, 2), (0, 0)),
+    ((1, 0), (1, 2)),
+    ((0, 0), (1, 0), (1, 1), (0, 1), (0, 2), (1, 2)),
+    ((0, 0), (1, 0), (1, 1), (0, 1), (1, 1), (1, 2), (0, 2)),
+    ((0, 0), (0, 1), (1, 1), (1, 0), (1, 2)),
+    ((1, 0), (0, 0), (0, 1), (1, 1), (1, 2), (0, 2)),
+    ((1, 0), (0, 0), (0, 2), (1, 2), (1, 1), (0, 1)),
+    ((0, 0), (1, 0), (1, 2)),
+    ((0, 0), (1, 0), (1, 2), (0, 2), (0, 1), (1, 1), (0, 1), (0, 0)),
+    ((1, 1), (0, 1), (0, 0), (1, 0), (1, 2), (0, 2)),
+)
+"""Corners of each digit, as on a display of seven segments; y points down."""
 
-def static_arena_entities(population: Population) -> Iterator[Chunk]:
+SCALE = 0.32
+"""Width of a digit, in rows; it is twice as high."""
+
+PITCH = 0.55
+"""Distance from one digit to the next, in rows."""
+
+THICKNESS = 0.1
+"""Thickness of lines, in rows."""
+
+
+def row_numbers(rows: int) -> rr.LineStrips2D:
+    """Return the numbers of the rows of a picture, to its left, right-aligned."""
+    strips = [strip for row in range(rows) for strip in number_strips(row, -PITCH, row + 0.5 - SCALE)]
+    return rr.LineStrips2D(strips, radii=THICKNESS / 2, colors=WHITE)
+
+
+def number_width(rows: int) -> float:
+    """Return how far the numbers of rows of a picture reach to its left, with a margin, in rows."""
+    return SCALE + PITCH * len(str(rows - 1)) + 0.3
+
+
+def number_strips(number: int, right: float, top: float) -> list[FloatArray]:
+    """Return a strip, (corners, 2), for each digit of a number; `right` and `top` are those of its last digit."""
+    lefts = right - SCALE - PITCH * np.arange(len(str(number)))[::-1]
+    return [
+        (left, top) + SCALE * np.array(_STROKES[int(digit)], float)
+        for left, digit in zip(lefts, str(number), strict=True)
+    ]
+
+
+LEGIBLE_SHARE = 1 / 15
+"""Smallest diameter of a disc that has room for a number, as a share of the arena's longer side."""
+
+ON_DISC, BESIDE_DISC = (1.1, 0.4), (1.8, 1.9)
+"""Size of numbers, as a share of those beside rows of a height of the disc's radius, and their distance from the middle
+of their disc, away from the heading, in radii."""
+
+NOWHERE_CM = -1e5
+"""Where numbers are whose robots are not in the arena, on both axes, cm."""
+
+
+def static_arena_entities(population: Population, level: Level) -> Iterator[Chunk]:
     """Yield floor, lamps, walls and obstacles that stay, and the appearance of movables and of robots or agents."""
     arena = population.arena
+    drawn = MEANINGS[population.noun][: 1 if level is Level.POSES else None]
+    yield static_chunk(LEGEND, rr.TextDocument(" ".join(drawn)))
     width, height = population.largest_cm
     yield static_chunk(ARENA, rr.Transform3D(translation=[0, height, 0], mat3x3=np.diag([1, -1, 1])))
     yield from _floor_and_lamps(replace(arena, width_cm=width, height_cm=height))
@@ -88,12 +166,16 @@ def static_arena_entities(population: Population) -> Iterator[Chunk]:
     if len(arena.movables):
         radii = arena.circles[arena.first_movable :, 2]
         yield static_chunk(MOVABLES, rr.Points2D.from_fields(radii=radii, colors=GREY, draw_order=15))
-    labels = [str(number) for number in range(population.size)] if population.size < UNLABELLED else None
     yield static_chunk(ROBOTS, RINGS)
-    discs = rr.Points2D.from_fields(
-        radii=population.radii_cm, labels=labels, show_labels=labels is not None, draw_order=20
-    )
-    yield static_chunk(ROBOTS, discs)
+    yield static_chunk(ROBOTS, rr.Points2D.from_fields(radii=population.radii_cm, show_labels=False, draw_order=20))
+    if population.size < UNLABELLED:
+        size, _ = number_style(population)
+        for number, radius_cm in enumerate(population.radii_cm):
+            digits = number_strips(number, 0.0, 0.0)
+            middle = (np.vstack(digits).min(axis=0) + np.vstack(digits).max(axis=0)) / 2
+            strips = [size * radius_cm * (digit - middle) * (1, -1) for digit in digits]
+            thin = size * radius_cm * THICKNESS / 2
+            yield static_chunk(f"{NUMBERS}/{number}", rr.LineStrips2D(strips, radii=thin, colors=WHITE, draw_order=35))
     arrows = rr.Arrows2D.from_fields(colors=WHITE, radii=ARROW_RADIUS * population.radii_cm, draw_order=30)
     yield static_chunk(HEADINGS, arrows)
 
@@ -139,17 +221,28 @@ def _obstacle_outlines(arena: Arena) -> list[FloatArray]:
     ]
 
 
-def arena_entities(batch: RowBatch, radii_cm: FloatArray) -> Iterator[Chunk]:
-    """Yield positions, headings and rings in these rows, and movables; (robots,) `radii_cm` are of the discs."""
+def number_style(population: Population) -> tuple[float, float]:
+    """Return the size of numbers and their distance from the middle: they are beside discs that are too small."""
+    return ON_DISC if 2 * population.radii_cm.min() >= LEGIBLE_SHARE * max(population.largest_cm) else BESIDE_DISC
+
+
+def arena_entities(batch: RowBatch, population: Population) -> Iterator[Chunk]:
+    """Yield positions, headings and rings in these rows, and movables."""
     poses, time_ns = batch.poses, batch.time_ns
     each = np.full(len(poses), poses.shape[1])
     middles = poses[..., :2].reshape(-1, 2)
-    ahead = (radii_cm[:, None] * unit_vectors(poses[..., 2])).reshape(-1, 2)
+    ahead = (population.radii_cm[:, None] * unit_vectors(poses[..., 2])).reshape(-1, 2)
     rings = batch.ring_on.ravel().astype(np.uint16)
     discs = rr.Points2D.columns(positions=middles, class_ids=rings)
     yield temporal_chunk(ROBOTS, time_ns, *discs.partition(each))
     arrows = rr.Arrows2D.columns(origins=middles, vectors=ahead)
     yield temporal_chunk(HEADINGS, time_ns, *arrows.partition(each))
+    if poses.shape[1] < UNLABELLED:
+        behind = middles.reshape(each.size, -1, 2) - number_style(population)[1] * ahead.reshape(each.size, -1, 2)
+        places = np.nan_to_num(np.pad(behind, ((0, 0), (0, 0), (0, 1))), nan=NOWHERE_CM)
+        for number in range(poses.shape[1]):
+            moved = rr.Transform3D.columns(translation=places[:, number])
+            yield temporal_chunk(f"{NUMBERS}/{number}", time_ns, *moved)
     if len(batch.movables):
         pushed = rr.Points2D.columns(positions=batch.movables.reshape(-1, 2))
         yield temporal_chunk(MOVABLES, time_ns, *pushed.partition(np.full(len(poses), batch.movables.shape[1])))
@@ -195,3 +288,73 @@ def strip_columns(strips: FloatArray) -> rr.ComponentColumnList:
     offsets = pa.array(np.arange(rows * count + 1, dtype=np.int32) * corners)
     array = pa.ListArray.from_arrays(offsets, flat).cast(rr.components.LineStrip2DBatch._ARROW_DATATYPE)
     return rr.LineStrips2D.columns(strips=array).partition(np.full(rows, count))
+
+
+CONES = "/arena/cones"
+"""Entity with (agents,) strips in each row, around the cone of vision or emission, within the arena."""
+
+LINKS = "/arena/links"
+"""Entity with arrows at each instant, from an agent that fires to one that receives; of class 1 if its phase shifts."""
+
+UNBOUNDED_SHARE = 1 / 8
+"""Drawn length of a cone of unlimited range, as a share of the side."""
+
+ARC_STEP_RAD = math.radians(12)
+"""Largest angle between two corners of an arc, rad."""
+
+PULSES = rr.AnnotationContext([(0, "receives", (95, 105, 135)), (1, "is shifted", (240, 200, 40))])
+"""Names and colours of the classes of links: a pulse that is received, and one that shifts the phase as well."""
+
+
+class AgentLayers:
+    """Cones or ranges, and pulse links.
+
+    Cones are drawn in squares only: a segment has no angles, and a cube is seen from above.
+    """
+
+    def __init__(self, scenario: ParticleScenario, population: Population) -> None:
+        rule = scenario.neighbourhood
+        radius_cm = rule.radius_cm if isinstance(rule, Cone | Range) else None
+        is_sector = isinstance(rule, Cone) and rule.angle_deg < 360
+        self._population = population
+        self._range_cm = None if is_sector else radius_cm
+        self._cone_cm = UNBOUNDED_SHARE * scenario.space.side_cm if radius_cm is None else radius_cm
+        self._arc: FloatArray | None = None
+        """(corners,) rad: angles from the heading to the corners of a cone's arc."""
+        if isinstance(rule, Cone) and is_sector and scenario.space.dimensions == 2:
+            half = math.radians(rule.angle_deg) / 2
+            self._arc = np.linspace(-half, half, 1 + math.ceil(2 * half / ARC_STEP_RAD))
+
+    def static_chunks(self) -> Iterator[Chunk]:
+        """Yield the appearance of cones, ranges and links."""
+        thin = 0.03 * self._population.radii_cm[0]
+        if self._arc is not None:
+            yield static_chunk(CONES, rr.LineStrips2D.from_fields(colors=FAINT, radii=thin, draw_order=10))
+        if self._range_cm is not None:
+            yield static_ranges(np.full(self._population.size, self._range_cm), thin)
+        yield static_chunk(LINKS, PULSES)
+        yield static_chunk(LINKS, rr.Arrows2D.from_fields(radii=2 * thin, show_labels=False, draw_order=15))
+
+    def chunks(self, batch: RowBatch) -> Iterator[Chunk]:
+        """Yield cones, ranges and links in these rows."""
+        middles, time_ns = batch.poses[..., :2], batch.time_ns
+        if self._arc is not None:
+            rays = unit_vectors(batch.poses[..., 2, None] + self._arc)
+            apex = middles[:, :, None]
+            arc = ray_ends(apex, rays, self._cone_cm, self._population.arena)
+            yield temporal_chunk(CONES, time_ns, *strip_columns(np.concatenate([apex, arc, apex], axis=2)))
+        if self._range_cm is not None:
+            yield ranges(middles, batch)
+        rows, firing, receiving, is_shifted = batch.links.T
+        ways = middles[rows, receiving] - middles[rows, firing]
+        if self._population.is_cyclic:  # across the edge where that is shorter
+            side_cm = self._population.arena.width_cm
+            ways -= side_cm * np.rint(ways / side_cm)
+        arrows = rr.Arrows2D.columns(
+            origins=middles[rows, firing], vectors=ways, class_ids=is_shifted.astype(np.uint16)
+        )
+        yield temporal_chunk(LINKS, time_ns, *arrows.partition(np.bincount(rows, minlength=len(time_ns))))
+
+    def final_chunks(self) -> tuple[Chunk, ...]:
+        """Return nothing: nothing is held back."""
+        return ()

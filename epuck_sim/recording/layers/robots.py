@@ -14,62 +14,22 @@ from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.changes.attendance import parked
 from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.sensors.camera import half_view_rad
-from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.layers.arena import (
     FAINT,
     LIT,
-    NUMBERS,
     ranges,
     ray_ends,
+    row_numbers,
     static_ranges,
     strip_columns,
     unit_vectors,
 )
 from epuck_sim.recording.layers.series import static_wheel_series, wheel_series
-from epuck_sim.recording.population import Population
-from epuck_sim.recording.rows import RowBatch
+from epuck_sim.recording.rows import Population, RowBatch
+from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robot_kind import ProximitySection, RobotKind
 from epuck_sim.scenario.robots import CameraSignal, RobotGroup
-
-_STROKES = (
-    ((0, 0), (1, 0), (1, 2), (0, 2), (0, 0)),
-    ((1, 0), (1, 2)),
-    ((0, 0), (1, 0), (1, 1), (0, 1), (0, 2), (1, 2)),
-    ((0, 0), (1, 0), (1, 1), (0, 1), (1, 1), (1, 2), (0, 2)),
-    ((0, 0), (0, 1), (1, 1), (1, 0), (1, 2)),
-    ((1, 0), (0, 0), (0, 1), (1, 1), (1, 2), (0, 2)),
-    ((1, 0), (0, 0), (0, 2), (1, 2), (1, 1), (0, 1)),
-    ((0, 0), (1, 0), (1, 2)),
-    ((0, 0), (1, 0), (1, 2), (0, 2), (0, 1), (1, 1), (0, 1), (0, 0)),
-    ((1, 1), (0, 1), (0, 0), (1, 0), (1, 2), (0, 2)),
-)
-"""Corners of each digit, as on a display of seven segments; y points down."""
-
-SCALE = 0.32
-"""Width of a digit, in rows; it is twice as high."""
-
-PITCH = 0.55
-"""Distance from one digit to the next, in rows."""
-
-THICKNESS = 0.1
-"""Thickness of lines, in rows."""
-
-
-def row_numbers(rows: int) -> rr.LineStrips2D:
-    """Return the numbers of the rows of a picture, to its left, right-aligned."""
-    strips = [strip for row in range(rows) for strip in number_strips(row, -PITCH, row + 0.5 - SCALE)]
-    return rr.LineStrips2D(strips, radii=THICKNESS / 2, colors=NUMBERS)
-
-
-def number_strips(number: int, right: float, top: float) -> list[FloatArray]:
-    """Return a strip, (corners, 2), for each digit of a number; `right` and `top` are those of its last digit."""
-    lefts = right - SCALE - PITCH * np.arange(len(str(number)))[::-1]
-    return [
-        (left, top) + SCALE * np.array(_STROKES[int(digit)], float)
-        for left, digit in zip(lefts, str(number), strict=True)
-    ]
-
 
 CAMERA = "/camera/rows"
 """Entity with a picture at each step: a row for each robot, of class 1 where a lit ring is seen."""

@@ -1,5 +1,6 @@
 """Plots over time in a recording: flashes, order, phases, wheels, memory and readings; and a log of what changed."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -9,13 +10,13 @@ from rerun.chunk import Chunk
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.step import READING, Step, check_fields, field_values, reading_fields
-from epuck_sim.recording.chunks import static_chunk, temporal_chunk
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import Population
-from epuck_sim.recording.rows import RowBatch
+from epuck_sim.recording import Level
+from epuck_sim.recording.rows import Population, RowBatch
+from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
+from epuck_sim.trial.result import TrialState
 
 FLASHES = "/flashes"
 """Entity with a scalar at each flash: the number of the robot or agent; `cycle`: which of its flashes it is, from 1."""
@@ -38,6 +39,9 @@ PHASE_LEAD = "/phase_lead"
 WHEELS = "/wheels"
 """Entity with (2 robots,) scalars at each step: left and right wheel of each robot, as commanded, cm/s."""
 
+NOW = "/now"
+"""Entity with a text whenever that changes: whole seconds, the cycle, and T_sync once it is known."""
+
 KEEP_EXTREMES: dict[str, Any] = {"aggregation_policy": "MinMax"}
 """Style of lines that are drawn by their extremes when zoomed out: the mean of many cycles would be flat."""
 
@@ -56,6 +60,7 @@ def static_time_series(population: Population, level: Level) -> Iterator[Chunk]:
         ORDER_AT_FIRINGS, rr.SeriesPoints(colors=BLUE, marker_sizes=4, names="at firings of the reference")
     )
     yield static_chunk(THRESHOLD, rr.SeriesLines(colors=RED, widths=1, names="synchronised"))
+    yield static_chunk(NOW, rr.TextDocument.from_fields(media_type="text/markdown"))
     if level is not Level.SUMMARY:
         yield static_chunk(PHASES, rr.SeriesLines(names=robot_names(population), **KEEP_EXTREMES))
         yield static_chunk(PHASE_LEAD, rr.SeriesPoints(names=robot_names(population), markers="circle", marker_sizes=2))
@@ -79,6 +84,30 @@ def time_series(batch: RowBatch, population: Population, threshold: float | None
         if len(batch.firings):
             lead = phase_lead(batch.phase_ms[batch.firings], population)
             yield temporal_chunk(PHASE_LEAD, time_ns[batch.firings], *scalar_columns(lead))
+
+
+class Now:
+    """Says what the trial has come to."""
+
+    def __init__(self) -> None:
+        self._cycles = 0  # before the first row
+        self._said = ""
+
+    def chunks(self, batch: RowBatch, state: TrialState) -> Iterator[Chunk]:
+        """Yield the texts of these rows, after whose last the trial is in a state, where they are new."""
+        cycles = self._cycles + np.searchsorted(batch.firings, np.arange(len(batch.time_ns)), side="right")
+        self._cycles = state.cycles
+        t_sync = state.outcome.cycles if state.is_synchronised else math.inf
+        rows, texts = [], []
+        for row, (time_ns, cycle) in enumerate(zip(batch.time_ns.tolist(), cycles.tolist(), strict=True)):
+            reached = f"T_sync {t_sync} cycles" if cycle >= t_sync else "not synchronised"
+            text = f"**{time_ns // 10**9} s**" + (f", cycle {cycle}: {reached}" if state.oscillators else "")
+            if text != self._said:
+                rows.append(row)
+                texts.append(text)
+                self._said = text
+        if rows:
+            yield temporal_chunk(NOW, batch.time_ns[rows], *rr.TextDocument.columns(text=texts))
 
 
 def phase_lead(phase_ms: FloatArray, population: Population) -> FloatArray:

@@ -15,9 +15,9 @@ import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.chunks import APPLICATION, TIMELINE
+from epuck_sim.recording.process import ViewerProcess, in_background, proxy_url
 from epuck_sim.recording.reader import read_layout
-from epuck_sim.recording.viewer.process import ViewerProcess, in_background, proxy_url
+from epuck_sim.recording.rrd_file import APPLICATION, TIMELINE
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.machine import HOST, check_port, free_port
 

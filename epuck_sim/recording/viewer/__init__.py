@@ -1,1 +1,0 @@
-"""Rerun's viewer: its process, a saved recording, a live trial."""
