@@ -24,8 +24,8 @@ from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import run_trial
-from epuck_sim.trial.synchrony import SynchronyWatch
 from tests.overhead.films import passed, read_rings
 from tests.overhead.score import Score, compare
 
