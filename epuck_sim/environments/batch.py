@@ -17,7 +17,7 @@ from epuck_sim.environments.spaces import AgentSpaces, Commanded, gather
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import arena_entries
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.seeds import trial_seed
 
 ScenarioLike = Scenario | str | Path | Mapping[str, Any]

@@ -24,7 +24,7 @@ from epuck_sim.page.settings import Setting, refuse, stops
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.robot_kind import cell_cm
-from epuck_sim.trial.synchrony import NOMINAL_PERIOD_S
+from epuck_sim.trial.embodied import NOMINAL_PERIOD_S
 
 MOST_ROBOTS = 200
 """Largest swarm of a page."""

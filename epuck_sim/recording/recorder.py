@@ -20,7 +20,7 @@ from epuck_sim.recording.parts import parts_of
 from epuck_sim.recording.rrd_file import rrd_file
 from epuck_sim.scenario.loader import complete, write_scenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.observer import TrialState
+from epuck_sim.trial.result import TrialState
 from epuck_sim.util.provenance import versions
 
 FORMAT = 1

@@ -22,7 +22,7 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import ROWS_PER_PERIOD
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.embodied import SynchronyWatch
 
 
 class RowBatch(NamedTuple):

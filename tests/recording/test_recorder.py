@@ -31,9 +31,9 @@ from epuck_sim.recording.viewer.process import PROGRAM, run_rerun
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.provenance import versions
 from tests.recording.comparing import compare
 

@@ -22,8 +22,8 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer.process import run_rerun
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial
-from epuck_sim.trial.synchrony import SynchronyWatch
 from tests.processes import start, wait_until
 
 SCENARIO = load_scenario("thesis", ["stop.max_time_s=40", "stop.order_parameter=1"])

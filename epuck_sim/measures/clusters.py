@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.instruments.population import phases_at
+from epuck_sim.measures.common import Series, phases_at
 
 
 def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
@@ -32,63 +32,60 @@ def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
     return numbers
 
 
-class _Clusters:
-    """What both measures of clusters share: the sizes at each cycle."""
+class _Clusters(Series):
+    """What all measures of clusters share: who is in which at each cycle."""
 
     def __init__(self, simulation: Any, *, gap: float = 0.02) -> None:
-        self._simulation = simulation
+        super().__init__(simulation)
         self._gap = gap
-        self._sizes: list[IntArray] = []
 
     @staticmethod
     def check(parameters: SimpleNamespace) -> None:
-        """Raise ValueError for a gap that no cluster has."""
         if not 0 <= parameters.gap < 0.5:
             raise ValueError(f"gap is {parameters.gap:g}; allowed: 0 up to 0.5, in cycles")
 
     def cycle(self, event: Any, _: Any) -> None:
-        """Take note of the sizes of the clusters."""
-        self._sizes.append(np.bincount(cluster_numbers(phases_at(self._simulation, event), self._gap)))
+        self.take(cluster_numbers(phases_at(self._simulation, event), self._gap))
+
+    def take(self, numbers: IntArray) -> None:
+        """Measure the clusters of a cycle; see `cluster_numbers`."""
+        raise NotImplementedError
 
 
 class ClusterCount(_Clusters):
     """Number of phase clusters at each cycle: neighbours at most `gap` cycles apart are in one (series)."""
 
-    def value(self) -> list[int]:
-        """Return the series."""
-        return [len(sizes) for sizes in self._sizes]
+    def take(self, numbers: IntArray) -> None:
+        self._series.append(int(numbers.max(initial=-1)) + 1)
 
 
 class LargestCluster(_Clusters):
     """Share of the oscillators that is in the largest phase cluster at each cycle (series)."""
 
-    def value(self) -> list[float | None]:
-        """Return the series; None where there are no oscillators."""
-        return [float(sizes.max() / sizes.sum()) if len(sizes) else None for sizes in self._sizes]
+    def take(self, numbers: IntArray) -> None:
+        sizes = np.bincount(numbers)
+        self._series.append(float(sizes.max() / sizes.sum()) if len(sizes) else None)  # None without oscillators
 
 
-class ClusterLife:
+class ClusterLife(_Clusters):
     """Mean life of phase clusters of two or more, in cycles: clusters at risk over clusters that end.
 
     A cluster lives on if, at the next cycle, one has more than half of all that are in either of the two.
     """
 
+    UNIT = "cycles"
+
     def __init__(self, simulation: Any, *, gap: float = 0.02) -> None:
-        self._simulation = simulation
-        self._gap = gap
+        super().__init__(simulation, gap=gap)
         self._before: IntArray | None = None
         self._at_risk, self._ended = 0, 0
 
-    check = _Clusters.check
-
-    def cycle(self, event: Any, _: Any) -> None:
-        """Count the clusters of the last cycle, and those of them that are gone."""
-        now = cluster_numbers(phases_at(self._simulation, event), self._gap)
-        if self._before is not None and len(now):
-            lived, gone = surviving_clusters(self._before, now)
+    def take(self, numbers: IntArray) -> None:
+        if self._before is not None and len(numbers):
+            lived, gone = surviving_clusters(self._before, numbers)
             self._at_risk += lived + gone
             self._ended += gone
-        self._before = now
+        self._before = numbers
 
     def value(self) -> float | None:
         """Return the mean; None if no cluster has ended."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray
+from epuck_sim.measures.common import Series, one_of
 from epuck_sim.particles.links import SHIFTS_ONLY
 
 RULES = ("naming_game", "voter")
@@ -20,14 +21,14 @@ STREAM = 18
 """Number that sets the words' random stream apart from the trial's others."""
 
 
-class _Talk:
+class _Talk(Series):
     """What both measures share: who knows which words, and the rule by which that changes."""
 
     MODELS = ("embodied", "particles")
 
     def __init__(self, simulation: Any, *, rule: str = "naming_game") -> None:
         population = int(simulation.scenario.population)
-        self._simulation = simulation
+        super().__init__(simulation)
         self._is_voter = rule == "voter"
         self._random = np.random.default_rng([simulation.seed, STREAM])
         self.knows: BoolArray = np.eye(population, dtype=bool)  # of each robot or agent, each word
@@ -36,11 +37,7 @@ class _Talk:
         self._agreed: int | None = None  # the cycle in which all agree
         self._cycles = 0
 
-    @staticmethod
-    def check(parameters: Any) -> None:
-        """Raise ValueError if there is no such rule."""
-        if parameters.rule not in RULES:
-            raise ValueError(f"rule is {parameters.rule}; allowed: {', '.join(RULES)}")
+    check = staticmethod(one_of(rule=RULES))
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
@@ -64,7 +61,6 @@ class _Talk:
         self.knows[hearer, word] = True
 
     def stretch(self, stretch: Any, state: Any) -> None:
-        """Have robots hear the word of each flash once, when they first see it."""
         sightings = stretch.sightings
         ends = np.searchsorted(sightings[:, 0], np.arange(len(stretch.poses) + 1)).tolist()
         for step, (begin, end) in enumerate(pairwise(ends)):
@@ -94,7 +90,6 @@ class _Talk:
             self._agreed = cycles
 
     def event(self, event: Any, state: Any) -> None:
-        """Have agents hear the words of those that fire, in the order of the cascade."""
         if not len(event.fired):
             return
         word, last = -1, -1
@@ -108,6 +103,8 @@ class _Talk:
 class Consensus(_Talk):
     """Cycles until all know one word, the same (both models)."""
 
+    UNIT = "cycles"
+
     def value(self) -> int | None:
         """Return the cycles; None if they never agreed."""
         return self._agreed
@@ -116,14 +113,5 @@ class Consensus(_Talk):
 class Words(_Talk):
     """Number of words that somebody knows, at each cycle (series)."""
 
-    def __init__(self, simulation: Any, *, rule: str = "naming_game") -> None:
-        super().__init__(simulation, rule=rule)
-        self._series: list[int] = []
-
     def cycle(self, _: Any, __: Any) -> None:
-        """Count the words."""
         self._series.append(self.words)
-
-    def value(self) -> list[int]:
-        """Return the series."""
-        return self._series

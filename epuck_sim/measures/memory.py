@@ -7,7 +7,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.memory import check_field, memory_values
-from epuck_sim.instruments.graphs import check_choice
+from epuck_sim.measures.common import one_of
 
 TAKEN = ("final", "mean", "series")
 
@@ -24,10 +24,7 @@ class Memory:
         self._name, self._robot, self._take = name, robot, take
         self._series: list[float | None] = []
 
-    @staticmethod
-    def check(parameters: SimpleNamespace) -> None:
-        """Raise ValueError for a value that there is not."""
-        check_choice(parameters, "take", TAKEN)
+    check = staticmethod(one_of(take=TAKEN))
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
@@ -37,7 +34,6 @@ class Memory:
         check_field(scenario, parameters.name, None if parameters.robot < 0 else parameters.robot)
 
     def cycle(self, step: Any, _: Any) -> None:
-        """Take note of the field."""
         values: FloatArray = memory_values(step.memories, self._name)
         chosen = values[~np.isnan(values)] if self._robot < 0 else values[[self._robot]]
         self._series.append(float(chosen.mean()) if len(chosen) else None)

@@ -37,12 +37,10 @@ class _Suspicion:
 
     @staticmethod
     def check(parameters: Any) -> None:
-        """Raise ValueError if no time without a flash is asked for."""
         if parameters.cycles <= 0:
             raise ValueError(f"cycles is {parameters.cycles:g}; allowed: above 0")
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        """Have each robot watch those in its view."""
         views, sightings, steps = stretch.views, stretch.sightings, np.arange(len(stretch.poses) + 1)
         ends = np.searchsorted(views[:, 0], steps), np.searchsorted(sightings[:, 0], steps)
         begun = np.zeros_like(self._suspects)
@@ -139,6 +137,8 @@ def watch(
 class DetectionDelay(_Suspicion):
     """Periods from when a robot ceases to flash until another suspects it, mean over all that do (robots)."""
 
+    UNIT = "cycles"
+
     def __init__(self, simulation: Any, *, cycles: float = 2.0) -> None:
         super().__init__(simulation, cycles=cycles)
         self._since_s = np.full(len(self._period_s), np.nan)
@@ -164,7 +164,6 @@ class FalseAlarms(_Suspicion):
         self._alarms, self._steps = 0, 0
 
     def take(self, begun: BoolArray, _: float, steps: int) -> None:
-        """Count the suspicions that begin of robots that flash."""
         self._alarms += int(begun[:, self._faults == 0].sum())
         self._steps += steps
 

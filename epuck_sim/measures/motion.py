@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray
-from epuck_sim.instruments.population import positions_at, sides_at
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.measures.common import Series, positions_at, sides_at, sides_cm
 
 
-class MeanSquaredDisplacement:
+class MeanSquaredDisplacement(Series):
     """Mean squared distance, in cm^2, from the places at the first firing of the reference, at each cycle (series)."""
+
+    UNIT = "cm²"
 
     def __init__(self, simulation: Any) -> None:
         scenario = simulation.scenario
@@ -19,20 +21,14 @@ class MeanSquaredDisplacement:
             raise ValueError(
                 "mean_squared_displacement needs walls; in a cyclic space, distances begin anew at its edge"
             )
-        self._simulation = simulation
+        super().__init__(simulation)
         self._start: FloatArray | None = None
-        self._series: list[float] = []
 
     def cycle(self, event: Any, _: Any) -> None:
-        """Take note of how far all have come."""
         positions = positions_at(self._simulation, event)
         if self._start is None:
             self._start = positions
         self._series.append(float(((positions - self._start) ** 2).sum(axis=1).mean()))
-
-    def value(self) -> list[float]:
-        """Return the series."""
-        return self._series
 
 
 class NearWalls:
@@ -45,12 +41,10 @@ class NearWalls:
 
     @staticmethod
     def check(parameters: SimpleNamespace) -> None:
-        """Raise ValueError for a distance that is none."""
         if parameters.within_cm <= 0:
             raise ValueError(f"within_cm is {parameters.within_cm:g}; allowed: above 0")
 
     def cycle(self, event: Any, _: Any) -> None:
-        """Count who is near a wall."""
         positions = positions_at(self._simulation, event)
         distances = np.minimum(positions, sides_at(self._simulation, event) - positions).min(axis=1)
         self._near += int(np.count_nonzero(distances <= self._within_cm))
@@ -64,6 +58,7 @@ class NearWalls:
 class MeanSpeed:
     """Mean speed over the floor in cm/s, of all robots and steps (robots)."""
 
+    UNIT = "cm/s"
     MODELS = ("embodied",)
 
     def __init__(self, simulation: Any) -> None:
@@ -72,7 +67,6 @@ class MeanSpeed:
         self._way_cm, self._steps = 0.0, 0
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        """Add how far robots have come since the last step."""
         places = stretch.poses[:, :, :2]
         moved = np.diff(places, axis=0, prepend=places[:1] if self._before is None else self._before)
         ways = np.sqrt((moved**2).sum(axis=2)).mean(axis=1)[self._before is None :]
@@ -93,6 +87,7 @@ class VelocityCorrelationTime:
     all and over time, is interpolated between two lags.
     """
 
+    UNIT = "s"
     MODELS = ("embodied", "particles")
 
     def __init__(self, simulation: Any, *, lags: int = 100) -> None:
@@ -105,19 +100,16 @@ class VelocityCorrelationTime:
 
     @staticmethod
     def check(parameters: SimpleNamespace) -> None:
-        """Raise ValueError without a lag."""
         if not 1 <= parameters.lags <= 100_000:
             raise ValueError(f"lags is {parameters.lags}; allowed: 1 to 100000")
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        """Take note of how far robots have moved in each step."""
         places = stretch.poses[:, :, :2]
         before = places[:1] if self._place is None else self._place
         self._add(np.diff(places, axis=0, prepend=before)[self._place is None :])
         self._place = places[-1:].copy()
 
     def cycle(self, _: Any, __: Any) -> None:
-        """Take note of the velocities of agents."""
         if not self._has_bodies:
             self._add((self._simulation.headings() * self._simulation.speeds_cm_s[:, None])[None])
 
@@ -159,3 +151,125 @@ def correlation_time(correlation: FloatArray, interval_s: float) -> float | None
         return None
     lag = int(below[0])
     return float(interval_s * (lag - 1 + (share[lag - 1] - 1 / math.e) / (share[lag - 1] - share[lag])))
+
+
+MOST_CELLS = 10**6
+"""Most cells of a map."""
+
+
+class _Map:
+    """What both measures of places share: how many were in each cell, at all cycles together."""
+
+    def __init__(self, simulation: Any, *, cells: int = 10) -> None:
+        self._simulation = simulation
+        self._shape = (cells,) * len(sides_cm(simulation))
+        if cells ** len(self._shape) > MOST_CELLS:
+            raise ValueError(f"cells is {cells}, along each of {len(self._shape)} axes; allowed: {MOST_CELLS} in all")
+        self._cell_cm = np.array(sides_cm(simulation)) / cells
+        self._counts: IntArray = np.zeros(cells ** len(self._shape), np.int64)
+
+    @staticmethod
+    def check(parameters: SimpleNamespace) -> None:
+        if not 1 <= parameters.cells <= MOST_CELLS:
+            raise ValueError(f"cells is {parameters.cells}; allowed: 1 to {MOST_CELLS}")
+
+    def cycle(self, event: Any, _: Any) -> None:
+        """Count who is in which cell; those on an edge belong to the cell beyond it, or to the last."""
+        places = positions_at(self._simulation, event) // self._cell_cm
+        axes = np.clip(places, 0, self._shape[0] - 1).astype(np.int64)
+        cells = np.ravel_multi_index(tuple(axes.T[::-1]), self._shape)  # x runs fastest
+        self._counts += np.bincount(cells, minlength=len(self._counts))
+
+
+class Coverage(_Map):
+    """Share of the cells, `cells` along each axis, in which the centre of a robot or agent was at a cycle."""
+
+    def value(self) -> float | None:
+        """Return the share; None without a cycle."""
+        return float((self._counts > 0).mean()) if self._counts.any() else None
+
+
+class Density(_Map):
+    """Share of all positions at cycles in each cell: a series of cells, row by row; x runs fastest, then y."""
+
+    def value(self) -> list[float]:
+        """Return the shares; none without a cycle."""
+        total = int(self._counts.sum())
+        return [float(share) for share in self._counts / total] if total else []
+
+
+SECONDS_PER_HOUR = 3600
+
+
+class Moved:
+    """Distance in cm that a movable moves in an hour, straight from cycle to cycle; a mean over movables (robots)."""
+
+    UNIT = "cm/h"
+    MODELS = ("embodied",)
+
+    def __init__(self, simulation: Any) -> None:  # noqa: ARG002 every measure takes the simulation
+        self._places: FloatArray | None = None
+        self._begin_s = self._last_s = 0.0
+        self._path_cm = 0.0
+
+    @staticmethod
+    def check_scenario(scenario: Any, _: Any) -> None:
+        """Raise ValueError if there is nothing to move."""
+        if not scenario.arena.movables:
+            raise ValueError("moved needs arena.movables; the arena has none")
+
+    def cycle(self, step: Any, _: Any) -> None:
+        places = step.movables.copy()
+        if self._places is None:
+            self._begin_s = step.time_s
+        else:
+            self._path_cm += float(np.sqrt(((places - self._places) ** 2).sum(axis=1)).mean())
+        self._places, self._last_s = places, step.time_s
+
+    def value(self) -> float | None:
+        """Return the distance; None without two cycles."""
+        seconds = self._last_s - self._begin_s
+        return SECONDS_PER_HOUR * self._path_cm / seconds if seconds > 0 else None
+
+
+class Avoiding:
+    """Share of time in which a robot turns: its wheels are commanded different speeds (robots).
+
+    With the shipped motion algorithm (Appendix B), which drives straight ahead else, this is the time in avoidance.
+    """
+
+    MODELS = ("embodied",)
+
+    def __init__(self, simulation: Any) -> None:  # noqa: ARG002 every measure takes the simulation
+        self._turning, self._seen = 0, 0
+
+    def stretch(self, stretch: Any, _: Any) -> None:
+        left, right = stretch.wheels_cm_s[..., 0], stretch.wheels_cm_s[..., 1]
+        self._turning += int(np.count_nonzero(left != right))
+        self._seen += left.size
+
+    def value(self) -> float | None:
+        """Return the share; None without a step."""
+        return self._turning / self._seen if self._seen else None
+
+
+class InContact:
+    """Share of time in which a robot touches another, a wall or an obstacle (robots)."""
+
+    MODELS = ("embodied",)
+
+    def __init__(self, simulation: Any) -> None:
+        self._robots = len(simulation.period_ms)
+        self._touching, self._steps = 0, 0
+
+    def stretch(self, stretch: Any, _: Any) -> None:
+        step, robot, other = stretch.contacts.T
+        touching = np.zeros((len(stretch.poses), self._robots), np.bool_)
+        touching[step, robot] = True
+        touching[step[other >= 0], other[other >= 0]] = True
+        self._touching += int(np.count_nonzero(touching))
+        self._steps += len(touching)
+
+    def value(self) -> float | None:
+        """Return the share; None without a step."""
+        return self._touching / (self._robots * self._steps) if self._steps else None

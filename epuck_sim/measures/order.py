@@ -3,20 +3,15 @@
 from types import SimpleNamespace
 from typing import Any
 
+from epuck_sim.measures.common import Series
 
-class OrderParameter:
+
+class OrderParameter(Series):
     """Order parameter at each firing of the reference: `stop.metric`, eq. 4.2, 5.7 or 3.4 (series)."""
-
-    def __init__(self, simulation: Any) -> None:  # noqa: ARG002 every measure takes the simulation
-        self._series: list[float | None] = []
 
     def cycle(self, _: Any, state: Any) -> None:
         """Take note of the order parameter, which the trial has measured; None of robots without oscillators."""
         self._series.append(state.order_parameter)
-
-    def value(self) -> list[float | None]:
-        """Return the series."""
-        return self._series
 
 
 def read_thresholds(text: str) -> list[float]:
@@ -34,17 +29,17 @@ def read_thresholds(text: str) -> list[float]:
 class ThresholdCycles:
     """Cycle at which the order parameter first reached each of the `thresholds` (a series, one for each of them)."""
 
+    UNIT = "cycles"
+
     def __init__(self, simulation: Any, *, thresholds: str = "0.5 0.8 0.9 0.95 0.99") -> None:  # noqa: ARG002
         self._thresholds = read_thresholds(thresholds)
         self._cycles: list[int | None] = [None] * len(self._thresholds)
 
     @staticmethod
     def check(parameters: SimpleNamespace) -> None:
-        """Raise ValueError for thresholds that are none."""
         read_thresholds(parameters.thresholds)
 
     def cycle(self, _: Any, state: Any) -> None:
-        """Take note of the thresholds that are reached for the first time."""
         order = state.order_parameter
         if order is None:
             return
@@ -67,12 +62,10 @@ class _AfterThreshold:
 
     @staticmethod
     def check(parameters: SimpleNamespace) -> None:
-        """Raise ValueError for a threshold that is none."""
         if not 0 < parameters.threshold <= 1:
             raise ValueError(f"threshold is {parameters.threshold:g}; allowed: above 0 and up to 1")
 
     def cycle(self, _: Any, state: Any) -> None:
-        """Count a cycle after the one at which the threshold was first reached."""
         order = state.order_parameter
         if order is None:
             return

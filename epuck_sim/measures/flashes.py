@@ -19,7 +19,6 @@ class FlashesSeen:
         self._cycles = 0
 
     def step(self, step: Any, state: Any) -> None:
-        """Count the robots that see a flash and saw none in the step before."""
         is_seen = step.flash_seen
         self._count += int(np.count_nonzero(is_seen & ~self._is_seen))
         self._is_seen = is_seen
@@ -44,7 +43,6 @@ class _FlashViews:
         self._pairs, self._seen, self._repeated = 0, 0, 0
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        """Count who has which lit ring in view in each step."""
         sightings = stretch.sightings
         ends = np.searchsorted(sightings[:, 0], np.arange(len(stretch.poses) + 1))
         for step, is_any_lit in enumerate(stretch.ring_on.any(axis=1).tolist()):

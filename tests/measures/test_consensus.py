@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import MeasureError, ScenarioError
-from epuck_sim.instruments.consensus import STREAM, Words
+from epuck_sim.measures.consensus import STREAM, Words
 from epuck_sim.scenario.loader import load_scenario
-from tests.instruments.test_instruments import AGENTS, ROBOTS, run
+from tests.measures.test_shipped import AGENTS, ROBOTS, run
 
 FEW = {**AGENTS, "agents": {"count": 12, "speed_cm_s": 20.0}}
 CROWD = {**ROBOTS, "robots": [{"count": 6, "camera": {"field_of_view_deg": 120}}]}
@@ -135,7 +135,7 @@ def test_nobody_agrees_who_hears_nobody():
 @pytest.mark.parametrize(
     ("measure", "sections", "message"),
     [
-        ({"words": {"rule": "majority"}}, AGENTS, "rule is majority; allowed: naming_game, voter"),
+        ({"words": {"rule": "majority"}}, AGENTS, "rule is 'majority'; allowed: naming_game, voter"),
         ("consensus", {**AGENTS, "agents": {"count": 50}}, "agents.count is 50; allowed with words: below 50"),
     ],
 )

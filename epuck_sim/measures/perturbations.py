@@ -34,7 +34,6 @@ class _Twin:
 
     @staticmethod
     def check(parameters: SimpleNamespace) -> None:
-        """Raise ValueError for a displacement that is none."""
         if not 0 <= parameters.displacement < 0.5:
             raise ValueError(f"displacement is {parameters.displacement:g}; allowed: 0 up to 0.5, in cycles")
 
@@ -45,7 +44,6 @@ class _Twin:
             raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
 
     def cycle(self, event: Any, _: Any) -> None:
-        """Compare the phases with the twin's."""
         self._twin.run_to(event.time_s)
         apart = np.abs(self._simulation.phases() - self._twin.phases())
         self._deviations.append(float(np.minimum(apart, 1 - apart).max()))
@@ -58,8 +56,9 @@ class Perturbation(_Twin):
     phase of its agent 0 is ahead by so much at the start.
     """
 
+    UNIT = "cycles"
+
     def value(self) -> list[float]:
-        """Return the series."""
         return self._deviations
 
 
@@ -82,13 +81,14 @@ class PerturbationExponent(_Twin):
 class PerturbationTransient(_Twin):
     """Cycles until the deviation is at most `tolerance` for good (agents)."""
 
+    UNIT = "cycles"
+
     def __init__(self, simulation: Any, *, displacement: float = 0.0, tolerance: float = 0.01) -> None:
         super().__init__(simulation, displacement=displacement)
         self._tolerance = tolerance
 
     @staticmethod
     def check(parameters: SimpleNamespace) -> None:
-        """Raise ValueError for a displacement or a tolerance that is none."""
         _Twin.check(parameters)
         if not 0 < parameters.tolerance < 0.5:
             raise ValueError(f"tolerance is {parameters.tolerance:g}; allowed: above 0 up to 0.5, in cycles")

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.instruments.graphs import component_sizes, degrees
-from tests.instruments.test_instruments import AGENTS, CYCLES, ROBOTS, at_cycles, run, slow_links
+from epuck_sim.measures.links import component_sizes, degrees
+from tests.measures.test_shipped import AGENTS, CYCLES, ROBOTS, at_cycles, run, slow_links
 
 CROWD = {**ROBOTS, "robots": [{"count": 8, "camera": {"field_of_view_deg": 90}}]}
 LIVELY = {**AGENTS, "neighbourhood": {"kind": "cone_of_vision", "angle_deg": 100, "radius_cm": 60}}

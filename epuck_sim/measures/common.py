@@ -1,11 +1,35 @@
-"""Phases and positions of robots or agents at an event, whatever the model."""
+"""What shipped measures share: a series over cycles, choices, and phases and positions whatever the model."""
 
+from collections.abc import Callable, Iterable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.scenario.embodied import largest_cm
+
+
+class Series:
+    """A measure with a value for each cycle, which its method `cycle` appends."""
+
+    def __init__(self, simulation: Any) -> None:
+        self._simulation = simulation
+        self._series: list[Any] = []
+
+    def value(self) -> Any:
+        return self._series
+
+
+def one_of(**choices: Iterable[str]) -> Callable[[SimpleNamespace], None]:
+    """Return a measure's `check`, which raises ValueError for a parameter that is none of its choices."""
+
+    def check(parameters: SimpleNamespace) -> None:
+        for name, allowed in choices.items():
+            if getattr(parameters, name) not in allowed:
+                raise ValueError(f"{name} is {getattr(parameters, name)!r}; allowed: {', '.join(allowed)}")
+
+    return check
 
 
 def phases_at(simulation: Any, event: Any) -> FloatArray:
