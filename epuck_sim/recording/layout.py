@@ -8,7 +8,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from epuck_sim.embodied.memory import READING
+from epuck_sim.embodied.step import READING
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.layers.arena import NUMBERS, ROBOTS
 from epuck_sim.recording.layers.robots import CAMERA, INFRARED, SPACE_TIME

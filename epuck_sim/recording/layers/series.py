@@ -8,8 +8,7 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.memory import READING, check_fields, field_values, reading_fields
-from epuck_sim.embodied.step import Step
+from epuck_sim.embodied.step import READING, Step, check_fields, field_values, reading_fields
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import Population

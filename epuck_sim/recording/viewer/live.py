@@ -17,7 +17,7 @@ from epuck_sim.recording.viewer.process import ViewerProcess, in_background
 from epuck_sim.recording.viewer.viewer import chunk_stream, has_display, web_viewer
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.trial.embodied import SynchronyWatch
-from epuck_sim.util.ports import free_port
+from epuck_sim.util.machine import free_port
 
 REFRESH_S = 0.1
 """Time between two updates of the viewer, in seconds."""
