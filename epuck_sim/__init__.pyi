@@ -27,7 +27,7 @@ from .scenario.points import Point, points
 from .scenario.scenario import Scenario
 from .statistics.summary import summarize
 from .sweep.run import run_sweep
-from .trial.like_robots import start_like
+from .trial.embodied import start_like
 from .trial.model import run_trial
 from .trial.result import TrialResult
 from .trial.trace import Trace

@@ -13,7 +13,7 @@ from typer.main import get_command
 import epuck_sim
 from epuck_sim.cli.app import app
 from epuck_sim.cli.listing import list_names
-from epuck_sim.measures.shipped import SHIPPED
+from epuck_sim.measures.loader import SHIPPED
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from tests.browsers import shown

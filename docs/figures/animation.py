@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from epuck_sim import EmbodiedScenario, Simulation, Step, epuck, load_scenario, run_trial
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.trial.observer import TrialState
+from epuck_sim.trial.result import TrialState
 
 OUT = Path(__file__).with_suffix(".gif")
 SCENARIO, SEED = "thesis", 107

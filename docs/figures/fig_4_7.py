@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 
 from epuck_sim import Simulation
 from epuck_sim.overhead.camera import Geometry, overhead_camera
-from epuck_sim.overhead.counting import RingCounter
 from epuck_sim.overhead.filming import VirtualCamera
+from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.overhead.synchrony import SynchronyDetector, is_synchronised
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.embodied import EmbodiedScenario

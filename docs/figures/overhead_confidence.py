@@ -14,7 +14,7 @@ from pathlib import Path
 
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.track import track_film
 from tests.overhead.effects import KINDS, SCALE, Effect, film, is_right
 from tests.overhead.films import passed

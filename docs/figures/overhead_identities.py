@@ -12,10 +12,9 @@ from pathlib import Path
 
 from epuck_sim import Simulation, load_scenario
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.camera import Geometry, overhead_camera
-from epuck_sim.overhead.counting import RingCounter
+from epuck_sim.overhead.camera import Frame, Geometry, overhead_camera
 from epuck_sim.overhead.filming import VirtualCamera
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.overhead.identities import SURE
 from epuck_sim.overhead.robots import find_robots
 from epuck_sim.overhead.track import Track, analyse

@@ -20,7 +20,7 @@ import numpy as np
 
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.track import track_film
 from tests.overhead.films import passed, read_rings
 from tests.overhead.hough import hough_rings

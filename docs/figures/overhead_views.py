@@ -13,10 +13,10 @@ from epuck_sim import Simulation, load_scenario, run_trial
 from epuck_sim.figures.film_tracking import save_track_figure
 from epuck_sim.overhead.annotate import Annotator
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.counting import RingCounter, track_frames
+from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.filming import film_trial
-from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.flashes import RingCounter, track_frames
 from epuck_sim.overhead.track import snapshot, track_film
 
 OUT = Path(__file__).parent

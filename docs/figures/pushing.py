@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import read_points
-from epuck_sim.instruments.perturbations import mean_with_interval
+from epuck_sim.measures.perturbations import mean_with_interval
 
 FRICTION, FORCE_N, WEIGHT_N = "arena.movables.0.friction", 0.5, 9.81
 LIMITS = (0, 0.7, 0.9, 0.97, 1)

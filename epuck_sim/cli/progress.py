@@ -20,10 +20,10 @@ from epuck_sim.runs.status import FEW_TRIALS, PointAtLimit
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.stop import StopSection
 from epuck_sim.trial.hopelessness import CYCLES, HopelessnessWatch
-from epuck_sim.trial.observer import TrialState
+from epuck_sim.trial.result import TrialState
 
 if TYPE_CHECKING:  # films are a neighbour
-    from epuck_sim.overhead.frame import ProgressWrapper
+    from epuck_sim.overhead.camera import ProgressWrapper
 
 REFRESH_S = 0.2
 """Seconds between two updates on a terminal."""

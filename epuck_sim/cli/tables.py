@@ -20,8 +20,7 @@ from epuck_sim.util.messages import counted
 from epuck_sim.util.provenance import format_versions, versions
 
 if TYPE_CHECKING:  # or a trial would wait for OpenCV and scipy
-    from epuck_sim.overhead.compare import QuantityComparison
-    from epuck_sim.overhead.film_fit import Fitted
+    from epuck_sim.overhead.compare import Fitted, QuantityComparison
     from epuck_sim.overhead.robots import Robots
     from epuck_sim.overhead.track import Track
     from epuck_sim.runs.status import Failure, PointAtLimit, Status

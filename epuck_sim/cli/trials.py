@@ -19,8 +19,7 @@ from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.model import check_interpretable, run_trial, simulate
-from epuck_sim.trial.observer import Observer
-from epuck_sim.trial.result import TrialResult
+from epuck_sim.trial.result import Observer, TrialResult
 from epuck_sim.util.atomic_write import check_trial_paths, trial_path
 from epuck_sim.util.messages import counted
 from epuck_sim.util.seeds import trial_seed

@@ -17,7 +17,7 @@ from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.interface import ACTUATORS, Controller, Sensor, Sensors, Wheels
 from epuck_sim.control.names import check_sensed
-from epuck_sim.embodied.sensors.completion import completion, names_of_readings
+from epuck_sim.embodied.sensors.own import completion, names_of_readings
 from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, swarm_at
 from epuck_sim.embodied.user_code import UserCode, as_python, view_at
 from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest

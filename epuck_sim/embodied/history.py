@@ -7,9 +7,7 @@ import numpy as np
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.loop import DONE, FIRED, ControlLoop, take_steps
-from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import Scene, make_scene
-from epuck_sim.embodied.observers.visibility import find_all_sightings
+from epuck_sim.embodied.observers import Scene, find_all_sightings, find_contacts, make_scene
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.jit import bind, jit_no_alloc

@@ -117,8 +117,8 @@ def _set_scene(scene: Any, scenario: EmbodiedScenario) -> None:
 
 
 def set_bodies(swarm: Swarm, kinds: Sequence[RobotKind]) -> None:
-    """Write to a swarm how large its robots, each of a kind, are, and how they drive."""
-    for name in ("radius_cm", "wheel_limit_cm_s", "wheel_base_cm"):
+    """Write to a swarm how large and heavy its robots, each of a kind, are, and how they drive."""
+    for name in ("radius_cm", "mass_g", "wheel_limit_cm_s", "wheel_base_cm"):
         swarm.robots[name] = [getattr(kind, name) for kind in kinds]
     swarm.scene[0].largest_cm = swarm.robots.radius_cm.max()
 

@@ -1,7 +1,7 @@
 """The control loop: move, sense, control, act, many steps in one call of compiled code (thesis 3.1.4.1)."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,15 @@ from epuck_sim.embodied.bodies.drive import apply_commands
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.calls import plan_calls
 from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
+from epuck_sim.embodied.sensors.flash_cone import perceive_flashes
+from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.own import OwnSensor
-from epuck_sim.embodied.sensors.signals import sensors_of
+from epuck_sim.embodied.sensors.radio import receive_pulses
 from epuck_sim.embodied.start import draw_noise
 from epuck_sim.embodied.swarm import FLOAT64, HIDE, INT64, Swarm, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.elementary import log
 from epuck_sim.util.jit import address_of, bind, jit_no_alloc
 from epuck_sim.util.native import array_at, call
@@ -140,6 +144,15 @@ def act_again(block: ByteArray, addresses: IntArray) -> None:
     if scene.step >= 0:  # before, nobody can act
         apply_commands(swarm)
         make_calls(block, addresses, scene.late, scene.calls)
+
+
+def sensors_of(section: RobotGroup) -> list[Callable[..., None]]:
+    """Return what a control step calls, in this order, to have a group sense: functions (block, addresses, group)."""
+    if section.signal.kind != "camera":
+        return [sense_infrared, receive_pulses if section.signal.kind == "radio" else perceive_flashes]
+    camera = section.camera
+    mirrors, waits = camera.reflection_range_cm > 0, camera.frames_per_s is not None
+    return [sense_infrared, look, *[add_reflections] * mirrors, *[take_pictures] * waits]
 
 
 class ControlLoop:

@@ -28,11 +28,10 @@ from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.history import MOST_STEPS, History, Stretch
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, ControlLoop
-from epuck_sim.embodied.observers.relations import Relations
-from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers import Relations, Scene
 from epuck_sim.embodied.placement import Placement
+from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.sensors.own import OwnSensor
-from epuck_sim.embodied.sensors.signals import begin_pictures
 from epuck_sim.embodied.snapshot import Change, Snapshot
 from epuck_sim.embodied.start import Part, draw_start, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.memory import memory_field
-from epuck_sim.embodied.observers.relations import Relations
+from epuck_sim.embodied.observers import Relations
 from epuck_sim.embodied.swarm import Swarm, offset_of, poses_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 

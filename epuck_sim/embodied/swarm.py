@@ -46,6 +46,7 @@ ROBOT = record_type(
         ("vy", "f8"),  # cm/s
         ("spin", "f8"),  # rad/s
         ("radius_cm", "f8"),  # of its body
+        ("mass_g", "f8"),
         ("left_cm_s", "f8"),  # wheels as commanded, within their limit
         ("right_cm_s", "f8"),
         ("turn_rad", "f8"),  # turn on the spot, as commanded
@@ -55,7 +56,8 @@ ROBOT = record_type(
         ("starts", "?"),  # whether its controller is to start, where `scene.starts` says that controllers do
         ("number", "i8"),
         ("present", "?"),  # whether the robot is in the arena; others are parked far outside, at rest, in the dark
-        ("may_touch", "?"),  # whether it may touch something in this control step
+        ("may_touch", "?"),  # whether it may touch something in this control step that takes Chipmunk to settle
+        ("partner", "i8"),  # the only robot that it may touch, itself if that is no robot, or -1: see `bodies.contacts`
         ("in_space", "?"),  # whether its body is in Chipmunk's space
         ("is_stuck", "?"),
         ("sends", "?"),  # whether its radio pulse is on the air
@@ -269,6 +271,7 @@ SCENE = record_type(
         ("brightness", "f8"),  # of the floor where there is no patch and no picture
         ("picture_rows", "i8"),  # of the floor's picture; 0 if there is none
         ("picture_columns", "i8"),
+        ("smooth", "?"),  # whether contacts are without friction
         ("touch", "?"),  # whether robots touch each other; else they pass through each other
         ("moved_publicly", "?"),  # whether bodies move by pymunk's public interface, between calls of compiled code
         ("clocks_differ", "?"),

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import make_scene
+from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.environments.rewards import Situation, SituationFunction, find_reward, order_of
@@ -18,7 +17,7 @@ from epuck_sim.environments.spaces import AgentSpaces, Commanded, gather
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import arena_entries
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.seeds import trial_seed
 
 ScenarioLike = Scenario | str | Path | Mapping[str, Any]

@@ -17,7 +17,7 @@ from epuck_sim.environments.batch import ScenarioLike, SwarmBatch, Task, seeds_f
 from epuck_sim.environments.rewards import Situation
 from epuck_sim.environments.vector import SwarmVectorEnv, vector_env
 from epuck_sim.errors import ScenarioError
-from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.render import ArenaView
 
 ROBOT_ENV = "epuck_sim/Robot-v0"

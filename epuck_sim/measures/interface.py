@@ -8,7 +8,7 @@
     def final_order(simulation): ...                           a function is called at the end alone
 
 A measure is told of what it has methods for: `step` after every control step of robots, `event` after every event of
-point agents, `cycle` after every firing of the reference. `event` is what observers are shown (`trial.observer`),
+point agents, `cycle` after every firing of the reference. `event` is what observers are shown (`trial.result`),
 `state` how far the trial is. `stretch(stretch, state)` takes the place of `step`: it is told of many steps at once, by
 the arrays of an `embodied.history.Stretch`, which compiled code has filled. Without any of these, compiled code runs
 from one cycle to the next.

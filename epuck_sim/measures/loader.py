@@ -9,16 +9,31 @@ from typing import Any
 
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import Measure, default_parameters
-from epuck_sim.measures.shipped import SHIPPED, UNITS
 from epuck_sim.user_files import Kind, Place, PythonFile, kept, load_python_file
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+
+_BY_MODULE = {
+    "clusters": "cluster_count cluster_life largest_cluster",
+    "consensus": "consensus words",
+    "flashes": "flashes_missed flashes_repeated flashes_seen",
+    "links": "component_count degree isolated largest_component link_life neighbour_change spanning_time",
+    "memory": "memory",
+    "motion": "avoiding coverage density in_contact mean_speed mean_squared_displacement moved near_walls "
+    "velocity_correlation_time",
+    "order": "below_threshold order_parameter stays_above threshold_cycles",
+    "perturbations": "perturbation perturbation_exponent perturbation_growth perturbation_transient",
+    "suspicion": "detection_delay false_alarms",
+}
+
+SHIPPED = {name: module for module, names in _BY_MODULE.items() for name in names.split()}
+"""Module of each shipped measure, by its name, which is that of its class: `link_life` is `LinkLife`."""
 
 MEASURE = Kind(
     noun="measure",
     error=MeasureError,
     suffixes=(".py",),
     group="epuck_sim.measures",
-    shipped=lambda: dict.fromkeys(SHIPPED),
+    shipped=lambda: dict.fromkeys(sorted(SHIPPED)),
     form="FILE.py:NAME",
 )
 """What measures are found by."""
@@ -46,9 +61,8 @@ def find_measure(name: str, folder: Path | None = None) -> Measure:
 
 @cache
 def _shipped_measure(name: str) -> Measure:
-    module, _, member = SHIPPED[name].partition(":")
-    make = getattr(import_module(f"epuck_sim.instruments.{module}"), member)
-    return Measure(name, name, make, default_parameters(make), {}, UNITS.get(name, ""))
+    make = getattr(import_module(f"epuck_sim.measures.{SHIPPED[name]}"), name.title().replace("_", ""))
+    return Measure(name, name, make, default_parameters(make), {}, getattr(make, "UNIT", ""))
 
 
 @kept

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.overhead.counting import TrackedFrame
-from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.camera import Picture
+from epuck_sim.overhead.flashes import TrackedFrame
 
 PERIODS = 2  # past periods that the histogram shows
 STRIP_SHARE = 0.2  # height of the strip below the picture, relative to the picture's; about that of Fig. 4.5

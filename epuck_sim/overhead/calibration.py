@@ -10,10 +10,9 @@ from pydantic import BaseModel, Field, ValidationError
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.camera import REFERENCE_HEIGHT_CM, REFERENCE_SIDE_CM, Geometry, Lens, overhead_camera
+from epuck_sim.overhead.camera import REFERENCE_HEIGHT_CM, REFERENCE_SIDE_CM, Frame, Geometry, Lens, overhead_camera
 from epuck_sim.overhead.camera_fit import fit_camera, measure_rings
 from epuck_sim.overhead.floor import find_corners
-from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.light import Background, is_lit
 from epuck_sim.overhead.synchrony import spread_threshold_s
 from epuck_sim.scenario.base import Positive, WholeNumber
@@ -174,7 +173,7 @@ def calibrate(
             f"{name}: by {found.calibration} the camera is tilted by {found.tilt_deg:.0f} degrees; allowed: up "
             f"to {MAX_TILT_DEG:.0f}; give the floor's corners by --corners"
         )
-    return found._replace(background=background.picture)
+    return found._replace(background=background.levels)
 
 
 def _after_light(frames: Iterator[Frame], most_lit_s: float) -> Iterator[Frame]:

@@ -1,19 +1,45 @@
-"""A camera above the arena: which pixel shows a point, and the reverse, by OpenCV's camera model.
+"""A camera above the arena: which pixel shows a point, and the reverse, by OpenCV's camera model; and its pictures.
 
 The arena's frame: x to the right, y up in the picture, z above the floor, origin in the lower left corner of the floor.
 Pixels: (column, row), measured from the middle of the upper left pixel, as in OpenCV.
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.overhead.frame import Picture
 from epuck_sim.scenario.overhead import OverheadSection
+
+Picture = npt.NDArray[np.uint8]
+"""(height_px, width_px, 3) red, green, blue; row 0 is the upper edge."""
+Light = npt.NDArray[np.uint8]
+"""(rows, columns) one channel of a picture or of the rectified view."""
+
+
+class Frame(NamedTuple):
+    """One picture of a film."""
+
+    time_s: float
+    """Beginning of its exposure, on the film's own clock."""
+    picture: Picture
+
+
+Timed = TypeVar("Timed", bound=tuple[Any, ...])
+"""A tuple whose first item is its time in seconds, such as a frame or a row of a recording."""
+
+
+class ProgressWrapper(Protocol):
+    """Wraps an iterable of timed items and shows how far its reader is."""
+
+    def __call__(self, timed: Iterable[Timed], duration_s: float | None) -> Iterable[Timed]:
+        """Return the same items in the same order; duration_s: time of the last one, None if it is unknown."""
+
 
 REFERENCE_HEIGHT_CM = 110.0  # height of the camera above the floor in the thesis's experiments (4.3.1)
 REFERENCE_SIDE_CM = 60.0  # side of the arena in the thesis's experiments (4.3.1)
@@ -122,8 +148,8 @@ class Geometry(NamedTuple):
     each other. 0 if nothing tells."""
     tilt_deg: float = 0.0
     """Angle between the camera's axis and straight down."""
-    background: Picture | None = None
-    """Constant light: picture of the dark scene without rings."""
+    background: Light | None = None
+    """Constant light of the dark scene without rings."""
     ring_light: float = 0.0
     """Levels by which rings in the dark are usually brighter than their inside; 0 if it is not known."""
     ring_size: float = 1.0

@@ -15,9 +15,8 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.geometry import polygon_area
-from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, Geometry, Lens, fisheye_lens, simple_lens
+from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, Frame, Geometry, Lens, fisheye_lens, simple_lens
 from epuck_sim.overhead.floor import check_corners
-from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.light import LEAST_LIGHT, Background, RingLight, is_lit, ring_light
 from epuck_sim.overhead.rings import RingFinder
 
@@ -84,17 +83,16 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
     Reading ends when there are enough, or `most_frames` after the first frame with a ring.
     """
     survey = _Survey()
-    first: Frame | None = None
+    first: RingLight | None = None
     last_s, last_lit_px, since = -math.inf, 0, 0
     for frame in frames:
         if first is None and not is_lit(frame.picture):
-            first = frame
-            background.picture = frame.picture if background.picture is None else background.picture
+            first = ring_light(frame.picture)
+            background.levels = first.levels if background.levels is None else background.levels
         since += bool(survey.found)
-        without = background.update(frame)
-        if without is None:
+        light = background.light_beyond(frame)
+        if light.room_is_lit:
             continue
-        light = ring_light(frame.picture, without)
         lit_px = int(np.count_nonzero(light.levels >= LEAST_LIGHT))
         if lit_px and (frame.time_s - last_s >= APART_S or lit_px > last_lit_px):
             last_s, last_lit_px = frame.time_s, lit_px
@@ -102,8 +100,8 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
         if survey.is_enough or since >= most_frames:
             break
     if first is not None and not survey.found:  # what shone in the first picture never went off
-        background.picture = None
-        survey.examine(ring_light(first.picture))
+        background.levels = None
+        survey.examine(first)
     return survey.seen_rings()
 
 

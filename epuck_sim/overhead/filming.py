@@ -14,9 +14,8 @@ import numpy as np
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.camera import CameraModel, overhead_camera
-from epuck_sim.overhead.film_writer import film_file
-from epuck_sim.overhead.frame import Frame, Picture, ProgressWrapper
+from epuck_sim.overhead.camera import CameraModel, Frame, Picture, ProgressWrapper, overhead_camera
+from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.render import NO_MOVABLES, ExposureSample, Renderer
 from epuck_sim.particles.simulation import Event, ParticleSimulation
@@ -32,7 +31,7 @@ from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from epuck_sim.scenario.scenario import Scenario, require_model
-from epuck_sim.trial.observer import Observer
+from epuck_sim.trial.result import Observer
 from epuck_sim.util.memory import lack_of_memory
 from epuck_sim.util.provenance import versions
 

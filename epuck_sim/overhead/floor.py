@@ -12,7 +12,7 @@ import numpy.typing as npt
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.errors import FilmError
 from epuck_sim.geometry import contains, is_convex, polygon_area
-from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.light import is_lit
 
 # corners that are given

@@ -17,7 +17,7 @@ import numpy as np
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.overhead.flashes import FlashTable
-from epuck_sim.overhead.period import mean_shift
+from epuck_sim.overhead.synchrony import mean_shift
 
 ROUNDS = 5  # number of times that flashes are linked, each time by what was learnt before
 BLOCK_PERIODS = 8.0  # length of a part of the film whose flashes are linked at once

@@ -12,8 +12,7 @@ from pydantic import BaseModel, Field
 
 from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera import Lens
-from epuck_sim.overhead.frame import Frame, Picture
+from epuck_sim.overhead.camera import Frame, Lens, Picture
 from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.util.atomic_write import atomic_write, check_target
 

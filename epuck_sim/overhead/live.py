@@ -20,9 +20,9 @@ import numpy as np
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator
 from epuck_sim.overhead.calibration import TrackOptions, calibrate
-from epuck_sim.overhead.counting import RingCounter, TrackedFrame, track_frames
-from epuck_sim.overhead.film_writer import FilmWriter, growing_film_file
-from epuck_sim.overhead.frame import Frame, Picture, ProgressWrapper
+from epuck_sim.overhead.camera import Frame, Picture, ProgressWrapper
+from epuck_sim.overhead.film import FilmWriter, growing_film_file
+from epuck_sim.overhead.flashes import RingCounter, TrackedFrame, track_frames
 from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.light import is_lit
 from epuck_sim.overhead.synchrony import is_synchronised

@@ -22,8 +22,7 @@ from epuck_sim import epuck
 from epuck_sim.arena import Arena, brightness_at
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.geometry import contains
-from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, overhead_camera
-from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Picture, overhead_camera
 from epuck_sim.overhead.tags import tag_corners_cm, tag_count, tag_modules, tag_pattern
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import with_values

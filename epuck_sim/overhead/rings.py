@@ -6,7 +6,7 @@ overlap the rings found before: robots may touch, but not overlap.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -14,9 +14,8 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
-from epuck_sim.overhead.camera import CameraModel
-from epuck_sim.overhead.frame import Picture
-from epuck_sim.overhead.light import Light, RingLight, ring_light
+from epuck_sim.overhead.camera import CameraModel, Light, Picture
+from epuck_sim.overhead.light import RingLight, ring_light
 
 # the view from above
 COARSE_PER_CM = 2  # cells per cm of the coarse grid in which rings are searched; a ring is 14 cells wide
@@ -37,6 +36,7 @@ POINTS_SHARE = 0.25  # mean light along a ring, relative to that at its points: 
 MIN_LEVEL_LIT = 12
 """Minimum levels by which a ring in a lit room is more coloured than its inside. Its core is nearly white there;
 averaged over a whole ring, noise of 10 levels gives less than 1."""
+CLOSE_CM = 1.5  # distance of a candidate from the centre of its ring, and of light beyond its reach that matters
 CORE_CM = 1.0  # width of gaps in the colour that are filled in a lit room, where a ring is white between colours
 
 # the fit
@@ -86,6 +86,17 @@ _RADII = np.arange(round(REACH_CM / STEP_CM)) * STEP_CM
 _ROUND = np.column_stack([np.ones(BINS), np.cos(_ANGLES), np.sin(_ANGLES)])
 _ALL = np.ones(BINS, bool)
 _DESIGN = np.column_stack([_ROUND, np.cos(2 * _ANGLES), np.sin(2 * _ANGLES)])
+_ROWS = np.arange(BINS)
+_FROM_LED_TO_LED = np.ones((LED_BINS, 1), np.uint8)
+
+
+def _least_squares(design: FloatArray) -> FloatArray:
+    """Return (terms, n) what gives the terms of n values, in the sense of least squares."""
+    squares = design.T @ design + RIDGE * np.eye(design.shape[1])
+    return np.asarray(np.linalg.solve(squares, design.T), np.float64)
+
+
+_ROUND_FROM_ALL, _DESIGN_FROM_ALL = _least_squares(_ROUND), _least_squares(_DESIGN)
 
 
 class Ring(NamedTuple):
@@ -139,17 +150,13 @@ class RingFinder:
         self._least_dark = max(MIN_LEVEL_DARK, MIN_RELATIVE_LIGHT * usual_light)
         self.view = rectified_view(camera)
 
-    def find(self, picture: Picture, background: Picture | None = None) -> list[Ring]:
+    def find(self, picture: Picture) -> list[Ring]:
         """Return the lit rings in a picture, from left to right.
-
-        Args:
-            picture: (height_px, width_px, 3) levels.
-            background: The same without rings, in the dark.
 
         Raises:
             ValueError: The picture's size is not the camera's.
         """
-        return self.find_in(ring_light(picture, background))
+        return self.find_in(ring_light(picture))
 
     def find_in(self, light: RingLight) -> list[Ring]:
         """Return the lit rings in the light of a picture, from left to right."""
@@ -173,27 +180,28 @@ class RingFinder:
         least = float(MIN_LEVEL_LIT) if lit else self._least_dark
         if cv2.minMaxLoc(levels)[1] < least:
             return []
-        view = self.view.sample(levels)
-        if lit:
-            view = self.view.close_gaps(view, CORE_CM)
-        response = self.view.match(view)
+        response = self.view.match(levels, CORE_CM if lit else 0.0)
         mean_least = max(least if lit else POINTS_SHARE * least, MIN_RELATIVE_LIGHT * float(response.max()))
         most_beyond, cells = MAX_BEYOND_LIT if lit else MAX_BEYOND, self.view.cells_per_cm
         fits: list[Fit] = []
         for column, row in self.view.candidates(response, mean_least):
             if _is_free(column, row, fits, cells):
-                fit = fit_ring(view, cells, column, row, max(least, mean_least))
+                view, left, low = self.view.around(levels, column, row, CORE_CM if lit else 0.0)
+                fit = fit_ring(view, cells, column - left, row - low, max(least, mean_least))
+                fit = fit and fit._replace(column=fit.column + left, row=fit.row + low)
                 if fit is not None and _is_ring(fit, most_beyond) and _is_new(fit, fits, cells):
                     fits.append(fit)
-        return fits + self._discs(view, fits) if self._sees_discs and not lit else fits
+        return fits + self._discs(levels, fits) if self._sees_discs and not lit else fits
 
-    def _discs(self, view: Light, found: list[Fit]) -> list[Fit]:
+    def _discs(self, levels: Light, found: list[Fit]) -> list[Fit]:
         """Return rings that are burnt out to discs, beside those found: middles of saturated light, widest first."""
-        saturated = np.asarray(view >= SATURATED_LEVEL, np.uint8)
+        if cv2.minMaxLoc(levels)[1] < SATURATED_LEVEL:
+            return []
+        saturated = np.asarray(self.view.sample(levels) >= SATURATED_LEVEL, np.uint8)
         cells = self.view.cells_per_cm
         if not saturated.any():
             return []
-        saturated = self.view.close_gaps(saturated, HOLE_CM)
+        saturated = close_gaps(saturated, HOLE_CM * cells)
         if np.count_nonzero(saturated) < math.pi * (DISC_RADII_CM[0] * cells) ** 2:
             return []
         within = np.asarray(cv2.distanceTransform(saturated, cv2.DIST_L2, 5), np.float32) / cells
@@ -240,6 +248,16 @@ def _ring_filter() -> Float32Array:
 
 
 _RING_FILTER = _ring_filter()
+_WITHIN_1_CM = np.ones((2 * COARSE_PER_CM + 1, 2 * COARSE_PER_CM + 1), np.uint8)
+
+
+def close_gaps(view: Light, width: float) -> Light:
+    """Return a view in which dark gaps and dots up to `width` cells wide are filled (morphological closing)."""
+    size = round(width) // 2 * 2 + 1
+    if size == 1:
+        return view
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray(cv2.morphologyEx(view, cv2.MORPH_CLOSE, disc), np.uint8)
 
 
 class RectifiedView(NamedTuple):
@@ -254,31 +272,41 @@ class RectifiedView(NamedTuple):
     fractions: npt.NDArray[np.uint16]
     """(rows, columns) fractions of a pixel of that map."""
 
+    coarse_pixels: npt.NDArray[np.int16]
+    """The same map for the coarse grid."""
+    coarse_fractions: npt.NDArray[np.uint16]
+    smooth_px: int
+    """Side of the square of pixels that a cell of the coarse grid shows."""
+
     def sample(self, light: Light) -> Light:
         """Return (rows, columns) the view of one channel of a picture, (height_px, width_px)."""
         return np.asarray(cv2.remap(light, self.pixels, self.fractions, cv2.INTER_LINEAR), np.uint8)
 
-    def match(self, view: Light) -> Float32Array:
+    def around(self, light: Light, column: float, row: float, gaps_cm: float) -> tuple[Light, int, int]:
+        """Return the part of the view from which a ring around a cell is fitted, and its first column and row.
+
+        Dark gaps up to `gaps_cm` wide are filled.
+        """
+        half = math.ceil((REACH_CM + CLOSE_CM) * self.cells_per_cm)
+        left, low = max(int(column) - half, 0), max(int(row) - half, 0)
+        part = slice(low, int(row) + half), slice(left, int(column) + half)
+        view = cv2.remap(light, self.pixels[part], self.fractions[part], cv2.INTER_LINEAR)
+        return close_gaps(np.asarray(view, np.uint8), gaps_cm * self.cells_per_cm), left, low
+
+    def match(self, light: Light, gaps_cm: float) -> Float32Array:
         """Return how much a ring seems to be around each cell of the coarse grid: light on it less light inside."""
-        cells = self.cells_per_cm // COARSE_PER_CM
-        rows, columns = view.shape
-        coarse = cv2.resize(view, (columns // cells, rows // cells), interpolation=cv2.INTER_AREA)
+        smooth = cv2.blur(light, (self.smooth_px, self.smooth_px))
+        coarse = cv2.remap(smooth, self.coarse_pixels, self.coarse_fractions, cv2.INTER_LINEAR)
+        coarse = close_gaps(np.asarray(coarse, np.uint8), gaps_cm * COARSE_PER_CM)
         return np.asarray(cv2.filter2D(coarse, cv2.CV_32F, _RING_FILTER), np.float32)
 
     def candidates(self, response: Float32Array, least: float) -> FloatArray:
         """Return (n, 2) columns and rows of cells whose response is highest within 1 cm, in descending order."""
-        size = 2 * COARSE_PER_CM + 1
-        highest = np.asarray(cv2.dilate(response, np.ones((size, size), np.uint8)))
+        highest = np.asarray(cv2.dilate(response, _WITHIN_1_CM))
         rows, columns = np.nonzero((response >= highest) & (response >= least))
         order = np.argsort(-response[rows, columns], kind="stable")[:MAX_CANDIDATES]
         cells = self.cells_per_cm // COARSE_PER_CM
         return np.asarray(np.column_stack([columns[order], rows[order]]) * cells + (cells - 1) / 2, np.float64)
-
-    def close_gaps(self, view: Light, width_cm: float) -> Light:
-        """Return a view in which dark gaps and dots up to `width_cm` wide are filled (morphological closing)."""
-        size = round(width_cm * self.cells_per_cm) // 2 * 2 + 1
-        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-        return np.asarray(cv2.morphologyEx(view, cv2.MORPH_CLOSE, disc), np.uint8)
 
     def centres_cm(self, fits: list[Fit]) -> FloatArray:
         """Return (fits, 3) cm: the centres of rings in the arena's frame."""
@@ -292,16 +320,24 @@ def rectified_view(camera: CameraModel) -> RectifiedView:
     low, high = _extent_cm(camera, above_cm)
     densest = math.sqrt(MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px / np.prod(high - low))
     cells = min(max(round(min(camera.lens.focal_px / above_cm, densest) / COARSE_PER_CM), 1), MAX_FINE_CELLS)
-    columns, rows = np.ceil((high - low) * COARSE_PER_CM).astype(int) * cells
-    per_cm = cells * COARSE_PER_CM
-    x, y = np.meshgrid(low[0] + np.arange(columns) / per_cm, low[1] + np.arange(rows) / per_cm)
-    points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, epuck.RING_HEIGHT_CM)])
+    columns, rows = (np.ceil((high - low) * COARSE_PER_CM).astype(int) + 2).tolist()  # one more all round
+    first_cm = low - (1 + 1 / cells) / (2 * COARSE_PER_CM)
+    x, y = (first + np.arange(count) / COARSE_PER_CM for first, count in zip(first_cm, (columns, rows), strict=True))
+    points = np.column_stack([np.tile(x, rows), np.repeat(y, columns), np.full(rows * columns, epuck.RING_HEIGHT_CM)])
     pixels = camera.project(points)
     strays = np.abs(camera.back_project(pixels, epuck.RING_HEIGHT_CM) - points[:, :2]).max(axis=1) > STRAY_CM
-    pixels[strays] = -10  # outside of the picture, where there is no light
-    at_column, at_row = pixels.T.astype(np.float32).reshape(2, int(rows), int(columns))
-    whole, fractions = cv2.convertMaps(at_column, at_row, cv2.CV_16SC2)
-    return RectifiedView(low, per_cm, np.asarray(whole, np.int16), np.asarray(fractions, np.uint16))
+    coarse = np.column_stack([pixels, strays]).astype(np.float32).reshape(rows, columns, 3)
+    fine = np.asarray(cv2.resize(coarse, None, fx=cells, fy=cells))  # linear: lenses bend little within 5 mm
+    smooth_px = 2 * round((camera.lens.focal_px / above_cm / COARSE_PER_CM - 1) / 2) + 1
+    maps = _fixed_point_map(fine[cells:-cells, cells:-cells]), _fixed_point_map(coarse[1:-1, 1:-1])
+    return RectifiedView(low, cells * COARSE_PER_CM, *maps[0], *maps[1], max(smooth_px, 1))
+
+
+def _fixed_point_map(cells: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]:
+    """Return OpenCV's map from (rows, columns, 3) cells: column, row, and whether the picture does not show it."""
+    at_column, at_row = np.moveaxis(np.where(cells[..., 2:] > 0, -10, cells[..., :2]), -1, 0)  # no light is outside
+    whole, fractions = cv2.convertMaps(at_column.astype(np.float32), at_row.astype(np.float32), cv2.CV_16SC2)
+    return np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)
 
 
 def _extent_cm(camera: CameraModel, above_cm: float) -> tuple[FloatArray, FloatArray]:
@@ -337,68 +373,75 @@ def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: f
     for _ in range(MAX_ROUNDS):
         profile = _polar(view, cells_per_cm, column, row)
         joined = _join_leds(profile)
-        ring = (INSIDE * radius <= _RADII) & (radius + OUTSIDE_CM >= _RADII)
-        inside = float(profile[:, max(radius / 2, STEP_CM) >= _RADII].mean())
-        bright = float(np.median(joined[:, ring].max(axis=1)))
+        ring = slice(math.ceil(INSIDE * radius / STEP_CM), math.floor((radius + OUTSIDE_CM) / STEP_CM) + 1)
+        inside = cv2.mean(profile[:, : math.floor(max(radius / 2, STEP_CM) / STEP_CM) + 1])[0]
+        bright = _median(joined[:, ring].max(axis=1))
         if bright - inside < least:
             return None
         edge, has = _edge(joined[:, ring], inside + EDGE * (bright - inside))
         if np.count_nonzero(has) <= BINS / 2:
             return None
         shape, off = _circle(edge + _RADII[ring][0], has)
-        column, row = column + shape[1] * cells_per_cm, row + shape[2] * cells_per_cm
+        column, row = column + float(shape[1]) * cells_per_cm, row + float(shape[2]) * cells_per_cm
         radius = float(shape[0]) + HALF_CM
         if not MIN_CM < radius < MAX_CM:
             return None
-        if np.hypot(shape[1], shape[2]) < STEADY_CM:
+        if math.hypot(shape[1], shape[2]) < STEADY_CM:
             break
     outline = _outline(profile, _DESIGN @ shape + HALF_CM, inside + EDGE / 2 * (bright - inside))
     radius = float(outline[0])
     if not MIN_CM < radius < MAX_CM:
         return None
-    is_on = np.abs(_RADII - radius) <= ON_CM
+    is_on = slice(math.ceil((radius - ON_CM) / STEP_CM), math.floor((radius + ON_CM) / STEP_CM) + 1)
     on = joined[:, is_on].max(axis=1)
-    bright = float(np.median(on))
+    bright = _median(on)
     if bright - inside < least:
         return None
-    near = off <= OUTLIER_CM
-    beyond = (radius + BEYOND_CM[0] <= _RADII) & (radius + BEYOND_CM[1] >= _RADII)
-    crest = float(profile[:, is_on].mean()) - inside
+    near = off[off <= OUTLIER_CM]
+    first, last = ((radius + beyond_cm) / STEP_CM for beyond_cm in BEYOND_CM)
+    crest, beyond = (
+        cv2.mean(profile[:, part])[0] - inside for part in (is_on, slice(math.ceil(first), math.floor(last) + 1))
+    )
     return Fit(
         column,
         row,
         radius,
         flattening=(float(outline[3] / radius), float(outline[4] / radius)),
-        misfit_cm=float(np.sqrt(np.mean(off[near] ** 2))) if near.any() else math.inf,
+        misfit_cm=math.sqrt(near @ near / len(near)) if len(near) else math.inf,
         covered=(on - inside >= MIN_BETWEEN_LEDS * (bright - inside)) & ~(off > OUTLIER_CM),
         light=bright - inside,
         inside=inside / bright,
-        beyond=(float(profile[:, beyond].mean()) - inside) / max(crest, 1e-9),
+        beyond=beyond / max(crest, 1e-9),
     )
 
 
-def _polar(view: Light, cells_per_cm: int, column: float, row: float) -> Float32Array:
+def _median(values: npt.NDArray[Any]) -> float:
+    """Return the median of an even number of values; NumPy's takes longer than all the rest of a fit."""
+    middle = len(values) // 2
+    return float(np.partition(values, (middle - 1, middle))[middle - 1 : middle + 1].mean())
+
+
+def _polar(view: Light, cells_per_cm: int, column: float, row: float) -> Light:
     """Return (BINS, radii) the light along each direction from a cell."""
     flags = cv2.INTER_LINEAR | cv2.WARP_POLAR_LINEAR | cv2.WARP_FILL_OUTLIERS
     size = len(_RADII), BINS
-    return np.asarray(cv2.warpPolar(view, size, (column, row), REACH_CM * cells_per_cm, flags), np.float32)
+    return np.asarray(cv2.warpPolar(view, size, (column, row), REACH_CM * cells_per_cm, flags), np.uint8)
 
 
-def _join_leds(profile: Float32Array) -> Float32Array:
+def _join_leds(profile: Light) -> Light:
     """Return (BINS, radii) light whose gaps along the circle are filled from one LED to the next."""
-    around = np.concatenate([profile[-LED_BINS:], profile, profile[:LED_BINS]])
-    joined = cv2.morphologyEx(around, cv2.MORPH_CLOSE, np.ones((LED_BINS, 1), np.uint8))
-    return np.asarray(joined[LED_BINS:-LED_BINS], np.float32)
+    around = cv2.copyMakeBorder(profile, LED_BINS, LED_BINS, 0, 0, cv2.BORDER_WRAP)
+    joined = cv2.morphologyEx(around, cv2.MORPH_CLOSE, _FROM_LED_TO_LED)
+    return np.asarray(joined[LED_BINS:-LED_BINS], np.uint8)
 
 
-def _edge(profile: Float32Array, level: float) -> tuple[FloatArray, BoolArray]:
+def _edge(profile: Light, level: float) -> tuple[FloatArray, BoolArray]:
     """Return (BINS,) cm: where (BINS, n) samples first reach a level, from the first sample; and whether they do."""
-    above = profile >= level
-    first = above.argmax(axis=1)
-    rows = np.arange(BINS)
-    after, before = profile[rows, first], profile[rows, np.maximum(first - 1, 0)]
+    first = (profile >= level).argmax(axis=1)
+    after = profile[_ROWS, first].astype(np.float64)
+    before = profile[_ROWS, np.maximum(first - 1, 0)]
     back = np.where(after > before, (after - level) / np.maximum(after - before, 1), 0.0)
-    return STEP_CM * (first - back), np.asarray(above.any(axis=1))
+    return STEP_CM * (first - back), after >= level
 
 
 def _circle(edge: FloatArray, has: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -409,15 +452,16 @@ def _circle(edge: FloatArray, has: BoolArray) -> tuple[FloatArray, FloatArray]:
         where there is none.
     """
     near = has
-    for terms in (_ROUND, _DESIGN):
-        design = terms[near]
-        shape = np.linalg.solve(design.T @ design + RIDGE * np.eye(terms.shape[1]), design.T @ edge[near])
+    for terms, from_all in ((_ROUND, _ROUND_FROM_ALL), (_DESIGN, _DESIGN_FROM_ALL)):
+        shape = from_all @ edge if near.all() else _least_squares(terms[near]) @ edge[near]
         off = np.abs(edge - terms @ shape)
-        near = has & (off <= max(OUTLIER_CM, float(np.median(off[has]))))
+        near = has & (off <= OUTLIER_CM)
+        if 2 * np.count_nonzero(near) < np.count_nonzero(has):
+            near = has & (off <= np.median(off[has]))
     return shape, np.where(has, off, np.nan)
 
 
-def _outline(profile: Float32Array, expected: FloatArray, level: float) -> FloatArray:
+def _outline(profile: Light, expected: FloatArray, level: float) -> FloatArray:
     """Fit the middle of the light, which joining gaps would flatten less: the light itself counts, at the LEDs most.
 
     Args:

@@ -15,9 +15,7 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.overhead.camera import CameraModel
-from epuck_sim.overhead.frame import Frame, Picture
-from epuck_sim.overhead.light import Light
+from epuck_sim.overhead.camera import CameraModel, Frame, Light, Picture
 
 BRIGHT = 200.0  # level to which the paper of tags is brightened: OpenCV's thresholds are those of well lit pictures
 MAX_GAIN = 10.0  # largest factor by which pictures are brightened: more would show noise alone

@@ -14,16 +14,30 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator
 from epuck_sim.overhead.calibration import TrackOptions, calibrate, described_geometry, excerpt, parse_metadata
-from epuck_sim.overhead.camera import Geometry
-from epuck_sim.overhead.counting import CountedRings, RingCounter, TrackedFrame
-from epuck_sim.overhead.film import open_film
-from epuck_sim.overhead.film_writer import film_file
-from epuck_sim.overhead.flashes import REACH_CM, Flash, FlashTable, count_lit, count_places, join_broken
-from epuck_sim.overhead.frame import Frame, Picture, ProgressWrapper
+from epuck_sim.overhead.camera import Frame, Geometry, Picture, ProgressWrapper
+from epuck_sim.overhead.film import film_file, open_film
+from epuck_sim.overhead.flashes import (
+    REACH_CM,
+    CountedRings,
+    Flash,
+    FlashTable,
+    RingCounter,
+    TrackedFrame,
+    count_lit,
+    count_places,
+    join_broken,
+)
 from epuck_sim.overhead.lens import read_lens
-from epuck_sim.overhead.period import estimate_flash_s, estimate_period_s
 from epuck_sim.overhead.rings import Ring
-from epuck_sim.overhead.synchrony import ORDER_PARAMETER, Evaluation, evaluate, first_synchronised, frame_ends
+from epuck_sim.overhead.synchrony import (
+    ORDER_PARAMETER,
+    Evaluation,
+    estimate_flash_s,
+    estimate_period_s,
+    evaluate,
+    first_synchronised,
+    frame_ends,
+)
 from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.verdict import Evidence, doubts, objections, why_never
 from epuck_sim.util.atomic_write import atomic_write

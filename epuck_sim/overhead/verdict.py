@@ -8,8 +8,7 @@ import numpy as np
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.overhead.counting import CountedRings
-from epuck_sim.overhead.flashes import Flash, FlashTable
+from epuck_sim.overhead.flashes import CountedRings, Flash, FlashTable
 from epuck_sim.overhead.rings import DISC_LIGHT
 from epuck_sim.overhead.synchrony import (
     MIN_COVERAGE,
@@ -34,7 +33,10 @@ NEAR_ORDER = 0.85
 film may advance phases. All of 40 films that ended with T_sync had more, and 17 % of 186 that were cut before."""
 LIGHT_TOLERANCE = 1.5  # factor by which spreads by the total light and by rings may differ without contradiction
 LATE_PERIODS = 0.75  # time in periods by which the total light may be synchronised before the rings
-MOST_MISSED = 0.15  # share of the frames with light that may show no ring: the first and last of a flash are dim
+MOST_BURNT = 0.15  # share of the flashes that may be burnt out to discs
+MOST_UNSEEN = 0.05
+"""Share of the light that may be of no ring: 0.01 at most in 8 films in which all were found, 0.05 or more where a
+rolling shutter cut some."""
 ENOUGH_BEFORE = 1.8  # flashes of each robot before T_sync from which their number tells whether some are missed
 FEW = 5  # flashes below which nothing is said about them
 TWIN_S = 0.1  # time by which a flash and its mirror image may seem to begin or end apart
@@ -222,15 +224,18 @@ def _about_light(evidence: Evidence, sync: Evaluation | None) -> list[str]:
     return []
 
 
-def light_without_rings(evidence: Evidence) -> float:
-    """Return the share of the frames with light of a ring's area in which no ring is found; 0 if few show light."""
+def light_of_no_ring(evidence: Evidence) -> float:
+    """Return the share of the light that is of no ring that is found; 0 if few frames show light.
+
+    It is what exceeds as many times the usual area of a ring as rings are found. A rolling shutter cuts rings in two,
+    and short flashes are then often missed.
+    """
     area = evidence.area - np.quantile(evidence.area, 0.05)
     lit = (evidence.counts > 0) & (area > 0)
     if np.count_nonzero(lit) < FEW:
         return 0.0
     ring_area = float(np.median(area[lit] / evidence.counts[lit]))
-    missed = np.count_nonzero((evidence.counts == 0) & (area >= ring_area / 2))
-    return missed / (missed + np.count_nonzero(lit))
+    return 1.0 - ring_area * float(evidence.counts.sum() / area.sum())
 
 
 def count_images(flashes: Sequence[Flash]) -> int:
@@ -260,15 +265,16 @@ def doubts(counted: CountedRings, evidence: Evidence, sync: Evaluation | None, l
             "mirror images, a neighbour's, or --corners or --arena-cm are wrong"
         )
     burnt = sum(flash.light >= DISC_LIGHT for flash in evidence.flashes)
-    if burnt > MOST_MISSED * len(evidence.flashes):
+    if burnt > MOST_BURNT * len(evidence.flashes):
         found.append(
             f"rings that are burnt out to discs: those of {burnt} of {len(evidence.flashes)} flashes; lamps look the "
             "same; film with a shorter, fixed exposure"
         )
-    if (missed := light_without_rings(evidence)) > MOST_MISSED:
+    if (share := light_of_no_ring(evidence)) > MOST_UNSEEN:
         found.append(
-            f"{100 * missed:.0f} % of the frames with light show no ring: they are burnt out, too dim or of another "
-            "size, or something else shines; film with a shorter, fixed exposure, or give the corners by --corners"
+            f"{100 * share:.0f} % of the light is of no ring that is found: rings are burnt out, dim, of another size "
+            "or cut by a rolling shutter, or something else shines; film with a shorter, fixed exposure and more "
+            "frames per second, or give the corners by --corners"
         )
     if geometry.knows_floor and abs(geometry.ring_size - 1) > WRONG_SIZE:
         found.append(

@@ -9,7 +9,7 @@ import numpy as np
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.bodies.shapes import WALL_CM
 from epuck_sim.embodied.cells import cells_needed
 from epuck_sim.embodied.controllers import GroupControllers
@@ -24,7 +24,7 @@ from epuck_sim.page.settings import Setting, refuse, stops
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.robot_kind import cell_cm
-from epuck_sim.trial.synchrony import NOMINAL_PERIOD_S
+from epuck_sim.trial.embodied import NOMINAL_PERIOD_S
 
 MOST_ROBOTS = 200
 """Largest swarm of a page."""

@@ -17,8 +17,8 @@ from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied import controllers, loop, placement, start
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.sensors import camera, flash_cone, infrared, own, radio, reflections, signals
-from epuck_sim.embodied.sensors.completion import completion
+from epuck_sim.embodied.sensors import camera, flash_cone, infrared, own, radio
+from epuck_sim.embodied.sensors.own import completion
 from epuck_sim.page.kernels import FOLDER, Model
 from epuck_sim.particles import events, initial_conditions, motion, neighbours, phase_response
 from epuck_sim.scenario.particles import ResponseSection, find_curve
@@ -57,13 +57,13 @@ _ROBOTS: tuple[Root, ...] = (
     (start.vary, (BLOCK,)),
     (placement.begin_placement, (BLOCK,)),
     *((kernel, (BLOCK, types.int64, types.int64)) for kernel in (placement.place_on_grid, placement.place_at_random)),
-    (signals.begin_pictures, (BLOCK, types.int64)),
+    (camera.begin_pictures, (BLOCK, types.int64)),
     (elementary.add_directions, (ROWS, ROWS)),
     (chipmunk.place, _SWARM),
     (chipmunk.rest, _OF_GROUP),
     (loop.take_steps, (*_SWARM, types.int64, types.boolean)),
     *((kernel, _OF_GROUP) for kernel in (loop.tick, loop.stop_and_release, infrared.sense_infrared)),
-    *((kernel, _OF_GROUP) for kernel in (camera.look, camera.take_pictures, reflections.add_reflections)),
+    *((kernel, _OF_GROUP) for kernel in (camera.look, camera.take_pictures, camera.add_reflections)),
     *((kernel, _OF_GROUP) for kernel in (flash_cone.perceive_flashes, radio.receive_pulses)),
 )
 

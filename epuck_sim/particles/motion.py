@@ -13,7 +13,7 @@ Times passed as arguments are in cycles since the start of the present cycle (se
 import math
 
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, StreamArray
-from epuck_sim.particles.selection import argmin, minimum
+from epuck_sim.particles.selection import minimum
 from epuck_sim.particles.swarm import BEGIN_RUN, CONTINUE, Instant, Runs, Trajectories, Turns, entry_of
 from epuck_sim.util.elementary import atan, exp, log, sin_cos, tan
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
@@ -96,7 +96,10 @@ def compute_end_times(trajectories: Trajectories) -> None:
 def first_to_end(trajectories: Trajectories) -> int:
     """Return the agent whose trajectory ends first."""
     compute_end_times(trajectories)
-    return argmin(trajectories.end_times, len(trajectories.end_times))
+    first = 0
+    for agent in range(len(trajectories.end_times)):
+        first = agent if trajectories.end_times[agent] < trajectories.end_times[first] else first
+    return first
 
 
 @jit_inline

@@ -21,7 +21,7 @@ from epuck_sim.particles.motion import (
     distance_travelled,
     time_of_end,
 )
-from epuck_sim.particles.selection import FEW, find_two_smallest, minimum, select_smallest
+from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
 from epuck_sim.particles.swarm import SEARCH, Candidates, Cells, Draws, Neighbours, Trajectories, entry_of
 from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
@@ -46,7 +46,6 @@ SKIPPED_PULSES_CONE = 32
 
 RADIUS_GROWTH = 1.5
 """Factor by which the search radius grows while fewer than k agents are found."""
-
 
 MAX_CACHED = 4_000_000
 """Largest number of neighbours that are cached, of all agents together: they take 16 MB."""
@@ -165,10 +164,10 @@ def search_cone(block: ByteArray, addresses: IntArray, agent: int, time: float) 
 @jit_no_alloc
 def search_cells(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find an agent's neighbours among the candidates from the cell list."""
-    candidates, trajectories, neighbours = (
+    candidates, neighbours, trajectories = (
         carve(block, Candidates),
-        carve(block, Trajectories),
         carve(block, Neighbours),
+        carve(block, Trajectories),
     )
     scene = trajectories.scene
     is_nearest, radius_cm = scene.kind == NEAREST, scene.search_radius_cm
@@ -236,19 +235,14 @@ def _place_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories
 def _gather_candidates(trajectories: Trajectories, candidates: Candidates, agent: int, time: float, count: int) -> int:
     """Compute the candidates' positions, and their headings for a cone; return the firing agent's index among them."""
     scene, found, travelled_cm = trajectories.scene, candidates.candidates, trajectories.end_times
+    agents = scene.agents
     own = 0
     for index in range(count):
         own = index if found[index] == agent else own
         travelled_cm[index] = distance_travelled(trajectories, entry_of(found, index), time)
     for axis in range(scene.dimensions):
-        origin, heading = (
-            row_at(trajectories.origin, axis, scene.agents),
-            row_at(trajectories.heading, axis, scene.agents),
-        )
-        positions, headings = (
-            row_at(candidates.positions, axis, scene.agents),
-            row_at(candidates.headings, axis, scene.agents),
-        )
+        origin, heading = row_at(trajectories.origin, axis, agents), row_at(trajectories.heading, axis, agents)
+        positions, headings = row_at(candidates.positions, axis, agents), row_at(candidates.headings, axis, agents)
         for index in range(count):
             positions[index] = origin[found[index]] + heading[found[index]] * travelled_cm[index]
         if scene.cos != FULL_CIRCLE_COS:
@@ -318,20 +312,18 @@ def _nearest_image(is_cyclic: bool, side_cm: float, offset_cm: float) -> float:
 def _select_nearest(block: ByteArray, agent: int, time: float, count: int, radius_cm: float) -> bool:
     """Find the k nearest; return whether no agent beyond the radius, within which all are candidates, is nearer."""
     neighbours, candidates = carve(block, Neighbours), carve(block, Candidates)
-    square, k = candidates.square_distance, neighbours.scene.k
+    square, selected, k = candidates.square_distance, candidates.selected, neighbours.scene.k
     members = neighbours.members[_row_of(neighbours, agent) :]
-    selected = members if k <= FEW else candidates.selected  # which has room for what selecting more of them takes
     if k == 1:
-        members[0], farthest, next_square = find_two_smallest(square, count)
+        selected[0], farthest, next_square = find_two_smallest(square, count)
     else:
-        farthest = select_smallest(square, count, k, candidates.bucket_of, candidates.bucket_end, selected)
-        next_square = minimum(square, 0, count)
+        select_smallest(square, count, k + 1, candidates.bucket_of, candidates.bucket_end, selected)
+        farthest, next_square = square[selected[k - 1]], square[selected[k]]
     if farthest > radius_cm * radius_cm:
         return False
     neighbours.counts[agent] = k
-    if k > FEW or neighbours.scene.cells:
-        for rank in range(k):
-            members[rank] = candidates.candidates[selected[rank]]
+    for rank in range(k):
+        members[rank] = candidates.candidates[selected[rank]]
     if _should_cache(neighbours, agent):
         # the farthest neighbour may recede while another agent approaches: each has half of the gap
         gap_cm = min(math.sqrt(next_square), radius_cm) - math.sqrt(farthest)

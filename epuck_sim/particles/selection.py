@@ -1,8 +1,8 @@
 """Selection of the smallest of some values, in ascending order; no pass over all values for each of them.
 
-Values are sorted into buckets by size, and only those in the first buckets are compared with each other. Squared
-distances of agents in a square are nearly uniform, so that few share a bucket. The buckets are not inlined: that would
-slow down the search for one neighbour, for which one pass finds the smallest value and the next.
+Of few, one pass finds the largest, and a second one all up to it. If more are wanted, values are sorted into buckets by
+size, and only those in the first buckets are compared with each other. Squared distances of agents in a square are
+nearly uniform, so that few share a bucket. The buckets are not inlined: that would slow down the search for few.
 """
 
 import math
@@ -11,7 +11,7 @@ from epuck_sim.arrays import FloatArray, IndexArray
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 FEW = 6
-"""Largest number of values that are found one by one: faster than buckets where there are few."""
+"""Largest number of values for which one pass finds the limit up to which they are: faster than buckets."""
 
 SAMPLED = 8
 """Every eighth value is looked at for the range that is divided into buckets; larger ones go to the last bucket."""
@@ -24,8 +24,8 @@ SMALLEST_RANGE = 1e-300
 def minimum(values: FloatArray, first: int, last: int) -> float:
     """Return the minimum of `values[first:last]`, inf if it is empty.
 
-    Branch-free: the comparisons are unpredictable, so branches would be mispredicted. Four minima are kept side by
-    side, because each comparison has to wait for the one before.
+    Branch-free, here and below: the comparisons are unpredictable, so branches would be mispredicted. Four minima are
+    kept side by side, because each comparison has to wait for the one before.
     """
     a = b = c = d = math.inf
     whole = last - (last - first) % 4
@@ -40,39 +40,37 @@ def minimum(values: FloatArray, first: int, last: int) -> float:
 
 
 @jit_inline
-def argmin(values: FloatArray, last: int) -> int:
-    """Return the index of the first minimum of `values[:last]`, which must not be empty; branch-free."""
-    lowest = minimum(values, 0, last)
-    found = last
-    for index in range(last):
-        found = min(found, index if values[index] == lowest else last)
-    return found
+def select_smallest(
+    values: FloatArray, count: int, wanted: int, bucket_of: IndexArray, bucket_end: IndexArray, found: IndexArray
+) -> None:
+    """Write the indices of the smallest values to `found`: ascending, equal values in the order of their indices.
+
+    Of the first `count` values, of which at most one is inf and none is negative, `wanted` are found. The buckets,
+    (count,), are scratch; so is `found`, (count,), beyond.
+    """
+    if wanted > FEW:
+        sort(found, values, fill_buckets(values, count, wanted, bucket_of, bucket_end, found))
+        return
+    limit, places = find_six_smallest(values, count)[wanted - 1], 0
+    for index in range(count):
+        found[places] = index  # overwritten by the next one if this one is too large: no branch
+        places += values[index] <= limit
+    sort(found, values, places)
 
 
 @jit_inline
-def select_smallest(
-    values: FloatArray, count: int, k: int, bucket_of: IndexArray, bucket_end: IndexArray, found: IndexArray
-) -> float:
-    """Write the indices of the k smallest values to `found`: ascending, equal values in the order of their indices.
-
-    The first `count` values, of which at most one is inf, are looked at; none is negative, and those that are found are
-    overwritten with inf. The buckets, (count,), are scratch; so is `found`, (count,), beyond k.
-
-    Returns:
-        The largest of the k values.
-    """
-    largest: float = 0.0
-    if k <= FEW:
-        for rank in range(k):
-            index, largest, _ = find_two_smallest(values, count)  # in one pass, unlike `argmin`
-            found[rank] = index
-            values[index] = math.inf
-        return largest
-    sort_first_buckets(found, values, fill_buckets(values, count, k, bucket_of, bucket_end, found))
-    largest = values[found[k - 1]]
-    for rank in range(k):
-        values[found[rank]] = math.inf
-    return largest
+def find_six_smallest(values: FloatArray, count: int) -> tuple[float, float, float, float, float, float]:
+    """Return the six smallest of `values[:count]`, ascending; inf where there are too few."""
+    a = b = c = d = e = f = math.inf
+    for index in range(count):
+        value = values[index]
+        a, value = min(a, value), max(a, value)
+        b, value = min(b, value), max(b, value)
+        c, value = min(c, value), max(c, value)
+        d, value = min(d, value), max(d, value)
+        e, value = min(e, value), max(e, value)
+        f = min(f, value)
+    return a, b, c, d, e, f
 
 
 @jit_no_alloc
@@ -105,8 +103,8 @@ def fill_buckets(
 
 
 @jit_no_alloc
-def sort_first_buckets(found: IndexArray, values: FloatArray, count: int) -> None:
-    """Sort the first `count` indices by their values; they are nearly sorted, and equal values keep their order."""
+def sort(found: IndexArray, values: FloatArray, count: int) -> None:
+    """Sort indices, few or nearly sorted, by their values; equal values keep their order."""
     for last in range(1, count):
         index = found[last]
         value = values[index]
@@ -121,7 +119,7 @@ def sort_first_buckets(found: IndexArray, values: FloatArray, count: int) -> Non
 def find_two_smallest(values: FloatArray, count: int) -> tuple[int, float, float]:
     """Return the index of the first minimum of `values[:count]`, the minimum, and the next smallest value.
 
-    Values are inf where there are too few. Branch-free, with four minima side by side, as in `minimum`.
+    Values are inf where there are too few.
     """
     a = b = c = d = (0, math.inf, math.inf)
     whole = count - count % 4

@@ -39,6 +39,9 @@ from epuck_sim.util.jit import compile_kernel
 UNLIMITED = 2**62
 """Larger than any count or cycle number."""
 
+NOBODY = np.empty(0, np.int64)
+"""Indices of the agents that fire or receive where none do."""
+
 KEPT_FIELDS = (
     *("now", "cycle", "fired", "received", "reached", "instants", "cycles", "firings", "pulses"),
     *("is_synchronised", "order_parameter"),
@@ -165,10 +168,10 @@ class ParticleSimulation:
             if not self._is_changed:
                 self._carry_out_timed()
             self._is_changed = False
-            return self._event_without_firing(None)
+            return Event(self.time_s, None, NOBODY, NOBODY)
         turned = turn_if_next(self._arrays.block, self._addresses)
         if turned >= 0:
-            return self._event_without_firing(turned)
+            return Event(self.time_s, turned, NOBODY, NOBODY)
         self._advance(NEVER, int(self._scene["pulses"]) + 1)
         return self.last_instant()
 
@@ -190,10 +193,6 @@ class ParticleSimulation:
         """Return the arrays, with positions and phases at the present time; continue trajectories that have ended."""
         observe(self._arrays.block, self._addresses)
         return self._arrays
-
-    def _event_without_firing(self, turned: int | None) -> Event:
-        no_agents = np.empty(0, np.int64)
-        return Event(self.time_s, turned, no_agents, no_agents)
 
     def _is_change_next(self) -> bool:
         """Return whether an entry of the schedule with a time comes before the next firing, wall and end of a run."""

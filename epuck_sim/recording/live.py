@@ -18,7 +18,7 @@ from epuck_sim.recording.recorder import Recorder
 from epuck_sim.recording.viewer import chunk_stream, has_display, web_viewer
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.observer import Observer, TrialState
+from epuck_sim.trial.result import Observer, TrialState
 from epuck_sim.util.ports import free_port
 
 PAUSE, STEP, END = " ", "n", "q"

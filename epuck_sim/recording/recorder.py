@@ -29,7 +29,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import complete, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.observer import TrialState
+from epuck_sim.trial.result import TrialState
 from epuck_sim.util.provenance import versions
 
 FORMAT = 1

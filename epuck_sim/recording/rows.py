@@ -23,7 +23,7 @@ from epuck_sim.recording import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_entries, largest_cm
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.embodied import SynchronyWatch
 
 ROWS_PER_PERIOD = 20
 """Regular rows in a nominal period of point-like agents; there are further rows at the instants at which some fire."""

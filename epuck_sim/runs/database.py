@@ -50,7 +50,7 @@ CREATE TABLE trials (
     steps INTEGER, cycles INTEGER, {provenance},
     error TEXT, -- of a trial that failed; it has no result then
     measured TEXT, -- JSON: value of each measure by its name; NULL without measures
-    events TEXT, -- JSON: what changed in the trial, see `scenario.schedule.TrialEvent`; NULL if nothing did
+    events TEXT, -- JSON: what changed in the trial, see `scenario.changes.TrialEvent`; NULL if nothing did
     measuring_error TEXT, -- why a stored trial could not be measured again for new measures; NULL if it could
     checksum INTEGER,
     PRIMARY KEY (point, trial)

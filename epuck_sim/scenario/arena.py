@@ -1,18 +1,16 @@
 """The section `arena` of a scenario: the walled rectangle, what stands in it, its floor and its lamps."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from epuck_sim.arena import Arena, Floor, clearance_cm, make_arena, make_floor
 from epuck_sim.arrays import FloatArray
-from epuck_sim.errors import ScenarioError
 from epuck_sim.geometry import box_corners, is_convex
-from epuck_sim.scenario.base import ConfigModel, Number, Positive
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, refused_at
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.pictures import read_grey
 
@@ -121,7 +119,8 @@ class FloorSection(ConfigModel):
         patches = [(patch.brightness, _outline(patch)) for patch in self.patches]
         if self.picture is None:
             return make_floor(self.brightness, patches)
-        return make_floor(1.0, patches, read_grey(Path(find_picture(self.picture, "arena.floor.picture", None))))
+        with refused_at("arena.floor.picture"):
+            return make_floor(1.0, patches, read_grey(Path(find_picture(self.picture))))
 
 
 class Lamp(ConfigModel):
@@ -208,7 +207,8 @@ class ArenaSection(ConfigModel):
         """Return the section with the path of its floor's picture; see `find_picture`."""
         if self.floor.picture is None:
             return self
-        found = find_picture(self.floor.picture, f"{origin}: arena.floor.picture", folder)
+        with refused_at(f"{origin}: arena.floor.picture"):
+            found = find_picture(self.floor.picture, folder)
         return self.model_copy(update={"floor": self.floor.model_copy(update={"picture": found})})
 
 
@@ -221,16 +221,11 @@ def _outline(shape: Circle | Box | Polygon) -> FloatArray:
     return box_corners(shape.x_cm, shape.y_cm, shape.width_cm, shape.height_cm, shape.heading_rad)
 
 
-def find_picture(name: str, origin: str, folder: Path | None) -> str:
-    """Return the path of a picture that can be read.
-
-    Args:
-        name: A file.
-        origin: Begins every error message.
-        folder: The file is looked for here first, then in the working directory.
+def find_picture(name: str, folder: Path | None = None) -> str:
+    """Return the path of a file with a picture.
 
     Raises:
-        ScenarioError: There is no such file, or it holds no picture that is allowed.
+        ValueError: There is no such file, or it holds no picture that is allowed.
     """
     paths = dict.fromkeys((place / name).absolute() for place in (folder or Path(), Path()))
     for path in paths:
@@ -239,15 +234,5 @@ def find_picture(name: str, origin: str, folder: Path | None) -> str:
                 read_grey(path)
                 return str(path.resolve())
         except (OSError, ValueError) as error:
-            raise ScenarioError(f"{origin}: {path} {getattr(error, 'strerror', None) or error}") from error
-    raise ScenarioError(f"{origin}: is {short_repr(name)}; there is no file {' or '.join(map(str, paths))}")
-
-
-def map_pictures(key: str, value: Any, change: Callable[[str], str]) -> Any:
-    """Return the value of an axis in which `change` has replaced the picture of a floor that it names."""
-    if key == "arena.floor.picture" and isinstance(value, str):
-        return change(value)
-    inner = {"arena": "floor", "arena.floor": "picture"}.get(key)
-    if inner is not None and isinstance(value, Mapping) and inner in value:
-        return {**value, inner: map_pictures(f"{key}.{inner}", value[inner], change)}
-    return value
+            raise ValueError(f"{path} {getattr(error, 'strerror', None) or error}") from error
+    raise ValueError(f"is {short_repr(name)}; there is no file {' or '.join(map(str, paths))}")

@@ -69,12 +69,8 @@ def is_logarithmic(key: str, low: float, high: float) -> bool:
 def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -> str:
     """Choose the axis to draw against: the requested one, or a speed, or the one with the most distinct numbers.
 
-    A speed with a single value is chosen only where every axis has a single value.
-
-    Args:
-        rows: Axis values of each point of a sweep.
-        requested: Dotted key, or None.
-        origin: Option or key that requests it, for messages.
+    A speed with a single value is chosen only where every axis has a single value. `origin` is the option or key that
+    requests one.
 
     Raises:
         EpuckSimError: The requested axis, or every axis, is without numbers.
@@ -88,13 +84,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -
 
 
 def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin: str = "--y") -> str:
-    """Choose the vertical axis of a map: the requested one, or the only other one whose numbers differ.
-
-    Args:
-        rows: Axis values of each point of a sweep.
-        x: Dotted key of the horizontal axis.
-        requested: Dotted key of the vertical axis, or None.
-        origin: Option or key that requests it, for messages.
+    """Choose the vertical axis of a map, beside `x`: the requested one, or the only other one whose numbers differ.
 
     Raises:
         EpuckSimError: There is no such axis, there are several to choose from, or it is tied one-to-one to `x`.
@@ -153,11 +143,7 @@ def _check_axis(requested: str, numbers: Mapping[str, object], origin: str) -> s
 def _numeric_axes(rows: Rows) -> dict[str, set[float]]:
     """Return the distinct values of each axis all of whose values are numbers."""
     columns = {key: [row[key] for row in rows] for key in rows[0]}
-    return {key: set(values) for key, values in columns.items() if _are_numbers(values)}
-
-
-def _are_numbers(values: Sequence[Any]) -> bool:
-    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+    return {key: set(values) for key, values in columns.items() if {*map(type, values)} <= {int, float}}
 
 
 def is_tied_to(key: str, axis: str, rows: Rows) -> bool:
@@ -189,8 +175,7 @@ def canonical_text(axes: Mapping[str, Any]) -> str:
     >>> canonical_text({"b": 1, "a": [2.0]}) == canonical_text({"a": [2], "b": 1.0})
     True
     """
-    all_numbers_as_floats = json.loads(json.dumps(axes), parse_int=float)
-    return json.dumps(all_numbers_as_floats, sort_keys=True)
+    return json.dumps(json.loads(json.dumps(axes), parse_int=float), sort_keys=True)
 
 
 Values = Annotated[tuple[Any, ...], Field(min_length=1)]
@@ -253,6 +238,23 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
     return [int(value) for value in values] if is_whole else values
 
 
+NAMED_FILES = re.compile(r"robots\.\d+\.controller|response\.curve|arena\.floor\.picture")
+"""Keys whose values on an axis name files."""
+
+_AROUND_FILES = re.compile(r"robots(\.\d+)?|response|arena(\.floor)?")
+
+
+def map_files(key: str, value: Any, change: Callable[[str, Any], Any]) -> Any:
+    """Return the value of an axis with `change(key, name)` instead of each file that it, or a key in it, names."""
+    if NAMED_FILES.fullmatch(key):
+        return value if value is None else change(key, value)
+    if _AROUND_FILES.fullmatch(key) and isinstance(value, Mapping):
+        return {name: map_files(f"{key}.{name}", each, change) for name, each in value.items()}
+    if key == "robots" and isinstance(value, list | tuple):
+        return [map_files(f"{key}.{number}", each, change) for number, each in enumerate(value)]
+    return value
+
+
 class SweepAxes(ConfigModel):
     """The axes: every row of `points` is combined with every row of `zip` and every combination of `grid`.
 
@@ -313,13 +315,15 @@ class SweepAxes(ConfigModel):
             count *= len(values)
         return count
 
-    def mapped(self, change: Callable[[str, Any], Any]) -> "SweepAxes":
-        """Return the axes with `change(key, value)` instead of each value."""
+    def with_files(self, find: Callable[[str, Any], Any]) -> "SweepAxes":
+        """Return the axes with what `find(key, name)` returns instead of each file that they name."""
         columns = {
-            name: {key: tuple(change(key, value) for value in values) for key, values in getattr(self, name).items()}
-            for name in ("zip", "grid")
+            name: {key: tuple(map_files(key, value, find) for value in values) for key, values in column.items()}
+            for name, column in (("zip", self.zip), ("grid", self.grid))
         }
-        points = self.points and tuple({key: change(key, value) for key, value in row.items()} for row in self.points)
+        points = self.points and tuple(
+            {key: map_files(key, value, find) for key, value in row.items()} for row in self.points
+        )
         return self.model_copy(update={**columns, "points": points})
 
     def rows(self) -> list[dict[str, Any]]:

@@ -1,11 +1,17 @@
-"""The base of all sections of a scenario, the kinds of numbers in them, and what is said of values that they refuse."""
+"""The base of all sections of a scenario, the kinds of numbers in them, and what is said of values that they refuse.
 
-from collections.abc import Mapping, Sequence
+Throughout `scenario`, an `origin` begins every line of an error message, and files are looked for in a `folder` first,
+that of the scenario's file, and then in the working directory.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import ErrorDetails
 
+from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.util.messages import comma_list, nearest_name, short_repr
 
 
@@ -41,11 +47,18 @@ class ConfigModel(BaseModel):
 
 
 def _later_defaults_in(value: object) -> dict[str, Any] | dict[int, Any]:
-    if isinstance(value, ConfigModel):
-        return value.later_defaults()
     if isinstance(value, tuple):
         return {place: inner for place, item in enumerate(value) if (inner := _later_defaults_in(item))}
-    return {}
+    return value.later_defaults() if isinstance(value, ConfigModel) else {}
+
+
+@contextmanager
+def refused_at(origin: str) -> Iterator[None]:
+    """Raise what refuses a value in this block as a ScenarioError that begins with `origin`."""
+    try:
+        yield
+    except (EpuckSimError, ValueError) as error:
+        raise ScenarioError(f"{origin}: {error}") from error
 
 
 TAGS = ("kind", "shape")
@@ -139,13 +152,9 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
 
 
 def describe_problem(kind: type[ConfigModel], origin: str, detail: ErrorDetails, keys: Sequence[str] = ()) -> str:
-    """Return one of pydantic's errors as file: key: what was given; what is allowed.
+    """Return an error in a section of class `kind` as file: key: what was given; what is allowed.
 
-    Args:
-        kind: The class of the section that has the error inside.
-        origin: Begins the message.
-        detail: The error.
-        keys: All keys of a scenario, among which one may have been meant.
+    An unknown key may have been meant to be one of `keys`.
     """
     path, classes, union, union_at = _place([str(part) for part in detail["loc"] if part != "[key]"], kind)
     where = f"{origin}: {'.'.join(path)}" if path else origin

@@ -1,7 +1,7 @@
 """What may fail in robots while a trial runs (thesis 4.4), and what changes: the sections `faults` and `schedule`."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar, get_args
 
 from pydantic import Field, model_validator
@@ -12,7 +12,6 @@ from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.robot_kind import sensor_parameters
 from epuck_sim.scenario.robots import RobotGroup, members, resolve_parameters
 from epuck_sim.scenario.stop import Awaited, Condition
-from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list
 
 _WHOM = ("robots", "share", "count")
@@ -214,16 +213,9 @@ def check_faults(faults: Sequence[FaultSection], groups: Sequence[RobotGroup]) -
 def check_oscillators(
     faults: Sequence[FaultSection], groups: Sequence[RobotGroup], swept: Sequence[str], origin: str
 ) -> None:
-    """Check that faults of oscillators befall oscillators only.
+    """Raise ScenarioError if a fault of oscillators may befall robots that are none.
 
-    Args:
-        faults: The scenario's faults.
-        groups: Its groups of robots; nothing is known yet of those whose controller is an axis of a sweep.
-        swept: Keys of the axes.
-        origin: Begins every error message.
-
-    Raises:
-        ScenarioError: A robot that may have such a fault is no oscillator.
+    Nothing is known yet of groups whose controller is `swept`, a key of an axis.
     """
     for number, fault in enumerate(faults):
         for place, group, robots in members(groups):
@@ -316,11 +308,6 @@ class ScheduleEntry(ConfigModel):
         raise NotImplementedError
 
     @property
-    def awaited(self) -> Awaited | None:
-        """The condition for which the changes wait; None if they wait for none."""
-        return None if self.when is None else Awaited(self.when, self.for_cycles)
-
-    @property
     def what(self) -> str:
         """The changes in words, for lists of events."""
         return "; ".join(self.in_words())
@@ -338,29 +325,21 @@ class TimedEntries(Generic[_Moment]):
     """When the next of them is carried out; `never` after the last."""
 
     def __init__(self, moments: Sequence[tuple[_Moment, int]], never: _Moment) -> None:
-        """Begin with the first.
-
-        Args:
-            moments: When each entry is carried out, and its number, in order.
-            never: Later than any moment of a trial.
-        """
-        self._moments, self._never = moments, never
+        """Begin with the first of some moments and numbers of entries, in order; `never` is later than any moment."""
+        self._moments = [*moments, (never, -1)]
         self.restart()
 
     def restart(self) -> None:
         """Begin with the first."""
         self._place = 0
-        self._find_next()
+        self.next = self._moments[0][0]
 
     def take(self) -> int:
         """Return the number of the next entry, and go on to the one after it."""
-        _, number = self._moments[self._place]
+        number = self._moments[self._place][1]
         self._place += 1
-        self._find_next()
+        self.next = self._moments[self._place][0]
         return number
-
-    def _find_next(self) -> None:
-        self.next = self._moments[self._place][0] if self._place < len(self._moments) else self._never
 
 
 def condition_key(entry: int) -> str:
@@ -370,8 +349,11 @@ def condition_key(entry: int) -> str:
 
 def conditions_in(schedule: Sequence[ScheduleEntry]) -> dict[str, Awaited]:
     """Return the conditions for which entries of a schedule wait, by their dotted keys."""
-    awaited = {condition_key(number): entry.awaited for number, entry in enumerate(schedule)}
-    return {key: condition for key, condition in awaited.items() if condition is not None}
+    return {
+        condition_key(number): Awaited(entry.when, entry.for_cycles)
+        for number, entry in enumerate(schedule)
+        if entry.when is not None
+    }
 
 
 AGENT_KEYS = (
@@ -558,32 +540,21 @@ def check_scheduled_controllers(
     step_ms: int,
     origin: str,
 ) -> None:
-    """Check that controllers take the parameters, and have the phases, that a schedule changes.
+    """Raise ScenarioError if controllers do not take the parameters, or have the phases, that a schedule changes.
 
-    Args:
-        schedule: The schedule.
-        groups: Groups of robots, with all their parameters; nothing is known of those whose controller is swept.
-        swept: Keys of the axes.
-        step_ms: Length of a control step.
-        origin: Begins every error message.
-
-    Raises:
-        ScenarioError: A controller does not take a parameter, or is no oscillator.
+    Nothing is known yet of groups whose controller is `swept`; all others have all their parameters.
     """
     known = {place: group for place, group in enumerate(groups) if f"robots.{place}.controller" not in swept}
     for number, entry in enumerate(schedule):
         where = f"{origin}: schedule.{number}"
         for place, values in entry.parameters().items():
             if place in known:
-                check_parameters(known[place], values, step_ms, f"{where}.set: robots.{place}")
+                group = known[place]
+                given = {**group.parameters, **values}
+                resolve_parameters(find_controller(group.controller), given, step_ms, f"{where}.set: robots.{place}")
         for (place, name), values in entry.sensor_parameters().items():
             sensor_parameters(groups[place].sensors, name, values, f"{where}.set: robots.{place}.sensors")
         for place, group, robots in members(groups):
             concerned = entry.displace and (entry.displace.robots is None or set(entry.displace.robots) & set(robots))
             if concerned and place in known and not find_controller(group.controller).is_oscillator:
                 raise ScenarioError(f"{where}.displace: robots.{place} are no oscillators; give robots of others")
-
-
-def check_parameters(group: RobotGroup, values: Mapping[str, object], step_ms: int, origin: str) -> dict[str, Value]:
-    """Return all parameters of a group with new values; raise ScenarioError if its controller does not take them."""
-    return resolve_parameters(find_controller(group.controller), {**group.parameters, **values}, step_ms, origin)

@@ -5,14 +5,15 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from epuck_sim.control.loader import find_controller
-from epuck_sim.scenario.arena import ArenaSection
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.arena import ArenaSection, find_picture
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
 from epuck_sim.scenario.changes import (
     AnyFault,
     RobotScheduleEntry,
@@ -23,7 +24,7 @@ from epuck_sim.scenario.changes import (
 )
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import RobotKind, check_readings
-from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_axes, resolve_group
+from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.stop import StopSection, check_measures_of_present
 
@@ -133,11 +134,7 @@ class EmbodiedStop(StopSection):
         return self.max_time_s is not None and "max_time_s" not in self.model_fields_set
 
     def limited(self, changes_until_s: float) -> "EmbodiedStop":
-        """Return the section of trials without T_sync: without a limit of its own, with one in time.
-
-        Args:
-            changes_until_s: Time of the last change that the trials wait for.
-        """
+        """Return the section of trials without T_sync, whose last change is at a time: with a limit if it has none."""
         if self.when is not None or self.max_time_s is not None or "max_cycles" in self.model_fields_set:
             return self
         values: dict[str, Any] = {**dict(self), "max_time_s": changes_until_s + UNLIMITED_S}
@@ -279,7 +276,7 @@ class EmbodiedScenario(Scenario):
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with controllers, measures, parameters and the floor's picture found; see `Scenario`."""
-        swept = self.sweep.keys if self.sweep else ()
+        swept = self.swept
         robots = tuple(
             group  # its controller, hence its parameters, are known at each point only
             if f"robots.{number}.controller" in swept
@@ -289,7 +286,7 @@ class EmbodiedScenario(Scenario):
         check_readings([group.sensors for group in robots], origin)
         check_oscillators(self.faults, robots, swept, origin)
         check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
-        sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
+        sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
         arena = self.arena.with_picture_found(origin, folder)
         stop = self.stop if self._may_have_t_sync(robots, swept) else self.stop.limited(self._changes_until_s)
         resolved = self.model_copy(update={"robots": robots, "sweep": sweep, "arena": arena, "stop": stop})
@@ -308,6 +305,14 @@ class EmbodiedScenario(Scenario):
     @property
     def _changes_until_s(self) -> float:
         return max((change.at_s or 0.0 for change in (*self.schedule, *self.faults)), default=0.0)
+
+
+def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:
+    """Return the path of a controller, or of the picture of a floor, that an axis names; others as they are."""
+    with refused_at(f"{origin}: sweep: {key}"):
+        if key.endswith(".controller"):
+            return find_controller(str(name), folder).stored_name
+        return find_picture(str(name), folder) if key.endswith(".picture") else name
 
 
 def _pictures(group: RobotGroup) -> int:

@@ -9,10 +9,10 @@ from typing import Any
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.sensors import find_sensor
 from epuck_sim.errors import EpuckSimError, ScenarioError
-from epuck_sim.scenario.axes import SweepAxes, with_ranges
+from epuck_sim.scenario.axes import with_ranges
 from epuck_sim.scenario.base import ConfigModel, class_of, ends_in, section_classes
 from epuck_sim.scenario.particles import ResponseSection, find_curve
-from epuck_sim.scenario.robot_kind import FILE, given_to_all, without_brought_sensors
+from epuck_sim.scenario.robot_kind import FILE, are_groups, without_brought_sensors
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.scenario.yaml_io import parse_yaml
@@ -23,13 +23,7 @@ NOT_TYPED = ("sweep", "measures")
 
 
 def all_keys(kind: type[ConfigModel], given: Mapping[str, Any], folder: Path | None = None) -> list[str]:
-    """Return every dotted key of a scenario, of sections, too: those first on which trials depend.
-
-    Args:
-        kind: The scenario's class.
-        given: Its keys; what is left out has the defaults of that class.
-        folder: Files that it names are looked for here first, then in the working directory.
-    """
+    """Return every dotted key of a scenario of class `kind`, of sections, too: those first on which trials depend."""
     found = [key for key in _keys_of(kind, given, folder) if key.partition(".")[0] not in NOT_TYPED]
     return sorted(found, key=lambda key: key.partition(".")[0] in WITHOUT_EFFECT)
 
@@ -38,11 +32,6 @@ def full_keys(ending: str, keys: Sequence[str], where: str) -> list[str]:
     """Return the keys that a key, or an ending of one, stands for: one, or that of each group of robots; none is found.
 
     Endings of keys on which trials depend are taken before those of sections as `overhead` and `figure`.
-
-    Args:
-        ending: What was typed.
-        keys: All keys, as `all_keys` returns them.
-        where: Begins the error message.
 
     Raises:
         ScenarioError: It is the ending of several keys.
@@ -136,7 +125,10 @@ def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> di
             "instead"
         )
     if key == "sensors":  # of all robots
-        return {**given, "robots": given_to_all(given.get("robots") or [{}], value), "sensors": None}
+        groups = given.get("robots") or [{}]
+        if are_groups(groups):
+            groups = [{**group, "sensors": value} for group in groups]
+        return {**given, "robots": groups, "sensors": None}
     given = without_brought_sensors(given, key)
     parts = key.split(".")
     if len(parts) > MAX_PARTS:
@@ -220,13 +212,9 @@ def add_measures(given: Mapping[str, Any], names: Sequence[str], origin: str) ->
 
 
 def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any], option: str) -> dict[str, Any]:
-    """Return the mapping `given` with one more axis in the grid of its sweep.
+    """Return a scenario's keys with one more axis in the grid of its sweep, whose values may be ranges.
 
-    Args:
-        given: The scenario's keys.
-        keys: Key of the axis, or keys that have the same value at each point: they are rows of the sweep's `points`.
-        values: Values, among which there may be ranges.
-        option: Begins messages.
+    Several keys have the same value at each point: they are rows of the sweep's `points`.
 
     Raises:
         ScenarioError: The scenario's own sweep is malformed, or a range is.
@@ -275,17 +263,11 @@ def note_changes(given: Mapping[str, Any], settings: Sequence[str], axes: Sequen
     return {**given, "description": f"{text}; with {', '.join(notes)}"}
 
 
-def reject_swept_keys(settings: Sequence[str], axes: SweepAxes | None) -> None:
-    """Raise ScenarioError for a setting that every point of the sweep overrides."""
-    for setting in settings:
-        key = setting.partition("=")[0]
-        for axis in axes.keys if axes else ():
-            if f"{key}.".startswith(f"{axis}."):
+def reject_swept(settings: Sequence[str], controller: str | None, swept: Sequence[str]) -> None:
+    """Raise ScenarioError for a setting, or a controller of all robots, that the points of a sweep override."""
+    for axis in swept:
+        for setting in settings:
+            if f"{setting.partition('=')[0]}.".startswith(f"{axis}."):
                 raise ScenarioError(f"--set {setting}: {axis} is an axis of the sweep; use --sweep {axis}=... instead")
-
-
-def reject_swept_controllers(controller: str, axes: SweepAxes | None) -> None:
-    """Raise ScenarioError for a controller of all robots that the points of the sweep override."""
-    for axis in axes.keys if axes else ():
-        if axis == "robots" or re.fullmatch(r"robots\.\d+(\.controller)?", axis):
+        if controller is not None and re.fullmatch(r"robots(\.\d+(\.controller)?)?", axis):
             raise ScenarioError(f"--controller {controller}: {axis} is an axis of the sweep")

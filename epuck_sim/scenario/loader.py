@@ -21,8 +21,7 @@ from epuck_sim.scenario.keys import (
     parse_axis,
     parse_setting,
     quick_version,
-    reject_swept_controllers,
-    reject_swept_keys,
+    reject_swept,
     set_value,
     without_quick,
 )
@@ -81,16 +80,9 @@ _CHECKED = {"model", "space", "clocks", *CHANGING}
 
 
 def check_changes(scenario: ParticleScenario, origin: str) -> None:
-    """Check the new values that the entries of a schedule set.
+    """Raise ScenarioError for a new value, set by an entry of a schedule, that is not allowed.
 
     No entry can make a value wrong that another one sets: each key is checked by what stays as it is.
-
-    Args:
-        scenario: The scenario, with the path of its response curve and all its parameters.
-        origin: Begins every error message.
-
-    Raises:
-        ScenarioError: A value is not allowed.
     """
     for number, entry in enumerate(scenario.schedule):
         if entry.set:
@@ -98,12 +90,7 @@ def check_changes(scenario: ParticleScenario, origin: str) -> None:
 
 
 def agents_with(scenario: ParticleScenario, values: Mapping[str, Any], origin: str) -> ParticleScenario:
-    """Return a scenario with new values of keys.
-
-    Args:
-        scenario: The scenario, with the path of its response curve and all its parameters.
-        values: New values by dotted key, of the sections in `CHANGING`.
-        origin: Begins every error message.
+    """Return a scenario, resolved, with new values of dotted keys of the sections in `CHANGING`.
 
     Raises:
         ScenarioError: A value is not allowed.
@@ -119,18 +106,10 @@ def agents_with(scenario: ParticleScenario, values: Mapping[str, Any], origin: s
 
 
 def check_arenas(scenario: EmbodiedScenario, origin: str) -> None:
-    """Check the arenas that entries of a schedule make.
+    """Raise ScenarioError for an arena that an entry of a schedule makes and that is not allowed.
 
     All entries that change the arena set the same keys, so that each makes an arena that is known beforehand, whatever
-    entries come before it.
-
-    Args:
-        scenario: The scenario.
-        origin: Begins every error message.
-
-    Raises:
-        ScenarioError: An arena is not allowed, too small for the robots, or depends on the order of entries; or its
-            floor has a picture, which is stretched between walls that move.
+    entries come before it. A picture of a floor is stretched between walls that do not move.
     """
     first: tuple[int, set[str]] | None = None
     for number, entry in enumerate(scenario.schedule):
@@ -272,46 +251,29 @@ def load_scenario(
     origin = " ".join([origin, *options])
     given = note_changes(given, changed, swept)
     scenario = from_keys(given, origin, folder)
-    reject_swept_keys(changed, scenario.sweep)
-    if controller is not None:
-        reject_swept_controllers(controller, scenario.sweep)
+    reject_swept(changed, controller, scenario.swept)
     return scenario
 
 
 def from_keys(given: Mapping[str, Any], origin: str, folder: Path | None = None) -> Scenario:
-    """Return the scenario that has some keys, with everything that lies in other files; see `load_scenario`.
-
-    Args:
-        given: The keys, as a file has them.
-        origin: Begins every line of an error message.
-        folder: Files are looked for here first, then in the working directory.
-
-    Raises:
-        ScenarioError: It is no valid scenario.
-    """
+    """Return the scenario that has some keys, with everything that lies in other files; see `load_scenario`."""
     return complete(validate(_expanded(given, origin, folder), origin), origin, folder)
 
 
 def complete(scenario: AnyScenario, origin: str, folder: Path | None = None) -> AnyScenario:
     """Return a scenario with everything filled in that lies in other files; what its schedule sets is checked.
 
-    Args:
-        scenario: The scenario.
-        origin: Begins every line of an error message.
-        folder: Files are looked for here first, then in the working directory.
-
     Raises:
         ScenarioError: A file is missing, or does not fit the scenario, or a value that is set later is not allowed.
     """
     found = scenario.resolved(origin, folder)
-    swept = found.sweep.keys if found.sweep else ()
     if isinstance(found, EmbodiedScenario):
-        if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in swept):
+        if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in found.swept):
             check_arenas(found, f"{origin}: schedule")
         return found
     if not isinstance(found, ParticleScenario):
         return found
-    if found.schedule and not set(swept) & {"response", "response.curve", "neighbourhood", "neighbourhood.kind"}:
+    if found.schedule and not set(found.swept) & {"response", "response.curve", "neighbourhood", "neighbourhood.kind"}:
         check_changes(found, f"{origin}: schedule")
     if found.start.like is not None:
         return found.model_copy(update={"start": resolve_like(found, f"{origin}: start.like", folder)})
@@ -438,12 +400,7 @@ def robots_like(name: str, origin: str) -> EmbodiedScenario:
 
 
 def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -> StartSection:
-    """Return the start of agents with the path of its scenario, if that is a user's.
-
-    Args:
-        scenario: The scenario of agents.
-        origin: Begins every error message.
-        folder: Files are looked for here first, then in the working directory.
+    """Return the start of agents with the path of its scenario of robots, if that is a user's.
 
     Raises:
         ScenarioError: There is no such scenario of robots, or agents cannot start like its robots.
@@ -455,7 +412,6 @@ def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -
     elif Path(like).suffix:
         like = str(find_scenario(like).resolve())
     robots = robots_like(like, origin)
-    swept = scenario.sweep.keys if scenario.sweep else ()
     sides = [robots.arena.width_cm, robots.arena.height_cm]
     checks = {
         "agents.count": (scenario.agents.count, robots.robot_count),
@@ -464,7 +420,7 @@ def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -
     }
     for key, (given, needed) in checks.items():
         section = key.partition(".")[0]
-        if given != needed and not {key, section} & set(swept):
+        if given != needed and not {key, section} & set(scenario.swept):
             raise ScenarioError(
                 f"{origin}: {key} is {given}, and that of the robots in {like} is {needed}; give the same"
             )

@@ -13,14 +13,15 @@ def phase_shift(phase, coupling, parameters):    the shift, at phases from above
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, PlainValidator, model_validator
 
-from epuck_sim.errors import CurveError, ScenarioError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.errors import CurveError
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
 from epuck_sim.scenario.changes import AgentScheduleEntry, check_agents
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.stop import StopSection
@@ -131,15 +132,6 @@ def _load(place: Place) -> Curve:
     return Curve(place.name, file.parameters(), function, file.sources, file.modules)
 
 
-def map_curves(key: str, value: Any, change: Callable[[Any], str]) -> Any:
-    """Return the value of an axis in which `change` has replaced the response curve that it names."""
-    if key == "response.curve":
-        return change(value)
-    if key == "response" and isinstance(value, Mapping) and "curve" in value:
-        return {**value, "curve": change(value["curve"])}
-    return value
-
-
 class ResponseSection(ConfigModel):
     """How a pulse shifts the phase of an agent that receives it (2.4, 5.1.1)."""
 
@@ -166,17 +158,13 @@ def resolve_response(response: ResponseSection, origin: str, folder: Path | None
     """Return a response with the path of its curve, if that is a user's, and with all parameters.
 
     Raises:
-        ScenarioError: There is no such curve, or it does not take these parameters; the message begins with `origin`.
+        ScenarioError: There is no such curve, or it does not take these parameters.
     """
-    try:
+    with refused_at(f"{origin}.curve"):
         curve = find_curve(response.curve, folder)
-    except CurveError as error:
-        raise ScenarioError(f"{origin}.curve: {error}") from error
-    try:
+    with refused_at(origin):
         parameters = curve.resolve(response.parameters)
         curve.check_shifts(response.coupling, parameters)
-    except (CurveError, ValueError) as error:
-        raise ScenarioError(f"{origin}: {error}") from error
     if (curve.name, parameters) == (response.curve, response.parameters):
         return response
     return response.model_copy(update={"curve": curve.name, "parameters": parameters})
@@ -507,19 +495,17 @@ class ParticleScenario(Scenario):
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with the response curve, measures and their parameters; see `Scenario.resolved`."""
-        swept = self.sweep.keys if self.sweep else ()
         response = self.response  # its curve, hence its parameters, may be known at each point only
-        if "response.curve" not in swept and "response" not in swept:
+        if not {"response", "response.curve"} & set(self.swept):
             response = resolve_response(response, f"{origin}: response", folder)
-        sweep = self.sweep and self.sweep.mapped(lambda key, value: _resolve_axis(key, value, origin, folder))
+        sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
         resolved = super().resolved(origin, folder)
         if response is self.response and sweep is None:
             return resolved  # a copy would take a tenth of the time of a short trial
         return resolved.model_copy(update={"response": response, "sweep": sweep})
 
 
-def _resolve_axis(key: str, value: Any, origin: str, folder: Path | None) -> Any:
-    try:
-        return map_curves(key, value, lambda name: find_curve(str(name), folder).name)
-    except CurveError as error:
-        raise ScenarioError(f"{origin}: sweep: {key}: {error}") from error
+def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:
+    """Return the path of a response curve that an axis names; others as they are."""
+    with refused_at(f"{origin}: sweep: {key}"):
+        return find_curve(str(name), folder).name if key == "response.curve" else name

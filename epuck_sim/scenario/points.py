@@ -4,17 +4,15 @@ A point is identified by its axis values, not by its number: points and trials t
 others as they were.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.arena import map_pictures
-from epuck_sim.scenario.axes import canonical_text
+from epuck_sim.scenario.axes import canonical_text, map_files
 from epuck_sim.scenario.keys import set_value
 from epuck_sim.scenario.loader import complete, from_keys, load_scenario
-from epuck_sim.scenario.particles import map_curves
-from epuck_sim.scenario.robots import map_controllers, share_parameters
+from epuck_sim.scenario.robots import share_parameters
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.seeds import point_seed
@@ -73,16 +71,10 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
     That of a file has the folders which tell it from others. It does not depend on the folders that all files share,
     so that a sweep can move to another machine.
     """
-    named: dict[str, None] = {}
-
-    def collect(name: Any) -> str:
-        named[str(name)] = None
-        return str(name)
-
+    parts: dict[str, Sequence[str]] = {}
     for row in rows:
         for key, value in row.items():
-            _map_names(key, value, collect)
-    parts = {name: Path(name).parts for name in named}
+            map_files(key, value, lambda _, name: parts.setdefault(str(name), Path(str(name)).parts))
 
     def shortest(name: str) -> str:
         for length in range(1, len(parts[name])):
@@ -91,12 +83,7 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
                 return PurePath(*ending).as_posix()
         return name
 
-    return {name: shortest(name) for name in named}
-
-
-def _map_names(key: str, value: Any, change: Callable[[Any], str]) -> Any:
-    """Return the value of an axis in which `change` has replaced each controller, curve and picture that it names."""
-    return map_pictures(key, map_curves(key, map_controllers(key, value, change), change), change)
+    return {name: shortest(name) for name in parts}
 
 
 def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[str, str]) -> Point:
@@ -107,7 +94,7 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[s
     scenario = from_keys(given, origin)
     if scenario.sweep is not None:
         raise ScenarioError(f"{origin}: a point cannot have a sweep")
-    axes = {key: _map_names(key, value, lambda name: names[str(name)]) for key, value in row.items()}
+    axes = {key: map_files(key, value, lambda _, name: names[str(name)]) for key, value in row.items()}
     return Point(number, canonical_text(axes), axes, scenario)
 
 

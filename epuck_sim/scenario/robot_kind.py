@@ -18,8 +18,8 @@ from pydantic import Field, ValidationError, model_validator
 from epuck_sim import epuck
 from epuck_sim.control.interface import SENSORS, Wheels
 from epuck_sim.control.sensors import find_sensor
-from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, describe_problem
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, describe_problem, refused_at
 from epuck_sim.scenario.yaml_io import line_of_key, read_yaml
 from epuck_sim.user_files import Kind, Place, Value, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
@@ -97,33 +97,24 @@ def spread(given: Mapping[str, Any], of_robots: Sequence[Any], origin: str) -> d
         raise ScenarioError(f"{origin}: sensors: each group of robots has sensors of its own; leave sensors out")
     if not for_all and not any(of_robots) and not any(has_own):
         return others
-    named = [
-        {**group, "sensors": _named(group["sensors"] or {}, f"{origin}: robots.{number}.sensors")}
-        if "sensors" in group
-        else {**group, "sensors": _named(of_robot if for_all is None else for_all, f"{origin}: sensors")}
-        for number, (group, of_robot) in enumerate(zip(groups, of_robots, strict=True))
-    ]
+    named = []
+    for number, (group, of_robot) in enumerate(zip(groups, of_robots, strict=True)):
+        where, sensors = f"{origin}: sensors", of_robot if for_all is None else for_all
+        if "sensors" in group:
+            where, sensors = f"{origin}: robots.{number}.sensors", group["sensors"] or {}
+        named.append({**group, "sensors": _named(sensors, where)})
     return {**others, "robots": named}
 
 
 def _named(given: Any, where: str) -> dict[str, dict[str, Any]]:
     """Do what `by_name` does; raise ScenarioError, with where they are given."""
-    try:
+    with refused_at(where):
         return by_name(given)
-    except ValueError as error:
-        raise ScenarioError(f"{where}: {error}") from error
 
 
 def are_groups(given: Any) -> bool:
     """Return whether what is given as `robots` is a list of sections; else it is refused when it is validated."""
     return isinstance(given, list | tuple) and all(isinstance(group, Mapping) for group in given)
-
-
-def given_to_all(groups: Any, sensors: Any) -> Any:
-    """Return groups of robots which all have these sensors, and none of their own."""
-    if not are_groups(groups):
-        return groups
-    return [{**group, "sensors": sensors} for group in groups]
 
 
 def check_readings(groups: Sequence[Mapping[str, Mapping[str, Any]]], origin: str) -> None:
@@ -154,10 +145,8 @@ def sensor_parameters(
             f"{origin}: {did_you_mean(name, sensors)}; sensors in files of their own: {comma_list(sensors)}"
         )
     given = {key: value for key, value in sensors[name].items() if key != FILE}
-    try:
+    with refused_at(f"{origin}.{name}"):
         return find_sensor(sensors[name][FILE]).resolve({**given, **values})
-    except ValueError as error:
-        raise ScenarioError(f"{origin}.{name}: {error}") from error
 
 
 def resolve_sensors(
@@ -171,18 +160,14 @@ def resolve_sensors(
     resolved: dict[str, dict[str, Any]] = {}
     told: dict[str, str] = {}
     for name, given in sensors.items():
-        where = f"{origin}.sensors.{name}"
-        try:
+        with refused_at(f"{origin}.sensors.{name}"):
             sensor = find_sensor(given[FILE], folder)
             parameters = sensor.resolve({key: value for key, value in given.items() if key != FILE})
-        except (ControllerError, ValueError) as error:
-            raise ScenarioError(f"{where}: {error}") from error
-        for reading in sensor.readings.names or ():
-            if reading in told:
-                raise ScenarioError(
-                    f"{where}: tells {reading!r}, and {told[reading]} does, too; rename it in READINGS of one of them"
-                )
-            told[reading] = name
+            for reading in sensor.readings.names or ():
+                if reading in told:
+                    other = told[reading]
+                    raise ValueError(f"tells {reading!r}, and {other} does, too; rename it in READINGS of one of them")
+                told[reading] = name
         resolved[name] = {FILE: sensor.stored_name, **parameters}
     return resolved, tuple(told)
 
@@ -266,11 +251,6 @@ def _check_values(keys: Mapping[str, Any], path: Path) -> None:
 def with_robots(given: Mapping[str, Any], origin: str, folder: Path | None) -> tuple[dict[str, Any], list[Any]]:
     """Return a scenario's keys with the paths of its robots' files, and the sensors that each group's robots bring.
 
-    Args:
-        given: The keys.
-        origin: Begins every message.
-        folder: Robots' files are looked for here first, then in the working directory.
-
     Raises:
         ScenarioError: There is no such robot.
     """
@@ -297,10 +277,8 @@ def _located(robot: Any, where: str, folder: Path | None) -> tuple[Any, Mapping[
     section = _as_section(robot)
     if not _needs_file(section):
         return section, {}
-    try:
+    with refused_at(where):
         found = find_robot(section["kind"], folder)
-    except ScenarioError as error:
-        raise ScenarioError(f"{where}: {error}") from error
     return {**section, "kind": found.name}, found.sensors
 
 

@@ -1,7 +1,6 @@
 """Groups of robots that share a controller: their signals, cameras, sensors and controllers, and whether they fit."""
 
 import math
-import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -15,11 +14,10 @@ from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.names import check_sensed
 from epuck_sim.epuck import GRID_SPACING_CM
-from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario.arena import ArenaSection, find_picture, map_pictures
-from epuck_sim.scenario.axes import SweepAxes
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
-from epuck_sim.scenario.robot_kind import RobotKind, by_name, resolve_sensors
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.arena import ArenaSection
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
+from epuck_sim.scenario.robot_kind import RobotKind, are_groups, by_name, resolve_sensors
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -229,16 +227,13 @@ STEP_CM = 0.13
 def check_robots(
     kinds: Sequence[RobotKind], groups: Sequence[RobotGroup], arena: ArenaSection, physics_hz: int
 ) -> None:
-    """Check the robots of a scenario.
+    """Raise ValueError if robots do not fit into the arena, are too fast, or lack what a group needs.
 
     Args:
         kinds: What kind of robots each group has.
         groups: The groups of robots.
         arena: The arena.
         physics_hz: Physics steps in a second.
-
-    Raises:
-        ValueError: They do not fit into the arena, are too fast, or lack what a group needs.
     """
     _check_room(kinds, [group.count for group in groups], arena)
     for number, (kind, group) in enumerate(zip(kinds, groups, strict=True)):
@@ -280,27 +275,18 @@ def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaS
 def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | None) -> RobotGroup:
     """Return the group with the path of its controller, if that is a user's, and with all parameters.
 
-    Args:
-        group: A group of robots.
-        step_ms: Length of a control step, which must be shorter than an oscillator's period.
-        origin: Begins every error message.
-        folder: The controller is looked for here first, then in the working directory.
-
     Raises:
-        ScenarioError: There is no such controller, or it does not take these parameters.
+        ScenarioError: There is no such controller, or it does not take these parameters, or its oscillator's period is
+            not longer than a control step, `step_ms`.
     """
     sensors, readings = resolve_sensors(group.sensors, origin, folder)
-    try:
+    with refused_at(f"{origin}.controller"):
         controller = find_controller(group.controller, folder)
         check_sensed(controller, readings)
-    except ControllerError as error:
-        raise ScenarioError(f"{origin}.controller: {error}") from error
     parameters = resolve_parameters(controller, group.parameters, step_ms, origin)
-    for name, value in group.memory.items():
-        try:
+    with refused_at(f"{origin}.memory"):
+        for name, value in group.memory.items():
             _check_memory(controller, name, value, group.count, parameters)
-        except ValueError as error:
-            raise ScenarioError(f"{origin}.memory: {error}") from error
     found = {"controller": controller.stored_name, "parameters": parameters, "sensors": sensors}
     return group.model_copy(update=found)
 
@@ -308,20 +294,13 @@ def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | N
 def resolve_parameters(
     controller: Controller, given: Mapping[str, object], step_ms: int, origin: str
 ) -> dict[str, Value]:
-    """Return all parameters of a controller, as given or by default; see `resolve_group`.
-
-    Raises:
-        ScenarioError: The controller does not take these parameters.
-    """
-    try:
+    """Return all parameters of a controller, as given or by default; see `resolve_group`."""
+    with refused_at(f"{origin}.parameters"):
         parameters = controller.resolve(given)
-    except ValueError as error:
-        raise ScenarioError(f"{origin}.parameters: {error}") from error
-    if controller.is_oscillator and parameters["period_s"] * 1000 <= step_ms:
-        raise ScenarioError(
-            f"{origin}.parameters: period_s is {parameters['period_s']}; allowed: longer than a control step, "
-            f"{step_ms / 1000:g} s"
-        )
+        if controller.is_oscillator and parameters["period_s"] * 1000 <= step_ms:
+            raise ValueError(
+                f"period_s is {parameters['period_s']}; allowed: longer than a control step, {step_ms / 1000:g} s"
+            )
     return parameters
 
 
@@ -346,31 +325,8 @@ def _check_memory(controller: Controller, name: str, given: Any, robots: int, pa
             raise ValueError(f"phase_ms is {short_repr(given)}; allowed: 0 to below the period, {period_ms:g}")
 
 
-def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes:
-    """Return the axes with the paths of the users' controllers, and of the pictures of floors, that they name.
-
-    Raises:
-        ScenarioError: There is no such controller or picture.
-    """
-
-    def resolve(key: str, value: Any) -> Any:
-        where = f"{origin}: sweep: {key}"
-        value = map_pictures(key, value, lambda name: find_picture(name, where, folder))
-        try:
-            return map_controllers(key, value, lambda name: find_controller(str(name), folder).stored_name)
-        except ControllerError as error:
-            raise ScenarioError(f"{where}: {error}") from error
-
-    return axes.mapped(resolve)
-
-
 def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dict[str, Any]:
-    """Return the mapping `given` in which all robots have another controller, with what it knows of theirs.
-
-    Args:
-        given: A scenario of robots.
-        name: A shipped controller, or a file, relative to the working directory.
-        origin: Begins every message.
+    """Return a scenario's keys in which all robots have another controller, with what it knows of theirs.
 
     Raises:
         ScenarioError: There is no such controller, or there are no robots to have it.
@@ -381,12 +337,10 @@ def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dic
     if given.get("model", "embodied") != "embodied":
         raise ScenarioError(f"{origin}: --controller {name}: model is {given['model']}; controllers run on robots")
     groups = given.get("robots", [{}])
-    if not isinstance(groups, list | tuple) or not all(isinstance(group, Mapping) for group in groups):
+    if not are_groups(groups):
         raise ScenarioError(f"{origin}: robots is {short_repr(groups)}; allowed: a list of groups")
-    try:
+    with refused_at(f"{origin}: --controller {name}"):
         controller = find_controller(name)
-    except ControllerError as error:
-        raise ScenarioError(f"{origin}: --controller {name}: {error}") from error
     lacking = {
         section: dict.fromkeys(key for group in groups for key in group.get(section) or {} if key not in names)
         for section, names in _own_names(controller).items()
@@ -400,14 +354,10 @@ def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dic
 
 
 def share_parameters(given: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> Callable[[int], dict[str, Any]]:
-    """Return a function that gives, by its number, a point's scenario before its axes are set.
+    """Return a function that gives, by its number, a point's scenario before its axes are set to the values in its row.
 
     Where the controller of a group is an axis, each of its controllers gets those of the group's parameters and memory
     that it has. One that none of them has stays, and is refused with the point.
-
-    Args:
-        given: The scenario without its sweep.
-        rows: Values of the axes of each point.
     """
     swept = [number for number in range(len(given.get("robots", ()))) if f"robots.{number}.controller" in rows[0]]
     own = {
@@ -441,14 +391,3 @@ def _without(group: Mapping[str, Any], lacking: Mapping[str, Collection[str]]) -
         if section in group
     }
     return {**group, **kept}
-
-
-def map_controllers(key: str, value: Any, change: Callable[[Any], str]) -> Any:
-    """Return the value of an axis in which `change` has replaced every controller that it names."""
-    if re.fullmatch(r"robots\.\d+\.controller", key):
-        return change(value)
-    if re.fullmatch(r"robots\.\d+", key) and isinstance(value, Mapping) and "controller" in value:
-        return {**value, "controller": change(value["controller"])}
-    if key == "robots" and isinstance(value, list | tuple):
-        return [map_controllers("robots.0", group, change) for group in value]
-    return value

@@ -1,5 +1,6 @@
 """The scenario: what those of all models have in common. Validated and immutable."""
 
+from collections.abc import Sequence
 from numbers import Integral
 from pathlib import Path
 from typing import Annotated, ClassVar, Self, TypeVar
@@ -67,6 +68,11 @@ class Scenario(ConfigModel):
         return self.controllers or (self.model,)
 
     @property
+    def swept(self) -> Sequence[str]:
+        """Dotted keys of the axes of its sweep."""
+        return self.sweep.keys if self.sweep else ()
+
+    @property
     def conditions(self) -> dict[str, Awaited]:
         """Conditions that trials wait for, by their dotted keys: that of their end, and those of a schedule."""
         end = {} if self.stop.when is None else {STOP: Awaited(self.stop.when)}
@@ -89,10 +95,6 @@ class Scenario(ConfigModel):
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with everything filled in that lies in other files.
-
-        Args:
-            origin: Begins every line of an error message.
-            folder: Files are looked for here first, then in the working directory.
 
         Raises:
             ScenarioError: A file is missing, or does not fit the scenario.
@@ -122,7 +124,7 @@ class Scenario(ConfigModel):
         ]
         rows += [("measures", ", ".join(measure.measure for measure in self.measures))] * bool(self.measures)
         if self.sweep is not None:
-            rows += [("sweep", f"{counted(self.sweep.point_count, 'point')} over {', '.join(self.sweep.keys)}")]
+            rows += [("sweep", f"{counted(self.sweep.point_count, 'point')} over {', '.join(self.swept)}")]
         return to_html(
             element("p", element("b", self.name), f": {self.description}" if self.description else ""),
             facts(rows),

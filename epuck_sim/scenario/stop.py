@@ -8,10 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, model_serializer, model_validator
 
-from epuck_sim.errors import MeasureError, ScenarioError
+from epuck_sim.errors import ScenarioError
 from epuck_sim.measures.interface import CYCLE_METHOD, Measure
 from epuck_sim.measures.loader import find_measure
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, refused_at
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 CONDITION = re.compile(r"\s*(\w+)\s*(>=|<=|>|<)\s*([-+.\w]+)\s*")
@@ -143,10 +143,10 @@ class MeasureSection(ConfigModel):
 
 
 def resolve_measures(scenario: Any, origin: str, folder: Path | None) -> tuple[MeasureSection, ...]:
-    """Return measures with the paths of those that are users', and with all parameters.
+    """Return a scenario's measures with the paths of those that are users', and with all parameters.
 
     Args:
-        scenario: The scenario (`scenario.Scenario`) that names them, with everything else filled in.
+        scenario: The scenario (`scenario.Scenario`), with everything else filled in.
         origin: Begins every error message.
         folder: Files are looked for here first, then in the working directory.
 
@@ -156,19 +156,16 @@ def resolve_measures(scenario: Any, origin: str, folder: Path | None) -> tuple[M
     """
     resolved: dict[str, MeasureSection] = {}
     for number, section in enumerate(scenario.measures):
-        where = f"{origin}: measures.{number}"
-        try:
+        with refused_at(f"{origin}: measures.{number}"):
             measure = section.find(folder)
             measure.check_model(scenario.model, scenario.event_method)
             parameters = measure.resolve(section.parameters)
             measure.check_scenario(scenario, parameters)
-        except (MeasureError, ValueError) as error:
-            raise ScenarioError(f"{where}: {error}") from error
-        if measure.name in resolved:
-            raise ScenarioError(
-                f"{where}: {measure.name} is the name of two measures; results have one of each name: give "
-                f"one of them another, such as {{{section.measure}: {{as: another}}}}"
-            )
+            if measure.name in resolved:
+                raise ValueError(
+                    f"{measure.name} is the name of two measures; results have one of each name: give one of them "
+                    f"another, such as {{{section.measure}: {{as: another}}}}"
+                )
         resolved[measure.name] = MeasureSection.model_construct(
             measure=measure.stored_name, parameters=parameters, shown_as=section.shown_as
         )
@@ -191,7 +188,7 @@ def check_measures_of_present(measures: Sequence[MeasureSection], origin: str) -
 
 
 def check_condition(name: str, measures: Sequence[MeasureSection], event_method: str, origin: str) -> None:
-    """Check that a measure that a condition is on can be looked at while a trial runs.
+    """Raise ScenarioError unless a measure that a condition is on can be looked at while a trial runs.
 
     The order parameter can, whether it is among the measures or not: every trial measures it.
 
@@ -200,9 +197,6 @@ def check_condition(name: str, measures: Sequence[MeasureSection], event_method:
         measures: The scenario's measures, as `resolve_measures` returns them.
         event_method: Name of the method that trials of this model tell of every event.
         origin: Begins the error message.
-
-    Raises:
-        ScenarioError: It is not among the measures, or is asked for its value at the end alone.
     """
     found = {measure.name: measure for measure in (section.find() for section in measures)}
     if name == ORDER_PARAMETER and name not in found:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.points import Point
 from epuck_sim.trial.model import run_trial, simulate
-from epuck_sim.trial.observer import TrialState
+from epuck_sim.trial.result import TrialState
 
 
 class TimedTrial(NamedTuple):

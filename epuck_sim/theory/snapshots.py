@@ -10,8 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.observers.scene import make_scene
-from epuck_sim.embodied.observers.visibility import find_sightings
+from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.embodied.placement import Placement
 from epuck_sim.embodied.start import draw_start
 from epuck_sim.embodied.swarm import poses_of

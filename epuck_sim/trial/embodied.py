@@ -1,14 +1,167 @@
-"""One trial of robots: a simulation that is watched until the swarm is synchronised, or for as long as it may take."""
+"""One trial of robots, watched until the swarm is synchronised, and the start of agents that start like its robots."""
 
+import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.elementary import sin_cos
 from epuck_sim.embodied.history import MOST_STEPS
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.trial.conditions import Conditions, WaitingEntries
-from epuck_sim.trial.observer import Observer, OfStretches, Progress
-from epuck_sim.trial.result import TrialResult
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.embodied.step import Step
+from epuck_sim.errors import ControllerError, ScenarioError
+from epuck_sim.order_parameter import METRICS, Firing
+from epuck_sim.scenario.changes import TrialEvent
+from epuck_sim.scenario.loader import robots_like
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.measuring import Conditions, WaitingEntries
+from epuck_sim.trial.result import Observer, OfStretches, Progress, TrialResult
+
+NOMINAL_PERIOD_S = 5.0
+"""Length of a cycle, in seconds, if the reference is no oscillator (4.2.1)."""
+
+
+class SynchronyWatch:
+    """Counts the reference robot's firings and measures the order parameter at each (thesis 4.2.1).
+
+    A robot fires when its ring is commanded to light up, or when it is so already and the phase falls. Robots that are
+    no oscillators do not count; if the reference is none, nothing is measured and every 5 s count as a cycle. One
+    oscillator alone is never synchronised. Once the swarm is synchronised it counts as such, whatever it does in the
+    further cycles. Robots that are not in the arena do not count either.
+    """
+
+    cycles: int
+    """Firings of the reference so far."""
+    order_parameter: float | None
+    """Order parameter at the reference's last firing; None before the first."""
+    events: Sequence[TrialEvent]
+    """What has changed so far by the schedule, or by faults."""
+    measures: bool
+    """Whether the reference is an oscillator."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.events = simulation.events
+        stop = simulation.scenario.stop
+        self._metric = METRICS[stop.metric]
+        self._threshold = math.inf if stop.order_parameter is None else stop.order_parameter
+        self._max_cycles = stop.max_cycles
+        self._further_cycles = stop.further_cycles
+        self._reference = stop.reference_robot
+        self._members_change = simulation.scenario.members_change
+        self._oscillators = ~np.isnan(simulation.period_ms)
+        self._are_all = bool(self._oscillators.all())
+        self._periods = simulation.period_ms[self._oscillators]
+        self.measures = bool(self._oscillators[self._reference])
+        step_ms = simulation.scenario.timing.step_ms
+        self._step_s = step_ms / 1000
+        period_ms = simulation.period_ms[self._reference] if self.measures else NOMINAL_PERIOD_S * 1000
+        self._steps_a_cycle = NOMINAL_PERIOD_S * 1000 / step_ms
+        # a reference that never fires must not keep a trial for ever: twice the time that its cycles should take
+        self._max_steps = math.ceil(2 * stop.max_cycles * (period_ms / step_ms + 1))
+        if stop.max_time_s is not None:
+            self._max_steps = min(self._max_steps, math.ceil(stop.max_time_s * 1000 / step_ms - 1e-9))
+        if not self.measures:
+            self._max_steps = min(self._max_steps, math.ceil(stop.max_cycles * self._steps_a_cycle))
+        self._steps = 0
+        self._lit_phase: float | None = None  # of the reference, while its ring is lit
+        self._synchrony: Firing | None = None
+        self.cycles = 0
+        self.order_parameter = None
+
+    def look(self, step: Step, *, may_fire: bool = True) -> None:
+        """Take note of a step, in which the reference may fire; it did not since the last one that was seen."""
+        if not self.measures:
+            self.cycles = int((step.number + 1) / self._steps_a_cycle)
+        elif may_fire and step.ring_commands[self._reference]:
+            self._look_at_lit(step)
+        else:
+            self._lit_phase = None
+        self._steps = step.number + 1
+
+    def _look_at_lit(self, step: Step) -> None:
+        phases = step.phase_ms
+        phase = float(phases[self._reference])
+        if self._lit_phase is None or step.number > self._steps or phase < self._lit_phase:
+            self.cycles += 1
+            counted = self._of_oscillators(phases)
+            if self._members_change:
+                counted = counted[self._of_oscillators(step.present)]
+            if not math.isfinite(np.add.reduce(counted)):  # nor are all of them, then
+                raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases.tolist()}")
+            self.order_parameter = r = float(self.measure(phases))
+            if self._synchrony is None and r >= self._threshold and len(counted) > 1:
+                self._synchrony = Firing(self.cycles, r)
+        self._lit_phase = phase
+
+    def measure(self, phase_ms: FloatArray) -> FloatArray:
+        """Return (...) the order parameter of the oscillators at (..., robots) phases; NaN where there are none.
+
+        Where robots come and go, those whose phases are NaN are not counted.
+        """
+        if not len(self._periods):
+            return np.full(phase_ms.shape[:-1], np.nan)
+        phases = np.ascontiguousarray(self._of_oscillators(phase_ms))
+        if not self._members_change:
+            return self._metric(phases, self._periods)
+        rows = phases.reshape(-1, len(self._periods))
+        found = [
+            float(self._metric(row[present], self._periods[present])) if present.any() else math.nan
+            for row, present in zip(rows, ~np.isnan(rows), strict=True)
+        ]
+        return np.reshape(found, phase_ms.shape[:-1])
+
+    def _of_oscillators(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return those values, (..., robots), that belong to oscillators."""
+        return values if self._are_all else values[..., self._oscillators]
+
+    @property
+    def oscillators(self) -> int:
+        """Number of oscillators."""
+        return len(self._periods)
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time of the last step."""
+        return max(self._steps - 1, 0) * self._step_s
+
+    @property
+    def steps_left(self) -> int:
+        """Steps until the trial ends at its limits, unless the reference fires before; at least 1.
+
+        If the reference is no oscillator, they are no more than the steps until the next cycle is complete.
+        """
+        end = self._max_steps
+        if not self.measures:
+            end = min(end, math.ceil((self.cycles + 1) * self._steps_a_cycle))
+        return max(end - self._steps, 1)
+
+    @property
+    def has_t_sync(self) -> bool:
+        """Whether the trial has a T_sync, known or censored: there is a threshold for an oscillator to fire at."""
+        return self.measures and self._threshold < math.inf
+
+    @property
+    def is_synchronised(self) -> bool:
+        """Whether the order parameter has reached its threshold at a firing."""
+        return self._synchrony is not None
+
+    @property
+    def outcome(self) -> Firing:
+        """The firing at which the swarm was synchronised, or else the last one so far."""
+        return self._synchrony or Firing(self.cycles, self.order_parameter)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the trial ends here: at its limits, or after synchrony and the further cycles."""
+        if self.cycles >= self._max_cycles or self._steps >= self._max_steps:
+            return True
+        return self._synchrony is not None and self.cycles >= self._synchrony.cycles + self._further_cycles
 
 
 def run_robots(
@@ -56,3 +209,37 @@ def run_robots(
         wall_s=time.perf_counter() - began,
         events=tuple(simulation.events),
     )
+
+
+def start_like(robots: Scenario | str | Path | Mapping[str, Any], seed: int) -> dict[str, Any]:
+    """Return the section `start` of point agents that start like the robots of a trial.
+
+    Args:
+        robots: A scenario of robots, all of them oscillators, or what `load_scenario` takes.
+        seed: The trial's seed.
+
+    Returns:
+        Positions in cm, headings, and phases from 0 to 1 of the robots before their first control step.
+
+    Raises:
+        ScenarioError: The scenario is of another model, or robots are no oscillators, or do not fit into the arena.
+    """
+    simulation = Simulation(robots, seed)
+    step = simulation.last_step
+    phases = step.phase_ms / simulation.period_ms
+    if np.isnan(phases).any():
+        raise ScenarioError(f"{simulation.scenario.name}: some robots have no phase; agents are all oscillators")
+    x, y, heading = step.poses.T
+    return {
+        "phases": phases.tolist(),
+        "positions_cm": np.column_stack([x, y]).tolist(),
+        "headings": [[*sin_cos(angle)[::-1]] for angle in heading.tolist()],
+    }
+
+
+def with_start(scenario: ParticleScenario, seed: int) -> ParticleScenario:
+    """Return a scenario of agents with the start that its key `start.like` stands for in the trial with a seed."""
+    like = scenario.start.like
+    assert like is not None
+    start = start_like(robots_like(like, f"{scenario.name}: start.like"), seed)
+    return scenario.model_copy(update={"start": type(scenario.start).model_validate(start)})

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.trial.observer import TrialState
+from epuck_sim.trial.result import TrialState
 
 CYCLES = 200
 """Number of cycles whose order parameters are looked at together."""

@@ -14,10 +14,8 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import SCENARIO_TYPES
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.conditions import Conditions
-from epuck_sim.trial.measuring import begin_measures
-from epuck_sim.trial.observer import Observer, Progress
-from epuck_sim.trial.result import TrialResult
+from epuck_sim.trial.measuring import Conditions, begin_measures
+from epuck_sim.trial.result import Observer, Progress, TrialResult
 
 
 class Simulated(Protocol):
@@ -63,7 +61,7 @@ def _run_robots(*given: Any) -> TrialResult:
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
     if _has_room(scenario):  # which needs no compiled code
         return
-    from epuck_sim.embodied.observers.scene import make_scene
+    from epuck_sim.embodied.observers import make_scene
     from epuck_sim.embodied.placement import Placement
     from epuck_sim.embodied.start import draw_start
 
@@ -92,7 +90,7 @@ def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> 
     if interpret:
         check_interpretable(scenario)
     if scenario.start.like is not None:
-        from epuck_sim.trial.like_robots import with_start
+        from epuck_sim.trial.embodied import with_start
 
         scenario = with_start(scenario, seed)
     return ParticleSimulation(scenario, seed)

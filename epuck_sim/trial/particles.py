@@ -4,9 +4,8 @@ import time
 from collections.abc import Sequence
 
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.trial.conditions import Conditions, WaitingEntries
-from epuck_sim.trial.observer import Observer, Progress
-from epuck_sim.trial.result import TrialResult
+from epuck_sim.trial.measuring import Conditions, WaitingEntries
+from epuck_sim.trial.result import Observer, Progress, TrialResult
 
 SLICE_S = 0.02
 """Wall time for which compiled code runs before Python has its turn, for Ctrl-C and for progress."""

@@ -24,7 +24,7 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import write_scenario
 from epuck_sim.scenario.scenario import Scenario, require_model
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 from epuck_sim.util.provenance import versions
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from epuck_sim.embodied.observers.scene import place_robots
+from epuck_sim.embodied.observers import place_robots
 from epuck_sim.embodied.sensors.camera import look
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import swarm_at

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from epuck_sim.measures.shipped import SHIPPED
+from epuck_sim.measures.loader import SHIPPED
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 

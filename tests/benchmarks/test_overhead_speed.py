@@ -16,12 +16,10 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.overhead.camera import overhead_camera
-from epuck_sim.overhead.counting import RingCounter
-from epuck_sim.overhead.film import open_film
-from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.camera import Frame, overhead_camera
+from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.filming import VirtualCamera
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.scenario.overhead import OverheadSection
 
 pytestmark = pytest.mark.benchmark

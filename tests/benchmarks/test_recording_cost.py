@@ -11,7 +11,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.recording import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.embodied import SynchronyWatch
 
 pytestmark = pytest.mark.benchmark
 

@@ -4,8 +4,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import open_film
-from epuck_sim.overhead.frame import Frame
 
 
 def names(folder: Path) -> list[str]:

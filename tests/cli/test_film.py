@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epuck_sim.overhead.film_writer import FilmWriter
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.camera import Frame
+from epuck_sim.overhead.film import FilmWriter
 from epuck_sim.recording.reader import read_recording
 from tests.cli.commands import call, called, contents, refused, trials
 from tests.cli.films import frames_and_description, names, shut

@@ -4,8 +4,7 @@ import json
 
 import pytest
 
-from epuck_sim.measures.loader import find_measure
-from epuck_sim.measures.shipped import SHIPPED
+from epuck_sim.measures.loader import SHIPPED, find_measure
 from tests.cli.commands import call, called, refused
 from tests.measures.files import COUNTER, write
 

@@ -16,8 +16,8 @@ import pytest
 
 from epuck_sim.cli.tables import NAMES_WIDTH
 from epuck_sim.overhead import live, track
+from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import Film, open_film
-from epuck_sim.overhead.frame import Frame
 from tests.cli.commands import call, called, contents, refused
 from tests.cli.films import frames_and_description, names, shut
 from tests.overhead.films import PLACES, described, even, in_step, read_rings, save, shoot

@@ -14,7 +14,7 @@ from epuck_sim.cli.films import parse_arena, parse_corners
 from epuck_sim.cli.progress import progress_bar
 from epuck_sim.cli.tables import print_track, print_track_json
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.camera import Frame
 from tests.overhead.films import TRACK
 
 NEVER = TRACK._replace(

@@ -17,7 +17,7 @@ from epuck_sim.embodied.cells import cells_needed, sort_into_cells
 from epuck_sim.embodied.layout import set_arena, set_bodies
 from epuck_sim.embodied.sensors.camera import look, see, set_camera
 from epuck_sim.embodied.sensors.infrared import sense_infrared, set_infrared
-from epuck_sim.embodied.sensors.lit_rings import list_labelled
+from epuck_sim.embodied.sensors.sight import list_labelled
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block, swarm_at
 from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import CameraMount, ProximitySection, RobotKind, cell_cm

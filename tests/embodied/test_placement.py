@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import clearance_cm
-from epuck_sim.embodied.observers.scene import make_scene
+from epuck_sim.embodied.observers import make_scene
 from epuck_sim.embodied.placement import Placement, begin_placement, is_free
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import Part, draw_start, spawned

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import make_scene
+from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments.spaces import AgentSpaces
 from epuck_sim.errors import ScenarioError

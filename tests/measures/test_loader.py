@@ -4,8 +4,7 @@ import pytest
 
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import Measure
-from epuck_sim.measures.loader import find_measure
-from epuck_sim.measures.shipped import SHIPPED
+from epuck_sim.measures.loader import SHIPPED, find_measure
 from tests.measures.files import COUNTER, TELLTALE, write
 
 

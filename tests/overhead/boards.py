@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.camera import Frame
 
 SQUARE_PX = 60
 

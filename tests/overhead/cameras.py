@@ -8,8 +8,7 @@ from epuck_sim import epuck
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.geometry import box_corners
-from epuck_sim.overhead.camera import CameraModel, overhead_camera
-from epuck_sim.overhead.frame import Picture
+from epuck_sim.overhead.camera import CameraModel, Picture, overhead_camera
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.scenario.overhead import OverheadSection
 

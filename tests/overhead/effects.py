@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from epuck_sim.overhead.frame import Frame, Picture
+from epuck_sim.overhead.camera import Frame, Picture
 from tests.overhead.webcam import GOOD, Webcam, shoot, swarm
 
 Effect = Callable[[Iterable[Frame]], Iterator[Frame]]

@@ -10,15 +10,13 @@ from typing import Any
 
 import av
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.camera import CameraModel, Geometry, overhead_camera
-from epuck_sim.overhead.film_writer import film_file
-from epuck_sim.overhead.frame import Frame, Timed
+from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, Timed, overhead_camera
+from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.light import RingLight, is_lit
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.overhead.rings import Ring
@@ -157,9 +155,11 @@ def read_rings(path: Path, unknown: float = math.nan) -> list[dict[str, float]]:
 
 def code_rings(patch: pytest.MonkeyPatch) -> None:
     """Have counters take the rings that `coded` writes into frames."""
-    where = "epuck_sim.overhead.counting"
+    where = "epuck_sim.overhead.flashes"
     patch.setattr(f"{where}.RingFinder", Coded)
-    patch.setattr(f"{where}.ring_light", lambda picture, _: RingLight(picture[:, :, 2], is_lit(picture)))
+    light = lambda _, frame: RingLight(frame.picture[:, :, 2], is_lit(frame.picture))  # noqa: E731
+    patch.setattr(f"{where}.Background.light_beyond", light)
+    patch.setattr(f"{where}.LightMeter.lit_px", lambda *_: 0)
 
 
 class Coded:
@@ -171,9 +171,6 @@ class Coded:
     def __init__(self, *_: object, **__: object) -> None:
         self._lit: list[int] = []
         self._next = 0
-
-    def find(self, picture: npt.NDArray[np.uint8]) -> list[Ring]:
-        return self.find_in(RingLight(picture[:, :, 2], False))
 
     def find_in(self, light: RingLight) -> list[Ring]:
         count = int(light.levels[0, 0])

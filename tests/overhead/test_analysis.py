@@ -10,8 +10,7 @@ import pytest
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.counting import RingCounter
-from epuck_sim.overhead.flashes import Flash, count_lit
+from epuck_sim.overhead.flashes import Flash, RingCounter, count_lit
 from epuck_sim.overhead.synchrony import spread_threshold_s
 from epuck_sim.overhead.track import Track, analyse, without_steady
 from tests.overhead.counts import counted

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from epuck_sim.overhead.annotate import BARS, BLUE, CYAN, GREY, OLD_BARS, STRIP_SHARE, WHITE, Annotator
 from epuck_sim.overhead.annotate import _counts_by_column as counts_by_column
-from epuck_sim.overhead.counting import TrackedFrame
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.camera import Frame
+from epuck_sim.overhead.flashes import TrackedFrame
 
 PERIOD_S = 5.0
 

@@ -19,9 +19,8 @@ from epuck_sim.overhead.calibration import (
     described_geometry,
     parse_metadata,
 )
-from epuck_sim.overhead.camera import CameraModel, Geometry
+from epuck_sim.overhead.camera import CameraModel, Frame, Geometry
 from epuck_sim.overhead.camera_fit import CORNERS, RINGS
-from epuck_sim.overhead.frame import Frame
 from tests.overhead.films import PLACES, SMALL, described, even, flashing, make_camera, shoot
 
 SIDE = SMALL["width_px"]

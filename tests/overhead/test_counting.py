@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.counting import RingCounter, track_frames
+from epuck_sim.overhead.flashes import RingCounter, track_frames
 from epuck_sim.overhead.light import LightMeter
 from epuck_sim.overhead.synchrony import evaluate, first_synchronised
 from epuck_sim.overhead.track import analyse

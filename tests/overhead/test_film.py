@@ -13,9 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.film import FilmClock, open_film
-from epuck_sim.overhead.film_writer import film_file
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.camera import Frame
+from epuck_sim.overhead.film import FilmClock, film_file, open_film
 from tests.overhead import small_films as kit
 from tests.overhead.small_films import cut_off, number_in, numbered_picture, write_film, write_packets, write_sound
 

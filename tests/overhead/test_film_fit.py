@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.overhead.film_fit import fit_film, fit_uniform
+from epuck_sim.overhead.compare import fit_film, fit_uniform
 from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.robots import find_robots
 from epuck_sim.overhead.track import Track

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.film_writer import KEYFRAME_INTERVAL_S, TICKS_PER_S, film_file
-from epuck_sim.overhead.frame import Frame, Picture
+from epuck_sim.overhead.camera import Frame, Picture
+from epuck_sim.overhead.film import KEYFRAME_INTERVAL_S, TICKS_PER_S, film_file
 from tests.overhead.cameras import make_set, ring_centroid, standing
 
 SIDE = (96, 64)

@@ -15,9 +15,9 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import filming
 from epuck_sim.overhead.calibration import DESCRIPTION, TrackOptions
+from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.filming import AGENTS_MARGIN_PX, AGENTS_PX, Captions, describe_film, film_recording, film_trial
-from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.track import track_film
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording import Level
@@ -25,8 +25,8 @@ from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import run_trial
-from epuck_sim.trial.synchrony import SynchronyWatch
 from tests.overhead.films import passed, read_rings
 from tests.overhead.score import Score, compare
 

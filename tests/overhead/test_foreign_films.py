@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.track import Track, track_film
 from tests.overhead.films import passed, read_rings
 from tests.overhead.score import Score, compare

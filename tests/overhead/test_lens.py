@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import lens
-from epuck_sim.overhead.camera import CameraModel
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.camera import CameraModel, Frame
 from epuck_sim.overhead.lens import MIN_VIEWS, Board, View, calibrate_lens, find_views, read_lens, save_lens
 from tests.overhead.boards import charuco, checkerboard, film, lens_matrix
 

@@ -9,13 +9,15 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from epuck_sim.order_parameter import order_parameter
-from epuck_sim.overhead.period import (
+from epuck_sim.overhead.synchrony import (
     MIN_PERIODS,
     _lags,
     estimate_flash_s,
     estimate_period_s,
+    evaluate,
+    firing_spread_s,
+    spread_threshold_s,
 )
-from epuck_sim.overhead.synchrony import evaluate, firing_spread_s, spread_threshold_s
 from tests.overhead.counts import counted, frames, steady, uneven
 
 PERIOD = 5.0

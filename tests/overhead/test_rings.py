@@ -8,8 +8,8 @@ import pytest
 from scipy import ndimage
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera import Geometry, simple_lens
-from epuck_sim.overhead.light import LightMeter, is_lit, ring_light
+from epuck_sim.overhead.camera import Frame, Geometry, simple_lens
+from epuck_sim.overhead.light import Background, LightMeter, is_lit, ring_light
 from epuck_sim.overhead.rings import MAX_CELLS_PER_PIXEL, MAX_REACH_HEIGHTS, fit_ring, rectified_view
 from tests.overhead.drawn_rings import (
     APART_CM,
@@ -204,7 +204,8 @@ def test_light_is_bright_or_coloured():
     picture = np.array([[(200, 90, 120), (90, 200, 120), (90, 90, 90)]], np.uint8)
     np.testing.assert_array_equal(ring_light(picture).levels, [[110, 110, 0]])  # the room is lit
     np.testing.assert_array_equal(ring_light(picture - 80).levels, [[57, 57, 10]])
-    np.testing.assert_array_equal(ring_light(picture - 80, picture // 90 * 3).levels, [[53, 53, 7]])
+    learnt = Background(np.array([[4, 4, 3]], np.uint8))
+    np.testing.assert_array_equal(learnt.light_beyond(Frame(0.0, picture - 80)).levels, [[53, 53, 7]])
 
 
 # --- how it is done -------------------------------------------------------------------------------
@@ -287,18 +288,17 @@ def room(level: float, flicker: float, bands: float, turned: bool, spots: int) -
 @pytest.mark.parametrize(("flicker", "bands"), [(0, 0), (0.4, 0), (0.4, 0.5), (0.4, 2.5), (0.8, 7)])
 def test_lamps_that_flicker_change_nothing(flicker: float, bands: float, turned: bool, knows_floor: bool) -> None:
     meter = LightMeter(Geometry(make_camera(), (60.0, 60.0), "somewhere", knows_floor))
-    background = room(20 * (1 - flicker), 0, 0, False, 0)
+    background = ring_light(room(20 * (1 - flicker), 0, 0, False, 0)).levels
     for spots in range(4):
-        steady = meter.lit_px(ring_light(room(0, 0, 0, turned, spots), DARK).levels)
+        steady = meter.lit_px(ring_light(room(0, 0, 0, turned, spots)).levels)
         assert steady == pytest.approx(spots * (SPOT_PX + 1) ** 2, rel=0.3)
-        assert meter.lit_px(ring_light(room(20, flicker, bands, turned, spots), background).levels) == pytest.approx(
-            steady, rel=0.1
-        )
+        flickering = cv2.subtract(ring_light(room(20, flicker, bands, turned, spots)).levels, background)
+        assert meter.lit_px(flickering) == pytest.approx(steady, rel=0.1)
 
 
 def test_light_outside_of_the_floor_does_not_count() -> None:
     geometry = make_geometry()
     outside = DARK.copy()
     outside[:4, :100] = outside[100:200, -4:] = 200
-    assert LightMeter(geometry).lit_px(ring_light(outside, DARK).levels) == 0
-    assert LightMeter(geometry._replace(knows_floor=False)).lit_px(ring_light(outside, DARK).levels) > 700
+    assert LightMeter(geometry).lit_px(ring_light(outside).levels) == 0
+    assert LightMeter(geometry._replace(knows_floor=False)).lit_px(ring_light(outside).levels) > 700

@@ -60,8 +60,8 @@ def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() 
     px_per_cm = 480 / 65
     for x_px, y_px in camera.project(np.column_stack([places, np.full(4, 4.0)])):
         cv2.circle(picture, (round(x_px), round(y_px)), round(5.0 * px_per_cm), (255, 255, 255), -1)
-    rings = RingFinder(camera, sees_discs=True).find(picture, np.zeros_like(picture))
+    rings = RingFinder(camera, sees_discs=True).find(picture)
     found = np.array(sorted((ring.x_cm, ring.y_cm) for ring in rings))
     assert found == pytest.approx(np.array(sorted(map(tuple, places))), abs=0.5)
     assert {ring.light for ring in rings} == {DISC_LIGHT}
-    assert RingFinder(camera).find(picture, np.zeros_like(picture)) == []
+    assert RingFinder(camera).find(picture) == []

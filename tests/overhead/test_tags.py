@@ -7,9 +7,8 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera import overhead_camera
+from epuck_sim.overhead.camera import Frame, overhead_camera
 from epuck_sim.overhead.flashes import Flash
-from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.overhead.robots import find_robots, flash_columns, summary, trace_columns
 from epuck_sim.overhead.tags import Readings, TagReader, tag_corners_cm, tag_pattern

@@ -13,11 +13,10 @@ from epuck_sim.epuck import RING_HEIGHT_CM
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.annotate import Annotator
 from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
+from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.camera_fit import CORNERS, RINGS
-from epuck_sim.overhead.counting import TrackedFrame
 from epuck_sim.overhead.film import open_film
-from epuck_sim.overhead.flashes import Flash
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.flashes import Flash, TrackedFrame
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.track import Track, annotate_film, ring_table, snapshot, track_film
 from tests.overhead.films import (

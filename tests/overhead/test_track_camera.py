@@ -19,10 +19,9 @@ import pytest
 
 from epuck_sim.errors import EpuckSimError, FilmError, PortError
 from epuck_sim.overhead.calibration import LIGHT, TrackOptions
+from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.camera_fit import RINGS
-from epuck_sim.overhead.film import open_film
-from epuck_sim.overhead.film_writer import FilmWriter
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.film import FilmWriter, open_film
 from epuck_sim.overhead.live import Watching, live_page, track_camera
 from epuck_sim.overhead.track import Track
 from epuck_sim.util.ports import check_port, free_port

@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from epuck_sim.overhead.counting import CountedRings
-from epuck_sim.overhead.flashes import Flash, FlashLinker, count_lit, count_places, join_broken
+from epuck_sim.overhead.flashes import CountedRings, Flash, FlashLinker, count_lit, count_places, join_broken
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import evaluate
 from epuck_sim.overhead.verdict import (
     Evidence,
     count_images,
     doubts,
-    light_without_rings,
+    light_of_no_ring,
     may_be_half_a_period,
     objections,
     recurs_after_two,
@@ -128,12 +127,13 @@ def test_a_number_of_robots_that_varies_is_doubted() -> None:
     assert doubts(COUNTED, evidence(robots=None), sync_of(given), 0) == []
 
 
-def test_light_without_rings_is_measured() -> None:
+def test_light_of_no_ring_is_measured_and_doubted() -> None:
     given = evidence()
-    assert light_without_rings(given) == 0
-    missed = np.where(np.arange(len(TIMES)) % 3 == 0, 0, given.counts)
-    assert light_without_rings(given._replace(counts=missed)) == pytest.approx(1 / 3, abs=0.1)
-    assert light_without_rings(given._replace(counts=0 * given.counts)) == 0
+    assert light_of_no_ring(given) == pytest.approx(0, abs=1e-9)
+    cut = np.where(np.arange(len(TIMES)) % 3 == 0, 0, given.counts)
+    assert light_of_no_ring(given._replace(counts=cut)) == pytest.approx(1 / 3, abs=0.1)
+    assert light_of_no_ring(given._replace(counts=0 * given.counts)) == 0
+    assert any("is of no ring" in doubt for doubt in doubts(COUNTED, given._replace(counts=cut), sync_of(given), 0))
 
 
 def test_mirror_images_are_counted() -> None:

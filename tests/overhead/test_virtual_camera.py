@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
-from epuck_sim.overhead.camera import overhead_camera
+from epuck_sim.overhead.camera import Frame, overhead_camera
 from epuck_sim.overhead.filming import SAMPLES, VirtualCamera
-from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.render import BODY_TOP, FLOOR, HEADING_MARK, ExposureSample, Renderer
 from epuck_sim.scenario.overhead import OverheadSection
 from tests.overhead.cameras import ARENA, CLEAN, pixel_at, ring_centroid

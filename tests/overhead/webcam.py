@@ -12,7 +12,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.camera import Frame
 
 LEDS = 8
 LED_CIRCLE_CM = 3.5

@@ -19,8 +19,8 @@ import math
 import numpy as np
 import pytest
 
-from tests.particles.distributions import fits, is_anywhere, is_uniform
-from tests.particles.simulations import as_set, make_simulation, set_trajectories
+from tests.particles.distributions import fits, is_anywhere
+from tests.particles.simulations import make_simulation, set_trajectories
 
 dimensions = pytest.mark.parametrize("dimensions", [1, 2, 3])
 boundaries = pytest.mark.parametrize("boundary", ["bounded", "cyclic", "mirrored"])
@@ -74,58 +74,6 @@ def test_an_agent_that_comes_in_from_a_corner_goes_on_inside():
         next(swarm)
         assert ((swarm.positions() >= 0) & (swarm.positions() <= 100)).all()
     assert swarm.time_s > 0.1
-
-
-# --- directions -------------------------------------------------------------------------------------
-
-
-def turned_headings(dimensions, turns, seed=0):
-    """Return (turns,) the axis of the wall and (turns, dimensions) headings there, 1 along the normal inwards."""
-    swarm = make_simulation(
-        seed,
-        space={"dimensions": dimensions},
-        agents={"count": 50, "speed_cm_s": 1000.0},
-        neighbourhood={"kind": "all"},
-        response={"coupling": 0},
-    )
-    trajectories = swarm._arrays
-    axes, headings = [], []
-    while len(axes) < turns:
-        before = trajectories.wall.copy()
-        event = next(swarm)
-        if event.turned is not None:
-            axis, is_far = divmod(int(before[event.turned]), 2)
-            heading = trajectories.heading[:, event.turned].copy()
-            heading[axis] *= -1 if is_far else 1
-            axes.append(axis)
-            headings.append(heading)
-    return np.array(axes), np.array(headings)
-
-
-def test_in_a_cube_the_direction_is_uniform_over_the_hemisphere():
-    axes, headings = turned_headings(3, 20_000)
-    rows = np.arange(len(axes))
-    one, other = headings[rows, (axes + 1) % 3], headings[rows, (axes + 2) % 3]
-    assert is_uniform(headings[rows, axes], 0, 1)  # Archimedes: heights above the rim are uniform
-    assert is_uniform(np.arctan2(other, one), -math.pi, math.pi)
-    assert set(axes) == {0, 1, 2}
-
-
-@dimensions
-@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
-def test_reorientation_is_uniform_over_all_directions(dimensions, boundary):
-    swarm = make_simulation(
-        space={"dimensions": dimensions, "boundary": boundary},
-        agents={"count": 5000, "speed_cm_s": 1.0, "reorient_on": ["emitting"]},
-        start={"phases": "synchronised"},
-    )
-    before, places = swarm.headings(), swarm.positions()
-    event = next(event for event in swarm if event.turned is None)
-    assert as_set(event.fired) == set(range(5000))
-    off = (swarm.positions() - places) / 100
-    assert np.abs(off - np.rint(off)).max() < 0.03
-    assert is_anywhere(swarm.headings())
-    assert abs((before * swarm.headings()).sum(axis=1).mean()) < 0.05
 
 
 # --- where agents are after a long time -------------------------------------------------------------

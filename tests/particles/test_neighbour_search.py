@@ -185,9 +185,6 @@ def test_no_agent_receives_its_own_pulse(rule):
     assert (as_set(event.fired), as_set(event.received)) == ({0}, set())
 
 
-# --- limits in which two rules are the same ---------------------------------------------------------
-
-
 # --- agents drawn at random -------------------------------------------------------------------------
 
 
@@ -208,14 +205,6 @@ def test_each_set_of_random_agents_is_drawn_as_often_whoever_fires_and_wherever_
     for firing in range(agents):
         counts = [number for (sender, _), number in drawn.items() if sender == firing]
         assert sets == 1 or stats.chisquare(counts).pvalue > UNLIKELY
-
-
-@pytest.mark.parametrize("agents", [500, 2500])
-def test_large_swarms_draw_random_agents_too(agents):
-    rule = {"kind": "random", "k": 7}
-    swarm = make_simulation(agents={"count": agents}, neighbourhood=rule, response={"coupling": 0})
-    twin = NaiveModel(swarm)
-    assert compare_events(swarm, twin, cycles=0.05) > agents / 40
 
 
 # --- the adjacency matrix (eq. 5.6) -----------------------------------------------------------------

@@ -112,14 +112,6 @@ def test_a_trial_continues_beyond_synchrony():
     np.testing.assert_array_equal(ends.deviation, goes_on.deviation)
 
 
-def test_the_times_are_seconds_whatever_the_period():
-    given = {"start": displaced(0.01), "agents": {"count": 6, "speed_cm_s": 8}}
-    slow = compare(1, 4 * MIDDLES, **given, clocks={"period_s": 4.0})
-    quick = compare(1, MIDDLES, **given | {"agents": {"count": 6, "speed_cm_s": 32}})
-    np.testing.assert_allclose(slow.deviation, quick.deviation, atol=1e-12)
-    np.testing.assert_allclose(slow.order_parameter, quick.order_parameter, atol=1e-12)
-
-
 # --- the twin ---------------------------------------------------------------------------------------
 
 

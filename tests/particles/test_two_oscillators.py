@@ -14,12 +14,10 @@ d' = d - kappa sin(2 pi d).
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.particles.phase_response import Response, order_change
 from epuck_sim.trial.model import run_trial
 from tests.particles.simulations import as_set, make_resting
 
@@ -93,13 +91,3 @@ def test_by_delay_and_advance_two_come_nearer_at_each_firing_as_the_curve_says(o
         phase = abs(swarm.phases()[1 - event.fired[0]])
         assert min(phase, 1 - phase) == pytest.approx(apart, abs=1e-11)
         assert len(event.fired) == 1
-
-
-@pytest.mark.parametrize(("curve", "coupling"), [("multiplicative", 0.1), ("sawtooth", 0.5), ("sine", 0.08)])
-def test_what_order_change_says_of_two_is_what_happens_to_two(curve, coupling):
-    number = ("multiplicative", "sawtooth", "sine").index(curve)
-    for phase in np.linspace(0.05, 0.95, 19):
-        swarm = make_resting([0.95, phase - 0.05], response={"curve": curve, "coupling": coupling})
-        next(swarm)
-        after = abs(math.cos(math.pi * swarm.phases()[1])) - abs(math.cos(math.pi * phase))
-        assert order_change(Response(number, coupling, 0.0), [phase])[0] == pytest.approx(after, abs=1e-12)

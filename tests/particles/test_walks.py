@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from epuck_sim.particles.motion import turn_heading
-from tests.particles.distributions import UNLIKELY, is_anywhere
+from tests.particles.distributions import UNLIKELY
 from tests.particles.simulations import make_simulation
 
 dimensions = pytest.mark.parametrize("dimensions", [1, 2, 3])
@@ -29,37 +28,7 @@ def walkers(walk, count=4000, speed_cm_s=1.0, seed=0, agents=None, **sections):
     return make_simulation(seed, agents=motion, start={"phases": "synchronised"}, **sections)
 
 
-def turned_by(persistence, dimensions, count=20_000):
-    """Return (count,) cosines of the turns of as many headings."""
-    random = np.random.default_rng(5)
-    streams = random.integers(0, 2**63, (count, 4)).astype(np.uint64)
-    before = random.normal(size=(count, dimensions))
-    before /= np.linalg.norm(before, axis=1, keepdims=True)
-    after = before.copy()
-    for heading, stream in zip(after, streams, strict=True):
-        turn_heading(heading, persistence, stream)
-    assert np.linalg.norm(after, axis=1) == pytest.approx(1, abs=1e-12)
-    return (before * after).sum(axis=1), after
-
-
 # --- turns and runs ---------------------------------------------------------------------------------
-
-
-def test_turns_in_a_square_are_wrapped_cauchy_and_those_in_a_cube_of_henyey_and_greenstein():
-    g = 0.6
-    cosines, _ = turned_by(g, 2)
-    assert stats.kstest(np.arccos(cosines.clip(-1, 1)), lambda a: 2 * stats.wrapcauchy(g).cdf(a)).pvalue > UNLIKELY
-    cosines, _ = turned_by(g, 3)
-    below = lambda c: (1 - g**2) / (2 * g) * ((1 + g**2 - 2 * g * c) ** -0.5 - 1 / (1 + g))  # noqa: E731
-    assert stats.kstest(cosines, below).pvalue > UNLIKELY
-
-
-@dimensions
-def test_without_persistence_any_direction_is_as_likely_and_with_all_of_it_none_is_left(dimensions):
-    _, after = turned_by(0.0, dimensions)
-    assert is_anywhere(after)
-    cosines, _ = turned_by(1.0, dimensions)
-    assert cosines == pytest.approx(1, abs=1e-12)
 
 
 @pytest.mark.parametrize("exponent", [2.2, 3.0])

@@ -20,7 +20,7 @@ from epuck_sim.recording import Level
 from epuck_sim.recording.rows import RobotBuffer, RowBatch
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.embodied import SynchronyWatch
 
 STEPS = 300
 COPIED = ("ring_on", "phase_ms", "poses", "camera", "distance_mm", "wheels_cm_s")

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from epuck_sim import epuck
-from epuck_sim.embodied.observers.contacts import GAP_CM
-from epuck_sim.embodied.observers.scene import make_scene
-from epuck_sim.embodied.observers.visibility import find_sightings
+from epuck_sim.embodied.observers import GAP_CM, find_sightings, make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError

@@ -22,9 +22,9 @@ from epuck_sim.recording import live as live_module
 from epuck_sim.recording.live import live, live_viewer
 from epuck_sim.recording.process import NO_GRAPHICS, in_background, proxy_url
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.ports import free_port
 from tests.processes import processes_marked, wait_until
 from tests.recording.viewers import (

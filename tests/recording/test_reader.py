@@ -24,9 +24,9 @@ from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.provenance import versions
 
 THESIS = load_scenario("thesis", ["stop.max_time_s=30", "stop.order_parameter=1"])

@@ -16,8 +16,7 @@ import pyarrow.compute as pc
 import pytest
 from rerun.chunk import RrdReader
 
-from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import make_scene
+from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
@@ -31,9 +30,9 @@ from epuck_sim.recording.rrd_file import SEAL
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.provenance import versions
 from tests.recording.comparing import compare
 

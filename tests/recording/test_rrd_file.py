@@ -21,8 +21,8 @@ from epuck_sim.recording.layout import LAYOUT_BYTES, arrangement_of, layout_file
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial
-from epuck_sim.trial.synchrony import SynchronyWatch
 from tests.processes import start, wait_until
 
 SCENARIO = load_scenario("thesis", ["stop.max_time_s=40", "stop.order_parameter=1"])

@@ -1,36 +1,23 @@
 """Axes of a sweep: which values meet, in which order, how the command line adds them, and what is refused."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.axes import MAX_POINTS, SweepAxes
+from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.scenario.axes import MAX_POINTS, SweepAxes, check_figure_axes, check_panels, choose_axis
 from epuck_sim.scenario.keys import add_axis
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.scenario import FigureSection
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
 
 
 def rows(**given):
     return SweepAxes.model_validate(given).rows()
-
-
-def test_the_values_of_a_grid_meet_in_every_combination_and_the_last_axis_changes_fastest() -> None:
-    assert rows(grid={"a": [1, 2], "b": ["x", "y", "z"]}) == [
-        *({"a": 1, "b": "x"}, {"a": 1, "b": "y"}, {"a": 1, "b": "z"}),
-        *({"a": 2, "b": "x"}, {"a": 2, "b": "y"}, {"a": 2, "b": "z"}),
-    ]
-
-
-def test_the_values_of_a_zip_go_together() -> None:
-    assert rows(zip={"a": [1, 2, 3], "b": [4, 5, 6]}) == [{"a": 1, "b": 4}, {"a": 2, "b": 5}, {"a": 3, "b": 6}]
-
-
-def test_points_are_taken_as_they_are_listed() -> None:
-    listed = [{"a": 3, "b": 1}, {"a": 1, "b": 1}, {"a": 2, "b": 7}]
-    assert rows(points=listed) == listed
 
 
 def test_points_change_slowest_then_the_zip_then_the_grid() -> None:
@@ -149,3 +136,44 @@ def test_a_setting_beside_an_axis_is_taken() -> None:
     scenario = load_scenario({}, ["robots.0.camera.pixels=20", f"{WIDTH}=70"], ["robots.0.camera.range_cm=30,40"])
     assert scenario.robots[0].camera.pixels == 20
     assert scenario.arena.width_cm == 70
+
+
+NOISE, HEIGHT = "noise", "arena.height_cm"
+ROWS = [
+    {SPEED: speed, COUNT: count, NOISE: noise, WIDTH: 10 * count, HEIGHT: 60}
+    for speed in (1, 2)
+    for count in (3, 5)
+    for noise in ("on", "off")
+]
+
+
+@pytest.mark.parametrize(
+    "figure",
+    [
+        {},
+        {"x": COUNT},
+        {"x": SPEED, "y": COUNT},
+        {"y": WIDTH},
+        {"y": HEIGHT},
+        {"panels": NOISE},
+        {"panels": COUNT},
+        {"base_case": {COUNT: 3}},
+    ],
+    ids=str,
+)
+def test_what_names_axes_is_accepted(figure: dict[str, Any]) -> None:
+    check_figure_axes(FigureSection(**figure), ROWS)
+
+
+def test_a_speed_with_one_value_is_not_drawn_against_where_another_axis_has_several() -> None:
+    one_speed = [{SPEED: 1, COUNT: count} for count in (3, 5)]
+    assert choose_axis(one_speed) == COUNT
+    assert choose_axis([{SPEED: 1, COUNT: 3}]) == SPEED
+    assert choose_axis(ROWS) == SPEED
+
+
+def test_panels_are_checked_under_the_name_that_requests_them() -> None:
+    check_panels(ROWS, SPEED, COUNT)
+    check_panels(ROWS, SPEED, None)
+    with pytest.raises(EpuckSimError, match=r"^--panels: unknown 'robots\.0\.cuont', did you mean"):
+        check_panels(ROWS, SPEED, "robots.0.cuont")

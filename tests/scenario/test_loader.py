@@ -3,13 +3,13 @@
 from contextlib import suppress
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.keys import set_value
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.loader import load_scenario, validate
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 
@@ -134,3 +134,49 @@ def test_a_description_that_is_given_stays_as_it_is() -> None:
 
 def test_a_scenario_without_a_description_gets_none() -> None:
     assert load_scenario({}, ["robots.0.count=5"]).description == ""
+
+
+PYDANTIC_S_WORDS = (
+    "input",
+    "Input",
+    "valid ",
+    "should",
+    "Field",
+    "dictionary",
+    "tuple",
+    "another kind",
+    "instance",
+    "<",
+)
+
+
+LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just("9" * 5000)
+NESTED = st.recursive(
+    LEAVES,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3) | st.integers(), inner, max_size=2),
+    max_leaves=6,
+)
+SECTIONS = sorted({*EmbodiedScenario.model_fields, *ParticleScenario.model_fields} - {"name", "description", "model"})
+KEYS = sorted(
+    {
+        key
+        for kind in (EmbodiedScenario, ParticleScenario)
+        for field in kind.model_fields.values()
+        for key in getattr(type(field.default), "model_fields", ())
+    }
+)
+
+
+@settings(max_examples=300)
+@given(
+    model=st.sampled_from(["embodied", "particles"]),
+    section=st.sampled_from(SECTIONS),
+    value=NESTED | st.dictionaries(st.sampled_from(KEYS), NESTED, min_size=1, max_size=3),
+)
+def test_no_message_shows_words_of_the_library_that_checks(model: str, section: str, value) -> None:
+    try:
+        validate({"model": model, section: value}, "x")
+    except ScenarioError as error:
+        for line in str(error).splitlines():
+            allowed = line.rpartition("; allowed: ")[2] if "; allowed: " in line else ""
+            assert not any(word in allowed for word in PYDANTIC_S_WORDS), line

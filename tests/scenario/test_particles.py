@@ -117,12 +117,3 @@ def test_what_is_allowed_of_one_agent_alone_is_not_an_empty_interval():
 
 def test_a_displacement_out_of_place_is_named_with_its_value():
     assert "0.001" in message_of(start={"displacement": 0.001})
-
-
-def test_a_neighbourhood_that_is_only_a_word_is_rejected_with_the_kinds():
-    assert "cone_of_vision" in message_of(neighbourhood="nearest")
-
-
-def test_a_key_of_particle_scenarios_in_stop_is_rejected_with_where_it_belongs():
-    with pytest.raises(ScenarioError, match="belongs to model: particles"):
-        load_scenario({"stop": {"reference": 1}})

@@ -1,7 +1,6 @@
 """Points of a sweep and their seeds: the right scenario at each, the same seed whatever stands beside it."""
 
 import random
-import shutil
 from pathlib import Path
 
 import pytest
@@ -29,8 +28,6 @@ def start(memory, parameters, random):
 def step(sensors, memory, actuators, parameters, random):
     actuators.left_cm_s = parameters.pace
 """
-
-RING = {"shape": "circle", "x_cm": 30.0, "y_cm": 30.0, "radius_cm": 3.0}
 
 
 def grid(**axes):
@@ -265,17 +262,6 @@ def test_one_controller_named_twice_makes_two_points_the_same(tmp_path) -> None:
         points(two_of_one_name(tmp_path, "a/c.py", "a/../a/c.py"))
 
 
-def test_controllers_have_the_same_seeds_in_every_folder(tmp_path) -> None:
-    here, there = tmp_path / "here", tmp_path / "there"
-    here.mkdir()
-    (here / "mine.py").write_text(MINE)
-    (here / "scene.yaml").write_text(f"sweep: {{grid: {{{CONTROLLER}: [mine.py, firefly]}}}}")
-    shutil.copytree(here, there)
-    found = seeds(load_scenario(here / "scene.yaml"))
-    assert found == seeds(load_scenario(there / "scene.yaml"))
-    assert list(found) == [f'{{"{CONTROLLER}": "mine.py"}}', f'{{"{CONTROLLER}": "firefly"}}']
-
-
 def test_a_sweep_over_a_user_s_controller_is_the_same_when_it_is_written_and_read_elsewhere(tmp_path) -> None:
     (tmp_path / "mine.py").write_text(MINE)
     (tmp_path / "scene.yaml").write_text(f"sweep: {{grid: {{{CONTROLLER}: [mine.py, firefly]}}}}")
@@ -303,28 +289,10 @@ def test_the_parameters_of_a_swept_controller_can_be_an_axis_too() -> None:
     ] == [*(("oscillator", 5), ("oscillator", 8), ("firefly", 5), ("firefly", 8))]
 
 
-def test_obstacles_can_be_an_axis() -> None:
-    empty, ring = grid(arena__obstacles=[[], [RING]])
-    assert empty.scenario == load_scenario({})
-    assert ring.scenario == load_scenario({"arena": {"obstacles": [RING]}})
-
-
 def test_noise_as_a_whole_can_be_an_axis_by_its_words_too() -> None:
     off, on, some = grid(noise=["off", "on", {"wheel_speed": 0.1}])
     assert [point.scenario.noise.wheel_speed for point in (off, on, some)] == [0, 0.05, 0.1]
     assert [point.scenario.noise.infrared_counts for point in (off, on, some)] == [0, 10, 10]
-
-
-def test_pixels_can_be_an_axis_and_all_of_them_are_central_as_they_are_by_default() -> None:
-    for point, pixels in zip(grid(robots__0__camera__pixels=[1, 20, 61]), (1, 20, 61), strict=True):
-        assert point.scenario.robots[0].camera == load_scenario({}).robots[0].camera.model_copy(
-            update={"pixels": pixels}
-        )
-        assert point.scenario.robots[0].camera.central_pixels is None
-
-
-def test_nothing_can_be_a_value() -> None:
-    assert [point.scenario.stop.max_time_s for point in grid(stop__max_time_s=[None, 5])] == [None, 5]
 
 
 @pytest.mark.parametrize("order", [["arena", WIDTH], [WIDTH, "arena"]], ids=" then ".join)

@@ -4,11 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.stop import Condition
 from epuck_sim.scenario.yaml_io import parse_yaml
-from tests.measures.files import COUNTER, write
+from tests.measures.files import COUNTER, TELLTALE, write
 
 MODELS = ["embodied", "particles"]
 NEAR = {"measure": "near_walls", "relation": "<", "value": 0.25}
@@ -52,3 +53,60 @@ def test_a_condition_on_a_measure_of_ones_own(tmp_path):
     path = write(tmp_path / "mine.py", COUNTER)
     found = load_scenario({"measures": [str(path)], "stop": {"when": "Counter >= 3"}})
     assert found.stop.when.measure == "Counter"
+
+
+def named(scenario) -> list[tuple[str, dict]]:
+    return [(section.measure, section.parameters) for section in scenario.measures]
+
+
+@pytest.mark.parametrize("model", ["embodied", "particles"])
+def test_names_and_mappings_are_read_and_written_again(model, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = write(tmp_path / "mine.py", COUNTER)
+    given = ["order_parameter", {"mine.py": {"offset": 3}}]
+    scenario = load_scenario({"model": model, "measures": given})
+    parameters = {"weight": 1.0, "offset": 3, "loud": False, "label": "all"}
+    assert named(scenario) == [("order_parameter", {}), (f"{path}:Counter", parameters)]
+    monkeypatch.chdir("/")
+    assert load_scenario(parse_yaml(write_scenario(scenario), "again")) == scenario
+    assert load_scenario(scenario) == scenario
+
+
+def test_a_mapping_without_parameters_is_a_name():
+    assert named(load_scenario({"measures": [{"order_parameter": None}]})) == [("order_parameter", {})]
+
+
+def test_a_section_made_in_python_is_taken_as_it_is():
+    measures = load_scenario({"measures": ["order_parameter"]}).measures
+    assert load_scenario({"model": "particles", "measures": measures}).measures == measures
+
+
+def test_files_are_found_beside_the_scenario(tmp_path):
+    write(tmp_path / "mine.py", COUNTER)
+    file = write(tmp_path / "scene.yaml", "measures: [mine.py]\n")
+    assert named(load_scenario(file))[0][0] == f"{tmp_path}/mine.py:Counter"
+
+
+def test_measures_of_the_command_come_after_those_of_the_file_and_take_settings(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "mine.py", COUNTER)
+    write(tmp_path / "scene.yaml", "measures: [order_parameter]\n")
+    scenario = load_scenario("scene.yaml", ["measures.1={mine.py: {offset: 2}}"], measures=["mine.py"])
+    assert [name.rpartition("/")[2] for name, _ in named(scenario)] == ["order_parameter", "mine.py:Counter"]
+    assert scenario.measures[1].parameters["offset"] == 2
+
+
+def test_a_parameter_can_be_swept(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "mine.py", COUNTER)
+    sweep = load_scenario(
+        "thesis", axes=["measures.0={mine.py: {offset: 1}},{mine.py: {offset: 2}}"], measures=["mine.py"]
+    )
+    assert [point.scenario.measures[0].parameters["offset"] for point in points(sweep)] == [1, 2]
+
+
+def test_a_measure_that_the_model_does_not_suit_is_refused(tmp_path):
+    write(tmp_path / "mine.py", TELLTALE.replace("def step", "def other"))
+    load_scenario({"model": "particles", "measures": [f"{tmp_path}/mine.py"]})
+    with pytest.raises(ScenarioError, match=r"measures\.0: Telltale asks for every event of point agents"):
+        load_scenario({"measures": [f"{tmp_path}/mine.py"]})

@@ -8,8 +8,8 @@ import pytest
 from epuck_sim.embodied.simulation import Simulation, Step
 from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import run_trial
-from epuck_sim.trial.synchrony import SynchronyWatch
 
 
 def outcome(result):

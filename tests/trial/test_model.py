@@ -10,8 +10,7 @@ from epuck_sim.scenario.loader import SCENARIO_TYPES, load_scenario, validate, w
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
 from epuck_sim.trial.model import run_trial, simulate
-from epuck_sim.trial.observer import TrialState
-from epuck_sim.trial.result import TrialResult
+from epuck_sim.trial.result import TrialResult, TrialState
 from epuck_sim.util.builtin import SWEEPS, builtin_files
 
 OF_PARTICLES = [name for name, path in builtin_files(SWEEPS).items() if read_yaml(path).get("model") == "particles"]

@@ -5,8 +5,7 @@ import pytest
 
 from epuck_sim.embodied.history import MOST_STEPS
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.measures.loader import find_measure
-from epuck_sim.measures.shipped import SHIPPED
+from epuck_sim.measures.loader import SHIPPED, find_measure
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 

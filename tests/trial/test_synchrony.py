@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from epuck_sim.embodied.step import Step
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.embodied import SynchronyWatch
 
 TAU = 5000.0
 

@@ -13,13 +13,13 @@ from typing import Any
 import pymunk
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.embodied.bodies.contact_candidates import (
-    MARGIN_CM,
+from epuck_sim.embodied.bodies.contacts import (
     PUSHED_CM,
+    SLOP_CM,
     add_reached,
     find_contact_candidates,
     list_candidates,
-    move_straight,
+    move_others,
 )
 from epuck_sim.embodied.bodies.shapes import Bodies, Thing
 from epuck_sim.embodied.cells import sort_into_cells
@@ -32,9 +32,6 @@ try:
     from pymunk._chipmunk_cffi import ffi, lib
 except ImportError:
     ffi = lib = None
-
-SLOP_CM = 2 * MARGIN_CM
-"""Overlap of enlarged bodies that is not corrected."""
 
 FUNCTIONS = {
     "cpSpaceNew": "cpSpace *(*)(void)",
@@ -76,11 +73,11 @@ END = FIRST + len(FUNCTIONS)
 def move_bodies(swarm: Swarm, addresses: IntArray) -> None:
     """Move all bodies for a control step.
 
-    Only robots that may touch something are in Chipmunk's space; the others move in straight lines, as they would
-    there. Where nothing can touch anything, no physics step is taken. Robots are sorted into cells before and after.
+    Only robots that may touch something are in Chipmunk's space, but for what `contacts` moves as it would be
+    moved there; the others move in straight lines. Where nobody is in the space, no physics step is taken. Robots are
+    sorted into cells before and after.
     """
-    robots, scene = swarm.robots, swarm.scene[0]
-    time_s = scene.physics_steps * scene.physics_s
+    robots = swarm.robots
     fastest_cm_s = find_contact_candidates(swarm)
     for number in range(len(robots)):
         robot = robots[number]
@@ -91,9 +88,7 @@ def move_bodies(swarm: Swarm, addresses: IntArray) -> None:
     inside = list_candidates(swarm)
     if inside > 0:
         _step_space(swarm, addresses, inside, fastest_cm_s)
-    for number in range(len(robots)):
-        if not robots[number].in_space:
-            move_straight(robots[number], time_s)
+    move_others(swarm)
     sort_into_cells(swarm)
 
 
@@ -104,7 +99,7 @@ def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: fl
     candidates = inside
     for step in range(scene.physics_steps):
         if scene.touch and step > 0 and inside < len(robots):
-            inside = _bring_in(swarm, addresses, candidates, inside, fastest_cm_s, step * scene.physics_s)
+            inside = _bring_in(swarm, addresses, candidates, inside, fastest_cm_s, step)
         call_c(addresses[_STEP], addresses[SPACE], scene.physics_s)
     for index in range(inside):
         number = swarm.members[swarm.numbers[index]].robot
@@ -118,15 +113,13 @@ def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: fl
 
 
 @jit_inline
-def _bring_in(
-    swarm: Swarm, addresses: IntArray, candidates: int, inside: int, fastest_cm_s: float, past_s: float
-) -> int:
+def _bring_in(swarm: Swarm, addresses: IntArray, candidates: int, inside: int, fastest_cm_s: float, past: int) -> int:
     """Bring into the space whom robots may touch that have come too far, and those that have been brought in before.
 
     The list has the robots that are `inside` the space, those that were candidates first; return how many are inside
-    then. `past_s`: time since the control step began.
+    then. `past`: number of physics steps since the control step began.
     """
-    first, path_cm = swarm.scene[0].bodies, fastest_cm_s * past_s + PUSHED_CM
+    first, path_cm = swarm.scene[0].bodies, fastest_cm_s * past * swarm.scene[0].physics_s + PUSHED_CM
     index = 0
     while index < inside:
         start = swarm.members[swarm.numbers[index]]
@@ -135,7 +128,7 @@ def _bring_in(
         dx, dy = x - start.x, y - start.y
         if dx * dx + dy * dy > path_cm * path_cm or index >= candidates:
             vx, vy = vector_from_c(addresses[_GET_VELOCITY], body)
-            entered, inside = inside, add_reached(swarm, inside, x, y, hypot(vx, vy) + fastest_cm_s, past_s)
+            entered, inside = inside, add_reached(swarm, inside, x, y, hypot(vx, vy) + fastest_cm_s, past)
             for entering in range(entered, inside):
                 _enter(swarm, addresses, swarm.members[swarm.numbers[entering]].robot)
         index += 1

@@ -19,7 +19,7 @@ import pymunk
 from epuck_sim.arrays import ByteArray
 from epuck_sim.elementary import hypot
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.bodies.contact_candidates import add_reached, find_contact_candidates
+from epuck_sim.embodied.bodies.contacts import add_reached, find_contact_candidates, move_others
 from epuck_sim.embodied.bodies.shapes import Thing
 from epuck_sim.embodied.swarm import open_block, swarm_at
 from epuck_sim.util.jit import jit_no_alloc
@@ -71,6 +71,7 @@ def public_way(block: ByteArray) -> SimpleNamespace:
         "swarm_at": open_block,
         "find_contact_candidates": lambda _: find_candidates(block),
         "add_reached": lambda _, *given: add_robots_reached(block, *given),
+        "move_others": lambda _: move_robots(block),
         "sort_into_cells": lambda _: chipmunk.sort_robots(block),
     }
     found: dict[str, Any] = {**vars(chipmunk), **names}
@@ -88,9 +89,15 @@ def find_candidates(block: ByteArray) -> float:
 
 
 @jit_no_alloc
-def add_robots_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
-    """Find further robots of a block that may touch one; see `contact_candidates.add_reached`."""
-    return add_reached(swarm_at(block), found, x, y, approach_cm_s, past_s)
+def add_robots_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
+    """Find further robots of a block that may touch one; see `contacts.add_reached`."""
+    return add_reached(swarm_at(block), found, x, y, approach_cm_s, past)
+
+
+@jit_no_alloc
+def move_robots(block: ByteArray) -> None:
+    """Move the robots of a block that are no candidates."""
+    move_others(swarm_at(block))
 
 
 # --- whether this way is needed -------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import pymunk
 
 from epuck_sim.arena import Arena
-from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.scenario.embodied import ContactSection
 from epuck_sim.scenario.robot_kind import RobotKind
 

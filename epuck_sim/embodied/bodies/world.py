@@ -80,7 +80,7 @@ class World:
         scene.drives = end if bodies.drives else -1
         scene.surfaces = end + len(bodies.drives)
         scene.surface_count = len(bodies.surfaces)
-        scene.moved_publicly = self.is_public
+        scene.moved_publicly, scene.smooth = self.is_public, self._friction == 0
 
     def _free_with_world(self) -> None:
         if self._finalizer:

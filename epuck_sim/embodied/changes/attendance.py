@@ -22,7 +22,7 @@ from epuck_sim.embodied.placement import (
     clearance_cm,
     place_at_random,
 )
-from epuck_sim.embodied.sensors.signals import forget_signals
+from epuck_sim.embodied.sensors.radio import forget_signals
 from epuck_sim.embodied.swarm import Swarm, open_block, swarm_at
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario

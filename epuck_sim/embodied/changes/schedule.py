@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.placement import clearance_cm
 from epuck_sim.embodied.swarm import Swarm

@@ -7,6 +7,10 @@ large as their bodies. The walls are dark, and the floor they bound is convex, s
 Most rings are dark most of the time. Where few are lit, they are looked at first, as if there were no others; other
 robots can but hide what they show, so that the search for those skips all other pixels, and ends where the lit are.
 
+A wall mirrors a ray once: to a camera, what the ray meets then is as far as the whole way, and lies beyond the wall. So
+the images in a wall are what a mirrored camera beyond it sees of the robots themselves, with left and right exchanged.
+The camera sees them in pixels whose rays meet neither a robot nor an obstacle before the wall.
+
 A camera may take fewer pictures than there are control steps, and deliver them late (thesis 4.3.1): at instants of its
 own, `interval` control steps apart, the first at a random time. A picture shows the control step in which its instant
 lies. The controller receives it after a random latency.
@@ -18,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.embodied.sensors.field_of_view import (
+from epuck_sim.embodied.sensors.sight import (
     ATAN2_ERROR_RAD,
     SECTOR_RAD,
     SLACK_CM,
@@ -27,12 +31,14 @@ from epuck_sim.embodied.sensors.field_of_view import (
     cells_in_strip,
     distance_beyond,
     fast_atan2,
+    find_lit,
+    find_visible,
     make_strips,
     make_wedge,
     may_contain_robot,
+    to_disc,
+    to_segment,
 )
-from epuck_sim.embodied.sensors.lit_rings import find_lit, find_visible
-from epuck_sim.embodied.sensors.ray_casting import to_disc, to_segment
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import CameraSection
@@ -42,6 +48,8 @@ from epuck_sim.util.rng import uniform
 
 NEVER = -2
 """Control step in which a picture arrives before a camera has taken its first."""
+
+_LEFT, _RIGHT, _LOWER, _UPPER = range(4)
 
 FEW_LIT = 8
 """Measured: to look at the lit first is as fast as to search for all robots at once if lit^2 = 8 robots."""
@@ -121,7 +129,7 @@ def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
     """Write what a camera sees to (pixels,) zeros: the label of the robot that a pixel shows, within range.
 
     Robots are sorted into cells, have labels, and of those that have one, more than 0 of them, there is a list: see
-    `lit_rings`.
+    `find_lit`.
     """
     camera = group.camera
     eye = eye_of(swarm.robots[robot], robot, camera)
@@ -133,8 +141,8 @@ def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
     few_lit = lit * lit <= FEW_LIT * robots
     if few_lit and not see_lit(swarm, lit, camera, eye, picture):
         return  # nothing red to see: most of the time, where robots are few
-    see_sectors(swarm.scene[0], swarm.cells, swarm.members, camera, eye, picture)
-    hide_behind_obstacles(swarm.scene[0], swarm.circles, swarm.edges, camera, eye, picture)
+    see_sectors(swarm, camera, eye, picture)
+    hide_behind_obstacles(swarm, camera, eye, picture)
 
 
 @jit_inline
@@ -183,29 +191,28 @@ def see_lit(swarm: Swarm, lit: int, camera: Any, eye: Eye, picture: Picture) -> 
 
 
 @jit_inline
-def see_sectors(scene: Any, cells: IntArray, members: Any, camera: Any, eye: Eye, picture: Picture) -> None:
-    """Write all robots to a picture; leave out pixels that cannot change any more at the ends of each sector."""
+def see_sectors(swarm: Swarm, camera: Any, eye: Eye, picture: Picture) -> None:
+    """Write all robots to a picture, sector by sector; pixels that cannot change any more are in none."""
     pixels = max(1, int(SECTOR_RAD * camera.pixels_per_rad))
     left = camera.first
     while left < camera.end:
         if picture.depth[left] < 0.0:
             left += 1
             continue
-        right = min(left + pixels, camera.end) - 1
-        while picture.depth[right] < 0.0:
-            right -= 1
-        _see_sector(scene, cells, members, camera, eye, left, right, picture)
+        right, end = left, min(left + pixels, camera.end)
+        while right + 1 < end and picture.depth[right + 1] >= 0.0:
+            right += 1
+        _see_sector(swarm, camera, eye, left, right, picture)
         left = right + 1
 
 
 @jit_inline
-def _see_sector(
-    scene: Any, cells: IntArray, members: Any, camera: Any, eye: Eye, left: int, right: int, picture: Picture
-) -> None:
+def _see_sector(swarm: Swarm, camera: Any, eye: Eye, left: int, right: int, picture: Picture) -> None:
     """Write all robots to the pixels from `left` to `right`.
 
     Strips of cells are visited from near to far, until all remaining robots must be hidden.
     """
+    scene = swarm.scene[0]
     view = view_between(camera, eye, picture.rays, left, right, scene.largest_cm)
     strips = make_strips(view, scene)
     wedge = make_wedge(view, strips)
@@ -214,8 +221,8 @@ def _see_sector(
         cell, spans, length = cells_in_strip(view, wedge, strips, strip, scene)
         for span in range(spans):
             start = cell + span * scene.columns
-            for place in range(cells[start], cells[start + length]):
-                member = members[place]
+            for place in range(swarm.cells[start], swarm.cells[start + length]):
+                member = swarm.members[place]
                 dx, dy = member.x - eye.x, member.y - eye.y
                 if may_contain_robot(view, dx, dy) and member.robot != eye.robot:
                     label = picture.labels[member.robot]
@@ -269,9 +276,9 @@ def add_robot(
 
 
 @jit_inline
-def hide_behind_obstacles(scene: Any, circles: Any, edges: Any, camera: Any, eye: Eye, picture: Picture) -> None:
+def hide_behind_obstacles(swarm: Swarm, camera: Any, eye: Eye, picture: Picture) -> None:
     """Set pixels to 0 where an obstacle is nearer than the robot seen."""
-    row, depth = picture.row, picture.depth
+    scene, row, depth = swarm.scene[0], picture.row, picture.depth
     if scene.circles + scene.edges == 0:
         return
     for pixel in range(camera.first, camera.end):
@@ -281,13 +288,152 @@ def hide_behind_obstacles(scene: Any, circles: Any, edges: Any, camera: Any, eye
         dx = eye.cos * ray.cos - eye.sin * ray.sin
         dy = eye.sin * ray.cos + eye.cos * ray.sin
         for place in range(scene.circles):
-            circle = circles[place]
+            circle = swarm.circles[place]
             if to_disc(eye.x, eye.y, dx, dy, circle.x, circle.y, circle.radius) < depth[pixel]:
                 row[pixel] = 0
         for place in range(scene.edges):
-            edge = edges[place]
+            edge = swarm.edges[place]
             if to_segment(eye.x, eye.y, dx, dy, edge.ax, edge.ay, edge.bx, edge.by) < depth[pixel]:
                 row[pixel] = 0
+
+
+# --- mirror images of lit rings in the four walls (thesis 4.4) -------------------------------------------
+
+
+class WallsInView(NamedTuple):
+    """The walls that a camera's pixels look at."""
+
+    numbers: IntArray
+    """(pixels,) wall at which the pixel's ray leaves the arena: 0 to 3 for left, right, lower, upper."""
+    distances_cm: FloatArray
+    """(pixels,) distance along the ray; below 0 if a robot that pushes holds its camera beyond the wall."""
+
+
+@jit_no_alloc
+def add_reflections(block: ByteArray, addresses: IntArray, number: int) -> None:
+    """Add the lit rings that walls mirror to what the cameras of a group have in view; it follows `look`."""
+    swarm = swarm_at(block)
+    group, robots = swarm.groups[number], len(swarm.robots)
+    pixels, scratch = group.pixels, swarm.numbers[2 * robots :]
+    labels, dark = swarm.numbers[robots : 2 * robots], scratch[:robots]
+    for robot in range(robots):
+        dark[robot] = 0
+    rays = swarm.rays[group.ray : group.ray + pixels]
+    walls = WallsInView(scratch[robots : robots + pixels], swarm.depths[2 * pixels : 3 * pixels])
+    image = Picture(rays, labels, scratch[robots + pixels : robots + 2 * pixels], swarm.depths[pixels : 2 * pixels])
+    lit = find_lit(swarm.robots, swarm.numbers)
+    for place in range(group.count):
+        if swarm.scene[0].hides_flashes:
+            lit = find_visible(block, addresses, group.first + place, robots, swarm.numbers)
+        if lit > 0:
+            first = group.in_view + place * pixels
+            picture = Picture(rays, dark, swarm.pixels[first : first + pixels], swarm.depths[:pixels])
+            _reflect(swarm, group.camera, group.first + place, lit, walls, image, picture)
+
+
+@jit_inline
+def _reflect(
+    swarm: Swarm, camera: Any, robot: int, lit: int, walls: WallsInView, image: Picture, picture: Picture
+) -> None:
+    """Add what a robot sees in the walls to its picture; walls and image are scratch."""
+    scene = swarm.scene[0]
+    eye = eye_of(swarm.robots[robot], robot, camera)
+    find_walls(eye, camera, scene, picture.rays, walls)
+    for pixel in range(len(picture.depth)):
+        picture.depth[pixel] = -math.inf
+    few_lit = lit * lit <= FEW_LIT * len(swarm.robots)
+    any_image = False
+    for wall in range(4):
+        if not begin_image(wall, walls, camera, picture, image):
+            continue
+        mirrored = mirrored_in(wall, eye, scene)
+        if few_lit and not see_lit(swarm, lit, camera, mirrored, image):
+            continue
+        see_sectors(swarm, camera, mirrored, image)
+        hide_behind_obstacles(swarm, camera, mirrored, image)
+        any_image |= add_image(image, walls, camera, picture)
+    if any_image:  # hide it where something stands before the wall
+        see_sectors(swarm, camera, eye, picture)
+        hide_behind_obstacles(swarm, camera, eye, picture)
+
+
+@jit_inline
+def find_walls(eye: Eye, camera: Any, scene: Any, rays: Any, walls: WallsInView) -> None:
+    """Find the wall that each pixel of the central window looks at."""
+    for pixel in range(camera.first, camera.end):
+        ray = rays[pixel]
+        dx = eye.cos * ray.cos - eye.sin * ray.sin
+        dy = eye.sin * ray.cos + eye.cos * ray.sin
+        across, along = math.inf, math.inf
+        if dx != 0.0:
+            across = (scene.width_cm - eye.x if dx > 0.0 else -eye.x) / dx
+        if dy != 0.0:
+            along = (scene.height_cm - eye.y if dy > 0.0 else -eye.y) / dy
+        if across < along:
+            walls.numbers[pixel] = _RIGHT if dx > 0.0 else _LEFT
+        else:
+            walls.numbers[pixel] = _UPPER if dy > 0.0 else _LOWER
+        walls.distances_cm[pixel] = min(across, along)
+
+
+@jit_inline
+def mirrored_in(wall: int, eye: Eye, scene: Any) -> Eye:
+    """Return the mirror image of a camera; unlike the camera, it sees the robot whose camera it is."""
+    x, y, cos, sin = eye.x, eye.y, eye.cos, eye.sin
+    if wall in (_LEFT, _RIGHT):
+        x, cos = (2.0 * scene.width_cm if wall == _RIGHT else 0.0) - x, -cos
+    else:
+        y, sin = (2.0 * scene.height_cm if wall == _UPPER else 0.0) - y, -sin
+    return Eye(-1, x, y, cos, sin)
+
+
+@jit_inline
+def begin_image(wall: int, walls: WallsInView, camera: Any, picture: Picture, image: Picture) -> bool:
+    """Empty the picture that the camera's mirror image in a wall takes; its first pixel is the camera's last.
+
+    Returns:
+        Whether any pixel may show an image: it looks at the wall, which is within range, and is not red yet.
+    """
+    last = len(picture.row) - 1
+    any_open = False
+    for pixel in range(camera.first, camera.end):
+        is_near = walls.distances_cm[pixel] < camera.reflection_range_cm
+        is_open = walls.numbers[pixel] == wall and is_near and picture.row[pixel] == 0
+        image.row[last - pixel] = 0
+        image.depth[last - pixel] = camera.reflection_range_cm if is_open else -math.inf
+        any_open |= is_open
+    return any_open
+
+
+@jit_inline
+def add_image(image: Picture, walls: WallsInView, camera: Any, picture: Picture) -> bool:
+    """Write the lit rings in a mirrored picture to the camera's own; its depth there is the distance of the wall.
+
+    Returns:
+        Whether there are any.
+    """
+    last = len(picture.row) - 1
+    any_lit = False
+    for pixel in range(camera.first, camera.end):
+        if image.row[last - pixel] > 0:
+            picture.row[pixel] = 1
+            picture.depth[pixel] = walls.distances_cm[pixel]
+            any_lit = True
+    return any_lit
+
+
+# --- cameras with fewer pictures than control steps ------------------------------------------------------
+
+
+@jit_no_alloc
+def begin_pictures(block: ByteArray, number: int) -> None:
+    """Draw when the cameras of a group take their first pictures, which is in the first interval."""
+    swarm = swarm_at(block)
+    group = swarm.groups[number]
+    for member in range(group.count):
+        robot = swarm.robots[group.first + member]
+        robot.first_picture = group.camera.interval * uniform(robot.signal_random)
+        robot.picture_arrives = NEVER
 
 
 @jit_no_alloc

@@ -71,9 +71,7 @@ def _is_covered(swarm: Swarm, look: _Look, radius: float, low: float, high: floa
 def _behind_robots(swarm: Swarm, look: _Look, radius: float, covered: float) -> float:
     """Return up to where an arc is covered when robots are counted, too, whose arcs begin where it was covered."""
     end_x, end_y = look.x + look.dx, look.y + look.dy
-    reach = (
-        2.0 * swarm.scene[0].largest_cm
-    )  # discs that cover anything reach into the strip that the other's disc casts
+    reach = 2.0 * swarm.scene[0].largest_cm  # what covers anything reaches into the strip that the disc casts
     first, last = rows_along(look.y, end_y, reach, swarm.scene[0])
     for row in range(first, last + 1):
         start, end = members_along(look.x, look.y, end_x, end_y, reach, row, swarm)

@@ -10,7 +10,7 @@ from typing import Any
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.cells import cells_around, members_along, members_in_row, rows_along
 from epuck_sim.embodied.sensors.enki_camera import shows
-from epuck_sim.embodied.sensors.lit_rings import find_lit, find_visible
+from epuck_sim.embodied.sensors.sight import find_lit, find_visible
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.scenario.robots import ConeSection, ConeSignal, EnkiCameraSignal, SectorSection
 from epuck_sim.util.elementary import cos, hypot, sin_cos

@@ -12,9 +12,9 @@ import numpy as np
 from epuck_sim import epuck
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import SENSORS
-from epuck_sim.embodied.cells import cells_around
-from epuck_sim.embodied.sensors.ray_casting import to_disc, to_segment
-from epuck_sim.embodied.swarm import RAYS, swarm_at
+from epuck_sim.embodied.cells import cells_around, members_in_row
+from epuck_sim.embodied.sensors.sight import to_disc, to_segment
+from epuck_sim.embodied.swarm import RAYS, Swarm, swarm_at
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import InfraredSection
 from epuck_sim.util.elementary import cos, sin_cos
@@ -60,8 +60,8 @@ def sense_infrared(block: ByteArray, addresses: IntArray, number: int) -> None: 
                     sensors.met_cm[sensor, ray] = math.inf
             _meet_walls(scene, sensors, robot, cos, sin)
             if sensors.sees_robots:
-                _meet_robots(scene, swarm.cells, swarm.members, sensors, robot, member, cos, sin)
-            _meet_obstacles(scene, swarm.circles, swarm.edges, sensors, robot, cos, sin)
+                _meet_robots(swarm, sensors, robot, member, cos, sin)
+            _meet_obstacles(swarm, sensors, robot, cos, sin)
         _read(sensors, robot)
 
 
@@ -90,33 +90,31 @@ def _meet_wall(sensors: Any, away: float, ahead: float, aside: float) -> None:
 
 
 @jit_inline
-def _meet_robots(
-    scene: Any, cells: IntArray, members: Any, sensors: Any, robot: Any, number: int, cos: float, sin: float
-) -> None:
+def _meet_robots(swarm: Swarm, sensors: Any, robot: Any, number: int, cos: float, sin: float) -> None:
     """Shorten the rays that meet another robot; those in the cells around are looked at."""
     x, y = robot.x, robot.y
-    reach = sensors.reach_cm + scene.largest_cm
-    near = cells_around(x, y, scene)
+    reach = sensors.reach_cm + swarm.scene[0].largest_cm
+    near = cells_around(x, y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
-        first = row * scene.columns
-        for place in range(cells[first + near.first_column], cells[first + near.last_column + 1]):
-            member = members[place]
+        start, end = members_in_row(near, row, swarm)
+        for place in range(start, end):
+            member = swarm.members[place]
             dx, dy = member.x - x, member.y - y
             if member.robot != number and dx * dx + dy * dy <= reach * reach:
                 _meet_disc(sensors, dx * cos + dy * sin, dy * cos - dx * sin, member.radius_cm)
 
 
 @jit_inline
-def _meet_obstacles(scene: Any, circles: Any, edges: Any, sensors: Any, robot: Any, cos: float, sin: float) -> None:
+def _meet_obstacles(swarm: Swarm, sensors: Any, robot: Any, cos: float, sin: float) -> None:
     """Shorten the rays that meet an obstacle or a movable."""
     x, y = robot.x, robot.y
-    for place in range(scene.circles):
-        circle = circles[place]
+    for place in range(swarm.scene[0].circles):
+        circle = swarm.circles[place]
         dx, dy = circle.x - x, circle.y - y
         if dx * dx + dy * dy <= (sensors.reach_cm + circle.radius) ** 2:
             _meet_disc(sensors, dx * cos + dy * sin, dy * cos - dx * sin, circle.radius)
-    for place in range(scene.edges):
-        edge = edges[place]
+    for place in range(swarm.scene[0].edges):
+        edge = swarm.edges[place]
         ax, ay, bx, by = edge.ax - x, edge.ay - y, edge.bx - x, edge.by - y
         from_x, from_y, to_x, to_y = ax * cos + ay * sin, ay * cos - ax * sin, bx * cos + by * sin, by * cos - bx * sin
         _meet_edge(sensors, from_x, from_y, to_x, to_y)

@@ -1,6 +1,8 @@
 """Sensors in files of their own: compiled with their files, or run as plain Python (see `control.sensors`)."""
 
-from collections.abc import Callable
+from collections import namedtuple
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from math import isnan
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
@@ -10,12 +12,12 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
-from epuck_sim.control.interface import Sensor, World
+from epuck_sim.control.interface import Sensor, Sensors, World
 from epuck_sim.embodied.start import Part
 from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, Swarm, swarm_at
 from epuck_sim.embodied.user_code import UserCode, as_python
 from epuck_sim.user_files import line_of_definition
-from epuck_sim.util.jit import kernel_digest
+from epuck_sim.util.jit import WITHOUT_ALLOCATION, Kernel, jit_inline, kernel_digest
 from epuck_sim.util.native import array_at, function_address, record_type
 from epuck_sim.util.seeds import robot_streams
 
@@ -164,3 +166,52 @@ class OwnSensor(UserCode):
                 error = ValueError(f"readings.{name} is not a number; allowed: numbers")
                 break
         return f"{self.sensor.path}:{line_of_definition('sense', self.sensor.sources[self.sensor.path])}", error
+
+
+# --- what controllers read of them: further fields of `Sensors`, by the names of the readings --------------
+
+
+def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
+    """Return the names of all readings of sensors, in order."""
+    return tuple(name for sensor in sensors for name in sensor.readings.names or ())
+
+
+@lru_cache
+def completion(sensors: tuple[Sensor, ...]) -> Any:
+    """Return a kernel (sensors, block, swarm, first, member) that adds a group's further readings to `Sensors`.
+
+    The first of its sensors in files of their own has index `first` in `Swarm.senses`.
+    """
+    if not sensors:
+        return _as_they_are
+    known: dict[str, Any] = {
+        "array_at": array_at,
+        "Complete": namedtuple("Sensors", (*Sensors._fields, *names_of_readings(sensors))),
+    }
+    lines, fields = [], [f"sensors.{name}" for name in Sensors._fields]
+    for number, sensor in enumerate(sensors):
+        known[f"TYPE_{number}"] = sensor.readings
+        place = f"swarm.senses[first + {number}]"
+        lines.append(
+            f"    own_{number} = array_at(block, at + {place}.readings, at + {place}.random, TYPE_{number})[member]"
+        )
+        for name in sensor.readings.names or ():
+            field = sensor.readings[name]
+            number_type = "float" if field.kind == "f" else "int"
+            fields.append(f"own_{number}.{name}[:]" if field.shape else f"{number_type}(own_{number}.{name})")
+    source = [
+        "def complete(sensors, block, swarm, first, member):",
+        f"    at = swarm.scene[0].at[{SENSED_BYTES}]",
+        *lines,
+        f"    return Complete({', '.join(fields)})",
+    ]
+    exec("\n".join(source), known)
+    complete = known["complete"]
+    kernel = Kernel(complete, **WITHOUT_ALLOCATION, forceinline=True)
+    kernel.for_python = complete
+    return kernel
+
+
+@jit_inline
+def _as_they_are(sensors: Any, block: ByteArray, swarm: Any, first: int, member: int) -> Any:  # noqa: ARG001
+    return sensors

@@ -9,6 +9,7 @@ from typing import Any
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import MAX_MESSAGES
+from epuck_sim.embodied.sensors.camera import NEVER
 from epuck_sim.embodied.sensors.flash_cone import in_cone
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.scenario.robots import RadioSignal, SignalSection
@@ -38,10 +39,8 @@ def receive_pulses(block: ByteArray, addresses: IntArray, number: int) -> None: 
     for place in range(group.count):
         leaving = swarm.air[radio.first + departing * group.count + place]
         leaving.count = _take_from_air(swarm, group, senders, group.first + place, leaving)
-        pulses, sensors = (
-            swarm.air[radio.first + arriving * group.count + place],
-            swarm.robots[group.first + place].sensors,
-        )
+        pulses = swarm.air[radio.first + arriving * group.count + place]
+        sensors = swarm.robots[group.first + place].sensors
         sensors.pulses = pulses.count
         for message in range(MAX_MESSAGES):
             sensors.messages[message] = pulses.messages[message] if message < pulses.count else 0
@@ -79,3 +78,11 @@ def _take_from_air(swarm: Swarm, group: Any, senders: int, number: int, pulses: 
             pulses.messages[count] = swarm.robots[sender].actuators.send
         count += 1
     return 0 if radio.collisions and count > 1 else count
+
+
+def forget_signals(swarm: Swarm, robot: int) -> None:
+    """Have neither a picture nor a pulse be on its way to a robot; its camera goes on at its instants."""
+    swarm.robots[robot].picture_arrives = NEVER
+    group = next(group for group in swarm.groups if group.first <= robot < group.first + group.count)
+    first = group.radio.first + robot - group.first
+    swarm.air.count[first : first + group.radio.slots * group.count : group.count] = 0

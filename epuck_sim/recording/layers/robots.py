@@ -12,9 +12,7 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.changes.attendance import parked
-from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import Scene, make_scene
-from epuck_sim.embodied.observers.visibility import find_sightings
+from epuck_sim.embodied.observers import Scene, find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.sensors.camera import half_view_rad
 from epuck_sim.recording.layers.arena import (
     FAINT,

@@ -17,7 +17,7 @@ from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
 from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
-from epuck_sim.trial.observer import TrialState
+from epuck_sim.trial.result import TrialState
 
 FLASHES = "/flashes"
 """Entity with a scalar at each flash: the number of the robot or agent; `cycle`: which of its flashes it is, from 1."""

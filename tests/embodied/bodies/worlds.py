@@ -8,7 +8,7 @@ import pymunk
 
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import FloatArray
-from epuck_sim.embodied.bodies.chipmunk import SLOP_CM
+from epuck_sim.embodied.bodies.contacts import SLOP_CM
 from epuck_sim.embodied.bodies.shapes import make_bodies
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.cells import cells_needed, set_cells

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.sensors.camera import take_pictures
-from epuck_sim.embodied.sensors.signals import begin_pictures
+from epuck_sim.embodied.sensors.camera import begin_pictures, take_pictures
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.scenario.loader import load_scenario

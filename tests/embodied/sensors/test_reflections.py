@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.sensors.camera import look
-from epuck_sim.embodied.sensors.reflections import add_reflections
+from epuck_sim.embodied.sensors.camera import add_reflections, look
 from epuck_sim.embodied.simulation import Simulation
 from tests.embodied.scenes import (
     ADDRESSES,

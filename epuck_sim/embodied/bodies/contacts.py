@@ -1,0 +1,375 @@
+"""Which robots may touch something soon: only they need a physics engine, all others move in straight lines.
+
+Most candidates touch walls alone, or one other robot alone, without friction. These move by the arithmetic that
+Chipmunk itself does for them, with equal outcomes but for rounding, and without the time that its space takes: in each
+physics step bodies move; then those that touch lose the speed at which they approach, shared by their masses; and what
+they overlap beyond `SLOP_CM` is moved apart in the next physics step.
+
+Candidates are the robots that would touch something in a control step if all moved in straight lines, and all that they
+may push or be pushed into, one by the other. All others are farther from a candidate than the two could come if both
+were as fast as the fastest robot and contacts moved each `PUSHED_CM` farther.
+
+Nothing bounds how far contacts move a robot: rows of robots that drive at each other squeeze out one between them, the
+faster the longer the rows. So whoever moves bodies looks before each physics step for candidates that have come farther
+than the fastest robot and `PUSHED_CM`, and brings in whom these may touch in that step, `add_reached`; and whom those
+may touch that were brought in. The others touch nobody: a candidate that has not come too far may take a step longer
+than the fastest robot's by `PUSHED_CM` and still be out of reach. Thus a contact is found in the same step as with all
+robots in the space, unless contacts or the correction of overlaps move a robot that has not come too far by more than
+`PUSHED_CM` beyond the fastest robot's step in a single physics step; then it is found a physics step later.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from epuck_sim.embodied.cells import cells_around, members_in_row
+from epuck_sim.embodied.swarm import Swarm
+from epuck_sim.util.elementary import hypot
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+
+MARGIN_CM = 0.08
+"""Margin in cm by which bodies are enlarged; overlaps of up to twice the margin are not corrected.
+
+pymunk detects a contact only after bodies overlap, and two e-pucks that meet head-on at full speed approach by 2.56 mm
+in a physics step. Margins make it detect contacts 1.6 mm earlier, so that real bodies overlap by less than 1 mm, and
+robots that press on something come to rest where their real surfaces touch. Scenarios refuse wheels that are too fast
+for this.
+"""
+
+SLOP_CM = 2 * MARGIN_CM
+"""Overlap of enlarged bodies that is not corrected."""
+
+PUSHED_CM = 0.1
+"""Distance in cm by which contacts may move a robot farther than the fastest robot drives before anybody looks."""
+
+NOBODY = -1
+"""Stands for no robot."""
+
+_ROUNDING_CM = 1e-6
+_EQUAL_CM = 1e-9
+
+
+@jit_inline
+def touch_cm(one_cm: float, other_cm: float) -> float:
+    """Return the distance of the centres of two enlarged robots of these radii that touch."""
+    return (one_cm + MARGIN_CM) + (other_cm + MARGIN_CM) + _ROUNDING_CM
+
+
+@jit_inline
+def wall_touch_cm(radius_cm: float) -> float:
+    """Return the distance from a wall or an obstacle to the centre of a robot, both enlarged, that touches it."""
+    return radius_cm + 2.0 * MARGIN_CM + _ROUNDING_CM
+
+
+@jit_no_alloc
+def find_contact_candidates(swarm: Swarm) -> float:
+    """Find the robots that may touch a wall, an obstacle or another robot in a control step, see the module.
+
+    Writes `may_touch`, `partner` and scratch numbers; robots are sorted into cells by where they are.
+
+    Returns:
+        The speed of the fastest robot, cm/s.
+    """
+    scene, robots, reached = swarm.scene[0], swarm.robots, swarm.numbers
+    time_s = scene.physics_steps * scene.physics_s
+    fastest = 0.0
+    for number in range(len(robots)):
+        fastest = max(fastest, robots[number].vx ** 2 + robots[number].vy ** 2)
+    fastest = math.sqrt(fastest)
+    path_cm = fastest * time_s + PUSHED_CM
+    reach_cm = touch_cm(scene.largest_cm, scene.largest_cm) + 2.0 * path_cm
+    # robots of further cells may be within reach, too; and movables may push robots that are far from each other
+    if reach_cm > min(scene.cell_width_cm, scene.cell_height_cm) or scene.circles > scene.first_movable:
+        for number in range(len(robots)):
+            robots[number].may_touch, robots[number].partner = robots[number].present, NOBODY
+        return fastest
+    found = 0
+    for number in range(len(robots)):
+        robot = robots[number]
+        robot.partner = NOBODY
+        robot.may_touch = robot.present and (
+            _wall_gap_cm(swarm, number, time_s) <= wall_touch_cm(robot.radius_cm)
+            or _is_near_obstacle(swarm, number, wall_touch_cm(robot.radius_cm) + path_cm)
+            or (scene.touch and _meets_robot(swarm, number, time_s, reach_cm))
+        )
+        if robot.may_touch:
+            robot.partner = number
+            reached[found] = number
+            found += 1
+    while scene.touch and found > 0:
+        found -= 1
+        found = _reach_others(swarm, reached[found], reach_cm, found)
+    for number in range(len(robots)):
+        robot = robots[number]
+        if robot.may_touch and robot.partner >= number:
+            other = robots[robot.partner]
+            is_lone = scene.smooth and other.partner == number and _is_lone(swarm, number, path_cm)
+            robot.may_touch = other.may_touch = not is_lone
+            if not is_lone:
+                robot.partner = other.partner = NOBODY
+    return fastest
+
+
+@jit_inline
+def _is_lone(swarm: Swarm, number: int, path_cm: float) -> bool:
+    """Return whether a robot and its partner touch nothing but each other, or one robot nothing but walls."""
+    scene, other = swarm.scene[0], swarm.robots[number].partner
+    reach_cm = wall_touch_cm(scene.largest_cm) + path_cm
+    if _is_near_obstacle(swarm, number, reach_cm) or _is_near_obstacle(swarm, other, reach_cm):
+        return False
+    if other != number and min(_wall_gap_cm(swarm, number, 0.0), _wall_gap_cm(swarm, other, 0.0)) <= reach_cm:
+        return False
+    return lone_motion(swarm, number, scene.physics_steps, path_cm).is_exact
+
+
+@jit_inline
+def _wall_gap_cm(swarm: Swarm, number: int, time_s: float) -> float:
+    """Return the distance from the nearest wall to a robot's centre when it has moved in a straight line."""
+    robot, scene = swarm.robots[number], swarm.scene[0]
+    x = robot.x + robot.vx * time_s
+    y = robot.y + robot.vy * time_s
+    gap_cm: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
+    return gap_cm
+
+
+@jit_inline
+def _is_near_obstacle(swarm: Swarm, number: int, reach_cm: float) -> bool:
+    """Return whether a robot is within reach of a round obstacle, or of the box around an obstacle's edge."""
+    x, y = swarm.robots[number].x, swarm.robots[number].y
+    for index in range(swarm.scene[0].circles):
+        circle = swarm.circles[index]
+        if hypot(circle.x - x, circle.y - y) <= circle.radius + reach_cm:
+            return True
+    for index in range(swarm.scene[0].edges):
+        edge = swarm.edges[index]
+        beside = max(min(edge.ax, edge.bx) - x, x - max(edge.ax, edge.bx))
+        if max(beside, min(edge.ay, edge.by) - y, y - max(edge.ay, edge.by)) <= reach_cm:
+            return True
+    return False
+
+
+@jit_inline
+def _meets_robot(swarm: Swarm, number: int, time_s: float, reach_cm: float) -> bool:
+    """Return whether the straight lines of a robot and another one come so close that the two touch."""
+    robot = swarm.robots[number]
+    near = cells_around(robot.x, robot.y, swarm.scene[0])
+    for row in range(near.first_row, near.end_row):
+        start, end = members_in_row(near, row, swarm)
+        for index in range(start, end):
+            member = swarm.members[index]
+            dx, dy = member.x - robot.x, member.y - robot.y
+            if dx * dx + dy * dy > reach_cm * reach_cm or member.robot == number:
+                continue
+            other = swarm.robots[member.robot]
+            nearest_cm = _closest(dx, dy, other.vx - robot.vx, other.vy - robot.vy, time_s)
+            if nearest_cm <= touch_cm(robot.radius_cm, member.radius_cm):
+                return True
+    return False
+
+
+@jit_inline
+def _closest(dx: float, dy: float, vx: float, vy: float, time_s: float) -> float:
+    """Return the smallest distance within a time of a point that starts at (dx, dy) and moves with (vx, vy)."""
+    approach = -(dx * vx + dy * vy)
+    speed2 = vx * vx + vy * vy
+    when = 0.0 if approach <= 0.0 else min(approach / speed2, time_s)
+    return hypot(dx + vx * when, dy + vy * when)
+
+
+@jit_inline
+def _reach_others(swarm: Swarm, number: int, reach_cm: float, found: int) -> int:
+    """Add to the scratch numbers the robots within reach of one that may be pushed; return how many are in them.
+
+    If there is only one, it is the robot's partner.
+    """
+    robot = swarm.robots[number]
+    near = cells_around(robot.x, robot.y, swarm.scene[0])
+    for row in range(near.first_row, near.end_row):
+        start, end = members_in_row(near, row, swarm)
+        for index in range(start, end):
+            member = swarm.members[index]
+            dx, dy = member.x - robot.x, member.y - robot.y
+            if dx * dx + dy * dy > reach_cm * reach_cm or member.robot == number:
+                continue
+            robot.partner = member.robot if robot.partner == number else NOBODY
+            other = swarm.robots[member.robot]
+            if not other.may_touch:
+                other.may_touch, other.partner = True, member.robot
+                swarm.numbers[found] = member.robot
+                found += 1
+    return found
+
+
+# --- contacts of one robot with walls alone, or of two robots with each other alone -----------------------
+
+
+class Motion(NamedTuple):
+    """Where a robot is, and the only other one that it may touch, and how fast, cm and cm/s."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    other_x: float
+    other_y: float
+    other_vx: float
+    other_vy: float
+    is_exact: bool
+    """Whether Chipmunk would have moved them there, and would have nothing left to correct."""
+
+
+@jit_no_alloc
+def lone_motion(swarm: Swarm, number: int, steps: int, reach_cm: float) -> Motion:
+    """Return where some physics steps take a robot and its partner.
+
+    Neither may come farther than `reach_cm`, or else touches what nobody has looked for.
+    """
+    scene, robot = swarm.scene[0], swarm.robots[number]
+    if robot.partner != number:
+        return _push(robot, swarm.robots[robot.partner], steps, scene.physics_s, reach_cm)
+    x, vx, x_exact = _slide(robot.x, robot.vx, robot.radius_cm, scene.width_cm, steps, scene.physics_s)
+    y, vy, y_exact = _slide(robot.y, robot.vy, robot.radius_cm, scene.height_cm, steps, scene.physics_s)
+    return Motion(x, y, vx, vy, x, y, vx, vy, x_exact and y_exact)
+
+
+@jit_inline
+def _slide(
+    place: float, speed: float, radius_cm: float, length_cm: float, steps: int, step_s: float
+) -> tuple[float, float, bool]:
+    """Return place and speed along an axis after some physics steps between two walls, and whether they are exact."""
+    back, end = 0.0, length_cm - radius_cm
+    is_exact = radius_cm - _EQUAL_CM <= place <= end + _EQUAL_CM
+    for _ in range(steps):
+        place += (speed + back) * step_s
+        back = 0.0
+        if place <= radius_cm + SLOP_CM:
+            speed, back = max(speed, 0.0), max(radius_cm - place, 0.0) / step_s
+        elif place >= end - SLOP_CM:
+            speed, back = min(speed, 0.0), min(end - place, 0.0) / step_s
+    return place, speed, is_exact and abs(back) * step_s <= _EQUAL_CM
+
+
+@jit_inline
+def _push(one: Any, other: Any, steps: int, step_s: float, reach_cm: float) -> Motion:
+    """Return where two robots are after some physics steps."""
+    together_cm = one.radius_cm + other.radius_cm
+    share = other.mass_g / (one.mass_g + other.mass_g)  # of a change of speed that the first one takes
+    x, y, vx, vy = one.x, one.y, one.vx, one.vy
+    other_x, other_y, other_vx, other_vy = other.x, other.y, other.vx, other.vy
+    dx, dy, apart_s = other_x - x, other_y - y, 0.0
+    farthest = 0.0
+    is_exact = math.sqrt(dx * dx + dy * dy) >= together_cm - _EQUAL_CM
+    for _ in range(steps):
+        # apart_s: velocity, as a share of (dx, dy), with which the two are moved apart
+        x += (vx - share * apart_s * dx) * step_s
+        y += (vy - share * apart_s * dy) * step_s
+        other_x += (other_vx + (1.0 - share) * apart_s * dx) * step_s
+        other_y += (other_vy + (1.0 - share) * apart_s * dy) * step_s
+        farthest = max(
+            farthest, (x - one.x) ** 2 + (y - one.y) ** 2, (other_x - other.x) ** 2 + (other_y - other.y) ** 2
+        )
+        dx, dy, apart_s = other_x - x, other_y - y, 0.0
+        square = dx * dx + dy * dy
+        if square >= (together_cm + SLOP_CM) ** 2:
+            continue
+        approach_s = max(-((other_vx - vx) * dx + (other_vy - vy) * dy) / square, 0.0)
+        vx, vy = vx - share * approach_s * dx, vy - share * approach_s * dy
+        other_vx, other_vy = other_vx + (1.0 - share) * approach_s * dx, other_vy + (1.0 - share) * approach_s * dy
+        distance = math.sqrt(square)
+        apart_s = max(together_cm - distance, 0.0) / (step_s * distance)
+    left_cm = apart_s * step_s * math.sqrt(dx * dx + dy * dy)
+    is_exact = is_exact and farthest <= reach_cm * reach_cm and left_cm <= _EQUAL_CM
+    return Motion(x, y, vx, vy, other_x, other_y, other_vx, other_vy, is_exact)
+
+
+@jit_no_alloc
+def move_lone(swarm: Swarm, number: int, steps: int) -> None:
+    """Move a robot and its partner by some physics steps."""
+    robot = swarm.robots[number]
+    other, time_s = swarm.robots[robot.partner], steps * swarm.scene[0].physics_s
+    moved = lone_motion(swarm, number, steps, math.inf)
+    other.x, other.y = moved.other_x, moved.other_y
+    robot.x, robot.y = moved.x, moved.y
+    robot.heading += robot.spin * time_s
+    if robot.partner != number:
+        other.heading += other.spin * time_s
+
+
+# --- candidates that Chipmunk moves ---------------------------------------------------------------------
+
+
+@jit_inline
+def list_candidates(swarm: Swarm) -> int:
+    """Write the indices of candidates among the members of cells to the scratch numbers; return how many there are."""
+    found = 0
+    for index in range(len(swarm.members)):
+        if swarm.robots[swarm.members[index].robot].may_touch:
+            swarm.numbers[found] = index
+            found += 1
+    return found
+
+
+@jit_no_alloc
+def add_reached(swarm: Swarm, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
+    """Add robots to the list of candidates that were none, but may touch a robot at (x, y) in the next physics step.
+
+    They are moved to where they are now, `past` physics steps after the control step began. `approach_cm_s` is the
+    speed with which another robot may come nearer, but for contacts; `found` the length of the list, see
+    `list_candidates`, whose new length is returned.
+    """
+    largest_cm, time_s = swarm.scene[0].largest_cm, past * swarm.scene[0].physics_s
+    reach_cm = touch_cm(largest_cm, largest_cm) + approach_cm_s * swarm.scene[0].physics_s + PUSHED_CM
+    near = cells_around(x, y, swarm.scene[0])
+    for row in range(near.first_row, near.end_row):
+        start, end = members_in_row(near, row, swarm)
+        for index in range(start, end):
+            number = swarm.members[index].robot
+            other = swarm.robots[number]
+            if not other.present or other.may_touch:
+                continue
+            there_x, there_y = other.x + other.vx * time_s, other.y + other.vy * time_s
+            if other.partner != NOBODY:
+                moved = lone_motion(swarm, number, past, math.inf)
+                there_x, there_y = moved.x, moved.y
+            if hypot(there_x - x, there_y - y) <= reach_cm:
+                found = _add(swarm, number, past, found)
+    return found
+
+
+@jit_inline
+def _add(swarm: Swarm, number: int, past: int, found: int) -> int:
+    """Move a robot, and its partner, if it has one, and add them to the list of candidates; return its new length."""
+    robot = swarm.robots[number]
+    if robot.partner == NOBODY:
+        move_straight(robot, past * swarm.scene[0].physics_s)
+    else:
+        other, moved = swarm.robots[robot.partner], lone_motion(swarm, number, past, math.inf)
+        move_lone(swarm, number, past)
+        other.vx, other.vy, robot.vx, robot.vy = moved.other_vx, moved.other_vy, moved.vx, moved.vy
+    for index in range(len(swarm.members)):
+        if swarm.members[index].robot in (number, robot.partner):
+            swarm.robots[swarm.members[index].robot].may_touch = True
+            swarm.numbers[found] = index
+            found += 1
+    return found
+
+
+@jit_inline
+def move_straight(robot: Any, time_s: float) -> None:
+    """Move a robot with its velocities."""
+    robot.x += robot.vx * time_s
+    robot.y += robot.vy * time_s
+    robot.heading += robot.spin * time_s
+
+
+@jit_no_alloc
+def move_others(swarm: Swarm) -> None:
+    """Move the robots that are no candidates for a control step."""
+    scene = swarm.scene[0]
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        if robot.may_touch:
+            continue
+        if robot.partner == NOBODY:
+            move_straight(robot, scene.physics_steps * scene.physics_s)
+        elif robot.partner >= number:
+            move_lone(swarm, number, scene.physics_steps)

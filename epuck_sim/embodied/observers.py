@@ -1,0 +1,295 @@
+"""What can be known of robots from outside: which see whose rings, and what they touch, in any step or the present one.
+
+Observers put poses into a scene, a block of their own; the simulation's is left alone. Robots themselves see red
+pixels, and cannot tell which robot a pixel shows; they do not feel contacts, which pymunk resolves several times in a
+control step.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from epuck_sim.arena import Arena
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from epuck_sim.embodied.bodies.contacts import SLOP_CM
+from epuck_sim.embodied.cells import cells_around, cells_needed, members_in_row, sort_into_cells
+from epuck_sim.embodied.layout import set_arena, set_bodies, set_signal
+from epuck_sim.embodied.sensors.camera import see
+from epuck_sim.embodied.sensors.flash_cone import perceives
+from epuck_sim.embodied.sensors.sight import list_labelled
+from epuck_sim.embodied.swarm import Swarm, make_block, open_block, poses_of, swarm_at
+from epuck_sim.scenario.embodied import TimingSection
+from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
+from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.util.jit import jit, jit_inline
+
+GAP_CM = SLOP_CM
+"""Largest gap between two surfaces in contact, cm: pymunk, too, has noticed them by then (see `bodies`)."""
+
+
+class Scene(NamedTuple):
+    """An arena with groups of robots, and what they see rings with."""
+
+    groups: Sequence[RobotGroup]
+    block: ByteArray
+    """The swarm; observers write poses, cells and scratch numbers."""
+    swarm: Swarm
+    """The arrays of the block."""
+
+
+def make_scene(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arena: Arena) -> Scene:
+    """Return a scene in a block of its own, with robots, of each group's kind, which have no places yet."""
+    robots, pixels = sum(group.count for group in groups), [group.pixels for group in groups]
+    block = make_block(
+        {
+            "robots": robots,
+            "groups": len(groups),
+            "cells": cells_needed(arena.width_cm, arena.height_cm, robots, cell_cm(kinds)) + 1,
+            "members": robots,
+            "circles": len(arena.circles),
+            "edges": len(arena.edges),
+            "rays": sum(pixels),
+            "numbers": 2 * robots,
+            "depths": max(pixels),
+        }
+    )
+    swarm = open_block(block)
+    set_bodies(swarm, [kind for kind, group in zip(kinds, groups, strict=True) for _ in range(group.count)])
+    set_arena(swarm, arena, cell_cm(kinds))
+    first = ray = 0
+    for group, section, kind in zip(swarm.groups, groups, kinds, strict=True):
+        group.first, group.count, group.pixels, group.ray = first, section.count, section.pixels, ray
+        set_signal(swarm, group, section, kind, TimingSection())
+        first, ray = first + section.count, ray + section.pixels
+    return Scene(groups, block, swarm)
+
+
+@jit_inline
+def place_robots(swarm: Swarm, poses: FloatArray) -> None:
+    """Put robots at (robots, 3) poses, cm, cm, rad, and sort them into cells."""
+    for robot in range(len(swarm.robots)):
+        record = swarm.robots[robot]
+        record.x, record.y, record.heading = poses[robot, 0], poses[robot, 1], poses[robot, 2]
+    sort_into_cells(swarm)
+
+
+def _with_room(write: Callable[[IntArray, FloatArray], int], room: int) -> tuple[IntArray, FloatArray]:
+    """Return the (n, 3) rows and (n, 2) points that a function writes, as far as there is room, and then counts."""
+    found, points = np.empty((room, 3), np.int64), np.empty((room, 2))
+    count = write(found, points)
+    return (found[:count], points[:count]) if count <= room else _with_room(write, count)
+
+
+@jit
+def _add(step: int, robot: int, other: int, found: IntArray, count: int) -> int:
+    """Write a row if there is room; return the number of rows so far."""
+    if count < len(found):
+        found[count, 0], found[count, 1], found[count, 2] = step, robot, other
+    return count + 1
+
+
+# --- who sees whom --------------------------------------------------------------------------------------
+
+
+def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: BoolArray | None = None) -> IntArray:
+    """Find the robots that the robots of a group see in some steps.
+
+    A camera sees a robot if a pixel of the central window shows it; one that shows on both sides of an obstacle counts
+    once. The ideal sensor, and Enki's camera, see those whose rings they would perceive. Who hears pulses sees nobody.
+
+    Args:
+        scene: The arena, whose obstacles hide robots, and the groups.
+        poses: (steps, robots, 3) cm, cm, rad: x, y, heading of all robots.
+        group: Number of the group in the scene.
+        listed: (steps, robots) whether each robot is to be listed, if it is seen; all by default.
+
+    Returns:
+        (sightings, 3) step, observer, robot seen: in the order of steps and observers, and from left to right; the
+        ideal sensor's in that of the robots' numbers.
+    """
+    kind = scene.groups[group].signal.kind
+    if kind == "radio":
+        return np.empty((0, 3), np.int64)
+    listed = np.ones(poses.shape[:2], np.bool_) if listed is None else listed
+    room = 2 * len(poses) * scene.groups[group].count  # most robots see no more than two
+    by_cone = kind != "camera"
+    return _with_room(lambda found, _: write_sightings(scene.block, group, by_cone, poses, listed, found), room)[0]
+
+
+def find_all_sightings(scene: Scene, poses: FloatArray, present: BoolArray, listed: BoolArray | None) -> IntArray:
+    """Find those of all groups that are present, (robots,), step by step, as `find_sightings` does for one group."""
+    groups = range(len(scene.groups))
+    found: IntArray = np.concatenate([find_sightings(scene, poses, group, listed=listed) for group in groups])
+    if len(groups) > 1:
+        found = found[np.argsort(found[:, 0], kind="stable")]
+    return found if present.all() else found[present[found[:, 1]]]
+
+
+@jit
+def write_sightings(
+    block: ByteArray, number: int, by_cone: bool, poses: FloatArray, listed: BoolArray, found: IntArray
+) -> int:
+    """Write what `find_sightings` returns, as far as there is room; return the number of sightings.
+
+    Labels are the numbers of robots, counted from 1; 0 for those that are not to be listed.
+    """
+    swarm = swarm_at(block)
+    group, robots = swarm.groups[number], len(swarm.robots)
+    row = np.zeros(group.pixels, np.int64)
+    last_row = np.zeros(robots + 1, np.int64)  # counted over all steps, in which each robot was listed
+    sightings = rows = 0
+    for step in range(len(poses)):
+        for robot in range(robots):
+            swarm.numbers[robots + robot] = robot + 1 if listed[step, robot] else 0
+        lit = list_labelled(robots, swarm.numbers)
+        if lit == 0:
+            continue
+        place_robots(swarm, poses[step])
+        for observer in range(group.first, group.first + group.count):
+            if by_cone:
+                for robot in range(robots):
+                    if swarm.numbers[robots + robot] > 0 and perceives(swarm, group.cone, observer, robot):
+                        sightings = _add(step, observer, robot, found, sightings)
+                continue
+            rows += 1
+            row[:] = 0
+            see(swarm, group, observer, lit, row)
+            for pixel in range(group.camera.first, group.camera.end):
+                seen = row[pixel]
+                if seen > 0 and last_row[seen] != rows:
+                    last_row[seen] = rows
+                    sightings = _add(step, observer, seen - 1, found, sightings)
+    return sightings
+
+
+# --- who touches what -----------------------------------------------------------------------------------
+
+
+def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Find the contacts in some steps.
+
+    Args:
+        scene: The arena and its robots.
+        poses: (steps, robots, 3) cm, cm, rad: x, y, heading of all robots.
+
+    Returns:
+        (contacts, 3) step, robot, and the robot that it touches, or -1: a wall, obstacle or movable; in the
+        order of the steps. And (contacts, 2) cm: points of contact. Two robots have one, between their surfaces; on
+        other things it is the point nearest to the robot.
+    """
+    room = len(poses) * poses.shape[1]
+    return _with_room(lambda found, points: write_contacts(scene.block, poses, found, points), room)
+
+
+@jit
+def write_contacts(block: ByteArray, poses: FloatArray, found: IntArray, points: FloatArray) -> int:
+    """Write what `find_contacts` returns, as far as there is room; return the number of contacts."""
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    contacts = 0
+    for step in range(len(poses)):
+        place_robots(swarm, poses[step])
+        for robot in range(len(swarm.robots)):
+            x, y, reach = poses[step, robot, 0], poses[step, robot, 1], swarm.robots[robot].radius_cm + GAP_CM
+            contacts = _touch_robots(swarm, robot, step, found, points, contacts)
+            for wall_x, wall_y in ((0.0, y), (scene.width_cm, y), (x, 0.0), (x, scene.height_cm)):
+                if abs(wall_x - x) + abs(wall_y - y) <= reach:
+                    contacts = _add_contact(step, robot, -1, wall_x, wall_y, found, points, contacts)
+            for place in range(scene.circles):
+                circle = swarm.circles[place]
+                dx, dy = x - circle.x, y - circle.y
+                distance = math.sqrt(dx * dx + dy * dy)
+                if 0.0 < distance <= circle.radius + reach:
+                    share = circle.radius / distance
+                    near_x, near_y = circle.x + share * dx, circle.y + share * dy
+                    contacts = _add_contact(step, robot, -1, near_x, near_y, found, points, contacts)
+            edge = 0
+            while edge < scene.edges:
+                near_x, near_y, edge = _nearest_point(swarm.edges, scene.edges, edge, x, y)
+                if (near_x - x) ** 2 + (near_y - y) ** 2 <= reach * reach:
+                    contacts = _add_contact(step, robot, -1, near_x, near_y, found, points, contacts)
+    return contacts
+
+
+@jit
+def _touch_robots(swarm: Swarm, robot: int, step: int, found: IntArray, points: FloatArray, contacts: int) -> int:
+    """Write the contacts of a robot with those of higher numbers; return the number of contacts so far."""
+    x, y, radius = swarm.robots[robot].x, swarm.robots[robot].y, swarm.robots[robot].radius_cm
+    near = cells_around(x, y, swarm.scene[0])
+    for row in range(near.first_row, near.end_row):
+        start, end = members_in_row(near, row, swarm)
+        for place in range(start, end):
+            member = swarm.members[place]
+            dx, dy, both = member.x - x, member.y - y, radius + member.radius_cm
+            if member.robot > robot and dx * dx + dy * dy <= (both + GAP_CM) * (both + GAP_CM):
+                share = radius / both
+                contacts = _add_contact(
+                    step, robot, member.robot, x + share * dx, y + share * dy, found, points, contacts
+                )
+    return contacts
+
+
+@jit
+def _nearest_point(edges: Any, count: int, first: int, x: float, y: float) -> tuple[float, float, int]:
+    """Return the point of the polygon from edge `first` on that is nearest to (x, y), and the edge after its last."""
+    nearest_x, nearest_y, nearest = math.inf, math.inf, math.inf
+    polygon, place = edges[first].polygon, first
+    while place < count and edges[place].polygon == polygon:
+        edge = edges[place]
+        along_x, along_y = edge.bx - edge.ax, edge.by - edge.ay
+        share = ((x - edge.ax) * along_x + (y - edge.ay) * along_y) / (along_x * along_x + along_y * along_y)
+        share = min(max(share, 0.0), 1.0)
+        near_x, near_y = edge.ax + share * along_x, edge.ay + share * along_y
+        distance = (near_x - x) ** 2 + (near_y - y) ** 2
+        if distance < nearest:
+            nearest_x, nearest_y, nearest = near_x, near_y, distance
+        place += 1
+    return nearest_x, nearest_y, place
+
+
+@jit
+def _add_contact(
+    step: int, robot: int, other: int, x: float, y: float, found: IntArray, points: FloatArray, contacts: int
+) -> int:
+    """Write a contact if there is room; return the number of contacts so far."""
+    if contacts < len(points):
+        points[contacts, 0], points[contacts, 1] = x, y
+    return _add(step, robot, other, found, contacts)
+
+
+# --- in the present step --------------------------------------------------------------------------------
+
+
+class Relations:
+    """Finds who sees, and who touches, whom; each once a step, and only when asked."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Take robots, and the arena in which they are, from a simulation's scene."""
+        self._scene = scene
+        self._last: dict[str, tuple[int, IntArray]] = {}
+
+    def restart(self) -> None:
+        """Forget what was found: in an earlier trial, or another arena."""
+        self._last.clear()
+
+    def sightings(self, step: int) -> IntArray:
+        """Return (sightings, 2) robot that looks, and robot whose lit ring it sees, in the present step: `step`."""
+        return self._once("sightings", step, self._find_sightings)
+
+    def contacts(self, step: int) -> IntArray:
+        """Return (contacts, 2) robot, and the robot that it touches, or -1: no robot; in the present step: `step`."""
+        return self._once("contacts", step, lambda: find_contacts(self._scene, self._poses())[0])
+
+    def _once(self, what: str, step: int, find: Callable[[], IntArray]) -> IntArray:
+        if what not in self._last or self._last[what][0] != step:
+            self._last[what] = step, find()[:, 1:].copy()
+        return self._last[what][1]
+
+    def _find_sightings(self) -> IntArray:
+        robots = self._scene.swarm.robots
+        return find_all_sightings(self._scene, self._poses(), robots.present, robots.ring_before[None].copy())
+
+    def _poses(self) -> FloatArray:
+        return poses_of(self._scene.swarm.robots)[None].copy()

@@ -1,0 +1,117 @@
+"""Agreement on a word that flashes carry: the naming game and the voter model (thesis 6.2 leaves other tasks open).
+
+Each robot or agent begins with a word of its own. Whoever flashes says one of the words that it knows, and all who see
+the flash hear it; nobody learns who heard. In the naming game, who knows the word forgets all others, and who does not
+adds it: the variant in which hearers alone change (Baronchelli, Phys. Rev. E 83, 046103, 2011), since a flash brings no
+answer. A voter takes over what it hears. Words do not change what anyone does.
+"""
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.arrays import BoolArray
+from epuck_sim.measures.common import Series, one_of
+from epuck_sim.particles.links import SHIFTS_ONLY
+
+RULES = ("naming_game", "voter")
+
+STREAM = 18
+"""Number that sets the words' random stream apart from the trial's others."""
+
+
+class _Talk(Series):
+    """What both measures share: who knows which words, and the rule by which that changes."""
+
+    MODELS = ("embodied", "particles")
+
+    def __init__(self, simulation: Any, *, rule: str = "naming_game") -> None:
+        population = int(simulation.scenario.population)
+        super().__init__(simulation)
+        self._is_voter = rule == "voter"
+        self._random = np.random.default_rng([simulation.seed, STREAM])
+        self.knows: BoolArray = np.eye(population, dtype=bool)  # of each robot or agent, each word
+        self._heard: BoolArray = np.zeros((population, population), bool)  # the flash of each, by each
+        self._speakers: dict[int, int] = {}  # whose flash is heard, and the word that it carries
+        self._agreed: int | None = None  # the cycle in which all agree
+        self._cycles = 0
+
+    check = staticmethod(one_of(rule=RULES))
+
+    @staticmethod
+    def check_scenario(scenario: Any, _: Any) -> None:
+        """Raise ValueError for swarms of agents so large that only pulses which shift a phase are found."""
+        if scenario.model == "particles" and scenario.population >= SHIFTS_ONLY:
+            raise ValueError(f"agents.count is {scenario.population}; allowed with words: below {SHIFTS_ONLY}")
+
+    @property
+    def words(self) -> int:
+        """Number of words that somebody knows."""
+        return int(self.knows.any(axis=0).sum())
+
+    def say(self, speaker: int) -> int:
+        """Return one of the words that somebody knows, drawn at random."""
+        return int(self._random.choice(np.flatnonzero(self.knows[speaker])))
+
+    def hear(self, hearer: int, word: int) -> None:
+        """Change what somebody knows who hears a word."""
+        if self._is_voter or self.knows[hearer, word]:
+            self.knows[hearer] = False
+        self.knows[hearer, word] = True
+
+    def stretch(self, stretch: Any, state: Any) -> None:
+        sightings = stretch.sightings
+        ends = np.searchsorted(sightings[:, 0], np.arange(len(stretch.poses) + 1)).tolist()
+        for step, (begin, end) in enumerate(pairwise(ends)):
+            if end > begin:
+                self._hear_flashes(sightings[begin:end, 1:].tolist())
+                # the reference fires in a stretch's last step
+                self._note(state.cycles if step + 1 == len(stretch.poses) else self._cycles)
+            if self._speakers:  # what is seen in a step is what was lit in the one before
+                self._fall_silent([speaker for speaker in self._speakers if not stretch.ring_on[step, speaker]])
+        self._cycles = state.cycles
+
+    def _hear_flashes(self, sightings: list[list[int]]) -> None:
+        for hearer, speaker in sightings:
+            if not self._heard[speaker, hearer]:
+                if speaker not in self._speakers:
+                    self._speakers[speaker] = self.say(speaker)
+                self._heard[speaker, hearer] = True
+                self.hear(hearer, self._speakers[speaker])
+
+    def _fall_silent(self, speakers: list[int]) -> None:
+        for speaker in speakers:
+            self._heard[speaker] = False
+            del self._speakers[speaker]
+
+    def _note(self, cycles: int) -> None:
+        if self._agreed is None and self.words == 1:
+            self._agreed = cycles
+
+    def event(self, event: Any, state: Any) -> None:
+        if not len(event.fired):
+            return
+        word, last = -1, -1
+        for speaker, hearer, _ in self._simulation.pulse_links():
+            if speaker != last:
+                word, last = self.say(speaker), speaker
+            self.hear(hearer, word)
+        self._note(state.cycles)
+
+
+class Consensus(_Talk):
+    """Cycles until all know one word, the same (both models)."""
+
+    UNIT = "cycles"
+
+    def value(self) -> int | None:
+        """Return the cycles; None if they never agreed."""
+        return self._agreed
+
+
+class Words(_Talk):
+    """Number of words that somebody knows, at each cycle (series)."""
+
+    def cycle(self, _: Any, __: Any) -> None:
+        self._series.append(self.words)

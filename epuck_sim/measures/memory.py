@@ -1,0 +1,48 @@
+"""What a robot's controller remembers: a field of its MEMORY, by name."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.embodied.memory import check_field, memory_values
+from epuck_sim.measures.common import one_of
+
+TAKEN = ("final", "mean", "series")
+
+
+class Memory:
+    """A field `name` of a controller's MEMORY: `take` its final value, its mean over cycles, or its series (robots).
+
+    It is that of one `robot`, or the mean over all whose controllers have such a field if `robot` is -1.
+    """
+
+    MODELS = ("embodied",)
+
+    def __init__(self, simulation: Any, *, name: str = "phase_ms", robot: int = -1, take: str = "final") -> None:  # noqa: ARG002
+        self._name, self._robot, self._take = name, robot, take
+        self._series: list[float | None] = []
+
+    check = staticmethod(one_of(take=TAKEN))
+
+    @staticmethod
+    def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
+        """Raise ValueError for a robot that there is not, or whose controller has no such field."""
+        if not -1 <= parameters.robot < scenario.robot_count:
+            raise ValueError(f"robot is {parameters.robot}; allowed: 0 to {scenario.robot_count - 1}, or -1 for all")
+        check_field(scenario, parameters.name, None if parameters.robot < 0 else parameters.robot)
+
+    def cycle(self, step: Any, _: Any) -> None:
+        values: FloatArray = memory_values(step.memories, self._name)
+        chosen = values[~np.isnan(values)] if self._robot < 0 else values[[self._robot]]
+        self._series.append(float(chosen.mean()) if len(chosen) else None)
+
+    def value(self) -> float | list[float | None] | None:
+        """Return what is taken; None without a cycle."""
+        if self._take == "series":
+            return self._series
+        known = [each for each in self._series if each is not None]
+        if not known:
+            return None
+        return known[-1] if self._take == "final" else sum(known) / len(known)

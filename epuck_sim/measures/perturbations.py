@@ -1,0 +1,123 @@
+"""How a small perturbation of point agents grows or dies out, beside a twin without it (thesis 5.4)."""
+
+import math
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.elementary import log
+
+SMALLEST, LARGEST = 1e-12, 0.1
+"""Deviations, in cycles, between which a perturbation grows or shrinks freely: above rounding, far below a cycle."""
+
+
+class _Twin:
+    """What all measures of perturbations share: the largest deviation of a phase from the twin's, at each cycle."""
+
+    MODELS = ("particles",)
+
+    def __init__(self, simulation: Any, *, displacement: float = 0.0) -> None:
+        from epuck_sim.particles.twin import make_twin  # reading a scenario must not compile anything
+
+        scenario = simulation.scenario
+        if not displacement and not scenario.start.displacement and not scenario.clocks.jitter:
+            raise ValueError(
+                "a perturbation is measured where there is one; give displacement, or start.displacement or "
+                "clocks.jitter of the scenario"
+            )
+        self._simulation = simulation
+        self._twin = make_twin(simulation.scenario, simulation.seed, displacement)
+        self._deviations: list[float] = []
+
+    @staticmethod
+    def check(parameters: SimpleNamespace) -> None:
+        if not 0 <= parameters.displacement < 0.5:
+            raise ValueError(f"displacement is {parameters.displacement:g}; allowed: 0 up to 0.5, in cycles")
+
+    @staticmethod
+    def check_scenario(scenario: Any, _: Any) -> None:
+        """Raise ValueError for a schedule that waits for what comes at other times in the twin."""
+        if any(entry.at_s is None for entry in scenario.schedule):
+            raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
+
+    def cycle(self, event: Any, _: Any) -> None:
+        self._twin.run_to(event.time_s)
+        apart = np.abs(self._simulation.phases() - self._twin.phases())
+        self._deviations.append(float(np.minimum(apart, 1 - apart).max()))
+
+
+class Perturbation(_Twin):
+    """Largest deviation of a phase from that of an undisturbed twin, in cycles, at each cycle (series; agents).
+
+    The twin has neither the scenario's displacement nor its jitter (5.4); with `displacement`, it has both, and the
+    phase of its agent 0 is ahead by so much at the start.
+    """
+
+    UNIT = "cycles"
+
+    def value(self) -> list[float]:
+        return self._deviations
+
+
+class PerturbationGrowth(_Twin):
+    """Growth of that deviation from the last cycle: ln(d / d before) at each cycle (series; agents)."""
+
+    def value(self) -> list[float | None]:
+        """Return the series; None at the first cycle and where the deviation is too small or too large to tell."""
+        return [None, *growth_rates(self._deviations)] if self._deviations else []
+
+
+class PerturbationExponent(_Twin):
+    """Mean growth a cycle while the deviation is small, and its 95 % interval (a series of three; agents)."""
+
+    def value(self) -> list[float | None]:
+        """Return mean, lower and upper end; None where there are too few cycles."""
+        return mean_with_interval([rate for rate in growth_rates(self._deviations) if rate is not None])
+
+
+class PerturbationTransient(_Twin):
+    """Cycles until the deviation is at most `tolerance` for good (agents)."""
+
+    UNIT = "cycles"
+
+    def __init__(self, simulation: Any, *, displacement: float = 0.0, tolerance: float = 0.01) -> None:
+        super().__init__(simulation, displacement=displacement)
+        self._tolerance = tolerance
+
+    @staticmethod
+    def check(parameters: SimpleNamespace) -> None:
+        _Twin.check(parameters)
+        if not 0 < parameters.tolerance < 0.5:
+            raise ValueError(f"tolerance is {parameters.tolerance:g}; allowed: above 0 up to 0.5, in cycles")
+
+    def value(self) -> int | None:
+        """Return the number of cycles after which none is beyond it; None if the last one is."""
+        beyond = [cycle for cycle, deviation in enumerate(self._deviations, 1) if deviation > self._tolerance]
+        if not self._deviations or (beyond and beyond[-1] == len(self._deviations)):
+            return None
+        return beyond[-1] if beyond else 0
+
+
+def growth_rates(deviations: list[float]) -> list[float | None]:
+    """Return ln of each deviation over the one before; None unless both are from `SMALLEST` to `LARGEST`."""
+    return [
+        log(after / before) if min(before, after) >= SMALLEST and max(before, after) <= LARGEST else None
+        for before, after in pairwise(deviations)
+    ]
+
+
+def mean_with_interval(rates: list[float]) -> list[float | None]:
+    """Return the mean of rates and the ends of Student's 95 % interval, as if they did not depend on each other."""
+    if not rates:
+        return [None, None, None]
+    values: FloatArray = np.array(rates)
+    mean = float(values.mean())
+    if len(rates) < 2:
+        return [mean, None, None]
+    from scipy.special import stdtrit
+
+    half = float(stdtrit(len(rates) - 1, 0.975) * values.std(ddof=1) / math.sqrt(len(rates)))
+    return [mean, mean - half, mean + half]

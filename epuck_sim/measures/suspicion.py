@@ -1,0 +1,173 @@
+"""Faults that robots find by synchrony: who is seen and does not flash is suspected (Christensen et al. 2009; 6.2).
+
+Each robot knows of each other one for how long it has had it in view without seeing its ring lit since it last did.
+After `cycles` periods of that it suspects the other, until it sees it flash. The time in which another is out of view
+does not count, nor do flashes then: that is where false alarms come from.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.util.jit import jit
+
+HALF_A_MILLISECOND = 0.0005
+"""Allowance in seconds for the sum of many control steps."""
+
+FLASHLESS = ("ring_dead", "oscillator_frozen")
+"""Kinds of faults that keep a robot from flashing."""
+
+
+class _Suspicion:
+    """What both measures share: who suspects whom, and who does not flash."""
+
+    MODELS = ("embodied",)
+
+    def __init__(self, simulation: Any, *, cycles: float = 2.0) -> None:
+        scenario, robots = simulation.scenario, len(simulation.period_ms)
+        self._simulation = simulation
+        self._step_s = 1 / scenario.timing.control_hz
+        self._period_s: FloatArray = simulation.period_ms / 1000
+        self._patience_s = cycles * self._period_s[:, None]
+        self._dark_s = np.zeros((robots, robots))  # for which each has had each in view without a flash
+        self._suspects: BoolArray = np.zeros((robots, robots), bool)
+        self._faults: IntArray = np.zeros(robots, np.int64)  # that keep a robot from flashing, at present
+        self._events = 0
+
+    @staticmethod
+    def check(parameters: Any) -> None:
+        if parameters.cycles <= 0:
+            raise ValueError(f"cycles is {parameters.cycles:g}; allowed: above 0")
+
+    def stretch(self, stretch: Any, _: Any) -> None:
+        views, sightings, steps = stretch.views, stretch.sightings, np.arange(len(stretch.poses) + 1)
+        ends = np.searchsorted(views[:, 0], steps), np.searchsorted(sightings[:, 0], steps)
+        begun = np.zeros_like(self._suspects)
+        step = 0
+        while step < len(stretch.poses):
+            # who is suspected already when a fault begins is found in its first step, which is watched by itself
+            last = step + 1 if self._note_faults(stretch.first + step) else self._next_fault(stretch)
+            # fmt: off
+            end = watch(
+                self._dark_s, self._suspects, begun, self._patience_s, self._step_s,
+                views, ends[0], sightings, ends[1], step, last,
+            )
+            # fmt: on
+            self.take(begun, (stretch.first + end - 1) * self._simulation.step_s, end - step)
+            step = end
+
+    def _next_fault(self, stretch: Any) -> int:
+        """Return the step of a stretch before which the next fault begins or ends, or the step after its last."""
+        events = self._simulation.events[self._events :]
+        return int(min([*(event.step - stretch.first for event in events), len(stretch.poses)]))
+
+    def _note_faults(self, step: int) -> bool:
+        """Return whether faults begin or end in a step."""
+        events = [event for event in self._simulation.events[self._events :] if event.step <= step]
+        for event in events:
+            kind, _, change = event.what.partition(" ")
+            if kind in FLASHLESS:
+                self._faults[list(event.robots)] += 1 if change == "begins" else -1
+        self._events += len(events)
+        return bool(events)
+
+    def take(self, begun: BoolArray, time_s: float, steps: int) -> None:
+        """Take note of some steps, in the last of which suspicions begin.
+
+        Args:
+            begun: (robots, robots) by whom of whom.
+            time_s: Time of the last of the steps.
+            steps: Their number.
+        """
+        raise NotImplementedError
+
+
+@jit
+def watch(
+    dark_s: FloatArray,
+    suspects: BoolArray,
+    begun: BoolArray,
+    patience_s: FloatArray,
+    step_s: float,
+    views: IntArray,
+    view_ends: IntArray,
+    sightings: IntArray,
+    sighting_ends: IntArray,
+    first: int,
+    end: int,
+) -> int:
+    """Have robots watch those in their view, up to a step in which a suspicion begins or the step before `end`.
+
+    Args:
+        dark_s: (robots, robots) s for which each has had each in view without a flash; changed.
+        suspects: (robots, robots) who suspects whom; changed.
+        begun: (robots, robots) whose suspicion of whom begins in the last of the steps; written.
+        patience_s: (robots, 1) s after which each suspects.
+        step_s: Length of a step.
+        views: (views, 3) step, robot that looks, and robot in its view.
+        view_ends: (steps + 1,) rows of `views` from which on each step's are.
+        sightings: (sightings, 3) the same of lit rings.
+        sighting_ends: (steps + 1,) rows of `sightings`.
+        first: The first of the steps.
+        end: The step after the last.
+
+    Returns:
+        The step after the last of the steps.
+    """
+    begun[:] = False
+    robots = len(dark_s)
+    for step in range(first, end):
+        is_any = False
+        for row in range(view_ends[step], view_ends[step + 1]):
+            dark_s[views[row, 1], views[row, 2]] += step_s
+        for row in range(sighting_ends[step], sighting_ends[step + 1]):
+            dark_s[sightings[row, 1], sightings[row, 2]] = 0.0
+        for robot in range(robots):
+            for other in range(robots):
+                is_suspect = dark_s[robot, other] >= patience_s[robot, 0] - HALF_A_MILLISECOND
+                if is_suspect and not suspects[robot, other]:
+                    begun[robot, other] = is_any = True
+                suspects[robot, other] = is_suspect
+        if is_any:
+            return step + 1
+    return end
+
+
+class DetectionDelay(_Suspicion):
+    """Periods from when a robot ceases to flash until another suspects it, mean over all that do (robots)."""
+
+    UNIT = "cycles"
+
+    def __init__(self, simulation: Any, *, cycles: float = 2.0) -> None:
+        super().__init__(simulation, cycles=cycles)
+        self._since_s = np.full(len(self._period_s), np.nan)
+        self._delay = np.full(len(self._period_s), np.nan)
+
+    def take(self, _: BoolArray, time_s: float, steps: int) -> None:  # noqa: ARG002 are for the other
+        """Note who has ceased to flash, and who of them is suspected for the first time."""
+        self._since_s[(self._faults > 0) & np.isnan(self._since_s)] = time_s
+        found = (self._faults > 0) & self._suspects.any(axis=0) & np.isnan(self._delay)
+        self._delay[found] = (time_s - self._since_s[found]) / self._period_s[found]
+
+    def value(self) -> float | None:
+        """Return the mean; None if nobody ceased to flash, or one of them was never suspected."""
+        delays = self._delay[~np.isnan(self._since_s)]
+        return None if not len(delays) or np.isnan(delays).any() else float(delays.mean())
+
+
+class FalseAlarms(_Suspicion):
+    """Suspicions of robots that flash, of each robot in an hour (robots)."""
+
+    def __init__(self, simulation: Any, *, cycles: float = 2.0) -> None:
+        super().__init__(simulation, cycles=cycles)
+        self._alarms, self._steps = 0, 0
+
+    def take(self, begun: BoolArray, _: float, steps: int) -> None:
+        self._alarms += int(begun[:, self._faults == 0].sum())
+        self._steps += steps
+
+    def value(self) -> float | None:
+        """Return the mean number; None before the first step."""
+        hours = self._steps * self._step_s / 3600
+        return self._alarms / len(self._faults) / hours if hours else None

@@ -1,0 +1,363 @@
+"""Claims about who sees and touches whom, as observers find it: slow twins on random scenes, and bodies that push."""
+
+import math
+from collections import Counter
+from itertools import islice
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from epuck_sim.arena import Arena, clearance_cm, make_arena
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.embodied.bodies.contacts import MARGIN_CM
+from epuck_sim.embodied.observers import find_contacts, find_sightings, make_scene
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.geometry import box_corners
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.robot_kind import EPUCK
+from epuck_sim.scenario.robots import RobotGroup
+from tests.embodied.scenes import (
+    EDGE_CM,
+    RADIUS_CM,
+    CameraSettings,
+    Scene,
+    camera_settings,
+    cast_on_discs,
+    cast_on_segments,
+    rows,
+    scenes,
+)
+
+ME = (100.0, 100.0, 0.0)
+ALL_ROUND = CameraSettings(60, 360.0, 60)
+
+
+def sightings(
+    poses: FloatArray, arena: Arena, camera: CameraSettings, first: int = 0, observers: int | None = None
+) -> list[list[int]]:
+    """Return what `find_sightings` does of (steps, robots, 3) poses; of all robots from `first` on by default."""
+    robots = poses.shape[1]
+    number = robots - first if observers is None else observers
+    counts = (first, number, robots - first - number)
+    groups = [RobotGroup(count=count, camera=camera.section()) for count in counts if count]
+    return find_sightings(make_scene(groups, [EPUCK] * len(groups), arena), poses, min(first, 1)).tolist()
+
+
+def by_observer(found: list[list[int]], observers: int) -> list[list[int]]:
+    """Return the robots that each observer sees in the only step."""
+    assert all(step == 0 for step, _, _ in found)
+    assert [observer for _, observer, _ in found] == sorted(observer for _, observer, _ in found)
+    return [[seen for _, observer, seen in found if observer == robot] for robot in range(observers)]
+
+
+def at(distance: float, bearing_deg: float = 0.0) -> tuple[float, float, float]:
+    """Return the pose of a robot at a distance and bearing (left) from the camera of ME, which looks along x."""
+    bearing = math.radians(bearing_deg)
+    return ME[0] + RADIUS_CM + distance * math.cos(bearing), ME[1] + distance * math.sin(bearing), 1.0
+
+
+# --- a slow twin ------------------------------------------------------------------------------------
+
+
+def slow_pixels(scene: Scene, camera: CameraSettings) -> tuple[list[list[int]], BoolArray]:
+    """Return the robot that each pixel of each robot's central window shows, -1 if none, and whose row is doubtful."""
+    arena, robots = scene.arena, len(scene.poses)
+    bodies = np.column_stack([scene.poses[:, :2], np.full(robots, RADIUS_CM)])
+    outside = (camera.pixels - camera.central_pixels) // 2
+    shown, doubtful = [], np.zeros(robots, bool)
+    for robot, (x, y, heading) in enumerate(scene.poses):
+        angles = heading + camera.angles()[outside : camera.pixels - outside]
+        nose = x + RADIUS_CM * math.cos(heading), y + RADIUS_CM * math.sin(heading)
+        rays = np.tile(nose, (len(angles), 1)), np.column_stack([np.cos(angles), np.sin(angles)])
+        to_bodies, by_body = cast_on_discs(*rays, bodies)
+        to_bodies[:, robot], by_body[:, robot] = np.inf, False
+        to_circles, by_circle = cast_on_discs(*rays, arena.circles)
+        to_edges, by_edge = cast_on_segments(*rays, arena.edges)
+        limit = np.full((len(angles), 1), camera.range_cm)
+        reach = np.hstack([to_bodies, to_circles, to_edges, limit])
+        nearest = reach.argmin(axis=1)
+        shown.append(np.where((nearest < robots) & (reach.min(axis=1) < np.inf), nearest, -1).tolist())
+        first, second = np.sort(reach, axis=1)[:, :2].T
+        doubtful[robot] = np.hstack([by_body, by_circle, by_edge]).any() or (second < first + EDGE_CM).any()
+    return shown, doubtful
+
+
+def from_left_to_right(pixels: list[int]) -> list[int]:
+    """Return the robots that a row of pixels shows, each where it first appears."""
+    return list(dict.fromkeys(robot for robot in pixels if robot >= 0))
+
+
+def test_sightings_are_those_of_the_slow_twin() -> None:
+    tally = Counter()
+
+    @settings(max_examples=60)
+    @given(scenes(robots=(2, 3, 10, 60)), camera_settings())
+    def compare(scene: Scene, camera: CameraSettings) -> None:
+        shown, doubtful = slow_pixels(scene, camera)
+        found = by_observer(sightings(scene.poses[None], scene.arena, camera), len(scene.poses))
+        for robot in np.flatnonzero(~doubtful):
+            expected = from_left_to_right(shown[robot])
+            assert found[robot] == expected
+            tally.update(compared=1, several=len(expected) > 1)
+        tally.update(robots=len(scene.poses))
+
+    compare()
+    assert tally["compared"] > 0.95 * tally["robots"]
+    assert tally["several"] > 0.02 * tally["robots"]
+
+
+def test_a_camera_sees_red_where_a_robot_in_view_is_lit() -> None:
+    tally = Counter()
+
+    @settings(max_examples=50)
+    @given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+    def compare(scene: Scene, camera: CameraSettings, seed: int) -> None:
+        lit = np.random.default_rng(seed).random(len(scene.poses)) < 0.3
+        red = rows(Scene(scene.poses, lit, scene.arena), camera).any(axis=1)
+        seen = by_observer(sightings(scene.poses[None], scene.arena, camera), len(scene.poses))
+        _, doubtful = slow_pixels(scene, camera)
+        for robot in np.flatnonzero(~doubtful):
+            assert red[robot] == lit[seen[robot]].any()
+            tally.update(compared=1, red=int(red[robot]), dark=bool(seen[robot]) and not red[robot])
+        tally.update(robots=len(scene.poses))
+
+    compare()
+    assert tally["compared"] > 0.95 * tally["robots"]
+    assert min(tally["red"], tally["dark"]) > 0.02 * tally["robots"]
+
+
+# --- several steps, some observers, many sightings --------------------------------------------------
+
+
+@settings(max_examples=40)
+@given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+def test_several_steps_at_once_are_one_after_the_other(scene: Scene, camera: CameraSettings, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    poses = np.array([random.permutation(scene.poses) for _ in range(5)])
+    one_by_one = [
+        [step, observer, seen]
+        for step in range(5)
+        for _, observer, seen in sightings(poses[step : step + 1], scene.arena, camera)
+    ]
+    assert sightings(poses, scene.arena, camera) == one_by_one
+
+
+@settings(max_examples=40)
+@given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+def test_only_the_observers_that_are_asked_for_are_listed(scene: Scene, camera: CameraSettings, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    first = int(random.integers(len(scene.poses)))
+    observers = int(random.integers(1, len(scene.poses) - first + 1))
+    poses = np.array([random.permutation(scene.poses) for _ in range(2)])
+    everybody = sightings(poses, scene.arena, camera)
+    wanted = [sighting for sighting in everybody if first <= sighting[1] < first + observers]
+    assert sightings(poses, scene.arena, camera, first, observers) == wanted
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_there_is_room_for_any_number_of_sightings(steps: int) -> None:
+    bearings = [160 - 40 * robot for robot in range(9)]
+    poses = np.array([[ME, *(at(30, bearing) for bearing in bearings)]] * steps)
+    found = sightings(poses, make_arena(200, 200, [], []), ALL_ROUND, 0, 1)
+    assert found == [[step, 0, robot] for step in range(steps) for robot in range(1, 10)]
+
+
+# --- who touches what -------------------------------------------------------------------------------
+
+GAP_CM = 2 * MARGIN_CM
+
+
+def contacts(poses: FloatArray, arena: Arena) -> FloatArray:
+    """Return (contacts, 3) step, x, y that `find_contacts` finds at (steps, robots, 3) poses."""
+    scene = make_scene([RobotGroup(count=poses.shape[1])], [EPUCK], arena)
+    found, points = find_contacts(scene, poses)
+    steps = found[:, 0]
+    assert steps.tolist() == sorted(steps)
+    assert points.shape == (len(steps), 2)
+    return np.column_stack([steps, points])
+
+
+def touching(places: list[tuple[float, float]], obstacles=((), ()), width: float = 100.0) -> list[tuple[float, float]]:
+    """Return the points where robots at these places touch something in 100 cm high arena, sorted."""
+    poses = np.array([[(x, y, 1.0) for x, y in places]])
+    return sorted((x, y) for _, x, y in contacts(poses, make_arena(width, 100.0, *obstacles)).tolist())
+
+
+def slow_contacts(poses: FloatArray, arena: Arena) -> tuple[FloatArray, BoolArray]:
+    """Return (n, 3) step, x, y of everything that touches or nearly does, and which of them are doubtful."""
+    found = []
+    for step, places in enumerate(poses[..., :2]):
+        for robot, place in enumerate(places):
+            for other in places[:robot]:
+                gap = np.hypot(*(other - place)) - 2 * RADIUS_CM
+                found.append((gap, step, *(place + other) / 2))
+            near = [(0, place[1]), (arena.width_cm, place[1]), (place[0], 0), (place[0], arena.height_cm)]
+            for x, y, radius in arena.circles:
+                away = math.atan2(place[1] - y, place[0] - x)
+                near.append((x + radius * math.cos(away), y + radius * math.sin(away)))
+            near += [nearest_on_outline(corners, place) for corners in arena.polygons]
+            found += [(math.hypot(x - place[0], y - place[1]) - RADIUS_CM, step, x, y) for x, y in near]
+    gaps, points = np.split(np.array(found), [1], axis=1)
+    close = gaps[:, 0] < GAP_CM + EDGE_CM
+    return points[close], gaps[close, 0] > GAP_CM - EDGE_CM
+
+
+def nearest_on_outline(corners: FloatArray, place: FloatArray) -> tuple[float, float]:
+    """Return the point of a convex polygon's outline that is nearest to a place outside it."""
+    feet = list(corners)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        along = (end - start) / np.hypot(*(end - start))
+        if 0 < (place - start) @ along < np.hypot(*(end - start)):
+            feet.append(start + ((place - start) @ along) * along)
+    x, y = min(feet, key=lambda foot: float(np.hypot(*(foot - place))))
+    return x, y
+
+
+def beside(corners: FloatArray, random: np.random.Generator) -> FloatArray:
+    """Return a place where a robot stands close to a corner or an edge of a convex polygon."""
+    corner = random.integers(len(corners))
+    before, here, after = corners[[corner - 1, corner, (corner + 1) % len(corners)]]
+    normals = np.array([(along[1], -along[0]) / np.hypot(*along) for along in (here - before, after - here)])
+    share, mixture = random.choice([(0.0, random.random()), (random.random(), 0.0)])
+    outward = mixture * normals[0] + (1 - mixture) * normals[1]
+    apart = RADIUS_CM + random.uniform(-0.1, 0.3)
+    return here + share * (after - here) + apart * outward / np.hypot(*outward)
+
+
+def number_at(places: FloatArray, points: FloatArray) -> IntArray:
+    """Return how many of the points lie at each place: robots at a box's corner may share one."""
+    return (np.abs(places[:, None] - points[None]) < 1e-9).all(axis=2).sum(axis=1)
+
+
+@st.composite
+def crowds(draw: st.DrawFn) -> tuple[FloatArray, Arena]:
+    """Several steps of robots of which many stand at the brink of touching each other, a wall or an obstacle."""
+    scene: Scene = draw(scenes(robots=(1, 2, 10, 30, 60)))
+    steps = draw(st.integers(1, 4))
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    poses = np.array([random.permutation(scene.poses) for _ in range(steps)])
+    poses[..., :2] += random.choice([0.0, 0.02, 0.15]) * random.uniform(-1, 1, poses[..., :2].shape)
+    for pose in poses.reshape(-1, 3)[:: random.integers(1, 5)]:
+        if scene.arena.polygons:
+            place = beside(scene.arena.polygons[random.integers(len(scene.arena.polygons))], random)
+            if clearance_cm(scene.arena, *place) > 0.9 * RADIUS_CM:
+                pose[:2] = place
+    return poses, scene.arena
+
+
+def test_contacts_are_those_of_the_slow_twin() -> None:
+    tally = Counter()
+
+    @settings(max_examples=200)
+    @given(crowds())
+    def compare(crowd: tuple[FloatArray, Arena]) -> None:
+        found = contacts(*crowd)
+        expected, doubtful = slow_contacts(*crowd)
+        everywhere = np.vstack([found, expected])
+        number = number_at(everywhere, found)
+        assert (number >= number_at(everywhere, expected[~doubtful])).all()
+        assert (number <= number_at(everywhere, expected)).all()
+        tally.update(contacts=len(expected), doubtful=int(doubtful.sum()))
+
+    compare()
+    assert tally["contacts"] > 500
+    assert tally["doubtful"] < 0.01 * tally["contacts"]
+
+
+@pytest.mark.parametrize(("gap", "number"), [(-0.05, 1), (0.0, 1), (0.15, 1), (0.17, 0), (5.0, 0)])
+def test_surfaces_touch_where_they_are_no_farther_apart_than_1_6_mm(gap: float, number: int) -> None:
+    place = 3.7 + gap
+    assert len(touching([(50, 50), (50 + 3.7 + place, 50)])) == number
+    assert len(touching([(place, 50)])) == len(touching([(100 - place, 50)])) == number
+    assert len(touching([(50, place)])) == len(touching([(50, 100 - place)])) == number
+    assert len(touching([(50, 60 + place)], ([(50, 50, 10)], ()))) == number
+    assert len(touching([(50, 60 + place)], ((), [box_corners(50, 50, 30, 20, 0)]))) == number
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_there_is_room_for_any_number_of_contacts(steps: int) -> None:
+    lines = 3.7 + 7.4 * np.arange(5)
+    crowd = np.array([(x, y, 0.0) for x in lines for y in lines])
+    found = contacts(np.repeat(crowd[None], steps, axis=0), make_arena(37.0, 37.0, [], []))
+    between = [(x, y) for x in (0, *lines + 3.7) for y in lines]
+    expected = [(step, *point) for step in range(steps) for x, y in between for point in ((x, y), (y, x))]
+    assert len(found) == len(expected) == 60 * steps
+    apart = np.abs(found[:, None] - np.array(expected)[None]).max(axis=2)
+    assert apart.min(axis=0).max() < 1e-9
+
+
+def test_robots_move_what_they_touch_and_nothing_before() -> None:
+    simulation = Simulation("push")
+    poses = np.array([step.poses.copy() for step, _ in zip(simulation, range(30), strict=False)])
+    touches = np.isin(np.arange(30), contacts(poses, simulation.scenario.arena.build())[:, 0])
+    moved = np.diff(poses[:, 1, 0]) > 1e-9
+    assert 1 < np.argmax(moved) < 10
+    assert (touches[1:][moved]).all()
+    assert (moved[touches[:-1]]).all()
+
+
+# --- in the present step ----------------------------------------------------------------------------
+
+CROWD = load_scenario(
+    {
+        "arena": {
+            "width_cm": 70,
+            "height_cm": 60,
+            "obstacles": [
+                {"shape": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 5},
+                {"shape": "box", "x_cm": 45, "y_cm": 40, "width_cm": 12, "height_cm": 6, "heading_rad": 0.5},
+            ],
+        },
+        "robots": [
+            {"count": 8, "parameters": {"period_s": 1.5}},
+            {"count": 8, "camera": {"pixels": 300, "field_of_view_deg": 360, "range_cm": 40}},
+        ],
+    }
+)
+
+
+def test_the_sightings_of_a_step_are_the_lit_ones_in_view() -> None:
+    scene = make_scene(CROWD.robots, CROWD.group_kinds, CROWD.arena.build())
+    lit, total = np.zeros(16, bool), 0
+    for step in islice(Simulation(CROWD, 1), 200):
+        expected = []
+        for group in range(2):
+            found = find_sightings(scene, step.poses[None].copy(), group)
+            expected += [[looks, seen] for _, looks, seen in found.tolist() if lit[seen]]
+        assert step.sightings.tolist() == expected
+        total += len(expected)
+        lit = step.ring_on.copy()
+    assert total > 500
+
+
+def test_who_sees_red_sees_somebody_lit() -> None:
+    for step in islice(Simulation("thesis", 1), 300):
+        assert set(step.sightings[:, 0].tolist()) == set(np.flatnonzero(step.camera.any(axis=1)).tolist())
+
+
+def test_the_contacts_of_a_step_are_those_of_its_poses() -> None:
+    scene = make_scene(CROWD.robots, CROWD.group_kinds, CROWD.arena.build())
+    total = 0
+    for step in islice(Simulation(CROWD, 1), 200):
+        found, points = find_contacts(scene, step.poses[None].copy())
+        assert step.contacts.tolist() == found[:, 1:].tolist()
+        for (_, robot, other), point in zip(found, points, strict=True):
+            if other >= 0:
+                np.testing.assert_allclose(point, step.poses[[robot, other], :2].mean(axis=0))
+            assert np.hypot(*(point - step.poses[robot, :2])) <= 3.7 + 0.16
+        total += len(found)
+    assert total > 20
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+def test_asking_changes_nothing(interpret) -> None:
+    steps = 150 if not interpret else 20
+    asked, plain = Simulation("thesis", 3, interpret=interpret), Simulation("thesis", 3, interpret=interpret)
+    for one, other in zip(islice(asked, steps), islice(plain, steps), strict=True):
+        first = one.sightings
+        assert one.sightings is first
+        assert one.contacts.shape[1] == 2
+        assert one.poses.tobytes() == other.poses.tobytes()
+        assert one.camera.tobytes() == other.camera.tobytes()

@@ -1,0 +1,181 @@
+"""Measures of links: each against the graph as a set of pairs."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.measures.links import component_sizes, degrees
+from tests.measures.test_shipped import AGENTS, CYCLES, ROBOTS, at_cycles, run, slow_links
+
+CROWD = {**ROBOTS, "robots": [{"count": 8, "camera": {"field_of_view_deg": 90}}]}
+LIVELY = {**AGENTS, "neighbourhood": {"kind": "cone_of_vision", "angle_deg": 100, "radius_cm": 60}}
+
+
+def links_of_agents():
+    """Return an observer, and the list of the sets of links that it sees at each cycle."""
+    return at_cycles(lambda _, simulation: slow_links(simulation))
+
+
+def links_of_robots():
+    """Return an observer, and the list of (sender, receiver) pairs of each cycle, from sightings in its steps."""
+    seen, now, cycles = [], set(), []
+
+    def observer(step, state, _):
+        now.update((lit, looks) for looks, lit in step.sightings.tolist())
+        if state.cycles > len(cycles):
+            cycles.append(state.cycles)
+            seen.append(set(now))
+            now.clear()
+
+    return observer, seen
+
+
+MODELS = pytest.mark.parametrize(
+    ("sections", "watch", "population"),
+    [(LIVELY, links_of_agents, 15), (CROWD, links_of_robots, 8)],
+    ids=["agents", "robots"],
+)
+
+
+def slow_components(links, population, connection):
+    """Return the components: who reaches whom, by adding what is reached until nothing is added."""
+    ways = links | {(b, a) for a, b in links} if connection == "weak" else links
+    reached = {one: {one} for one in range(population)}
+    changed = True
+    while changed:
+        changed = False
+        for a, b in ways:
+            for one in range(population):
+                if a in reached[one] and not reached[b] <= reached[one]:
+                    reached[one] |= reached[b]
+                    changed = True
+    return {frozenset(b for b in range(population) if b in reached[a] and a in reached[b]) for a in range(population)}
+
+
+@given(st.sets(st.tuples(st.integers(0, 5), st.integers(0, 5)), max_size=12), st.sampled_from(["weak", "strong"]))
+def test_components_are_those_who_reach_each_other(pairs, connection):
+    links = {(a, b) for a, b in pairs if a != b}
+    numbers = np.array(sorted(a * 6 + b for a, b in links), np.int64)
+    assert sorted(component_sizes(numbers, 6, connection)) == sorted(map(len, slow_components(links, 6, connection)))
+    for direction, ends in (("out", [a for a, _ in links]), ("in", [b for _, b in links])):
+        assert degrees(numbers, 6, direction).tolist() == [ends.count(one) for one in range(6)]
+
+
+@MODELS
+@pytest.mark.parametrize("direction", ["in", "out", "both"])
+@pytest.mark.parametrize("statistic", ["mean", "smallest", "largest", "sd"])
+def test_degrees_count_links(sections, watch, population, direction, statistic):
+    observer, seen = watch()
+    _, series = run({"degree": {"direction": direction, "statistic": statistic}}, observer, **sections)
+    expected = []
+    for links in seen:
+        ends = [end for a, b in links for end in {"out": [a], "in": [b], "both": [a, b]}[direction]]
+        counts = [ends.count(one) for one in range(population)]
+        reduce = {"mean": np.mean, "smallest": min, "largest": max, "sd": np.std}[statistic]
+        expected.append(float(reduce(counts)))
+    assert series == pytest.approx(expected)
+    assert len(series) == CYCLES
+    assert max(series) > 0
+
+
+@MODELS
+@pytest.mark.parametrize("direction", ["in", "out", "both"])
+def test_the_isolated_have_no_links(sections, watch, population, direction):
+    observer, seen = watch()
+    _, series = run({"isolated": {"direction": direction}}, observer, **sections)
+    place = {"out": [0], "in": [1], "both": [0, 1]}[direction]
+    expected = [1 - len({link[end] for link in links for end in place}) / population for links in seen]
+    assert series == pytest.approx(expected)
+    assert min(series) < 1
+
+
+@MODELS
+def test_links_change_and_end(sections, watch, population):  # noqa: ARG001
+    observer, seen = watch()
+    _, series = run("neighbour_change", observer, **sections)
+    expected = [1 - len(a & b) / len(a | b) if a | b else None for a, b in pairwise(seen)]
+    assert series[0] is None
+    assert series[1:] == expected
+    observer, seen = watch()
+    _, life = run("link_life", observer, **sections)
+    assert life == sum(map(len, seen[:-1])) / sum(len(a - b) for a, b in pairwise(seen))
+    assert life > 1
+
+
+@MODELS
+@pytest.mark.parametrize("connection", ["weak", "strong"])
+@pytest.mark.parametrize("cycles", [1, 3])
+def test_components_are_those_of_the_last_cycles_together(sections, watch, population, connection, cycles):
+    for measure in ("component_count", "largest_component"):
+        observer, seen = watch()
+        _, series = run({measure: {"connection": connection, "cycles": cycles}}, observer, **sections)
+        assert series[: cycles - 1] == [None] * (cycles - 1)
+        for last in range(cycles - 1, CYCLES):
+            together = set().union(*seen[last - cycles + 1 : last + 1])
+            found = slow_components(together, population, connection)
+            expected = len(found) if measure == "component_count" else max(map(len, found)) / population
+            assert series[last] == expected
+
+
+@MODELS
+@pytest.mark.parametrize("connection", ["weak", "strong"])
+def test_the_spanning_time_is_when_the_links_so_far_connect_all(sections, watch, population, connection):
+    observer, seen = watch()
+    _, value = run({"spanning_time": {"connection": connection}}, observer, **sections)
+    together, expected = set(), None
+    for cycle, links in enumerate(seen, 1):
+        together |= links
+        if expected is None and len(slow_components(together, population, connection)) == 1:
+            expected = cycle
+    assert value == expected
+
+
+def test_cones_of_emission_and_of_vision_change_as_many_links():
+    hardly_coupled = {**LIVELY, "response": {"coupling": 1e-9}}
+    rates = []
+    for kind in ("cone_of_vision", "cone_of_emission"):
+        _, series = run(
+            "neighbour_change", **{**hardly_coupled, "neighbourhood": {**LIVELY["neighbourhood"], "kind": kind}}
+        )
+        rates.append(series)
+    assert rates[0] == rates[1]
+    assert max(rates[0][1:]) > 0
+
+
+def test_a_lone_link_of_resting_agents_never_ends():
+    sections = {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}
+    assert run("link_life", **sections)[1] is None
+    assert run("spanning_time", **sections)[1] is None
+
+
+def test_more_links_than_there_was_room_for_are_all_found():
+    """Forty agents in range of each other have 39 links each."""
+    sections = {
+        **AGENTS,
+        "agents": {"count": 40, "speed_cm_s": 1},
+        "neighbourhood": {"kind": "range", "radius_cm": 150},
+    }
+    assert run("degree", **sections)[1] == [39.0] * CYCLES
+
+
+@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
+def test_links_are_found_by_cells_as_without(boundary):
+    sections = {"model": "particles", "agents": {"count": 450, "speed_cm_s": 5}, "space": {"boundary": boundary}}
+    for rule in ({"kind": "nearest", "k": 4}, {"kind": "cone_of_emission", "angle_deg": 80, "radius_cm": 9}):
+        observer, seen = links_of_agents()
+        stop = {"order_parameter": None, "max_cycles": 2}
+        simulation, _ = run("degree", observer, **sections, neighbourhood=rule, stop=stop)
+        codes = sorted(sender * 450 + receiver for sender, receiver in seen[-1])
+        assert simulation.neighbour_links().tolist() == codes
+
+
+def test_asking_for_links_changes_nothing():
+    plain, _ = run("order_parameter", **AGENTS)
+    asked, _ = run("degree", **AGENTS)
+    assert plain.phases().tobytes() == asked.phases().tobytes()
+    assert plain.positions().tobytes() == asked.positions().tobytes()
+    assert not math.isnan(plain.order_parameter)

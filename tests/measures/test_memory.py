@@ -1,0 +1,67 @@
+"""A field of a controller's MEMORY, by name, as a measure; and two measures of one kind under two names."""
+
+import json
+
+import pytest
+
+from epuck_sim.errors import ScenarioError
+from epuck_sim.runs.compatibility import stored_point
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from tests.measures.test_shipped import CYCLES, ROBOTS, at_cycles, run
+
+MIXED = {**ROBOTS, "robots": [{"controller": "obstacle_avoidance", "count": 2}, {"count": 3}], "stop": {}}
+
+
+@pytest.mark.parametrize("take", ["final", "mean", "series"])
+def test_a_field_of_one_robot_is_that_of_its_memory(take):
+    observer, seen = at_cycles(lambda step, _: float(step.memories[0]["rotation_time"][4]))
+    _, value = run({"memory": {"name": "rotation_time", "robot": 4, "take": take}}, observer, **ROBOTS)
+    assert value == {"final": seen[-1], "mean": sum(seen) / CYCLES, "series": seen}[take]
+    assert max(seen) > 0
+
+
+def test_a_field_of_all_is_the_mean_over_those_who_have_it():
+    observer, seen = at_cycles(lambda step, _: step.memories[1]["phase_ms"].mean())
+    _, value = run({"memory": {"take": "series"}}, observer, **MIXED)
+    assert value == pytest.approx(seen)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"name": "phase"}, "unknown 'phase', did you mean 'phase_ms'"),
+        ({"name": "phase_ms", "robot": 0}, "unknown 'phase_ms'.*what is remembered: rotation_time, proximity_count"),
+        ({"robot": 5}, "robot is 5; allowed: 0 to 4, or -1 for all"),
+    ],
+)
+def test_a_field_that_nobody_has_is_refused_before_anything_runs(given, said):
+    with pytest.raises(ScenarioError, match=rf"measures\.0: .*{said}"):
+        load_scenario({**MIXED, "measures": [{"memory": given}]})
+
+
+def test_a_field_that_is_an_array_is_refused(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        'PARAMETERS = {}\nMEMORY = {"last": (float, (3,))}\n'
+        "def start(memory, parameters, random): pass\n"
+        "def step(sensors, memory, actuators, parameters, random): pass\n"
+    )
+    with pytest.raises(ScenarioError, match=r"last is an array of shape \(3,\); allowed: fields that are one number"):
+        load_scenario({"robots": [{"controller": f"{tmp_path}/mine.py"}], "measures": [{"memory": {"name": "last"}}]})
+
+
+def test_controllers_that_are_swept_are_not_known_yet():
+    swept = {"sweep": {"grid": {"robots.0.controller": ["firefly", "constant"]}}}
+    scenario = load_scenario({**swept, "measures": ["memory"]})
+    with pytest.raises(ScenarioError, match="unknown 'phase_ms'"):
+        points(scenario)
+
+
+def test_one_measure_may_be_there_twice_under_two_names():
+    measures = [{"memory": {"as": "phase"}}, {"memory": {"name": "rotation_time", "as": "turning"}}, "memory"]
+    scenario = load_scenario({"measures": measures})
+    assert load_scenario(scenario.model_dump()) == scenario
+    (point,) = points(scenario)
+    assert list(json.loads(stored_point(point).measures)) == ["phase", "turning", "memory"]
+    with pytest.raises(ScenarioError, match=r"memory is the name of two measures; .* such as \{memory: \{as: another"):
+        load_scenario({"measures": ["memory", "memory"]})

@@ -1,0 +1,543 @@
+"""The shipped measures, each against a closed form or a slow twin."""
+
+import math
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.errors import MeasureError, ScenarioError
+from epuck_sim.measures.clusters import cluster_numbers, surviving_clusters
+from epuck_sim.measures.flashes import FlashesMissed, FlashesRepeated
+from epuck_sim.measures.links import changed_share
+from epuck_sim.measures.loader import find_measure
+from epuck_sim.measures.motion import Moved, correlation_time
+from epuck_sim.measures.order import BelowThreshold, StaysAbove, ThresholdCycles
+from epuck_sim.measures.perturbations import growth_rates, mean_with_interval
+from epuck_sim.order_parameter import METRICS
+from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.particles.twin import simulate_with_twin
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.model import run_trial, simulate
+
+CYCLES = 12
+
+
+def run(measure, observer=None, seed=5, **sections):
+    """Return the simulation after a trial, and the value of the measure."""
+    loaded = load_scenario(
+        {"measures": [measure], **sections, "stop": {"max_cycles": CYCLES, **sections.get("stop", {})}}
+    )
+    simulation = simulate(loaded, seed)
+    watch = [lambda event, state: observer(event, state, simulation)] if observer else []
+    (value,) = run_trial(simulation, watch).measures.values()
+    return simulation, value
+
+
+def at_cycles(look):
+    """Return an observer that looks at each firing of the reference, and the list of what it sees."""
+    seen, cycles = [], []
+
+    def observer(event, state, simulation):
+        if state.cycles > len(cycles):
+            cycles.append(state.cycles)
+            seen.append(look(event, simulation))
+
+    return observer, seen
+
+
+AGENTS = {"model": "particles", "agents": {"count": 15, "speed_cm_s": 8.0}, "stop": {"order_parameter": None}}
+ROBOTS = {"model": "embodied", "stop": {"order_parameter": 1.0}}
+
+
+def phases(event, simulation):
+    return simulation.phases() if hasattr(simulation, "phases") else event.phase_ms / simulation.period_ms
+
+
+def positions(event, simulation):
+    return simulation.positions() if hasattr(simulation, "phases") else event.poses[:, :2].copy()
+
+
+# --- order parameter ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("metric", METRICS)
+@pytest.mark.parametrize("sections", [AGENTS, ROBOTS], ids=["agents", "robots"])
+def test_the_order_parameter_is_that_of_the_phases_at_each_cycle(sections, metric):
+    observer, seen = at_cycles(phases)
+    sections = {**sections, "stop": {**sections["stop"], "metric": metric}}
+    _, series = run("order_parameter", observer, **sections)
+    assert len(series) == CYCLES
+    assert series == pytest.approx([float(METRICS[metric](each, 1.0)) for each in seen], abs=1e-12)
+
+
+# --- clusters -------------------------------------------------------------------------------------
+
+
+def slow_sizes(given_phases, gap):
+    """Join oscillators pair by pair until no pair of clusters is within the gap."""
+    clusters = [[phase] for phase in given_phases]
+    while True:
+        for first in clusters:
+            for second in clusters:
+                distances = [abs(a - b) for a in first for b in second]
+                if first is not second and min(min(each, 1 - each) for each in distances) <= gap:
+                    first.extend(second)
+                    clusters.remove(second)
+                    break
+            else:
+                continue
+            break
+        else:
+            return sorted(map(len, clusters))
+
+
+@given(st.lists(st.integers(0, 99), max_size=8), st.integers(0, 20))
+def test_clusters_are_those_of_single_linkage_on_the_circle(hundredths, gap):
+    given_phases = np.array(hundredths) / 100
+    sizes = np.bincount(cluster_numbers(given_phases, gap / 100 + 1e-9))
+    assert sorted(sizes) == slow_sizes(given_phases, gap / 100 + 1e-9)
+
+
+@pytest.mark.parametrize("sections", [AGENTS, ROBOTS], ids=["agents", "robots"])
+@pytest.mark.parametrize("measure", ["cluster_count", "largest_cluster"])
+def test_clusters_are_found_at_each_cycle(measure, sections):
+    observer, seen = at_cycles(phases)
+    _, series = run({measure: {"gap": 0.05}}, observer, **sections)
+    sizes = [slow_sizes(each, 0.05) for each in seen]
+    expected = [len(each) if measure == "cluster_count" else max(each) / sum(each) for each in sizes]
+    assert series == expected
+    assert len(set(series)) > 1
+
+
+def test_robots_without_oscillators_have_no_clusters():
+    robots = [{"controller": "obstacle_avoidance"}]
+    assert run("cluster_count", robots=robots)[1] == [0] * CYCLES
+    assert run("largest_cluster", robots=robots)[1] == [None] * CYCLES
+
+
+# --- neighbours -----------------------------------------------------------------------------------
+
+KINDS = [
+    {"kind": "nearest", "k": 3},
+    {"kind": "range", "radius_cm": 25},
+    {"kind": "cone_of_vision", "radius_cm": 60, "angle_deg": 100},
+    {"kind": "cone_of_emission", "angle_deg": 70},
+    {"kind": "all"},
+]
+
+
+def slow_links(simulation):
+    """Return the pairs of a sender and a receiver, from the definition of each neighbourhood."""
+    rule, side = simulation.scenario.neighbourhood, simulation.scenario.space.side_cm
+    places, headings = simulation.positions(), simulation.headings()
+    found = set()
+    for sender in range(len(places)):
+        offsets = places - places[sender]
+        if simulation.scenario.space.boundary == "cyclic":
+            offsets -= side * np.rint(offsets / side)
+        distances = np.linalg.norm(offsets, axis=1)
+        others = [agent for agent in range(len(places)) if agent != sender]
+        if rule.kind == "nearest":
+            others = sorted(others, key=lambda agent: distances[agent])[: rule.k]
+        if rule.kind == "range" or (rule.kind.startswith("cone") and rule.radius_cm is not None):
+            others = [agent for agent in others if distances[agent] <= rule.radius_cm]
+        if rule.kind.startswith("cone"):
+            along = [
+                float(
+                    offsets[agent] @ headings[sender]
+                    if rule.kind == "cone_of_emission"
+                    else -offsets[agent] @ headings[agent]
+                )
+                for agent in others
+            ]
+            cosine = math.cos(math.radians(rule.angle_deg / 2))
+            others = [agent for agent, part in zip(others, along, strict=True) if part >= cosine * distances[agent]]
+        found |= {(sender, agent) for agent in others}
+    return found
+
+
+@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
+@pytest.mark.parametrize("rule", KINDS, ids=lambda rule: rule["kind"])
+def test_neighbour_change_compares_the_links_of_successive_cycles(rule, boundary):
+    observer, seen = at_cycles(lambda _, simulation: slow_links(simulation))
+    _, series = run("neighbour_change", observer, **AGENTS, neighbourhood=rule, space={"boundary": boundary})
+    expected = [1 - len(a & b) / len(a | b) for a, b in pairwise(seen)]
+    assert series[0] is None
+    assert series[1:] == pytest.approx(expected, abs=1e-12)
+    assert (max(expected) > 0) == (rule["kind"] != "all")
+
+
+def test_neighbours_of_resting_agents_do_not_change():
+    sections = {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}
+    assert run("neighbour_change", **sections)[1] == [None] + [0.0] * (CYCLES - 1)
+
+
+def test_no_links_have_no_share_that_changed():
+    empty = np.zeros(0, np.int64)
+    assert changed_share(empty, empty) is None
+    assert changed_share(empty, np.array([1])) == 1.0
+
+
+# --- motion ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sections", [AGENTS, ROBOTS], ids=["agents", "robots"])
+def test_the_mean_squared_displacement_is_counted_from_the_first_cycle(sections):
+    observer, seen = at_cycles(positions)
+    _, series = run("mean_squared_displacement", observer, **sections)
+    expected = [sum(math.dist(a, b) ** 2 for a, b in zip(seen[0], each, strict=True)) / len(each) for each in seen]
+    assert series == pytest.approx(expected, rel=1e-12)
+    assert series[0] == 0
+    assert min(series[1:]) > 0
+
+
+def test_far_from_walls_agents_move_in_straight_lines():
+    side = 1e6
+    sections = {"space": {"side_cm": side}, "agents": {"count": 5, "speed_cm_s": 2.0}, "response": {"coupling": 0}}
+    _, series = run("mean_squared_displacement", **{**AGENTS, **sections})
+    assert series == pytest.approx([(2.0 * cycle) ** 2 for cycle in range(CYCLES)], rel=1e-6)
+
+
+def test_in_a_cyclic_space_there_is_no_displacement():
+    with pytest.raises(MeasureError, match="mean_squared_displacement needs walls"):
+        run("mean_squared_displacement", **AGENTS, space={"boundary": "cyclic"})
+
+
+@pytest.mark.parametrize("sections", [AGENTS, ROBOTS], ids=["agents", "robots"])
+def test_the_share_near_walls_is_counted_at_each_cycle(sections):
+    observer, seen = at_cycles(positions)
+    _, value = run({"near_walls": {"within_cm": 9.0}}, observer, **sections)
+    sides = [60, 60] if sections is ROBOTS else [100, 100]
+    near = [
+        any(x <= 9 or x >= side - 9 for x, side in zip(place, sides, strict=True)) for each in seen for place in each
+    ]
+    assert value == sum(near) / len(near)
+    assert 0 < value < 1
+
+
+# --- flashes --------------------------------------------------------------------------------------
+
+
+def test_flashes_are_counted_when_they_come_into_view():
+    seen = []
+    _, value = run("flashes_seen", lambda step, *_: seen.append(step.flash_seen.tolist()), **ROBOTS)
+    began = 0
+    for robot in range(10):
+        before = False
+        for step in seen:
+            began += step[robot] and not before
+            before = step[robot]
+    assert value == began / (10 * CYCLES)
+    assert value > 0
+
+
+# --- thresholds -----------------------------------------------------------------------------------
+
+orders = st.lists(st.sampled_from([0.2, 0.5, 0.8, 0.95, 1.0]), max_size=12)
+
+
+def told(measure, series):
+    for cycle, order in enumerate(series, 1):
+        measure.cycle(None, SimpleNamespace(order_parameter=order, cycles=cycle))
+    return measure.value()
+
+
+@given(orders)
+def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them(series):
+    found = told(ThresholdCycles(None, thresholds="0.5, 0.9"), series)
+    expected = [
+        next((cycle for cycle, order in enumerate(series, 1) if order >= threshold), None) for threshold in (0.5, 0.9)
+    ]
+    assert found == expected
+
+
+@given(orders)
+def test_later_cycles_are_those_after_the_threshold_is_reached(series):
+    first = next((place for place, order in enumerate(series) if order >= 0.8), len(series))
+    later = series[first + 1 :]
+    below = [order < 0.8 for order in later]
+    assert told(BelowThreshold(None, threshold=0.8), series) == (sum(below) / len(below) if later else None)
+    assert told(StaysAbove(None, threshold=0.8), series) == (not any(below) if later else None)
+
+
+def test_robots_without_oscillators_pass_no_thresholds():
+    robots = [{"controller": "obstacle_avoidance"}]
+    assert run("threshold_cycles", robots=robots)[1] == [None] * 5
+    assert run("below_threshold", robots=robots)[1] is None
+
+
+def test_a_trial_with_further_cycles_says_whether_it_stays_above():
+    sections = {"stop": {"further_cycles": 30, "max_cycles": 500}}
+    assert run("stays_above", seed=1, **sections)[1] == (run("below_threshold", seed=1, **sections)[1] == 0)
+
+
+# --- life of clusters -----------------------------------------------------------------------------
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1, max_size=9))
+def test_a_cluster_lives_on_in_one_with_more_than_half_of_both(numbers):
+    before, after = np.array(numbers).T
+    lived = gone = 0
+    for number in set(before.tolist()):
+        members = set(np.flatnonzero(before == number).tolist())
+        if len(members) < 2:
+            continue
+        later = [set(np.flatnonzero(after == other).tolist()) for other in set(after.tolist())]
+        goes_on = any(2 * len(members & other) > len(members | other) for other in later)
+        lived, gone = lived + goes_on, gone + (not goes_on)
+    assert surviving_clusters(before, after) == (lived, gone)
+
+
+def test_clusters_of_uncoupled_oscillators_never_end():
+    assert run("cluster_life", **{**AGENTS, "response": {"coupling": 0}})[1] is None
+    assert run({"cluster_life": {"gap": 0.05}}, **AGENTS)[1] >= 1
+
+
+# --- motion and places ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sections", [AGENTS, ROBOTS], ids=["agents", "robots"])
+@pytest.mark.parametrize("measure", ["coverage", "density"])
+def test_the_map_counts_positions_at_cycles(measure, sections):
+    observer, seen = at_cycles(positions)
+    _, value = run({measure: {"cells": 4}}, observer, **sections)
+    side = 60 if sections is ROBOTS else 100
+    counts = np.zeros((4, 4))
+    for places in seen:
+        for x, y in places:
+            counts[min(int(y / side * 4), 3), min(int(x / side * 4), 3)] += 1
+    expected = (counts > 0).mean() if measure == "coverage" else (counts / counts.sum()).ravel().tolist()
+    assert value == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("dimensions", [1, 3])
+def test_maps_have_as_many_axes_as_the_space(dimensions):
+    _, value = run({"density": {"cells": 3}}, **AGENTS, space={"dimensions": dimensions})
+    assert len(value) == 3**dimensions
+    assert sum(value) == pytest.approx(1)
+
+
+def test_velocities_are_correlated_until_they_turn():
+    decay = np.exp(-np.arange(50) / 8)
+    assert correlation_time(decay, 0.5) == pytest.approx(4.0)
+    assert correlation_time(np.ones(5), 1.0) is None
+    assert correlation_time(np.zeros(5), 1.0) is None
+    far = {**AGENTS, "space": {"side_cm": 1e6}}
+    assert run("velocity_correlation_time", **far)[1] is None
+
+
+@pytest.mark.parametrize("sections", [AGENTS, ROBOTS], ids=["agents", "robots"])
+def test_the_correlation_time_is_that_of_all_velocities(sections):
+    seen = []
+    if sections is AGENTS:
+        observer, seen = at_cycles(lambda _, simulation: simulation.headings() * simulation.speeds_cm_s[:, None])
+        lags, interval = 8, 1.0
+    else:
+        lags, interval = 80, 0.1
+
+        def observer(step, *_):
+            seen.append(step.poses[:, :2].copy())
+
+    _, value = run({"velocity_correlation_time": {"lags": lags}}, observer, **sections)
+    velocities = np.array(seen) if sections is AGENTS else np.diff(np.array(seen), axis=0)
+    correlation = [
+        np.mean([(velocities[time] * velocities[time - lag]).sum() for time in range(lag, len(velocities))])
+        for lag in range(lags + 1)
+    ]
+    assert value == correlation_time(np.array(correlation), interval) or value == pytest.approx(
+        correlation_time(np.array(correlation), interval)
+    )
+    assert value > 0
+
+
+def test_time_in_avoidance_and_in_contact_is_counted_in_steps():
+    turning, touching = [], []
+
+    def observer(step, *_):
+        turning.append((step.wheels_cm_s[:, 0] != step.wheels_cm_s[:, 1]).mean())
+        middles, walls = step.poses[:, :2], [0.0, 60.0]
+        near = [
+            any(math.dist(a, b) <= 7.4 + 0.16 for other, b in enumerate(middles) if other != robot)
+            or min(abs(axis - wall) for axis in a for wall in walls) <= 3.7 + 0.16
+            for robot, a in enumerate(middles)
+        ]
+        touching.append(np.mean(near))
+
+    assert run("avoiding", observer, **ROBOTS)[1] == pytest.approx(np.mean(turning))
+    turning.clear()
+    touching.clear()
+    value = run("in_contact", observer, **ROBOTS)[1]
+    assert value == pytest.approx(np.mean(touching))
+    assert 0 < value < 1
+
+
+# --- flashes --------------------------------------------------------------------------------------
+
+
+def test_a_flash_is_missed_seen_or_seen_again():
+    """Robot 0 flashes for three steps; robot 1 sees two of them, robot 2 one, and robot 3 none."""
+    rings = [[], [0], [0], [0], [], []]
+    sightings = [[], [], [(1, 0)], [(1, 0)], [(2, 0)], []]
+    simulation = SimpleNamespace(period_ms=np.full(4, 5000.0))
+    missed, repeated = FlashesMissed(simulation), FlashesRepeated(simulation)
+    assert (missed.value(), repeated.value()) == (None, None)
+    stretch = SimpleNamespace(
+        poses=np.zeros((6, 4, 3)),
+        ring_on=np.array([np.isin(np.arange(4), lit) for lit in rings]),
+        sightings=np.array([(step, *each) for step, seen in enumerate(sightings) for each in seen]),
+    )
+    missed.stretch(stretch, None)
+    repeated.stretch(stretch, None)
+    assert missed.value() == pytest.approx(1 / 3)
+    assert repeated.value() == pytest.approx(1 / 2)
+
+
+def test_flashes_of_others_are_counted_one_by_one():
+    rings, sightings = [], []
+
+    def observer(step, *_):
+        rings.append(step.ring_on.copy())
+        sightings.append({(looks, lit) for looks, lit in step.sightings.tolist()})
+
+    _, missed = run("flashes_missed", observer, **ROBOTS)
+    flashes, views = 0, []
+    for robot in range(10):
+        lit = [False, *(bool(step[robot]) for step in rings)]  # as seen, a step later
+        for begin in range(1, len(lit)):
+            if lit[begin] and not lit[begin - 1]:
+                end = next((step for step in range(begin, len(lit)) if not lit[step]), None)
+                if end is None or end >= len(rings):
+                    continue
+                flashes += 1
+                views += [
+                    sum((other, robot) in sightings[step] for step in range(begin, end))
+                    for other in range(10)
+                    if other != robot
+                ]
+    assert missed == pytest.approx(np.mean([number == 0 for number in views]))
+    _, repeated = run("flashes_repeated", **ROBOTS)
+    assert repeated == pytest.approx(np.mean([number > 1 for number in views if number]))
+    assert 0 < missed < 1
+    assert flashes > CYCLES
+
+
+# --- perturbations --------------------------------------------------------------------------------
+
+DISTURBED = {
+    "model": "particles",
+    "agents": {"count": 10, "speed_cm_s": 1.0},
+    "start": {"phases": "synchronised", "displacement": 1e-3},
+    "stop": {"order_parameter": None},
+}
+
+
+def test_the_perturbation_is_the_distance_from_the_twin():
+    observer, times = at_cycles(lambda event, _: event.time_s)
+    simulation, series = run("perturbation", observer, **DISTURBED)
+    comparison = simulate_with_twin(simulation.scenario, simulation.seed, np.array(times))
+    assert series == pytest.approx(comparison.deviation.max(axis=1).tolist(), abs=1e-9)
+    assert max(series) > 0
+    _, growth = run("perturbation_growth", **DISTURBED)
+    assert growth == [None, *growth_rates(series)]
+    _, exponent = run("perturbation_exponent", **DISTURBED)
+    assert exponent == mean_with_interval([rate for rate in growth_rates(series) if rate is not None])
+
+
+def test_growth_is_told_where_a_deviation_is_neither_rounding_nor_large():
+    assert growth_rates([1e-6, 2e-6, 0.2, 1e-14, 1e-13]) == [pytest.approx(math.log(2)), None, None, None]
+    mean, low, high = mean_with_interval([1.0, 2.0, 3.0])
+    assert (mean, high - mean) == (2.0, pytest.approx(4.303 / math.sqrt(3), rel=1e-3))  # Student's t of 2
+    assert mean - low == pytest.approx(high - mean)
+    assert mean_with_interval([]) == [None, None, None]
+    assert mean_with_interval([1.0]) == [1.0, None, None]
+
+
+def test_a_twin_may_be_displaced_itself():
+    uncoupled = {**AGENTS, "response": {"coupling": 0}}
+    _, series = run({"perturbation": {"displacement": 1e-6}}, **uncoupled)
+    assert series == pytest.approx([1e-6] * CYCLES, rel=1e-6)
+    assert run({"perturbation_transient": {"displacement": 1e-3, "tolerance": 1e-2}}, **uncoupled)[1] == 0
+    assert run({"perturbation_transient": {"displacement": 1e-1, "tolerance": 1e-2}}, **uncoupled)[1] is None
+    with pytest.raises(MeasureError, match="a perturbation is measured where there is one"):
+        run("perturbation", **AGENTS)
+
+
+def test_an_agent_is_displaced_before_anything_has_happened():
+    simulation = ParticleSimulation(load_scenario(AGENTS), 3)
+    before = simulation.phases()
+    simulation.displace(2, 0.01)
+    assert simulation.phases()[2] == pytest.approx(min(before[2] + 0.01, 1))
+    simulation.run(2)
+    with pytest.raises(ValueError, match=r"after \d+ instants; allowed: 0 or more"):
+        simulation.displace(2, 0.01)
+
+
+# --- parameters -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "said"),
+    [
+        ("degree", {"direction": "up"}, "direction is 'up'; allowed: in, out, both"),
+        ("degree", {"statistic": "mode"}, "statistic is 'mode'; allowed: mean, smallest, largest, sd"),
+        ("component_count", {"cycles": 0}, "cycles is 0; allowed: 1 and above"),
+        ("spanning_time", {"connection": "loose"}, "connection is 'loose'; allowed: weak, strong"),
+        ("threshold_cycles", {"thresholds": "0.5 2"}, "thresholds is '0.5 2'; allowed: numbers above 0"),
+        ("below_threshold", {"threshold": 0}, "threshold is 0; allowed: above 0 and up to 1"),
+        ("coverage", {"cells": 0}, "cells is 0; allowed: 1 to 1000000"),
+        ("velocity_correlation_time", {"lags": 0}, "lags is 0; allowed: 1 to 100000"),
+        ("perturbation", {"displacement": 0.5}, "displacement is 0.5; allowed: 0 up to 0.5, in cycles"),
+        ("perturbation_transient", {"tolerance": 0}, "tolerance is 0; allowed: above 0 up to 0.5"),
+        ("near_walls", {"within_cm": 0}, "within_cm is 0; allowed: above 0"),
+        ("cluster_count", {"gap": 0.5}, "gap is 0.5; allowed: 0 up to 0.5, in cycles"),
+        ("largest_cluster", {"gap": -0.1}, "gap is -0.1; allowed: 0 up to 0.5, in cycles"),
+        ("consensus", {"rule": "all"}, "rule is 'all'; allowed: naming_game, voter"),
+        ("memory", {"take": "all"}, "take is 'all'; allowed: final, mean, series"),
+    ],
+)
+def test_parameters_that_make_no_sense_are_refused(name, given, said):
+    with pytest.raises(ValueError, match=said):
+        find_measure(name).resolve(given)
+
+
+# --- mean speed -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("left", "right", "speed"), [(5, 5, 5), (5, -5, 0), (6, 0, 3)])
+def test_the_mean_speed_of_robots_is_that_of_their_wheels(left, right, speed):
+    group = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"left_cm_s": left, "right_cm_s": right}}
+    stop = {"max_time_s": 3, "order_parameter": None}
+    _, found = run("mean_speed", noise="off", robots=[group], stop=stop)
+    assert found == pytest.approx(speed, rel=0.01, abs=1e-9)  # a chord is shorter than its arc
+
+
+def test_the_mean_speed_of_robots_is_that_of_their_places():
+    places = []
+    _, found = run("mean_speed", lambda step, *_: places.append(step.poses[:, :2].copy()), **ROBOTS)
+    ways = [math.dist(before, after) for steps in pairwise(places) for before, after in zip(*steps, strict=True)]
+    assert found == pytest.approx(10 * sum(ways) / len(ways))
+    assert 0 < found < 12.8
+
+
+def moved(times_s, places):
+    measure = Moved(None)
+    for time_s, movables in zip(times_s, places, strict=True):
+        measure.cycle(SimpleNamespace(time_s=time_s, movables=np.array(movables, float)), None)
+    return measure.value()
+
+
+def test_it_is_the_mean_path_in_an_hour():
+    there_and_back = [[(0, 0), (9, 9)], [(3, 4), (9, 9)], [(0, 0), (9, 9)]]
+    assert moved([10, 15, 20], there_and_back) == pytest.approx((10 + 0) / 2 * 360)
+    assert moved([5, 3605], [[(0, 0)], [(0, 7)]]) == pytest.approx(7)
+
+
+def test_it_needs_two_cycles_and_something_to_move():
+    assert moved([], []) is None
+    assert moved([4], [[(1, 1)]]) is None
+    with pytest.raises((MeasureError, ScenarioError), match=r"needs arena\.movables"):
+        load_scenario({"measures": ["moved"]})

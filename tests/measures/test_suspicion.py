@@ -1,0 +1,90 @@
+"""Suspicions: closed forms with robots that stand still, and a slow twin with robots that move."""
+
+import numpy as np
+import pytest
+
+from epuck_sim.embodied.observers import find_sightings, make_scene
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.model import run_trial
+
+PERIOD_S = 5.0
+FACE_TO_FACE = [[20.0, 30.0, 0.0], [40.0, 30.0, np.pi]]
+SWARM = {"robots": [{"count": 8, "camera": {"field_of_view_deg": 90}}]}
+
+
+def value(measure, seconds, faults=(), robots=None, seed=5):
+    """Return a measure of robots that stand face to face, or of others, after so many seconds."""
+    robots = robots or [{"poses": FACE_TO_FACE, "controller": "oscillator"}]
+    stop = {"order_parameter": None, "max_time_s": seconds}
+    loaded = load_scenario({"robots": robots, "faults": list(faults), "stop": stop, "measures": [measure]})
+    (found,) = run_trial(Simulation(loaded, seed)).measures.values()
+    return found
+
+
+def test_a_robot_that_is_always_in_view_is_suspected_after_its_patience():
+    delay = value({"detection_delay": {"cycles": 3}}, 60, [{"kind": "ring_dead", "robots": [1], "at_s": 20}])
+    assert 3 - 1 < delay < 3  # the time since its last flash, up to a period before the fault, counts
+
+
+def test_whose_ring_was_never_lit_is_suspected_after_exactly_so_many_cycles():
+    delay = value({"detection_delay": {"cycles": 3}}, 60, [{"kind": "ring_dead", "robots": [1]}])
+    assert delay == pytest.approx(3, abs=0.041)  # two steps of 0.1 s
+
+
+def test_nobody_finds_a_robot_that_none_looks_at():
+    back_to_back = [{"poses": [[20.0, 30.0, np.pi], [40.0, 30.0, 0.0]], "controller": "oscillator"}]
+    faults = [{"kind": "ring_dead", "robots": [1]}]
+    assert value("detection_delay", 60, faults, back_to_back) is None
+
+
+def test_all_that_fail_must_be_found():
+    three = [{"poses": [*FACE_TO_FACE, [50.0, 30.0, 0.0]], "controller": "oscillator"}]
+    assert value("detection_delay", 60, [{"kind": "ring_dead", "robots": [1]}], three) is not None
+    assert value("detection_delay", 60, [{"kind": "ring_dead", "robots": [1, 2]}], three) is None
+
+
+def test_without_faults_there_is_no_delay_and_who_is_always_in_view_gives_no_alarm():
+    assert value("detection_delay", 60) is None
+    assert value({"false_alarms": {"cycles": 1.1}}, 600) == 0
+
+
+def test_impatient_robots_suspect_each_other_once_a_cycle():
+    alarms = value({"false_alarms": {"cycles": 0.5}}, 600)
+    assert alarms == pytest.approx(3600 / PERIOD_S, rel=0.12)  # coupling shortens cycles
+
+
+def test_a_robot_that_has_failed_is_no_false_alarm():
+    faults = [{"kind": "ring_dead", "robots": [1]}]
+    assert value({"false_alarms": {"cycles": 2}}, 60, faults) == 0
+
+
+def slow_alarms(cycles, seconds, dead, seed):
+    """Count by going through all pairs of robots in each step."""
+    loaded = load_scenario({**SWARM, "faults": [{"kind": "ring_dead", "robots": [dead]}]})
+    simulation, robots = Simulation(loaded, seed), 8
+    scene = make_scene(loaded.robots, loaded.group_kinds, loaded.arena.build())
+    dark = {(i, j): 0.0 for i in range(robots) for j in range(robots)}
+    suspects: set[tuple[int, int]] = set()
+    alarms = 0
+    for step in (simulation.advance(1) for _ in range(int(10 * seconds))):
+        seen = {(i, j) for _, i, j in find_sightings(scene, step.poses.copy()[None]).tolist()}
+        flashes = set(map(tuple, step.sightings.tolist()))
+        dark = {pair: 0.0 if pair in flashes else dark[pair] + 0.1 * (pair in seen) for pair in dark}
+        suspected = {pair for pair, dark_s in dark.items() if dark_s > cycles * PERIOD_S - 0.001}
+        alarms += sum(pair[1] != dead for pair in suspected - suspects)
+        suspects = suspected
+    return alarms / robots / (seconds / 3600)
+
+
+def test_false_alarms_are_those_of_a_slow_twin():
+    faults = [{"kind": "ring_dead", "robots": [2]}]
+    found = value({"false_alarms": {"cycles": 0.7}}, 120, faults, SWARM["robots"])
+    assert found == pytest.approx(slow_alarms(0.7, 120, 2, 5))
+    assert found > 0
+
+
+def test_patience_is_positive():
+    with pytest.raises(ScenarioError, match="cycles is 0; allowed: above 0"):
+        load_scenario({"measures": [{"false_alarms": {"cycles": 0.0}}]})
