@@ -9,7 +9,7 @@ import pytest
 from hypothesis import settings
 
 from epuck_sim.sweep import executors
-from epuck_sim.util.system import signals
+from epuck_sim.util.machine import signals
 from tests.processes import end_all
 from tests.sweep.pool_here import pool_here
 from tests.tools import MissingTools

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from epuck_sim import user_files
-from epuck_sim.control.loader import CONTROLLER, find_controller
-from epuck_sim.control.sensors import SENSOR
+from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments.rewards import REWARD, find_reward
 from epuck_sim.errors import ControllerError, CurveError, EpuckSimError, ScenarioError

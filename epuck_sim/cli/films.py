@@ -267,7 +267,7 @@ def track(
         from epuck_sim.overhead.live import Watching, track_camera
         from epuck_sim.overhead.robots import find_robots, save_robots
         from epuck_sim.overhead.track import annotate_film, snapshot, track_film
-        from epuck_sim.util.ports import check_port
+        from epuck_sim.util.machine import check_port
 
         options = scene_options(arena, height, corners, period, robots, tags)._replace(
             threshold_ms=threshold,

@@ -16,7 +16,7 @@ from types import FrameType
 
 from epuck_sim.cli.keys import restore_terminal
 from epuck_sim.util.atomic_write import remove_unfinished
-from epuck_sim.util.system import signals
+from epuck_sim.util.machine import signals
 
 REQUESTS = signals("SIGINT", "SIGTERM", "SIGHUP")
 """Signals that ask the command to end: Ctrl-C, a polite request, a terminal that is closed."""

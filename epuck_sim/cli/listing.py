@@ -9,8 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.control.loader import CONTROLLER
-from epuck_sim.control.sensors import SENSOR
+from epuck_sim.control.loader import CONTROLLER, SENSOR
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.loader import MEASURE, find_measure
 from epuck_sim.scenario.loader import SCENARIO

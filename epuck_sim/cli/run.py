@@ -253,7 +253,7 @@ def replay(
         from epuck_sim.recording.reader import last_moment_s
         from epuck_sim.recording.viewer import NO_DISPLAY, draw_screenshot, has_display, serve, show
         from epuck_sim.util.atomic_write import check_target
-        from epuck_sim.util.ports import check_port
+        from epuck_sim.util.machine import check_port
 
         if web:
             check_port(port or WEB_PORT)

@@ -205,7 +205,7 @@ def _run_trial(
         with word_if_slow(setting_up) if scenario.population >= LARGE else nullcontext():
             simulation = simulate(scenario, seed, interpret=interpret)
         if watched.live is not None and isinstance(scenario, EmbodiedScenario):
-            from epuck_sim.embodied.changes.controller_files import ControllerFiles  # numba takes a while
+            from epuck_sim.embodied.changes.replacement import ControllerFiles  # numba takes a while
             from epuck_sim.embodied.simulation import Simulation
 
             assert isinstance(simulation, Simulation), "its scenario has bodies"

@@ -73,10 +73,7 @@ class _Field(ctypes.Structure):
 
 
 def load_firmware(path: Path) -> Firmware:
-    """Return the firmware that a file holds.
-
-    Args:
-        path: A file in C, or a library that was compiled from one.
+    """Return the firmware of a file in C, or of a library that was compiled from one.
 
     Raises:
         ControllerError: It cannot be compiled or loaded, or is no firmware; the compiler's own words are given.

@@ -188,7 +188,7 @@ class Controller(Described):
 
 @dataclass(frozen=True, eq=False)
 class Sensor(Described):
-    """A sensor as its file describes it; see `control.sensors`."""
+    """A sensor as its file describes it; see `control.loader`."""
 
     readings: np.dtype[Any]
     """Record type of what it tells the controller."""

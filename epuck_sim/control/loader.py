@@ -1,12 +1,31 @@
-"""Controllers from files: finds the file, loads it and checks that it describes a controller."""
+"""Controllers and sensors from files: finds the file, loads it and checks that it describes one.
 
+`control.interface` says what a controller is. A sensor in a file of its own is one Python file, too:
+
+    PARAMETERS = {"noise": 0.0}             optional: name -> default; the default's type is the parameter's type
+    READINGS = {"ground": (float, 3)}       name -> type, or (type, shape): what controllers find in `sensors`
+
+    def sense(world, robot, readings, parameters, random): ...
+    def check(parameters): ...              optional: raises ValueError on values that make no sense
+
+`sense` is called for each robot in each control step, when bodies have moved and before any controller runs. It looks
+at `world` (see `World`) from `robot`, the record of the robot that senses, and sets the fields of `readings`, which
+keep their values until they are set again. `random` is a stream of the robot's and the sensor's own, so that a sensor
+that nobody reads changes no outcome. The functions of `epuck_sim.embodied.sensing` tell what is at a place.
+"""
+
+import keyword
+import math
 import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from epuck_sim.control.firmware import load_firmware
-from epuck_sim.control.interface import EXTERNAL, Controller, Described
-from epuck_sim.control.names import check_own_names
+from epuck_sim.control.interface import EXTERNAL, Controller, Described, Sensor, Sensors
+from epuck_sim.control.names import ARGUMENTS, check_own_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import AS_LOADED, Kind, Place, fingerprint, kept, load_python_file
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
@@ -30,11 +49,7 @@ PARTS = {
 
 
 def find_controller(name: str, folder: Path | None = None) -> Controller:
-    """Return a controller: a shipped one, an installed package's, or the one that a file describes.
-
-    Args:
-        name: A name, or the path of a file, which ends in .py, .c or .so.
-        folder: Where a relative path begins; if there is no such file, it begins at the working directory.
+    """Return a controller: a shipped one, an installed package's, or that of a file (.py, .c, .so); see `Kind.locate`.
 
     Raises:
         ControllerError: There is no such controller, or the file does not describe one.
@@ -79,6 +94,76 @@ def _load(place: Place) -> Controller:
     )
     check_own_names(controller)
     return controller
+
+
+# --- sensors ------------------------------------------------------------------------------------------
+
+SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=dict)
+"""What sensors in files of their own are found by."""
+
+MOST_NUMBERS = 10_000
+"""Most numbers of a reading."""
+
+
+def find_sensor(name: str, folder: Path | None = None) -> Sensor:
+    """Return a sensor: an installed package's, or that of a file (.py); see `Kind.locate`.
+
+    Raises:
+        ControllerError: There is no such sensor, or the file does not describe one.
+    """
+    return _load_sensor(SENSOR.locate(name, folder))
+
+
+@kept
+def _load_sensor(place: Place) -> Sensor:
+    file = load_python_file(place, ControllerError)
+    parts = file.parts
+    if not isinstance(parts.get("READINGS"), dict):
+        raise file.refusal("READINGS", "a sensor needs READINGS: a mapping of names to types")
+    if not callable(parts.get("sense")):
+        said = "a sensor needs sense: a function sense(world, robot, readings, parameters, random)"
+        raise file.refusal("sense", said)
+    if not parts["READINGS"]:
+        raise file.refusal("READINGS", "READINGS has no reading; allowed: at least one")
+    if taken := next((name for name in parts["READINGS"] if name in Sensors._fields), None):
+        raise file.refusal("READINGS", f"READINGS: {taken!r} is taken by a sensor that all robots have; choose another")
+    for name in parts["READINGS"]:
+        if keyword.iskeyword(name) or str(name).startswith("_"):
+            raise file.refusal("READINGS", f"READINGS: {name!r} is no name that `sensors` can have; choose another")
+    parameters, readings = file.parameters(), file.record_type("READINGS")
+    for name in readings.names or ():
+        if not 0 < math.prod(readings[name].shape) <= MOST_NUMBERS:
+            said = f"READINGS: {name!r} has the shape {readings[name].shape}; allowed: 1 to {MOST_NUMBERS} numbers"
+            raise file.refusal("READINGS", said)
+    if "file" in parameters:
+        raise file.refusal("PARAMETERS", "PARAMETERS: 'file' is the key of the sensor's file; choose another")
+    code = getattr(parts["sense"], "__code__", None)
+    if code is not None and code.co_argcount != len(ARGUMENTS["sense"]):
+        raise file.refusal(
+            "sense", f"sense takes {code.co_argcount} arguments; allowed: {', '.join(ARGUMENTS['sense'])}"
+        )
+    sensor = Sensor(
+        place.short_name,
+        place.name,
+        file.path,
+        parameters,
+        file.check(),
+        file.sources,
+        file.modules,
+        _floats_first(readings),
+        parts["sense"],
+    )
+    check_own_names(sensor)
+    return sensor
+
+
+def _floats_first(readings: np.dtype[Any]) -> np.dtype[Any]:
+    """Return a record type whose floats come before whole numbers, so that they can be looked at as one array."""
+    names = sorted(readings.names or (), key=lambda name: readings[name].base.kind != "f")
+    return np.dtype([(name, readings[name].base, readings[name].shape) for name in names], align=True)
+
+
+# --- values that a program sets ------------------------------------------------------------------------
 
 
 def check_imported_copies(controller: Described) -> None:

@@ -34,7 +34,25 @@ def make_swarm_block(
     """Return the block of a swarm before its first trial, and its arrays: robots have no places, nothing is drawn.
 
     There is room for all arenas of a trial, of which it begins in the first. Sensors are those in files of their own.
+    The last block is kept: most simulations are of the same scenario as the one before.
     """
+    made_from = scenario, controllers, sensors
+    kept = _last.get("one")
+    if kept is None or kept[0] != made_from or arenas[0].floor.picture.size:  # whose file may have changed
+        kept = _last["one"] = made_from, _make(scenario, arenas, controllers, sensors)
+    block = kept[1].copy()
+    return block, open_block(block)
+
+
+_last: dict[str, tuple[Any, ByteArray]] = {}
+
+
+def _make(
+    scenario: EmbodiedScenario,
+    arenas: Sequence[Arena],
+    controllers: Sequence[Controller],
+    sensors: Sequence[Sequence[Sensor]],
+) -> ByteArray:
     block = make_block(_lengths(scenario, arenas, controllers, sensors))
     swarm = open_block(block)
     _set_scene(swarm.scene[0], scenario)
@@ -46,7 +64,7 @@ def make_swarm_block(
     _set_senses(swarm, scenario, sensors)
     set_faults(swarm, scenario)
     _set_reference(swarm, scenario.stop.reference_robot)
-    return block, swarm
+    return block
 
 
 def _lengths(

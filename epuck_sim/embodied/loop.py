@@ -10,7 +10,15 @@ from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.bodies.chipmunk import move_bodies
 from epuck_sim.embodied.bodies.drive import apply_commands
 from epuck_sim.embodied.bodies.world import World
-from epuck_sim.embodied.changes.calls import plan_calls
+from epuck_sim.embodied.changes.attendance import blank, rest
+from epuck_sim.embodied.changes.faults import (
+    blank_readings,
+    change_faults,
+    fail_actuators,
+    freeze,
+    hide_flashes,
+    hold,
+)
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
 from epuck_sim.embodied.sensors.flash_cone import perceive_flashes
@@ -146,6 +154,36 @@ def act_again(block: ByteArray, addresses: IntArray) -> None:
         make_calls(block, addresses, scene.late, scene.calls)
 
 
+def plan_calls(
+    scenario: EmbodiedScenario, sensors: Sequence[Sequence[Any]], controllers: Sequence[Any], own: Sequence[Any] = ()
+) -> tuple[list[tuple[Any, int]], list[tuple[Any, int]]]:
+    """Return the functions (block, addresses, number) that a control step calls, and their numbers, in order.
+
+    Args:
+        scenario: The scenario; what it does not need is not called.
+        sensors: The functions with which each group's robots sense.
+        controllers: What runs each group's controllers.
+        own: Sensors in files of their own, of all groups.
+
+    Returns:
+        What is called when bodies have moved, and when commands have been carried out.
+    """
+    groups, differ, faulty = range(len(scenario.robots)), scenario.spread.clock_rate > 0, bool(scenario.faults)
+    early = [
+        *([(tick, 0)] * differ),
+        *([(stop_and_release, 0)] * (scenario.stuck.per_hour > 0)),
+        *([(change_faults, 0)] * faulty),
+        *((hold, group) for group in groups if faulty),
+        *((sense, group) for group in groups for sense in sensors[group]),
+        *((sensor, number) for number, sensor in enumerate(own)),
+        *((blank_readings, group) for group in groups if faulty),
+        *((blank, group) for group in groups if scenario.members_change),
+        *((controllers[group], group) for group in groups),
+        *((freeze, group) for group in groups if faulty),
+    ]
+    return early, [*([(fail_actuators, 0)] * faulty), *([(rest, 0)] * scenario.members_change)]
+
+
 def sensors_of(section: RobotGroup) -> list[Callable[..., None]]:
     """Return what a control step calls, in this order, to have a group sense: functions (block, addresses, group)."""
     if section.signal.kind != "camera":
@@ -181,13 +219,11 @@ class ControlLoop:
         Sensors are those in files of their own, of all groups; groups the controllers of each.
         """
         self._block = block
-        calls = plan_calls(scenario, list(map(sensors_of, scenario.robots)), groups, sensors)
-        imperfections = {tick: scenario.spread.clock_rate > 0, stop_and_release: scenario.stuck.per_hour > 0}
-        early = [*((function, 0) for function, exists in imperfections.items() if exists), *calls.early]
-        every = [*early, *calls.late]
+        early, late = plan_calls(scenario, list(map(sensors_of, scenario.robots)), groups, sensors)
+        every = [*early, *late]
         addresses = world.addresses()
-        if calls.hide:
-            addresses[HIDE] = address_of(calls.hide)
+        if swarm.scene[0].hides_flashes:
+            addresses[HIDE] = address_of(hide_flashes)
         for group in groups:
             addresses += group.addresses(len(addresses))
         numbers = {group: int(swarm.groups[number].controller) for number, group in enumerate(groups)}

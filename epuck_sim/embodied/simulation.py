@@ -7,8 +7,9 @@ bodies move. What a controller commands in one step is seen by the other robots 
 import itertools
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +17,7 @@ import numpy.typing as npt
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.control.interface import Controller
-from epuck_sim.control.loader import find_controller
-from epuck_sim.control.sensors import find_sensor
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.attendance import put_in, take_out
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
@@ -32,7 +32,6 @@ from epuck_sim.embodied.observers import Relations, Scene
 from epuck_sim.embodied.placement import Placement
 from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.sensors.own import OwnSensor
-from epuck_sim.embodied.snapshot import Change, Snapshot
 from epuck_sim.embodied.start import Part, draw_start, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
@@ -45,7 +44,35 @@ from epuck_sim.scenario.robot_kind import cell_cm, sensor_parameters
 from epuck_sim.scenario.robots import resolve_parameters
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.user_files import Value
-from epuck_sim.util.memory import lack_of_memory
+from epuck_sim.util.machine import lack_of_memory
+
+
+class Change(NamedTuple):
+    """A call from outside that changed a simulation, and changes another one in the same way."""
+
+    steps: int
+    """Control steps before it."""
+    method: str
+    """Name of the method of `Simulation`."""
+    given: tuple[Any, ...]
+    values: dict[str, Any]
+    """Arguments by name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A simulation at one moment; can be pickled."""
+
+    scenario: EmbodiedScenario
+    seed: int
+    steps: int
+    """Control steps taken."""
+    changes: tuple[Change, ...]
+    """What was commanded and changed from outside, in order."""
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return f"Snapshot({self.scenario!r}, seed={self.seed}, steps={self.steps}, changes={len(self.changes)})"
 
 
 class Simulation:
@@ -260,10 +287,11 @@ class Simulation:
 
         return Shown(self.scenario, self.seed)
 
-    def controller_at_work(self) -> tuple[int, int] | None:
-        """Return robot and step of the controller that is running, for another thread; None while none is."""
-        robot = int(self._swarm.scene["serving"][0])
-        return (robot, int(self._step[0])) if robot >= 0 else None
+    def at_work(self) -> tuple[int, int, str] | None:
+        """Return robot and step of the user's code that is running, and which, for another thread; None if none is."""
+        robot, sensor = int(self._swarm.scene["serving"][0]), int(self._swarm.scene["sensing"][0])
+        code = f"sensor {self._sensors[sensor - 1].name}" if sensor else "controller"
+        return (robot, int(self._step[0]), code) if robot >= 0 else None
 
     def __iter__(self) -> Self:
         """Return the simulation itself: a further loop continues where the last one stopped."""

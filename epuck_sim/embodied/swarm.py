@@ -79,6 +79,7 @@ ROBOT = record_type(
         ("random", "u8", 4),  # stream from which its controller draws
         ("signal_random", "u8", 4),  # from which its camera, or radio, draws
         ("variation_random", "u8", 4),  # from which its imperfections are drawn
+        ("faults", "i8"),  # which kinds of faults it has, a bit each; kept where there are faults
         ("flash_number", "i8"),  # number of flashes that it has begun; counted where there are faults
         ("starts_anew_at", "f8"),  # share of its period at which a fault has its oscillator start anew now; -1: none
         ("left_over_ms", "f8"),  # fraction of a millisecond that a faulty clock has not counted yet

@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
-from epuck_sim.embodied.memory import READING
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.step import Step
+from epuck_sim.embodied.step import READING, Step
 from epuck_sim.environments.rewards import Situation
 from epuck_sim.errors import ScenarioError
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.embodied.memory import check_field, memory_values
+from epuck_sim.embodied.step import check_field, memory_values
 from epuck_sim.measures.common import one_of
 
 TAKEN = ("final", "mean", "series")

@@ -32,7 +32,7 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.result import Observer
-from epuck_sim.util.memory import lack_of_memory
+from epuck_sim.util.machine import lack_of_memory
 from epuck_sim.util.provenance import versions
 
 PIXEL_BYTES, FILM_BYTES = 110, 200_000_000

@@ -28,7 +28,7 @@ from epuck_sim.overhead.light import is_lit
 from epuck_sim.overhead.synchrony import is_synchronised
 from epuck_sim.overhead.track import RingWriter, Track, analyse, current_threshold_s, ring_writer
 from epuck_sim.util.atomic_write import growing_text
-from epuck_sim.util.ports import HOST, check_port
+from epuck_sim.util.machine import HOST, check_port
 
 PATIENCE_S = 30.0  # time for which a camera that drops out is tried again: a loose plug, a hub that restarts
 PAUSE_S = 0.5  # time between two tries

@@ -20,7 +20,7 @@ import llvmlite.binding as llvm
 from epuck_sim.embodied.bodies.chipmunk import FUNCTIONS
 from epuck_sim.page.kernels import FOLDER, Model
 from epuck_sim.page.roots import Root, digest_kernels, roots
-from epuck_sim.util.memory import in_bytes
+from epuck_sim.util.machine import in_bytes
 from epuck_sim.util.native import portable_module, stay_portable
 
 TARGET = "wasm32-unknown-unknown"

@@ -11,8 +11,7 @@ from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
 
-from epuck_sim.control.loader import find_controller
-from epuck_sim.control.sensors import find_sensor
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.errors import ScenarioError
 from epuck_sim.page.build import compile_kernels, link
 from epuck_sim.page.roots import Root, controller_root, curve_root, sensor_root

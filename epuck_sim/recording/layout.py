@@ -9,7 +9,7 @@ from typing import NamedTuple
 import rerun.blueprint as rrb
 
 from epuck_sim.control.interface import SENSORS
-from epuck_sim.embodied.memory import READING
+from epuck_sim.embodied.step import READING
 from epuck_sim.recording import Level
 from epuck_sim.recording.layers.arena import LEGEND, NIGHT, number_width
 from epuck_sim.recording.layers.robots import CAMERA, INFRARED, SPACE_TIME

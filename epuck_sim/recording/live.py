@@ -19,7 +19,7 @@ from epuck_sim.recording.viewer import chunk_stream, has_display, web_viewer
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import Observer, TrialState
-from epuck_sim.util.ports import free_port
+from epuck_sim.util.machine import free_port
 
 PAUSE, STEP, END = " ", "n", "q"
 """Keys that pause the trial and let it go on, that take one step, and that end it."""

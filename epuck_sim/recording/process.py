@@ -17,7 +17,7 @@ from typing import IO
 import rerun_cli
 
 from epuck_sim.errors import RecordingError
-from epuck_sim.util.ports import HOST
+from epuck_sim.util.machine import HOST
 
 _FOLDER = Path(rerun_cli.__file__).parent
 _BUNDLED = _FOLDER / "Rerun.app" / "Contents" / "MacOS" / "Rerun"

@@ -19,7 +19,7 @@ from epuck_sim.recording.process import ViewerProcess, in_background, proxy_url
 from epuck_sim.recording.reader import read_layout
 from epuck_sim.recording.rrd_file import APPLICATION, TIMELINE
 from epuck_sim.util.atomic_write import atomic_write
-from epuck_sim.util.ports import HOST, check_port, free_port
+from epuck_sim.util.machine import HOST, check_port, free_port
 
 PAINT_S = 60
 """Time within which a viewer must paint a recording, in seconds: without a graphics card, that is slow."""

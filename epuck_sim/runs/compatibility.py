@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from epuck_sim.control.loader import CONTROLLER, find_controller
-from epuck_sim.control.sensors import find_sensor
+from epuck_sim.control.loader import CONTROLLER, find_controller, find_sensor
 from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import validate

@@ -238,19 +238,26 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
     return [int(value) for value in values] if is_whole else values
 
 
-NAMED_FILES = re.compile(r"robots\.\d+\.controller|response\.curve|arena\.floor\.picture")
+NAMED_FILES = re.compile(
+    r"robots\.\d+\.controller|response\.curve|arena\.floor\.picture"
+    r"|(robot|robots\.\d+\.kind)(\.kind)?|(robots\.\d+\.)?sensors\.\w+(\.file)?"
+)
 """Keys whose values on an axis name files."""
 
-_AROUND_FILES = re.compile(r"robots(\.\d+)?|response|arena(\.floor)?")
+_AROUND_FILES = re.compile(
+    r"robots(\.\d+(\.kind)?)?|robot|response|arena(\.floor)?|(robots\.\d+\.)?sensors(\.[a-zA-Z_]\w*)?"
+)
 
 
 def map_files(key: str, value: Any, change: Callable[[str, Any], Any]) -> Any:
     """Return the value of an axis with `change(key, name)` instead of each file that it, or a key in it, names."""
-    if NAMED_FILES.fullmatch(key):
-        return value if value is None else change(key, value)
     if _AROUND_FILES.fullmatch(key) and isinstance(value, Mapping):
         return {name: map_files(f"{key}.{name}", each, change) for name, each in value.items()}
-    if key == "robots" and isinstance(value, list | tuple):
+    if NAMED_FILES.fullmatch(key):
+        if isinstance(value, Mapping):  # a sensor in a list, with parameters
+            return {change(key, name): each for name, each in value.items()}
+        return value if value is None else change(key, value)
+    if _AROUND_FILES.fullmatch(key) and isinstance(value, list | tuple):
         return [map_files(f"{key}.{number}", each, change) for number, each in enumerate(value)]
     return value
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from epuck_sim.control.loader import find_controller
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.scenario.arena import ArenaSection, find_picture
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
 from epuck_sim.scenario.changes import (
@@ -23,7 +23,7 @@ from epuck_sim.scenario.changes import (
     check_scheduled_controllers,
 )
 from epuck_sim.scenario.overhead import OverheadSection
-from epuck_sim.scenario.robot_kind import RobotKind, check_readings
+from epuck_sim.scenario.robot_kind import ROBOT, RobotKind, check_readings
 from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.stop import StopSection, check_measures_of_present
@@ -308,10 +308,14 @@ class EmbodiedScenario(Scenario):
 
 
 def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:
-    """Return the path of a controller, or of the picture of a floor, that an axis names; others as they are."""
+    """Return the path of a controller, sensor, robot, or picture of a floor, that an axis names; others as they are."""
     with refused_at(f"{origin}: sweep: {key}"):
         if key.endswith(".controller"):
             return find_controller(str(name), folder).stored_name
+        if "sensors." in key:
+            return find_sensor(str(name), folder).stored_name
+        if key.startswith("robot") and isinstance(name, str) and ROBOT.is_path(name):
+            return ROBOT.locate(name, folder).name
         return find_picture(str(name), folder) if key.endswith(".picture") else name
 
 

@@ -6,8 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from epuck_sim.control.loader import find_controller
-from epuck_sim.control.sensors import find_sensor
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.axes import with_ranges
 from epuck_sim.scenario.base import ConfigModel, class_of, ends_in, section_classes

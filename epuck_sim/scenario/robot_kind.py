@@ -1,6 +1,6 @@
 """What kind of robot those of a scenario, or of one of its groups, are: body, wheels and sensors; robots in files.
 
-Sensors in files of their own (see `control.sensors`) are given as a list of files, `[ground.py, {light.py: {range_cm:
+Sensors in files of their own (see `control.loader`) are given as a list of files, `[ground.py, {light.py: {range_cm:
 30}}]`, or by names: `{left: {file: eye.py}}`. A scenario keeps them by names, which are those of their files, so that
 `robots.0.sensors.ground.noise` is a key.
 """
@@ -17,7 +17,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from epuck_sim import epuck
 from epuck_sim.control.interface import SENSORS, Wheels
-from epuck_sim.control.sensors import find_sensor
+from epuck_sim.control.loader import find_sensor
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, describe_problem, refused_at
 from epuck_sim.scenario.yaml_io import line_of_key, read_yaml

@@ -6,7 +6,7 @@ from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.axes import check_figure_axes
 from epuck_sim.scenario.points import Point, describe_axes
 from epuck_sim.trial import model
-from epuck_sim.util.memory import NEGLIGIBLE_BYTES, available_bytes, in_bytes, lack_of_memory
+from epuck_sim.util.machine import NEGLIGIBLE_BYTES, available_bytes, in_bytes, lack_of_memory
 from epuck_sim.util.messages import counted
 
 TRIAL_BYTES = 145

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.util.system import allow_files, blocked, is_ours
+from epuck_sim.util.machine import allow_files, blocked, is_ours
 
 try:
     import fcntl

@@ -43,11 +43,11 @@ EXIT_CODE = 70
 OVERTIME_S = 1.0
 """Wall time in seconds beyond `trial_timeout_s` after which a trial that does not end itself is ended by its worker."""
 
-SETTING_UP = (-1, -1)
+SETTING_UP = (-1, -1, "controller")
 """What is `AtWork` on a trial that is set up."""
 
-AtWork = Callable[[], tuple[int, int] | None]
-"""Returns the robot whose controller is running, -1 while none is, and the number of steps; None if nobody knows."""
+AtWork = Callable[[], tuple[int, int, str] | None]
+"""Returns the robot whose controller or sensor is running, or -1, the step, and which runs; None if nobody knows."""
 KEPT, KEPT_BYTES = 200, 2**28
 """Most simulations that a worker keeps, and the memory that they may take: points of a sweep take turns."""
 
@@ -91,9 +91,9 @@ def _run_task(task: Task, simulations: "_Simulations", dog: "Watchdog") -> Outco
 
 
 def _at_work(simulation: Any) -> AtWork:
-    if hasattr(simulation, "controller_at_work"):
-        return lambda: simulation.controller_at_work() or (-1, simulation.steps)
-    return lambda: (-1, simulation.instants) if hasattr(simulation, "instants") else None
+    if hasattr(simulation, "at_work"):
+        return lambda: simulation.at_work() or (-1, simulation.steps, "")
+    return lambda: (-1, simulation.instants, "") if hasattr(simulation, "instants") else None
 
 
 def out_of_time(timeout_s: float) -> str:
@@ -169,7 +169,7 @@ class Watchdog:
 
     def run(self) -> None:
         """End this process if a trial does not go on for longer than the limit, or does not end when its time is up."""
-        last: tuple[int, tuple[int, int] | None] = (0, None)
+        last: tuple[int, tuple[int, int, str] | None] = (0, None)
         since_s = self._cpu_s()
         while not self.over.wait(min(self._limit_s, self._timeout_s) / 20):
             if time.monotonic() - self._began_s > self._timeout_s + OVERTIME_S:
@@ -178,9 +178,9 @@ class Watchdog:
             if now != last or now[1] is None:
                 last, since_s = now, self._cpu_s()
             elif self._cpu_s() - since_s > self._limit_s * (SET_UP_FACTOR if now[1] == SETTING_UP else 1):
-                robot, step = now[1]
+                robot, step, code = now[1]
                 where = f"robot {robot}, step {step}" if robot >= 0 else f"step {step}" if step >= 0 else "at the start"
-                what = "its controller" if robot >= 0 or step < 0 else "a measure or response curve"
+                what = f"its {code}" if code else "a measure or response curve"
                 self._end(f"{where}: {what} has not returned for {self._limit_s:g} s")
 
     def _end(self, why: str) -> None:

@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import EPUCK_WHEELS, Wheels
-from epuck_sim.control.loader import find_controller
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.control.names import unknown_name
-from epuck_sim.control.sensors import find_sensor
 from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
 from epuck_sim.embodied.sensors.own import assign_sense, readings_of
 from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed

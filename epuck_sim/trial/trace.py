@@ -19,8 +19,7 @@ import pyarrow.parquet as pq
 
 from epuck_sim.arrays import IntArray
 from epuck_sim.control.interface import SENSORS
-from epuck_sim.embodied.memory import check_fields, field_values, reading_fields
-from epuck_sim.embodied.step import Step
+from epuck_sim.embodied.step import Step, check_fields, field_values, reading_fields
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import write_scenario
 from epuck_sim.scenario.scenario import Scenario, require_model

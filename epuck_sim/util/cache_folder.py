@@ -12,7 +12,7 @@ from pathlib import Path
 
 import platformdirs
 
-from epuck_sim.util.system import USER, is_open_to_others, is_ours
+from epuck_sim.util.machine import USER, is_open_to_others, is_ours
 
 UNUSED_S = 30 * 24 * 3600.0
 """Time in seconds after which compiled code that no process has used is removed."""

@@ -9,8 +9,7 @@ import pytest
 
 from epuck_sim import load_scenario
 from epuck_sim.control.interface import World
-from epuck_sim.control.loader import find_controller
-from epuck_sim.control.sensors import find_sensor
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.embodied.layout import make_swarm_block
 from epuck_sim.embodied.placement import Placement
 from epuck_sim.embodied.sensing import brightness_at, distance_cm

@@ -18,7 +18,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from epuck_sim.cli.trials import LiveView
-from epuck_sim.embodied.changes import controller_files
+from epuck_sim.embodied.changes import replacement
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.recording import Level, live, recorder, viewer
@@ -30,7 +30,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
-from epuck_sim.util import ports
+from epuck_sim.util import machine
 from tests.cli.commands import call, called, contents, refused, trials
 from tests.cli.commands import cells as table_cells
 from tests.control.bench import with_step
@@ -111,7 +111,7 @@ def views(monkeypatch) -> Views:
         tell(f"{ADDRESS}:{port}")
 
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(ports, "check_port", lambda _: None)
+    monkeypatch.setattr(machine, "check_port", lambda _: None)
     monkeypatch.setattr(viewer, "show", found.shown.append)
     monkeypatch.setattr(viewer, "serve", serve)
     monkeypatch.setattr(viewer, "draw_screenshot", lambda *call: found.drawn.append(call))
@@ -463,7 +463,7 @@ def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_t
     def live_viewer(*_: Any) -> Iterator[tuple[Window, int]]:
         yield Window(), 77
 
-    monkeypatch.setattr(controller_files, "LOOK_S", 0)
+    monkeypatch.setattr(replacement, "LOOK_S", 0)
     monkeypatch.setattr(live, "live_viewer", live_viewer)
     monkeypatch.setattr(live, "live", show_live)
     options = ("--set", "stop.max_time_s=4", "--memory", "steps", "--interpret")

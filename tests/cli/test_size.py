@@ -39,7 +39,7 @@ def test_a_sweep_begins_with_its_size(tmp_path) -> None:
 
 
 def test_a_sweep_that_needs_too_much_memory_is_refused_and_leaves_nothing(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("epuck_sim.util.memory.available_bytes", lambda: 1000)
+    monkeypatch.setattr("epuck_sim.util.machine.available_bytes", lambda: 1000)
     monkeypatch.setattr("epuck_sim.sweep.checks.available_bytes", lambda: 1000)
     large = ("--set", "arena.width_cm=5000", "--set", "arena.height_cm=5000", "--set", "robots.0.count=20000")
     message = refused("run", "thesis", *large, "--out", tmp_path / "run", "--workers", "2")

@@ -24,7 +24,7 @@ from epuck_sim.overhead.camera_fit import RINGS
 from epuck_sim.overhead.film import FilmWriter, open_film
 from epuck_sim.overhead.live import Watching, live_page, track_camera
 from epuck_sim.overhead.track import Track
-from epuck_sim.util.ports import check_port, free_port
+from epuck_sim.util.machine import check_port, free_port
 from tests.overhead.films import SMALL, even, in_step, make_camera, passed, read_rings, shoot
 
 TIMES = even(4.5)

@@ -25,7 +25,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.ports import free_port
+from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
 from tests.recording.viewers import (
     ARENA,
@@ -362,7 +362,7 @@ import psutil
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level
 from epuck_sim.recording.live import live, live_viewer
-from epuck_sim.util.ports import free_port
+from epuck_sim.util.machine import free_port
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.trial.model import run_trial

@@ -12,9 +12,8 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk, LazyChunkStream, RrdReader
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.memory import memory_values
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.step import Step
+from epuck_sim.embodied.step import Step, memory_values
 from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.recording import Level, recorder
 from epuck_sim.recording.layout import arrangement_of, layout_file, layout_of

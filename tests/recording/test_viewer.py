@@ -46,7 +46,7 @@ from epuck_sim.recording.viewer import (
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import run_trial
-from epuck_sim.util.ports import free_port
+from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
 from tests.recording.viewers import (
     ARENA,

@@ -11,7 +11,7 @@ import pytest
 
 from epuck_sim.sweep import executors
 from epuck_sim.sweep.executors import LOCK, remove_stale_folders
-from epuck_sim.util import system
+from epuck_sim.util import machine
 from tests.processes import COMMAND, start, wait_until
 from tests.sweep.short_sweeps import stored
 
@@ -74,7 +74,7 @@ def test_links_and_the_folders_of_others_stay(tmp_path, monkeypatch) -> None:
     (tmp_path / "pymp-link").symlink_to(outside)
     (tmp_path / "pymp-linked" / LOCK).symlink_to(outside / LOCK)
     (tmp_path / "pymp-ours" / LOCK).touch()
-    monkeypatch.setattr(system, "USER", -1)
+    monkeypatch.setattr(machine, "USER", -1)
     remove_stale_folders()
     assert (tmp_path / "pymp-ours").is_dir()
     monkeypatch.undo()

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.util import cache_folder, system
+from epuck_sim.util import cache_folder, machine
 from epuck_sim.util.cache_folder import ROOM_BYTES, cache_root
-from epuck_sim.util.system import USER
+from epuck_sim.util.machine import USER
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_a_folder_that_others_can_write_to_is_not_taken(
         name.chmod(0o777 if kind == "open to all" else 0o700)
     if kind == "of another user":
         monkeypatch.setattr(cache_folder, "USER", USER + 1)
-        monkeypatch.setattr(system, "USER", USER + 1)
+        monkeypatch.setattr(machine, "USER", USER + 1)
         name.rename(temporary / f"epuck-sim-{USER + 1}")
     folder = cache_root()
     assert folder.parent == temporary

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from numba import njit
 
-from epuck_sim.util import jit, system
+from epuck_sim.util import jit, machine
 from epuck_sim.util.cache_folder import UNUSED_S, remove_unused
 from epuck_sim.util.jit import PACKAGE, Kernel, digest, is_cache, kernel_digest, kernel_files
 from epuck_sim.util.native import unlikely
@@ -111,7 +111,7 @@ def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_c
         covered = set(kernel_files(room))
         outside = {f"{file.relative_to(PACKAGE)}: {name}" for file, name in seen if file not in covered}
         # `jit` itself, and where it keeps compiled code, is no value of a kernel
-        free = ("util/jit.py", "util/cache_folder.py", "util/system.py", "arrays.py")
+        free = ("util/jit.py", "util/cache_folder.py", "util/machine.py", "arrays.py")
         assert {each for each in outside if not each.startswith(free)} == set(), room
 
 
@@ -205,7 +205,7 @@ def test_another_user_s_cache_a_link_and_a_file_stay(tmp_path, monkeypatch) -> N
     remove_unused(root.iterdir(), is_cache)
     assert len(list(root.iterdir())) == 2
     make_cache(root / "0123456789abcde3", OLD)
-    monkeypatch.setattr(system, "USER", os.getuid() + 1)
+    monkeypatch.setattr(machine, "USER", os.getuid() + 1)
     remove_unused(root.iterdir(), is_cache)
     assert len(list(root.iterdir())) == 3
     assert elsewhere.exists()

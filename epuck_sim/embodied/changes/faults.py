@@ -1,7 +1,8 @@
 """Faults of robots: who has them, from when to when, and what they change (thesis 4.4).
 
-A fault changes one reading, actuator or clock, which its section of a scenario names. `HOOKS` has the kernels that
-change these, and their moments of a control step. A step calls only those that the faults of its scenario need.
+A fault changes one reading, actuator or clock, which its section of a scenario names. A control step calls
+`change_faults` first of all, `hold` before robots sense, `blank_readings` afterwards, `freeze` when controllers have
+run, and `fail_actuators` when commands have been carried out; sensors of flashes call `hide_flashes`.
 
 Times are in milliseconds. Each fault draws from streams of its own, one for each robot, so that neither other faults
 nor further robots change it; what robots draw without faults stays as it is.
@@ -145,39 +146,56 @@ def _change(swarm: Swarm, fault: int, robot: int) -> None:
 
 @jit_no_alloc
 def change_faults(block: ByteArray, _addresses: IntArray, _number: int) -> None:
-    """Begin and end the faults whose time has come, and log them; number the flashes that begin.
-
-    First in a control step, where there are faults.
-    """
+    """Begin and end the faults whose time has come, and log them; number the flashes that begin, and tick clocks."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
     time_ms = float(scene.step * scene.step_ms)
     for number in range(len(swarm.robots)):
         robot = swarm.robots[number]
-        robot.starts_anew_at = -1.0
+        robot.starts_anew_at, robot.faults = -1.0, 0
         if robot.ring_on and not robot.ring_before:
             robot.flash_number += 1
     for fault in range(len(swarm.faults)):
         for number in range(len(swarm.robots)):
             affected = swarm.affected[fault * len(swarm.robots) + number]
-            if affected.change_ms > time_ms:
-                continue
             was_active = affected.is_active
+            is_due = affected.change_ms <= time_ms
             while affected.change_ms <= time_ms:
                 _change(swarm, fault, number)
-            if swarm.faults[fault].kind == RESTART or affected.is_active != was_active:
+            if affected.is_active != was_active or (is_due and swarm.faults[fault].kind == RESTART):
                 change = swarm.log[scene.changes]
                 change.time_ms, change.fault, change.robot, change.begins = time_ms, fault, number, not was_active
                 scene.changes += 1
+            if affected.is_active:
+                swarm.robots[number].faults |= 1 << swarm.faults[fault].kind
+    for number in range(len(swarm.robots)):
+        _tick(swarm, number)
 
 
 @jit_inline
-def has_fault(swarm: Swarm, kind: int, robot: int) -> bool:
-    """Return whether a robot has a fault of a kind."""
+def _tick(swarm: Swarm, number: int) -> None:
+    """Write the ms until the next control step by a clock that may be faulty; fractions carry over."""
+    scene, robot = swarm.scene[0], swarm.robots[number]
+    if not (has_fault(robot, CLOCK_DRIFT) or has_fault(robot, CLOCK_JITTER)):
+        if not scene.clocks_differ:
+            robot.sensors.step_ms = scene.step_ms
+        return
+    rate = 1.0
     for fault in range(len(swarm.faults)):
-        if swarm.faults[fault].kind == kind and swarm.affected[fault * len(swarm.robots) + robot].is_active:
-            return True
-    return False
+        section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + number]
+        if affected.is_active and section.kind == CLOCK_DRIFT:
+            rate *= section.strength
+        elif affected.is_active and section.kind == CLOCK_JITTER:
+            rate *= 1.0 + section.strength * (2.0 * uniform(affected.random) - 1.0)
+    counted = robot.own_step_ms * rate + robot.left_over_ms
+    robot.sensors.step_ms = math.floor(counted)
+    robot.left_over_ms = counted - math.floor(counted)
+
+
+@jit_inline
+def has_fault(robot: Any, kind: int) -> bool:
+    """Return whether a robot has a fault of a kind."""
+    return bool((robot.faults >> kind) & 1)
 
 
 def take_events(swarm: Swarm) -> list[TrialEvent]:
@@ -202,36 +220,17 @@ def _what(kind: int, *, begins: bool) -> str:
 
 
 @jit_no_alloc
-def tick_clocks(block: ByteArray, _addresses: IntArray, _number: int) -> None:
-    """Write the ms until the next control step by clocks that may be faulty; fractions carry over."""
-    swarm = swarm_at(block)
-    scene = swarm.scene[0]
-    for number in range(len(swarm.robots)):
-        robot = swarm.robots[number]
-        is_faulty, rate = False, 1.0
-        for fault in range(len(swarm.faults)):
-            section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + number]
-            if not affected.is_active:
-                continue
-            if section.kind == CLOCK_DRIFT:
-                is_faulty = True
-                rate *= section.strength
-            elif section.kind == CLOCK_JITTER:
-                is_faulty = True
-                rate *= 1.0 + section.strength * (2.0 * uniform(affected.random) - 1.0)
-        if is_faulty:
-            counted = robot.own_step_ms * rate + robot.left_over_ms
-            robot.sensors.step_ms = math.floor(counted)
-            robot.left_over_ms = counted - math.floor(counted)
-        elif not scene.clocks_differ:
-            robot.sensors.step_ms = scene.step_ms
+def hold(block: ByteArray, _addresses: IntArray, number: int) -> None:
+    """Start those of a group's oscillators anew whose turn it is, and hold phases and rings, before robots sense.
 
-
-@jit_no_alloc
-def hold_phases(block: ByteArray, _addresses: IntArray, number: int) -> None:
-    """Start those of a group's oscillators anew whose turn it is, and hold phases and rings, before controllers run."""
+    Sensors in files of their own read what they have sensed, dead or not: some count on from there.
+    """
     swarm = swarm_at(block)
     group = swarm.groups[number]
+    for index in range(len(swarm.senses)):
+        own = swarm.senses[index]
+        if own.first == group.first:
+            _copy(swarm.sensed, own.kept, own.readings, own.random - own.readings)
     if group.phase < 0:
         return
     period = group.parameters + group.period
@@ -251,43 +250,6 @@ def hold_phases(block: ByteArray, _addresses: IntArray, number: int) -> None:
         robot.held_ring = robot.actuators.ring_on
 
 
-@jit_no_alloc
-def freeze_phases(block: ByteArray, _addresses: IntArray, number: int) -> None:
-    """Set the phases and rings of a group's frozen oscillators back to what they were before controllers ran."""
-    swarm = swarm_at(block)
-    group = swarm.groups[number]
-    if group.phase < 0:
-        return
-    for row in range(group.count):
-        if has_fault(swarm, OSCILLATOR_FROZEN, group.first + row):
-            robot = swarm.robots[group.first + row]
-            at = group.memory + row * group.memory_bytes + group.phase
-            array_at(block, at, at + 8, INT64)[0] = robot.held_phase
-            robot.actuators.ring_on = robot.held_ring
-
-
-@jit_no_alloc
-def blank_infrared(block: ByteArray, _addresses: IntArray, number: int) -> None:
-    """Write the readings of a group's dead proximity sensors, 0, and their distances."""
-    swarm = swarm_at(block)
-    group = swarm.groups[number]
-    for robot in range(group.first, group.first + group.count):
-        if has_fault(swarm, INFRARED_DEAD, robot):
-            for sensor in range(SENSORS):
-                swarm.robots[robot].sensors.infrared[sensor] = 0.0
-                swarm.robots[robot].sensors.distance_mm[sensor] = epuck.OUT_OF_RANGE_MM
-
-
-@jit_no_alloc
-def restore_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
-    """Write what a group's sensors in files of their own have sensed, dead or not: some count on from there."""
-    swarm = swarm_at(block)
-    for index in range(len(swarm.senses)):
-        own = swarm.senses[index]
-        if own.first == swarm.groups[number].first:
-            _copy(swarm.sensed, own.kept, own.readings, own.random - own.readings)
-
-
 @jit_inline
 def _copy(array: ByteArray, source: int, target: int, size: int) -> None:
     for index in range(size):
@@ -296,9 +258,15 @@ def _copy(array: ByteArray, source: int, target: int, size: int) -> None:
 
 @jit_no_alloc
 def blank_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
-    """Write what a group's dead sensors in files of their own read: 0."""
+    """Write what a group's dead sensors read: 0, and no distance."""
     swarm = swarm_at(block)
     at, group = swarm.scene[0].at[SENSED_BYTES], swarm.groups[number]
+    for member in range(group.count):
+        robot = swarm.robots[group.first + member]
+        if has_fault(robot, INFRARED_DEAD):
+            for sensor in range(SENSORS):
+                robot.sensors.infrared[sensor] = 0.0
+                robot.sensors.distance_mm[sensor] = epuck.OUT_OF_RANGE_MM
     for index in range(len(swarm.senses)):
         own = swarm.senses[index]
         if own.first != group.first:
@@ -314,6 +282,33 @@ def blank_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
 
 
 @jit_no_alloc
+def freeze(block: ByteArray, _addresses: IntArray, number: int) -> None:
+    """Set the phases and rings of a group's frozen oscillators back to what they were before controllers ran."""
+    swarm = swarm_at(block)
+    group = swarm.groups[number]
+    if group.phase < 0:
+        return
+    for row in range(group.count):
+        robot = swarm.robots[group.first + row]
+        if has_fault(robot, OSCILLATOR_FROZEN):
+            at = group.memory + row * group.memory_bytes + group.phase
+            array_at(block, at, at + 8, INT64)[0] = robot.held_phase
+            robot.actuators.ring_on = robot.held_ring
+
+
+@jit_no_alloc
+def fail_actuators(block: ByteArray, _addresses: IntArray, _number: int) -> None:
+    """Light the rings that are commanded, or stuck, and work; stop dead wheels, which count as commanded."""
+    swarm = swarm_at(block)
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        is_on = robot.ring_command or has_fault(robot, RING_STUCK_ON)
+        robot.ring_on = is_on and not has_fault(robot, RING_DEAD)
+        if has_fault(robot, WHEELS_DEAD):
+            robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
+
+
+@jit_no_alloc
 def hide_flashes(block: ByteArray, _addresses: IntArray, robot: int) -> None:
     """Write which lit rings faults do not keep a robot from seeing: 1 for each, 0 for others, one for each robot.
 
@@ -321,7 +316,7 @@ def hide_flashes(block: ByteArray, _addresses: IntArray, robot: int) -> None:
     """
     swarm = swarm_at(block)
     robots = len(swarm.robots)
-    is_blind = has_fault(swarm, CAMERA_BLIND, robot)
+    is_blind = has_fault(swarm.robots[robot], CAMERA_BLIND)
     for sender in range(robots):
         is_seen = swarm.robots[sender].ring_on and not is_blind and not _misses(swarm, robot, sender)
         swarm.numbers[robots + sender] = int(is_seen)
@@ -357,49 +352,3 @@ def _mixed(word: np.uint64) -> np.uint64:
     word = (word ^ (word >> np.uint64(27))) * _MIX_2
     mixed: np.uint64 = word ^ (word >> np.uint64(31))
     return mixed
-
-
-@jit_no_alloc
-def fail_rings(block: ByteArray, _addresses: IntArray, _number: int) -> None:
-    """Light the rings that are commanded, or stuck, and work."""
-    swarm = swarm_at(block)
-    for number in range(len(swarm.robots)):
-        robot = swarm.robots[number]
-        is_on = robot.ring_command or has_fault(swarm, RING_STUCK_ON, number)
-        robot.ring_on = is_on and not has_fault(swarm, RING_DEAD, number)
-
-
-@jit_no_alloc
-def stop_wheels(block: ByteArray, _addresses: IntArray, _number: int) -> None:
-    """Stop the robots whose wheels are dead; these count as commanded."""
-    swarm = swarm_at(block)
-    for number in range(len(swarm.robots)):
-        if has_fault(swarm, WHEELS_DEAD, number):
-            robot = swarm.robots[number]
-            robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
-
-
-BEGIN, BEFORE_SENSING, AFTER_SENSING, AFTER_CONTROLLERS, LATE, WHILE_SENSING = range(6)
-"""Moments of a control step: first of all; before and after all groups sense; after all controllers; when commands
-have been carried out; and when a robot looks for flashes. `BEGIN` and `LATE` are for all robots at once, those between
-for each group."""
-
-HOOKS: tuple[tuple[str, int, Any], ...] = (
-    ("clock", BEGIN, tick_clocks),
-    ("phase", BEFORE_SENSING, hold_phases),
-    ("sensor", BEFORE_SENSING, restore_readings),
-    ("infrared", AFTER_SENSING, blank_infrared),
-    ("sensor", AFTER_SENSING, blank_readings),
-    ("phase", AFTER_CONTROLLERS, freeze_phases),
-    ("ring", LATE, fail_rings),
-    ("wheels", LATE, stop_wheels),
-    ("flashes", WHILE_SENSING, hide_flashes),
-)
-"""The kernels (block, addresses, number) that change what faults change, and their moments; the number is a group's."""
-
-
-def hooks_at(moment: int, scenario: EmbodiedScenario) -> list[Any]:
-    """Return the kernels that the faults of a scenario need at a moment of a control step, in order."""
-    changed = {section.changes for section in scenario.faults}
-    first = [change_faults] if moment == BEGIN and changed else []
-    return first + [kernel for what, when, kernel in HOOKS if when == moment and what in changed]

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from epuck_sim import elementary
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.sensors.sight import (
     ATAN2_ERROR_RAD,
@@ -61,7 +62,7 @@ def set_camera(record: Any, rays: Any, section: CameraSection, kind: RobotKind, 
     pitch = math.radians(section.field_of_view_deg) / pixels
     angles = math.radians(section.field_of_view_deg) / 2 - pitch * (np.arange(pixels) + 0.5)
     for ray, angle in zip(rays, angles, strict=True):
-        ray.sin, ray.cos = sin_cos(angle)
+        ray.sin, ray.cos = elementary.sin_cos(angle)
     record.first = (pixels - central) // 2
     record.end = record.first + central
     record.left_rad = angles[0]

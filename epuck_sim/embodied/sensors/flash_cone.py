@@ -7,13 +7,14 @@ of the two meets the body of a third robot, or an obstacle. Enki's camera differ
 import math
 from typing import Any
 
+from epuck_sim import elementary
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.cells import cells_around, members_along, members_in_row, rows_along
 from epuck_sim.embodied.sensors.enki_camera import shows
 from epuck_sim.embodied.sensors.sight import find_lit, find_visible
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.scenario.robots import ConeSection, ConeSignal, EnkiCameraSignal, SectorSection
-from epuck_sim.util.elementary import cos, hypot, sin_cos
+from epuck_sim.util.elementary import hypot, sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 _FULL_CIRCLE_COS = -2.0
@@ -24,7 +25,7 @@ def set_cone(record: Any, section: SectorSection, forward_cm: float) -> None:
     """Set CONE of a group, where flashes, or pulses, reach its robots; forward_cm: of a camera ahead of the centre."""
     record.range_cm = math.inf if section.range_cm is None else section.range_cm
     full, half = section.angle_deg == 360, math.radians(section.angle_deg / 2)
-    record.cos = _FULL_CIRCLE_COS if full else cos(half)
+    record.cos = _FULL_CIRCLE_COS if full else elementary.cos(half)
     record.of_vision = not isinstance(section, ConeSection) or section.of == "vision"
     record.occlusion = isinstance(section, ConeSignal | EnkiCameraSignal) and section.occlusion
     record.by_parts = isinstance(section, EnkiCameraSignal)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim import epuck
+from epuck_sim import elementary, epuck
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.cells import cells_around, members_in_row
@@ -17,7 +17,7 @@ from epuck_sim.embodied.sensors.sight import to_disc, to_segment
 from epuck_sim.embodied.swarm import RAYS, Swarm, swarm_at
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import InfraredSection
-from epuck_sim.util.elementary import cos, sin_cos
+from epuck_sim.util.elementary import sin_cos
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 _TABLE_COUNTS = epuck.INFRARED_TABLE_COUNTS
@@ -39,8 +39,8 @@ def set_infrared(record: Any, kind: RobotKind, section: InfraredSection, noise_c
     record.count = len(x)
     record.x[: len(x)], record.y[: len(x)] = x, y
     for ray, angle in np.ndenumerate(angles):
-        record.sin[ray], record.cos[ray] = sin_cos(angle)
-    record.stretch = 1 / cos(spread_rad)
+        record.sin[ray], record.cos[ray] = elementary.sin_cos(angle)
+    record.stretch = 1 / elementary.cos(spread_rad)
     for name in ("range_cm", "peak_counts", "peak_cm", "width_cm2"):
         record[name] = getattr(kind.infrared, name)
 

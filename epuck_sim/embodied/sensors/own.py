@@ -1,4 +1,4 @@
-"""Sensors in files of their own: compiled with their files, or run as plain Python (see `control.sensors`)."""
+"""Sensors in files of their own: compiled with their files, or run as plain Python (see `control.loader`)."""
 
 from collections import namedtuple
 from collections.abc import Callable, Sequence

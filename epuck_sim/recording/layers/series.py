@@ -9,8 +9,7 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.memory import READING, check_fields, field_values, reading_fields
-from epuck_sim.embodied.step import Step
+from epuck_sim.embodied.step import READING, Step, check_fields, field_values, reading_fields
 from epuck_sim.recording import Level
 from epuck_sim.recording.rows import Population, RowBatch
 from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk

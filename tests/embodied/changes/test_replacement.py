@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from epuck_sim.control.loader import find_controller, load_controller
-from epuck_sim.embodied.changes import controller_files
-from epuck_sim.embodied.changes.controller_files import SETTLED_S, ControllerFiles
-from epuck_sim.embodied.changes.replacement import replace_controller
+from epuck_sim.embodied.changes import replacement
+from epuck_sim.embodied.changes.replacement import SETTLED_S, ControllerFiles, replace_controller
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import open_block
 from epuck_sim.errors import EpuckSimError
@@ -257,7 +256,7 @@ def test_a_file_in_the_middle_of_being_saved_and_one_that_is_only_touched_change
     simulation.advance(1)
     controllers = simulation.controllers
     with monkeypatch.context() as slow:
-        slow.setattr(controller_files, "SETTLED_S", 60)
+        slow.setattr(replacement, "SETTLED_S", 60)
         path.write_text("PARAM")
         look(files)
     path.unlink()

@@ -4,8 +4,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from epuck_sim import Simulation, load_scenario, run_trial
+from epuck_sim import Simulation, load_scenario, read_recording, record, run_trial
 from epuck_sim.control import compilation
+from epuck_sim.control.loader import find_controller, find_sensor
+from epuck_sim.environments import parallel_env
 from epuck_sim.errors import ControllerError, EpuckSimError
 from epuck_sim.scenario.points import points
 from epuck_sim.testing import TestRobot
@@ -165,7 +167,7 @@ def test_a_file_of_several_groups_is_compiled_once(files, monkeypatch):
     group = {"count": 2, "controller": "sees.py", "sensors": ["ground.py", "counter.py"]}
     given = {"robots": [group, group, {**group, "sensors": [{"ground.py": {"noise": 0.1}}, "counter.py"]}]}
     Simulation(given, 1).advance(3)
-    assert sorted(compiled) == ["_sense", "_sense", "run_group"]
+    assert sorted(compiled) == ["run_group", "run_sensor", "run_sensor"]
 
 
 @pytest.mark.parametrize("interpret", [False, True])
@@ -190,15 +192,43 @@ def test_robots_that_are_not_in_the_arena_read_nothing():
 
 
 @pytest.mark.usefixtures("files")
-def test_traces_have_a_column_for_each_number_that_robots_read(tmp_path):
-    loaded = load_scenario(scenario(stop={"max_time_s": 2}))
+def test_readings_are_in_traces_recordings_notebooks_and_observations_without_another_line(tmp_path):
+    loaded = load_scenario(scenario(controller="external", stop={"max_time_s": 2}))
     simulation = Simulation(loaded, 1)
-    with Trace(tmp_path / "t.parquet", loaded, 1) as trace:
-        run_trial(simulation, observers=[trace])
-    table = pq.read_table(tmp_path / "t.parquet")
-    last = table.column("sensors.ground.0").to_numpy()[-4:]
-    np.testing.assert_array_equal(last, simulation.last_step.readings["ground"][:, 0])
-    assert {"sensors.ground.1", "sensors.own_number"} <= set(table.column_names)
+    with Trace(tmp_path / "t.parquet", loaded, 1) as trace, record(tmp_path / "r.rrd", loaded, 1) as recorder:
+        run_trial(simulation, observers=[trace, recorder])
+    table, recorded = pq.read_table(tmp_path / "t.parquet"), read_recording(tmp_path / "r.rrd").memory
+    step, names = simulation.last_step, {"sensors.ground.0", "sensors.ground.1", "sensors.own_number"}
+    assert names == set(recorded)
+    assert names <= set(table.column_names)
+    for last in (table.column("sensors.ground.0").to_numpy()[-4:], recorded["sensors.ground.0"][-1]):
+        np.testing.assert_array_equal(last, step.readings["ground"][:, 0])
+    assert '>ground</th><th scope="col">own_number</th>' in step._repr_html_()
+    observed, _ = parallel_env(loaded).reset(seed=1)
+    start = Simulation(loaded, 1).advance(1).readings["ground"]
+    expected = [[*row, number] for number, row in enumerate(start)]
+    np.testing.assert_allclose([row[-3:] for row in observed.values()], expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("code", ["sensor", "controller"])
+def test_who_is_at_work_is_known_while_it_is(files, code):
+    """The sweep's watchdog asks from another thread, and names what does not return."""
+    look = "LOOK = [int]\n\n\ndef look():\n    LOOK[0]()\n"
+    edits = {
+        "sensor": ("ground", GROUND, "    x = "),
+        "controller": ("follower", FOLLOWER, "    memory.seen = sensors"),
+    }
+    name, text, line = edits[code]
+    files(**{name: look + text.replace(line, f"    look()\n{line}")})
+    simulation, seen = Simulation(scenario(count=2), 1, interpret=True), []
+    find = {"sensor": find_sensor, "controller": find_controller}[code]
+    (module,) = find(f"{name}.py").modules.values()
+    module.LOOK[0] = lambda: seen.append(simulation.at_work())
+    assert simulation.at_work() is None
+    simulation.advance(2)
+    said = "sensor ground" if code == "sensor" else "controller"
+    assert seen == [(robot, step, said) for step in (0, 1) for robot in (0, 1)]
+    assert simulation.at_work() is None
 
 
 @pytest.mark.usefixtures("files")
@@ -349,3 +379,25 @@ def test_two_sensors_with_a_reading_of_one_name_are_refused():
     given["robots"][0]["sensors"] = {"left": "ground.py", "right": {"file": "ground.py", "ahead_cm": 1}}
     with pytest.raises(EpuckSimError, match=r"sensors\.right: tells 'ground', and left does, too; rename it"):
         load_scenario(given)
+
+
+def test_sensors_and_robots_of_an_axis_are_looked_for_in_the_scenario_s_folder(tmp_path, files, monkeypatch):
+    files()
+    (tmp_path / "cart.yaml").write_text("radius_cm: 4\nsensors: [ground.py]\n")
+    (tmp_path / "s.yaml").write_text("robots: [{count: 2, controller: wanderer.py}]\n")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+
+    def swept(axis):
+        return points(load_scenario("../s.yaml", axes=[axis]))
+
+    for key in ("sensors", "robots.0.sensors"):
+        found = swept(f"{key}=[dice.py],[dice.py, {{ground.py: {{noise: 0.5}}}}],{{left: {{file: ground.py}}}}")
+        assert [list(point.scenario.robots[0].sensors) for point in found] == [["dice"], ["dice", "ground"], ["left"]]
+        assert [point.axes[key] for point in found[:2]] == [["dice.py"], ["dice.py", {"ground.py": {"noise": 0.5}}]]
+    for key in ("robot", "robots.0.kind"):
+        found = swept(f"{key}=cart.yaml,epuck")
+        assert [list(point.scenario.robots[0].sensors) for point in found] == [["ground"], []]
+        assert [point.axes[key] for point in found] == ["cart.yaml", "epuck"]
+    with pytest.raises(EpuckSimError, match=r"sweep: sensors\.0: no sensor file 'gone\.py' in "):
+        swept("sensors=[gone.py]")

@@ -1,5 +1,7 @@
-"""Claims about the memory that is available, what is refused for lack of it, and how good the estimates are."""
+"""Claims about this machine: what is missing is not missed, what is too much is refused, estimates are right."""
 
+import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -7,13 +9,70 @@ from pathlib import Path
 import pytest
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.errors import FilmError, ScenarioError
+from epuck_sim.errors import FilmError, PortError, ScenarioError
 from epuck_sim.overhead.filming import film_trial
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.checks import check_memory
-from epuck_sim.util import memory
-from epuck_sim.util.memory import available_bytes, in_bytes, lack_of_memory
+from epuck_sim.util import machine
+from epuck_sim.util.machine import (
+    HOST,
+    available_bytes,
+    check_port,
+    free_port,
+    in_bytes,
+    is_open_to_others,
+    is_ours,
+    lack_of_memory,
+    signals,
+)
+
+ROOT = Path(__file__).parents[2]
+
+ELSEWHERE = """
+import platformdirs.unix, psutil  # which have files of their own for each system
+import multiprocessing, os, signal, sys
+
+sys.modules.update(fcntl=None, resource=None, termios=None)
+for module, names in {os: ("getuid", "geteuid", "fork"), signal: ("SIGHUP", "pthread_sigmask", "pthread_kill")}.items():
+    for name in names:
+        delattr(module, name)
+multiprocessing.get_all_start_methods = lambda: ["spawn"]
+"""
+"""Takes away, from every process that is started, what Windows does not have."""
+
+
+def test_a_trial_a_sweep_and_a_summary_need_nothing_that_windows_lacks(tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(ELSEWHERE)
+    environment = os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+
+    def command(*arguments: str) -> subprocess.CompletedProcess[str]:
+        program = [sys.executable, "-m", "epuck_sim", *arguments]
+        done = subprocess.run(program, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done
+
+    missing = "import fcntl"
+    assert subprocess.run([sys.executable, "-c", missing], env=environment, check=False, capture_output=True).returncode
+    assert "T_sync" in command("run", "thesis", "--set", "stop.max_cycles=5").stdout
+    command("run", "thesis", "--set", "stop.max_cycles=5", "--trials", "4", "--workers", "2", "--out", "o")
+    assert "4" in command("summarize", "o").stdout
+
+
+def test_without_users_all_files_are_ours(tmp_path: Path, monkeypatch) -> None:
+    tmp_path.chmod(0o777)
+    assert is_open_to_others(tmp_path)
+    assert is_ours(tmp_path)
+    monkeypatch.setattr(machine, "USER", None)
+    assert is_ours(Path("/"))
+    assert not is_open_to_others(tmp_path)
+
+
+def test_a_signal_that_is_not_there_is_left_out() -> None:
+    assert [each.name for each in signals("SIGINT", "SIGNOTHING", "SIGTERM")] == ["SIGINT", "SIGTERM"]
+
+
+# --- memory -------------------------------------------------------------------------------------------
 
 LARGE = {"arena": {"width_cm": 3000, "height_cm": 3000}, "robots": [{"count": 20_000, "camera": {"pixels": 400}}]}
 TOO_LARGE = 1.4  # an estimate that is off by more than this factor misleads
@@ -22,7 +81,7 @@ TOO_LARGE = 1.4  # an estimate that is off by more than this factor misleads
 @pytest.fixture
 def little(monkeypatch) -> int:
     """Return how much memory a machine has left that has little of it."""
-    monkeypatch.setattr(memory, "available_bytes", lambda: 70_000_000)
+    monkeypatch.setattr(machine, "available_bytes", lambda: 70_000_000)
     return 70_000_000
 
 
@@ -45,14 +104,14 @@ def test_a_control_group_and_those_around_it_limit_what_is_available(tmp_path, v
     root = tmp_path / ("" if version == 2 else "memory")
     cgroup(root / "job", version=version, limit="5000", usage=3000, droppable=500)
     cgroup(root / "job" / "step", version=version, limit="max", usage=3000, droppable=500)
-    assert list(memory._of_cgroups(tmp_path, f"3:cpu:/other\n{line}\n")) == [2500]
+    assert list(machine._of_cgroups(tmp_path, f"3:cpu:/other\n{line}\n")) == [2500]
     cgroup(root / "job" / "step", version=version, limit="4000", usage=3000, droppable=0)
-    assert sorted(memory._of_cgroups(tmp_path, line)) == [1000, 2500]
+    assert sorted(machine._of_cgroups(tmp_path, line)) == [1000, 2500]
 
 
 def test_a_limit_on_addresses_limits_what_is_available() -> None:
     code = (
-        "import resource; from epuck_sim.util.memory import available_bytes; "
+        "import resource; from epuck_sim.util.machine import available_bytes; "
         "resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9,) * 2); print(available_bytes())"
     )
     available = int(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
@@ -86,7 +145,7 @@ def test_a_film_is_refused_before_it_takes_memory(tmp_path) -> None:
 
 def test_a_sweep_is_refused_whose_workers_need_more_together(monkeypatch) -> None:
     found = points(load_scenario(LARGE, axes=["robots.0.camera.pixels=1,400"]))
-    for module in ("epuck_sim.util.memory", "epuck_sim.sweep.checks"):
+    for module in ("epuck_sim.util.machine", "epuck_sim.sweep.checks"):
         monkeypatch.setattr(f"{module}.available_bytes", lambda: 500_000_000)
     check_memory(found, 3)
     with pytest.raises(ScenarioError, match=r"4 workers needs about 640 MB of memory, and 500 MB .* give --workers 3"):
@@ -123,3 +182,22 @@ def test_sizes_are_given_in_the_largest_unit_of_which_there_is_one() -> None:
     assert [in_bytes(count) for count in (145, 145_000, 999_999, 1_000_000, 123_456_789)] == [
         *("0.14 kB", "145 kB", "1000 kB", "1 MB", "123 MB"),
     ]
+
+
+# --- ports --------------------------------------------------------------------------------------------
+
+
+def test_a_port_at_which_browsers_open_no_page_is_refused() -> None:
+    with pytest.raises(PortError, match=r"^port 6000 cannot be used: browsers open no pages there; .* --port$"):
+        check_port(6000)
+
+
+def test_a_free_port_can_be_used_until_a_program_has_it() -> None:
+    port = free_port()
+    check_port(port)
+    with socket.socket() as taken:
+        taken.bind((HOST, port))
+        taken.listen()
+        with pytest.raises(PortError, match=f"^port {port} cannot be used: Address already in use; give another"):
+            check_port(port)
+    check_port(port)
