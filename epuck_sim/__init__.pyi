@@ -25,7 +25,7 @@ from .scenario.loader import load_scenario
 from .scenario.particles import ParticleScenario
 from .scenario.points import Point, points
 from .scenario.scenario import Scenario
-from .statistics.summary import summarize
+from .statistics.statistic import summarize
 from .sweep.run import run_sweep
 from .trial.embodied import start_like
 from .trial.model import run_trial

@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim import read_points
 from epuck_sim.figures.style import choose_looks
-from epuck_sim.replication.effects import Effect, exponentiate, resampled
-from epuck_sim.replication.places import Drawn, Place, collapse, find_place
+from epuck_sim.replication.criteria import Drawn, Effect, Place, collapse, exponentiate, find_place, resampled
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import require_model

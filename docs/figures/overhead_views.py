@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation, load_scenario, run_trial
-from epuck_sim.figures.film_tracking import save_track_figure
+from epuck_sim.figures.films import save_track_figure
 from epuck_sim.overhead.annotate import Annotator
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import Picture

@@ -306,7 +306,7 @@ def track(
         if annotate is not None and camera is None:
             annotate_film(tracked, annotate, progress_bar("annotating"))
         if plot is not None:
-            from epuck_sim.figures.film_tracking import save_track_figure
+            from epuck_sim.figures.films import save_track_figure
 
             save_track_figure(plot, tracked, snapshot(tracked) if camera is None else None)
 
@@ -373,7 +373,7 @@ def compare_film(
         fitted = compare.fitted_values(loaded, track, found)
         (print_comparison_json if as_json else print_comparison)(film, loaded.name, rows, fitted)
         if plot is not None:
-            from epuck_sim.figures.film_comparison import save_comparison_figure
+            from epuck_sim.figures.films import save_comparison_figure
 
             save_comparison_figure(plot, rows)
         if fit is not None:

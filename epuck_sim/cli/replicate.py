@@ -51,8 +51,8 @@ def replicate(
             for claim in chosen:
                 typer.echo(f"{claim.id:4} {claim.section:12} {claim.claim}{'' if claim.checks else ' (no trials)'}")
             return
+        from epuck_sim.replication.page import write_replication
         from epuck_sim.replication.sweeps import Version
-        from epuck_sim.replication.writer import write_replication
         from epuck_sim.sweep.cluster import DaskCluster
         from epuck_sim.sweep.executors import local_pool
 

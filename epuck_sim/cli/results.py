@@ -24,7 +24,7 @@ from epuck_sim.cli.options import (
     read_scenario,
 )
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.measured import Statistic
 
 if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
     from epuck_sim.cli.tables import Duration
@@ -81,7 +81,7 @@ def summarize(
         from epuck_sim.cli.tables import show
         from epuck_sim.runs.reader import read_points
         from epuck_sim.statistics.series import has_series, series_table, summarize_series
-        from epuck_sim.statistics.summary import summarize as statistics
+        from epuck_sim.statistics.statistic import summarize as statistics
 
         reject_first((as_json and as_csv, BOTH))
         points = read_points(folder, of)
@@ -115,12 +115,12 @@ def fit(
             (x is not None and of is None, "--x is for measures, --of NAME; T_sync is fitted against speed"),
         )
         if of is not None:
-            from epuck_sim.statistics.measure_fit import fit_measure, measure_fit_table
+            from epuck_sim.statistics.fit import fit_measure, measure_fit_table
 
             fits = [fit for folder in folders for fit in fit_measure(folder, of, x, statistic)]
             show([measure_fit_table(fits)], [fit.record() for fit in fits], as_json=as_json, as_csv=as_csv)
             return
-        from epuck_sim.statistics.scaling_fit import fit_curves, fit_laws, fit_tables
+        from epuck_sim.statistics.fit import fit_curves, fit_laws, fit_tables
 
         curves = [curve for folder in folders for curve in fit_curves(folder, statistic)]
         laws = fit_laws(curves)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.display.numbers import in_words
+from epuck_sim.display.html import in_words
 from epuck_sim.display.table import Row, Share, Table, plain
 from epuck_sim.estimate import Estimate, significant
 from epuck_sim.scenario.points import describe_axes
@@ -83,8 +83,7 @@ def _cells_of_trial(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
 
 
 def _summary(results: Sequence[TrialResult], max_cycles: int) -> str:
-    from epuck_sim.statistics.measured import Measured
-    from epuck_sim.statistics.names import Statistic
+    from epuck_sim.statistics.measured import Measured, Statistic
     from epuck_sim.statistics.statistic import estimate  # which takes scipy
 
     times = np.array([result.cycles for result in results], float)

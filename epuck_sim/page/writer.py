@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from epuck_sim import __version__
-from epuck_sim.display.page import check_suffix
+from epuck_sim.display.html import check_suffix
 from epuck_sim.page.agents import agents_facts, agents_settings
 from epuck_sim.page.kernels import Model, read_module
 from epuck_sim.page.own import compile_own

@@ -1,20 +1,175 @@
-"""Claims as data: what is claimed, the sweep that asks it, and its tests; read from YAML."""
+"""Claims as data: what is claimed, the sweep that asks it, and its tests; read from YAML.
 
+A test is of trials, or of a number that follows from the thesis's equations.
+"""
+
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from types import MappingProxyType
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, ValidationError, model_validator
+from scipy.optimize import brentq
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.replication.checks import TESTS, Check
-from epuck_sim.scenario.base import ConfigModel, WholeNumber
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SHIPPED = Path(__file__).with_name("claims.yaml")
 """The claims of the thesis."""
 
+RISE = 1.1
+"""Ratio of means above which T_sync rises, and below which it does not, in all claims: the base case has 1.17."""
+
 Text = Annotated[str, Field(min_length=1)]
+
+Values = dict[str, Any]
+"""Values of axes of a sweep, by dotted key."""
+
+Law = Literal["Weibull", "gamma", "log-normal"]
+"""A distribution of T_sync."""
+
+
+THRESHOLD = 0.95
+"""Threshold of eq. 3.4 for robots (section 3.3), and of eq. C.2."""
+
+
+def largest_shift() -> float:
+    """Return how far one of 20 robots (3.3) may be from the others, in cycles, at the threshold (eq. 3.4)."""
+    return math.acos(1 - 20 * (1 - THRESHOLD)) / (2 * math.pi)
+
+
+def order_zero() -> float:
+    """Return the phase, in cycles, below which a pulse lowers the order parameter of two oscillators (eq. 5.8).
+
+    The sender is at 0, and the multiplicative curve takes the phase phi to (1 + epsilon) phi, with the epsilon of
+    section 5.1; the order parameter of two is |cos(pi phi)|.
+    """
+    return float(brentq(lambda phase: abs(math.cos(math.pi * 1.1 * phase)) - abs(math.cos(math.pi * phase)), 0.3, 0.7))
+
+
+def sigma_a() -> float:
+    """Return how early or late, in s, two halves of a swarm fire at the threshold (eq. C.2, its fraction inverted)."""
+    period_s = 5.0  # section 4.3
+    return period_s * math.acos(THRESHOLD) / (2 * math.pi)
+
+
+def sigma_b() -> float:
+    """Return the bound of eq. C.3, in frames, with 1 squared inside N / 2 where the text has 1 ^ 1 outside of it."""
+    return math.sqrt(2 / 5 * sum(frame**2 for frame in (4, 3, 2, 1)) / 2)
+
+
+FORMULAS: Mapping[str, Callable[[], float]] = {
+    function.__name__: function for function in (largest_shift, order_zero, sigma_a, sigma_b)
+}
+"""Each number, by the name that claims give."""
+
+
+class Test(NamedTuple):
+    """A test that claims may name."""
+
+    takes: tuple[str, ...]
+    """Keys that it needs beside its prediction."""
+    text: str
+    """What it looks at, as a template."""
+    points: int | None = None
+    """Number of points that it is of; None for any."""
+
+
+TESTS: Mapping[str, Test] = MappingProxyType(
+    {
+        "ratio": Test(("between",), "{what} where {second}, over that where {first}"),
+        "largest_rise": Test(("along",), "largest rise of {what} with {along}"),
+        "level": Test((), "{what}", 1),
+        "share": Test((), "share {measure}", 1),
+        "share_difference": Test(("between",), "share {measure} where {second}, minus that where {first}", 2),
+        "superiority": Test(("between",), "chance that {what} is larger where {second} than where {first}", 2),
+        "power_exponent": Test(("along",), "power of {along} in {what}"),
+        "exponential_rate": Test(("along",), "c of exp(c {along}) in {what}"),
+        "rank_trend": Test(("along",), "rank correlation of {what} with {along}"),
+        "likelier": Test(
+            ("law", "than"), "nats a trial by which {law} distributions make {what} likelier than {than} ones"
+        ),
+        "weibull_ratio": Test(
+            ("censored_at",), "Weibull mean of {what}, censored at {censored_at:g}, over the mean", 1
+        ),
+        "place_exponent": Test(("place", "along", "over"), "power of {over} in {place}"),
+        "collapse": Test(("along", "of"), "distance of curves of T_sync over {measure}, relative to that over {along}"),
+        "formula": Test(("number",), "{number}"),
+    }
+)
+"""All tests; `verdicts.EFFECTS` has what they find."""
+
+PREDICTIONS = ("above", "below", "within", "rises")
+
+
+class Check(ConfigModel):
+    """A test of a claim, with one of its predictions, and the keys that it takes."""
+
+    test: str
+    above: Number | None = None
+    """The effect is larger than this."""
+    below: Number | None = None
+    """The effect is smaller than this."""
+    within: tuple[Number, Number] | None = None
+    """The effect lies between these two."""
+    rises: bool | None = None
+    """Of ratios of means: whether the ratio is above `RISE`."""
+    where: Values = Field(default_factory=dict)
+    """Values of axes that the points of the test have."""
+    of: str | None = None
+    """Measure that is tested; T_sync by default."""
+    take: Literal["first", "final", "mean", "largest", "growth"] | None = None
+    """Which of a series's values stands for a trial; `growth`: the slope of its logarithm over cycles."""
+    between: tuple[Values, Values] = ({}, {})
+    """Two places that are compared; points are paired in the sweep's order."""
+    along: str = ""
+    """Axis along which means go, or curves are drawn."""
+    over: str = ""
+    """Axis in which curves differ."""
+    place: Literal["V_m", "T_m", "V_p", "T_p", "V_f"] = "V_m"
+    """Place on each curve."""
+    law: Law = "Weibull"
+    than: Law = "Weibull"
+    """Law that is less likely."""
+    censored_at: Positive = 1.0
+    """Limit, cycles, as if trials were censored there."""
+    number: str = ""
+    """Number that follows from the thesis's equations."""
+
+    @property
+    def predicted(self) -> tuple[float | None, float | None]:
+        """What the effect is above, and what it is below."""
+        if self.rises is not None:
+            return (RISE, None) if self.rises else (None, RISE)
+        return self.within or (self.above, self.below)
+
+    @model_validator(mode="after")
+    def _fits_its_test(self) -> "Check":
+        if self.test not in TESTS:
+            raise ValueError(f"test: {did_you_mean(self.test, dict(TESTS))}; allowed: {comma_list(TESTS)}")
+        takes = TESTS[self.test].takes
+        others = () if self.test == "formula" else ("where", "of", "take")
+        rises = ("rises",) if self.test in ("ratio", "largest_rise") else ()
+        for key in type(self).model_fields:
+            is_given = key in self.model_fields_set
+            if key in takes and not is_given:
+                raise ValueError(f"{key} is missing; {self.test} takes {comma_list([*takes])}")
+            if is_given and key not in ("test", "above", "below", "within", *takes, *others, *rises):
+                raise ValueError(f"unknown key {key!r}; {self.test} takes {comma_list([*takes, *others])}")
+        if sum(getattr(self, key) is not None for key in PREDICTIONS) != 1:
+            raise ValueError("give one of above, below and within")
+        if self.within is not None and self.within[0] >= self.within[1]:
+            raise ValueError("within: the first number must be the lower one")
+        if self.test == "share_difference" and any(self.predicted):
+            raise ValueError("a difference of shares is tested against 0: give above: 0 or below: 0")
+        if self.test == "rank_trend" and not all(-1 < each < 1 for each in self.predicted if each is not None):
+            raise ValueError("a correlation lies between -1 and 1")
+        if self.test == "formula" and self.number not in FORMULAS:
+            raise ValueError(f"number: {did_you_mean(self.number, dict(FORMULAS))}; allowed: {comma_list(FORMULAS)}")
+        return self
 
 
 class AskedSweep(ConfigModel):
@@ -128,7 +283,7 @@ def read_claims(path: Path = SHIPPED) -> Claims:
 def _message(path: Path, given: Any, error: ValidationError) -> str:
     """Return pydantic's first error as file: claim: key: what is wrong."""
     detail = error.errors()[0]
-    location = [part for part in detail["loc"] if part not in TESTS]
+    location = list(detail["loc"])
     if location[:1] == ["claims"] and len(location) > 1:  # a claim is found by its id
         claim = given["claims"][location[1]]
         location[:2] = [claim.get("id", location[1]) if isinstance(claim, dict) else location[1]]

@@ -1,24 +1,27 @@
-"""The tests that claims may name: pure functions from the trials of some points to an effect.
+"""The tests that claims may name: pure functions from trials of some points, or from curves, to an effect.
 
 They are of means, which are restricted to the limit of cycles where trials are censored and whose ratios are compared
-in logarithms; of shares; and of whole distributions.
+in logarithms; of shares; of whole distributions; and of curves: where these have their minimum, their peak and their
+fast regime, and how well they collapse.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
-from scipy.special import stdtrit
+from scipy.special import bdtr, bdtrc, stdtr, stdtrit
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
-from epuck_sim.replication.effects import Effect, exponentiate, mean_with_error, resampled, share_effect, student
-from epuck_sim.statistics import shares
-from epuck_sim.statistics.mean import MeanError
+from epuck_sim.statistics.curves import Curve
+from epuck_sim.statistics.extrema import find_fast_speed, search_extrema
+from epuck_sim.statistics.mean import MeanError, mean_and_error, student_estimate, wilson_interval
+from epuck_sim.statistics.mean import share_difference as estimate_difference
 from epuck_sim.statistics.measured import Measured, cut
-from epuck_sim.statistics.weibull_mean import weibull_mean
+from epuck_sim.statistics.survival import weibull_mean
 
 RESAMPLES = 200
 """Number of resamples of a ratio of estimators."""
@@ -34,6 +37,84 @@ FITTED_TRIALS = 20
 
 FITTED_VALUES = 6
 """Fewest values that these have: T_sync of a few cycles is too coarse to tell distributions apart."""
+
+COLUMNS = ("V_m", "T_m", "V_p", "T_p")
+"""Places of a minimum and a peak, as in the resamples of `SpeedExtrema`."""
+
+GRID_POINTS = 200
+"""Number of places at which curves are compared."""
+
+
+class Effect(NamedTuple):
+    """What a test finds in the trials of some points."""
+
+    estimate: Estimate
+    p_above: Callable[[float], float]
+    """Of a threshold: probability of data that speak as clearly for an effect above it, if the effect is not."""
+    p_below: Callable[[float], float]
+    """The same for an effect below it."""
+
+
+def student(value: float, error: float, freedom: float) -> Effect:
+    """Return a value with Student's interval; without an error nothing is known of it, and no p-value is below 1."""
+    if not error > 0:
+        return Effect(Estimate(value), lambda _: 1.0, lambda _: 1.0)
+    return Effect(
+        student_estimate(value, error, freedom),
+        lambda threshold: float(stdtr(freedom, (threshold - value) / error)),
+        lambda threshold: float(stdtr(freedom, (value - threshold) / error)),
+    )
+
+
+def exponentiate(effect: Effect) -> Effect:
+    """Return the effect whose logarithm is given; its thresholds are above 0."""
+    return Effect(
+        effect.estimate.apply(math.exp),
+        lambda threshold: effect.p_above(math.log(threshold)),
+        lambda threshold: effect.p_below(math.log(threshold)),
+    )
+
+
+def resampled(value: float, values: FloatArray, freedom: float) -> Effect:
+    """Return a value whose error is the standard deviation of its resamples, (B,), of which some may be NaN."""
+    known = values[np.isfinite(values)]
+    return student(value, float(known.std(ddof=1)) if len(known) > 1 else 0.0, freedom)
+
+
+def share_effect(successes: int, trials: int) -> Effect:
+    """Return a share with Wilson's interval; the p-values are those of the exact binomial test."""
+    share = successes / trials if trials else math.nan
+    if trials < MIN_TRIALS:
+        return Effect(Estimate(share), lambda _: 1.0, lambda _: 1.0)
+    return Effect(
+        Estimate(share, *wilson_interval(share, trials)),
+        lambda threshold: float(bdtrc(successes - 1, trials, threshold)) if successes else 1.0,
+        lambda threshold: float(bdtr(successes, trials, threshold)),
+    )
+
+
+def restrict(samples: Sequence[Measured]) -> list[Measured]:
+    """Return samples cut at the lowest of their horizons, if trials of any are censored: then their means compare."""
+    if all(each.observed.all() for each in samples):
+        return list(samples)
+    horizon = min(each.horizon for each in samples)
+    return [cut(each, horizon) for each in samples]
+
+
+def mean_with_error(measured: Measured) -> MeanError:
+    """Return the mean, restricted where trials are censored, and its standard error.
+
+    Where all are censored, they show no scatter; they get the error that they would have if one of them had ended at
+    once. With fewer than `MIN_TRIALS` trials the error is 0, with which `student` knows nothing.
+    """
+    trials = len(measured.values)
+    if not trials:
+        return MeanError(math.nan, 0.0, 0)
+    if trials < MIN_TRIALS:
+        return MeanError(float(measured.values.mean()), 0.0, 0)
+    if measured.observed.any():
+        return mean_and_error(measured)
+    return MeanError(measured.horizon, measured.horizon / trials, trials - 1)
 
 
 def level(sample: Measured) -> Effect:
@@ -54,7 +135,7 @@ def share_difference(first: Measured, second: Measured) -> Effect:
         return student(math.nan, 0.0, 0)
     chance = stats.hypergeom(sum(sizes), true + int(one.values.sum()), sizes[1])
     return Effect(
-        shares.share_difference(one, other),
+        estimate_difference(one, other),
         lambda _: float(chance.sf(true - 1)),
         lambda _: float(chance.cdf(true)),
     )
@@ -244,3 +325,120 @@ def weibull_ratio(sample: Measured, limit: float) -> Effect:
     random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(sample.seed)))
     resamples = [log_ratio(random.choice(sample.values, len(sample.values))) for _ in range(RESAMPLES)]
     return exponentiate(resampled(log_ratio(sample.values), np.array(resamples), len(sample.values) - 1))
+
+
+class Place(NamedTuple):
+    """A place on a curve."""
+
+    value: float
+    resampled: FloatArray
+    """(B,) that of the resamples; NaN where they have none."""
+
+
+def find_place(curve: Curve, name: str) -> Place | None:
+    """Return a place of a curve of T_sync over speed; None if it has none beyond noise, or with too few trials."""
+    if name == "V_f":
+        found = find_fast_speed(curve)
+        return found and Place(found[0].value, found[1])
+    extrema = search_extrema(curve).extrema
+    if extrema is None or not extrema.is_found:
+        return None
+    column = COLUMNS.index(name)
+    return Place(float(extrema[column]), extrema.resampled[:, column])
+
+
+def place_exponent(x: FloatArray, places: Sequence[Place | None], trials: int) -> Effect:
+    """Return the exponent of the power of x, (C,), that fits the places of C curves best, in logarithms.
+
+    Curves without the place are left out. Errors are those of the resamples of curves of so many trials a point, and
+    larger where places scatter by more than these.
+    """
+    known = [(float(at), place) for at, place in zip(x, places, strict=True) if place is not None]
+    if len(known) < MIN_POINTS:
+        return student(math.nan, 0.0, 0)
+    errors = np.array([np.nanstd(np.log(place.resampled), ddof=1) for _, place in known])
+    if not (errors > 0).all():
+        return student(math.nan, 0.0, 0)
+    logs = np.log([place.value for _, place in known])
+    slope, error = weighted_slope(np.log([at for at, _ in known]), logs, errors)
+    return student(slope, error, trials - 1)
+
+
+class Drawn(NamedTuple):
+    """A curve, and what it is drawn over instead of its axis."""
+
+    curve: Curve
+    instead: Curve
+    """The other quantity at the same points."""
+
+
+def collapse(drawn: Sequence[Drawn], trials: int) -> Effect:
+    """Return how far curves are apart over another quantity, over how far they are apart along their axis.
+
+    It is 0 where they are one curve over the other quantity, and 1 where that does no better than the axis. The error
+    is that of resamples of so many trials a point.
+    """
+    if len(drawn) < 2:
+        return student(math.nan, 0.0, 0)
+    along = _spreads([(each.curve, np.log(each.curve.x), np.log(each.curve.x)) for each in drawn])
+    over = _spreads([(each.curve, *_logs(each.instead)) for each in drawn])
+    ratios = np.log(over / along)
+    return exponentiate(resampled(float(ratios[0]), ratios[1:], trials - 1))
+
+
+def _logs(curve: Curve) -> tuple[FloatArray, FloatArray]:
+    with np.errstate(divide="ignore"):  # where nothing changes there is no place to compare at
+        return np.log(curve.values), np.log(curve.resampled)
+
+
+def _spreads(curves: Sequence[tuple[Curve, FloatArray, FloatArray]]) -> FloatArray:
+    """Return how far curves of T_sync are apart, and how far their resamples are, (1 + B,).
+
+    Args:
+        curves: Each with the logarithms of what it is drawn over, (S,), and those of the resamples, (B, S) or (S,).
+    """
+    first = spread([Course(x, np.log(curve.values)) for curve, x, _ in curves])
+    resamples = min(len(curve.resampled) for curve, _, _ in curves)
+    others = [
+        spread([Course(_row(xs, row), np.log(curve.resampled[row])) for curve, _, xs in curves])
+        for row in range(resamples)
+    ]
+    return np.array([first, *others])
+
+
+def _row(values: FloatArray, row: int) -> FloatArray:
+    return values if values.ndim == 1 else values[row]
+
+
+class Course(NamedTuple):
+    """A curve through S points, in logarithms."""
+
+    x: FloatArray
+    """(S,) logarithms of what it is drawn over, in any order."""
+    y: FloatArray
+    """(S,) logarithms of what is drawn."""
+
+
+def spread(courses: Sequence[Course]) -> float:
+    """Return how far curves are apart where they are drawn over each other: the root of their mean variance about it.
+
+    Curves are interpolated, and compared at places equally far apart in the logarithm; those that only one curve
+    reaches do not count, nor do points whose x is infinite. It is 0 where all curves are one; NaN where no two share a
+    place.
+    """
+    courses = [Course(each.x[known], each.y[known]) for each in courses if (known := np.isfinite(each.x)).any()]
+    if len(courses) < 2:
+        return float("nan")
+    lowest, highest = min(each.x.min() for each in courses), max(each.x.max() for each in courses)
+    grid = np.linspace(lowest, highest, GRID_POINTS)
+    heights = np.array([_interpolate(each, grid) for each in courses])
+    reach = np.isfinite(heights)
+    shared = reach.sum(axis=0) > 1
+    if not shared.any():
+        return float("nan")
+    return float(np.sqrt(np.nanvar(heights[:, shared], axis=0, ddof=1).mean()))
+
+
+def _interpolate(course: Course, grid: FloatArray) -> FloatArray:
+    order = np.argsort(course.x, kind="stable")
+    return np.interp(grid, course.x[order], course.y[order], left=np.nan, right=np.nan)

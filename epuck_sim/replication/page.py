@@ -1,12 +1,45 @@
-"""The page of a replication in Markdown: a table of verdicts, and what is to be known of those that are not plain."""
+"""The page of a replication in Markdown, its tables and figures.
+
+A table of verdicts, and what is to be known of those that are not plain; as CSV, a row a claim, a row a test, and a row
+a sweep; and a figure for each claim: the curves that its tests look at.
+"""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
-from epuck_sim.replication.checks import RISE, Check
-from epuck_sim.replication.contents import Contents, Cost
-from epuck_sim.replication.tables import describe_check, time_range
-from epuck_sim.replication.verdicts import Answer, Judged, Verdict
+from matplotlib import rc_context
+
+from epuck_sim.display.html import in_words
+from epuck_sim.display.table import Row, Share, Table
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures import plot
+from epuck_sim.figures.labels import format_axis_values, key_name
+from epuck_sim.figures.style import style
+from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
+from epuck_sim.replication.sweeps import Version, estimate_cost, is_asked, sweep_folder, sweep_scenario
+from epuck_sim.replication.verdicts import Answer, Finding, Judged, Verdict, judge_claims, points_at, run_check
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.status import Status, read_status
+from epuck_sim.scenario.axes import FigureSection, choose_axis
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.util.atomic_write import atomic_write
+
+ALL, SOME = "replication", "chosen"
+"""Stem of the page's name: of all claims, and of some, so that one does not overwrite the other."""
+
+FIGURES = "figures"
+"""Folder of its figures, beside it."""
+
+DOTS_PER_INCH = 120
+"""Enough for a screen: a page has a figure for each claim."""
+
+MIN_VALUES = 3
+"""Fewest values of an axis that are drawn as a curve."""
+
+LEAST_P = 1e-4
+"""p-values below this are given as this one."""
 
 TITLE = "Replication of the thesis, claim by claim"
 
@@ -24,6 +57,106 @@ FULL_ONLY = "--full alone asks it"
 
 EXPLAINED = (Verdict.CONTRADICTED, Verdict.UNDECIDED, Verdict.READING)
 """Verdicts that are explained, claim by claim."""
+
+
+class Asked(NamedTuple):
+    """A sweep that was asked."""
+
+    status: Status
+    limit: int
+    """Limit of cycles."""
+    full: tuple[float, float] | None
+    """What its full version would cost, least and most s; None if this is it."""
+
+
+class Contents(NamedTuple):
+    """Everything on the page."""
+
+    version: Version
+    folder: Path
+    """Folder of the replication, as it was given."""
+    chosen: tuple[str, ...]
+    """Ids of the claims that were chosen; none if these are all."""
+    answers: list[Answer]
+    sweeps: dict[str, Asked]
+    """The sweeps that were asked."""
+    claims: Claims
+    """The file of claims."""
+
+    @property
+    def checks(self) -> int:
+        """Number of checks that are corrected together."""
+        judged = (each for answer in self.answers for each in answer.checks)
+        return sum(each.tested.check.test != "formula" for each in judged)
+
+
+def write_replication(
+    claims: Claims, chosen: Sequence[Claim], folder: Path, version: Version
+) -> tuple[list[Answer], Path]:
+    """Write a page about the trials that are stored, FOLDER/replication.md, or chosen.md, and tables beside it.
+
+    Returns:
+        The answers, and the page.
+
+    Raises:
+        EpuckSimError: A run folder is missing or damaged, or a file cannot be written.
+    """
+    contents = read_contents(claims, chosen, folder, version)
+    (folder / FIGURES).mkdir(parents=True, exist_ok=True)
+    pictures = {}
+    for claim in chosen:
+        path = f"{FIGURES}/claim-{claim.id}.png"
+        if claim.sweep in contents.sweeps and draw_claim(
+            claim, sweep_folder(folder, claim.sweep, version), folder / path
+        ):
+            pictures[claim.id] = path
+    stem = SOME if contents.chosen else ALL
+    made = {"claims": claim_table(contents), "tests": check_table(contents), "sweeps": sweep_table(contents)}
+    files = {name: f"{stem}.csv" if name == "claims" else f"{stem}-{name}.csv" for name in made}
+    texts = {files[name]: table.to_csv() for name, table in made.items() if table.rows}
+    links = {name: file for name, file in files.items() if file in texts}
+    texts[f"{stem}.md"] = "\n\n".join(make_page(contents, pictures, links)) + "\n"
+    for name, text in texts.items():
+        with atomic_write(folder / name) as part:
+            part.write_text(text, encoding="utf-8")
+    for name in set(files.values()) - set(texts):  # of claims that were chosen before
+        (folder / name).unlink(missing_ok=True)
+    return contents.answers, folder / f"{stem}.md"
+
+
+def read_contents(claims: Claims, chosen: Sequence[Claim], folder: Path, version: Version) -> Contents:
+    """Test the chosen claims on the trials that are stored.
+
+    Raises:
+        StoreError: A run folder is missing or damaged.
+    """
+    asked = {claim.id: claim for claim in chosen if is_asked(claims, claim, version)}
+    folders = {each.sweep: sweep_folder(folder, each.sweep, version) for each in asked.values() if each.sweep}
+    findings = [(claim, check_claim(claim, folders) if claim.id in asked else []) for claim in chosen]
+    return Contents(
+        version,
+        folder,
+        () if len(chosen) == len(claims.claims) else tuple(claim.id for claim in chosen),
+        judge_claims(findings),
+        {name: _read_sweep(each, sweep_scenario(claims, name, Version.FULL)) for name, each in folders.items()},
+        claims,
+    )
+
+
+def check_claim(claim: Claim, folders: dict[str, Path]) -> list[Finding]:
+    """Run the checks of a claim on the trials that are stored."""
+    return [
+        run_check(check, [])
+        if check.test == "formula" or claim.sweep is None
+        else run_check(check, read_points(folders[claim.sweep], check.of))
+        for check in claim.checks
+    ]
+
+
+def _read_sweep(folder: Path, full: Scenario) -> Asked:
+    stored, status = read_points(folder), read_status(folder)
+    cost = None if stored[0].scenario.name == full.name else estimate_cost(stored, status.wall_s, full)
+    return Asked(status, stored[0].scenario.stop.max_cycles, cost)
 
 
 def escaped(text: str) -> str:
@@ -63,7 +196,7 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     costs = [each.full for each in contents.sweeps.values() if each.full]
     if costs:
         least, most = (sum(each) for each in zip(*costs, strict=True))
-        yield f"The full version would take {time_range(Cost(least, most))} of one core."
+        yield f"The full version would take {time_range((least, most))} of one core."
 
 
 def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
@@ -116,3 +249,107 @@ def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
     for heading, text in (("Ours:", claim.reading), ("Would change it:", claim.otherwise)):
         if text:
             yield escaped(f"{heading} {text}")
+
+
+def claim_table(contents: Contents) -> Table:
+    """Return a row for each claim, with its texts by their keys in files of claims, and its verdict."""
+    texts = ((answer.claim.model_dump(exclude={"checks"}), answer.verdict) for answer in contents.answers)
+    return Table("claims", [Row({}, {**text, "verdict": verdict.value}) for text, verdict in texts])
+
+
+def check_table(contents: Contents) -> Table:
+    """Return a row for each test: what it looks at, what was predicted, and what it finds."""
+    each = ((answer.claim.id, judged) for answer in contents.answers for judged in answer.checks)
+    return Table("tests", [Row({}, {"claim": name, **_check_cells(judged)}) for name, judged in each])
+
+
+def sweep_table(contents: Contents) -> Table:
+    """Return a row for each sweep that was asked: its trials, the time they took, and that of its full version."""
+    return Table("sweeps", [Row({}, _sweep_cells(name, each)) for name, each in contents.sweeps.items()])
+
+
+def _check_cells(judged: Judged) -> dict[str, object]:
+    tested = judged.tested
+    low, high = tested.check.predicted
+    is_exact = tested.check.test == "formula"
+    return {
+        "test": describe_check(tested.check),
+        "ours": tested.effect.estimate,
+        "predicted_above": low,
+        "predicted_below": high,
+        "p": None if is_exact else max(judged.p_value, LEAST_P),
+        "p_corrected": None if is_exact else max(judged.p_holm, LEAST_P),
+        "fewest_trials": tested.trials[0],
+        "most_trials": tested.trials[1],
+        "most_censored": Share(tested.censored),
+        "verdict": judged.verdict.value,
+    }
+
+
+def _sweep_cells(name: str, asked: Asked) -> dict[str, object]:
+    status = asked.status
+    return {
+        "sweep": name,
+        "points": status.points,
+        "trials": status.trials,
+        "stored": status.stored,
+        "censored": status.censored,
+        "failed": len(status.failed),
+        "limit_of_cycles": asked.limit,
+        "time_of_trials": in_words(status.wall_s),
+        "time_of_full_version": time_range(asked.full) if asked.full else None,
+    }
+
+
+def time_range(cost: tuple[float, float]) -> str:
+    """Return how long a sweep takes, as a range if it depends on trials that are censored."""
+    least, most = map(in_words, cost)
+    return least if least == most else f"{least} to {most}"
+
+
+def describe_check(check: Check) -> str:
+    """Return what a test looks at."""
+    test = TESTS[check.test]
+    names = {**dict(check), "number": check.number.replace("_", " "), "measure": check.of or "synchronised"}
+    names |= {key: key_name(names[key]) for key in ("along", "over") if key in test.takes}
+    names["what"] = " ".join(filter(None, [check.take, check.of or "T_sync"]))
+    if "between" in test.takes:
+        names["first"], names["second"] = (format_axis_values({**check.where, **place}) for place in check.between)
+    elif check.where:
+        return f"{test.text.format(**names)} where {format_axis_values(check.where)}"
+    return test.text.format(**names)
+
+
+def draw_claim(claim: Claim, folder: Path, path: Path) -> bool:
+    """Draw the points of a claim's first test against its axis; those that the other tests share, too.
+
+    Args:
+        claim: The claim.
+        folder: The run folder of its sweep.
+        path: The PNG file to write.
+
+    Returns:
+        Whether there is a curve to draw.
+    """
+    drawn = [check for check in claim.checks if check.test != "formula" and check.take is None]
+    if not drawn:
+        return False
+    of = drawn[0].of
+    alike = [check for check in drawn if check.of == of]
+    stored = read_points(folder, of)
+    numbers = {point.number for check in alike for point in points_at(check.where, stored)}
+    # one panel, whatever the figure of the sweep has
+    plain = {"figure": FigureSection(base_case=stored[0].scenario.figure.base_case)}
+    shown = [
+        point._replace(scenario=point.scenario.model_copy(update=plain)) for point in stored if point.number in numbers
+    ]
+    try:
+        axis = choose_axis([point.axes for point in shown])
+        if len({point.axes[axis] for point in shown}) < MIN_VALUES:
+            return False
+        figure = plot(shown, form="curves", x=axis)
+    except EpuckSimError:  # no axis has numbers
+        return False
+    with rc_context(style()), atomic_write(path) as part:
+        figure.savefig(part, format="png", dpi=DOTS_PER_INCH)
+    return True

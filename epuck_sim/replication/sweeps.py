@@ -1,16 +1,18 @@
-"""The sweeps of claims: their scenarios, and their run folders."""
+"""The sweeps of claims: their scenarios, their run folders, and what their full versions would cost."""
 
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 
+import numpy as np
+
 from epuck_sim.errors import EpuckSimError, ScenarioError
-from epuck_sim.replication.checks import FormulaCheck, SweepCheck
 from epuck_sim.replication.claims import Claim, Claims
-from epuck_sim.replication.evaluation import chosen_points
+from epuck_sim.replication.verdicts import chosen_points
+from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.keys import merge, without_quick
 from epuck_sim.scenario.loader import find_scenario, load_scenario
-from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import read_yaml
 
@@ -65,13 +67,33 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim], version: Version) -> 
     swept = {name: points(scenario) for name, scenario in scenarios.items()}
     for claim in asked:
         for check in claim.checks:
-            if claim.sweep is not None and not isinstance(check, FormulaCheck):
-                _check_points(claim, check, swept[claim.sweep])
+            if claim.sweep is None or check.test == "formula":
+                continue
+            try:
+                chosen_points(check, swept[claim.sweep])
+            except EpuckSimError as error:
+                raise EpuckSimError(f"claim {claim.id}: {error}") from error
     return scenarios
 
 
-def _check_points(claim: Claim, check: SweepCheck, swept: Sequence[Point]) -> None:
-    try:
-        chosen_points(check, swept)
-    except EpuckSimError as error:
-        raise EpuckSimError(f"claim {claim.id}: {error}") from error
+def estimate_cost(stored: Sequence[PointTrials], wall_s: float, full: Scenario) -> tuple[float, float]:
+    """Return what the full version of a sweep costs, s, if its trials are like those that are stored.
+
+    It is the least if trials that are censored in the quick version end just then in the full one, the most if they
+    take as long as it lets them.
+
+    Args:
+        stored: The points of the quick version.
+        wall_s: Time of all its trials.
+        full: Scenario of the full version.
+    """
+    cycles = np.concatenate([point.times for point in stored])
+    ended = np.concatenate([point.observed & point.has_t_sync for point in stored])
+    if not len(cycles):
+        return (0.0, float("inf"))
+    last = float(full.stop.max_cycles)
+    # a trial without a T_sync goes on to the limit in any case
+    goes_on = np.array([not point.has_t_sync for point in stored for _ in point.times])
+    least, most = (np.where(still, last, cycles).mean() for still in (goes_on, ~ended))
+    per_trial = wall_s / cycles.mean() / len(cycles) * len(points(full)) * full.trials
+    return (float(least * per_trial), float(most * per_trial))

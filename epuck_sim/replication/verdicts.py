@@ -1,15 +1,205 @@
-"""Verdicts: from the effects of all checks of a page to what they say of each claim."""
+"""From stored trials to the effect of each check of a claim, and from these to a verdict on each claim."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from enum import StrEnum
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias, TypeVar
 
-from epuck_sim.estimate import LEVEL
-from epuck_sim.replication.checks import Check, FormulaCheck
-from epuck_sim.replication.claims import Claim
-from epuck_sim.replication.effects import Effect
-from epuck_sim.replication.evaluation import Finding
+import numpy as np
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.estimate import LEVEL, Estimate
+from epuck_sim.measures.interface import Value
+from epuck_sim.replication import criteria
+from epuck_sim.replication.claims import FORMULAS, TESTS, Check, Claim, Values
+from epuck_sim.replication.criteria import Drawn, Effect
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.axes import canonical_text
+from epuck_sim.scenario.points import Point
 from epuck_sim.statistics.comparison import holm
+from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes
+from epuck_sim.statistics.measured import Measured, measure, measure_t_sync
+from epuck_sim.util.messages import short_repr
+
+SMALLEST, LARGEST = 1e-12, 1e-3
+"""Deviations, in cycles, between which growth is judged: above rounding, and far below where it must end."""
+
+
+def growth(deviations: Sequence[float]) -> float:
+    """Return the growth rate of a deviation, per cycle, by least squares of its logarithm.
+
+    Cycles count from half-way to that at which it first leaves the range from `SMALLEST` to `LARGEST`, or to the last
+    one: a factor that the first cycles bring, once, is no growth.
+    """
+    left = next((cycle for cycle, each in enumerate(deviations) if not SMALLEST <= each <= LARGEST), None)
+    kept = deviations[: None if left is None else left + 1]
+    logs = np.log(np.maximum(kept[len(kept) // 2 :], SMALLEST))
+    return float(np.polyfit(np.arange(len(logs)), logs, 1)[0]) if len(logs) > 1 else math.nan
+
+
+REDUCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
+    "first": lambda values: values[0],
+    "final": lambda values: values[-1],
+    "mean": lambda values: float(np.mean(values)),
+    "largest": max,
+    "growth": growth,
+}
+"""What stands for the values of a series."""
+
+
+AnyPoint = TypeVar("AnyPoint", Point, PointTrials)
+"""A point of a sweep, with or without its trials."""
+
+
+class Finding(NamedTuple):
+    """A check, and what its test found."""
+
+    check: Check
+    effect: Effect
+    trials: tuple[int, int]
+    """Fewest and most trials of its points; 0 of a formula."""
+    censored: float
+    """Largest share of censored trials of its points."""
+
+
+def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
+    """Return what a test finds in the points of its claim's sweep.
+
+    Raises:
+        EpuckSimError: The sweep lacks a point that the check names.
+    """
+    if check.test == "formula":
+        value = FORMULAS[check.number]()
+        exact = Effect(Estimate(value), lambda x: 0.0 if value > x else 1.0, lambda x: 0.0 if value < x else 1.0)
+        return Finding(check, exact, (0, 0), 0.0)
+    used = chosen_points(check, points)
+    samples = criteria.restrict([_measure(point, check) for point in used])
+    counts = [len(each.values) for each in samples]
+    censored = max(each.censored for each in samples)
+    by_key = {point.key: sample for point, sample in zip(used, samples, strict=True)}
+    return Finding(check, EFFECTS[check.test](check, used, by_key), (min(counts), max(counts)), censored)
+
+
+def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
+    """Return the points of a sweep that a check uses.
+
+    Raises:
+        EpuckSimError: There is none, or more than the test is of.
+    """
+    test = TESTS[check.test]
+    places = check.between if "between" in test.takes else ({},)
+    used = [each for place in places for each in points_at({**check.where, **place}, points)]
+    if test.points not in (None, len(used)):
+        of = "one at each place" if test.points == 2 else "one"
+        raise EpuckSimError(f"where {_in_text(check.where)}: {len(used)} points; {check.test} is of {of}")
+    return used
+
+
+def points_at(values: Values, points: Sequence[AnyPoint]) -> list[AnyPoint]:
+    """Return the points of a sweep that have these values of axes.
+
+    Raises:
+        EpuckSimError: There is none.
+    """
+    wanted = {key: canonical_text({"value": value}) for key, value in values.items()}
+    found = [
+        point
+        for point in points
+        if all(canonical_text({"value": point.axes.get(key)}) == text for key, text in wanted.items())
+    ]
+    if not found:
+        raise EpuckSimError(f"where {_in_text(values)}: the sweep has no such point")
+    return found
+
+
+def _in_text(values: Values) -> str:
+    return ", ".join(f"{key} = {short_repr(value)}" for key, value in values.items()) or "all points"
+
+
+Points: TypeAlias = Sequence[PointTrials]
+Samples: TypeAlias = dict[str, Measured]
+Find: TypeAlias = Callable[[Check, Points, Samples], Effect]
+
+
+def _ratio(check: Check, points: Points, samples: Samples) -> Effect:
+    first, second = (points_at({**check.where, **place}, points) for place in check.between)
+    if len(first) != len(second):
+        raise EpuckSimError(f"between {_in_text(check.between[0])} and {_in_text(check.between[1])}: no pairs")
+    return criteria.ratio([(samples[a.key], samples[b.key]) for a, b in zip(first, second, strict=True)])
+
+
+def _of_each(test: Callable[..., Effect]) -> Find:
+    """Return what a test of one point, or of two, finds."""
+    return lambda _, points, samples: test(*(samples[point.key] for point in points))
+
+
+def _largest_rise(check: Check, points: Points, samples: Samples) -> Effect:
+    curves = [group for _, group in group_by_other_axes(points, check.along)]
+    return criteria.largest_rise([[samples[point.key] for point in curve] for curve in curves])
+
+
+def _along_axis(test: Callable[[FloatArray, Sequence[Measured]], Effect]) -> Find:
+    def find(check: Check, points: Points, samples: Samples) -> Effect:
+        ordered = sorted(points, key=lambda point: float(point.axes[check.along]))
+        x = np.array([float(point.axes[check.along]) for point in ordered])
+        return test(x, [samples[point.key] for point in ordered])
+
+    return find
+
+
+def _place_exponent(check: Check, points: Points, _: Samples) -> Effect:
+    groups = [group for _, group in group_by_other_axes(points, check.along)]
+    places = [criteria.find_place(estimate_curve(group, check.along, {}), check.place) for group in groups]
+    x = np.array([float(group[0].axes[check.over]) for group in groups])
+    return criteria.place_exponent(x, places, _fewest(points))
+
+
+def _collapse(check: Check, points: Points, _: Samples) -> Effect:
+    drawn = []
+    for _, group in group_by_other_axes(points, check.along):
+        instead = estimate_curve([_reduced(point, "mean") for point in group], check.along, {})
+        drawn.append(Drawn(estimate_curve([point._replace(of=None) for point in group], check.along, {}), instead))
+    return criteria.collapse(drawn, _fewest(points))
+
+
+def _fewest(points: Points) -> int:
+    return min(len(point.times) for point in points)
+
+
+EFFECTS: dict[str, Find] = {
+    "level": _of_each(criteria.level),
+    "share": _of_each(criteria.share),
+    "ratio": _ratio,
+    "largest_rise": _largest_rise,
+    "power_exponent": _along_axis(criteria.power_exponent),
+    "exponential_rate": _along_axis(criteria.exponential_rate),
+    "rank_trend": _along_axis(criteria.rank_trend),
+    "superiority": _of_each(criteria.superiority),
+    "share_difference": _of_each(criteria.share_difference),
+    "likelier": lambda check, _, samples: criteria.likelier(list(samples.values()), check.law, check.than),
+    "weibull_ratio": lambda check, _, samples: criteria.weibull_ratio(next(iter(samples.values())), check.censored_at),
+    "place_exponent": _place_exponent,
+    "collapse": _collapse,
+}
+"""What each test finds: of a check, the points that it uses, and their samples by key."""
+
+
+def _measure(point: PointTrials, check: Check) -> Measured:
+    if check.test == "collapse":
+        return measure_t_sync(point)
+    return measure(point if check.take is None else _reduced(point, check.take))
+
+
+def _reduced(point: PointTrials, take: str) -> PointTrials:
+    reduced: tuple[Value, ...] = tuple(_reduce(value, take) for value in point.measured)
+    return point._replace(measured=reduced)
+
+
+def _reduce(value: Value, take: str) -> Value:
+    """Return what stands for a series; None if it has no value."""
+    known = [each for each in value if each is not None] if isinstance(value, list) else []
+    return REDUCTIONS[take](known) if known else None
 
 
 class Verdict(StrEnum):
@@ -43,18 +233,16 @@ class Answer(NamedTuple):
     checks: tuple[Judged, ...]
 
 
-def answer(asked: Sequence[tuple[Claim, Sequence[Finding]]]) -> list[Answer]:
+def judge_claims(asked: Sequence[tuple[Claim, Sequence[Finding]]]) -> list[Answer]:
     """Return the verdicts of all claims of a page, whose checks are corrected together by Holm's method.
 
     A claim holds if all its checks do, and is contradicted if any is.
     """
-    tested = [each for _, checks in asked for each in checks if not isinstance(each.check, FormulaCheck)]
+    tested = [each for _, checks in asked for each in checks if each.check.test != "formula"]
     corrected = iter(holm([two_sided(*p_values(each.check, each.effect)) for each in tested]))
     answers = []
     for claim, checks in asked:
-        judged = tuple(
-            _judge(each, None if isinstance(each.check, FormulaCheck) else next(corrected)) for each in checks
-        )
+        judged = tuple(_judge(each, None if each.check.test == "formula" else next(corrected)) for each in checks)
         answers.append(Answer(claim, decide(claim, [each.verdict for each in judged]), judged))
     return answers
 

@@ -1,5 +1,6 @@
 """The local minimum and the peak of T_sync against speed, between which it rises (thesis 4.2.2)."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -251,3 +252,128 @@ def _reason_against(curve: Curve, moving: BoolArray, tried: BoolArray, usable: B
             "be: raise stop.max_cycles"
         )
     return ""
+
+
+class TurningPoint(NamedTuple):
+    """A minimum or a peak between the ends of the axis."""
+
+    place: Estimate
+    """Value of the axis, with its 95 % interval."""
+    value: Estimate
+    """Value of the measure there, with its 95 % interval."""
+    p_value: float
+    """Probability that noise on a curve that only rises or only falls makes one as prominent."""
+    kept: float
+    """Share of resamples that have one."""
+
+    @property
+    def is_found(self) -> bool:
+        """Whether it is more than noise: noise neither makes it nor removes it."""
+        return self.p_value < SIGNIFICANCE and self.kept > 1 - SIGNIFICANCE
+
+    def record(self) -> dict[str, Estimate | float | None]:
+        """Return place and value, None where they may be noise, and the p-value, as JSON and tables hold them."""
+        found = {"place": self.place, "value": self.value} if self.is_found else {"place": None, "value": None}
+        return {**found, "p_value": self.p_value}
+
+
+def find_peak(fit: SmoothedLogs) -> TurningPoint | None:
+    """Find the most prominent peak of a smoothed curve; None if it only rises, only falls, or has only a minimum.
+
+    Its prominence is how far the logarithm of the measure falls on the side on which it falls less. The p-value
+    compares it with those of the best curve that only rises or only falls, under the noise of the resamples.
+    """
+    (place,), (prominence,) = most_prominent((fit.smoother @ fit.logs)[None])
+    if prominence <= 0:
+        return None
+    noise = fit.resampled - fit.resampled.mean(axis=0)
+    _, by_chance = most_prominent((_monotone(fit) + noise) @ fit.smoother.T)
+    p_value = (1 + np.count_nonzero(by_chance >= prominence)) / (1 + len(noise))
+    curves = fit.resampled @ fit.smoother.T
+    places, prominences = most_prominent(curves)
+    own = prominences > 0
+    x = fit.speeds[places[own]] if own.any() else fit.speeds[[place]]
+    values = np.exp(curves[own, places[own]]) if own.any() else np.exp((fit.smoother @ fit.logs)[[place]])
+    return TurningPoint(
+        Estimate(float(fit.speeds[place]), *np.percentile(x, [2.5, 97.5]).tolist()),
+        Estimate(float(np.exp((fit.smoother @ fit.logs)[place])), *np.percentile(values, [2.5, 97.5]).tolist()),
+        p_value,
+        float(own.mean()),
+    )
+
+
+def find_minimum(fit: SmoothedLogs) -> TurningPoint | None:
+    """Find the most prominent minimum of a smoothed curve, as `find_peak` finds the peak."""
+    found = find_peak(fit._replace(logs=-fit.logs, resampled=-fit.resampled))
+    if found is None:
+        return None
+    value, low, high = found.value.ends
+    return found._replace(value=Estimate(1 / value, 1 / high, 1 / low))
+
+
+def most_prominent(curves: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return where the most prominent peak of each curve, (B, G), is, (B,), and its prominence, (B,); 0 for none."""
+    before = np.minimum.accumulate(curves, axis=1)
+    after = np.minimum.accumulate(curves[:, ::-1], axis=1)[:, ::-1]
+    prominences = curves - np.maximum(before, after)
+    places = prominences.argmax(axis=1)
+    return places, prominences[np.arange(len(curves)), places]
+
+
+def _monotone(fit: SmoothedLogs) -> FloatArray:
+    """Return the curve, (K,), that only rises or only falls, whichever fits better."""
+    weights = 1 / fit.variances
+    both = [isotonic_regression(fit.logs, weights=weights, increasing=way).x for way in (False, True)]
+    best: FloatArray = min(both, key=lambda curve: float((weights * (fit.logs - curve) ** 2).sum()))
+    return best
+
+
+FAST_FACTOR = 2.0
+"""T_sync at V_f, as a multiple of that at the largest speed. The thesis gives no definition."""
+
+LEVEL_FACTOR = 1.25
+"""Largest T_sync halfway, in logs, from V_f to the largest speed with which a curve counts as level beyond V_f.
+
+It is a multiple of T_sync at the largest speed. A curve that falls on, like a power of the speed, has 1.41 there.
+"""
+
+
+def find_fast_speed(curve: Curve) -> tuple[Estimate, FloatArray] | None:
+    """Find the speed from which on T_sync is less than twice that at the largest speed.
+
+    Where T_sync is unknown because all trials are censored, it counts as the limit of cycles.
+
+    Returns:
+        V_f, cm/s, with its percentile interval, and that of the resamples, (B,); None where T_sync is nowhere that
+        long or still falls at the largest speeds, and where a point has fewer than `extrema.MIN_TRIALS` trials.
+    """
+    moving = curve.x > 0
+    if np.count_nonzero(moving) < 2 or curve.trials[moving].min() < MIN_TRIALS or curve.censored[-1] > 0:
+        return None
+    speeds, limit = curve.x[moving], float(curve.scenario.stop.max_cycles)
+    times = np.vstack([curve.values[moving], curve.resampled[:, moving]])
+    times = np.where(np.isfinite(times), times, limit)
+    found = _last_crossings(np.log(speeds), np.log(times))
+    value, resampled = float(found[0]), found[1:]
+    known = resampled[np.isfinite(resampled)]
+    if math.isnan(value) or not len(known):
+        return None
+    halfway = np.interp(math.log(value * speeds[-1]) / 2, np.log(speeds), np.log(times[0]))
+    if halfway > math.log(LEVEL_FACTOR * times[0, -1]):
+        return None
+    low, high = np.percentile(known, [2.5, 97.5]).tolist()
+    return Estimate(value, low, high), resampled
+
+
+def _last_crossings(x: FloatArray, logs: FloatArray) -> FloatArray:
+    """Return where each curve of log T, (B, S), last falls below its threshold, cm/s; NaN where it never does."""
+    above = logs > logs[:, -1:] + math.log(FAST_FACTOR)
+    last = above.shape[1] - 1 - above[:, ::-1].argmax(axis=1)
+    before = np.minimum(last, len(x) - 2)
+    rows = np.arange(len(logs))
+    high, low = logs[rows, before], logs[rows, before + 1]
+    threshold = logs[:, -1] + math.log(FAST_FACTOR)
+    is_crossed = above.any(axis=1)  # else the two may be equal
+    share = np.where(is_crossed, (high - threshold) / np.where(is_crossed, high - low, 1), np.nan)
+    crossings: FloatArray = np.exp(x[before] + share * (x[before + 1] - x[before]))
+    return crossings

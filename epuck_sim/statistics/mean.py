@@ -5,6 +5,7 @@ holds the truth in 90 to 98 % of all cases, where percentiles of the bootstrap d
 """
 
 import math
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -101,3 +102,39 @@ def _variance(curve: SurvivalCurves, horizon: float) -> float:
     areas = survival * np.diff(edges)
     after = areas[::-1].cumsum()[::-1][1:]  # 0 where the last trial at risk synchronises
     return float((after**2 * events / (at_risk * np.maximum(at_risk - events, 1))).sum())
+
+
+QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)
+"""Number of standard errors that an interval reaches either way."""
+
+
+def estimate_share(measured: Measured) -> Estimate:
+    """Return the share of trials in which a truth value is true; no interval below `MIN_TRIALS` trials."""
+    trials = len(measured.values)
+    share = float(measured.values.mean())
+    if trials < MIN_TRIALS:
+        return Estimate(share)
+    return Estimate(share, *wilson_interval(share, trials))
+
+
+def wilson_interval(share: float, trials: int) -> tuple[float, float]:
+    """Return the lower and the upper end of the 95 % interval of a share.
+
+    >>> [round(end, 3) for end in wilson_interval(1.0, 10)]
+    [0.722, 1.0]
+    """
+    weight = QUANTILE**2 / trials
+    centre = (share + weight / 2) / (1 + weight)
+    reach = math.sqrt(weight * (share * (1 - share) + weight / 4)) / (1 + weight)
+    return max(0.0, min(centre - reach, share)), min(1.0, max(centre + reach, share))  # whatever is rounded
+
+
+def share_difference(first: Measured, second: Measured) -> Estimate:
+    """Return the second share minus the first, with an interval if both have one."""
+    one, other = estimate_share(first), estimate_share(second)
+    difference = other.value - one.value
+    if not (one.has_interval and other.has_interval):
+        return Estimate(difference)
+    low = math.hypot(other.value - other.low, one.high - one.value)
+    high = math.hypot(other.high - other.value, one.value - one.low)
+    return Estimate(difference, difference - low, difference + high)

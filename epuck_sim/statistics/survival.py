@@ -16,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.estimate import UNDETERMINED, Estimate
+from epuck_sim.statistics.measured import Measured
 
 _BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
 _MANY_TRIALS = 10_000  # of more, in few kinds, numbers of each kind are drawn at once: as likely as trial by trial
@@ -135,3 +137,208 @@ def restricted_means(curves: SurvivalCurves, horizon: float) -> FloatArray:
     """
     edges = np.concatenate([[0.0], np.minimum(curves.times, horizon), [horizon]])
     return curves.survival @ np.diff(edges)
+
+
+MIN_UNCENSORED = 0.1
+"""Smallest share of uncensored trials from which the mean is estimated (Appendix A)."""
+
+_FEW_EVENT_TIMES = 20  # up to this number resamples differ much: their fits need more starts, and are quick
+_TOLERANCE = 1e-8  # in log(-log R): a fit has converged when the next step would be smaller
+_MAX_STEPS = 100  # a fit takes about 5; one that takes more has not converged
+
+
+def estimate_weibull_mean(measured: Measured) -> Estimate:
+    """Return the mean by Appendix A with the percentile interval of 1,000 resamples; none below `MIN_TRIALS` trials."""
+    mean = weibull_mean(measured.values, measured.observed)
+    if math.isnan(mean):
+        return UNDETERMINED
+    if not measured.supports_interval:
+        return Estimate(mean)
+    resampled = weibull_resamples(measured.values, measured.observed, seed=measured.seed)
+    return Estimate(mean, *confidence_interval(resampled))
+
+
+def weibull_mean(times: npt.ArrayLike, observed: npt.ArrayLike) -> float:
+    """Return the mean T_sync by Appendix A, cycles; NaN where it is undetermined.
+
+    It is undetermined if fewer than `MIN_UNCENSORED` of the trials are uncensored, or if no Weibull distribution fits:
+    that takes two distinct event times above 0, of which that of a single trial that brings R to 0 is none. But if all
+    trials synchronised at one time, that time is the mean.
+
+    >>> weibull_mean([20, 20, 20], [True, True, True])
+    20.0
+    >>> weibull_mean([20, 20, 20], [False, False, False])
+    nan
+    """
+    sample = make_sample(times, observed)
+    curve = make_curve(sample)
+    mean = float(_means(curve, len(sample.cell), local_fits(curve)[:1])[0])
+    return mean if mean < math.inf else math.nan
+
+
+def weibull_resamples(
+    times: npt.ArrayLike, observed: npt.ArrayLike, resamples: int = 1000, seed: int = 0
+) -> FloatArray:
+    """Return Appendix A's mean, (resamples,) cycles, of as many trials drawn with replacement (Efron 1979).
+
+    A mean that is undetermined is inf, longer than can be said, if trials of the resample are censored, else NaN.
+    Equal seeds give equal means, in whatever order the trials come.
+    """
+    sample = make_sample(times, observed)
+    curve = make_curve(sample)
+    starts = local_fits(curve)
+    if len(curve.times) <= _FEW_EVENT_TIMES:
+        starts = np.concatenate([starts, starting_lines(curve, 4)])
+    blocks = resampled_curves(times, observed, resamples, seed)
+    return np.concatenate([_means(block, len(sample.cell), starts) for block in blocks])
+
+
+def confidence_interval(means: npt.ArrayLike, level: float = 0.95) -> tuple[float, float]:
+    """Return the percentile interval, cycles, of bootstrap means, (b,): two of them, rounded outwards.
+
+    Either end may be inf. NaN are left out, as they carry no information; if all are NaN, so are both ends.
+    """
+    known = np.asarray(means, float)
+    known = known[~np.isnan(known)]
+    if not len(known):
+        return math.nan, math.nan
+    tail = (1 - level) / 2
+    # between a finite mean and inf there is nothing to interpolate
+    return float(np.quantile(known, tail, method="lower")), float(np.quantile(known, 1 - tail, method="higher"))
+
+
+def _means(curves: SurvivalCurves, trials: int, starts: FloatArray) -> FloatArray:
+    """Return Appendix A's means, (B,), inf and NaN as in `weibull_resamples`; each start, (s, 2), is a line."""
+    best, least = np.full((len(curves.events), 2), np.nan), np.full(len(curves.events), math.inf)
+    points = points_to_fit(curves)
+    for start in starts:
+        lines, squares = fit_lines(*points, np.tile(start, (len(best), 1)))
+        is_better = squares < least
+        best[is_better], least[is_better] = lines[is_better], squares[is_better]
+    means = weibull_means(-best[:, 0] / best[:, 1], best[:, 1])
+    at_one_time, column = np.nonzero(curves.events == trials)
+    means[at_one_time] = curves.times[column]
+    uncensored = curves.events.sum(axis=1)
+    # divide, because 0.1 * trials may round up
+    is_undetermined = np.isnan(means) | (uncensored / trials < MIN_UNCENSORED)
+    means[is_undetermined & (uncensored < trials)] = math.inf
+    return means
+
+
+def weibull_means(log_scales: FloatArray, shapes: FloatArray) -> FloatArray:
+    """Return the means, alpha Gamma(1 + 1 / gamma), (B,) cycles, of these log alpha, (B,), and gamma, (B,); or inf."""
+    log_gammas = np.array([math.lgamma(1 + 1 / shape) for shape in shapes.tolist()])
+    with np.errstate(over="ignore"):
+        means: FloatArray = np.exp(log_scales + log_gammas)
+    return means
+
+
+def points_to_fit(curves: SurvivalCurves) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the points to fit: x, (k,), their weights, (B, k), and R, (B, k).
+
+    Appendix A multiplies R trial by trial: d trials with one time are d points, with R from (n - 1) / n to (n - d) / n
+    of that before. Their squares add up, but for a constant, to d times the square at their mean. At time 0 every
+    Weibull distribution has R = 1, so that points there do not matter.
+    """
+    later = curves.times > 0
+    n, d, before = curves.at_risk[:, later], curves.events[:, later], curves.survival[:, :-1][:, later]
+    return np.log(curves.times[later]), d.astype(float), before * (n - (d + 1) / 2) / np.maximum(n, 1)
+
+
+def starting_lines(curve: SurvivalCurves, points: int) -> FloatArray:
+    """Return the rising lines, (s, 2), through each two of up to `points` points of one sample, early to late."""
+    x, _, survival = points_to_fit(curve)
+    chosen = np.unique(np.linspace(0, max(len(x) - 1, 0), min(len(x), points)).round().astype(int))
+    x, y = x[chosen], np.log(-np.log(np.maximum(survival[0, chosen], 0.01)))  # no line reaches R = 0
+    first, second = np.triu_indices(len(x), 1)
+    is_rising = (y[second] > y[first]) & (x[second] > x[first])
+    first, second = first[is_rising], second[is_rising]
+    slope = (y[second] - y[first]) / (x[second] - x[first])
+    return np.stack([y[first] - slope * x[first], slope], axis=1)
+
+
+def local_fits(curve: SurvivalCurves) -> FloatArray:
+    """Return the lines, (s, 2), at which the squares of one sample have a local minimum, the best first.
+
+    There is usually one; there are two or three if, for example, a few trials are much shorter than all others.
+    """
+    starts = starting_lines(curve, 6)
+    x, weights, survival = points_to_fit(curve)
+    shape = (len(starts), len(x))
+    lines, squares = fit_lines(x, np.broadcast_to(weights, shape), np.broadcast_to(survival, shape), starts)
+    is_found = np.isfinite(squares)
+    _, distinct = np.unique(squares[is_found].round(6), return_index=True)
+    return lines[is_found][distinct]
+
+
+def fit_lines(
+    x: FloatArray, weights: FloatArray, survival: FloatArray, starts: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Fit a line to each sample by Newton's method, all at once; a step is halved until the squares fall.
+
+    Args:
+        x: (k,) log of the event times.
+        weights: (B, k) number of trials at each of these.
+        survival: (B, k) R there.
+        starts: (B, 2) lines to start from.
+
+    Returns:
+        (B, 2) the lines with the least squares, and (B,) these squares; NaN and inf where no fit converges.
+    """
+    lines, least = np.full((len(starts), 2), np.nan), np.full(len(starts), math.inf)
+    # Two parameters need two points. With only one above R = 0, the steeper a line through it, the better it fits. With
+    # two, neither a step nor a constant is best, so that the slope of the best line is finite.
+    rows = np.flatnonzero(((weights > 0) & (survival > 0)).sum(axis=1) >= 2)
+    weights, survival = weights[rows], survival[rows]
+    line, best = starts[rows], np.full(len(rows), math.inf)
+    step, length = np.zeros_like(line), best
+    for _ in range(_MAX_STEPS):
+        tried = line + step
+        squares, next_step, next_length = _newton(x, weights, survival, tried)
+        is_better = (squares < best) & (tried[:, 1] > 0)  # gamma > 0
+        line, best = np.where(is_better[:, None], tried, line), np.where(is_better, squares, best)
+        step = np.where(is_better[:, None], next_step, step / 2)
+        length = np.where(is_better, next_length, length / 2)
+        has_converged, goes_on = length <= _TOLERANCE, length > _TOLERANCE  # neither where it is NaN
+        lines[rows[has_converged]], least[rows[has_converged]] = line[has_converged], best[has_converged]
+        rows, line, best = rows[goes_on], line[goes_on], best[goes_on]
+        step, length = step[goes_on], length[goes_on]
+        if not len(rows):
+            break
+        weights, survival = weights[goes_on], survival[goes_on]
+    return lines, least
+
+
+def _newton(
+    x: FloatArray, weights: FloatArray, survival: FloatArray, line: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the squares of each line, (B,), the step to take from it, (B, 2), and the length of this step, (B,).
+
+    Shapes are those of `fit_lines`. The length is the change of the line at the points; it is at most 1, and NaN where
+    the squares do not depend on the line.
+    """
+    z = np.exp(np.minimum(line[:, :1] + line[:, 1:] * x, 6.5))  # -log R; beyond, R is 1e-288 or less
+    r = np.exp(-z)
+    error, fall = r - survival, r * z  # fall of R per unit of the line
+    pull = weights * fall
+    w = pull * (fall + error * (z - 1))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        total, centre, away, spread = _moments(x, w)
+        is_convex = (total > 0) & (spread > 0)
+        if not is_convex.all():  # Newton's step may lead uphill elsewhere; Gauss and Newton's never does
+            w = np.where(is_convex[:, None], w, pull * fall)
+            total, centre, away, spread = _moments(x, w)
+        pull *= error
+        # the step is a line too; from the centre, its rise and its turn are independent of each other
+        rise, turn = pull.sum(axis=1) / total, np.einsum("ij,ij->i", pull, away) / (spread * total)
+        length = np.maximum(np.abs(rise), np.abs(turn) * np.sqrt(spread))
+        step = np.stack([rise - turn * centre, turn], axis=1) / np.maximum(length, 1)[:, None]
+    return np.einsum("ij,ij,ij->i", weights, error, error), step, np.minimum(length, 1)
+
+
+def _moments(x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the sums of the weights w, (B,), the means of x, (B,), x minus these, (B, k), and its variances, (B,)."""
+    total = w.sum(axis=1)
+    centre = np.einsum("ij,j->i", w, x) / total
+    away = x - centre[:, None]
+    return total, centre, away, np.einsum("ij,ij,ij->i", w, away, away) / total

@@ -280,7 +280,7 @@ def test_help_waits_for_nothing_heavy() -> None:
 
 
 def test_summarize_draws_nothing() -> None:
-    script = "import sys, epuck_sim.statistics.summary, epuck_sim.cli.tables\nprint('matplotlib' in sys.modules)"
+    script = "import sys, epuck_sim.statistics.statistic, epuck_sim.cli.tables\nprint('matplotlib' in sys.modules)"
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert result.stdout == "False\n"
 

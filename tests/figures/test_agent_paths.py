@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.figures.agent_paths import TOLERANCE, agent_path
+from epuck_sim.figures.trial_page import TOLERANCE, agent_path
 
 SIDE_CM = 50.0
 ROWS = 40

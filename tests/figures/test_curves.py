@@ -15,7 +15,7 @@ from epuck_sim.figures.saving import Table
 from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import ExtremaSearch, SpeedExtrema
-from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.measured import Statistic
 from tests.figures.drawn import laid_out, legend_texts, shown_text, written
 from tests.runs.made_folders import (
     COUNT,
@@ -237,14 +237,6 @@ def test_crosses_of_two_curves_at_one_place_are_both_seen_above_all_points() -> 
     assert axes.transAxes.inverted().transform(points)[0, 1] < heights[0]
 
 
-def test_where_all_means_are_undetermined_there_are_but_crosses() -> None:
-    axes = axes_of([curve_of([50.0] * 3, undetermined=range(3))])
-    assert len(drawn(marked(axes, "x"))) == 3
-    assert drawn(lines_of(axes)) == drawn(marked(axes, "o")) == []
-    assert legend_texts(axes.figure) == ["undetermined: too many censored"]
-    laid_out(axes.figure)
-
-
 def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowhere_else() -> None:
     axes = axes_of(CURVES, extrema=EXTREMA)
     assert drawn(marked(axes, "v")) == [(pair.v_m, pair.t_m) for pair, _ in EXTREMA[:2]]
@@ -288,14 +280,6 @@ def test_both_axes_are_logarithmic_with_plain_numbers() -> None:
         assert seen(axis.get_ticklabels(minor=True)) == []
 
 
-def test_x_is_linear_where_a_value_is_0() -> None:
-    axes = axes_of([curve_of([30, 20, 10], x=[0, 1, 2])])
-    laid_out(axes.figure)
-    assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
-    assert axes.get_xlim()[0] < 0
-    assert drawn(lines_of(axes)) == [(0, 30), (1, 20), (2, 10)]
-
-
 @pytest.mark.parametrize(
     ("axis", "x", "scale"),
     [
@@ -310,12 +294,6 @@ def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade(axis: str
     axes = axes_of([curve_of([30, 20, 10], x=x)], axis=axis)
     laid_out(axes.figure)
     assert axes.get_xscale() == scale
-
-
-def test_exponential_growth_with_the_number_of_robots_is_a_straight_line() -> None:
-    (line,) = lines_of(axes_of([curve_of([10, 100, 1000], x=[10, 20, 30])], axis=COUNT))
-    steps = np.diff(line.get_transform().transform(np.column_stack(line.get_data())), axis=0)
-    assert steps[0] == pytest.approx(steps[1])
 
 
 def test_many_decades_are_labelled_by_powers_of_ten_alone_on_both_axes_and_do_not_overlap() -> None:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, StepPatch
 
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.figures.film_tracking import ACROSS, COLUMNS, FOUND, MARK, choose_moments, draw_track, save_track_figure
+from epuck_sim.figures.films import ACROSS, COLUMNS, FOUND, MARK, choose_moments, draw_track, save_track_figure
 from epuck_sim.overhead.synchrony import evaluate, first_synchronised
 from epuck_sim.overhead.track import Snapshot, Track
 from tests.overhead.counts import counted, frames

@@ -8,7 +8,7 @@ from epuck_sim.figures.forms.curves import Curves
 from epuck_sim.figures.forms.maps import Maps, choose_levels, read_maps
 from epuck_sim.figures.forms.series import MAX_LINES, Series
 from epuck_sim.figures.forms.violins import Violins, density, read_groups
-from epuck_sim.figures.scales import has_log_scale
+from epuck_sim.figures.style import has_log_scale
 from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.statistics.curves import read_curves
 from epuck_sim.statistics.series import PointSeries, series_statistics

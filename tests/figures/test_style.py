@@ -12,10 +12,20 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.figures.film_tracking import BAR, FOUND, MARK, SYNC
+from epuck_sim.figures.films import BAR, FOUND, MARK, SYNC
 from epuck_sim.figures.forms.violins import LINE, VIOLIN
-from epuck_sim.figures.scales import format_tick, is_plain
-from epuck_sim.figures.style import COLOURS, GREY, MARKERS, choose_looks, finish, make_panels, style, typeset
+from epuck_sim.figures.style import (
+    COLOURS,
+    GREY,
+    MARKERS,
+    choose_looks,
+    finish,
+    format_tick,
+    is_plain,
+    make_panels,
+    style,
+    typeset,
+)
 from epuck_sim.overhead.annotate import CYAN
 
 MIN_CONTRAST = 3.0

@@ -44,7 +44,6 @@ UNDISTURBED = [
 ]
 
 SIGNED = [point._replace(of="mine", measured=(-1.0,) * 9) for point in POINTS]
-BLANK = [point._replace(observed=point.observed & False) for point in POINTS]
 SERIES = [point._replace(of="mine", measured=([1, 2, 3],) * 9) for point in POINTS if point.axes[SPEED] in SPEEDS[:2]]
 
 FORMS = {
@@ -83,11 +82,6 @@ def test_without_axes_a_form_makes_a_figure_with_a_legend(form: str) -> None:
     assert made.get_suptitle() == ""
     labels = {label for panel in made.axes for label in panel.get_legend_handles_labels()[1]}
     assert {*legend_texts(made)} == labels
-
-
-def test_every_mark_of_curves_has_a_label() -> None:
-    _, labels = figures.plot(POINTS).axes[0].get_legend_handles_labels()
-    assert labels == ["L = 40 cm", "L = 60 cm", "95 % interval"]
 
 
 def test_axes_and_statistics_are_chosen_by_name() -> None:
@@ -278,16 +272,11 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
             lambda: figures.plot(POINTS, points=True, form="map"),
             "--points is for --form curves and violins, but this is map",
         ),
-        (lambda: figures.plot(POINTS, labels={"spede": "V"}), "label: unknown 'spede'"),
         (lambda: figures.plot(POINTS, width=3), "figure.width: unknown 'width', did you mean 'width_cm'"),
         (lambda: figures.plot(SIGNED, scale="log"), "--log: mine has values that are not positive, such as -1"),
-        (lambda: figures.plot(POINTS, y=WIDTH), "--y is for --form map, but this is curves"),
-        (lambda: figures.plot(POINTS, form="map", statistic="weibull-mean"), "not for --form map"),
         (lambda: figures.plot(DISPLACED), "trials have no T_sync"),
         (lambda: figures.plot(POINTS, form="series"), "is for measures"),
         (lambda: figures.plot(SERIES, form="curves"), "mine is a series"),
-        (lambda: figures.plot(POINTS, form="course"), "need model: particles"),
-        (lambda: figures.plot(BLANK, form="map"), "would be blank"),
         (lambda: figures.plot(UNDISTURBED, form="perturbation"), "nothing deviates"),
     ],
 )

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from epuck_sim.figures.forms.violins import LINE, VIOLIN, Violins, density, read_groups
 from epuck_sim.figures.style import count_trials
 from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.weibull_mean import MIN_UNCENSORED, estimate_weibull_mean, weibull_mean
+from epuck_sim.statistics.survival import MIN_UNCENSORED, estimate_weibull_mean, weibull_mean
 from tests.figures.drawn import laid_out, legend_texts, written
 from tests.runs.made_folders import COUNT, SPEED, SPEEDS, ended, in_memory, six_digits, sweep, weibull
 

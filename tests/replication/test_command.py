@@ -176,11 +176,14 @@ RISE = {"test": "largest_rise", "along": SPEED}
 @pytest.mark.parametrize(
     ("claims", "message"),
     [
-        ([claim("A1", {**FASTER, "over": 1, "above": 1})], "A1.checks.0.over: unknown key 'over'"),
+        (
+            [claim("A1", {**FASTER, "over": "V", "above": 1})],
+            "A1.checks.0: unknown key 'over'; ratio takes between, where",
+        ),
         ([claim("A1", {**FASTER})], "A1.checks.0: give one of above, below and within"),
         ([claim("A1", {**FASTER, "above": 1, "below": 1})], "A1.checks.0: give one of above, below and within"),
         ([claim("A1", {**FASTER, "within": [2, 1]})], "A1.checks.0: within: the first number must be the lower one"),
-        ([claim("A1", {"test": "rise", "above": 1})], "A1.checks.0: is {'test': 'rise', 'above': 1}; "),
+        ([claim("A1", {"test": "rise", "above": 1})], "A1.checks.0: test: unknown 'rise'; allowed: ratio, "),
         ([claim("A1")], "A1: give either checks, which may be a reading, or one of identity, no_claim"),
         ([claim("A1", {**FASTER, "above": 1}, not_asked="Long")], "A1: give either checks, which may be a reading, or"),
         ([claim("A1", {**FASTER, "above": 1, "rises": True})], "A1.checks.0: give one of above, below and within"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from epuck_sim import load_scenario
-from epuck_sim.replication.contents import estimate_cost
+from epuck_sim.replication.sweeps import estimate_cost
 from epuck_sim.runs.reader import PointTrials
 
 FULL = load_scenario("particles", ["stop.max_cycles=1000", "trials=50"], ["agents.speed_cm_s=1,10,100"])

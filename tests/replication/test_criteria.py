@@ -13,12 +13,14 @@ from epuck_sim.replication.criteria import (
     exponential_rate,
     largest_rise,
     level,
+    mean_with_error,
     power_exponent,
     ratio,
+    restrict,
     share,
     share_difference,
+    share_effect,
 )
-from epuck_sim.replication.effects import mean_with_error, restrict, share_effect
 from epuck_sim.statistics.two_samples import contrast, pair_up
 from tests.replication.samples import LIMIT, drawn, times, truths, uncensored
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter
-from epuck_sim.replication.formulas import largest_shift, order_zero, sigma_a, sigma_b
+from epuck_sim.replication.claims import largest_shift, order_zero, sigma_a, sigma_b
 
 
 def test_one_robot_of_twenty_so_far_away_has_the_order_of_the_threshold() -> None:

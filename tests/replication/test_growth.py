@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.replication.evaluation import LARGEST, growth
+from epuck_sim.replication.verdicts import LARGEST, growth
 
 CYCLES = np.arange(300)
 

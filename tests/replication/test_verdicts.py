@@ -1,19 +1,16 @@
 """From effects to verdicts."""
 
 import pytest
-from pydantic import TypeAdapter
 
-from epuck_sim.replication.checks import Check
-from epuck_sim.replication.claims import Claim
-from epuck_sim.replication.effects import Effect, student
-from epuck_sim.replication.evaluation import Finding, run_check
-from epuck_sim.replication.verdicts import Verdict, answer, decide, p_values
+from epuck_sim.replication.claims import Check, Claim
+from epuck_sim.replication.criteria import Effect, student
+from epuck_sim.replication.verdicts import Finding, Verdict, decide, judge_claims, p_values, run_check
 
 HOLDS, CONTRADICTED, UNDECIDED = Verdict.HOLDS, Verdict.CONTRADICTED, Verdict.UNDECIDED
 
 
 def check(**prediction) -> Check:
-    return TypeAdapter(Check).validate_python({"test": "level", **prediction})
+    return Check.model_validate({"test": "level", **prediction})
 
 
 def finding(effect: Effect, **prediction) -> Finding:
@@ -44,15 +41,15 @@ def claimed(*checks: Finding, **more: str) -> tuple[Claim, list[Finding]]:
     ],
 )
 def test_an_effect_decides_if_it_is_far_from_the_threshold(value, prediction, verdict) -> None:
-    ((_, _, (judged,)),) = answer([claimed(finding(student(value, 1.0, 30), **prediction))])
+    ((_, _, (judged,)),) = judge_claims([claimed(finding(student(value, 1.0, 30), **prediction))])
     assert judged.verdict == verdict
 
 
 def test_what_one_test_decides_many_may_not() -> None:
     alone = finding(student(2.5, 1.0, 100), above=0)
     noise = [finding(student(0.1, 1.0, 100), above=0) for _ in range(9)]
-    assert answer([claimed(alone)])[0].verdict == HOLDS
-    judged = answer([claimed(alone), claimed(*noise)])
+    assert judge_claims([claimed(alone)])[0].verdict == HOLDS
+    judged = judge_claims([claimed(alone), claimed(*noise)])
     assert judged[0].verdict == UNDECIDED
     (found,) = judged[0].checks
     assert found.p_holm == pytest.approx(10 * found.p_value)
@@ -60,12 +57,12 @@ def test_what_one_test_decides_many_may_not() -> None:
 
 
 def test_a_formula_is_not_corrected_and_corrects_nothing() -> None:
-    formula = TypeAdapter(Check).validate_python({"test": "formula", "number": "sigma_a", "above": 0})
+    formula = Check.model_validate({"test": "formula", "number": "sigma_a", "above": 0})
     exact = Finding(
         formula, Effect(student(1, 0, 0).estimate, lambda x: float(x > 1), lambda x: float(x < 1)), (0, 0), 0
     )
     alone = finding(student(2.1, 1.0, 100), above=0)
-    first, second = answer([claimed(exact, exact, alone), claimed(exact)])
+    first, second = judge_claims([claimed(exact, exact, alone), claimed(exact)])
     assert [each.verdict for each in first.checks] == [HOLDS] * 3
     assert first.checks[2].p_holm == first.checks[2].p_value
     assert second.verdict == HOLDS
@@ -86,7 +83,7 @@ def test_a_claim_holds_if_all_its_tests_do(verdicts, together) -> None:
 
 @pytest.mark.parametrize(("value", "verdict"), [(9.0, Verdict.READING), (1.0, Verdict.READING), (5.5, UNDECIDED)])
 def test_a_threshold_of_ours_decides_about_our_reading_alone(value, verdict) -> None:
-    assert answer([claimed(finding(student(value, 1.0, 30), above=5), reading="The 5.")])[0].verdict == verdict
+    assert judge_claims([claimed(finding(student(value, 1.0, 30), above=5), reading="The 5.")])[0].verdict == verdict
 
 
 @pytest.mark.parametrize(
@@ -95,13 +92,15 @@ def test_a_threshold_of_ours_decides_about_our_reading_alone(value, verdict) -> 
 )
 def test_what_needs_no_trials_says_so(reason: str, verdict: Verdict) -> None:
     assert (
-        answer([(Claim.model_validate({"id": "A1", "section": "9", "claim": "so", reason: "why"}), [])])[0].verdict
+        judge_claims([(Claim.model_validate({"id": "A1", "section": "9", "claim": "so", reason: "why"}), [])])[
+            0
+        ].verdict
         == verdict
     )
 
 
 def test_an_identity_that_fails_is_contradicted() -> None:
     """It then is the program that is wrong."""
-    formula = TypeAdapter(Check).validate_python({"test": "formula", "number": "sigma_a", "above": 1})
+    formula = Check.model_validate({"test": "formula", "number": "sigma_a", "above": 1})
     for check, verdict in ((formula, CONTRADICTED), (formula.model_copy(update={"above": 0}), Verdict.IDENTITY)):
-        assert answer([claimed(run_check(check, []), identity="why")])[0].verdict == verdict
+        assert judge_claims([claimed(run_check(check, []), identity="why")])[0].verdict == verdict

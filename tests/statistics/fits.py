@@ -7,8 +7,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.statistics.extrema import smooth_logs
-from epuck_sim.statistics.survival import make_curve, make_sample
-from epuck_sim.statistics.weibull_mean import local_fits, weibull_means
+from epuck_sim.statistics.survival import local_fits, make_curve, make_sample, weibull_means
 
 
 class Weibull(NamedTuple):

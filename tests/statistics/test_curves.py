@@ -15,8 +15,8 @@ from epuck_sim.scenario.axes import choose_axis, choose_second_axis, distinguish
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.curves import read_curves
-from epuck_sim.statistics.names import Statistic
-from epuck_sim.statistics.summary import summarize
+from epuck_sim.statistics.measured import Statistic
+from epuck_sim.statistics.statistic import summarize
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -90,21 +90,6 @@ def test_a_curve_is_sorted_by_x_even_if_the_sweep_is_not() -> None:
         assert curve.values.tolist() == [10 * speed for speed in SPEEDS]
         assert np.isnan(curve.intervals).all()
         np.testing.assert_array_equal(curve.resampled, np.tile(10 * np.array(SPEEDS), (1000, 1)))
-
-
-def test_points_and_curves_without_trials_are_left_out() -> None:
-    def law(point):
-        is_there = point.axes[COUPLING] == 0.1 and point.axes[SPEED] != 1.0
-        return ended([7] * 4 if is_there else [])
-
-    (curve,) = read_curves(in_memory(sweep({COUPLING: [0.2, 0.1], SPEED: SPEEDS}), law), SPEED)
-    assert curve.axes == {COUPLING: 0.1}
-    assert curve.x.tolist() == [0.2, 0.5, 2.0, 5.0]
-    assert curve.trials.tolist() == [4] * 4
-
-
-def test_without_any_trial_there_is_no_curve() -> None:
-    assert read_curves(in_memory(sweep({SPEED: SPEEDS}), lambda _: ended([])), SPEED) == []
 
 
 def test_the_statistic_of_a_point_has_the_name_that_its_censoring_makes() -> None:
@@ -186,20 +171,6 @@ def test_every_point_with_trials_is_on_the_curve_of_its_other_axes_once(order, e
 def test_which_curves_a_sweep_makes(scenario_sweep: dict, x: str, expected: list) -> None:
     curves = read_curves(with_axes(scenario_sweep), x)
     assert [(curve.axes, curve.x.tolist()) for curve in curves] == expected
-
-
-def test_speeds_of_two_groups_that_go_together_make_one_curve() -> None:
-    both = [{"count": 2}, {"count": 2}]
-    made = with_axes({"zip": {SPEED: [1, 2, 3], OTHER_SPEED: [2, 4, 6]}}, robots=both)
-    (curve,) = read_curves(made, choose_axis(axes_of(made)))
-    assert curve.x.tolist() == [1, 2, 3]
-
-
-def test_whole_sections_may_be_an_axis_beside_the_speed() -> None:
-    obstacles = [[], [{"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 5}]]
-    made = with_axes({"grid": {"arena.obstacles": obstacles, SPEED: [1, 2]}})
-    assert choose_axis(axes_of(made)) == SPEED
-    assert [curve.axes["arena.obstacles"] for curve in read_curves(made, SPEED)] == obstacles
 
 
 # The axis

@@ -18,7 +18,7 @@ from epuck_sim.statistics.extrema import (
     find_minimum_and_peak,
     search_extrema,
 )
-from tests.runs.made_folders import MANY_SPEEDS, SPEED, bumpy, censored, ended, falling, in_memory, sweep, weibull
+from tests.runs.made_folders import MANY_SPEEDS, SPEED, bumpy, ended, falling, in_memory, sweep, weibull
 from tests.statistics.fits import smooth_curve
 
 SPEEDS = np.geomspace(0.05, 12.8, 20)
@@ -326,11 +326,6 @@ def test_between_other_speeds_they_may_hide_a_peak() -> None:
     assert reason == (
         "half of the trials or more are censored from V = 0.5 to 1.3 cm/s, where a peak may be: raise stop.max_cycles"
     )
-
-
-def test_where_most_speeds_are_censored_that_is_the_reason() -> None:
-    curve = curve_of(lambda point: censored(point, 60) if point.number < 9 else falling(point))
-    assert search_extrema(curve).reason.startswith("half of the trials or more are censored at 9 of 13 speeds;")
 
 
 def test_a_curve_that_is_no_longer_known_to_resamples_is_none() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.statistics.curves import Curve, read_curves
-from epuck_sim.statistics.fast_regime import find_fast_speed
+from epuck_sim.statistics.extrema import find_fast_speed
 from tests.runs.made_folders import MANY_SPEEDS, SPEED, censored, in_memory, sweep, weibull
 
 

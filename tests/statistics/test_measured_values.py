@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import StoreError
+from epuck_sim.statistics.mean import wilson_interval
 from epuck_sim.statistics.measured import measure
-from epuck_sim.statistics.shares import wilson_interval
-from epuck_sim.statistics.summary import summarize
+from epuck_sim.statistics.statistic import summarize
 from tests.runs.made_folders import ended, in_memory, sweep
 
 

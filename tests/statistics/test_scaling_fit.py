@@ -11,7 +11,7 @@ from epuck_sim.cli.tables import show
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.estimate import Estimate
 from epuck_sim.statistics.extrema import SpeedExtrema
-from epuck_sim.statistics.scaling_fit import FittedCurve, fit_curves, fit_laws, fit_tables
+from epuck_sim.statistics.fit import FittedCurve, fit_curves, fit_laws, fit_tables
 from tests.cli.commands import cells
 from tests.runs.made_folders import (
     COUNT,
@@ -224,23 +224,6 @@ def test_a_folder_without_any_axis_of_numbers_is_refused_by_name(tmp_path, grid:
 # The laws
 
 
-def test_the_exponents_over_size_are_those_of_the_sweep(sizes) -> None:
-    found = exponents_of(sizes)
-    assert list(found) == [(quantity, "L") for quantity in QUANTITIES]
-    for estimate in found.values():
-        assert_held(estimate, 1)
-        assert estimate[0] == pytest.approx(1, abs=0.25)
-
-
-def test_the_exponents_over_coupling_are_those_of_the_sweep(couplings) -> None:
-    found = exponents_of(couplings)
-    assert list(found) == [(quantity, "epsilon") for quantity in QUANTITIES]
-    for (quantity, _), estimate in found.items():
-        truth = 1 if quantity.startswith("V") else 0
-        assert_held(estimate, truth)
-        assert estimate[0] == pytest.approx(truth, abs=0.25)
-
-
 def test_several_folders_make_one_law(sizes, couplings) -> None:
     found = exponents_of([*sizes, *couplings])
     truths = {"V_m": (1, 1), "T_m": (0, 1), "V_p": (1, 1), "T_p": (0, 1)}
@@ -360,12 +343,6 @@ def test_the_table_has_a_row_for_each_curve(capsys, sizes, couplings) -> None:
         expected = [str(Estimate(getattr(curve.extrema, name), low, high)) for name, (low, high) in numbers]
         assert [cell for cell in row if "[" in cell] == expected
         assert set(map(str, curve.axes.values())) <= set(row)
-
-
-def test_folders_whose_long_names_differ_at_the_end_are_distinguished(capsys) -> None:
-    runs = [f"/{'long' * 30}/{name}" for name in ("fig-4-2a", "fig-4-2b")]
-    table = cells(printed(capsys, [lawful(run=run) for run in runs]))
-    assert [row[0] for row in table[:2]] == ["fig-4-2a", "fig-4-2b"]
 
 
 def test_the_exponents_are_next_to_the_thesis_s(capsys, couplings) -> None:

@@ -247,12 +247,3 @@ def test_every_law_is_compared_with_the_thesis_where_it_names_an_exponent(model)
         assert row.exponent.value == pytest.approx(truths[row.quantity][row.parameter], abs=1e-9)
         assert row.thesis == laws[row.quantity][row.parameter].exponent
         assert row.form == ("exponential" if row.parameter == "N" and row.quantity[0] == "T" else "power")
-
-
-def test_the_laws_of_times_are_those_of_robots_alone():
-    agents = LAWS["particles"]
-    assert agents["V_m"] == ROBOTS["V_m"]
-    assert agents["V_p"] == ROBOTS["V_p"]
-    assert thesis(agents["T_p"]) == {"epsilon": None, "L": 0, "N": None, "tau": None}
-    assert thesis(agents["V_f"]) == {"epsilon": None, "L": 1, "N": -0.5, "tau": None}
-    assert "V_f" not in ROBOTS

@@ -19,16 +19,11 @@ from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.points import points
 from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import measure_t_sync
-from epuck_sim.statistics.summary import summarize as summaries_of
-from epuck_sim.statistics.survival import median_time
-from epuck_sim.statistics.weibull_mean import confidence_interval, weibull_mean, weibull_resamples
+from epuck_sim.statistics.statistic import summarize as summaries_of
+from epuck_sim.statistics.survival import confidence_interval, median_time, weibull_mean, weibull_resamples
 from tests.cli.commands import cells
 from tests.runs.made_folders import (
-    COUPLING,
     LIMIT,
-    PERIOD,
-    PIXELS,
-    SECONDS,
     SPEED,
     SPEEDS,
     censored,
@@ -292,21 +287,3 @@ def test_the_table_says_why_there_are_no_intervals(folder, tmp_path) -> None:
 def test_a_scenario_without_a_sweep_is_one_row(tmp_path) -> None:
     store(tmp_path, sweep(None, trials=3), lambda _: ended([5, 5, 5]))
     assert cells(summarized(tmp_path).stdout) == [["0", "3", "0 %", "5", "5"]]
-
-
-def test_no_number_is_cut_in_a_sweep_over_many_axes(tmp_path) -> None:
-    axes = {SPEED: 0.067, SECONDS: 123456.5, LIMIT: 20000, PIXELS: 58, COUPLING: 0.1, PERIOD: 5}
-    scenario = sweep({key: [value] for key, value in axes.items()}, trials=20, stop={})
-    store(tmp_path, scenario, lambda point: weibull(point, 12345))
-    assert "…" not in summarized(tmp_path).stdout
-
-
-def test_axis_values_are_no_markup(tmp_path) -> None:
-    (tmp_path / "[red]x.py").write_text(
-        "PARAMETERS = {}\nMEMORY = {}\n\ndef start(memory, parameters, random):\n    pass\n\n"
-        "def step(sensors, memory, actuators, parameters, random):\n    pass\n"
-    )
-    controllers = [str(tmp_path / "[red]x.py"), "constant"]
-    scenario = sweep({"robots.0.controller": controllers}, trials=1, robots=[{"parameters": {}}])
-    store(tmp_path / "run", scenario, lambda _: ended([5]))
-    assert cells(summarized(tmp_path / "run").stdout)[0][1] == "[red]x.py"

@@ -13,13 +13,16 @@ from scipy.optimize import curve_fit
 from scipy.stats import CensoredData, ecdf
 
 from epuck_sim.statistics.survival import (
+    MIN_UNCENSORED,
+    confidence_interval,
     make_curve,
     make_sample,
     median_time,
     resample_counts,
     restricted_means,
+    weibull_mean,
+    weibull_resamples,
 )
-from epuck_sim.statistics.weibull_mean import MIN_UNCENSORED, confidence_interval, weibull_mean, weibull_resamples
 from tests.statistics.fits import Weibull, fit_weibull, kaplan_meier
 
 whole_cycles = st.integers(1, 12) | st.integers(0, 10**7)

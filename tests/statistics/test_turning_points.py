@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import EpuckSimError, StoreError
-from epuck_sim.statistics.extrema import smooth_logs
-from epuck_sim.statistics.measure_fit import fit_measure
-from epuck_sim.statistics.turning_points import find_minimum, find_peak, most_prominent
+from epuck_sim.statistics.extrema import find_minimum, find_peak, most_prominent, smooth_logs
+from epuck_sim.statistics.fit import fit_measure
 from tests.measures.files import write
 from tests.runs.made_folders import COUPLING, SPEED, store_measured, sweep
 

@@ -14,14 +14,22 @@ from epuck_sim.estimate import MIN_TRIALS
 from epuck_sim.figures.forms.form import Choices, Form, draw_trials
 from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
 from epuck_sim.figures.saving import Table, tabulate
-from epuck_sim.figures.scales import has_log_scale, is_logarithmic, make_logarithmic
-from epuck_sim.figures.style import BAND, GREY, Look, choose_looks, count_trials, typeset
+from epuck_sim.figures.style import (
+    BAND,
+    GREY,
+    Look,
+    choose_looks,
+    count_trials,
+    has_log_scale,
+    is_logarithmic,
+    make_logarithmic,
+    typeset,
+)
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics.curves import Curve, group_by_other_axes, read_curves
 from epuck_sim.statistics.extrema import MIN_SPEEDS, ExtremaSearch, SpeedExtrema, search_extrema
-from epuck_sim.statistics.measured import Measured, measure
-from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.measured import Measured, Statistic, measure
 
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 """Columns after the axes in a table of curves: number of trials, share of censored ones, what the estimate is,

@@ -18,12 +18,21 @@ from epuck_sim.figures.forms.curves import curves_table
 from epuck_sim.figures.forms.form import Choices, Form, check_has_values
 from epuck_sim.figures.labels import statistic_label
 from epuck_sim.figures.saving import Table
-from epuck_sim.figures.scales import format_tick, has_log_scale, is_logarithmic, is_plain, make_logarithmic
-from epuck_sim.figures.style import BAR, BAR_ASPECT, count_trials, typeset
+from epuck_sim.figures.style import (
+    BAR,
+    BAR_ASPECT,
+    count_trials,
+    format_tick,
+    has_log_scale,
+    is_logarithmic,
+    is_plain,
+    make_logarithmic,
+    typeset,
+)
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
-from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.measured import Statistic
 from epuck_sim.statistics.statistic import MOST_CENSORED
 
 COLOURS = colormaps["viridis"]

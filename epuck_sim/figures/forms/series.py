@@ -12,8 +12,17 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.saving import Table, tabulate
-from epuck_sim.figures.scales import has_log_scale, make_logarithmic
-from epuck_sim.figures.style import BAND, GREY, Look, choose_looks, count_trials, draw_course, typeset
+from epuck_sim.figures.style import (
+    BAND,
+    GREY,
+    Look,
+    choose_looks,
+    count_trials,
+    draw_course,
+    has_log_scale,
+    make_logarithmic,
+    typeset,
+)
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.series import PointSeries, summarize_series
 

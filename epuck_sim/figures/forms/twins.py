@@ -13,8 +13,16 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.saving import Table, tabulate
-from epuck_sim.figures.scales import format_tick, make_logarithmic
-from epuck_sim.figures.style import BAR, BAR_ASPECT, choose_looks, count_trials, draw_course, typeset
+from epuck_sim.figures.style import (
+    BAR,
+    BAR_ASPECT,
+    choose_looks,
+    count_trials,
+    draw_course,
+    format_tick,
+    make_logarithmic,
+    typeset,
+)
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario

@@ -16,15 +16,23 @@ from epuck_sim.estimate import Estimate
 from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials
 from epuck_sim.figures.labels import undetermined_label
 from epuck_sim.figures.saving import Table, tabulate
-from epuck_sim.figures.scales import format_tick, has_log_scale, is_logarithmic, is_plain, make_logarithmic
-from epuck_sim.figures.style import BAND, GREY, count_trials, typeset
+from epuck_sim.figures.style import (
+    BAND,
+    GREY,
+    count_trials,
+    format_tick,
+    has_log_scale,
+    is_logarithmic,
+    is_plain,
+    make_logarithmic,
+    typeset,
+)
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis
 from epuck_sim.statistics.curves import group_by_other_axes
-from epuck_sim.statistics.measured import Measured, cut, measure
-from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.measured import Measured, Statistic, cut, measure
 from epuck_sim.statistics.statistic import estimate
-from epuck_sim.statistics.weibull_mean import estimate_weibull_mean
+from epuck_sim.statistics.survival import estimate_weibull_mean
 
 HEIGHTS = 100
 """Number of values at which a density is evaluated."""

@@ -1,9 +1,9 @@
-"""Local minima and peaks of T_sync in run folders, and the scaling laws that they follow (thesis 4.2.2)."""
+"""Minima and peaks of T_sync, or a measure, in run folders, and the laws that those of T_sync follow (thesis 4.2.2)."""
 
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,9 +17,19 @@ from epuck_sim.estimate import Estimate, significant
 from epuck_sim.scenario.axes import SPEED
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.statistics.curves import Curve, folder_curves
-from epuck_sim.statistics.extrema import SpeedExtrema, search_extrema
-from epuck_sim.statistics.fast_regime import FAST_FACTOR, find_fast_speed
-from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.extrema import (
+    FAST_FACTOR,
+    MIN_SPEEDS,
+    MIN_TRIALS,
+    SpeedExtrema,
+    TurningPoint,
+    find_fast_speed,
+    find_minimum,
+    find_peak,
+    search_extrema,
+    smooth_logs,
+)
+from epuck_sim.statistics.measured import Statistic
 from epuck_sim.statistics.scaling_laws import (
     LAWS,
     Comparison,
@@ -186,22 +196,29 @@ def fit_tables(curves: Sequence[FittedCurve], laws: Laws) -> list[Table]:
 
 
 def _extrema_table(curves: Sequence[FittedCurve]) -> Table:
-    keys = list(dict.fromkeys(key for curve in curves for key in curve.axes))
     has_v_f = any("V_f" in LAWS.get(curve.model, {}) for curve in curves)
     wanted = ["v_m", "t_m", "v_p", "t_p", "p_value", *["v_f"] * has_v_f]
-    rows = []
-    for curve in curves:
-        found = curve.record()
-        axes = {"run": curve.run, **{key: curve.axes.get(key, "") for key in keys}}
-        rows.append(Row(axes, {name: found[name] for name in wanted}))
+    records = [curve.record() for curve in curves]
+    rows = _rows(curves, [{name: found[name] for name in wanted} for found in records])
     units = {"v": "cm/s", "t": "cycles"}
     headings = {name: f"{name.capitalize()} ({units[name[0]]})" for name in wanted if name != "p_value"}
     statistics = " or ".join(dict.fromkeys(name for curve in curves for name in curve.names))
     notes = [f"T_m and T_p: {statistics}. -: no minimum and peak that noise could not explain."]
-    reasons = Counter(curve.reason for curve in curves if curve.reason)
-    notes += [f"Not looked for on {count} of {len(curves)} curves: {reason}." for reason, count in reasons.items()]
+    notes += _reasons(curves)
     notes += [f"V_f: from there on T_sync is less than {FAST_FACTOR:g} times that at the largest speed."] * has_v_f
     return Table("Local minimum and peak, with 95 % intervals", rows, notes, headings | {"p_value": "p"})
+
+
+def _rows(found: "Sequence[FittedCurve | MeasureFit]", cells: Iterable[Mapping[str, Any]]) -> list[Row]:
+    """Return rows of curves of any folders, with an empty cell for an axis that a folder does not have."""
+    keys = list(dict.fromkeys(key for each in found for key in each.axes))
+    axes = ({"run": each.run, **{key: each.axes.get(key, "") for key in keys}} for each in found)
+    return [Row(*each) for each in zip(axes, cells, strict=True)]
+
+
+def _reasons(found: "Sequence[FittedCurve | MeasureFit]") -> list[str]:
+    reasons = Counter(each.reason for each in found if each.reason)
+    return [f"Not looked for on {count} of {len(found)} curves: {reason}." for reason, count in reasons.items()]
 
 
 def _laws_table(laws: Laws) -> Table:
@@ -219,3 +236,89 @@ def _laws_table(laws: Laws) -> Table:
         several = f"{laws.left_out} curves with a minimum and a peak"
         notes.append(f"{several} are left out: they differ in more than V, epsilon, L, N and tau.")
     return Table(f"Scaling laws of {laws.curves} curves of {NOUNS.get(laws.model, laws.model)}", rows, notes)
+
+
+class MeasureFit(NamedTuple):
+    """The minimum and the peak of a measure on one curve of a run folder."""
+
+    run: str
+    """The run folder."""
+    of: str
+    """Name of the measure."""
+    axis: str
+    """Dotted key of the axis."""
+    axes: dict[str, Any]
+    """Values of the other axes."""
+    statistic: str
+    """Name of what stands for the trials of a point."""
+    minimum: TurningPoint | None
+    peak: TurningPoint | None
+    """None where the curve has none, or where they cannot be looked for."""
+    reason: str
+    """Why they cannot, and what would be enough; empty where they can."""
+
+    def record(self) -> dict[str, Any]:
+        """Return what is found, as JSON holds it."""
+        found = {name: point and point.record() for name, point in (("minimum", self.minimum), ("peak", self.peak))}
+        return {**self._asdict(), **found}
+
+
+def fit_measure(
+    folder: Path | str, of: str, axis: str | None = None, statistic: Statistic = Statistic.MEAN
+) -> list[MeasureFit]:
+    """Find the minimum and the peak of each curve of a measure along an axis.
+
+    Args:
+        folder: A run folder.
+        of: Name of the measure.
+        axis: Dotted key of the axis; by default the speed, or the axis with the most numbers.
+        statistic: What stands for the trials of a point.
+
+    Raises:
+        EpuckSimError: As `curves.folder_curves` does.
+    """
+    chosen, curves = folder_curves(folder, of, axis, statistic)
+    return [_fit_measure(str(folder), of, chosen, curve) for curve in curves]
+
+
+def _fit_measure(run: str, of: str, axis: str, curve: Curve) -> MeasureFit:
+    head = run, of, axis, curve.axes, curve.names[0]
+    usable = (curve.x > 0) & (curve.trials >= MIN_TRIALS) & np.isfinite(curve.values)
+    reason = _reason_against(curve, int(np.count_nonzero(usable)))
+    if reason:
+        return MeasureFit(*head, None, None, reason)
+    fit = smooth_logs(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
+    assert fit is not None  # with so many points
+    return MeasureFit(*head, find_minimum(fit), find_peak(fit), "")
+
+
+def _reason_against(curve: Curve, usable: int) -> str:
+    positive = int(np.count_nonzero(curve.x > 0))
+    if curve.is_share:
+        return "it is a truth value; shares of trials are not looked at in logarithms"
+    if (curve.values <= 0).any() or (curve.resampled <= 0).any():
+        return "not all of its values are positive, and it is looked at in logarithms"
+    if positive < MIN_SPEEDS:
+        return f"{positive} positive values of the axis; a minimum and a peak take {MIN_SPEEDS}"
+    if usable < MIN_SPEEDS:
+        return (
+            f"fewer than {MIN_TRIALS} trials with a value at {positive - usable} of {positive} points, which noise "
+            f"alone makes rise; --trials {MIN_TRIALS} is the least"
+        )
+    return ""
+
+
+def measure_fit_table(fits: Sequence[MeasureFit]) -> Table:
+    """Return a table of the minimum and the peak of each curve."""
+    parts = {"place": "{} at", "value": "{}", "p_value": "p of {}"}
+    records = [fit.record() for fit in fits]
+    cells = [
+        {f"{name}_{part}": (found[name] or {}).get(part) for name in ("minimum", "peak") for part in parts}
+        for found in records
+    ]
+    of, axes = fits[0].of, " or ".join(dict.fromkeys(fit.axis for fit in fits))
+    statistics = " or ".join(dict.fromkeys(fit.statistic for fit in fits))
+    notes = [f"{of}: {statistics}. -: none between the ends of the axis that noise could not explain."]
+    notes += _reasons(fits)
+    headings = {f"{name}_{part}": text.format(name) for name in ("minimum", "peak") for part, text in parts.items()}
+    return Table(f"Minimum and peak of {of} against {axes}, with 95 % intervals", _rows(fits, cells), notes, headings)
