@@ -51,11 +51,25 @@ def select_smallest(
     if wanted > FEW:
         sort(found, values, fill_buckets(values, count, wanted, bucket_of, bucket_end, found))
         return
-    limit, places = find_six_smallest(values, count)[wanted - 1], 0
+    limit, places = find_limit(values, count, wanted), 0
     for index in range(count):
         found[places] = index  # overwritten by the next one if this one is too large: no branch
         places += values[index] <= limit
     sort(found, values, places)
+
+
+@jit_inline
+def find_limit(values: FloatArray, count: int, wanted: int) -> float:
+    """Return the largest of the `wanted` smallest of `values[:count]`: of two or three without a look at six."""
+    if wanted > 3:
+        return find_six_smallest(values, count)[wanted - 1]
+    a = b = c = math.inf
+    for index in range(count):
+        value = values[index]
+        a, value = min(a, value), max(a, value)
+        b, value = min(b, value), max(b, value)
+        c = min(c, value)
+    return (a, b, c)[wanted - 1]
 
 
 @jit_inline
