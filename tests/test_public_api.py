@@ -58,10 +58,9 @@ def test_files_are_given_as_text_or_as_paths(tmp_path) -> None:
     assert read_recording(str(tmp_path / "t.rrd")).seed == 1
 
 
-@pytest.mark.parametrize("observer", [Trace, lambda *given: film_trial(*given).__enter__()])
-def test_what_needs_robots_is_refused_for_agents(tmp_path, observer) -> None:
+def test_a_trace_is_refused_for_agents(tmp_path) -> None:
     with pytest.raises(ScenarioError, match="particles: model is 'particles'; "):
-        observer(tmp_path / "t.mp4", load_scenario("particles"), 1)
+        Trace(tmp_path / "t.parquet", load_scenario("particles"), 1)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -24,7 +24,7 @@ from epuck_sim.cli.options import (
     read_scenario,
 )
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.statistics.measured import Statistic
+from epuck_sim.statistics.names import Statistic
 
 if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
     from epuck_sim.cli.tables import Duration

@@ -12,7 +12,8 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.statistics.curves import group_by_other_axes
 from epuck_sim.statistics.mean import estimate_mean, estimate_share, share_difference
-from epuck_sim.statistics.measured import Measured, Statistic, measure, measure_unit, quantity, statistic_name
+from epuck_sim.statistics.measured import Measured, measure, measure_unit, quantity
+from epuck_sim.statistics.names import Statistic, statistic_name
 from epuck_sim.statistics.two_samples import (
     Pair,
     contrast,

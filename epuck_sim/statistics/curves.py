@@ -11,7 +11,8 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.axes import canonical_text, choose_axis, other_axes
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.measured import Statistic, measure, statistic_name
+from epuck_sim.statistics.measured import measure
+from epuck_sim.statistics.names import Statistic, statistic_name
 from epuck_sim.statistics.statistic import check_statistic, estimate, resample
 
 

@@ -29,7 +29,7 @@ from epuck_sim.statistics.extrema import (
     search_extrema,
     smooth_logs,
 )
-from epuck_sim.statistics.measured import Statistic
+from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.scaling_laws import (
     LAWS,
     Comparison,

@@ -1,7 +1,6 @@
 """One measure of the trials of a point: their values, and which of these are censored."""
 
 import math
-from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -126,27 +125,3 @@ def measure_values(point: PointTrials) -> Measured:
 def measure(point: PointTrials) -> Measured:
     """Return the values of the measure that `read_points` was asked for; T_sync if it was asked for none."""
     return measure_t_sync(point) if point.of is None else measure_values(point)
-
-
-class Statistic(StrEnum):
-    """What a figure shows of the trials of a point."""
-
-    MEAN = "mean"
-    """Mean of the sample; restricted to the horizon where trials are censored."""
-    MEDIAN = "median"
-    """Median of the Kaplan-Meier estimate."""
-    WEIBULL_MEAN = "weibull-mean"
-    """Mean of the nearest Weibull distribution (thesis Appendix A), which is extrapolated where trials are censored."""
-
-
-def statistic_name(statistic: Statistic, is_censored: bool, *, is_share: bool = False) -> str:
-    """Return the name of a statistic of trials some of which are censored, or none, or of truth values.
-
-    >>> statistic_name(Statistic.MEAN, False), statistic_name(Statistic.MEAN, True)
-    ('mean', 'restricted mean')
-    """
-    if is_share:
-        return "share"
-    if statistic == Statistic.MEAN:
-        return "restricted mean" if is_censored else "mean"
-    return "median" if statistic == Statistic.MEDIAN else "Weibull mean"

@@ -11,7 +11,8 @@ from epuck_sim.display.table import Row, Table
 from epuck_sim.estimate import LEVEL, MIN_TRIALS
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.mean import mean_and_error
-from epuck_sim.statistics.measured import Measured, Statistic, measure, quantity, statistic_name
+from epuck_sim.statistics.measured import Measured, measure, quantity
+from epuck_sim.statistics.names import Statistic, statistic_name
 from epuck_sim.statistics.statistic import estimate
 
 POWER = 0.8

@@ -12,7 +12,8 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.mean import estimate_mean, estimate_share, resample_means
-from epuck_sim.statistics.measured import Measured, Statistic, measure, quantity, statistic_name
+from epuck_sim.statistics.measured import Measured, measure, quantity
+from epuck_sim.statistics.names import Statistic, statistic_name
 from epuck_sim.statistics.survival import (
     estimate_weibull_mean,
     median_time,

@@ -18,7 +18,7 @@ def call(*arguments: str | Path, env: dict[str, str] | None = None):
 def called(*arguments: str | Path, env: dict[str, str] | None = None) -> str:
     """Return what a command prints that ends well and has nothing to complain of."""
     result = call(*arguments, env=env)
-    assert (result.exit_code, result.stderr) == (0, ""), result.exception
+    assert (result.exit_code, result.stderr) == (0, ""), result.exception or result.stderr
     return result.stdout
 
 

@@ -70,7 +70,7 @@ def test_every_extra_installs_what_it_is_named_for() -> None:
         own = [re.split("[<>=]", each)[0] for each in extras[extra]]
         assert package in own
     (everything,) = extras["all"]
-    assert everything == f"epuck-sim[{','.join(sorted(set(extras) - {'all', 'docs', 'page', 'test'}))}]"
+    assert everything == f"epuck-sim[{','.join(sorted(set(extras) - {'all', 'docs', 'page', 'test', 'train'}))}]"
 
 
 def test_the_docs_name_every_extra() -> None:

@@ -15,7 +15,8 @@ from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_failures,
 from epuck_sim.display.html import in_words
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.runs.status import Failure, PointAtLimit, Status, TrialsByOrigin
-from epuck_sim.statistics.measured import Measured, Statistic
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import PROVENANCE

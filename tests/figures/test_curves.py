@@ -15,7 +15,7 @@ from epuck_sim.figures.saving import Table
 from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import ExtremaSearch, SpeedExtrema
-from epuck_sim.statistics.measured import Statistic
+from epuck_sim.statistics.names import Statistic
 from tests.figures.drawn import laid_out, legend_texts, shown_text, written
 from tests.runs.made_folders import (
     COUNT,

@@ -18,7 +18,7 @@ from epuck_sim.figures.forms.maps import COLOURS, GREY, MAX_LEVELS, Map, Maps, c
 from epuck_sim.figures.style import MAX_PANELS
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection
-from epuck_sim.statistics.measured import Statistic
+from epuck_sim.statistics.names import Statistic
 from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import (
     COUNT,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from epuck_sim import load_scenario
 from epuck_sim.replication.criteria import Course, Drawn, Place, collapse, find_place, place_exponent, spread
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.measured import Statistic
+from epuck_sim.statistics.names import Statistic
 
 SPEEDS = np.geomspace(0.05, 100, 15)
 TRIALS = 40

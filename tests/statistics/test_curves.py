@@ -15,7 +15,7 @@ from epuck_sim.scenario.axes import choose_axis, choose_second_axis, distinguish
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.curves import read_curves
-from epuck_sim.statistics.measured import Statistic
+from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import summarize
 from tests.runs.made_folders import (
     COUNT,

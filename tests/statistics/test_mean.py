@@ -10,7 +10,8 @@ from scipy import stats
 
 from epuck_sim.estimate import MIN_TRIALS
 from epuck_sim.statistics.mean import estimate_mean, resample_means
-from epuck_sim.statistics.measured import Measured, Statistic
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate, resample
 
 LAWS = {

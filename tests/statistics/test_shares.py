@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.statistics.mean import estimate_share, share_difference, wilson_interval
-from epuck_sim.statistics.measured import Measured, Statistic
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import check_statistic, estimate
 
 

@@ -29,7 +29,8 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics.curves import Curve, group_by_other_axes, read_curves
 from epuck_sim.statistics.extrema import MIN_SPEEDS, ExtremaSearch, SpeedExtrema, search_extrema
-from epuck_sim.statistics.measured import Measured, Statistic, measure
+from epuck_sim.statistics.measured import Measured, measure
+from epuck_sim.statistics.names import Statistic
 
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 """Columns after the axes in a table of curves: number of trials, share of censored ones, what the estimate is,

@@ -32,7 +32,7 @@ from epuck_sim.figures.style import (
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
-from epuck_sim.statistics.measured import Statistic
+from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import MOST_CENSORED
 
 COLOURS = colormaps["viridis"]

@@ -30,7 +30,8 @@ from epuck_sim.figures.style import (
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis
 from epuck_sim.statistics.curves import group_by_other_axes
-from epuck_sim.statistics.measured import Measured, Statistic, cut, measure
+from epuck_sim.statistics.measured import Measured, cut, measure
+from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
 from epuck_sim.statistics.survival import estimate_weibull_mean
 
