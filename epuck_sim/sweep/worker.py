@@ -48,6 +48,7 @@ SETTING_UP = (-1, -1, "controller")
 
 AtWork = Callable[[], tuple[int, int, str] | None]
 """Returns the robot whose controller or sensor is running, or -1, the step, and which runs; None if nobody knows."""
+
 KEPT, KEPT_BYTES = 200, 2**28
 """Most simulations that a worker keeps, and the memory that they may take: points of a sweep take turns."""
 

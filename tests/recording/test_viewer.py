@@ -249,11 +249,11 @@ def test_a_summary_is_drawn_without_an_arena(tmp_path) -> None:
     recorded = read_recording(path)
     picture = drawn(path, recorded.time_s[-1], tmp_path / "p.png")
     flashes = np.bincount(recorded.flash_robot)
-    shown = marks(picture[60:450], RED)
+    shown = marks(picture[130:490], RED)
     np.testing.assert_allclose(rows_of(shown, len(flashes)), flashes, rtol=0, atol=1)
     assert np.ptp(shown[:, 0]) > 1400
-    assert abs(len(marks(picture[480:860], BLUE)) - recorded.cycles) < 3
-    assert len(discs(picture, LIT)) == len(discs(picture, DARK)) == 0
+    assert abs(len(marks(picture[520:880], BLUE)) - recorded.cycles) < 3
+    assert len(discs(picture[:860], LIT)) == len(discs(picture[:860], DARK)) == 0
 
 
 def test_patches_of_the_floor_are_shown_where_they_are_with_y_up(tmp_path) -> None:
