@@ -13,6 +13,7 @@ PACKAGES = {
     "there is no chromium": "chromium",
     "there is no C compiler": "gcc libc6-dev",
     NO_GRAPHICS: "mesa-vulkan-drivers",
+    "there is no node": "nodejs",
 }
 """Debian's packages, by what the reason of a test that is skipped without them says."""
 
