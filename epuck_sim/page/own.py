@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
 
+from epuck_sim.control.interface import Sensor
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.errors import ScenarioError
 from epuck_sim.page.build import compile_kernels, link
@@ -18,6 +19,7 @@ from epuck_sim.page.roots import Root, controller_root, curve_root, sensor_root
 from epuck_sim.particles.phase_response import CURVES
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 
 FIRST_BYTE = 18 * 2**20
@@ -44,22 +46,26 @@ def own_controllers(scenario: EmbodiedScenario) -> dict[int, str]:
     return {number: f"run_group_{number}" for number in own}
 
 
-def own_sensors(scenario: EmbodiedScenario) -> dict[str, str]:
-    """Return the kernels' names by the names of sensors in files of their own."""
-    return {name: f"sense_{name}" for group in scenario.robots for name in group.sensors}
+def own_sensors(scenario: EmbodiedScenario) -> dict[Sensor, str]:
+    """Return the kernels' names by the sensors in files of their own; groups may give one name to different files."""
+    found = dict.fromkeys(sensor for group in scenario.robots for sensor in _sensors_of(group))
+    return {sensor: f"sense_{number}" for number, sensor in enumerate(found)}
+
+
+def _sensors_of(group: RobotGroup) -> tuple[Sensor, ...]:
+    return tuple(find_sensor(each["file"]) for each in group.sensors.values())
 
 
 def own_roots(scenario: EmbodiedScenario | ParticleScenario) -> dict[str, Root]:
     """Return the kernels that a page of a scenario needs beside those of its model."""
     if isinstance(scenario, ParticleScenario):
         return {} if scenario.response.curve in CURVES else {CURVE: curve_root(scenario.response)}
-    sensors = [{name: find_sensor(each["file"]) for name, each in group.sensors.items()} for group in scenario.robots]
+    groups = scenario.robots
     found = {
-        root: controller_root(find_controller(scenario.robots[number].controller), tuple(sensors[number].values()))
+        root: controller_root(find_controller(groups[number].controller), _sensors_of(groups[number]))
         for number, root in own_controllers(scenario).items()
     }
-    names = own_sensors(scenario)
-    return found | {names[name]: sensor_root(sensor) for group in sensors for name, sensor in group.items()}
+    return found | {root: sensor_root(sensor) for sensor, root in own_sensors(scenario).items()}
 
 
 def has_own(scenario: EmbodiedScenario | ParticleScenario) -> bool:

@@ -130,7 +130,7 @@ def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
     def name_of(function: Any) -> str:
         if isinstance(function, GroupControllers):
             return controllers.get(groups.index(function), shipped_root(function.controller.name))
-        return sensors[function.name] if isinstance(function, OwnSensor) else str(function.function.__name__)
+        return sensors[function.sensor] if isinstance(function, OwnSensor) else str(function.function.__name__)
 
     return {
         "block": base64.b64encode(block.tobytes()).decode(),

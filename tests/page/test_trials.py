@@ -180,6 +180,12 @@ READINGS = {"ground": float}
 def sense(world, robot, readings, parameters, random):
     readings.ground = brightness_at(world, robot.x, robot.y) + parameters.noise * uniform(random)
 """,
+    "bright.py": """
+READINGS = {"ground": float}
+
+def sense(world, robot, readings, parameters, random):
+    readings.ground = robot.x / world.width_cm
+""",
     "square.py": """
 PARAMETERS = {"power": 2}
 
@@ -189,7 +195,8 @@ def phase_shift(phase, coupling, parameters):
 }
 TURNERS = ["robots=[{count: 8, controller: turner.py}]", "stop={max_time_s: 60}"]
 STOPPERS = [
-    "robots=[{count: 4}, {count: 4, controller: stopper.py, sensors: [ground.py]}]",
+    "robots=[{count: 4, controller: stopper.py, sensors: {ground: {file: bright.py}}}, "
+    "{count: 4, controller: stopper.py, sensors: [ground.py]}]",
     "arena.floor.patches=[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 15, brightness: 0.1}]",
     "stop.max_cycles=20",
 ]
