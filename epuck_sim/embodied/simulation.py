@@ -320,10 +320,12 @@ class Simulation:
         """
         if steps < 1:
             raise ValueError(f"steps is {steps}; allowed: 1 and above")
-        end = self.steps + steps
+        taken = self.steps
+        end = taken + steps
         while True:
-            self._run(min(self._unchanged(), end - self.steps), until_firing=until_firing)
-            if self.steps == end or (until_firing and self.is_firing):
+            self._run(min(self._unchanged(taken), end - taken), until_firing=until_firing)
+            taken = self.steps
+            if taken == end or (until_firing and self.is_firing):
                 return self.last_step
 
     def stretch(self, steps: int) -> Stretch:
@@ -337,14 +339,14 @@ class Simulation:
         """
         self._history = self._history or History(self.scenario, self._block, self._swarm, self._loop)
         first, has_movables = self.steps, self._arena.first_movable < len(self._arena.circles)
-        self._run(min(self._unchanged(), steps, 1 if has_movables else MOST_STEPS), history=self._history)
+        self._run(min(self._unchanged(first), steps, 1 if has_movables else MOST_STEPS), history=self._history)
         return self._history.stretch(first, self.steps - first, self.last_step.arena)
 
-    def _unchanged(self) -> int:
+    def _unchanged(self, taken: int) -> int:
         """Carry out the entries of the schedule that are due; return how many steps may follow at once."""
-        while self._timed.next == self.steps:
+        while self._timed.next == taken:
             self._carry_out(self._timed.take())
-        return min(self._timed.next - self.steps, self._most_unseen)
+        return min(self._timed.next - taken, self._most_unseen)
 
     def _run(self, steps: int, *, until_firing: bool = True, history: History | None = None) -> None:
         """Take control steps; a robot whose controller fails is named."""

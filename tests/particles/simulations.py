@@ -206,9 +206,9 @@ PULSES = st.lists(st.sampled_from(["emitting", "receiving", "arriving"]), max_si
 
 
 @st.composite
-def any_sections(draw: st.DrawFn, kind: str, most_agents: int = 7, fewest_agents: int = 2) -> dict[str, Any]:
+def any_sections(draw: st.DrawFn, kind: str, most_agents: int = 7) -> dict[str, Any]:
     """Return the sections of any scenario with this kind of neighbourhood."""
-    agents = draw(st.integers(fewest_agents, most_agents))
+    agents = draw(st.integers(2, most_agents))
     side_cm = draw(st.sampled_from([1.0, 17.0, 100.0]))
     period_s = draw(st.sampled_from([1.0, 0.3, 4.0]))
     speed, walk = draw(speeds), draw(walks(period_s))
