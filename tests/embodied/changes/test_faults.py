@@ -314,3 +314,9 @@ def test_changes_are_told_once_by_their_times_and_the_log_has_room_for_all():
     assert ended == begun._replace(step=5, time_s=0.5, what="ring_dead ends")
     assert [event.step for event in events] == sorted(event.step for event in events)
     assert take_events(swarm) == []
+    often = {"robots": [{"count": 3}], "faults": faults[:1]}
+    at_once, by_step = Simulation(often, 1), Simulation(often, 1)
+    at_once.advance(5 * LOGGED_STEPS)
+    for _ in range(5 * LOGGED_STEPS):
+        next(by_step)
+    assert at_once.events == by_step.events
