@@ -93,7 +93,7 @@ def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, bounda
         neighbourhood=data.draw(neighbourhoods(kind, agents, SIDE_CM)),
         response={"coupling": 0},
     )
-    firings = 2500 if 0 < pace <= 2 else 300
+    firings = 900 if 0 < pace <= 2 else 300
     assert compare_receivers(swarm, firings) > 0.85 * firings
 
 

@@ -117,4 +117,5 @@ def test_the_twin_has_nominal_periods_no_displaced_agent_and_moves_alike_unless_
     for swarm in (disturbed, twin):
         swarm.run_to(60)
     for moving in ("positions", "headings"):
-        assert (getattr(disturbed, moving)() == getattr(twin, moving)()).all() == moves_alike
+        apart = np.abs(getattr(disturbed, moving)() - getattr(twin, moving)()).max()
+        assert (apart < 1e-9) == moves_alike
