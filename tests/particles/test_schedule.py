@@ -131,7 +131,6 @@ def test_a_curve_of_ones_own_gets_new_parameters(tmp_path):
 # --- at one instant ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("at_s", "cycles", "phase"), [(3, 3, 0.25), (2.999, 2, 0.25)])
 def test_those_that_fire_at_the_time_of_a_change_fire_before_it():
     for at_s, cycles in ((3, 3), (2.999, 2)):
         schedule = [{"at_s": at_s, "displace": {"by_cycles": 0.25}}]
