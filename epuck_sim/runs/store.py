@@ -49,17 +49,7 @@ class Store:
     """A run folder that this process has locked; to be used in a `with` block."""
 
     def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point], share: Share | None = None) -> None:
-        """Lock the folder, which is made if it does not exist, and enter the points that are new.
-
-        Args:
-            folder: A run folder, or one that is new or empty.
-            scenario: What is run.
-            points: All its points.
-            share: Share of the trials that the folder is for; by default what it was for before, or the whole sweep.
-
-        Raises:
-            StoreError: The folder belongs to another sweep, is damaged, or is in use; nothing in it has been changed.
-        """
+        """Lock the folder, which is made if it does not exist, and enter the points that are new."""
         self._path = folder / DATABASE
         self._points = points
         self._axes = [tuple(map(as_column, point.axes.values())) for point in points]
@@ -120,14 +110,7 @@ class Store:
         return None if count is None else int(count)
 
     def add(self, outcomes: Sequence[Outcome]) -> list[bool]:
-        """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result only measured.
-
-        Returns:
-            Whether each has a result with all its measures now.
-
-        Raises:
-            StoreError: They cannot be stored, or the folder's name is no longer that of what is stored in.
-        """
+        """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result only measured."""
         places = [(self._points[outcome.point].key, outcome.trial) for outcome in outcomes]
         self._new = 0
         self._check_ours()

@@ -45,9 +45,6 @@ class DaskCluster:
         """Yield the pool of the workers, whichever there are.
 
         A scheduler that has answered before, and is gone, is waited for.
-
-        Raises:
-            ClusterError: Dask's package distributed is not installed, or the scheduler does not answer.
         """
         try:
             from distributed import KilledWorker  # noqa: PLC0415 an extra, and slow to import
@@ -150,11 +147,7 @@ class SameVersionsExecutor(Executor):
 
 
 def call_if_same(required: RequiredVersions, function: Callable[[Sequence[Task]], Any], tasks: Sequence[Task]) -> Any:
-    """Call a function with tasks, on a worker.
-
-    Raises:
-        ClusterError: This worker has other versions, or other controllers, curves or measures.
-    """
+    """Call a function with tasks, on a worker."""
     ours = versions()
     other = {name: value for name, value in ours.items() if value != required.versions.get(name)}
     if other:

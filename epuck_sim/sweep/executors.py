@@ -58,12 +58,6 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
     """Yield a pool of processes, each with one thread, which end with the block, or with this process.
 
     If the block ends with an error, the work under way is thrown away.
-
-    Args:
-        workers: Number of processes; None for one on each core that this process may use.
-
-    Raises:
-        EpuckSimError: They need more open files than the system allows.
     """
     workers = workers or available_cores()
     _allow_files(workers)

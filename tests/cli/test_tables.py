@@ -11,7 +11,7 @@ from rich.console import Console
 from epuck_sim.cli import progress as progress_module
 from epuck_sim.cli import tables
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar
-from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_failures, print_status
+from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_status
 from epuck_sim.display.html import in_words
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.runs.status import Failure, PointAtLimit, Status, TrialsByOrigin
