@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from operator import attrgetter, itemgetter
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from epuck_sim.errors import StoreError
@@ -64,7 +63,11 @@ class Store:
                 with reading(folder) as connection:
                     last = "(SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key)"
                     check_same_sweep(folder, read_stored_points(connection, last), rows)
-                    share = _check_same_share(folder, read_share(connection), share)
+                    was = read_share(connection)
+                if share not in (None, was):
+                    what = "the whole sweep" if was == WHOLE else f"share {was}"
+                    raise StoreError(f"{folder}: is for {what}, --share is {share}; give another folder")
+                share = was
             self.share = share or WHOLE
             rows = [row._replace(share=None if self.share == WHOLE else str(self.share)) for row in rows]
             if is_new:
@@ -169,17 +172,8 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._resources.close()
-
-
-def _check_same_share(folder: Path, stored: Share, given: Share | None) -> Share:
-    if given not in (None, stored):
-        what = "the whole sweep" if stored == WHOLE else f"share {stored}"
-        raise StoreError(f"{folder}: is for {what}, --share is {given}; give another folder")
-    return stored
 
 
 class StoredResult(NamedTuple):
