@@ -112,40 +112,33 @@ def predict(
 
     with word_if_slow(f"predicting {scenario}"), prefix_scenario(scenario):
         found = predict_points(loaded)
-    if loaded.sweep is not None:
-        records = [{"axes": point.axes, **prediction._asdict()} for point, prediction in found]
-        show(
-            [_predicted_points(loaded.name, found)],
-            {"scenario": loaded.name, "points": records},
-            as_json=as_json,
-            as_csv=as_csv,
-        )
+    if loaded.sweep is None:
+        table, record = _predicted(found[0][1]), found[0][1]._asdict()
     else:
-        show([_predicted(found[0][1])], found[0][1], as_json=as_json, as_csv=as_csv)
+        records = [{"axes": point.axes, **prediction._asdict()} for point, prediction in found]
+        table, record = _predicted_points(loaded.name, found), {"scenario": loaded.name, "points": records}
+    show([table], record, as_json=as_json, as_csv=as_csv)
 
 
 def _predicted_points(name: str, found: "Sequence[tuple[Point, Prediction]]") -> "Table":
-    from epuck_sim.display.table import Row, Table
+    """Return the predictions of a sweep, a point a line."""
+    from epuck_sim.display.table import Row, Share, Table
 
-    rows = [Row(point.axes, _cells_of_point(prediction)) for point, prediction in found]
+    rows = []
+    for point, predicted in found:
+        cells = {
+            "regime": predicted.intermediate_regime.verdict,
+            "probability": Share(predicted.intermediate_regime.probability),
+            "v_m": predicted.v_m_cm_s,
+            "v_p": predicted.v_p_cm_s,
+            "t_sync": predicted.t_sync,
+            "t_fast": predicted.t_sync_fast,
+            "t_frozen": predicted.t_sync_frozen,
+            "frozen_share": Share(predicted.frozen_share.value),
+        }
+        rows.append(Row(point.axes, cells))
     notes = dict.fromkeys(note for _, prediction in found for note in prediction.notes)
     return Table(name, rows, tuple(notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
-
-
-def _cells_of_point(found: "Prediction") -> dict[str, Any]:
-    """Return the cells of a row for a point of a sweep."""
-    from epuck_sim.display.table import Share
-
-    return {
-        "regime": found.intermediate_regime.verdict,
-        "probability": Share(found.intermediate_regime.probability),
-        "v_m": found.v_m_cm_s,
-        "v_p": found.v_p_cm_s,
-        "t_sync": found.t_sync,
-        "t_fast": found.t_sync_fast,
-        "t_frozen": found.t_sync_frozen,
-        "frozen_share": Share(found.frozen_share.value),
-    }
 
 
 def _predicted(found: "Prediction") -> "Table":
