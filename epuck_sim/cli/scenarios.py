@@ -12,8 +12,8 @@ import typer
 
 from epuck_sim.cli import options
 from epuck_sim.cli.errors import prefix_scenario, print_warnings, reject_first, word_if_slow
-from epuck_sim.cli.templates import CONTROLLER, MEASURE, ROBOT, SCENARIO, SENSOR
 from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.util.builtin import TEMPLATES, builtin_folder
 
 if TYPE_CHECKING:  # or --help would wait for pydantic
     from epuck_sim.display.table import Table
@@ -169,20 +169,19 @@ def _predicted(found: "Prediction") -> "Table":
 class New(NamedTuple):
     """A kind of file that `new` writes."""
 
-    template: str
-    """Its text, with {name}."""
+    ending: str
     command: str
-    """What tries it, with {name} and {file}."""
+    """What tries it, with NAME and FILE."""
     example: str
     """A name for one."""
 
 
 NEW = {
-    "scenario": New(SCENARIO, "run {file}", "pillar-80"),
-    "controller": New(CONTROLLER, "run thesis --controller {file}", "wanderer"),
-    "measure": New(MEASURE, "run thesis --measure {file}", "coverage"),
-    "sensor": New(SENSOR, 'run thesis --set "robots.0.sensors=[{file}]" --trace {name}.parquet', "ground"),
-    "robot": New(ROBOT, "run thesis --set robot={file}", "cart"),
+    "scenario": New(".yaml", "run FILE", "pillar-80"),
+    "controller": New(".py", "run thesis --controller FILE", "wanderer"),
+    "measure": New(".py", "run thesis --measure FILE", "coverage"),
+    "sensor": New(".py", 'run thesis --set "robots.0.sensors=[FILE]" --trace NAME.parquet', "ground"),
+    "robot": New(".yaml", "run thesis --set robot=FILE", "cart"),
 }
 """The kinds of files that `new` writes."""
 
@@ -206,7 +205,7 @@ def _write_new(kind: str, name: str) -> None:
     else:  # which Python imports, or which stands beside what it does
         is_name = name.isidentifier() and not keyword.iskeyword(name) and not name.startswith("_")
         letters = "letters, digits and _"
-    file = f"{name}.yaml" if kind in ("scenario", "robot") else f"{name}.py"
+    file = f"{name}{new.ending}"
     from epuck_sim.control.interface import Sensors
 
     taken = kind == "sensor" and (name in Sensors._fields or name in sys.stdlib_module_names)
@@ -215,6 +214,7 @@ def _write_new(kind: str, name: str) -> None:
         (taken, f"{name!r} is taken, by what robots sense anyway or by Python; give another name"),
         (Path(file).exists(), f"{file}: exists already; give another name"),
     )
+    template = (builtin_folder(TEMPLATES) / f"{kind}{new.ending}").read_text(encoding="utf-8")
     with atomic_write(Path(file)) as part:
-        part.write_text(new.template.format(name=name), encoding="utf-8")
-    typer.echo(f"{file}: try it: epuck-sim {new.command.format(name=name, file=file)}")
+        part.write_text(template.replace("NAME", name), encoding="utf-8")
+    typer.echo(f"{file}: try it: epuck-sim {new.command.replace('NAME', name).replace('FILE', file)}")
