@@ -9,6 +9,7 @@ import typer
 
 from epuck_sim.cli import options
 from epuck_sim.cli.errors import prefix_scenario, reject_first
+from epuck_sim.cli.options import looks_option
 from epuck_sim.statistics.names import Statistic
 
 if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
@@ -186,31 +187,27 @@ def plot(
             "FOLDER/T_sync, FOLDER/NAME_OF_MEASURE or FOLDER/FORM, or the recording's name.",
         ),
     ] = None,
-    statistic: Annotated[Statistic | None, options.looks_option(metavar="NAME", help=_STATISTIC_HELP)] = None,
+    statistic: Annotated[Statistic | None, looks_option(metavar="NAME", help=_STATISTIC_HELP)] = None,
     censored_at: Annotated[
         int | None,
-        options.looks_option(
-            metavar="CYCLES", min=1, help="For violins: estimate the mean as if trials were censored there."
-        ),
+        looks_option(metavar="CYCLES", min=1, help="For violins: estimate the mean as if trials were censored there."),
     ] = None,
     log: Annotated[
         bool | None,
-        options.looks_option("--log/--linear", help="Scale of T_sync or the measure.", show_default="log for T_sync"),
+        looks_option("--log/--linear", help="Scale of T_sync or the measure.", show_default="log for T_sync"),
     ] = None,
-    points: Annotated[
-        bool, options.looks_option("--points", help="Draw each trial as a dot, in curves and violins.")
-    ] = False,
+    points: Annotated[bool, looks_option("--points", help="Draw each trial as a dot, in curves and violins.")] = False,
     theory: Annotated[
-        bool, options.looks_option("--theory", help="Dash what predict says of T_sync against speed under the curves.")
+        bool, looks_option("--theory", help="Dash what predict says of T_sync against speed under the curves.")
     ] = False,
-    title: Annotated[str | None, options.looks_option(metavar="TEXT", help="Title; by default there is none.")] = None,
+    title: Annotated[str | None, looks_option(metavar="TEXT", help="Title; by default there is none.")] = None,
     label: Annotated[
         list[str] | None,
-        options.looks_option(metavar="KEY=TEXT", help="Label of an axis, or of T_sync or a measure; may be repeated."),
+        looks_option(metavar="KEY=TEXT", help="Label of an axis, or of T_sync or a measure; may be repeated."),
     ] = None,
     width_cm: Annotated[
         float | None,
-        options.looks_option(
+        looks_option(
             metavar="CM",
             min=5,
             max=100,
@@ -218,7 +215,7 @@ def plot(
         ),
     ] = None,
     font_pt: Annotated[
-        float | None, options.looks_option(metavar="PT", min=4, max=30, help="Size of letters; 8 points by default.")
+        float | None, looks_option(metavar="PT", min=4, max=30, help="Size of letters; 8 points by default.")
     ] = None,
     help_all: options.HelpAllOption = False,  # noqa: ARG001
 ) -> None:

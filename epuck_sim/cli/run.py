@@ -8,6 +8,14 @@ import typer
 
 from epuck_sim.cli import options
 from epuck_sim.cli.errors import print_traceback, reject_first
+from epuck_sim.cli.options import (
+    controllers_option,
+    live_option,
+    more_output_option,
+    output_option,
+    scenario_option,
+    sweeps_option,
+)
 from epuck_sim.recording import Level
 
 if TYPE_CHECKING:  # or --help would wait for pydantic
@@ -23,71 +31,63 @@ def run(
     axes: options.AxesOption = None,
     trials: options.TrialsOption = None,
     seed: Annotated[
-        int | None, options.scenario_option(metavar="N", min=0, help="Master seed; the scenario's own by default.")
+        int | None, scenario_option(metavar="N", min=0, help="Master seed; the scenario's own by default.")
     ] = None,
     controller: options.ControllerOption = None,
     measures: options.MeasureOption = None,
     quick: options.QuickOption = False,
     out: Annotated[
-        Path | None, options.output_option(metavar="FOLDER", help="Run all points and trials into a run folder.")
+        Path | None, output_option(metavar="FOLDER", help="Run all points and trials into a run folder.")
     ] = None,
     record: Annotated[
-        Path | None, options.output_option(metavar="FILE.rrd", help="Record for rerun's viewer, see `replay`.")
+        Path | None, output_option(metavar="FILE.rrd", help="Record for rerun's viewer, see `replay`.")
     ] = None,
     film: Annotated[
-        Path | None, options.output_option(metavar="FILE.mp4", help="Film with the camera above the arena.")
+        Path | None, output_option(metavar="FILE.mp4", help="Film with the camera above the arena.")
     ] = None,
-    live: Annotated[bool, options.output_option("--live", help="Show the trial while it runs.")] = False,
+    live: Annotated[bool, output_option("--live", help="Show the trial while it runs.")] = False,
     as_json: options.JsonOption = False,
     trace: Annotated[
-        Path | None, options.more_output_option(metavar="FILE.parquet", help="Write every robot and step.")
+        Path | None, more_output_option(metavar="FILE.parquet", help="Write every robot and step.")
     ] = None,
     memory: Annotated[
         list[str] | None,
-        options.more_output_option(
+        more_output_option(
             metavar="FIELD", help="Add a field of the controllers' MEMORY to --trace, --record and --live; repeatable."
         ),
     ] = None,
     relations: Annotated[
-        bool,
-        options.more_output_option("--relations", help="Add to --trace whom each robot sees lit, and whom it touches."),
+        bool, more_output_option("--relations", help="Add to --trace whom each robot sees lit, and whom it touches.")
     ] = False,
     level: Annotated[
-        Level | None,
-        options.more_output_option("--record-level", help="How much is recorded, or shown live; full by default."),
+        Level | None, more_output_option("--record-level", help="How much is recorded, or shown live; full by default.")
     ] = None,
     speed: Annotated[
         float | None,
-        options.live_option(
-            metavar="X", min=0.01, max=1000, help="Speed of --live, relative to real robots; 1 by default."
-        ),
+        live_option(metavar="X", min=0.01, max=1000, help="Speed of --live, relative to real robots; 1 by default."),
     ] = None,
     web: options.WebOption = False,
     port: options.PortOption = None,
     interpret: options.InterpretOption = False,
     traceback: Annotated[
         bool,
-        options.controllers_option(
-            "--traceback", help="Print the traceback of what a controller raises; for --interpret."
-        ),
+        controllers_option("--traceback", help="Print the traceback of what a controller raises; for --interpret."),
     ] = False,
     workers: options.WorkersOption = None,
     dask: options.DaskOption = None,
     share: Annotated[
         str | None,
-        options.sweeps_option(
+        sweeps_option(
             metavar="K/N", help="Run only share K of N, into a folder of its own; `merge` puts shares together."
         ),
     ] = None,
     trial_timeout: Annotated[
         float | None,
-        options.sweeps_option(
-            metavar="SECONDS", help="A trial of a sweep that takes longer has failed; key trial_timeout_s."
-        ),
+        sweeps_option(metavar="SECONDS", help="A trial of a sweep that takes longer has failed; key trial_timeout_s."),
     ] = None,
     take_over: Annotated[
         bool,
-        options.sweeps_option(
+        sweeps_option(
             "--take-over", help="Take a run folder over from a process that is gone, on a file system without locks."
         ),
     ] = False,
