@@ -264,12 +264,17 @@ def refused(folder: Path, scenario: Scenario) -> str:
             ],
         ),
         (
-            [f"robots.0.camera.{key}" for key in ("pixels=20", "range_cm=9", "central_pixels=8", "latency_ms=50")]
-            + ["arena={width_cm: 70, height_cm: 70}", "noise=off", "seed=1", "stop.max_cycles=9"],
+            [
+                "arena={width_cm: 70, height_cm: 70}",
+                "noise=off",
+                "contact.friction=1",
+                "seed=1",
+                "timing.physics_hz=200",
+            ]
+            + ["stop={order_parameter: 0.9, max_cycles: 9, max_time_s: 9}"],
             None,
         ),
     ],
-    ids=" ".join,
 )
 def test_another_scenario_is_refused_with_every_difference_or_the_first_eight(tmp_path, changes, lines) -> None:
     fill(tmp_path)
