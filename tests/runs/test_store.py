@@ -270,8 +270,8 @@ def refused(folder: Path, scenario: Scenario) -> str:
                 "contact.friction=1",
                 "seed=1",
                 "timing.physics_hz=200",
-            ]
-            + ["stop={order_parameter: 0.9, max_cycles: 9, max_time_s: 9}"],
+                "stop={order_parameter: 0.9, max_cycles: 9, max_time_s: 9}",
+            ],
             None,
         ),
     ],
