@@ -154,6 +154,15 @@ def shown(monkeypatch) -> list[Figure]:
     return figures
 
 
+def test_options_of_the_figure_are_those_of_the_section(small_one, shown, tmp_path) -> None:
+    words = ["--title", "mine", "--label", f"{SPEED}=speed = V", "--linear", "--points", "--font-pt", 9]
+    assert call("plot", small_one, *words, "--to", tmp_path / "fig").exit_code == 0
+    (panel,) = shown[0].axes
+    assert (shown[0].get_suptitle(), panel.get_xlabel(), panel.get_yscale()) == ("mine", "speed = V", "linear")
+    assert panel.xaxis.label.get_fontsize() == 9
+    assert "a trial" in panel.get_legend_handles_labels()[1]
+
+
 # fit
 
 
