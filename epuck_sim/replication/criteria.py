@@ -23,26 +23,18 @@ from epuck_sim.statistics.mean import share_difference as estimate_difference
 from epuck_sim.statistics.measured import Measured, cut
 from epuck_sim.statistics.survival import weibull_mean
 
-RESAMPLES = 200
-"""Number of resamples of a ratio of estimators."""
-
-MIN_POINTS = 3
-"""Fewest points of a slope: two leave nothing to tell how well they lie on a line."""
+RESAMPLES = 200  # of a ratio of estimators
+MIN_POINTS = 3  # fewest of a slope: two leave nothing to tell how well they lie on a line
+GRID_POINTS = 200  # places at which curves are compared
 
 LAWS = {"Weibull": stats.weibull_min, "gamma": stats.gamma, "log-normal": stats.lognorm}
 """Distributions of positive numbers, each of two parameters: a shape and a scale."""
 
-FITTED_TRIALS = 20
-"""Fewest trials of a point whose distribution is fitted."""
-
-FITTED_VALUES = 6
-"""Fewest values that these have: T_sync of a few cycles is too coarse to tell distributions apart."""
+FITTED_TRIALS = 20  # fewest of a point whose distribution is fitted
+FITTED_VALUES = 6  # fewest that these have: T_sync of a few cycles is too coarse to tell distributions apart
 
 COLUMNS = ("V_m", "T_m", "V_p", "T_p")
 """Places of a minimum and a peak, as in the resamples of `SpeedExtrema`."""
-
-GRID_POINTS = 200
-"""Number of places at which curves are compared."""
 
 
 class Effect(NamedTuple):
