@@ -57,21 +57,10 @@ def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 @contextmanager
 def in_background(*arguments: str) -> Iterator["ViewerProcess"]:
-    """Yield rerun's program, running in the background; it ends with the block, which SIGINT and SIGTERM interrupt."""
-    with tempfile.TemporaryFile("w+") as log, interruptible():
-        started = ViewerProcess(log, *arguments)
-        try:
-            yield started
-        finally:
-            started.end()
+    """Yield rerun's program, running in the background; it ends with the block.
 
-
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Have SIGINT and SIGTERM raise KeyboardInterrupt in the block, also if the parent process had them ignored.
-
-    A handler that the program itself has installed stays, and outside the main thread, where Python allows no handlers,
-    nothing changes.
+    SIGINT and SIGTERM raise KeyboardInterrupt in the block, also if the parent process had them ignored; but a handler
+    that the program itself has installed stays, and outside the main thread Python allows none.
     """
     replaced = {}
     if threading.current_thread() is threading.main_thread():
@@ -79,7 +68,12 @@ def interruptible() -> Iterator[None]:
             if signal.getsignal(number) in (signal.SIG_IGN, signal.SIG_DFL):
                 replaced[number] = signal.signal(number, signal.default_int_handler)
     try:
-        yield
+        with tempfile.TemporaryFile("w+") as log:
+            started = ViewerProcess(log, *arguments)
+            try:
+                yield started
+            finally:
+                started.end()
     finally:
         for number, handler in replaced.items():
             signal.signal(number, handler)

@@ -78,15 +78,7 @@ class Recorder:
         write: Callable[[Iterable[Chunk]], None],
         memory: Sequence[str] = (),
     ) -> None:
-        """Write what does not change; the simulation need not exist yet.
-
-        Args:
-            scenario: The trial's scenario.
-            seed: The trial's seed.
-            level: How much is recorded.
-            buffer_s: Longest simulated time that is held back, in seconds.
-            write: Called with chunks.
-            memory: Fields of the controllers' MEMORY, each once.
+        """Write what does not change; the simulation need not exist yet, and at most `buffer_s` of it is held back.
 
         Raises:
             EpuckSimError: The scenario cannot be recorded, or no controller remembers such a field.

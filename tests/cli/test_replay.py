@@ -29,9 +29,7 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util import machine
-from tests.cli.commands import call, called, contents, refused, trials
-from tests.cli.commands import cells as table_cells
-from tests.control.bench import with_step
+from tests.cli.commands import call, called, cells, contents, refused, trials
 from tests.processes import COMMAND, start, wait_until
 from tests.runs.made_folders import edit
 
@@ -46,11 +44,6 @@ sweep: {grid: {robots.0.parameters.speed_cm_s: [1, 4, 8]}}
 
 ADDRESS = "http://127.0.0.1"
 UNSEEN = "give --web to look in a browser"
-
-
-def cells(stdout: str) -> list[list[str]]:
-    """Return the rows of a command's table, without the time they took."""
-    return [row[:-2] for row in table_cells(stdout)]
 
 
 def check_same(recorded: Recorded, scenario: Scenario, seed: int) -> None:
@@ -150,12 +143,8 @@ def busy_port() -> Iterator[int]:
 
 
 def test_a_recorded_run_prints_the_same_and_writes_the_file(tmp_path) -> None:
-    assert trials(called("run", "thesis", "--json", "--record", tmp_path / "t.rrd")) == trials(
-        called("run", "thesis", "--json")
-    )
-    table = cells(called("run", "thesis", "--record", tmp_path / "t.rrd"))
-    assert table == cells(called("run", "thesis"))
-    assert len(table) == 1
+    plain = called("run", "thesis", "--json")
+    assert trials(called("run", "thesis", "--json", "--record", tmp_path / "t.rrd")) == trials(plain)
     assert [path.name for path in tmp_path.iterdir()] == ["t.rrd"]
     check_same(read_recording(tmp_path / "t.rrd"), load_scenario("thesis"), 0)
 
@@ -186,24 +175,6 @@ def test_a_trial_is_recorded_and_traced_at_once(tmp_path) -> None:
     np.testing.assert_array_equal(recorded.positions.reshape(-1, 2), traced)
     np.testing.assert_array_equal(recorded.phase_ms.ravel(), table["phase_ms"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["t.parquet", "t.rrd"]
-
-
-def test_an_interpreted_trial_is_recorded_as_the_compiled_one_is(pair, tmp_path) -> None:
-    called("run", "pair", "--interpret", "--record", tmp_path / "t.rrd")
-    recorded, compiled = read_recording(tmp_path / "t.rrd"), read_recording(pair)
-    np.testing.assert_array_equal(recorded.phase_ms, compiled.phase_ms)
-    np.testing.assert_array_equal(recorded.flash_s, compiled.flash_s)
-
-
-def test_where_a_trial_fails_an_older_recording_stays_and_nothing_else(here) -> None:
-    (here / "bad.py").write_text(with_step("raise ValueError('never again')"))
-    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]\nstop: {max_time_s: 60}")
-    (here / "t.rrd").write_text("older")
-    before = contents(here)
-    assert "never again" in refused("run", "bad.yaml", "--interpret", "--record", "t.rrd")
-    assert contents(here) == before
-    called("run", "pair", "--record", "t.rrd")
-    assert read_recording(here / "t.rrd").scenario.name == "pair"
 
 
 def test_a_trial_of_a_sweep_can_be_recorded_by_run(swept, tmp_path) -> None:
@@ -506,7 +477,7 @@ def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path,
     os.killpg(process.pid, signalled)  # as a terminal does: rerun's programs hear it, too
     stdout, stderr = process.communicate(timeout=60)
     assert (process.returncode, stderr) == (130, "interrupted\n")
-    finished = len(table_cells(stdout))
+    finished = len(cells(stdout))
     assert finished >= 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.yaml", *(f"t-{n}.rrd" for n in range(finished))]
     assert len(read_recording(tmp_path / "t-0.rrd").time_s) == 5_000

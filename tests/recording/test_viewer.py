@@ -393,36 +393,19 @@ def test_a_display_is_known_by_its_name(
 
 
 @pytest.mark.usefixtures("display")
-def test_without_a_display_nothing_starts_and_the_error_names_the_other_ways(monkeypatch) -> None:
-    monkeypatch.setattr(process, "PROGRAM", NOTHING_STARTS)
+def test_without_a_display_the_error_names_the_other_ways() -> None:
     with pytest.raises(RecordingError, match=r"^t\.rrd: there is no display here; give --web .* --screenshot"):
         show(Path("t.rrd"))
 
 
-@pytest.mark.parametrize("name", ["DISPLAY", "WAYLAND_DISPLAY"])
-def test_a_window_shows_the_recording_until_it_is_closed(
-    stand: Stand, display, tmp_path, monkeypatch, name: str
-) -> None:
+def test_a_window_shows_the_recording_until_it_is_closed(stand: Stand, display, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    display({name: "0"})
+    display({"WAYLAND_DISPLAY": "0"})
     show(Path("--t.rrd"))
     file, *options = stand.received["arguments"]
     assert file == str(tmp_path / "--t.rrd")
     assert options[options.index("--bind") + 1] == "127.0.0.1"
     assert options[options.index("--port") + 1] == "auto"
-
-
-def test_a_window_that_fails_is_reported(stand: Stand, display) -> None:
-    display({"DISPLAY": ":0"})
-    stand.acts("print('no window for you', file=sys.stderr)", "sys.exit(3)")
-    with pytest.raises(RecordingError, match=r"^the viewer does not work: no window for you$"):
-        show(Path("t.rrd"))
-
-
-def test_a_display_that_is_not_there_is_reported(thesis, display) -> None:
-    display({"DISPLAY": ":9876"})
-    with pytest.raises(RecordingError, match="the viewer does not work: "):
-        show(thesis[0])
 
 
 # --- in a browser ---------------------------------------------------------------------------------------
@@ -505,12 +488,7 @@ def serving(recording: Path, folder: Path, prepare: Callable[[], None] = heed_si
 
 @pytest.mark.parametrize(
     ("prepare", "number", "send"),
-    [
-        pytest.param(heed_signals, signal.SIGINT, os.kill, marks=pytest.mark.slow),
-        (heed_signals, signal.SIGINT, os.killpg),
-        (ignore_signals, signal.SIGINT, os.kill),
-        pytest.param(ignore_signals, signal.SIGTERM, os.killpg, marks=pytest.mark.slow),
-    ],
+    [(heed_signals, signal.SIGINT, os.killpg), (ignore_signals, signal.SIGTERM, os.kill)],
 )
 def test_serving_ends_well_on_a_signal_even_if_the_parent_had_it_ignored(
     thesis, tmp_path, prepare: Callable[[], None], number: signal.Signals, send: Callable[[int, int], None]
@@ -518,7 +496,7 @@ def test_serving_ends_well_on_a_signal_even_if_the_parent_had_it_ignored(
     with serving(thesis[0], tmp_path, prepare) as (process, address):
         assert answer(address)
         send(process.pid, number)
-        assert process.communicate(timeout=30) == ("ended\n", "")
+        assert process.communicate() == ("ended\n", "")
         assert process.returncode == 0
 
 
