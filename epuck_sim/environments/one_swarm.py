@@ -13,8 +13,7 @@ import numpy.typing as npt
 from pettingzoo import ParallelEnv
 
 from epuck_sim.arrays import Float32Array
-from epuck_sim.environments.batch import ScenarioLike, SwarmBatch, Task, seeds_from
-from epuck_sim.environments.rewards import Situation
+from epuck_sim.environments.batch import ScenarioLike, Task
 from epuck_sim.environments.vector import SwarmVectorEnv, vector_env
 from epuck_sim.errors import ScenarioError
 from epuck_sim.overhead.camera import Picture
@@ -51,7 +50,8 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
     """A swarm whose robots are agents, `robot_0` and so on by their numbers; see `parallel_env`."""
 
     def __init__(self, scenario: ScenarioLike, render_mode: RenderMode | None, task: Task) -> None:
-        self._batch = batch = SwarmBatch(scenario, 1, **task)
+        self._rows = vector_env(scenario, 1, **task)  # an agent each
+        self._batch = batch = self._rows.batch
         self.render_mode: str | None = render_mode
         self.metadata = {
             "name": "epuck_sim_v0",
@@ -83,10 +83,9 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         options: dict[str, Any] | None = None,  # noqa: ARG002 PettingZoo's signature
     ) -> tuple[dict[str, Float32Array], dict[str, dict[str, Any]]]:
         """Begin an episode; without a seed, the one that follows the last one in a row that the last seed began."""
-        self._batch.begin([0], seeds_from(seed, 1))
         self.agents = list(self.possible_agents)
-        situation = self._batch.look()
-        return self._of_agents(self._batch.observe(situation)[0]), self._infos(situation)
+        rows, infos = self._rows.reset(seed=seed)
+        return self._of_agents(rows), self._infos_of_agents(infos)
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
         """Have all robots act; return observations, rewards, terminations, truncations and infos of all agents.
@@ -99,25 +98,18 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         if actions.keys() != set(self.agents):
             odd = sorted(set(self.agents) ^ actions.keys())
             raise ValueError(f"actions are needed for each of {len(self.agents)} agents; missing or unknown: {odd[:5]}")
-        self._batch.act(np.array([[actions[agent] for agent in self.agents]]), np.zeros(1, np.bool_))
-        situation = self._batch.look()
-        rewards, terminated, truncated = self._batch.judge(situation)
-        found = (
-            self._of_agents(self._batch.observe(situation)[0]),
-            self._of_agents(rewards[0].tolist()),
-            dict.fromkeys(self.agents, bool(terminated[0])),
-            dict.fromkeys(self.agents, bool(truncated[0])),
-            self._infos(situation),
-        )
-        if terminated[0] or truncated[0]:
+        rows, *values, infos = self._rows.step([actions[agent] for agent in self.agents])
+        rewards, terminated, truncated = (self._of_agents(each.tolist()) for each in values)
+        found = self._of_agents(rows), rewards, terminated, truncated, self._infos_of_agents(infos)
+        if any(terminated.values()) or any(truncated.values()):
             self.agents = []
         return found
 
     def _of_agents(self, values: Any) -> dict[str, Any]:
         return dict(zip(self.agents, values, strict=True))
 
-    def _infos(self, situation: Situation) -> dict[str, dict[str, Any]]:
-        columns = {key: values[0].tolist() for key, values in self._batch.infos(situation).items()}
+    def _infos_of_agents(self, infos: dict[str, Any]) -> dict[str, dict[str, Any]]:
+        columns = {key: values.tolist() for key, values in infos.items() if not key.startswith("_")}
         rows = zip(*columns.values(), strict=True)
         return self._of_agents(dict(zip(columns, values, strict=True)) for values in rows)
 

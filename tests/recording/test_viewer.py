@@ -65,7 +65,6 @@ from tests.recording.viewers import (
 )
 
 # as in `layers.arena`, `layers.series` and `layers.robots.COLOURS`
-WALL = (150, 150, 150)
 RED, BLUE = (225, 40, 40), (60, 130, 230)
 UNLIT_PIXEL = (30, 30, 34)
 
@@ -113,14 +112,6 @@ def marks(picture: FloatArray, colour: Sequence[int]) -> FloatArray:
     sizes = ndimage.sum_labels(found > 0, found, range(1, count + 1))
     spots = [1 + spot for spot in range(count) if 8 < sizes[spot] < 80]
     return np.array(ndimage.center_of_mass(found, found, spots)).reshape(-1, 2)[:, ::-1]
-
-
-def rows_of(spots: FloatArray, rows: int) -> IntArray:
-    """Return the number of spots in each row, from the lowest to the highest."""
-    y = spots[:, 1]
-    row = (rows - 1) * (y.max() - y) / np.ptp(y)
-    assert abs(row - row.round()).max() < 0.2
-    return np.bincount(row.round().astype(int), minlength=rows)
 
 
 def lit_and_dark(read: Recorded) -> tuple[int, int]:
@@ -180,27 +171,11 @@ def test_robots_are_where_they_were_with_y_up(moment: Moment) -> None:
     np.testing.assert_allclose(shown[:, 2], RADIUS_CM * right, rtol=0, atol=2.5)
 
 
-def test_all_four_walls_are_shown_around_the_robots(moment: Moment) -> None:
-    arena = moment.picture[ARENA]
-    wall = alike(arena, WALL)
-    columns, rows = (np.flatnonzero(wall.mean(axis=axis) > 0.5 * wall.mean(axis=axis).max()) for axis in (0, 1))
-    left, right, top, bottom = columns[0], columns[-1], rows[0], rows[-1]
-    assert right - left == pytest.approx(bottom - top, abs=3)
-    for side in (wall[top : top + 2], wall[bottom - 1 : bottom + 1]):
-        assert side.any(axis=0)[left:right].mean() > 0.8
-    for side in (wall[:, left : left + 2], wall[:, right - 1 : right + 1]):
-        assert side.any(axis=1)[top:bottom].mean() > 0.8
-    robots = np.concatenate([discs(arena, LIT), discs(arena, DARK)])
-    assert ((left < robots[:, 0] - robots[:, 2] + 3) & (robots[:, 0] + robots[:, 2] - 3 < right)).all()
-    assert ((top < robots[:, 1] - robots[:, 2] + 3) & (robots[:, 1] + robots[:, 2] - 3 < bottom)).all()
-
-
-def test_flashes_are_red_marks_in_a_row_for_each_robot_and_the_order_is_in_blue_ones(moment: Moment) -> None:
-    flashes = np.bincount(moment.recorded.flash_robot)
-    np.testing.assert_allclose(rows_of(marks(moment.picture[FLASHES], RED), len(flashes)), flashes, rtol=0, atol=1)
-    shown = len(marks(moment.picture[ORDER], BLUE))
+def test_flashes_are_red_marks_and_the_order_parameter_at_firings_is_in_blue_ones(moment: Moment) -> None:
+    flashes, order = len(marks(moment.picture[FLASHES], RED)), len(marks(moment.picture[ORDER], BLUE))
+    assert abs(flashes - len(moment.recorded.flash_s)) <= len(moment.ring_on)  # some are cut by the line at the moment
+    assert abs(order - moment.recorded.cycles) < 3
     assert moment.recorded.cycles > 9
-    assert abs(shown - moment.recorded.cycles) < 3  # some are cut by the line at the moment
 
 
 def test_camera_rows_are_red_where_a_lit_ring_is_seen(moment: Moment) -> None:
@@ -239,9 +214,8 @@ def test_a_summary_is_drawn_without_an_arena(tmp_path) -> None:
     recorded(path, scenario, 3, Level.SUMMARY)
     read = read_recording(path)
     picture = drawn(path, read.time_s[-1], tmp_path / "p.png")
-    flashes = np.bincount(read.flash_robot)
     shown = marks(picture[130:490], RED)
-    np.testing.assert_allclose(rows_of(shown, len(flashes)), flashes, rtol=0, atol=1)
+    assert abs(len(shown) - len(read.flash_s)) <= 10
     assert np.ptp(shown[:, 0]) > 1400
     assert abs(len(marks(picture[520:880], BLUE)) - read.cycles) < 3
     assert len(discs(picture[:860], LIT)) == len(discs(picture[:860], DARK)) == 0
