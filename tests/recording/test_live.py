@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from io import BytesIO
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -264,6 +265,7 @@ def told(begin, monkeypatch) -> Callable[..., Told]:
                 pass
 
         monkeypatch.setattr(live_module, "Recorder", Recorder)
+        monkeypatch.setattr(live_module, "chunk_stream", lambda *_: nullcontext())
         viewer = SimpleNamespace(has_ended=False)
         with live(viewer, free_port(), scenario, 0, Level.FULL, speed, wait=clock.wait) as look:
             for time_s in times:

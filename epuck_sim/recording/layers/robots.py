@@ -49,34 +49,6 @@ SIGHTS = rr.AnnotationContext([(0, "in view", (75, 85, 110)), (1, "seen lit", LI
 COLOURS = rr.AnnotationContext([(0, "dark", (30, 30, 34)), (1, "red", (225, 40, 40)), (BETWEEN, "", (90, 90, 96))])
 
 
-def static_image_entities(scenario: EmbodiedScenario) -> Iterator[Chunk]:
-    """Yield the formats and colours of the pictures."""
-    robots, pixels = scenario.robot_count, scenario.camera_pixels
-    for camera in (CAMERA, SPACE_TIME):
-        yield static_chunk(camera, COLOURS)
-    yield static_chunk(CAMERA, rr.SegmentationImage.from_fields(format=_format(pixels, robots, rr.ChannelDatatype.U8)))
-    minute = _format(_columns_side_by_side(scenario), PICTURE_STEPS, rr.ChannelDatatype.U8)
-    yield static_chunk(SPACE_TIME, rr.SegmentationImage.from_fields(format=minute))
-    ranges_cm = [kind.infrared.range_cm for kind in scenario.group_kinds if kind.infrared]
-    infrared = rr.DepthImage.from_fields(
-        format=_format(SENSORS, robots, rr.ChannelDatatype.U16),
-        meter=1000,
-        depth_range=[0, 10 * max(ranges_cm, default=ProximitySection().range_cm)],
-        colormap="spectral",  # from red to blue; what is out of range is as blue as what is far
-    )
-    yield static_chunk(INFRARED, infrared)
-    for numbers in (CAMERA_NUMBERS, INFRARED_NUMBERS):
-        yield static_chunk(numbers, row_numbers(robots))
-
-
-def image_entities(batch: RowBatch) -> Iterator[Chunk]:
-    """Yield the camera rows and the infrared distances at these steps."""
-    steps = len(batch.time_ns)
-    rows, distances = batch.camera.reshape(steps, -1), batch.distance_mm.reshape(steps, -1).view(np.uint8)
-    yield temporal_chunk(CAMERA, batch.time_ns, *rr.SegmentationImage.columns(buffer=rows))
-    yield temporal_chunk(INFRARED, batch.time_ns, *rr.DepthImage.columns(buffer=distances))
-
-
 class SpaceTime:
     """The picture of the current minute: camera rows over time, robots side by side."""
 
@@ -151,7 +123,25 @@ class RobotLayers:
         yield static_chunk(SIGHTINGS, SIGHTS)
         yield static_chunk(SIGHTINGS, rr.Arrows2D.from_fields(radii=0.1, show_labels=False, draw_order=5))
         yield static_chunk(CONTACTS, rr.Points2D.from_fields(radii=0.6, colors=YELLOW, draw_order=40))
-        yield from static_image_entities(self._scenario)
+        yield from self._static_pictures()
+
+    def _static_pictures(self) -> Iterator[Chunk]:
+        scenario = self._scenario
+        robots, one_byte = scenario.robot_count, rr.ChannelDatatype.U8
+        minute = _columns_side_by_side(scenario), PICTURE_STEPS
+        for entity, size in ((CAMERA, (scenario.camera_pixels, robots)), (SPACE_TIME, minute)):
+            yield static_chunk(entity, COLOURS)
+            yield static_chunk(entity, rr.SegmentationImage.from_fields(format=_format(*size, one_byte)))
+        ranges_cm = [kind.infrared.range_cm for kind in scenario.group_kinds if kind.infrared]
+        infrared = rr.DepthImage.from_fields(
+            format=_format(SENSORS, robots, rr.ChannelDatatype.U16),
+            meter=1000,
+            depth_range=[0, 10 * max(ranges_cm, default=ProximitySection().range_cm)],
+            colormap="spectral",  # from red to blue; what is out of range is as blue as what is far
+        )
+        yield static_chunk(INFRARED, infrared)
+        for numbers in (CAMERA_NUMBERS, INFRARED_NUMBERS):
+            yield static_chunk(numbers, row_numbers(robots))
 
     def chunks(self, batch: RowBatch) -> Iterator[Chunk]:
         """Yield what these steps show."""
@@ -165,7 +155,9 @@ class RobotLayers:
         steps = np.concatenate([first + found[:, 0] for first, (found, _) in moments])
         points = rr.Points2D.columns(positions=np.concatenate([places for _, (_, places) in moments]))
         yield temporal_chunk(CONTACTS, time_ns, *points.partition(np.bincount(steps, minlength=len(poses))))
-        yield from image_entities(batch)
+        rows, distances = (each.reshape(len(poses), -1) for each in (batch.camera, batch.distance_mm))
+        yield temporal_chunk(CAMERA, time_ns, *rr.SegmentationImage.columns(buffer=rows))
+        yield temporal_chunk(INFRARED, time_ns, *rr.DepthImage.columns(buffer=distances.view(np.uint8)))
         yield from self._space_time.chunks(batch)
 
     def final_chunks(self) -> Iterator[Chunk]:
