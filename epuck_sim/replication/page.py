@@ -273,21 +273,6 @@ def sweep_table(contents: Contents) -> Table:
     return Table("sweeps", [Row({}, _sweep_cells(name, each)) for name, each in contents.sweeps.items()])
 
 
-def _sweep_cells(name: str, asked: Asked) -> dict[str, object]:
-    status = asked.status
-    return {
-        "sweep": name,
-        "points": status.points,
-        "trials": status.trials,
-        "stored": status.stored,
-        "censored": status.censored,
-        "failed": len(status.failed),
-        "limit_of_cycles": asked.limit,
-        "time_of_trials": in_words(status.wall_s),
-        "time_of_full_version": time_range(asked.full) if asked.full else None,
-    }
-
-
 def time_range(cost: tuple[float, float]) -> str:
     """Return how long a sweep takes, as a range if it depends on trials that are censored."""
     least, most = map(in_words, cost)

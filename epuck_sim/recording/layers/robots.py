@@ -155,7 +155,7 @@ class RobotLayers:
         steps = np.concatenate([first + found[:, 0] for first, (found, _) in moments])
         points = rr.Points2D.columns(positions=np.concatenate([places for _, (_, places) in moments]))
         yield temporal_chunk(CONTACTS, time_ns, *points.partition(np.bincount(steps, minlength=len(poses))))
-        rows, distances = (each.reshape(len(poses), -1) for each in (batch.camera, batch.distance_mm))
+        rows, distances = batch.camera.reshape(len(poses), -1), batch.distance_mm.reshape(len(poses), -1)
         yield temporal_chunk(CAMERA, time_ns, *rr.SegmentationImage.columns(buffer=rows))
         yield temporal_chunk(INFRARED, time_ns, *rr.DepthImage.columns(buffer=distances.view(np.uint8)))
         yield from self._space_time.chunks(batch)
