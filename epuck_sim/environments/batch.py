@@ -104,12 +104,7 @@ class SwarmBatch:
             self._watches[swarm].look(step)
 
     def act(self, actions: npt.ArrayLike, resting: BoolArray) -> None:
-        """Have the robots do what (swarms, agents, ...) actions command until the next observation.
-
-        Args:
-            actions: The actions.
-            resting: (swarms,) whether a swarm takes no step.
-        """
+        """Have the robots do what (swarms, agents, ...) actions command, but for swarms that are resting, (swarms,)."""
         commanded = self.spaces.command(actions)
         shares = [[swarm for swarm in share if not resting[swarm]] for share in self._shares]
         if self._pool is None:

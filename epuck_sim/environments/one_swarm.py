@@ -13,8 +13,7 @@ import numpy.typing as npt
 from pettingzoo import ParallelEnv
 
 from epuck_sim.arrays import Float32Array
-from epuck_sim.environments.batch import ScenarioLike, SwarmBatch, Task, seeds_from
-from epuck_sim.environments.rewards import Situation
+from epuck_sim.environments.batch import ScenarioLike, Task
 from epuck_sim.environments.vector import SwarmVectorEnv, vector_env
 from epuck_sim.errors import ScenarioError
 from epuck_sim.overhead.camera import Picture
@@ -34,24 +33,91 @@ RenderMode = Literal["rgb_array", "human"]
 
 RENDER_MODES = ["human", "rgb_array"]
 
-NOT_UNDER_WAY = "no episode is under way: it is over, or has not begun; call reset()"
+
+def parallel_env(scenario: ScenarioLike, *, render_mode: RenderMode | None = None, **task: Unpack[Task]) -> "SwarmEnv":
+    """Return a PettingZoo `ParallelEnv` of one swarm.
+
+    Args:
+        scenario: A scenario of robots; what `load_scenario` takes. The agents are its groups that are driven from
+            outside, by `controller: external`, `external_wheels` or `external_ring`; if there is none, all robots.
+        render_mode: What `render` does: return a picture, or show it in a window.
+        task: See `Task`.
+    """
+    return SwarmEnv(scenario, render_mode, task)
 
 
-class _OneSwarm:
-    """One swarm and its pictures: what the environments of both packages share."""
+class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # PettingZoo has no types
+    """A swarm whose robots are agents, `robot_0` and so on by their numbers; see `parallel_env`."""
 
     def __init__(self, scenario: ScenarioLike, render_mode: RenderMode | None, task: Task) -> None:
-        self._batch = batch = SwarmBatch(scenario, 1, **task)
+        self._rows = vector_env(scenario, 1, **task)  # an agent each
+        self._batch = batch = self._rows.batch
         self.render_mode: str | None = render_mode
-        self.render_fps = 1 / (batch.simulations[0].step_s * batch.control_steps)
-        self.observation_fields = batch.spaces.fields
+        self.metadata = {
+            "name": "epuck_sim_v0",
+            "render_modes": RENDER_MODES,
+            "render_fps": 1 / (batch.simulations[0].step_s * batch.control_steps),
+            "is_parallelizable": True,
+        }
+        spaces = batch.spaces
+        self.observation_fields = spaces.fields
         """Which columns of an observation hold what."""
+        self.possible_agents = [f"robot_{robot}" for robot in spaces.robots]
+        self.agents: list[str] = []
+        # agents draw from spaces of their own, as PettingZoo's users seed them one by one
+        self.observation_spaces = dict.fromkeys(self.possible_agents, spaces.observation)
+        self.action_spaces = {agent: spaces.new_action_space() for agent in self.possible_agents}
         self._view: ArenaView | None = None
 
-    def _infos(self, situation: Situation) -> list[dict[str, Any]]:
-        """Return the infos of each agent."""
-        columns = {key: values[0].tolist() for key, values in self._batch.infos(situation).items()}
-        return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+    def observation_space(self, agent: str) -> gymnasium.Space[Any]:
+        """Return the space of an agent's observations."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> gymnasium.Space[Any]:
+        """Return the space of an agent's actions."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self,
+        seed: int | None = None,
+        options: dict[str, Any] | None = None,  # noqa: ARG002 PettingZoo's signature
+    ) -> tuple[dict[str, Float32Array], dict[str, dict[str, Any]]]:
+        """Begin an episode; without a seed, the one that follows the last one in a row that the last seed began."""
+        self.agents = list(self.possible_agents)
+        rows, infos = self._rows.reset(seed=seed)
+        return self._of_agents(rows), self._infos_of_agents(infos)
+
+    def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+        """Have all robots act; return observations, rewards, terminations, truncations and infos of all agents.
+
+        Raises:
+            ValueError: The episode is over or has not begun, an agent has no action, or an action is not allowed.
+        """
+        if not self.agents:
+            raise ValueError("no episode is under way: it is over, or has not begun; call reset()")
+        if actions.keys() != set(self.agents):
+            odd = sorted(set(self.agents) ^ actions.keys())
+            raise ValueError(f"actions are needed for each of {len(self.agents)} agents; missing or unknown: {odd[:5]}")
+        rows, *values, infos = self._rows.step([actions[agent] for agent in self.agents])
+        rewards, terminated, truncated = (self._of_agents(each.tolist()) for each in values)
+        found = self._of_agents(rows), rewards, terminated, truncated, self._infos_of_agents(infos)
+        if any(terminated.values()) or any(truncated.values()):
+            self.agents = []
+        return found
+
+    def _of_agents(self, values: Any) -> dict[str, Any]:
+        return dict(zip(self.agents, values, strict=True))
+
+    def _infos_of_agents(self, infos: dict[str, Any]) -> dict[str, dict[str, Any]]:
+        columns = {key: values.tolist() for key, values in infos.items() if not key.startswith("_")}
+        rows = zip(*columns.values(), strict=True)
+        return self._of_agents(dict(zip(columns, values, strict=True)) for values in rows)
+
+    def state(self) -> npt.NDArray[np.float64]:
+        """Return (robots, 5) x and y in cm, heading in rad, ring, and phase from 0 to 1 (-1 for none) of all robots."""
+        situation = self._batch.look()
+        phase = np.nan_to_num(situation.phase[0], nan=-1.0)
+        return np.column_stack([situation.poses[0], situation.ring_on[0], phase])
 
     def render(self) -> Picture | None:
         """Return (height, width, 3) a picture of the arena from above, or show it; see `ArenaView`."""
@@ -82,91 +148,7 @@ class _OneSwarm:
             del self._image
 
 
-def parallel_env(scenario: ScenarioLike, *, render_mode: RenderMode | None = None, **task: Unpack[Task]) -> "SwarmEnv":
-    """Return a PettingZoo `ParallelEnv` of one swarm.
-
-    Args:
-        scenario: A scenario of robots; what `load_scenario` takes. The agents are its groups that are driven from
-            outside, by `controller: external`, `external_wheels` or `external_ring`; if there is none, all robots.
-        render_mode: What `render` does: return a picture, or show it in a window.
-        task: See `Task`.
-    """
-    return SwarmEnv(scenario, render_mode, task)
-
-
-class SwarmEnv(_OneSwarm, ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # PettingZoo has no types
-    """A swarm whose robots are agents, `robot_0` and so on by their numbers; see `parallel_env`."""
-
-    def __init__(self, scenario: ScenarioLike, render_mode: RenderMode | None, task: Task) -> None:
-        super().__init__(scenario, render_mode, task)
-        self.metadata = {
-            "name": "epuck_sim_v0",
-            "render_modes": RENDER_MODES,
-            "render_fps": self.render_fps,
-            "is_parallelizable": True,
-        }
-        spaces = self._batch.spaces
-        self.possible_agents = [f"robot_{robot}" for robot in spaces.robots]
-        self.agents: list[str] = []
-        # agents draw from spaces of their own, as PettingZoo's users seed them one by one
-        self.observation_spaces = dict.fromkeys(self.possible_agents, spaces.observation)
-        self.action_spaces = {agent: spaces.new_action_space() for agent in self.possible_agents}
-
-    def observation_space(self, agent: str) -> gymnasium.Space[Any]:
-        """Return the space of an agent's observations."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> gymnasium.Space[Any]:
-        """Return the space of an agent's actions."""
-        return self.action_spaces[agent]
-
-    def reset(
-        self,
-        seed: int | None = None,
-        options: dict[str, Any] | None = None,  # noqa: ARG002 PettingZoo's signature
-    ) -> tuple[dict[str, Float32Array], dict[str, dict[str, Any]]]:
-        """Begin an episode; without a seed, the one that follows the last one in a row that the last seed began."""
-        self._batch.begin([0], seeds_from(seed, 1))
-        self.agents = list(self.possible_agents)
-        situation = self._batch.look()
-        return self._of_agents(self._batch.observe(situation)[0]), self._of_agents(self._infos(situation))
-
-    def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
-        """Have all robots act; return observations, rewards, terminations, truncations and infos of all agents.
-
-        Raises:
-            ValueError: The episode is over or has not begun, an agent has no action, or an action is not allowed.
-        """
-        if not self.agents:
-            raise ValueError(NOT_UNDER_WAY)
-        if actions.keys() != set(self.agents):
-            odd = sorted(set(self.agents) ^ actions.keys())
-            raise ValueError(f"actions are needed for each of {len(self.agents)} agents; missing or unknown: {odd[:5]}")
-        self._batch.act(np.array([[actions[agent] for agent in self.agents]]), np.zeros(1, np.bool_))
-        situation = self._batch.look()
-        rewards, terminated, truncated = self._batch.judge(situation)
-        found = (
-            self._of_agents(self._batch.observe(situation)[0]),
-            self._of_agents(rewards[0].tolist()),
-            dict.fromkeys(self.agents, bool(terminated[0])),
-            dict.fromkeys(self.agents, bool(truncated[0])),
-            self._of_agents(self._infos(situation)),
-        )
-        if terminated[0] or truncated[0]:
-            self.agents = []
-        return found
-
-    def _of_agents(self, values: Any) -> dict[str, Any]:
-        return dict(zip(self.agents, values, strict=True))
-
-    def state(self) -> npt.NDArray[np.float64]:
-        """Return (robots, 5) x and y in cm, heading in rad, ring, and phase from 0 to 1 (-1 for none) of all robots."""
-        situation = self._batch.look()
-        phase = np.nan_to_num(situation.phase[0], nan=-1.0)
-        return np.column_stack([situation.poses[0], situation.ring_on[0], phase])
-
-
-class RobotEnv(_OneSwarm, gymnasium.Env[Float32Array, Any]):
+class RobotEnv(gymnasium.Env[Float32Array, Any]):
     """The robot of a swarm that is driven from outside."""
 
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES}  # noqa: RUF012 Gymnasium's own type
@@ -188,12 +170,15 @@ class RobotEnv(_OneSwarm, gymnasium.Env[Float32Array, Any]):
         Raises:
             ScenarioError: Not one robot is driven from outside, but none, or several.
         """
-        super().__init__(scenario, render_mode, task)
-        spaces = self._batch.spaces
-        _check_only_agent(len(spaces.robots))
-        self.metadata = {**self.metadata, "render_fps": self.render_fps}
-        self.observation_space, self.action_space = spaces.observation, spaces.action
-        self._is_over = True
+        self._swarm = swarm = SwarmEnv(scenario, render_mode, task)
+        _check_only_agent(len(swarm.possible_agents))
+        (self._agent,) = swarm.possible_agents
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": swarm.metadata["render_fps"]}
+        self.observation_space = swarm.observation_space(self._agent)
+        self.action_space = swarm.action_space(self._agent)
+        self.observation_fields = swarm.observation_fields
+        """Which columns of an observation hold what."""
 
     def reset(
         self,
@@ -203,9 +188,9 @@ class RobotEnv(_OneSwarm, gymnasium.Env[Float32Array, Any]):
     ) -> tuple[Float32Array, dict[str, Any]]:
         """Begin an episode; without a seed, the one that follows the last one in a row that the last seed began."""
         gymnasium.Env.reset(self, seed=seed, options=options)
-        self._batch.begin([0], seeds_from(seed, 1))
-        self._is_over = False
-        return self._observed()
+        observations, infos = self._swarm.reset(seed)
+        self._show()
+        return observations[self._agent], infos[self._agent]
 
     def step(self, action: Any) -> tuple[Float32Array, float, bool, bool, dict[str, Any]]:
         """Have the robot act; return its observation, reward, whether terminated, whether truncated, and infos.
@@ -213,29 +198,27 @@ class RobotEnv(_OneSwarm, gymnasium.Env[Float32Array, Any]):
         Raises:
             ValueError: The episode is over or has not begun, or the action is not allowed.
         """
-        if self._is_over:
-            raise ValueError(NOT_UNDER_WAY)
-        self._batch.act([[action]], np.zeros(1, np.bool_))
-        rewards, terminated, truncated = self._batch.judge(self._batch.look())
-        self._is_over = bool(terminated[0] or truncated[0])
-        observation, infos = self._observed()
-        return observation, float(rewards[0, 0]), bool(terminated[0]), bool(truncated[0]), infos
+        observation, reward, terminated, truncated, infos = (
+            values[self._agent] for values in self._swarm.step({self._agent: action})
+        )
+        self._show()
+        return observation, reward, terminated, truncated, infos
 
-    def _observed(self) -> tuple[Float32Array, dict[str, Any]]:
-        """Return what the robot observes, and infos; show the arena, if that is the mode."""
+    def _show(self) -> None:
         if self.render_mode == "human":
             self.render()
-        situation = self._batch.look()
-        return self._batch.observe(situation)[0, 0], self._infos(situation)[0]
+
+    def render(self) -> Picture | None:  # type: ignore[override] # Gymnasium's is of any type
+        """Return (height, width, 3) a picture of the arena from above, or show it; see `ArenaView`."""
+        return self._swarm.render()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._swarm.close()
 
 
 def robot_vector_env(num_envs: int = 1, scenario: ScenarioLike = ONE_OF_TEN, **settings: Any) -> SwarmVectorEnv:
     """Return a `vector_env` of swarms each with one robot driven from outside, as `gymnasium.make_vec` asks for it.
-
-    Args:
-        num_envs: Number of swarms.
-        scenario: See `RobotEnv`.
-        settings: See `vector_env`.
 
     Raises:
         ScenarioError: Not one robot of a swarm is driven from outside, but none, or several.

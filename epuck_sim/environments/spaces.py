@@ -1,7 +1,7 @@
 """What agents observe and how they act, in numbers that networks like: the spaces, and the ways to and from them."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -26,24 +26,15 @@ def gather(arrays: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
     return np.concatenate(arrays).reshape(len(arrays), *arrays[0].shape)
 
 
-class Commanded(NamedTuple):
-    """What actions of (..., agents) command."""
-
-    wheels_cm_s: FloatArray | None
-    """(..., agents, 2) cm/s; None if wheels are not commanded."""
-    ring_on: BoolArray | None
-    """(..., agents) whether rings are lit; None if rings are not commanded."""
+Commanded = tuple[FloatArray | None, BoolArray | None]
+"""Speeds, (..., agents, 2) cm/s, and whether rings are lit, (..., agents); None of what is not commanded."""
 
 
 class AgentSpaces:
     """The observations and actions of the robots of a scenario that are driven from outside: all alike."""
 
     def __init__(self, simulation: Simulation, *, discrete: bool) -> None:
-        """Find the agents of a simulation and what they can do.
-
-        Args:
-            simulation: A simulation of the scenario.
-            discrete: Whether an action is the number of a motion, instead of speeds.
+        """Find the agents of a simulation, and what they can do: a number of a motion each, or speeds.
 
         Raises:
             ScenarioError: Not all robots that are driven from outside are driven alike.
@@ -62,9 +53,10 @@ class AgentSpaces:
         self._limits_cm_s = np.array([[kind.wheel_limit_cm_s] for kind in kinds])
         self._peak_counts = np.array([[kind.infrared.peak_counts if kind.infrared else 1.0] for kind in kinds])
         sensors = max(len(kind.infrared.sensors) if kind.infrared else 0 for kind in kinds)
-        sizes = {"camera": simulation.scenario.camera_pixels, "infrared": sensors}
         self._readings = {name: values[0].size for name, values in simulation.last_step.readings.items()}
-        sizes |= {
+        sizes = {
+            "camera": simulation.scenario.camera_pixels,
+            "infrared": sensors,
             "wheels": 2,
             "ring": 1,
             **({"phase": PHASE_FEATURES} if has_phase else {}),
@@ -73,12 +65,12 @@ class AgentSpaces:
         ends = np.cumsum(list(sizes.values())).tolist()
         self.fields = {part: slice(end - size, end) for (part, size), end in zip(sizes.items(), ends, strict=True)}
         """Which columns of an observation hold what."""
-        low = np.zeros(ends[-1], np.float32)
-        for part in self.fields.keys() & {"wheels", "phase"}:
-            low[self.fields[part]] = -1.0
-        high = np.ones_like(low)
-        for name in self._readings:  # which may be any numbers
-            low[self.fields[READING + name]], high[self.fields[READING + name]] = -np.inf, np.inf
+        low, high = np.zeros(ends[-1], np.float32), np.ones(ends[-1], np.float32)
+        for part, columns in self.fields.items():
+            if part in ("wheels", "phase"):
+                low[columns] = -1.0
+            elif part.startswith(READING):  # which may be any numbers
+                low[columns], high[columns] = -np.inf, np.inf
         self.observation = gymnasium.spaces.Box(low, high)
         self.action = self.new_action_space()
 
@@ -122,7 +114,7 @@ class AgentSpaces:
                 f"allowed: finite numbers for each of {len(self.robots)} agents, {shape[0]} each"
             )
         wheels = self._limits_cm_s * np.clip(given[..., :2], -1, 1) if self.drives else None
-        return Commanded(wheels, given[..., -1] > 0 if self.flashes else None)
+        return wheels, given[..., -1] > 0 if self.flashes else None
 
     def _command_discrete(self, given: npt.NDArray[Any]) -> Commanded:
         count = int(self.action.n)  # type: ignore[attr-defined]
@@ -134,4 +126,4 @@ class AgentSpaces:
             raise ValueError(f"actions are {given!r}; allowed: 0 to {count - 1} for each of {len(self.robots)} agents")
         motions = len(MOTIONS) if self.drives else 1
         wheels = self._limits_cm_s * MOTIONS[given % motions] if self.drives else None
-        return Commanded(wheels, given // motions == 1 if self.flashes else None)
+        return wheels, given // motions == 1 if self.flashes else None

@@ -33,7 +33,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 Gymnasium's own type
 
     def __init__(self, batch: SwarmBatch) -> None:
-        self._batch = batch
+        self.batch = batch
         self.swarms, self.agents = len(batch.simulations), len(batch.spaces.robots)
         self.num_envs = self.swarms * self.agents
         self.single_observation_space = batch.spaces.observation
@@ -58,11 +58,11 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
                 in the rows of seeds that have begun.
             options: Ignored.
         """
-        self._batch.begin(range(self.swarms), seeds_from(seed, self.swarms))
+        self.batch.begin(range(self.swarms), seeds_from(seed, self.swarms))
         self._is_over[:] = False
         self._has_begun = True
-        situation = self._batch.look()
-        return self._rows(self._batch.observe(situation)), self._infos(situation)
+        situation = self.batch.look()
+        return self._rows(self.batch.observe(situation)), self._infos(situation)
 
     def step(self, actions: npt.ArrayLike) -> tuple[Float32Array, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Have all robots act; those of swarms whose episodes are over begin a new one instead.
@@ -83,21 +83,21 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         if given.shape[:1] != (self.num_envs,):
             raise ValueError(f"actions have the shape {given.shape}; allowed: {self.num_envs} rows, one for each agent")
         resting = self._is_over.copy()
-        self._batch.act(given.reshape(self.swarms, self.agents, *given.shape[1:]), resting)
-        self._batch.begin(np.flatnonzero(resting).tolist())
-        situation = self._batch.look()
-        rewards, terminated, truncated = self._batch.judge(situation)
+        self.batch.act(given.reshape(self.swarms, self.agents, *given.shape[1:]), resting)
+        self.batch.begin(np.flatnonzero(resting).tolist())
+        situation = self.batch.look()
+        rewards, terminated, truncated = self.batch.judge(situation)
         rewards = np.where(resting[:, None], 0.0, rewards)
         terminated &= ~resting
         truncated &= ~resting
         self._is_over = terminated | truncated
         each = self.agents
         flags = np.repeat(terminated, each), np.repeat(truncated, each)
-        return self._rows(self._batch.observe(situation)), rewards.ravel(), *flags, self._infos(situation)
+        return self._rows(self.batch.observe(situation)), rewards.ravel(), *flags, self._infos(situation)
 
     def _infos(self, situation: Situation) -> dict[str, Any]:
         """Return infos as Gymnasium has them of vectors: an array by each key, and which agents it tells of."""
-        values = {key: each.ravel() for key, each in self._batch.infos(situation).items()}
+        values = {key: each.ravel() for key, each in self.batch.infos(situation).items()}
         return values | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in values}
 
     def _rows(self, values: Float32Array) -> Float32Array:
@@ -105,4 +105,4 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
 
     def close_extras(self, **_: Any) -> None:
         """End the threads."""
-        self._batch.close()
+        self.batch.close()

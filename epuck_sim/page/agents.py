@@ -13,19 +13,17 @@ from epuck_sim.particles.rules import rules_of
 from epuck_sim.particles.swarm import ARRAYS, CALLS, SCENE, SCENE_BYTES, Arrays
 from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
 
-MOST_AGENTS = 2000
-"""Largest swarm of a page, which draws all of them 60 times a second."""
-
-ANGLE_STEP_DEG = 5
-"""Step between the angles of cones on a slider: their sines are made here, to the bit."""
-
-REACH_CM = 30
-"""Reach that a page begins with where the scenario has none."""
-
+MOST_AGENTS = 2000  # of a page, which draws all of them 60 times a second
+ANGLE_STEP_DEG = 5  # between the angles of cones on a slider: their sines are made here, to the bit
+REACH_CM = 30  # that a page begins with where the scenario has none
 RANDOM_NUMBERS = "is drawn for each agent by numpy, which pages do not have"
 CONES = "cone_of_vision cone_of_emission"
+_KINDS = ("nearest", "random", "all", "range", "cone_of_vision", "cone_of_emission")
+
+CALL_NAMES = ["CURVE", "SEARCH", "CONTINUE", "BEGIN_RUN", "REORIENT"]  # what a swarm calls by an address
 
 assert MOST_AGENTS <= FLAT
+assert len(CALL_NAMES) == CALLS
 
 _FUNCTIONS = {
     "CURVE": CURVE,
@@ -78,18 +76,13 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
         "scene_bytes": SCENE_BYTES,
         "scene_base": rules.beginning[:SCENE_BYTES].tolist(),
         "arrays": [(name, dtype.itemsize, size) for name, (dtype, size) in ARRAYS.items()],
-        "sizes": {
-            "run_speeds": 0,
-            "curve": len(arrays.curve),
-            "groups": 0,
-            "parts": 0,
-        },  # for no more than `FLAT` agents
+        "sizes": {"run_speeds": 0, "curve": len(arrays.curve), "groups": 0, "parts": 0},  # for at most `FLAT` agents
         "curve": base64.b64encode(arrays.curve.tobytes()).decode(),
         "fill": {"run_end_cycle": -1, "period": 1, "cached_until": "-Infinity", "block_earliest": "-Infinity"},
         "given": {name: getattr(arrays, name).ravel().tolist() for name, is_given in given.items() if is_given},
         "is_synchronised": start.phases == "synchronised",
         "displacement": start.displacement,
-        "calls": _call_names(),
+        "calls": CALL_NAMES,
         "functions": {call: _FUNCTIONS[call] for call, is_called in functions.items() if is_called},
         "kinds": {
             "nearest": neighbours.NEAREST,
@@ -113,12 +106,6 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
         "order_parameter": stop.order_parameter,
         "max_time_s": stop.max_time_s,
     }
-
-
-def _call_names() -> list[str]:
-    names = ["CURVE", "SEARCH", "CONTINUE", "BEGIN_RUN", "REORIENT"]
-    assert len(names) == CALLS
-    return names
 
 
 def _cosine_and_sine(angle_deg: float) -> tuple[float, float]:
@@ -160,9 +147,6 @@ def agents_settings(scenario: ParticleScenario, thesis: ParticleScenario) -> lis
         settings.insert(0, Setting("agents.count", "agents", "", counts, count, thesis.agents.count))
         settings.append(Setting("space.side_cm", "side of the space", "cm", sides, side_cm, thesis.space.side_cm))
     return settings
-
-
-_KINDS = ("nearest", "random", "all", "range", "cone_of_vision", "cone_of_emission")
 
 
 def _only(kinds: str) -> tuple[str, str]:

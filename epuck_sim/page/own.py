@@ -22,12 +22,8 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 
-FIRST_BYTE = 18 * 2**20
-"""Where the module's part of the memory begins: behind what the model's module has from its start on."""
-
-BYTES = 2**20
-"""Size of that part: its constants, its stack, and what its functions allocate."""
-
+FIRST_BYTE = 18 * 2**20  # of the module's part of the memory: behind what the model's module has from its start on
+BYTES = 2**20  # size of that part: its constants, its stack, and what its functions allocate
 STACK_BYTES = 2**18
 
 PLACED = (
@@ -68,13 +64,6 @@ def own_roots(scenario: EmbodiedScenario | ParticleScenario) -> dict[str, Root]:
     return found | {root: sensor_root(sensor) for sensor, root in own_sensors(scenario).items()}
 
 
-def has_own(scenario: EmbodiedScenario | ParticleScenario) -> bool:
-    """Return whether a page compiles files of a scenario."""
-    if isinstance(scenario, ParticleScenario):
-        return scenario.response.curve not in CURVES
-    return bool(own_controllers(scenario))
-
-
 def compile_own(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
     """Return the module of a scenario's own files, gzipped; nothing if there are none.
 
@@ -83,7 +72,8 @@ def compile_own(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
         ControllerError: A controller or a sensor cannot be compiled.
         CurveError: A response curve cannot be compiled.
     """
-    if not has_own(scenario):
+    has_curve = isinstance(scenario, ParticleScenario) and scenario.response.curve not in CURVES
+    if not has_curve and not (isinstance(scenario, EmbodiedScenario) and own_controllers(scenario)):
         return b""
     if find_spec("ziglang") is None:
         what = "controllers, sensors and response curves in files are compiled for a page by ziglang"

@@ -26,12 +26,8 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.robot_kind import cell_cm
 from epuck_sim.trial.embodied import NOMINAL_PERIOD_S
 
-MOST_ROBOTS = 200
-"""Largest swarm of a page."""
-
-COUNTS = (*range(1, 21), 25, 30, 40, 50)
-"""Numbers of robots of a slider; each has a block of its own in the page."""
-
+MOST_ROBOTS = 200  # of a page
+COUNTS = (*range(1, 21), 25, 30, 40, 50)  # of robots on a slider; each has a block of its own in the page
 VIEWS_DEG = (20, 30, 40, 56, 70, 90, 120, 150, 180, 240, 300, 360)
 """Fields of view of a slider; the directions of a camera's pixels are made here, to the bit."""
 

@@ -83,12 +83,7 @@ def shipped_root(name: str) -> str:
 
 
 def controller_root(controller: Controller, sensors: tuple[Sensor, ...] = ()) -> Root:
-    """Return the function (block, addresses, group) that runs a controller, as `GroupControllers` has it.
-
-    Args:
-        controller: The controller.
-        sensors: Those in files of their own that its group has.
-    """
+    """Return the function (block, addresses, group) that runs a controller whose group has sensors in its own files."""
     names = _user_functions(controller, start=controller.start, step=controller.step)
     types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
     return _careful(bind(controllers.run_group, **names, **types, complete=completion(sensors))), _OF_GROUP

@@ -2,8 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from epuck_sim.display.table import leaves
 from epuck_sim.errors import ScenarioError
@@ -16,22 +15,13 @@ Value = float | int | str | bool | None
 class Setting:
     """A key of a scenario that a page can change, to one of some values."""
 
-    key: str
-    """Dotted key, as `--set` takes it."""
+    key: str  # dotted, as `--set` takes it
     label: str
     unit: str
-    stops: tuple[Value, ...]
-    """The values, ascending where they are numbers; the scenario's is one of them."""
-    value: Value
-    """The scenario's value."""
-    thesis: Value = None
-    """The value of the thesis's base case; None if the key is not there."""
-    only: tuple[str, str] | None = None
-    """A key and one of its values, separated by spaces from others, with which this key is there."""
-
-    def as_json(self) -> dict[str, Any]:
-        """Return it as a page reads it."""
-        return asdict(self)
+    stops: tuple[Value, ...]  # ascending where they are numbers; the scenario's is one of them
+    value: Value  # the scenario's
+    thesis: Value = None  # that of the thesis's base case; None if the key is not there
+    only: tuple[str, str] | None = None  # a key and those of its values, in one text, with which this key is there
 
 
 def stops(low: float, high: float, *, step: float = 0.0, also: Iterable[float] = ()) -> tuple[float, ...]:
@@ -58,12 +48,7 @@ def values_of(scenario: Scenario) -> dict[str, Value]:
 
 
 def refuse(scenario: Scenario, reasons: Mapping[str, tuple[bool, str]]) -> None:
-    """Raise ScenarioError for the first key, of those of `reasons`, that keeps a scenario from being a page.
-
-    Args:
-        scenario: The scenario.
-        reasons: For each key whether it does, and why.
-    """
+    """Raise ScenarioError for the first key that is a reason not to be a page, with why."""
     for key, (is_reason, why) in reasons.items():
         if is_reason:
             raise ScenarioError(f"{scenario.name}: {key}: {why}; `epuck-sim run` does")

@@ -7,6 +7,7 @@ import json
 import tempfile
 import webbrowser
 from collections.abc import Sequence
+from dataclasses import asdict
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -25,16 +26,10 @@ from epuck_sim.statistics.mean import student_quantile
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
 WEB = Path(__file__).parent / "web"
-CORE = ("kernels.js", "agents.js", "robots.js", "trials.js")
-"""What workers run, too."""
-
+CORE = ("kernels.js", "agents.js", "robots.js", "trials.js")  # what workers run, too
 INTERFACE = ("draw.js", "page.js")
-
-SPEED_POINTS = 11
-"""Number of speeds of the curve of T_sync."""
-
-MOST_FREEDOM = 300
-"""Degrees of freedom up to which a page knows Student's distribution."""
+SPEED_POINTS = 11  # speeds of the curve of T_sync
+MOST_FREEDOM = 300  # degrees of freedom up to which a page knows Student's distribution
 
 HELP = (
     "Space plays, . takes a step, R begins again, N takes the next seed. Click {one} to see what it knows, drag it, or "
@@ -84,13 +79,7 @@ class Shown:
 
 
 def make_page(scenario: EmbodiedScenario | ParticleScenario, source: str, settings: Sequence[str] = ()) -> str:
-    """Return the page of a scenario.
-
-    Args:
-        scenario: The scenario.
-        source: What `epuck-sim run` takes for it.
-        settings: Changes as `key=value` that were made to that.
-    """
+    """Return the page of a scenario, for which `epuck-sim run` takes a source with `key=value` settings."""
     model: Model = "embodied" if isinstance(scenario, EmbodiedScenario) else "particles"
     data = page_data(scenario, source, settings)
     core, interface, style = (_joined(names) for names in (CORE, INTERFACE, ("page.css",)))
@@ -149,7 +138,7 @@ def page_data(
         "facts": facts,
         "values": values,
         "nested": scenario.model_dump(mode="json", warnings=False),
-        "settings": [each.as_json() for each in changes],
+        "settings": [asdict(each) for each in changes],
         "speed": speed and {"key": speed_key, "stops": _spread(speed)},
         "scenario": source,
         "sets": list(settings),

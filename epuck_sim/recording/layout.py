@@ -20,48 +20,39 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.atomic_write import write_errors
 
-MARGIN_CM = 2.0
-"""Margin around the arena of robots, cm."""
+MARGIN_CM, MARGIN_SHARE = 2.0, 1 / 30
+"""Margin around the arena of robots, cm, and around the space of agents, as a share of its width."""
 
-MARGIN_SHARE = 1 / 30
-"""Margin around the space of point-like agents, as a share of its width."""
-
-LAYOUT_BYTES = 2_000_000
-"""More than the file of any layout takes."""
+LAYOUT_BYTES = 2_000_000  # more than the file of any layout takes
 
 
 class Arrangement(NamedTuple):
     """What a layout depends on."""
 
     level: Level
-    noun: str
-    """What one of the population is called."""
-    place: str
-    """Title of the arena."""
+    noun: str  # what one of the population is called
+    place: str  # title of the arena
     width_cm: float
-    height_cm: float
-    margin_cm: float
-    """Width, height and margin of the arena; the height of a segment is 0."""
-    memory: tuple[str, ...]
-    """Fields of the controllers' MEMORY that are recorded."""
+    height_cm: float  # 0 of a segment
+    margin_cm: float  # around the arena
+    memory: tuple[str, ...]  # fields of the controllers' MEMORY that are recorded
     has_events: bool
-    """Whether there is a log of events."""
-    pixels: int
-    """Pixels of a camera's row; 0 for agents."""
+    pixels: int  # of a camera's row; 0 for agents
     size: int
-    """Number of robots or agents."""
 
 
 def arrangement_of(scenario: Scenario, level: Level, memory: Sequence[str] = ()) -> Arrangement:
     """Return what the layout of a scenario's recording depends on; raise RecordingError as `population_of` does."""
     population = population_of(scenario)
+    width_cm, height_cm = population.largest_cm
     bodies = scenario if isinstance(scenario, EmbodiedScenario) else None
     return Arrangement(
         level,
         population.noun,
         "a cube from above [cm]" if population.is_cube else "arena [cm]",
-        *population.largest_cm,
-        MARGIN_CM if bodies else MARGIN_SHARE * population.largest_cm[0],
+        width_cm,
+        height_cm,
+        MARGIN_CM if bodies else MARGIN_SHARE * width_cm,
         tuple(memory),
         scenario.has_events,
         bodies.camera_pixels if bodies else 0,

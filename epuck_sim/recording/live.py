@@ -5,6 +5,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import rerun as rr
@@ -25,10 +26,13 @@ PAUSE, STEP, END = " ", "n", "q"
 """Keys that pause the trial and let it go on, that take one step, and that end it."""
 
 MOST_LATE_S = 2.0
-"""A trial that is later than this, in seconds, goes on from there at its pace; one that is less late catches up."""
+"""A trial that is later than this goes on from there at its pace; one that is less late catches up."""
 
-LOOK_S = 0.1
-"""Time between two looks at the viewer during a pause, in seconds."""
+LOOK_S = 0.1  # between two looks at the viewer during a pause
+REFRESH_S = 0.1  # between two updates of the viewer
+
+NO_DISPLAY = "there is no display here; give --web to look in a browser, or --record FILE.rrd to look later"
+CLOSED = "the viewer was closed before the trial ended"
 
 Wait = Callable[[float], str]
 """Waits for a number of seconds, or until keys are pressed, and returns these."""
@@ -44,28 +48,16 @@ def sleep(seconds: float) -> str:
 class Pace:
     """When each step of a trial is due."""
 
-    is_paused: bool
-    """Whether the trial stands still after the step that is due, until a key is pressed."""
-
     def __init__(self, speed: float, wait: Wait = sleep) -> None:
-        """Set the pace.
-
-        Args:
-            speed: How many times as fast as real robots.
-            wait: Waits between steps.
-        """
+        """Set how many times as fast as real robots a trial goes, and what waits between its steps."""
         self._speed = speed
         self._wait = wait
         self._began: float | None = None
         self._steps_wanted = 0
-        self.is_paused = False
+        self.is_paused = False  # whether the trial stands still after the step that is due, until a key is pressed
 
     def wait_until(self, time_s: float) -> None:
-        """Wait for the moment at which this simulated time, in seconds, is to be shown.
-
-        Raises:
-            KeyboardInterrupt: `END` was pressed.
-        """
+        """Wait until this simulated time is to be shown; raise KeyboardInterrupt if `END` is pressed."""
         now = time.monotonic()
         if self._began is None:
             self._began = now - time_s / self._speed
@@ -77,7 +69,7 @@ class Pace:
             self._obey(self._wait(early))
 
     def stand_still(self, look: Callable[[], None]) -> None:
-        """Wait until the trial is to go on, by one step or for good; call `look` now and then.
+        """Wait until a paused trial is to go on, by one step or for good; call `look` now and then.
 
         Raises:
             KeyboardInterrupt: `END` was pressed.
@@ -101,21 +93,11 @@ class Pace:
                 self.is_paused = True
 
 
-REFRESH_S = 0.1
-"""Time between two updates of the viewer, in seconds."""
-
-NO_DISPLAY = "there is no display here; give --web to look in a browser, or --record FILE.rrd to look later"
-
-CLOSED = "the viewer was closed before the trial ended"
-
-
 @contextmanager
 def live_viewer(port: int | None, announce: Callable[[str], None]) -> Iterator[tuple[ViewerProcess, int]]:
     """Yield a viewer without a recording, and the port at which it takes chunks.
 
-    Args:
-        port: Where browsers find the viewer; a window is opened if it is None.
-        announce: Called with the address for browsers.
+    Browsers find it at `port`, and `announce` is called with their address; a window is opened if there is no port.
 
     Raises:
         RecordingError: There is no display for a window, or the port is in use.
@@ -161,43 +143,32 @@ def live(
         RecordingError: The viewer was closed before the trial ended.
         KeyboardInterrupt: The key that ends the trial was pressed.
     """
-    memory = recorded_fields(scenario, level, memory)
+    memory, refresh_s = recorded_fields(scenario, level, memory), REFRESH_S * speed
     with chunk_stream(intake, str(uuid.uuid4()), layout_of(scenario, level, memory)) as stream:
-        recorder = Recorder(
-            scenario, seed, level, REFRESH_S * speed, lambda chunks: rr.send_chunks(chunks, recording=stream), memory
-        )
-        look_s = math.inf if isinstance(scenario, EmbodiedScenario) else REFRESH_S * speed
-        yield _LiveObserver(recorder, Pace(speed, wait), viewer, look_s)
+        send = partial(rr.send_chunks, recording=stream)
+        recorder, pace = Recorder(scenario, seed, level, refresh_s, send, memory), Pace(speed, wait)
+        look_s = math.inf if isinstance(scenario, EmbodiedScenario) else refresh_s
+        shown_s = 0.0
+
+        def check_viewer() -> None:
+            if viewer.has_ended:
+                viewer.wait()  # which raises if it broke down
+                raise RecordingError(CLOSED)
+
+        def show(time_s: float, record: Callable[[], None]) -> None:
+            nonlocal shown_s
+            pace.wait_until(time_s)
+            check_viewer()
+            record()
+            shown_s = time_s
+            if pace.is_paused:
+                recorder.flush()
+                pace.stand_still(check_viewer)
+
+        def observe(event: Any, state: TrialState) -> None:
+            while (moment_s := shown_s + look_s) < event.time_s:  # agents move on between two events
+                show(moment_s, partial(recorder.catch_up, moment_s))
+            show(event.time_s, lambda: recorder(event, state))
+
+        yield observe
         recorder.finish()
-
-
-class _LiveObserver:
-    """An observer that records, and keeps the pace."""
-
-    def __init__(self, recorder: Recorder, pace: Pace, viewer: ViewerProcess, look_s: float) -> None:
-        """Take a recorder; what moves on between two events is shown every `look_s` simulated seconds."""
-        self._recorder = recorder
-        self._pace = pace
-        self._viewer = viewer
-        self._look_s = look_s
-        self._shown_s = 0.0
-
-    def __call__(self, event: Any, state: TrialState) -> None:
-        """Show an event when its time has come, and what moves on until then; stay there while the trial is paused."""
-        while (moment_s := self._shown_s + self._look_s) < event.time_s:
-            self._show(moment_s, lambda: self._recorder.catch_up(moment_s))
-        self._show(event.time_s, lambda: self._recorder(event, state))
-
-    def _show(self, time_s: float, record: Callable[[], None]) -> None:
-        self._pace.wait_until(time_s)
-        self._check_viewer()
-        record()
-        self._shown_s = time_s
-        if self._pace.is_paused:
-            self._recorder.flush()
-            self._pace.stand_still(self._check_viewer)
-
-    def _check_viewer(self) -> None:
-        if self._viewer.has_ended:
-            self._viewer.wait()  # which raises if it broke down
-            raise RecordingError(CLOSED)

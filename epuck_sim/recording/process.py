@@ -28,53 +28,39 @@ PROGRAM = (str(_BUNDLED if _BUNDLED.exists() else _FOLDER / "rerun"),)
 ENVIRONMENT = {"RERUN_ANALYTICS": "0", "RUST_LOG": "warn"}
 """Default environment of rerun: no telemetry, and no log but warnings. The user's own settings take precedence."""
 
-START_S = 30
-"""Time within which a viewer must answer, in seconds."""
-
-END_S = 10
-"""Time within which a viewer must end after SIGTERM, in seconds; then it is killed."""
+START_S = 30  # within which a viewer must answer
+END_S = 10  # within which a viewer must end after SIGTERM; then it is killed
 
 NO_GRAPHICS = (
     "the viewer finds no graphics driver; install one (Debian, Ubuntu: apt install mesa-vulkan-drivers), or give --web"
 )
 
-_SET_PARENT_DEATH_SIGNAL = 1
-"""The constant PR_SET_PDEATHSIG of Linux's prctl."""
+_SET_PARENT_DEATH_SIGNAL = 1  # the constant PR_SET_PDEATHSIG of Linux's prctl
 
 
 def run_rerun(*arguments: str) -> None:
     """Run rerun's program to its end; raise RecordingError with its output if it fails."""
-    done = subprocess.run(
-        [*PROGRAM, *arguments], env={**ENVIRONMENT, **os.environ}, capture_output=True, text=True, check=False
-    )
+    done = _run(*arguments)
     if done.returncode:
         raise RecordingError(f"rerun {' '.join(arguments[:2])} failed: {done.stderr.strip()}")
 
 
 def crashes_on(recording: Path) -> bool:
     """Return whether rerun's program breaks down over a recording: read in this process, it might end this process."""
-    command = [*PROGRAM, "rrd", "verify", str(recording)]
-    done = subprocess.run(command, env={**ENVIRONMENT, **os.environ}, capture_output=True, check=False)
-    return done.returncode not in (0, 1)  # 1: it says what is wrong
+    return _run("rrd", "verify", str(recording)).returncode not in (0, 1)  # 1: it says what is wrong
+
+
+def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command, environment = [*PROGRAM, *arguments], {**ENVIRONMENT, **os.environ}
+    return subprocess.run(command, env=environment, capture_output=True, text=True, errors="replace", check=False)
 
 
 @contextmanager
 def in_background(*arguments: str) -> Iterator["ViewerProcess"]:
-    """Yield rerun's program, running in the background; it ends with the block, which SIGINT and SIGTERM interrupt."""
-    with tempfile.TemporaryFile("w+") as log, interruptible():
-        started = ViewerProcess(log, *arguments)
-        try:
-            yield started
-        finally:
-            started.end()
+    """Yield rerun's program, running in the background; it ends with the block.
 
-
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Have SIGINT and SIGTERM raise KeyboardInterrupt in the block, also if the parent process had them ignored.
-
-    A handler that the program itself has installed stays. Outside the main thread, where Python allows no handlers,
-    nothing changes.
+    SIGINT and SIGTERM raise KeyboardInterrupt in the block, also if the parent process had them ignored; but a handler
+    that the program itself has installed stays, and outside the main thread Python allows none.
     """
     replaced = {}
     if threading.current_thread() is threading.main_thread():
@@ -82,7 +68,12 @@ def interruptible() -> Iterator[None]:
             if signal.getsignal(number) in (signal.SIG_IGN, signal.SIG_DFL):
                 replaced[number] = signal.signal(number, signal.default_int_handler)
     try:
-        yield
+        with tempfile.TemporaryFile("w+") as log:
+            started = ViewerProcess(log, *arguments)
+            try:
+                yield started
+            finally:
+                started.end()
     finally:
         for number, handler in replaced.items():
             signal.signal(number, handler)
@@ -143,10 +134,7 @@ class ViewerProcess:
 
 
 def _end_with_parent() -> Callable[[], None] | None:
-    """Return what a child process calls to be killed when we end, however that comes about; only Linux can do that.
-
-    Strictly, it is killed when the thread ends that started it.
-    """
+    """Return what a child process calls on Linux to be killed when the thread that started it ends, however it does."""
     if sys.platform != "linux":
         return None
     set_option, parent = ctypes.CDLL(None).prctl, os.getpid()

@@ -19,7 +19,6 @@ from epuck_sim.recording import Level
 from epuck_sim.recording.layers import series
 from epuck_sim.recording.layers.arena import HEADINGS, LINKS, MOVABLES, ROBOTS, unit_vectors
 from epuck_sim.recording.layers.robots import CONTACTS, SIGHTINGS
-from epuck_sim.recording.layers.series import EVENTS, MEMORY, memory_entity
 from epuck_sim.recording.layout import layout_of
 from epuck_sim.recording.process import crashes_on
 from epuck_sim.recording.recorded import Links, Recorded
@@ -107,13 +106,10 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
     )
 
 
-_SERIES = (series.ORDER_AT_STEPS, series.ORDER_AT_FIRINGS, series.FLASHES, series.PHASES)
-
-
 def last_moment_s(path: Path) -> float:
     """Return the time of a recording's last row in seconds, 0 if there is none; raise as `read_recording` does."""
     entities = Entities(path, series.ORDER_AT_STEPS)
-    _check_format(path, entities.properties(TRIAL))
+    _trial_of(path, entities)
     return float(entities.times(series.ORDER_AT_STEPS).max(initial=0))
 
 
@@ -122,8 +118,7 @@ def read_layout(path: Path) -> rrb.Blueprint | None:
 
     The layout is None if this version cannot read the scenario: then the viewer chooses one itself.
     """
-    trial = Entities(path).properties(TRIAL)
-    _check_format(path, trial)
+    trial = _trial_of(path, Entities(path))
     try:
         return layout_of(_scenario(trial), Level(trial["level"]), _fields(trial))
     except (ScenarioError, KeyError, ValueError):
@@ -143,9 +138,8 @@ def read_recording(path: Path | str) -> Recorded:
         RecordingError: The file is no complete recording, or one of another program or version.
     """
     path = Path(path)
-    entities = Entities(path, *_SERIES, EVENTS, f"{MEMORY}/**", ROBOTS, HEADINGS, MOVABLES, *LINKED)
-    trial = entities.properties(TRIAL)
-    _check_format(path, trial)
+    entities = Entities(path, *_READ, f"{series.MEMORY}/**")
+    trial = _trial_of(path, entities)
     try:
         recorded = _gather(entities, trial, entities.properties(OUTCOME))
     except ScenarioError as error:
@@ -154,31 +148,40 @@ def read_recording(path: Path | str) -> Recorded:
         raise RecordingError(f"{path}: is not a complete recording: {error}") from error
     rows = len(recorded.time_s)
     posed = ("phase_ms", "positions", "headings", "ring_on", "movables") if recorded.level is not Level.SUMMARY else ()
-    arrays = {name: getattr(recorded, name) for name in posed} | {
-        f"memory.{name}": recorded.memory[name] for name in recorded.memory
-    }
-    for name, array in arrays.items():
+    arrays = {name: getattr(recorded, name) for name in posed}
+    for name, array in (arrays | {f"memory.{name}": each for name, each in recorded.memory.items()}).items():
         if len(array) != rows:
             raise RecordingError(f"{path}: is not a complete recording: {name} is missing in some of {rows} rows")
     return recorded
 
 
-def _check_format(path: Path, trial: dict[str, Any]) -> None:
+_READ = (
+    *(series.ORDER_AT_STEPS, series.ORDER_AT_FIRINGS, series.FLASHES, series.PHASES, series.EVENTS),
+    *(ROBOTS, HEADINGS, MOVABLES, SIGHTINGS, CONTACTS, LINKS),
+)
+
+
+def _trial_of(path: Path, entities: Entities) -> dict[str, Any]:
+    """Return what a recording says of its trial; raise RecordingError unless it is of this format."""
+    trial = entities.properties(TRIAL)
     if trial.get("format") != FORMAT:
         made_by = format_versions(json.loads(trial.get("versions", "{}"))) or "an unknown version"
         raise RecordingError(
             f"{path}: is a recording of format {trial.get('format', 'unknown')}, made by {made_by}; this version of "
             f"epuck-sim reads format {FORMAT}"
         )
+    return trial
 
 
 def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
     """Return a recording's arrays; raise KeyError or ValueError if something is missing."""
     scenario = _scenario(trial)
-    count = scenario.population
+    count, movables = scenario.population, len(population_of(scenario).arena.movables)
     arrows = entities.values(HEADINGS, "Arrows2D:vectors").reshape(-1, count, 2)
     positions = entities.values(ROBOTS, "Points2D:positions").astype(np.float32).reshape(-1, count, 2)
     headings = np.arctan2(arrows[..., 1], arrows[..., 0])
+    pushed = entities.values(MOVABLES, "Points2D:positions").astype(np.float32)
+    scalars = {name: entities.values(name, "Scalars:scalars") for name in _READ[:4]}
     level = Level(trial["level"])
     return Recorded(
         scenario=scenario,
@@ -188,32 +191,26 @@ def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) 
         cycles=outcome["cycles"],
         synchronised=outcome["synchronised"],
         time_s=entities.times(series.ORDER_AT_STEPS),
-        order_parameter=entities.values(series.ORDER_AT_STEPS, "Scalars:scalars"),
+        order_parameter=scalars[series.ORDER_AT_STEPS],
         flash_s=entities.times(series.FLASHES),
-        flash_robot=entities.values(series.FLASHES, "Scalars:scalars").astype(np.int64),
+        flash_robot=scalars[series.FLASHES].astype(np.int64),
         flash_cycle=entities.values(series.FLASHES, "cycle").astype(np.int64),
         firing_s=entities.times(series.ORDER_AT_FIRINGS),
-        firing_order=entities.values(series.ORDER_AT_FIRINGS, "Scalars:scalars"),
-        phase_ms=entities.values(series.PHASES, "Scalars:scalars").reshape(-1, count),
+        firing_order=scalars[series.ORDER_AT_FIRINGS],
+        phase_ms=scalars[series.PHASES].reshape(-1, count),
         positions=positions,
         headings=headings,
         ring_on=entities.values(ROBOTS, "Points2D:class_ids").reshape(-1, count) == 1,
-        movables=_movables(entities, scenario, len(positions)),
+        movables=pushed.reshape((-1, movables, 2) if movables else (len(positions), 0, 2)),
         memory={
-            field: entities.values(memory_entity(field), "Scalars:scalars").reshape(-1, count)
+            field: entities.values(series.memory_entity(field), "Scalars:scalars").reshape(-1, count)
             for field in _fields(trial)
         },
-        events=tuple(zip(entities.times(EVENTS).tolist(), entities.texts(EVENTS, "TextLog:text"), strict=True)),
-        links=read_links(entities, scenario, positions, headings) if level is Level.FULL else None,
+        events=tuple(
+            zip(entities.times(series.EVENTS).tolist(), entities.texts(series.EVENTS, "TextLog:text"), strict=True)
+        ),
+        links=_read_links(entities, scenario, positions, headings) if level is Level.FULL else None,
     )
-
-
-def _movables(entities: Entities, scenario: Scenario, rows: int) -> Float32Array:
-    """Return (rows, movables, 2) cm: where movables are in these rows."""
-    count = len(population_of(scenario).arena.movables)
-    if not count:
-        return np.empty((rows, 0, 2), np.float32)
-    return entities.values(MOVABLES, "Points2D:positions").astype(np.float32).reshape(-1, count, 2)
 
 
 def _fields(trial: dict[str, Any]) -> list[str]:
@@ -231,57 +228,33 @@ def _scenario(trial: dict[str, Any]) -> Scenario:
     if not isinstance(given, dict):
         raise ScenarioError("its scenario is not a mapping of keys to values")
     scenario = validate(given, "its scenario")
-    if not isinstance(scenario, EmbodiedScenario) or not (picture := scenario.arena.floor.picture):
-        return scenario
-    if Path(picture).is_file():
+    picture = scenario.arena.floor.picture if isinstance(scenario, EmbodiedScenario) else None
+    if not isinstance(scenario, EmbodiedScenario) or not picture or Path(picture).is_file():
         return scenario
     warnings.warn(f"{scenario.name}: the picture of its floor is left out: there is no file {picture}", stacklevel=4)
     floor = scenario.arena.floor.model_copy(update={"picture": None})
     return scenario.model_copy(update={"arena": scenario.arena.model_copy(update={"floor": floor})})
 
 
-LINKED = (SIGHTINGS, CONTACTS, LINKS)
-"""Entities with links."""
-
-BETWEEN_CM = 1e-3
-"""Largest distance of a contact of two robots from the point between them, cm, as it is recorded."""
-
-BLOCK = 1_000_000
-"""Most distances that are computed at a time."""
+BETWEEN_CM = 1e-3  # largest distance of a contact of two robots from the point between them, as it is recorded
+BLOCK = 1_000_000  # most distances that are computed at a time
 
 
-def read_links(entities: Entities, scenario: Scenario, positions: Float32Array, headings: FloatArray) -> Links:
-    """Return the links of a full recording.
-
-    Args:
-        entities: The entities `LINKED`.
-        scenario: The trial's scenario.
-        positions: (rows, count, 2) cm.
-        headings: (rows, count) rad.
-
-    Raises:
-        ValueError: Some rows are missing.
-    """
-    middles = _far_if_absent(positions.astype(np.float64))
+def _read_links(entities: Entities, scenario: Scenario, positions: Float32Array, headings: FloatArray) -> Links:
+    """Return the links of a full recording; raise ValueError if some rows are missing."""
+    # robots that are not in the arena, whose places are NaN, are infinitely far away
+    middles = np.nan_to_num(positions.astype(np.float64), nan=np.inf)
     if isinstance(scenario, ParticleScenario):
         side_cm = scenario.space.side_cm if scenario.space.boundary == "cyclic" else np.inf
-        sightings = np.empty((0, 4), np.int64)
-        contacts, points = np.empty((0, 3), np.int64), np.empty((0, 2))
         pulses = _read_arrows(entities, LINKS, middles, middles, side_cm)
-    else:
-        assert isinstance(scenario, EmbodiedScenario)  # no other model has cameras
-        kinds = scenario.robot_kinds
-        forward_cm = np.array([kind.camera_forward_cm for kind in kinds])[:, None]
-        cameras = _far_if_absent(middles + forward_cm * unit_vectors(headings))
-        sightings = _read_arrows(entities, SIGHTINGS, cameras, middles, np.inf)
-        contacts, points = _read_contacts(entities, middles, np.array([kind.radius_cm for kind in kinds]))
-        pulses = np.empty((0, 4), np.int64)
-    return Links(sightings, contacts, points, pulses)
-
-
-def _far_if_absent(places: FloatArray) -> FloatArray:
-    """Return (rows, count, 2) cm with those of robots that are not in the arena, which are NaN, infinitely far away."""
-    return np.nan_to_num(places, nan=np.inf)
+        return Links(np.empty((0, 4), np.int64), np.empty((0, 3), np.int64), np.empty((0, 2)), pulses)
+    assert isinstance(scenario, EmbodiedScenario)  # no other model has cameras
+    kinds = scenario.robot_kinds
+    forward_cm = np.array([kind.camera_forward_cm for kind in kinds])[:, None]
+    cameras = np.nan_to_num(middles + forward_cm * unit_vectors(headings), nan=np.inf)
+    sightings = _read_arrows(entities, SIGHTINGS, cameras, middles, np.inf)
+    contacts, points = _read_contacts(entities, middles, np.array([kind.radius_cm for kind in kinds]))
+    return Links(sightings, contacts, points, np.empty((0, 4), np.int64))
 
 
 def _read_arrows(entities: Entities, entity: str, tails: FloatArray, heads: FloatArray, cycle_cm: float) -> IntArray:

@@ -15,14 +15,10 @@ from epuck_sim.scenario.scenario import Scenario
 class Links(NamedTuple):
     """Links of a trial; what its model does not have has no rows."""
 
-    sightings: IntArray
-    """(sightings, 4) row, robot that looks, robot in its view, and 1 if that is seen lit."""
-    contacts: IntArray
-    """(contacts, 3) row, robot, and the robot that it touches, or -1: a wall, obstacle or movable."""
-    contact_points: FloatArray
-    """(contacts, 2) cm: where they touch, in the same order."""
-    pulses: IntArray
-    """(pulses, 4) row, agent that fires, agent that receives, and 1 if its phase shifts."""
+    sightings: IntArray  # (sightings, 4) row, robot that looks, robot in its view, and 1 if that is seen lit
+    contacts: IntArray  # (contacts, 3) row, robot, and the robot that it touches, or -1: a wall, obstacle or movable
+    contact_points: FloatArray  # (contacts, 2) cm: where they touch, in the same order
+    pulses: IntArray  # (pulses, 4) row, agent that fires, agent that receives, and 1 if its phase shifts
 
 
 class Recorded(NamedTuple):
@@ -32,65 +28,45 @@ class Recorded(NamedTuple):
     ones in each nominal period.
     """
 
-    scenario: Scenario
-    """The scenario, with all defaults written out."""
-    seed: int
-    """Seed of the trial."""
-    level: Level
-    """How much the recording holds."""
-    versions: dict[str, str]
-    """Versions of epuck-sim and its libraries that made the recording."""
-    cycles: int
-    """Number of firings of the reference."""
-    synchronised: bool
-    """Whether the trial ended with the swarm synchronised."""
-    time_s: FloatArray
-    """(rows,) s: simulated time of each row."""
-    order_parameter: FloatArray
-    """(rows,) of all oscillators."""
-    flash_s: FloatArray
-    """(flashes,) s: time of each flash."""
-    flash_robot: IntArray
-    """(flashes,) number of the robot or agent that flashed."""
-    flash_cycle: IntArray
-    """(flashes,) which of its own flashes this was, from 1."""
-    firing_s: FloatArray
-    """(firings,) s: times at which the reference fired."""
-    firing_order: FloatArray
-    """(firings,) order parameter that the trial measured then."""
-    phase_ms: FloatArray
-    """(rows, count) ms: phases; count is the number of robots or agents."""
+    scenario: Scenario  # with all defaults written out
+    seed: int  # seed of the trial
+    level: Level  # how much the recording holds
+    versions: dict[str, str]  # versions of epuck-sim and its libraries that made the recording
+    cycles: int  # number of firings of the reference
+    synchronised: bool  # whether the trial ended with the swarm synchronised
+    time_s: FloatArray  # (rows,) s: simulated time of each row
+    order_parameter: FloatArray  # (rows,) of all oscillators
+    flash_s: FloatArray  # (flashes,) s: time of each flash
+    flash_robot: IntArray  # (flashes,) number of the robot or agent that flashed
+    flash_cycle: IntArray  # (flashes,) which of its own flashes this was, from 1
+    firing_s: FloatArray  # (firings,) s: times at which the reference fired
+    firing_order: FloatArray  # (firings,) order parameter that the trial measured then
+    phase_ms: FloatArray  # (rows, count) ms: phases; count is the number of robots or agents
     positions: Float32Array
     """(rows, count, 2) cm: x and y, in single precision as in the file; a cube is seen from above."""
-    headings: FloatArray
-    """(rows, count) rad in -pi to pi, from arrows in single precision."""
+    headings: FloatArray  # (rows, count) rad in -pi to pi, from arrows in single precision
     ring_on: BoolArray
     """(rows, count) whether the ring is lit; of agents, whether they fired within the last 0.075 of a period."""
-    movables: Float32Array
-    """(rows, movables, 2) cm: x and y of the arena's movables, in single precision."""
+    movables: Float32Array  # (rows, movables, 2) cm: x and y of the arena's movables, in single precision
     memory: Mapping[str, FloatArray]
     """(rows, robots) what robots remember, by the names of the fields that are recorded; NaN for robots without one."""
-    events: tuple[tuple[float, str], ...]
-    """Time in seconds, and text, of what changed by a schedule, or by faults."""
+    events: tuple[tuple[float, str], ...]  # time in seconds, and text, of what changed by a schedule, or by faults
     links: Links | None
     """Who was linked to whom; None if the level leaves it out. The properties below raise RecordingError instead."""
 
     @property
     def sightings(self) -> IntArray:
-        """(sightings, 4) row, robot that looks, robot in its view, and 1 if that is seen lit."""
+        """See `Links`."""
         return self._linked("sightings", "embodied")
 
     @property
     def contacts(self) -> IntArray:
-        """(contacts, 3) row, robot, and the robot that it touches, or -1: a wall, obstacle or movable."""
+        """See `Links`."""
         return self._linked("contacts", "embodied")
 
     @property
     def pulses(self) -> IntArray:
-        """(pulses, 4) row, agent that fires, agent that receives, and 1 if its phase shifts.
-
-        Swarms of 50 agents or more are recorded with the pulses alone that shift a phase.
-        """
+        """See `Links`; swarms of 50 agents or more are recorded with the pulses alone that shift a phase."""
         return self._linked("pulses", "particles")
 
     def arena_at(self, row: int) -> Arena:

@@ -12,12 +12,12 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.recording import Level
-from epuck_sim.recording.layers.arena import AgentLayers, arena_entities, changing_walls, static_arena_entities
+from epuck_sim.recording.layers.arena import AgentLayers, arena_entities, static_arena_entities
 from epuck_sim.recording.layers.robots import RobotLayers
 from epuck_sim.recording.layers.series import (
-    EventLog,
     MemorySeries,
     Now,
+    event_chunks,
     recorded_fields,
     static_time_series,
     time_series,
@@ -32,20 +32,12 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialState
 from epuck_sim.util.provenance import versions
 
-FORMAT = 1
-"""Version of the entities in a recording."""
+FORMAT = 1  # version of the entities in a recording
+BUFFER_S, BUFFER_ROWS = 600, 60_000
+"""Longest simulated time, s, and most rows times robots (8 MB) that are kept in memory before they are written."""
 
-BUFFER_S = 600
-"""Longest simulated time that is kept in memory before it is written, in seconds."""
-
-BUFFER_ROWS = 60_000
-"""Most rows times robots, or agents, that are kept in memory before they are written: about 8 MB."""
-
-TRIAL = "trial"
-"""Name of the property that describes the trial."""
-
-OUTCOME = "outcome"
-"""Name of the property that says how the trial ended."""
+TRIAL, OUTCOME = "trial", "outcome"
+"""Names of the properties that describe the trial, and say how it ended."""
 
 
 @contextmanager
@@ -86,15 +78,7 @@ class Recorder:
         write: Callable[[Iterable[Chunk]], None],
         memory: Sequence[str] = (),
     ) -> None:
-        """Write what does not change; the simulation need not exist yet.
-
-        Args:
-            scenario: The trial's scenario.
-            seed: The trial's seed.
-            level: How much is recorded.
-            buffer_s: Longest simulated time that is held back, in seconds.
-            write: Called with chunks.
-            memory: Fields of the controllers' MEMORY, each once.
+        """Write what does not change; the simulation need not exist yet, and at most `buffer_s` of it is held back.
 
         Raises:
             EpuckSimError: The scenario cannot be recorded, or no controller remembers such a field.
@@ -112,15 +96,15 @@ class Recorder:
         elif level is Level.FULL and isinstance(scenario, ParticleScenario):
             self._layers = AgentLayers(scenario, population)
         self._memory = MemorySeries(scenario, memory, population)
-        self._events = EventLog()
+        self._events_written = 0
         self._now = Now()
-        self._write(_description(scenario, seed, level, memory))
-        self._write(self._memory.static_chunks())
-        self._write(static_time_series(population, level))
-        if level is not Level.SUMMARY:
-            self._write(static_arena_entities(population, level))
-        if self._layers is not None:
-            self._write(self._layers.static_chunks())
+        self._write(
+            _description(scenario, seed, level, memory),
+            self._memory.static_chunks(),
+            static_time_series(population, level),
+            static_arena_entities(population, level) if level is not Level.SUMMARY else (),
+            self._layers.static_chunks() if self._layers is not None else (),
+        )
 
     def __call__(self, event: Any, state: TrialState) -> None:
         """Record an event of the trial."""
@@ -140,22 +124,22 @@ class Recorder:
         """Write the rows that are held back."""
         if not self._buffer.row_count:
             return
-        batch = self._buffer.flush()
+        batch, population = self._buffer.flush(), self._population
         if self._state is not None:
-            self._write(self._events.flush(self._state.events))
-            self._write(self._now.chunks(batch, self._state))
-        self._write(self._memory.flush(batch.time_ns))
-        self._write(time_series(batch, self._population, self._threshold, self._level))
-        if self._level is not Level.SUMMARY:
-            self._write(arena_entities(batch, self._population))
-            if self._population.arena_changes:
-                self._write(changing_walls(batch))
-        if self._layers is not None:
-            self._write(self._layers.chunks(batch))
+            events = self._state.events
+            self._write(event_chunks(events[self._events_written :]), self._now.chunks(batch, self._state))
+            self._events_written = len(events)
+        self._write(
+            self._memory.flush(batch.time_ns),
+            time_series(batch, population, self._threshold, self._level),
+            arena_entities(batch, population) if self._level is not Level.SUMMARY else (),
+            self._layers.chunks(batch) if self._layers is not None else (),
+        )
 
-    def _write(self, chunks: Iterable[Chunk]) -> None:
+    def _write(self, *parts: Iterable[Chunk]) -> None:
         with strict_mode():
-            self._send(chunks)
+            for chunks in parts:
+                self._send(chunks)
 
     def finish(self) -> None:
         """Write the remaining rows, and how the trial ended."""
@@ -163,7 +147,7 @@ class Recorder:
         if self._state is not None:
             cycles, synchronised = self._state.outcome.cycles, self._state.is_synchronised
         self.flush()
-        if self._layers is not None:
+        if isinstance(self._layers, RobotLayers):
             self._write(self._layers.final_chunks())
         self._write([Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
 

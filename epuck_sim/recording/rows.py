@@ -25,51 +25,30 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.embodied import SynchronyWatch
 
-ROWS_PER_PERIOD = 20
-"""Regular rows in a nominal period of point-like agents; there are further rows at the instants at which some fire."""
-
-PATH_S = 10.0
-"""Length of the drawn paths of robots in seconds."""
-
-PATH_CYCLES = 3
-"""Length of the drawn paths of agents in nominal periods."""
-
-SIDE_IN_RADII = 60
-"""Side of the space of agents, in radii of the disc that is drawn for each."""
-
-SHORTEST_S = 1e-6
-"""Shortest period that can be recorded, in seconds: recordings store whole nanoseconds."""
+ROWS_PER_PERIOD = 20  # regular rows of agents; there are further ones at the instants at which some fire
+PATH_S = 10.0  # length of the drawn paths of robots
+PATH_CYCLES = 3  # length of the drawn paths of agents, nominal periods
+SIDE_IN_RADII = 60  # side of the space of agents, in radii of the disc that is drawn for each
+SHORTEST_S, LATEST_S = 1e-6, 9e9  # shortest period and latest time: recordings store whole nanoseconds in 64 bits
+GLOW = 0.075  # share of a period for which an agent is lit after it has fired: an instant would hardly be seen
 
 
 class Population(NamedTuple):
     """The robots, or point-like agents, of a scenario."""
 
-    noun: str
-    """What one of them is called: robot or agent."""
-    moment: str
-    """What a row is called: step or moment."""
+    noun: str  # what one is called: robot or agent
+    moment: str  # what a row is called: step or moment
     size: int
-    """Number of robots or agents."""
-    radii_cm: FloatArray
-    """(size,) radius of the disc that is drawn for each, cm."""
-    arena: Arena
-    """Arena of the robots at the start; for agents their square, the base of their cube, or a segment of height 0."""
-    largest_cm: tuple[float, float]
-    """Largest width and height that the arena has."""
-    arena_changes: bool
-    """Whether its walls or obstacles may change."""
+    radii_cm: FloatArray  # (size,) of the disc that is drawn for each
+    arena: Arena  # at the start; of agents their square, the base of their cube, or a segment of height 0
+    largest_cm: tuple[float, float]  # largest width and height that the arena has
+    arena_changes: bool  # whether walls or obstacles may change
     is_cyclic: bool
-    """Whether the space is cyclic."""
-    period_ms: FloatArray
-    """(size,) nominal periods of the oscillators, ms; NaN for a robot that is none."""
+    is_cube: bool  # whether the space has a third dimension, along which it is seen
+    period_ms: FloatArray  # (size,) nominal periods; NaN for a robot that is no oscillator
     reference: int
-    """Number of the reference robot or agent."""
-    is_cube: bool
-    """Whether the space has a third dimension, along which it is seen."""
-    rows_per_s: float
-    """Fewest rows that are recorded of a simulated second."""
-    path_s: float
-    """Length of the drawn paths in seconds."""
+    rows_per_s: float  # fewest rows of a simulated second
+    path_s: float  # length of the drawn paths
 
 
 def population_of(scenario: Scenario) -> Population:
@@ -101,7 +80,7 @@ def _robots(scenario: EmbodiedScenario) -> Population:
 
 
 def _agents(scenario: ParticleScenario) -> Population:
-    side_cm, period_s = scenario.space.side_cm, scenario.clocks.period_s
+    count, side_cm, period_s = scenario.agents.count, scenario.space.side_cm, scenario.clocks.period_s
     if period_s < SHORTEST_S:
         raise RecordingError(
             f"{scenario.name}: clocks.period_s is {period_s:g}, which is too short for a recording, whose times are "
@@ -111,14 +90,14 @@ def _agents(scenario: ParticleScenario) -> Population:
     return Population(
         noun="agent",
         moment="moment",
-        size=scenario.agents.count,
-        radii_cm=np.full(scenario.agents.count, side_cm / SIDE_IN_RADII),
+        size=count,
+        radii_cm=np.full(count, side_cm / SIDE_IN_RADII),
         arena=make_arena(side_cm, height_cm, (), ()),
         largest_cm=(side_cm, height_cm),
         arena_changes=False,
         is_cyclic=scenario.space.boundary == "cyclic",
         is_cube=scenario.space.dimensions == 3,
-        period_ms=np.full(scenario.agents.count, 1000 * period_s),
+        period_ms=np.full(count, 1000 * period_s),
         reference=scenario.stop.reference,
         rows_per_s=ROWS_PER_PERIOD / period_s,
         path_s=PATH_CYCLES * period_s,
@@ -126,71 +105,49 @@ def _agents(scenario: ParticleScenario) -> Population:
 
 
 class RowBatch(NamedTuple):
-    """Consecutive rows: control steps of robots, or moments of point-like agents.
+    """Consecutive rows of `count` robots or agents; what the level or the model leaves out has no rows."""
 
-    Below, `count` is the number of robots or agents. Arrays that the level or the model leaves out have no rows.
-    """
-
-    time_ns: IntArray
-    """(rows,) simulated time, ns."""
-    ring_on: BoolArray
-    """(rows, count) whether the ring is lit; of agents, whether they fired just before."""
-    phase_ms: FloatArray
-    """(rows, count) phases, ms."""
-    poses: FloatArray
-    """(rows, count, 3) cm, cm, rad: x, y, heading."""
-    order_parameter: FloatArray
-    """(rows,) of all oscillators."""
-    flashes: IntArray
-    """(flashes, 3) row, number of the robot or agent, and which of its own flashes this is, from 1."""
-    firings: IntArray
-    """(firings,) rows in which the reference fires."""
-    firing_order: FloatArray
-    """(firings,) order parameter that the trial measured there."""
-    ring_before: BoolArray = np.empty((0, 0), np.bool_)
-    """(rows, robots) the rings of the step before, which are those that other robots see."""
-    camera: npt.NDArray[np.uint8] = np.empty((0, 0, 0), np.uint8)
-    """(rows, robots, pixels) 1 where a lit ring is seen."""
-    distance_mm: npt.NDArray[np.uint16] = np.empty((0, 0, SENSORS), np.uint16)
-    """(rows, robots, 8) mm: infrared distances."""
-    movables: FloatArray = np.empty((0, 0, 2))
-    """(rows, movables, 2) cm: where the arena's movables are; no rows without any."""
-    arenas: Sequence[tuple[int, Arena]] = ()
-    """Of robots, rows from which on walls and obstacles stand, and the arena with them; the first row is 0. Movables
-    are elsewhere."""
-    wheels_cm_s: FloatArray = np.empty((0, 0, 2))
-    """(rows, robots, 2) cm/s: left and right wheel, as commanded."""
-    links: IntArray = np.empty((0, 4), np.int64)
-    """(links, 4) row, agent that fires, agent that receives the pulse, and 1 where that shifts its phase."""
+    time_ns: IntArray  # (rows,) simulated time
+    ring_on: BoolArray  # (rows, count) whether the ring is lit; of agents, whether they fired just before
+    phase_ms: FloatArray  # (rows, count)
+    order_parameter: FloatArray  # (rows,) of all oscillators
+    flashes: IntArray  # (flashes, 3) row, number of the robot or agent, which of its own flashes this is, from 1
+    firings: IntArray  # (firings,) rows in which the reference fires
+    firing_order: FloatArray  # (firings,) order parameter that the trial measured there
+    poses: FloatArray = np.empty((0, 0, 3))  # (rows, count, 3) cm, cm, rad: x, y, heading
+    ring_before: BoolArray = np.empty((0, 0), np.bool_)  # (rows, robots) of the step before: what other robots see
+    camera: npt.NDArray[np.uint8] = np.empty((0, 0, 0), np.uint8)  # (rows, robots, pixels) 1 where a lit ring is seen
+    distance_mm: npt.NDArray[np.uint16] = np.empty((0, 0, SENSORS), np.uint16)  # (rows, robots, 8) infrared
+    wheels_cm_s: FloatArray = np.empty((0, 0, 2))  # (rows, robots, 2) left and right wheel, as commanded
+    movables: FloatArray = np.empty((0, 0, 2))  # (rows, movables, 2) cm
+    arenas: Sequence[tuple[int, Arena]] = ()  # of robots: first row, from 0, of each arena; movables are elsewhere
+    links: IntArray = np.empty((0, 4), np.int64)  # (links, 4) row, firing agent, receiving agent, 1 if its phase shifts
 
 
 class RobotBuffer:
     """Gathers steps of robots, a row each; it must be flushed when it is full."""
 
-    row_count: int
-    """Rows in the buffer."""
-    _watch: SynchronyWatch
-
     def __init__(self, scenario: EmbodiedScenario, level: Level, capacity: int) -> None:
         """Reserve memory for `capacity` rows."""
-        robots, pixels, movables = scenario.robot_count, scenario.camera_pixels, len(scenario.arena.movables)
-        posed = capacity if level is not Level.SUMMARY else 0
-        sensed = capacity if level is Level.FULL else 0
-        self._shapes: dict[str, tuple[tuple[int, ...], type]] = {
-            "ring_on": ((capacity, robots), np.bool_),
-            "phase_ms": ((capacity, robots), np.float64),
-            "poses": ((posed, robots, 3), np.float64),
-            "movables": ((posed if movables else 0, movables, 2), np.float64),
-            "camera": ((sensed, robots, pixels), np.uint8),
-            "distance_mm": ((sensed, robots, SENSORS), np.uint16),
-            "wheels_cm_s": ((sensed, robots, 2), np.float64),
+        robots, movables = scenario.robot_count, len(scenario.arena.movables)
+        self._columns: dict[str, tuple[tuple[int, ...], type]] = {
+            "ring_on": ((robots,), np.bool_),
+            "phase_ms": ((robots,), np.float64),
         }
+        if level is not Level.SUMMARY:
+            self._columns["poses"] = (robots, 3), np.float64
+            if movables:
+                self._columns["movables"] = (movables, 2), np.float64
+        if level is Level.FULL:
+            self._columns["camera"] = (robots, scenario.camera_pixels), np.uint8
+            self._columns["distance_mm"] = (robots, SENSORS), np.uint16
+            self._columns["wheels_cm_s"] = (robots, 2), np.float64
         self._capacity = capacity
         self._step_ns = scenario.timing.step_ms * 1_000_000
         self._next_step = 0
         self._cycles = 0  # of the reference
-        self._ring_before = np.zeros(robots, np.bool_)
-        self._phase_before = np.full(robots, np.nan)
+        self._ring_before = np.zeros((1, robots), np.bool_)
+        self._phase_before = np.full((1, robots), np.nan)
         self._flashes = np.zeros(robots, np.int64)  # of each robot, before the first row
         self._clear()
 
@@ -198,9 +155,8 @@ class RobotBuffer:
         """Take new arrays: those that were returned are not written to again."""
         self.row_count = 0
         self._arrays: dict[str, npt.NDArray[Any]] = {
-            name: np.empty(shape, kind) for name, (shape, kind) in self._shapes.items()
+            name: np.empty((self._capacity, *shape), kind) for name, (shape, kind) in self._columns.items()
         }
-        self._filled = [(name, array) for name, array in self._arrays.items() if len(array)]
         self._firings: list[tuple[int, float]] = []
         self._arenas: list[tuple[int, Arena]] = []
 
@@ -213,7 +169,7 @@ class RobotBuffer:
         """Add a step."""
         self._watch = watch
         row = self.row_count
-        for name, array in self._filled:
+        for name, array in self._arrays.items():
             array[row] = getattr(step, name)
         if not row or step.arena is not self._arenas[-1][1]:
             self._arenas.append((row, step.arena))
@@ -227,71 +183,28 @@ class RobotBuffer:
         """Return the rows, of which there must be one at least, and remove them."""
         arrays = {name: array[: self.row_count] for name, array in self._arrays.items()}
         ring_on, phase_ms = arrays["ring_on"], arrays["phase_ms"]
-        ring_before = np.concatenate([self._ring_before[None], ring_on])[:-1]
-        phase_before = np.concatenate([self._phase_before[None], phase_ms])[:-1]
+        ring_before = np.concatenate([self._ring_before, ring_on[:-1]])
+        phase_before = np.concatenate([self._phase_before, phase_ms[:-1]])
         fires = ring_on & (~ring_before | (phase_ms < phase_before))  # by the rule of `synchrony.SynchronyWatch`
         rows, robots = np.nonzero(fires)
         counts = self._flashes + np.cumsum(fires, axis=0)
-        firings = np.array(self._firings, float).reshape(-1, 2)
         batch = RowBatch(
             time_ns=(self._next_step + np.arange(self.row_count)) * self._step_ns,
             ring_before=ring_before,
             order_parameter=self._watch.measure(phase_ms),
             flashes=np.column_stack([rows, robots, counts[rows, robots]]),
-            firings=firings[:, 0].astype(np.int64),
-            firing_order=firings[:, 1],
             arenas=tuple(self._arenas),
+            **_firing_columns(self._firings),
             **arrays,
         )
         self._next_step += self.row_count
-        self._ring_before, self._phase_before, self._flashes = ring_on[-1].copy(), phase_ms[-1].copy(), counts[-1]
+        self._ring_before, self._phase_before, self._flashes = ring_on[-1:].copy(), phase_ms[-1:].copy(), counts[-1]
         self._clear()
         return batch
 
 
-def make_buffer(scenario: Scenario, seed: int, level: Level, capacity: int) -> Any:
-    """Return a buffer for a trial that must be flushed after some `capacity` rows."""
-    if isinstance(scenario, EmbodiedScenario):
-        return RobotBuffer(scenario, level, capacity)
-    assert isinstance(scenario, ParticleScenario), "other models have no population"
-    return AgentBuffer(scenario, seed, level, capacity)
-
-
-GLOW = 0.075
-"""Share of a period for which an agent is shown as lit after it has fired: an instant would hardly be seen."""
-
-LATEST_S = 9e9
-"""Latest time that can be recorded, in seconds (285 years): nanoseconds are 64-bit integers."""
-
-
-class _SwarmState(NamedTuple):
-    """A swarm just after an event."""
-
-    time_s: float
-    positions: FloatArray
-    """(agents, dimensions) cm"""
-    headings: FloatArray
-    """(agents, dimensions) unit vectors"""
-    phases: FloatArray
-    """(agents,) share of a period"""
-    speeds: FloatArray
-    """(agents,) cm/s"""
-
-
-class _Rows(NamedTuple):
-    """Rows of the columns of RowBatch that have these names."""
-
-    time_ns: IntArray
-    poses: FloatArray
-    phase_ms: FloatArray
-    ring_on: BoolArray
-
-
 class AgentBuffer:
     """Gathers moments of point-like agents, a row each; it must be flushed when it is full."""
-
-    row_count: int
-    """Rows in the buffer."""
 
     def __init__(
         self,
@@ -302,9 +215,8 @@ class AgentBuffer:
         rows_per_period: float = ROWS_PER_PERIOD,
     ) -> None:
         """Prepare for `capacity` rows, which those that lead to a single event may exceed."""
-        # observers are shown no swarm before its first event
-        fresh = ParticleSimulation(scenario, seed)
-        self._before = _state_of(fresh)
+        fresh = ParticleSimulation(scenario, seed)  # observers are shown no swarm before its first event
+        self._remember(fresh)
         self._periods_s = fresh.periods_s
         self._capacity = capacity
         self._rows_per_period = rows_per_period
@@ -318,10 +230,10 @@ class AgentBuffer:
 
     def _clear(self) -> None:
         self.row_count = 0
-        self._rows: list[_Rows] = []
-        self._flash_rows: list[IntArray] = []
+        self._rows: list[tuple[npt.NDArray[Any], ...]] = []  # times, poses, phases, rings
+        self._flash_rows = [np.empty((0, 3), np.int64)]
         self._firings: list[tuple[int, float]] = []
-        self._links: list[IntArray] = []
+        self._links = [np.empty((0, 4), np.int64)]
 
     @property
     def is_full(self) -> bool:
@@ -332,90 +244,83 @@ class AgentBuffer:
         """Add an event and the regular rows before it; raise RecordingError if its time is too late to be recorded."""
         if event.time_s > LATEST_S:
             raise RecordingError(f"{swarm.scenario.name}: lasts more than {LATEST_S:g} s, and cannot be recorded")
-        now = _state_of(swarm)
-        time_ns = round(event.time_s * 1e9)
-        self._add_regular_rows(time_ns)
-        if len(event.fired):
-            if self._has_links:
-                links = swarm.pulse_links()
-                self._links.append(np.column_stack([np.full(len(links), self.row_count), links]))
-            self._add_flashes(swarm, event)
-            self._add_rows(np.array([time_ns]), now.positions[None], now.headings, now.phases[None])
-            self._regular_row += self._regular_ns(self._regular_row) == time_ns
-        self._before = now
+        self.catch_up(event.time_s)
+        self._remember(swarm)
+        if not len(event.fired):
+            return
+        time_ns, fired = round(event.time_s * 1e9), np.sort(event.fired)
+        if self._has_links:
+            links = swarm.pulse_links()
+            self._links.append(np.column_stack([np.full(len(links), self.row_count), links]))
+        self._flashes[fired] += 1
+        self._flashed_s[fired] = event.time_s
+        self._flash_rows.append(np.column_stack([np.full(len(fired), self.row_count), fired, self._flashes[fired]]))
+        if self._stop.reference in fired and swarm.order_parameter is not None:
+            self._firings.append((self.row_count, swarm.order_parameter))
+        self._add_rows(np.array([time_ns]), self._positions[None], self._phases[None])
+        self._regular_row += self._regular_ns(self._regular_row) == time_ns
+
+    def _remember(self, swarm: ParticleSimulation) -> None:
+        """Keep the state of a swarm just after an event."""
+        self._time_s, self._speeds_cm_s, self._phases = swarm.time_s, swarm.speeds_cm_s, swarm.phases()
+        self._positions, self._headings = swarm.positions(), swarm.headings()
 
     def catch_up(self, time_s: float) -> None:
         """Add the regular rows before a time at which nothing has happened since the last event."""
-        self._add_regular_rows(round(time_s * 1e9))
+        until_ns, times = round(time_s * 1e9), []
+        while self._regular_ns(self._regular_row) < until_ns:
+            times.append(self._regular_ns(self._regular_row))
+            self._regular_row += 1
+        if times:
+            time_ns = np.array(times)
+            elapsed_s = (time_ns / 1e9 - self._time_s)[:, None]
+            moved = (elapsed_s * self._speeds_cm_s)[..., None] * self._headings
+            self._add_rows(time_ns, self._positions + moved, self._phases + elapsed_s / self._periods_s)
 
     def _regular_ns(self, number: int) -> int:
         """Return the time of a regular row, ns."""
         return round(number * self._period_s * 1e9 / self._rows_per_period)
 
-    def _add_regular_rows(self, until_ns: int) -> None:
-        """Add the regular rows before `until_ns`: all agents have moved straight on since the event before."""
-        times = []
-        while self._regular_ns(self._regular_row) < until_ns:
-            times.append(self._regular_ns(self._regular_row))
-            self._regular_row += 1
-        if times:
-            before, time_ns = self._before, np.array(times)
-            elapsed_s = (time_ns / 1e9 - before.time_s)[:, None]
-            moved = (elapsed_s * before.speeds)[..., None] * before.headings
-            phases = before.phases + elapsed_s / self._periods_s
-            self._add_rows(time_ns, before.positions + moved, before.headings, phases)
-
-    def _add_flashes(self, swarm: ParticleSimulation, event: Event) -> None:
-        """Add the flashes of an instant whose row is added next."""
-        fired = np.sort(event.fired)
-        self._flashes[fired] += 1
-        self._flashed_s[fired] = event.time_s
-        self._flash_rows.append(np.column_stack([np.full(len(fired), self.row_count), fired, self._flashes[fired]]))
-        if self._stop.reference in event.fired and swarm.order_parameter is not None:
-            self._firings.append((self.row_count, swarm.order_parameter))
-
-    def _add_rows(self, time_ns: IntArray, positions: FloatArray, headings: FloatArray, phases: FloatArray) -> None:
-        """Add rows.
-
-        Args:
-            time_ns: (rows,) ns.
-            positions: (rows, agents, dimensions) cm.
-            headings: (agents, dimensions) unit vectors, the same in all rows.
-            phases: (rows, agents) share of a period.
-        """
-        places, ahead = _from_above(positions), _from_above(headings)
+    def _add_rows(self, time_ns: IntArray, positions: FloatArray, phases: FloatArray) -> None:
+        """Add rows: (rows,) ns, (rows, agents, dimensions) cm and (rows, agents) shares of a period."""
+        ahead = _from_above(self._headings)
         angles = np.broadcast_to(np.arctan2(ahead[:, 1], ahead[:, 0]), phases.shape)
+        poses = np.concatenate([_from_above(positions), angles[..., None]], axis=-1)
         is_lit = time_ns[:, None] / 1e9 - self._flashed_s < GLOW * self._period_s
-        poses = np.concatenate([places, angles[..., None]], axis=-1)
-        self._rows.append(_Rows(time_ns, poses, 1000 * self._period_s * phases, is_lit))
+        self._rows.append((time_ns, poses, 1000 * self._period_s * phases, is_lit))
         self.row_count += len(time_ns)
 
     def flush(self) -> RowBatch:
         """Return the rows, of which there must be one at least, and remove them."""
-        rows = _Rows(*map(np.concatenate, zip(*self._rows, strict=True)))
-        firings = np.array(self._firings, float).reshape(-1, 2)
+        time_ns, poses, phase_ms, ring_on = map(np.concatenate, zip(*self._rows, strict=True))
         batch = RowBatch(
-            **rows._asdict(),
-            order_parameter=METRICS[self._stop.metric](rows.phase_ms, 1000 * self._period_s),
-            flashes=_joined(self._flash_rows, 3),
-            firings=firings[:, 0].astype(np.int64),
-            firing_order=firings[:, 1],
-            links=_joined(self._links, 4),
+            time_ns=time_ns,
+            poses=poses,
+            phase_ms=phase_ms,
+            ring_on=ring_on,
+            order_parameter=METRICS[self._stop.metric](phase_ms, 1000 * self._period_s),
+            flashes=np.concatenate(self._flash_rows),
+            links=np.concatenate(self._links),
+            **_firing_columns(self._firings),
         )
         self._clear()
         return batch
 
 
-def _state_of(swarm: ParticleSimulation) -> _SwarmState:
-    return _SwarmState(swarm.time_s, swarm.positions(), swarm.headings(), swarm.phases(), swarm.speeds_cm_s)
+def make_buffer(scenario: Scenario, seed: int, level: Level, capacity: int) -> Any:
+    """Return a buffer for a trial that must be flushed after some `capacity` rows."""
+    if isinstance(scenario, EmbodiedScenario):
+        return RobotBuffer(scenario, level, capacity)
+    assert isinstance(scenario, ParticleScenario), "other models have no population"
+    return AgentBuffer(scenario, seed, level, capacity)
+
+
+def _firing_columns(firings: Sequence[tuple[int, float]]) -> dict[str, Any]:
+    rows, order = np.array(firings, float).reshape(-1, 2).T
+    return {"firings": rows.astype(np.int64), "firing_order": order}
 
 
 def _from_above(vectors: FloatArray) -> FloatArray:
     """Return x and y of vectors, (..., dimensions): a third dimension is dropped, and y of a segment is 0."""
     across = vectors[..., 1:2] if vectors.shape[-1] > 1 else np.zeros_like(vectors)
     return np.concatenate([vectors[..., :1], across], axis=-1)
-
-
-def _joined(parts: Sequence[IntArray], width: int) -> IntArray:
-    """Return the parts, (rows, width) each, one below the other; there may be none."""
-    return np.concatenate([np.empty((0, width), np.int64), *parts])

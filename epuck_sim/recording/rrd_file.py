@@ -3,7 +3,7 @@
 import hashlib
 import mmap
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Full, Queue
@@ -16,11 +16,20 @@ from epuck_sim.errors import RecordingError
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 
-APPLICATION = "epuck-sim"
-"""Name by which the viewer matches layouts to recordings."""
-
+APPLICATION = "epuck-sim"  # by which the viewer matches layouts to recordings
 TIMELINE = "sim_time"
-"""Name of the only timeline of recordings: simulated time."""
+ENDING = ".rrd"  # by which the viewer knows a recording
+QUEUE_LENGTH = 64  # most chunks that wait to be written; if the disk is slower than the simulation, that waits, too
+
+SEAL = "/__properties/seal"
+"""The property that holds the digest and the length of the file."""
+
+_MARK = b"jV3xQm8kTz5wLr2NgY7u"  # stands before them
+_BLANK = b"Kd81Xf3aP60cHe95Wb27Js4f0Mq7a2Zc9dT4eR6bV15G83Uy73Bn0eDa9Fc25Lh8ExWk1d6fS0b4390v"
+"""What stands in their place while the digest is computed: 64 hexadecimal digits, and 16 of the length in bytes."""
+
+_GUARD = b"oQzTvMwYhN"
+"""What stands before and behind all this: the first and last bytes may go into what the file's compression repeats."""
 
 
 @contextmanager
@@ -48,27 +57,8 @@ def temporal_chunk(entity: str, time_ns: IntArray, *columns: rr.ComponentColumn)
     return Chunk.from_columns(entity, [rr.TimeColumn(TIMELINE, duration=time_ns.astype("timedelta64[ns]"))], columns)
 
 
-ENDING = ".rrd"
-"""Suffix of a recording's name, by which the viewer knows it."""
-
-QUEUE_LENGTH = 64
-"""Most chunks that wait to be written; if the disk is slower than the simulation, that waits, too."""
-
-SEAL = "/__properties/seal"
-"""The property that holds the digest and the length of the file."""
-
-_MARK = b"jV3xQm8kTz5wLr2NgY7u"
-"""What stands before them."""
-
-_BLANK = b"Kd81Xf3aP60cHe95Wb27Js4f0Mq7a2Zc9dT4eR6bV15G83Uy73Bn0eDa9Fc25Lh8ExWk1d6fS0b4390v"
-"""What stands in their place while the digest is computed: 64 hexadecimal digits, and 16 of the length in bytes."""
-
-_GUARD = b"oQzTvMwYhN"
-"""What stands before and behind all this: the first and last bytes may go into what the file's compression repeats."""
-
-
 @contextmanager
-def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator["ChunkWriter"]:
+def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[[Iterable[Chunk]], None]]:
     """Yield a writer of chunks into a recording, which gets its name when the block ends without an error.
 
     Args:
@@ -86,17 +76,56 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator["ChunkWri
         with _blaming(path):
             folder.mkdir()
             layout_part.write_bytes(layout)
-        writer = ChunkWriter(data_part, recording_id, path)
-        try:
-            writer([static_chunk(SEAL, rr.AnyValues(digest=(_GUARD + _MARK + _BLANK + _GUARD).decode()))])
-            yield writer
-        finally:
-            writer.end()
-        writer.check()
+        with _written(data_part, recording_id, path) as write:
+            write([static_chunk(SEAL, rr.AnyValues(digest=(_GUARD + _MARK + _BLANK + _GUARD).decode()))])
+            yield write
         with _blaming(path):
             run_rerun("rrd", "route", str(layout_part), str(data_part), "-o", str(whole))
             _seal(whole)
             publish(whole, path)
+
+
+@contextmanager
+def _written(part: Path, recording_id: str, target: Path) -> Iterator[Callable[[Iterable[Chunk]], None]]:
+    """Yield a writer of chunks into `part`, which will become `target`: each as it comes, so that memory does not grow.
+
+    Rerun pulls chunks from an iterator until that ends, so it runs in a thread of its own.
+    """
+    chunks: Queue[Chunk | None] = Queue(QUEUE_LENGTH)
+    stream = LazyChunkStream.from_iter(iter(chunks.get, None))
+    problems: list[Exception] = []
+
+    def pull() -> None:
+        try:
+            stream.write_rrd(part, application_id=APPLICATION, recording_id=recording_id)
+        except Exception as error:  # `check` raises it in the thread that runs the trial
+            problems.append(error)
+
+    thread = threading.Thread(target=pull, daemon=True)
+    thread.start()
+
+    def put(chunk: Chunk | None) -> None:
+        """Queue a chunk when there is room; drop it if the thread has ended, which only an error can make it do."""
+        while thread.is_alive():
+            with suppress(Full):
+                chunks.put(chunk, timeout=0.1)
+                return
+
+    def check() -> None:
+        for problem in problems:
+            raise RecordingError(f"{target}: cannot be written: {problem}") from problem
+
+    def write(given: Iterable[Chunk]) -> None:
+        for chunk in given:
+            put(chunk)
+        check()
+
+    try:
+        yield write
+    finally:
+        put(None)
+        thread.join()
+    check()
 
 
 def _seal(path: Path) -> None:
@@ -143,49 +172,3 @@ def check_recording_target(path: Path) -> None:
     if path.suffix != ENDING:
         raise RecordingError(f"{path}: a recording's name must end in {ENDING}, by which the viewer knows it")
     check_target(path)
-
-
-class ChunkWriter:
-    """Writes chunks as they come, so that memory does not grow.
-
-    Rerun pulls chunks from an iterator until that ends, so it runs in a thread of its own.
-    """
-
-    def __init__(self, part: Path, recording_id: str, target: Path) -> None:
-        """Begin to write `part`; error messages name `target`, the file that it will become."""
-        self._part = part
-        self._target = target
-        self._chunks: Queue[Chunk | None] = Queue(QUEUE_LENGTH)
-        self._stream = LazyChunkStream.from_iter(iter(self._chunks.get, None))
-        self._problem: Exception | None = None
-        self._thread = threading.Thread(target=self._write, args=(recording_id,), daemon=True)
-        self._thread.start()
-
-    def _write(self, recording_id: str) -> None:
-        try:
-            self._stream.write_rrd(self._part, application_id=APPLICATION, recording_id=recording_id)
-        except Exception as error:  # `check` raises it in the thread that runs the trial
-            self._problem = error
-
-    def __call__(self, chunks: Iterable[Chunk]) -> None:
-        """Queue chunks to be written; raise as `check` does."""
-        for chunk in chunks:
-            self._put(chunk)
-        self.check()
-
-    def _put(self, chunk: Chunk | None) -> None:
-        """Queue a chunk when there is room; drop it if the thread has ended, which only an error can make it do."""
-        while self._thread.is_alive():
-            with suppress(Full):
-                self._chunks.put(chunk, timeout=0.1)
-                return
-
-    def check(self) -> None:
-        """Raise RecordingError if something could not be written."""
-        if self._problem is not None:
-            raise RecordingError(f"{self._target}: cannot be written: {self._problem}") from self._problem
-
-    def end(self) -> None:
-        """Wait until everything is written."""
-        self._put(None)
-        self._thread.join()

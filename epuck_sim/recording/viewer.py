@@ -21,20 +21,12 @@ from epuck_sim.recording.rrd_file import APPLICATION, TIMELINE
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.machine import HOST, check_port, free_port
 
-PAINT_S = 60
-"""Time within which a viewer must paint a recording, in seconds: without a graphics card, that is slow."""
+PAINT_S = 60  # within which a viewer must paint a recording: without a graphics card, that is slow
+FLUSH_S = 10.0  # within which a viewer must take what it was sent
+MESSAGES_S = 6  # for which a viewer shows messages after its start
 
-MESSAGES_S = 6
-"""Time for which a viewer shows messages after its start, in seconds."""
-
-MESSAGE_ROWS, MESSAGE_COLUMNS = slice(36, 110), slice(-330, -12)
-"""Where the viewer of rerun 0.41 shows the first of its messages, in pixels; the window's size does not matter."""
-
-MESSAGE_GREY = 33
-"""Level of red, green and blue in the messages' background."""
-
-FLUSH_S = 10.0
-"""Time within which a viewer must take what it was sent, in seconds."""
+MESSAGE_ROWS, MESSAGE_COLUMNS, MESSAGE_GREY = slice(36, 110), slice(-330, -12), 33
+"""Where the viewer of rerun 0.41 shows the first of its messages, px, in a window of any size, and their background."""
 
 NO_DISPLAY = "there is no display here; give --web to look in a browser, or --screenshot FILE.png to have it drawn"
 
@@ -53,12 +45,7 @@ def show(path: Path) -> None:
 
 
 def serve(path: Path, port: int, announce: Callable[[str], None]) -> None:
-    """Serve a recording to browsers on this machine, until Ctrl-C or SIGTERM.
-
-    Args:
-        path: The recording.
-        port: Where browsers find the viewer.
-        announce: Called with the address when browsers can open it.
+    """Serve a recording to browsers on this machine until Ctrl-C or SIGTERM; `announce` is given the address.
 
     Raises:
         PortError: The port cannot be used.
@@ -93,12 +80,7 @@ def web_viewer(port: int) -> Iterator[tuple[ViewerProcess, str, int]]:
 
 @contextmanager
 def chunk_stream(intake: int, recording_id: str, layout: rrb.Blueprint | None) -> Iterator[rr.RecordingStream]:
-    """Yield a stream of chunks to a viewer; at the end of the block, wait until the viewer has all of them.
-
-    Args:
-        intake: The port at which the viewer takes chunks.
-        recording_id: The recording's name in the viewer.
-        layout: How the viewer lays the recording out; it decides itself if this is None.
+    """Yield a stream of chunks to a viewer at its port; in the end wait until it has them, which it lays out as given.
 
     Raises:
         RecordingError: The viewer has ended before it has taken everything.
@@ -116,11 +98,11 @@ def chunk_stream(intake: int, recording_id: str, layout: rrb.Blueprint | None) -
 
 
 def draw_screenshot(path: Path, at_s: float, picture: Path, size: str = "1600x900") -> None:
-    """Draw what the viewer shows of a recording into a PNG file; this needs no display.
+    """Draw what the viewer shows of a recording at a moment into a PNG file; this needs no display.
 
     Args:
         path: The recording.
-        at_s: The moment that is drawn, in seconds of simulated time.
+        at_s: The moment, in seconds of simulated time.
         picture: The file to write.
         size: Width and height in pixels.
 

@@ -24,16 +24,10 @@ RISE = 1.1
 """Ratio of means above which T_sync rises, and below which it does not, in all claims: the base case has 1.17."""
 
 Text = Annotated[str, Field(min_length=1)]
+Values = dict[str, Any]  # of axes of a sweep, by dotted key
+Law = Literal["Weibull", "gamma", "log-normal"]  # a distribution of T_sync
 
-Values = dict[str, Any]
-"""Values of axes of a sweep, by dotted key."""
-
-Law = Literal["Weibull", "gamma", "log-normal"]
-"""A distribution of T_sync."""
-
-
-THRESHOLD = 0.95
-"""Threshold of eq. 3.4 for robots (section 3.3), and of eq. C.2."""
+THRESHOLD = 0.95  # of eq. 3.4 for robots (section 3.3), and of eq. C.2
 
 
 def largest_shift() -> float:
@@ -70,12 +64,9 @@ FORMULAS: Mapping[str, Callable[[], float]] = {
 class Test(NamedTuple):
     """A test that claims may name."""
 
-    takes: tuple[str, ...]
-    """Keys that it needs beside its prediction."""
-    text: str
-    """What it looks at, as a template."""
-    points: int | None = None
-    """Number of points that it is of; None for any."""
+    takes: tuple[str, ...]  # keys that it needs beside its prediction
+    text: str  # what it looks at, as a template
+    points: int | None = None  # number of points that it is of; None for any
 
 
 TESTS: Mapping[str, Test] = MappingProxyType(
@@ -109,35 +100,22 @@ class Check(ConfigModel):
     """A test of a claim, with one of its predictions, and the keys that it takes."""
 
     test: str
-    above: Number | None = None
-    """The effect is larger than this."""
-    below: Number | None = None
-    """The effect is smaller than this."""
-    within: tuple[Number, Number] | None = None
-    """The effect lies between these two."""
-    rises: bool | None = None
-    """Of ratios of means: whether the ratio is above `RISE`."""
-    where: Values = Field(default_factory=dict)
-    """Values of axes that the points of the test have."""
-    of: str | None = None
-    """Measure that is tested; T_sync by default."""
+    above: Number | None = None  # the effect is larger than this
+    below: Number | None = None  # the effect is smaller than this
+    within: tuple[Number, Number] | None = None  # the effect lies between these two
+    rises: bool | None = None  # of ratios of means: whether the ratio is above `RISE`
+    where: Values = Field(default_factory=dict)  # values of axes that the points of the test have
+    of: str | None = None  # measure that is tested; T_sync by default
     take: Literal["first", "final", "mean", "largest", "growth"] | None = None
     """Which of a series's values stands for a trial; `growth`: the slope of its logarithm over cycles."""
-    between: tuple[Values, Values] = ({}, {})
-    """Two places that are compared; points are paired in the sweep's order."""
-    along: str = ""
-    """Axis along which means go, or curves are drawn."""
-    over: str = ""
-    """Axis in which curves differ."""
-    place: Literal["V_m", "T_m", "V_p", "T_p", "V_f"] = "V_m"
-    """Place on each curve."""
+    between: tuple[Values, Values] = ({}, {})  # two places that are compared; points are paired in the sweep's order
+    along: str = ""  # axis along which means go, or curves are drawn
+    over: str = ""  # axis in which curves differ
+    place: Literal["V_m", "T_m", "V_p", "T_p", "V_f"] = "V_m"  # place on each curve
     law: Law = "Weibull"
-    than: Law = "Weibull"
-    """Law that is less likely."""
-    censored_at: Positive = 1.0
-    """Limit, cycles, as if trials were censored there."""
-    number: str = ""
-    """Number that follows from the thesis's equations."""
+    than: Law = "Weibull"  # law that is less likely
+    censored_at: Positive = 1.0  # limit, cycles, as if trials were censored there
+    number: str = ""  # number that follows from the thesis's equations
 
     @property
     def predicted(self) -> tuple[float | None, float | None]:
@@ -175,14 +153,12 @@ class Check(ConfigModel):
 class AskedSweep(ConfigModel):
     """A sweep that claims are asked of, in two versions."""
 
-    scenario: Text
-    """A shipped scenario, or a YAML file."""
+    scenario: Text  # a shipped scenario, or a YAML file
     keys: dict[str, Any] = Field(default_factory=dict)
     """Keys in which both versions differ from it, as in a scenario's `quick`."""
     quick: dict[str, Any] | None = None
     """Further keys of the quick version; without any the full version alone is asked."""
-    full: dict[str, Any]
-    """Further keys of the full version."""
+    full: dict[str, Any]  # further keys of the full version
 
 
 class Claim(ConfigModel):
@@ -190,31 +166,19 @@ class Claim(ConfigModel):
 
     id: Text
     section: Text
-    claim: Text
-    """What is claimed, in our words."""
-    quote: str = ""
-    """The sentence that claims it, word for word; what is left out is marked by `...`."""
-    line: Annotated[WholeNumber, Field(ge=1)] | None = None
-    """Line of the sentence in the text."""
-    quantifier: str = ""
-    """How much the sentence claims: always, some, only if."""
-    source: str = ""
-    """Paper whose result the sentence quotes."""
-    sweep: str | None = None
-    """Name of the sweep that all its checks are asked of, but those of formulas."""
+    claim: Text  # what is claimed, in our words
+    quote: str = ""  # the sentence that claims it, word for word; what is left out is marked by `...`
+    line: Annotated[WholeNumber, Field(ge=1)] | None = None  # line of the sentence in the text
+    quantifier: str = ""  # how much the sentence claims: always, some, only if
+    source: str = ""  # paper whose result the sentence quotes
+    sweep: str | None = None  # name of the sweep that all its checks are asked of, but those of formulas
     checks: tuple[Check, ...] = ()
-    reading: str = ""
-    """What of its tests is ours: then they decide about our reading, and not about the claim."""
-    otherwise: str = ""
-    """Reading of the text that would change the verdict."""
-    changed: str = ""
-    """What of its tests was changed after first results, and why."""
-    identity: str = ""
-    """Why it cannot fail."""
-    no_claim: str = ""
-    """Why there is nothing to test."""
-    not_asked: str = ""
-    """Why it is not asked."""
+    reading: str = ""  # what of its tests is ours: then they decide about our reading, and not about the claim
+    otherwise: str = ""  # reading of the text that would change the verdict
+    changed: str = ""  # what of its tests was changed after first results, and why
+    identity: str = ""  # why it cannot fail
+    no_claim: str = ""  # why there is nothing to test
+    not_asked: str = ""  # why it is not asked
 
     @property
     def untested(self) -> str:
@@ -235,10 +199,8 @@ class Claim(ConfigModel):
 class Claims(ConfigModel):
     """All claims of a file, and their sweeps by name."""
 
-    seed: WholeNumber = 0
-    """Seed of all sweeps."""
-    pooled: str = ""
-    """Which trials count, and which do not."""
+    seed: WholeNumber = 0  # seed of all sweeps
+    pooled: str = ""  # which trials count, and which do not
     sweeps: dict[str, AskedSweep] = Field(default_factory=dict)
     claims: Annotated[tuple[Claim, ...], Field(min_length=1)]
     notes: tuple[Text, ...] = ()

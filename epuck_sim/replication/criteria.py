@@ -23,26 +23,18 @@ from epuck_sim.statistics.mean import share_difference as estimate_difference
 from epuck_sim.statistics.measured import Measured, cut
 from epuck_sim.statistics.survival import weibull_mean
 
-RESAMPLES = 200
-"""Number of resamples of a ratio of estimators."""
-
-MIN_POINTS = 3
-"""Fewest points of a slope: two leave nothing to tell how well they lie on a line."""
+RESAMPLES = 200  # of a ratio of estimators
+MIN_POINTS = 3  # fewest of a slope: two leave nothing to tell how well they lie on a line
+GRID_POINTS = 200  # places at which curves are compared
 
 LAWS = {"Weibull": stats.weibull_min, "gamma": stats.gamma, "log-normal": stats.lognorm}
 """Distributions of positive numbers, each of two parameters: a shape and a scale."""
 
-FITTED_TRIALS = 20
-"""Fewest trials of a point whose distribution is fitted."""
-
-FITTED_VALUES = 6
-"""Fewest values that these have: T_sync of a few cycles is too coarse to tell distributions apart."""
+FITTED_TRIALS = 20  # fewest of a point whose distribution is fitted
+FITTED_VALUES = 6  # fewest that these have: T_sync of a few cycles is too coarse to tell distributions apart
 
 COLUMNS = ("V_m", "T_m", "V_p", "T_p")
 """Places of a minimum and a peak, as in the resamples of `SpeedExtrema`."""
-
-GRID_POINTS = 200
-"""Number of places at which curves are compared."""
 
 
 class Effect(NamedTuple):
@@ -331,8 +323,7 @@ class Place(NamedTuple):
     """A place on a curve."""
 
     value: float
-    resampled: FloatArray
-    """(B,) that of the resamples; NaN where they have none."""
+    resampled: FloatArray  # (B,) that of the resamples; NaN where they have none
 
 
 def find_place(curve: Curve, name: str) -> Place | None:
@@ -368,8 +359,7 @@ class Drawn(NamedTuple):
     """A curve, and what it is drawn over instead of its axis."""
 
     curve: Curve
-    instead: Curve
-    """The other quantity at the same points."""
+    instead: Curve  # the other quantity at the same points
 
 
 def collapse(drawn: Sequence[Drawn], trials: int) -> Effect:
@@ -380,43 +370,25 @@ def collapse(drawn: Sequence[Drawn], trials: int) -> Effect:
     """
     if len(drawn) < 2:
         return student(math.nan, 0.0, 0)
-    along = _spreads([(each.curve, np.log(each.curve.x), np.log(each.curve.x)) for each in drawn])
-    over = _spreads([(each.curve, *_logs(each.instead)) for each in drawn])
+    courses = [(np.log(each.curve.x), _log_rows(each.instead), _log_rows(each.curve)) for each in drawn]
+    rows = range(min(len(y) for *_, y in courses))
+    along = np.array([spread([Course(x, y[row]) for x, _, y in courses]) for row in rows])
+    over = np.array([spread([Course(instead[row], y[row]) for _, instead, y in courses]) for row in rows])
     ratios = np.log(over / along)
     return exponentiate(resampled(float(ratios[0]), ratios[1:], trials - 1))
 
 
-def _logs(curve: Curve) -> tuple[FloatArray, FloatArray]:
+def _log_rows(curve: Curve) -> FloatArray:
+    """Return (1 + B, S) logarithms of a curve's values and of its resamples."""
     with np.errstate(divide="ignore"):  # where nothing changes there is no place to compare at
-        return np.log(curve.values), np.log(curve.resampled)
-
-
-def _spreads(curves: Sequence[tuple[Curve, FloatArray, FloatArray]]) -> FloatArray:
-    """Return how far curves of T_sync are apart, and how far their resamples are, (1 + B,).
-
-    Args:
-        curves: Each with the logarithms of what it is drawn over, (S,), and those of the resamples, (B, S) or (S,).
-    """
-    first = spread([Course(x, np.log(curve.values)) for curve, x, _ in curves])
-    resamples = min(len(curve.resampled) for curve, _, _ in curves)
-    others = [
-        spread([Course(_row(xs, row), np.log(curve.resampled[row])) for curve, _, xs in curves])
-        for row in range(resamples)
-    ]
-    return np.array([first, *others])
-
-
-def _row(values: FloatArray, row: int) -> FloatArray:
-    return values if values.ndim == 1 else values[row]
+        return np.asarray(np.log(np.vstack([curve.values, curve.resampled])))
 
 
 class Course(NamedTuple):
     """A curve through S points, in logarithms."""
 
-    x: FloatArray
-    """(S,) logarithms of what it is drawn over, in any order."""
-    y: FloatArray
-    """(S,) logarithms of what is drawn."""
+    x: FloatArray  # (S,) what it is drawn over, in any order
+    y: FloatArray  # (S,) what is drawn
 
 
 def spread(courses: Sequence[Course]) -> float:

@@ -29,17 +29,10 @@ from epuck_sim.util.atomic_write import atomic_write
 ALL, SOME = "replication", "chosen"
 """Stem of the page's name: of all claims, and of some, so that one does not overwrite the other."""
 
-FIGURES = "figures"
-"""Folder of its figures, beside it."""
-
-DOTS_PER_INCH = 120
-"""Enough for a screen: a page has a figure for each claim."""
-
-MIN_VALUES = 3
-"""Fewest values of an axis that are drawn as a curve."""
-
-LEAST_P = 1e-4
-"""p-values below this are given as this one."""
+FIGURES = "figures"  # folder beside the page
+DOTS_PER_INCH = 120  # enough for a screen: a page has a figure for each claim
+MIN_VALUES = 3  # fewest values of an axis that are drawn as a curve
+LEAST_P = 1e-4  # p-values below this are given as this one
 
 TITLE = "Replication of the thesis, claim by claim"
 
@@ -53,41 +46,26 @@ RULES = (
 """How verdicts come about; the number of tests follows."""
 
 FULL_ONLY = "--full alone asks it"
-"""Why the quick version does not ask a claim."""
-
 EXPLAINED = (Verdict.CONTRADICTED, Verdict.UNDECIDED, Verdict.READING)
-"""Verdicts that are explained, claim by claim."""
 
 
 class Asked(NamedTuple):
     """A sweep that was asked."""
 
     status: Status
-    limit: int
-    """Limit of cycles."""
-    full: tuple[float, float] | None
-    """What its full version would cost, least and most s; None if this is it."""
+    limit: int  # of cycles
+    full: tuple[float, float] | None  # what its full version would cost, least and most s; None if this is it
 
 
 class Contents(NamedTuple):
     """Everything on the page."""
 
     version: Version
-    folder: Path
-    """Folder of the replication, as it was given."""
-    chosen: tuple[str, ...]
-    """Ids of the claims that were chosen; none if these are all."""
+    folder: Path  # of the replication, as it was given
+    chosen: tuple[str, ...]  # ids of the claims that were chosen; none if these are all
     answers: list[Answer]
-    sweeps: dict[str, Asked]
-    """The sweeps that were asked."""
-    claims: Claims
-    """The file of claims."""
-
-    @property
-    def checks(self) -> int:
-        """Number of checks that are corrected together."""
-        judged = (each for answer in self.answers for each in answer.checks)
-        return sum(each.tested.check.test != "formula" for each in judged)
+    sweeps: dict[str, Asked]  # the sweeps that were asked
+    claims: Claims  # the file of claims
 
 
 def write_replication(
@@ -113,8 +91,8 @@ def write_replication(
     stem = SOME if contents.chosen else ALL
     made = {"claims": claim_table(contents), "tests": check_table(contents), "sweeps": sweep_table(contents)}
     files = {name: f"{stem}.csv" if name == "claims" else f"{stem}-{name}.csv" for name in made}
-    texts = {files[name]: table.to_csv() for name, table in made.items() if table.rows}
-    links = {name: file for name, file in files.items() if file in texts}
+    links = {name: files[name] for name, table in made.items() if table.rows}
+    texts = {file: made[name].to_csv() for name, file in links.items()}
     texts[f"{stem}.md"] = "\n\n".join(make_page(contents, pictures, links)) + "\n"
     for name, text in texts.items():
         with atomic_write(folder / name) as part:
@@ -145,12 +123,8 @@ def read_contents(claims: Claims, chosen: Sequence[Claim], folder: Path, version
 
 def check_claim(claim: Claim, folders: dict[str, Path]) -> list[Finding]:
     """Run the checks of a claim on the trials that are stored."""
-    return [
-        run_check(check, [])
-        if check.test == "formula" or claim.sweep is None
-        else run_check(check, read_points(folders[claim.sweep], check.of))
-        for check in claim.checks
-    ]
+    asked = ((check, claim.sweep if check.test != "formula" else None) for check in claim.checks)
+    return [run_check(check, read_points(folders[sweep], check.of) if sweep else []) for check, sweep in asked]
 
 
 def _read_sweep(folder: Path, full: Scenario) -> Asked:
@@ -169,19 +143,17 @@ def escaped(text: str) -> str:
 def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[str, str]) -> Iterator[str]:
     """Yield the parts of the page, between which there are empty lines.
 
-    Args:
-        contents: What it shows.
-        pictures: Path of each claim's figure, relative to the page, by the claim's id.
-        tables: The same of the tables, by what their rows are.
+    Relative paths of figures are given by their claims' ids, those of tables by what their rows are.
     """
     version = f"--{contents.version}"
     command = " ".join(["epuck-sim replicate", *contents.chosen, version, f"--out {contents.folder}"])
     counts = Counter(answer.verdict for answer in contents.answers)
     parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
     links = ", ".join(f"[{name}]({path})" for name, path in tables.items())
+    count = sum(each.tested.check.test != "formula" for answer in contents.answers for each in answer.checks)
     yield f"# {TITLE}"
     yield f"{len(contents.answers)} claims: {', '.join(parts)}. Written by `{command}`, with all numbers: {links}."
-    yield escaped(f"{RULES}{contents.checks}. {contents.claims.pooled}".rstrip())
+    yield escaped(f"{RULES}{count}. {contents.claims.pooled}".rstrip())
     rows = [_verdict_row(answer, pictures) for answer in contents.answers]
     yield "\n".join(["claim | the thesis says | ours | verdict", "--- | --- | --- | ---", *rows])
     for verdict in EXPLAINED:
@@ -263,11 +235,6 @@ def check_table(contents: Contents) -> Table:
     return Table("tests", [Row({}, {"claim": name, **_check_cells(judged)}) for name, judged in each])
 
 
-def sweep_table(contents: Contents) -> Table:
-    """Return a row for each sweep that was asked: its trials, the time they took, and that of its full version."""
-    return Table("sweeps", [Row({}, _sweep_cells(name, each)) for name, each in contents.sweeps.items()])
-
-
 def _check_cells(judged: Judged) -> dict[str, object]:
     tested = judged.tested
     low, high = tested.check.predicted
@@ -301,6 +268,11 @@ def _sweep_cells(name: str, asked: Asked) -> dict[str, object]:
     }
 
 
+def sweep_table(contents: Contents) -> Table:
+    """Return a row for each sweep that was asked: its trials, the time they took, and that of its full version."""
+    return Table("sweeps", [Row({}, _sweep_cells(name, each)) for name, each in contents.sweeps.items()])
+
+
 def time_range(cost: tuple[float, float]) -> str:
     """Return how long a sweep takes, as a range if it depends on trials that are censored."""
     least, most = map(in_words, cost)
@@ -321,12 +293,7 @@ def describe_check(check: Check) -> str:
 
 
 def draw_claim(claim: Claim, folder: Path, path: Path) -> bool:
-    """Draw the points of a claim's first test against its axis; those that the other tests share, too.
-
-    Args:
-        claim: The claim.
-        folder: The run folder of its sweep.
-        path: The PNG file to write.
+    """Draw the points of a claim's first test against its axis as PNG, and those that other tests share.
 
     Returns:
         Whether there is a curve to draw.

@@ -25,11 +25,7 @@ class Version(StrEnum):
 
 
 def sweep_scenario(claims: Claims, name: str, version: Version) -> Scenario:
-    """Return the scenario of a sweep in one of its versions.
-
-    Raises:
-        ScenarioError: It cannot be run.
-    """
+    """Return the scenario of a sweep in one of its versions; raise ScenarioError if it cannot be run."""
     asked = claims.sweeps[name]
     given = without_quick(read_yaml(find_scenario(asked.scenario)))
     given.pop("figure", None)  # it is about axes that the sweep may no longer have
@@ -77,15 +73,10 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim], version: Version) -> 
 
 
 def estimate_cost(stored: Sequence[PointTrials], wall_s: float, full: Scenario) -> tuple[float, float]:
-    """Return what the full version of a sweep costs, s, if its trials are like those that are stored.
+    """Return what the full version of a sweep costs, least and most s, if its trials are like those that are stored.
 
-    It is the least if trials that are censored in the quick version end just then in the full one, the most if they
-    take as long as it lets them.
-
-    Args:
-        stored: The points of the quick version.
-        wall_s: Time of all its trials.
-        full: Scenario of the full version.
+    It is the least if trials that are censored in the quick version, which took `wall_s` in all, end just then in the
+    full one, the most if they take as long as it lets them.
     """
     cycles = np.concatenate([point.times for point in stored])
     ended = np.concatenate([point.observed & point.has_t_sync for point in stored])

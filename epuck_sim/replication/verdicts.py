@@ -10,7 +10,6 @@ import numpy as np
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, Estimate
-from epuck_sim.measures.interface import Value
 from epuck_sim.replication import criteria
 from epuck_sim.replication.claims import FORMULAS, TESTS, Check, Claim, Values
 from epuck_sim.replication.criteria import Drawn, Effect
@@ -48,8 +47,7 @@ REDUCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
 """What stands for the values of a series."""
 
 
-AnyPoint = TypeVar("AnyPoint", Point, PointTrials)
-"""A point of a sweep, with or without its trials."""
+AnyPoint = TypeVar("AnyPoint", Point, PointTrials)  # a point of a sweep, with or without its trials
 
 
 class Finding(NamedTuple):
@@ -57,18 +55,12 @@ class Finding(NamedTuple):
 
     check: Check
     effect: Effect
-    trials: tuple[int, int]
-    """Fewest and most trials of its points; 0 of a formula."""
-    censored: float
-    """Largest share of censored trials of its points."""
+    trials: tuple[int, int]  # fewest and most of its points; 0 of a formula
+    censored: float  # largest share of its points
 
 
 def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
-    """Return what a test finds in the points of its claim's sweep.
-
-    Raises:
-        EpuckSimError: The sweep lacks a point that the check names.
-    """
+    """Return what a test finds in its claim's sweep; raise EpuckSimError if that lacks a point that the check names."""
     if check.test == "formula":
         value = FORMULAS[check.number]()
         exact = Effect(Estimate(value), lambda x: 0.0 if value > x else 1.0, lambda x: 0.0 if value < x else 1.0)
@@ -82,11 +74,7 @@ def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
 
 
 def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
-    """Return the points of a sweep that a check uses.
-
-    Raises:
-        EpuckSimError: There is none, or more than the test is of.
-    """
+    """Return the points of a sweep that a check uses; raise EpuckSimError for none, or more than the test is of."""
     test = TESTS[check.test]
     places = check.between if "between" in test.takes else ({},)
     used = [each for place in places for each in points_at({**check.where, **place}, points)]
@@ -97,11 +85,7 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
 
 
 def points_at(values: Values, points: Sequence[AnyPoint]) -> list[AnyPoint]:
-    """Return the points of a sweep that have these values of axes.
-
-    Raises:
-        EpuckSimError: There is none.
-    """
+    """Return the points of a sweep that have these values of axes; raise EpuckSimError if there is none."""
     wanted = {key: canonical_text({"value": value}) for key, value in values.items()}
     found = [
         point
@@ -192,14 +176,10 @@ def _measure(point: PointTrials, check: Check) -> Measured:
 
 
 def _reduced(point: PointTrials, take: str) -> PointTrials:
-    reduced: tuple[Value, ...] = tuple(_reduce(value, take) for value in point.measured)
-    return point._replace(measured=reduced)
-
-
-def _reduce(value: Value, take: str) -> Value:
-    """Return what stands for a series; None if it has no value."""
-    known = [each for each in value if each is not None] if isinstance(value, list) else []
-    return REDUCTIONS[take](known) if known else None
+    """Return a point with what stands for its series in their place; None for those without a value."""
+    series = (value if isinstance(value, list) else [] for value in point.measured)
+    known = ([each for each in values if each is not None] for values in series)
+    return point._replace(measured=tuple(REDUCTIONS[take](values) if values else None for values in known))
 
 
 class Verdict(StrEnum):
@@ -218,10 +198,8 @@ class Judged(NamedTuple):
     """A check with its verdict."""
 
     tested: Finding
-    p_value: float
-    """Probability, if the truth were exactly at the threshold, of data that decide as clearly for either side."""
-    p_holm: float
-    """The same, corrected for the number of checks on the page."""
+    p_value: float  # of data that decide as clearly for either side, if the truth were exactly at the threshold
+    p_holm: float  # the same, corrected for the number of checks on the page
     verdict: Verdict
 
 

@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import socket
+import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,9 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
-import rerun as rr
-from rerun.chunk import RrdReader
 
 from epuck_sim.cli.trials import LiveView
 from epuck_sim.embodied.changes import replacement
@@ -29,8 +29,7 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util import machine
-from tests.cli.commands import call, called, contents, refused, trials
-from tests.cli.commands import cells as table_cells
+from tests.cli.commands import call, called, cells, contents, refused, trials
 from tests.processes import COMMAND, start, wait_until
 from tests.runs.made_folders import edit
 
@@ -45,15 +44,6 @@ sweep: {grid: {robots.0.parameters.speed_cm_s: [1, 4, 8]}}
 
 ADDRESS = "http://127.0.0.1"
 UNSEEN = "give --web to look in a browser"
-
-
-def cells(stdout: str) -> list[list[str]]:
-    """Return the rows of a command's table, without the time they took."""
-    return [row[:-2] for row in table_cells(stdout)]
-
-
-def entities(path: Path) -> set[str]:
-    return {chunk.entity_path for chunk in RrdReader(path).store().stream().to_chunks()}
 
 
 def check_same(recorded: Recorded, scenario: Scenario, seed: int) -> None:
@@ -153,12 +143,8 @@ def busy_port() -> Iterator[int]:
 
 
 def test_a_recorded_run_prints_the_same_and_writes_the_file(tmp_path) -> None:
-    assert trials(called("run", "thesis", "--json", "--record", tmp_path / "t.rrd")) == trials(
-        called("run", "thesis", "--json")
-    )
-    table = cells(called("run", "thesis", "--record", tmp_path / "t.rrd"))
-    assert table == cells(called("run", "thesis"))
-    assert len(table) == 1
+    plain = called("run", "thesis", "--json")
+    assert trials(called("run", "thesis", "--json", "--record", tmp_path / "t.rrd")) == trials(plain)
     assert [path.name for path in tmp_path.iterdir()] == ["t.rrd"]
     check_same(read_recording(tmp_path / "t.rrd"), load_scenario("thesis"), 0)
 
@@ -172,42 +158,51 @@ def test_several_trials_are_recorded_into_a_file_each(tmp_path) -> None:
     assert len({row["seed"] for row in rows}) == 3
 
 
-@pytest.mark.parametrize(
-    ("arguments", "level", "held"),
-    [
-        (["--record-level", "summary"], Level.SUMMARY, []),
-        (["--record-level", "poses"], Level.POSES, ["/arena/robots"]),
-        (["--record-level", "full"], Level.FULL, ["/arena/robots", "/camera/rows"]),
-        ([], Level.FULL, ["/arena/robots", "/camera/rows"]),
-    ],
-)
-def test_the_level_says_how_much_is_recorded(tmp_path, arguments: list[str], level: Level, held: list[str]) -> None:
-    called("run", "pair", "--record", tmp_path / "t.rrd", *arguments)
-    assert read_recording(tmp_path / "t.rrd").level is level
-    found = entities(tmp_path / "t.rrd")
-    assert "/flashes" in found
-    assert sorted({"/arena/robots", "/camera/rows"} & found) == held
+@pytest.mark.parametrize("level", Level)
+def test_the_level_says_how_much_is_recorded_and_any_is_shown(tmp_path, views, level: Level) -> None:
+    called("run", "pair", "--record", tmp_path / "t.rrd", "--record-level", level, "--memory", "phase_ms")
+    read = read_recording(tmp_path / "t.rrd")
+    assert read.level is level
+    assert read.memory["phase_ms"].shape == (len(read.time_s), 2)
+    called("replay", tmp_path / "t.rrd")
+    assert views.shown == [tmp_path / "t.rrd"]
+
+
+def test_a_trial_is_recorded_and_traced_at_once(tmp_path) -> None:
+    called("run", "thesis", "--record", tmp_path / "t.rrd", "--trace", tmp_path / "t.parquet")
+    recorded, table = read_recording(tmp_path / "t.rrd"), pq.read_table(tmp_path / "t.parquet")
+    traced = np.column_stack([table["x_cm"], table["y_cm"]]).astype(np.float32)
+    np.testing.assert_array_equal(recorded.positions.reshape(-1, 2), traced)
+    np.testing.assert_array_equal(recorded.phase_ms.ravel(), table["phase_ms"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["t.parquet", "t.rrd"]
+
+
+def test_a_trial_of_a_sweep_can_be_recorded_by_run(swept, tmp_path) -> None:
+    chosen = points(load_scenario(swept))[2]
+    rows = trials(called("run", swept, "--point", "2", "--trial", "1", "--json", "--record", tmp_path / "t.rrd"))
+    assert [row["seed"] for row in rows] == [chosen.seed(1)]
+    assert [path.name for path in tmp_path.iterdir()] == ["t.rrd"]
+    check_same(read_recording(tmp_path / "t.rrd"), chosen.scenario, chosen.seed(1))
 
 
 # replay of a run folder
 
 
-@pytest.mark.parametrize(("point", "trial"), [(0, 0), (2, 1)])
-def test_a_trial_of_a_run_folder_is_simulated_again_bit_for_bit_and_shown(
-    swept, here, views, point: int, trial: int
-) -> None:
-    before = contents(swept)
-    stdout = called("replay", swept, "--point", str(point), "--trial", str(trial))
-    name = f"run-point-{point}-trial-{trial}.rrd"
-    assert stdout.splitlines()[-1] == name
-    assert views == Views([Path(name)], [], [])
-    assert [path.name for path in here.iterdir()] == [name]
+def test_trials_of_a_run_folder_are_simulated_again_bit_for_bit_and_shown(swept, here, views) -> None:
+    before, outcomes = contents(swept), set()
+    for point, trial in [(0, 0), (1, 1), (2, 1)]:
+        name = f"run-point-{point}-trial-{trial}.rrd"
+        assert called("replay", swept, "--point", point, "--trial", trial).splitlines()[-1] == name
+        assert views.shown.pop() == Path(name)
+        recorded = read_recording(here / name)
+        outcomes.add(read_outcome(swept, point, trial))
+        assert read_outcome(swept, point, trial) == (recorded.cycles, not recorded.synchronised)
+        assert recorded.level is Level.FULL
+        chosen = points(load_scenario(swept))[point]
+        check_same(recorded, chosen.scenario, chosen.seed(trial))
+    assert {censored for _, censored in outcomes} == {True, False}
+    assert len(outcomes) == len(list(here.iterdir())) == 3
     assert contents(swept) == before
-    recorded = read_recording(here / name)
-    assert read_outcome(swept, point, trial) == (recorded.cycles, not recorded.synchronised)
-    assert recorded.level is Level.FULL
-    chosen = points(load_scenario(swept))[point]
-    check_same(recorded, chosen.scenario, chosen.seed(trial))
 
 
 def test_it_is_recorded_to_the_file_that_is_given(swept, here, tmp_path, views) -> None:
@@ -219,21 +214,32 @@ def test_it_is_recorded_to_the_file_that_is_given(swept, here, tmp_path, views) 
     assert views.served == [(target, 1234)]
 
 
-def test_the_folder_s_own_name_is_in_the_default_one(swept, tmp_path, monkeypatch, views) -> None:
-    folder = Path(shutil.copytree(swept, tmp_path / "v0.5"))
-    monkeypatch.chdir(folder)
-    stdout = called("replay", ".", "--point", "0", "--trial", "0", "--screenshot", "p.png", "--at", "0.5")
-    assert stdout.splitlines()[-1] == "v0.5-point-0-trial-0.rrd"
-    assert views.drawn == [(Path("v0.5-point-0-trial-0.rrd"), 0.5, Path("p.png"))]
+@pytest.mark.parametrize("name", ["v0.5", "thesis"])  # which is a shipped scenario, too
+def test_the_folder_s_own_name_is_in_the_default_one(swept, tmp_path, monkeypatch, views, name: str) -> None:
+    folder = Path(shutil.copytree(swept, tmp_path / name))
+    monkeypatch.chdir(folder if name == "v0.5" else tmp_path)
+    words = ["--point", "0", "--trial", "0", "--screenshot", "p.png", "--at", "0.5"]
+    file = Path(f"{name}-point-0-trial-0.rrd")
+    assert called("replay", "." if name == "v0.5" else name, *words).splitlines()[-1] == str(file)
+    assert views.drawn == [(file, 0.5, Path("p.png"))]
+    assert read_recording(file).scenario.name == "short"
 
 
-def test_a_run_folder_is_not_hidden_by_a_shipped_scenario_of_its_name(swept, here, views) -> None:
-    shutil.copytree(swept, here / "thesis")
-    called("replay", "thesis", "--point", "1", "--trial", "2")
-    recorded = read_recording(here / "thesis-point-1-trial-2.rrd")
-    assert recorded.scenario.name == "short"
-    assert recorded.seed == points(load_scenario(swept))[1].seed(2)
-    assert len(views.shown) == 1
+def test_an_interpreted_trial_of_a_run_folder_is_the_same_one(swept, tmp_path, views, monkeypatch) -> None:
+    asked: list[bool] = []
+
+    def simulate(*given: Any, interpret: bool) -> Simulation:
+        asked.append(interpret)
+        return Simulation(*given, interpret=interpret)
+
+    monkeypatch.setattr("epuck_sim.cli.trials.simulate", simulate)
+    words = ["replay", swept, "--point", "1", "--trial", "1", "--record", tmp_path / "t.rrd"]
+    called(*words, "--interpret")
+    chosen = points(load_scenario(swept))[1]
+    check_same(read_recording(tmp_path / "t.rrd"), chosen.scenario, chosen.seed(1))
+    called(*words)
+    assert asked == [True, False]
+    assert len(views.shown) == 2
 
 
 @pytest.mark.usefixtures("no_display")
@@ -281,13 +287,16 @@ def test_a_recording_is_served_and_the_address_printed_with_how_to_end(
     assert views == Views([], [(pair, port)], [])
 
 
-def test_a_screenshot_is_drawn_of_the_end_or_the_moment_that_is_given_which_cannot_be_later(pair, views) -> None:
-    end, picture = read_recording(pair).time_s[-1], ("--screenshot", "p.png")
-    message = refused("replay", pair, *picture, "--at", "11.25")
-    assert f"--at is 11.25; allowed: 0 to {end:g}, where {pair} ends" in message
-    for at in ([], ["--at", "0"], ["--at", "0.5"], ["--at", f"{end:g}"]):
-        assert called("replay", pair, *picture, *at) == ""
-    assert views == Views([], [], [(pair, at, Path("p.png")) for at in (end, 0, 0.5, end)])
+def test_a_screenshot_is_drawn_of_the_end_or_the_moment_that_is_given_up_to_the_end(pair, views) -> None:
+    end = read_recording(pair).time_s[-1]
+    for at, drawn in ((None, end), (0.0, 0.0), (0.5, 0.5), (end, end)):
+        assert called("replay", pair, "--screenshot", "p.png", *([] if at is None else ["--at", f"{at:g}"])) == ""
+        assert views == Views([], [], [(pair, drawn, Path("p.png"))])
+        views.drawn.clear()
+    message = refused("replay", pair, "--screenshot", "p.png", "--at", "11.25")
+    assert f"--at is 11.25; allowed: 0 to {end:g}" in message
+    assert str(pair) in message
+    assert views.drawn == []
 
 
 # run --live
@@ -306,7 +315,6 @@ class Window:
     ("arguments", "showing", "level"),
     [
         ([], LiveView(1.0, None), Level.FULL),
-        (["--speed", "10"], LiveView(10.0, None), Level.FULL),
         (["--web", "--record-level", "poses"], LiveView(1.0, 9090), Level.POSES),
         (["--speed", "0.5", "--web", "--port", "1234"], LiveView(0.5, 1234), Level.FULL),
     ],
@@ -417,12 +425,6 @@ def test_no_viewer_is_opened_for_a_recording_that_cannot_be_written(here, monkey
     assert list(here.iterdir()) == []
 
 
-def of_another_program(path: Path, _: bytes) -> None:
-    with rr.RecordingStream("somebody") as stream:
-        stream.save(path)
-        stream.log("x", rr.TextLog("mine"), static=True)
-
-
 def of_another_version(path: Path, _: bytes) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(recorder, "FORMAT", 99)
@@ -432,13 +434,12 @@ def of_another_version(path: Path, _: bytes) -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (of_another_program, "holds 1 recordings, made by somebody; allowed: one made by epuck-sim"),
         (of_another_version, "format 99"),
-        (lambda path, whole: path.write_bytes(whole[:-1]), "is not a complete recording"),
+        (lambda path, whole: path.write_bytes(whole[: len(whole) // 2]), "is not a complete recording"),
         (lambda path, _: path.write_text("mine"), "is not a "),
         (lambda path, _: path.touch(), "is not a "),
     ],
-    ids=["program", "version", "a byte less", "text", "empty"],
+    ids=["version", "half", "text", "empty"],
 )
 def test_what_is_no_whole_recording_of_ours_is_refused_by_every_command(pair, here, views, make, message: str) -> None:
     make(here / "t.rrd", pair.read_bytes())
@@ -454,6 +455,19 @@ def test_what_is_no_whole_recording_of_ours_is_refused_by_every_command(pair, he
 # Processes
 
 
+def test_rerun_is_loaded_only_for_recordings() -> None:
+    script = (
+        "import sys\nfrom epuck_sim.cli.app import app\n"
+        "for words in (['replay', '--help'], ['run', '--help'], ['--help'], ['list'], ['run', 'pair', '--json']):\n"
+        "    try: app(words)\n    except SystemExit as end: assert not end.code\n"
+        "    heavy = {'rerun', 'rerun_sdk', 'matplotlib', *(['numpy', 'numba'] if '--help' in words else [])}\n"
+        "    print('loaded', sorted(heavy & sys.modules.keys()))"
+    )
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    loads = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
+    assert loads == ["loaded []"] * 5
+
+
 @pytest.mark.parametrize("signalled", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path, signalled: signal.Signals) -> None:
     scene = tmp_path / "scene.yaml"
@@ -463,7 +477,7 @@ def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path,
     os.killpg(process.pid, signalled)  # as a terminal does: rerun's programs hear it, too
     stdout, stderr = process.communicate(timeout=60)
     assert (process.returncode, stderr) == (130, "interrupted\n")
-    finished = len(table_cells(stdout))
+    finished = len(cells(stdout))
     assert finished >= 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.yaml", *(f"t-{n}.rrd" for n in range(finished))]
     assert len(read_recording(tmp_path / "t-0.rrd").time_s) == 5_000

@@ -5,7 +5,6 @@ import warnings
 
 import numpy as np
 import pytest
-from matplotlib import pyplot
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
 from pettingzoo.utils import AssertOutOfBoundsWrapper, OrderEnforcingWrapper, parallel_to_aec
 
@@ -219,21 +218,6 @@ def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost(action, message
         env.step(action)
     np.testing.assert_array_equal(env.state(), before)
     env.step({agent: np.zeros(3) for agent in env.agents})
-
-
-def test_a_window_shows_each_picture_and_closes(monkeypatch):
-    drawn = []
-    monkeypatch.setattr(pyplot, "pause", drawn.append)
-    env = parallel_env(SWARM, seed=4, render_mode="human", episode_s=float("inf"))
-    env.reset()
-    for _ in range(2):
-        assert env.render() is None
-        env.step({agent: np.ones(3) for agent in env.agents})
-    assert len(drawn) == 2
-    assert pyplot.get_fignums()
-    env.close()
-    env.close()
-    assert not pyplot.get_fignums()
 
 
 def test_a_reward_for_synchrony_needs_oscillators():

@@ -56,14 +56,6 @@ def test_it_does_what_the_agent_of_a_swarm_does_to_the_bit():
             robot.step(action)
 
 
-def test_an_episode_may_be_terminated():
-    robot = RobotEnv(terminate=lambda situation: situation.time_s > 0.25, actions="discrete")
-    with pytest.raises(ValueError, match="call reset"):
-        robot.step(0)
-    robot.reset(seed=1)
-    assert [robot.step(1)[2:4] for _ in range(3)] == [(False, False), (False, False), (True, False)]
-
-
 def test_wrappers_that_people_use_work():
     wrapped = gymnasium.make(ROBOT_ENV, max_episode_steps=12, reward="coverage", render_mode="rgb_array")
     assert isinstance(wrapped, TimeLimit)

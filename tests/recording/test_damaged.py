@@ -1,20 +1,25 @@
-"""A damaged recording is refused in words; it ends neither in a traceback nor in the end of the process."""
+"""What is not a whole recording of ours is refused in words; neither a traceback nor a crash ends it."""
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+import rerun as rr
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from rerun.chunk import Chunk, LazyChunkStream
 
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import RecordingError
+from epuck_sim.recording import Level, recorder
 from epuck_sim.recording import reader as entities
+from epuck_sim.recording.layout import arrangement_of, layout_file
+from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.reader import last_moment_s, read_layout, read_recording
-from epuck_sim.recording.recorder import record
 from epuck_sim.recording.rrd_file import is_whole
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.model import run_trial
+from epuck_sim.util.provenance import versions
+from tests.recording.recordings import recorded
 
 SCENARIO = load_scenario(
     {"arena": {"width_cm": 40, "height_cm": 40}, "robots": [{"count": 2}], "stop": {"max_time_s": 2}}
@@ -25,24 +30,21 @@ FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(1, 255
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("whole") / "t.rrd"
-    with record(path, SCENARIO, 1) as observer:
-        run_trial(Simulation(SCENARIO, 1), [observer])
+    recorded(path, SCENARIO)
     return path
 
 
-def refusals(path: Path) -> int:
-    """Return how many of the functions that read a recording refuse it; they raise nothing else."""
+def refusals(path: Path) -> list[str]:
+    """Return what functions that read a recording say of a file, after its name; they raise nothing else."""
     readers: tuple[Callable, ...] = (read_recording, last_moment_s, read_layout)
-    count = 0
+    said = []
     for read in readers:
-        message = ""
         try:
             read(path)
         except RecordingError as error:
-            message = str(error)
-        count += bool(message)
-        assert not message or message.startswith(f"{path}: ")
-    return count
+            said.append(str(error))
+    assert all(each.startswith(f"{path}: ") for each in said)
+    return [each.removeprefix(f"{path}: ") for each in said]
 
 
 @settings(max_examples=220, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -56,15 +58,19 @@ def test_changed_bytes_are_refused_in_words(whole: Path, tmp_path, flips) -> Non
     if is_whole(path) is None:  # the mark or the length within the seal was hit
         refusals(path)
     else:
-        assert refusals(path) == (0 if damaged == whole.read_bytes() else 3)
+        assert len(refusals(path)) == (0 if damaged == whole.read_bytes() else 3)
 
 
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0, 1, exclude_max=True))
+@example(share=1e-5)
+@example(share=1 - 1e-9)  # one byte is missing
 def test_a_recording_that_is_cut_off_is_refused(whole: Path, tmp_path, share: float) -> None:
     path = tmp_path / "t.rrd"
     path.write_bytes(whole.read_bytes()[: int(share * whole.stat().st_size)])
-    assert refusals(path) == 3
+    said = refusals(path)
+    assert len(said) == 3
+    assert all("is not a " in each or "holds 0 recordings" in each for each in said)  # but a part of its layout
 
 
 def test_a_recording_over_which_rerun_breaks_down_is_not_read(tmp_path, monkeypatch) -> None:
@@ -77,3 +83,65 @@ def test_a_recording_over_which_rerun_breaks_down_is_not_read(tmp_path, monkeypa
     path.write_bytes((Path(__file__).parents[1] / "old" / "0.1.0" / "robots.rrd").read_bytes())  # has no seal
     with pytest.raises(RecordingError, match="is not a complete recording: it is damaged; record the trial again"):
         read_recording(path)
+
+
+def written(path: Path, application: str, **properties: Any) -> None:
+    """Write a recording with no more than a trial's properties, if any."""
+    said = [Chunk.from_property("trial", rr.AnyValues(**properties))] if properties else []
+    about = Chunk.from_property("camera", rr.AnyValues(pixels=60))
+    LazyChunkStream.from_iter([*said, about]).write_rrd(path, application_id=application, recording_id="x")
+
+
+def without_outcome(path: Path) -> None:
+    recorded(path.with_name("whole.rrd"), SCENARIO)
+    drop = ("--drop-entity", "/__properties/outcome", "-o", str(path))
+    run_rerun("rrd", "filter", str(path.with_name("whole.rrd")), *drop)
+
+
+def two_in_one(path: Path) -> None:
+    parts = [path.with_name(f"{seed}.rrd") for seed in range(2)]
+    for seed, part in enumerate(parts):
+        recorded(part, SCENARIO, seed, Level.SUMMARY)
+    run_rerun("rrd", "merge", *map(str, parts), "-o", str(path))
+
+
+def of_another_format(path: Path) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorder, "FORMAT", 7)
+        recorded(path, SCENARIO, level=Level.SUMMARY)
+
+
+FORMAT_7 = f"format 7, made by epuck_sim {versions()['epuck_sim']}"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda _: None, "there is no such file"),
+        (Path.mkdir, "is not a file"),
+        (lambda path: path.write_bytes(b"Not a recording, but a text.\n" * 50), "is not a recording"),
+        (lambda path: path.write_bytes(bytes(range(256)) * 50), "is not a recording"),
+        (lambda path: path.write_bytes(layout_file(arrangement_of(SCENARIO, Level.FULL))), "holds 0 recordings"),
+        (lambda path: written(path, "other"), "made by other; allowed: one made by epuck-sim"),
+        (lambda path: written(path, "epuck-sim"), "this version of epuck-sim reads format 1"),
+        (lambda path: written(path, "epuck-sim", format=1, level="full"), "is not a complete recording: 'scenario'"),
+        (two_in_one, "holds 2 recordings"),
+        (without_outcome, "is not a complete recording: 'cycles'"),
+        (of_another_format, FORMAT_7),
+    ],
+)
+def test_what_is_no_recording_of_ours_is_refused(tmp_path, capfd, make: Callable[[Path], None], message: str) -> None:
+    path = tmp_path / "t.rrd"
+    make(path)
+    capfd.readouterr()
+    assert message in refusals(path)[0]
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("scenario", ["wings: 2", "robots: []", "][", "3", ""])
+def test_a_scenario_that_this_version_does_not_know_is_refused(tmp_path, monkeypatch, scenario: str) -> None:
+    monkeypatch.setattr(recorder, "write_scenario", lambda _: scenario)
+    recorded(tmp_path / "t.rrd", SCENARIO, level=Level.SUMMARY)
+    (said,) = refusals(tmp_path / "t.rrd")
+    assert said.startswith("holds a scenario that this version cannot read: ")
+    assert read_layout(tmp_path / "t.rrd") is None  # it can be looked at all the same

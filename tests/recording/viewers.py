@@ -47,12 +47,12 @@ sys.exit(1)
 
 @contextmanager
 def nothing_left(mark: Path) -> Iterator[None]:
-    """Fail if a process that the block starts outlives it by seconds; end all of them, however the block ends."""
+    """Fail if a process that the block starts outlives it; end all of them, however the block ends."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("EPUCK_SIM_TEST", str(mark))
         try:
             yield
-            wait_until(lambda: not processes_marked(str(mark)), limit_s=5)
+            wait_until(lambda: not processes_marked(str(mark)))
         finally:
             for left in processes_marked(str(mark)):
                 with suppress(ProcessLookupError):

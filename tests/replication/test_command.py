@@ -14,6 +14,9 @@ from epuck_sim.sweep import run
 from tests.cli.commands import call, refused
 from tests.replication.claim_files import EVERY_VERDICT, FASTER, SPEED, SWEEP, claim, write_claims
 
+IDS = [f"A{number}" for number in range(1, 9)]
+VERDICTS = ["holds", "contradicted", "undecided", "not asked", "holds", "identity", "reading", "no claim"]
+
 
 @pytest.fixture(scope="module")
 def replicated(tmp_path_factory) -> tuple[Path, Path]:
@@ -22,16 +25,8 @@ def replicated(tmp_path_factory) -> tuple[Path, Path]:
     file = write_claims(folder)
     result = call("replicate", "--claims", file, "--out", folder / "out", "--workers", 1)
     assert result.exit_code == 0, result.stderr
-    assert [line.split()[:2] for line in result.stdout.splitlines()[:8]] == [
-        ["A1", "holds"],
-        ["A2", "contradicted"],
-        ["A3", "undecided"],
-        ["A4", "not"],
-        ["A5", "holds"],
-        ["A6", "identity"],
-        ["A7", "reading"],
-        ["A8", "no"],
-    ]
+    told = [re.match(r"(A\d)   (.*?) +Claim \1$", line) for line in result.stdout.splitlines()[:8]]
+    assert [line and line.group(1, 2) for line in told] == [*zip(IDS, VERDICTS, strict=True)]
     return file, folder / "out"
 
 
@@ -44,9 +39,7 @@ def test_the_page_has_a_row_for_each_claim_and_explains_those_that_do_not_hold(r
     file, folder = replicated
     page = (folder / "replication.md").read_text()
     found = re.findall(r"^\[?(A\d)(?:\]\(#a\d\))? \| (.*) \| (.*) \| (.*)$", page, re.MULTILINE)
-    assert [row[0] for row in found] == [f"A{n}" for n in range(1, 9)]
-    verdicts = ["holds", "contradicted", "undecided", "not asked", "holds", "identity", "reading", "no claim"]
-    assert [row[-1] for row in found] == verdicts
+    assert [(row[0], row[-1]) for row in found] == [*zip(IDS, VERDICTS, strict=True)]
     assert found[0][1] == '"Sentence A1"'
     assert found[3] == ("A4", "Claim A4", "It takes 900 CPU hours.", "not asked")
     assert found[4][2].startswith("sigma a 0.253 (0.2 to 0.3)")
@@ -70,17 +63,10 @@ def test_the_page_has_a_row_for_each_claim_and_explains_those_that_do_not_hold(r
 def test_tables_beside_the_page_have_all_that_is_known_of_claims_tests_and_sweeps(replicated) -> None:
     _, folder = replicated
     claims = {row["id"]: row for row in read_table(folder, "replication.csv")}
-    assert list(claims) == [f"A{n}" for n in range(1, 9)]
+    assert list(claims) == IDS
     assert (claims["A1"]["section"], claims["A1"]["line"], claims["A1"]["quote"]) == ("9", "7", "Sentence A1")
-    shown = ("verdict", "source", "quantifier", "reading", "changed", "sweep")
-    assert [claims["A7"][name] for name in shown] == [
-        "reading",
-        "Doe (2009)",
-        "far",
-        "the margin",
-        "The margin.",
-        "tiny",
-    ]
+    shown = {"source": "Doe (2009)", "quantifier": "far", "reading": "the margin", "changed": "The margin."}
+    assert claims["A7"].items() >= {**shown, "verdict": "reading", "sweep": "tiny"}.items()
     assert claims["A6"]["identity"] == "A definition"
     tests = read_table(folder, "replication-tests.csv")
     assert [row["claim"] for row in tests] == ["A1", "A2", "A3", "A5", "A6", "A7"]

@@ -79,24 +79,19 @@ def test_what_cannot_be_true_or_false_by_trials_is_named() -> None:
     assert by_kind["reading"] == {"R35", "R45", "R54", "R55", "R57", "R63"}
 
 
-def test_rises_have_one_margin() -> None:
+def test_rises_have_one_margin_and_thresholds_of_ratios_are_positive() -> None:
     for claim in CLAIMS.claims:
         for check in claim.checks:
             if check.test == "largest_rise" and claim.id not in ("R3", "R61"):  # of which another number is asked
                 assert check.rises is not None, claim.id
+            if check.test == "ratio":
+                assert all(each > 0 for each in check.predicted if each is not None)
 
 
 @pytest.mark.parametrize("version", Version)
 def test_every_sweep_can_be_run(version: Version) -> None:
     for found in points_of(version).values():
         check_sweep(found)
-
-
-def test_thresholds_of_ratios_are_positive() -> None:
-    for claim in CLAIMS.claims:
-        for check in claim.checks:
-            if check.test == "ratio":
-                assert all(each > 0 for each in check.predicted if each is not None)
 
 
 def test_sweeps_have_a_seed_that_no_earlier_page_and_no_figure_had() -> None:

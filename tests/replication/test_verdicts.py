@@ -91,12 +91,8 @@ def test_a_threshold_of_ours_decides_about_our_reading_alone(value, verdict) -> 
     [("identity", Verdict.IDENTITY), ("no_claim", Verdict.NO_CLAIM), ("not_asked", Verdict.NOT_ASKED)],
 )
 def test_what_needs_no_trials_says_so(reason: str, verdict: Verdict) -> None:
-    assert (
-        judge_claims([(Claim.model_validate({"id": "A1", "section": "9", "claim": "so", reason: "why"}), [])])[
-            0
-        ].verdict
-        == verdict
-    )
+    claim = Claim.model_validate({"id": "A1", "section": "9", "claim": "so", reason: "why"})
+    assert judge_claims([(claim, [])])[0].verdict == verdict
 
 
 def test_an_identity_that_fails_is_contradicted() -> None:

@@ -1,7 +1,7 @@
 """The arena as a recording shows it, whatever its model, and what surrounds and links point-like agents.
 
 Everything lies under `/arena`, in cm. In rerun's pictures y points down; a transform there flips them, so that data
-keep the coordinates of the simulation.
+keep the coordinates of the simulation. What each entity holds is in docs/recordings.md.
 """
 
 import math
@@ -20,47 +20,29 @@ from epuck_sim.recording.rows import Population, RowBatch
 from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
 from epuck_sim.scenario.particles import Cone, ParticleScenario, Range
 
-ARENA = "/arena"
-"""Entity with the transform."""
-
+ARENA = "/arena"  # with the transform
 WALLS = "/arena/walls"
-"""Entity with the arena's outline."""
-
 OBSTACLES = "/arena/obstacles"
-"""Entity with the outlines of obstacles."""
-
 MOVABLES = "/arena/movables"
-"""Entity with a disc for each movable in each row."""
-
 FLOOR = "/arena/floor"
-"""Entity with a grey picture of a floor that is not white."""
-
 LAMPS = "/arena/lamps"
-"""Entity with a point for each lamp."""
-
-ROBOTS = "/arena/robots"
-"""Entity with (count,) discs in each row, robots or agents, of class 1 while the ring is lit or the flash is shown."""
-
+ROBOTS = "/arena/robots"  # robots or agents, of class 1 while the ring is lit or the flash is shown
 NUMBERS = "/arena/numbers"
-"""Entity above those with the number of a robot or agent, which a transform moves to its place in each row."""
-
-LEGEND = "/legend"
-"""Entity with a text: what lines and arrows in the arena mean."""
-
 HEADINGS = "/arena/headings"
-"""Entity with (count,) arrows in each row, from the middle to the front of the disc."""
-
 RANGES = "/arena/ranges"
-"""Entity with circles in each row, as far as flashes or pulses are received from all around."""
+CONES = "/arena/cones"
+LINKS = "/arena/links"
+LEGEND = "/legend"
 
 UNLABELLED = 50
 """Swarms of this size or larger are drawn without number labels."""
 
-CIRCLE_CORNERS = 64
-"""Corners of a round obstacle's outline."""
-
-FLOOR_PX = 1024
-"""Longer side of the picture of a floor, in pixels."""
+CIRCLE_CORNERS = 64  # of a round obstacle's outline
+FLOOR_PX = 1024  # longer side of the picture of a floor
+ARROW_RADIUS = 0.25 / 3.7  # half-thickness of a heading arrow, in radii of the disc
+UNBOUNDED_SHARE = 1 / 8  # drawn length of a cone of unlimited range, as a share of the side
+ARC_STEP_RAD = math.radians(12)  # largest angle between two corners of an arc
+NOWHERE_CM = -1e5  # where numbers are whose robots are not in the arena, on both axes
 
 GREY = (150, 150, 150)
 FAINT = (90, 90, 100)
@@ -68,12 +50,12 @@ WHITE = (255, 255, 255)
 LIT = (220, 40, 30)
 DARK = (62, 67, 78)
 YELLOW = (255, 200, 0)
+NIGHT = (13, 16, 17)  # background of pictures, whatever the viewer's theme
 RINGS = rr.AnnotationContext([(0, "dark", DARK), (1, "lit", LIT)])
 """Rings differ in brightness, too, for those who do not tell red from green. White numbers have a contrast of 4.8 on
 lit ones and of 10 on dark ones."""
 
-NIGHT = (13, 16, 17)
-"""Background of pictures, whatever the viewer's theme."""
+PULSES = rr.AnnotationContext([(0, "receives", (95, 105, 135)), (1, "is shifted", (240, 200, 40))])
 
 MEANINGS = {
     "robot": (
@@ -89,9 +71,6 @@ MEANINGS = {
 }
 """What lines and arrows mean, of robots and of agents: in every recording, and besides in a full one."""
 
-ARROW_RADIUS = 0.25 / 3.7
-"""Half-thickness of a heading arrow, relative to the disc's radius."""
-
 _STROKES = (
     ((0, 0), (1, 0), (1, 2), (0, 2), (0, 0)),
     ((1, 0), (1, 2)),
@@ -106,14 +85,8 @@ _STROKES = (
 )
 """Corners of each digit, as on a display of seven segments; y points down."""
 
-SCALE = 0.32
-"""Width of a digit, in rows; it is twice as high."""
-
-PITCH = 0.55
-"""Distance from one digit to the next, in rows."""
-
-THICKNESS = 0.1
-"""Thickness of lines, in rows."""
+SCALE, PITCH, THICKNESS = 0.32, 0.55, 0.1
+"""Width of a digit, which is twice as high, distance from one to the next, and thickness of lines; in rows."""
 
 
 def row_numbers(rows: int) -> rr.LineStrips2D:
@@ -142,9 +115,6 @@ LEGIBLE_SHARE = 1 / 15
 ON_DISC, BESIDE_DISC = (1.1, 0.4), (1.8, 1.9)
 """Size of numbers, as a share of those beside rows of a height of the disc's radius, and their distance from the middle
 of their disc, away from the heading, in radii."""
-
-NOWHERE_CM = -1e5
-"""Where numbers are whose robots are not in the arena, on both axes, cm."""
 
 
 def static_arena_entities(population: Population, level: Level) -> Iterator[Chunk]:
@@ -193,7 +163,7 @@ def _floor_and_lamps(arena: Arena) -> Iterator[Chunk]:
         yield static_chunk(LAMPS, lamps)
 
 
-def changing_walls(batch: RowBatch) -> Iterator[Chunk]:
+def _changing_walls(batch: RowBatch) -> Iterator[Chunk]:
     """Yield walls and obstacles in these rows."""
     time_ns = batch.time_ns[[row for row, _ in batch.arenas]]
     arenas = [arena for _, arena in batch.arenas]
@@ -227,7 +197,9 @@ def number_style(population: Population) -> tuple[float, float]:
 
 
 def arena_entities(batch: RowBatch, population: Population) -> Iterator[Chunk]:
-    """Yield positions, headings and rings in these rows, and movables."""
+    """Yield positions, headings and rings in these rows, movables, and walls that change."""
+    if population.arena_changes:
+        yield from _changing_walls(batch)
     poses, time_ns = batch.poses, batch.time_ns
     each = np.full(len(poses), poses.shape[1])
     middles = poses[..., :2].reshape(-1, 2)
@@ -265,13 +237,13 @@ def unit_vectors(angle: FloatArray) -> FloatArray:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def ray_ends(origins: FloatArray, rays: FloatArray, longest_cm: float, arena: Arena) -> FloatArray:
-    """Return (..., 2) cm: where rays end that reach `longest_cm`, or the arena's outer walls if those are nearer.
+def ray_ends(origins: FloatArray, rays: FloatArray, longest_cm: FloatArray | float, arena: Arena) -> FloatArray:
+    """Return (..., 2) cm where rays end that reach so far, or the outer walls if those are nearer.
 
     Args:
         origins: (..., 2) cm, within the walls.
         rays: (..., 2) unit vectors.
-        longest_cm: Longest ray, cm.
+        longest_cm: (...) lengths of the rays.
         arena: Its obstacles stop no rays.
     """
     walls = np.array([arena.width_cm, arena.height_cm])
@@ -290,22 +262,6 @@ def strip_columns(strips: FloatArray) -> rr.ComponentColumnList:
     return rr.LineStrips2D.columns(strips=array).partition(np.full(rows, count))
 
 
-CONES = "/arena/cones"
-"""Entity with (agents,) strips in each row, around the cone of vision or emission, within the arena."""
-
-LINKS = "/arena/links"
-"""Entity with arrows at each instant, from an agent that fires to one that receives; of class 1 if its phase shifts."""
-
-UNBOUNDED_SHARE = 1 / 8
-"""Drawn length of a cone of unlimited range, as a share of the side."""
-
-ARC_STEP_RAD = math.radians(12)
-"""Largest angle between two corners of an arc, rad."""
-
-PULSES = rr.AnnotationContext([(0, "receives", (95, 105, 135)), (1, "is shifted", (240, 200, 40))])
-"""Names and colours of the classes of links: a pulse that is received, and one that shifts the phase as well."""
-
-
 class AgentLayers:
     """Cones or ranges, and pulse links.
 
@@ -319,8 +275,7 @@ class AgentLayers:
         self._population = population
         self._range_cm = None if is_sector else radius_cm
         self._cone_cm = UNBOUNDED_SHARE * scenario.space.side_cm if radius_cm is None else radius_cm
-        self._arc: FloatArray | None = None
-        """(corners,) rad: angles from the heading to the corners of a cone's arc."""
+        self._arc: FloatArray | None = None  # (corners,) rad: angles from the heading to the corners of a cone's arc
         if isinstance(rule, Cone) and is_sector and scenario.space.dimensions == 2:
             half = math.radians(rule.angle_deg) / 2
             self._arc = np.linspace(-half, half, 1 + math.ceil(2 * half / ARC_STEP_RAD))
@@ -350,11 +305,6 @@ class AgentLayers:
         if self._population.is_cyclic:  # across the edge where that is shorter
             side_cm = self._population.arena.width_cm
             ways -= side_cm * np.rint(ways / side_cm)
-        arrows = rr.Arrows2D.columns(
-            origins=middles[rows, firing], vectors=ways, class_ids=is_shifted.astype(np.uint16)
-        )
+        shifts = is_shifted.astype(np.uint16)
+        arrows = rr.Arrows2D.columns(origins=middles[rows, firing], vectors=ways, class_ids=shifts)
         yield temporal_chunk(LINKS, time_ns, *arrows.partition(np.bincount(rows, minlength=len(time_ns))))
-
-    def final_chunks(self) -> tuple[Chunk, ...]:
-        """Return nothing: nothing is held back."""
-        return ()

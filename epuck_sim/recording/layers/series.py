@@ -1,4 +1,4 @@
-"""Plots over time in a recording: flashes, order, phases, wheels, memory and readings; and a log of what changed."""
+"""Plots over time in a recording: flashes, order, phases, memory and readings; and a log of what changed."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -19,28 +19,15 @@ from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.result import TrialState
 
 FLASHES = "/flashes"
-"""Entity with a scalar at each flash: the number of the robot or agent; `cycle`: which of its flashes it is, from 1."""
-
 ORDER_AT_STEPS = "/order/steps"
-"""Entity with a scalar in each row: the order parameter of all oscillators."""
-
 ORDER_AT_FIRINGS = "/order/firings"
-"""Entity with a scalar at each firing of the reference: the order parameter that the trial measures."""
-
 THRESHOLD = "/order/threshold"
-"""Entity with the order parameter at which the swarm counts as synchronised, if the scenario gives one."""
-
 PHASES = "/phases"
-"""Entity with (count,) scalars in each row: phases, ms."""
-
 PHASE_LEAD = "/phase_lead"
-"""Entity with (count,) scalars at each firing of the reference: phases ahead of the reference's, -0.5 to 0.5 cycles."""
-
 WHEELS = "/wheels"
-"""Entity with (2 robots,) scalars at each step: left and right wheel of each robot, as commanded, cm/s."""
-
 NOW = "/now"
-"""Entity with a text whenever that changes: whole seconds, the cycle, and T_sync once it is known."""
+MEMORY = "/memory"
+EVENTS = "/events"
 
 KEEP_EXTREMES: dict[str, Any] = {"aggregation_policy": "MinMax"}
 """Style of lines that are drawn by their extremes when zoomed out: the mean of many cycles would be flat."""
@@ -87,7 +74,7 @@ def time_series(batch: RowBatch, population: Population, threshold: float | None
 
 
 class Now:
-    """Says what the trial has come to."""
+    """Texts about what the trial has come to: whole seconds, the cycle, and T_sync once it is known."""
 
     def __init__(self) -> None:
         self._cycles = 0  # before the first row
@@ -98,16 +85,14 @@ class Now:
         cycles = self._cycles + np.searchsorted(batch.firings, np.arange(len(batch.time_ns)), side="right")
         self._cycles = state.cycles
         t_sync = state.outcome.cycles if state.is_synchronised else math.inf
-        rows, texts = [], []
+        new: dict[int, str] = {}
         for row, (time_ns, cycle) in enumerate(zip(batch.time_ns.tolist(), cycles.tolist(), strict=True)):
             reached = f"T_sync {t_sync} cycles" if cycle >= t_sync else "not synchronised"
             text = f"**{time_ns // 10**9} s**" + (f", cycle {cycle}: {reached}" if state.oscillators else "")
             if text != self._said:
-                rows.append(row)
-                texts.append(text)
-                self._said = text
-        if rows:
-            yield temporal_chunk(NOW, batch.time_ns[rows], *rr.TextDocument.columns(text=texts))
+                new[row] = self._said = text
+        if new:
+            yield temporal_chunk(NOW, batch.time_ns[list(new)], *rr.TextDocument.columns(text=[*new.values()]))
 
 
 def phase_lead(phase_ms: FloatArray, population: Population) -> FloatArray:
@@ -115,17 +100,6 @@ def phase_lead(phase_ms: FloatArray, population: Population) -> FloatArray:
     cycles = phase_ms / population.period_ms
     ahead: FloatArray = cycles - cycles[:, [population.reference]]
     return ahead - np.round(ahead)
-
-
-def static_wheel_series(population: Population) -> Iterator[Chunk]:
-    """Yield the appearance of the plot of wheel speeds."""
-    sides = [f"{robot} {side}" for robot in robot_names(population) for side in ("left", "right")]
-    yield static_chunk(WHEELS, rr.SeriesLines(names=sides, **KEEP_EXTREMES))
-
-
-def wheel_series(batch: RowBatch) -> Iterator[Chunk]:
-    """Yield the wheel speeds at these steps."""
-    yield temporal_chunk(WHEELS, batch.time_ns, *scalar_columns(batch.wheels_cm_s))
 
 
 def robot_names(population: Population) -> list[str]:
@@ -139,12 +113,8 @@ def scalar_columns(values: FloatArray) -> rr.ComponentColumnList:
     return rr.Scalars.columns(scalars=flat.ravel()).partition(np.full(len(flat), flat.shape[1]))
 
 
-MEMORY = "/memory"
-"""Entity above those with (robots,) scalars at each step, one for each field that is recorded, which has its name."""
-
-
 class MemorySeries:
-    """Gathers fields of what robots remember, a row for each step."""
+    """Gathers fields of what robots remember, and readings of their sensors, a row for each step."""
 
     def __init__(self, scenario: Scenario, fields: Sequence[str], population: Population) -> None:
         """Check the fields; raise ScenarioError if no controller remembers one, or if there are no controllers."""
@@ -152,7 +122,7 @@ class MemorySeries:
             own = [field for field in fields if not field.startswith(READING)]
             check_fields(require_model(scenario, EmbodiedScenario, "robots alone have a memory to record"), own)
         self._rows: dict[str, list[FloatArray]] = {field: [] for field in fields}
-        self._population = population
+        self._names = robot_names(population)
 
     def append(self, step: Step) -> None:
         """Add a step."""
@@ -162,8 +132,7 @@ class MemorySeries:
     def static_chunks(self) -> Iterator[Chunk]:
         """Yield the appearance of the plots."""
         for field in self._rows:
-            lines = rr.SeriesLines(names=robot_names(self._population), **KEEP_EXTREMES)
-            yield static_chunk(memory_entity(field), lines)
+            yield static_chunk(memory_entity(field), rr.SeriesLines(names=self._names, **KEEP_EXTREMES))
 
     def flush(self, time_ns: IntArray) -> Iterator[Chunk]:
         """Yield the steps, which were at these times, and remove them."""
@@ -183,26 +152,13 @@ def memory_entity(field: str) -> str:
     return f"{MEMORY}/{field}"
 
 
-EVENTS = "/events"
-"""Entity with a text at each change."""
+def event_chunks(events: Sequence[TrialEvent]) -> Iterator[Chunk]:
+    """Yield events of a trial as a log, if there are any."""
+    if events:
+        time_ns = np.array([round(event.time_s * 1e9) for event in events])
+        yield temporal_chunk(EVENTS, time_ns, *rr.TextLog.columns(text=[_in_words(event) for event in events]))
 
 
-class EventLog:
-    """Writes events, each once."""
-
-    def __init__(self) -> None:
-        self._written = 0
-
-    def flush(self, events: Sequence[TrialEvent]) -> Iterator[Chunk]:
-        """Yield those of a trial's events so far that are new."""
-        new = events[self._written :]
-        self._written = len(events)
-        if new:
-            time_ns = np.array([round(event.time_s * 1e9) for event in new])
-            yield temporal_chunk(EVENTS, time_ns, *rr.TextLog.columns(text=[in_words(event) for event in new]))
-
-
-def in_words(event: TrialEvent) -> str:
-    """Return an event as one line of text."""
+def _in_words(event: TrialEvent) -> str:
     whom = f" in {', '.join(map(str, event.robots))}" if event.robots else ""
     return f"{event.source}: {event.what}{whom}"

@@ -1,0 +1,78 @@
+"""Recordings for tests: trials that are recorded, what rerun's own reader finds in a file, and comparison of files."""
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.compute as pc
+from rerun.chunk import RrdReader
+
+from epuck_sim.recording import Level
+from epuck_sim.recording.process import run_rerun
+from epuck_sim.recording.recorder import record
+from epuck_sim.recording.rrd_file import SEAL
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.model import Observer, run_trial, simulate
+from epuck_sim.trial.result import TrialResult
+
+Array = npt.NDArray[Any]
+
+
+def recorded(
+    path: Path, scenario: Scenario, seed: int = 1, level: Level = Level.FULL, *others: Observer, **more: Any
+) -> TrialResult:
+    """Record a trial that others observe, too."""
+    with record(path, scenario, seed, level, **more) as observer:
+        return run_trial(simulate(scenario, seed), [observer, *others])
+
+
+def towards(angles: Array) -> Array:
+    """Return (..., 2) unit vectors."""
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+class Found:
+    """What rerun's reader finds in a file."""
+
+    def __init__(self, path: Path) -> None:
+        self.static: dict[str, dict[str, Any]] = defaultdict(dict)
+        self.moving: dict[str, list[Any]] = defaultdict(list)
+        for chunk in RrdReader(path).store().stream().to_chunks():
+            batch = chunk.to_record_batch()
+            if chunk.is_static:
+                self.static[chunk.entity_path].update({key: each[0] for key, each in batch.to_pydict().items()})
+            else:
+                self.moving[chunk.entity_path].append(batch)
+        for batches in self.moving.values():
+            batches.sort(key=lambda batch: batch.column("sim_time")[0].value)
+
+    def property(self, name: str) -> dict[str, Any]:
+        columns = self.static[f"/__properties/{name}"].items()
+        return {key: each[0] for key, each in columns if not key.startswith("rerun.")}
+
+    def times(self, entity: str) -> list[int]:
+        return [time for batch in self.moving[entity] for time in batch.column("sim_time").cast(pa.int64()).to_pylist()]
+
+    def lists(self, entity: str, component: str) -> list[Any]:
+        return [row for batch in self.moving[entity] for row in batch.column(component).to_pylist()]
+
+    def array(self, entity: str, component: str) -> Array:
+        """Return (rows, ...) values, of as many dimensions as the lists are deep; every list is as long."""
+        column = pa.concat_arrays([batch.column(component) for batch in self.moving[entity]])
+        shape = [len(column)]
+        while pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type):
+            (length,) = set(pc.list_value_length(column).to_pylist())
+            shape.append(length)
+            column = column.flatten()
+        return column.to_numpy(zero_copy_only=False).reshape(shape)
+
+
+def compare(one: Path, other: Path) -> None:
+    """Raise RecordingError if two recordings differ, but for the digests of their files: rerun numbers each anew."""
+    unsealed = [path.with_suffix(".unsealed.rrd") for path in (one, other)]
+    for path, left in zip((one, other), unsealed, strict=True):
+        run_rerun("rrd", "filter", "--drop-entity", SEAL, str(path), "-o", str(left))
+    run_rerun("rrd", "compare", *map(str, unsealed))

@@ -1,0 +1,152 @@
+"""Recordings, films and pictures show what changes: walls and obstacles, movables, and who is in the arena."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from epuck_sim import ArenaView, Simulation, Trace, film_trial, load_scenario, read_recording, record, run_trial
+from epuck_sim.figures.trial_page import draw_page
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.filming import film_recording
+from epuck_sim.recording.layers.arena import OBSTACLES, WALLS
+from epuck_sim.recording.reader import Entities
+from epuck_sim.recording.recorded import Recorded
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from tests.embodied.changes.test_arena_change import GATE, PILLARS
+
+WALLS_CHANGE = {
+    "arena": {"obstacles": GATE},
+    "robots": [{"poses": [[10, 10, 0], [10, 40, 1]], "memory": {"phase_ms": 4900}, "parameters": {"speed_cm_s": 1}}],
+    "schedule": [
+        {"at_s": 2, "set": {"arena.obstacles": [], "arena.height_cm": 60}},
+        {"at_cycle": 2, "set": {"arena.height_cm": 80, "arena.obstacles": PILLARS}},
+    ],
+    "stop": {"max_time_s": 8, "order_parameter": None},
+}
+ROBOTS_COME_AND_GO = {
+    "robots": [
+        {"poses": [[10, 10, 0], [20, 10, 1], [40, 40, 2]], "memory": {"phase_ms": [4900, 4900, 2400]}},
+        {"count": 1, "present": False},
+    ],
+    "schedule": [{"at_s": 1, "remove": [2]}, {"at_s": 2, "add": [3]}, {"at_s": 4, "remove": [1]}],
+    "stop": {"max_time_s": 6, "order_parameter": None},
+}
+PUSHED = ["stop.max_time_s=14", "robots.0.parameters.speed_cm_s=12.8", "robots.0.memory={phase_ms: 4900}"]
+CAMERA = "overhead={light: lit, width_px: 320, height_px: 240, frames_per_s: 5}"
+SCENES: dict[str, Callable[[], EmbodiedScenario]] = {
+    "walls": lambda: load_scenario(WALLS_CHANGE, [CAMERA]),
+    "robots": lambda: load_scenario(ROBOTS_COME_AND_GO, [CAMERA]),
+    "movables": lambda: load_scenario("pushing", [*PUSHED, CAMERA]),
+}
+
+
+class Trial(NamedTuple):
+    """A trial that was recorded, filmed and looked at."""
+
+    folder: Path
+    scenario: EmbodiedScenario
+    steps: list[Any]
+    recorded: Recorded
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def trial(request, tmp_path_factory) -> Trial:
+    folder, scenario, steps = tmp_path_factory.mktemp("changing"), SCENES[request.param](), []
+
+    def look(step, _):
+        kept = {"movables": step.movables.copy(), "present": step.present.copy()}
+        steps.append((step.arena, kept, step.phase_ms, step.contacts.tolist(), step.sightings.tolist()))
+
+    with record(folder / "t.rrd", scenario, 1) as recorder, film_trial(folder / "t.mp4", scenario, 1) as camera:
+        run_trial(Simulation(scenario, 1), [recorder, camera, look])
+    return Trial(folder, scenario, steps, read_recording(folder / "t.rrd"))
+
+
+def test_a_recording_holds_what_was_there_and_who_touched_and_saw_it(trial: Trial) -> None:
+    recorded = trial.recorded
+    present = np.array([kept["present"] for _, kept, *_ in trial.steps])
+    np.testing.assert_array_equal(np.isnan(recorded.positions).any(axis=2), ~present)
+    np.testing.assert_array_equal(np.isnan(recorded.headings), ~present)
+    np.testing.assert_array_equal(recorded.phase_ms, np.array([phases for _, _, phases, *_ in trial.steps]))
+    assert not recorded.ring_on[~present].any()
+    assert not np.isnan(recorded.order_parameter).any()
+    movables = np.array([kept["movables"] for _, kept, *_ in trial.steps])
+    np.testing.assert_array_equal(recorded.movables, movables.astype(np.float32))
+    for row, (arena, kept, *_) in enumerate(trial.steps):
+        found = recorded.arena_at(row)
+        assert (found.height_cm, found.edges.tolist()) == (arena.height_cm, arena.edges.tolist())
+        expected = arena.with_movables_at(kept["movables"]).circles
+        np.testing.assert_allclose(found.circles, expected, atol=1e-4)
+    contacts = [[row, *pair] for row, step in enumerate(trial.steps) for pair in step[3]]
+    assert sorted(recorded.contacts.tolist()) == sorted(contacts)
+    lit = [[row, *pair] for row, step in enumerate(trial.steps) for pair in step[4]]
+    assert sorted(recorded.sightings[recorded.sightings[:, 3] == 1, :3].tolist()) == sorted(lit)
+    rows, observers, others, _ = recorded.sightings.T
+    assert present[rows, observers].all()
+    assert present[rows, others].all()
+    assert draw_page(recorded) is not None
+    assert '"nan' not in recorded._repr_html_()
+
+
+def test_scenes_change() -> None:
+    """What a trial shows of each scene is not the same all the time."""
+    seen: dict[str, list[Any]] = {name: [] for name in SCENES}
+    looks = {
+        "walls": lambda step: step.arena.height_cm,
+        "robots": lambda step: int(step.present.sum()),
+        "movables": lambda step: round(step.movables[0, 0]),
+    }
+    for name, scene in SCENES.items():
+        run_trial(Simulation(scene(), 1), [lambda step, _, name=name: seen[name].append(looks[name](step))])
+    assert list(dict.fromkeys(seen["walls"])) == [60, 80]
+    assert list(dict.fromkeys(seen["robots"])) == [3, 2]
+    assert max(seen["movables"]) - min(seen["movables"]) >= 2
+
+
+def frames_of(path: Path) -> list[np.ndarray]:
+    with open_film(str(path)) as film:
+        return [frame.picture.astype(int) for frame in film.frames()]
+
+
+def test_films_of_a_trial_and_of_its_recording_show_the_same(trial: Trial) -> None:
+    film_recording(trial.folder / "t.rrd", [], trial.folder / "again.mp4", lambda rows, _: rows)
+    films = [frames_of(trial.folder / name) for name in ("t.mp4", "again.mp4")]
+    assert len(films[0]) == len(films[1]) > 10
+    differences = [np.abs(one - other).max() for one, other in zip(*films, strict=True)]
+    assert max(differences) < 60  # poses are in single precision, and films are compressed
+    assert np.abs(films[0][0] - films[0][-1]).max() > 60
+
+
+def test_entities_of_walls_hold_each_change(tmp_path) -> None:
+    scenario = SCENES["walls"]()
+    with record(tmp_path / "t.rrd", scenario, 1) as recorder:
+        run_trial(Simulation(scenario, 1), [recorder])
+    entities = Entities(tmp_path / "t.rrd", WALLS, OBSTACLES)
+    arenas = read_recording(tmp_path / "t.rrd").arenas
+    assert entities.times(WALLS).tolist() == [time_s for time_s, _ in arenas]
+    assert entities.lengths(OBSTACLES, "LineStrips2D:strips").tolist() == [1, 0, 2]
+
+
+def test_pictures_show_the_obstacles_and_movables_that_are_given(trial: Trial) -> None:
+    view, nobody = ArenaView(trial.scenario, 320, 240), (np.empty((0, 3)), np.empty(0, bool))
+    (first, kept, *_), last = trial.steps[0], trial.steps[-1][0]
+    shown = view.draw(*nobody, kept["movables"], arena=first)
+    np.testing.assert_array_equal(view.draw(*nobody), shown)
+    if last is not first:
+        changed = view.draw(*nobody, kept["movables"], arena=last)
+        assert (np.abs(shown.astype(int) - changed) > 20).any(axis=2).sum() > 300
+    if len(kept["movables"]):
+        assert (view.draw(*nobody, kept["movables"] + [60, 0]) != shown).any()
+        simulation = Simulation(trial.scenario, 1)
+        ((x, _),) = simulation.advance(60).movables
+        assert f'cx="{x:.5g}"' in simulation._repr_html_()
+
+
+def test_notebooks_and_traces_take_steps_without_some_robots(tmp_path) -> None:
+    simulation = Simulation({**ROBOTS_COME_AND_GO, "stop": {"max_time_s": 3, "order_parameter": None}}, 1)
+    with Trace(tmp_path / "t.parquet", simulation.scenario, 1) as trace:
+        run_trial(simulation, [trace])
+    assert '"nan' not in simulation._repr_html_()

@@ -1,0 +1,605 @@
+"""A recording of robots holds what the simulation's arrays held, as rerun's own reader and ours find it."""
+
+import json
+import subprocess
+from collections import Counter
+from importlib.metadata import version
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import pytest
+import rerun.blueprint as rrb
+from hypothesis import given
+from hypothesis import strategies as st
+from rerun.chunk import RrdReader
+
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.embodied.observers import find_sightings, make_scene
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step, memory_values
+from epuck_sim.errors import RecordingError, ScenarioError
+from epuck_sim.recording import Level, recorder
+from epuck_sim.recording.layers import robots as layers
+from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
+from epuck_sim.recording.layout import layout_of
+from epuck_sim.recording.process import PROGRAM, run_rerun
+from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording.recorded import Recorded
+from epuck_sim.recording.recorder import record
+from epuck_sim.recording.rows import RobotBuffer
+from epuck_sim.recording.rrd_file import SEAL
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.trial.embodied import SynchronyWatch
+from epuck_sim.trial.model import run_trial
+from epuck_sim.trial.result import TrialResult
+from epuck_sim.util.provenance import versions
+from tests.recording.recordings import Array, Found, compare, recorded, towards
+
+RADIUS_CM = 3.7
+
+SUMMARY = {"/now", "/flashes", "/order/steps", "/order/firings", "/order/threshold"}
+POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
+NUMBERS = {f"/arena/numbers/{robot}" for robot in range(10)}
+FULL = POSES | {
+    *("/wheels", "/infrared", "/camera/rows", "/camera/space_time"),
+    *("/arena/views", "/arena/sightings", "/arena/contacts"),
+}
+MOVING = {Level.SUMMARY: SUMMARY, Level.POSES: POSES | NUMBERS, Level.FULL: FULL | NUMBERS}
+
+PILLAR = {"shape": "circle", "x_cm": 45, "y_cm": 35, "radius_cm": 5}
+MIXED = {
+    "arena": {"width_cm": 90, "height_cm": 70, "obstacles": [PILLAR]},
+    "robots": [
+        {"count": 3, "camera": {"pixels": 31, "field_of_view_deg": 100, "central_pixels": 11}},
+        {
+            "count": 2,
+            "controller": "constant",
+            "parameters": {"ring_on": True, "left_cm_s": 2, "right_cm_s": 1},
+            "camera": {"pixels": 12, "field_of_view_deg": 300, "range_cm": 25},
+        },
+        {"count": 2, "parameters": {"period_s": 3}, "infrared": {"distance": "firmware_table"}},
+    ],
+    "stop": {"reference_robot": 6, "metric": "reference"},
+}
+DAZZLED = {"robots": [{"parameters": {"flash_fraction": 0.15, "coupling": 10, "speed_cm_s": 2}}]}
+"""Robots that fire again while their rings are lit."""
+
+KILOBOTS = {
+    "robot": {"kind": "kilobot", "camera": {"forward_cm": 0.5}},
+    "robots": [{"count": 20, "parameters": {"period_s": 1.0}}],
+    "arena": {"width_cm": 25, "height_cm": 25},
+}
+UNSURE = {"robots": [{"count": 2, "controller": "constant"}, {"count": 4}]}
+"""The reference is no oscillator."""
+
+WINDOWS = {"one window": {}, "a second": {"BUFFER_S": 1}, "73 rows": {"BUFFER_ROWS": 73}, "a row": {"BUFFER_ROWS": 1}}
+
+CASES: dict[str, tuple[Any, list[str], str]] = {
+    "thesis": ("thesis", ["max_time_s=30"], "one window"),
+    "thesis in parts": ("thesis", ["max_time_s=30"], "73 rows"),
+    "pair, synchronised": ("pair", [], "a second"),
+    "mixed": (MIXED, ["max_time_s=40"], "73 rows"),
+    "dazzled": (DAZZLED, ["max_time_s=60"], "a row"),
+    "obstacles": ("obstacles", ["max_time_s=30"], "73 rows"),
+    "spotlight": ("spotlight", ["max_time_s=3"], "73 rows"),
+    "push": ("push", ["max_time_s=5"], "a second"),
+    "arc": ("arc", ["max_time_s=5"], "one window"),
+    "unsure": (UNSURE, ["max_time_s=12"], "one window"),
+    "kilobots": (KILOBOTS, ["max_time_s=10"], "a second"),
+}
+
+
+class Watched:
+    """An observer that copies what it is shown."""
+
+    def __init__(self) -> None:
+        self.steps: list[SimpleNamespace] = []
+        self.order: list[float] = []
+        self.firings: list[tuple[float, float]] = []
+        self._cycles = 0
+
+    def __call__(self, step: Step, watch: SynchronyWatch) -> None:
+        arrays = ("poses", "camera", "distance_mm", "wheels_cm_s", "ring_on", "phase_ms", "contacts", "sightings")
+        copies = {field: np.array(getattr(step, field)) for field in arrays}
+        self.steps.append(SimpleNamespace(number=step.number, time_s=step.time_s, **copies))
+        self.order.append(float(watch.measure(step.phase_ms)))
+        if watch.cycles > self._cycles and watch.order_parameter is not None:
+            self.firings.append((step.time_s, watch.order_parameter))
+        self._cycles = watch.cycles
+
+    def __getitem__(self, field: str) -> Array:
+        return np.array([getattr(step, field) for step in self.steps])
+
+    def pairs(self, field: str) -> list[list[int]]:
+        """Return rows of links of all steps, each with the number of its step."""
+        return sorted([step.number, *pair] for step in self.steps for pair in getattr(step, field).tolist())
+
+
+class Trial(NamedTuple):
+    """A trial that was recorded, and the same one as it was watched without a recorder."""
+
+    scenario: EmbodiedScenario
+    window: int
+    found: Found
+    read: Recorded
+    beside: Watched
+    watched: Watched
+    results: tuple[TrialResult, TrialResult]
+
+    @property
+    def cameras(self) -> Array:
+        """(steps, robots, 2) cm."""
+        forward_cm = np.array([kind.camera_forward_cm for kind in self.scenario.robot_kinds])[:, None]
+        return self.watched["poses"][..., :2] + forward_cm * towards(self.watched["poses"][..., 2])
+
+
+@pytest.fixture(scope="module", params=CASES)
+def trial(request, tmp_path_factory) -> Trial:
+    source, stop, window = CASES[request.param]
+    scenario = load_scenario(source, [f"stop.{setting}" for setting in stop])
+    path, beside, alone = tmp_path_factory.mktemp("recording") / "t.rrd", Watched(), Watched()
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in WINDOWS[window].items():
+            patch.setattr(recorder, name, value)
+        result = recorded(path, scenario, 2**64 + 5, Level.FULL, beside)
+        of_time, of_rows = recorder.BUFFER_S * scenario.timing.control_hz, recorder.BUFFER_ROWS // scenario.robot_count
+    results = result._replace(wall_s=0), run_trial(Simulation(scenario, 2**64 + 5), [alone])._replace(wall_s=0)
+    rows = max(1, min(of_time, of_rows))
+    return Trial(scenario, rows, Found(path), read_recording(path), beside, alone, results)
+
+
+def slow_flashes(times: list[float], rings: BoolArray, phases: FloatArray) -> list[tuple[float, int, int]]:
+    """Return time, robot and cycle: a ring that lights up, or that is lit already while the phase falls."""
+    found, cycles = [], Counter[int]()
+    for row, time in enumerate(times):
+        for robot in np.flatnonzero(rings[row]).tolist():
+            was_lit = row > 0 and rings[row - 1][robot]
+            if not was_lit or phases[row][robot] < phases[row - 1][robot]:
+                cycles[robot] += 1
+                found.append((time, robot, cycles[robot]))
+    return found
+
+
+# --- what every robot did and saw --------------------------------------------------------------------
+
+
+def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
+    recorded_result, result = trial.results
+    assert recorded_result == result
+    for field in ("poses", "camera", "distance_mm", "wheels_cm_s", "ring_on", "phase_ms"):
+        assert trial.beside[field].tobytes() == trial.watched[field].tobytes()
+    read = trial.read
+    assert (read.scenario, read.seed, read.level) == (trial.scenario, 2**64 + 5, Level.FULL)
+    assert read.versions == {**versions(), "rerun": version("rerun-sdk")}
+    assert (read.cycles, read.synchronised) == (result.cycles, result.t_sync_cycles is not None)
+
+
+def test_each_step_has_its_time_and_each_chunk_is_a_flushed_buffer(trial: Trial) -> None:
+    step_ns = 1_000_000 * trial.scenario.timing.step_ms
+    steps = [step * step_ns for step in range(trial.results[1].steps)]
+    rare = {"/flashes", "/order/firings", "/phase_lead", "/order/threshold", "/camera/space_time", "/now"}
+    for entity in FULL - rare:
+        assert trial.found.times(entity) == steps, entity
+    full, left = divmod(len(steps), trial.window)
+    rows = [batch.num_rows for batch in trial.found.moving["/order/steps"]]
+    assert rows == [trial.window] * full + [left] * (left > 0)
+    threshold = trial.found.times("/order/threshold")
+    assert (threshold[0], threshold[-1]) == (0, steps[-1])
+    assert set(trial.found.array("/order/threshold", "Scalars:scalars").ravel()) == {0.95}
+
+
+def test_poses_phases_and_rings_are_those_of_the_robots(trial: Trial) -> None:
+    read, watched, poses = trial.read, trial.watched, trial.watched["poses"]
+    np.testing.assert_array_equal(read.time_s, [step.time_s for step in watched.steps])
+    np.testing.assert_array_equal(read.positions, poses[..., :2].astype(np.float32), strict=True)
+    np.testing.assert_array_equal(read.phase_ms, watched["phase_ms"], strict=True)
+    np.testing.assert_array_equal(read.ring_on, watched["ring_on"], strict=True)
+    np.testing.assert_allclose(np.angle(np.exp(1j * (read.headings - poses[..., 2]))), 0, atol=1e-5)
+    assert (np.abs(read.headings) <= np.pi).all()
+    vectors = trial.found.array("/arena/headings", "Arrows2D:vectors")
+    radii = np.array([kind.radius_cm for kind in trial.scenario.robot_kinds])[:, None]
+    np.testing.assert_allclose(vectors, radii * towards(poses[..., 2]), rtol=0, atol=1e-6)
+
+
+def test_flashes_are_counted_robot_by_robot_and_the_order_is_that_of_the_watch(trial: Trial) -> None:
+    read, watched = trial.read, trial.watched
+    flashes = list(zip(read.flash_s.tolist(), read.flash_robot.tolist(), read.flash_cycle.tolist(), strict=True))
+    expected = slow_flashes(read.time_s.tolist(), watched["ring_on"], watched["phase_ms"])
+    assert flashes == expected
+    np.testing.assert_array_equal(read.order_parameter, watched.order)
+    assert list(zip(read.firing_s.tolist(), read.firing_order.tolist(), strict=True)) == watched.firings
+    if watched.firings:
+        reference = trial.scenario.stop.reference_robot
+        assert read.flash_s[read.flash_robot == reference].tolist() == read.firing_s.tolist()
+        assert len(watched.firings) == trial.results[1].cycles > 0
+
+
+def test_wheels_cameras_and_infrared_distances_are_those_of_the_robots(trial: Trial) -> None:
+    found, watched = trial.found, trial.watched
+    steps, count, pixels = watched["camera"].shape
+    wheels = found.array("/wheels", "Scalars:scalars")
+    np.testing.assert_array_equal(wheels, watched["wheels_cm_s"].reshape(steps, -1), strict=True)
+    names = [f"robot {robot} {side}" for robot in range(count) for side in ("left", "right")]
+    assert found.static["/wheels"]["SeriesLines:names"] == names
+    rows = found.array("/camera/rows", "SegmentationImage:buffer")
+    np.testing.assert_array_equal(rows.reshape(steps, count, pixels), watched["camera"])
+    distances = np.frombuffer(found.array("/infrared", "DepthImage:buffer").tobytes(), "<u2")
+    np.testing.assert_array_equal(distances.reshape(steps, count, 8), watched["distance_mm"])
+    formats = (("/camera/rows", "SegmentationImage", pixels), ("/infrared", "DepthImage", 8))
+    for entity, archetype, width in formats:
+        (picture,) = found.static[entity][f"{archetype}:format"]
+        assert (picture["height"], picture["width"]) == (count, width)
+
+
+def test_links_are_those_of_the_cameras_and_bodies(trial: Trial) -> None:
+    watched, scenario, sightings = trial.watched, trial.scenario, trial.read.sightings
+    assert sorted(trial.read.contacts.tolist()) == watched.pairs("contacts")
+    assert trial.read.links.contact_points.shape == (len(trial.read.contacts), 2)
+    assert sorted(sightings[sightings[:, 3] == 1, :3].tolist()) == watched.pairs("sightings")
+    scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
+    in_view = [find_sightings(scene, watched["poses"], group) for group in range(len(scenario.robots))]
+    assert sorted(sightings[:, :3].tolist()) == sorted(np.concatenate(in_view).tolist())
+    with pytest.raises(RecordingError, match="embodied has no pulses; they are of model: particles"):
+        _ = trial.read.pulses
+
+
+def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(trial: Trial) -> None:
+    strips = trial.found.array("/arena/views", "LineStrips2D:strips").astype(float)
+    eyes = strips[:, :, 1]
+    np.testing.assert_allclose(eyes, trial.cameras, rtol=0, atol=1e-5)
+    views = [group.camera for group in trial.scenario.robots for _ in range(group.count)]
+    shares = np.array([(view.central_pixels or view.pixels) / view.pixels for view in views])
+    half = np.radians([view.field_of_view_deg for view in views]) * shares / 2
+    longest = np.array([view.range_cm or UNBOUNDED_VIEW_CM for view in views])
+    walls = trial.scenario.arena.width_cm, trial.scenario.arena.height_cm
+    for place, side in ((0, 1), (2, -1)):
+        ends = strips[:, :, place]
+        lengths = np.hypot(*np.moveaxis(ends - eyes, 2, 0))
+        rays = lengths[..., None] * towards(trial.watched["poses"][..., 2] + side * half)
+        np.testing.assert_allclose(ends, eyes + rays, rtol=0, atol=2e-5)
+        beyond = np.maximum(-ends, ends - walls).max(axis=2)  # how far outside of the nearest wall
+        assert ((np.abs(np.maximum(lengths - longest, beyond)) < 1e-4) | (lengths == 0)).all()
+    assert lengths.any()
+
+
+def test_cones_of_any_signal_show_their_edges_and_those_all_around_are_circles(tmp_path) -> None:
+    groups = [
+        {"count": 2, "signal": {"kind": "cone", "range_cm": 25, "angle_deg": 100}},
+        {"count": 2, "signal": {"kind": "radio", "range_cm": 30, "angle_deg": 270, "of": "emission"}},
+        {"count": 2, "signal": {"kind": "radio", "angle_deg": 60}},
+        {"count": 2, "signal": {"kind": "radio", "range_cm": 40}},
+        {"count": 2, "signal": {"kind": "cone"}},
+    ]
+    sections = {"arena": {"width_cm": 1000, "height_cm": 1000}, "robots": groups, "stop": {"max_time_s": 2}}
+    watched = Watched()
+    recorded(tmp_path / "t.rrd", load_scenario(sections), 3, Level.FULL, watched)
+    poses, found = watched["poses"], Found(tmp_path / "t.rrd")
+    strips = found.array("/arena/views", "LineStrips2D:strips").astype(float)
+    np.testing.assert_allclose(strips[:, :, 1], poses[..., :2], atol=1e-4)
+    for place, side in ((0, 1), (2, -1)):
+        edges = strips[:, :, place] - strips[:, :, 1]
+        longest = np.linalg.norm(edges, axis=-1).max(axis=0).reshape(-1, 2).max(axis=1)
+        np.testing.assert_allclose(longest, [25, 30, UNBOUNDED_VIEW_CM, 0, 0], atol=1e-3)
+        turned = np.exp(1j * (np.arctan2(edges[..., 1], edges[..., 0]) - poses[..., 2]))
+        halves = np.repeat(np.radians([50, 135, 30]), 2)
+        np.testing.assert_allclose(turned[:, :6], np.exp(1j * side * np.tile(halves, (len(poses), 1))), atol=1e-3)
+    centers = found.array("/arena/ranges", "Ellipses2D:centers")
+    np.testing.assert_allclose(centers, poses[:, 6:8, :2], atol=1e-4)
+    assert found.static["/arena/ranges"]["Ellipses2D:half_sizes"] == [[40, 40]] * 2
+
+
+@pytest.mark.parametrize(("window", "robots"), [("one window", 3), ("73 rows", 3), ("a row", 2)])
+def test_in_a_picture_of_a_minute_time_runs_down_and_robots_with_room_stand_side_by_side(
+    tmp_path, monkeypatch, window: str, robots: int
+) -> None:
+    """Two and a half pictures, of 120 steps each."""
+    monkeypatch.setattr(layers, "PICTURE_STEPS", 120)
+    monkeypatch.setattr(layers, "MAX_COLUMNS", robots * 16 + 10)
+    for name, value in WINDOWS[window].items():
+        monkeypatch.setattr(recorder, name, value)
+    group = {"count": 3, "camera": {"pixels": 12}}
+    stop = {"max_time_s": 150, "order_parameter": 1}
+    watched = Watched()
+    scenario = load_scenario({"robots": [group], "timing": {"control_hz": 2}, "stop": stop})
+    recorded(tmp_path / "t.rrd", scenario, 1, Level.FULL, watched)
+    found, camera = Found(tmp_path / "t.rrd"), watched["camera"][:, :robots]
+    assert found.times("/camera/space_time") == [minute * 60_000_000_000 for minute in range(3)]
+    (picture,) = found.static["/camera/space_time"]["SegmentationImage:format"]
+    assert (picture["height"], picture["width"]) == (120, robots * 16)
+    for minute, shown in enumerate(found.array("/camera/space_time", "SegmentationImage:buffer")):
+        rows, columns = camera[minute * 120 : minute * 120 + 120], shown.reshape(120, robots, 16)
+        np.testing.assert_array_equal(columns[: len(rows), :, :12], rows)
+        assert rows.any()
+        assert not columns[len(rows) :, :, :12].any()
+        assert (columns[:, :, 12:] == 2).all()
+
+
+# --- what does not move ------------------------------------------------------------------------------
+
+
+def static_of(folder: Path, scenario: EmbodiedScenario) -> dict[str, dict[str, Any]]:
+    with record(folder / "t.rrd", scenario, 0, Level.POSES):
+        pass
+    return Found(folder / "t.rrd").static
+
+
+def test_the_arena_is_shown_with_y_up(tmp_path) -> None:
+    static = static_of(tmp_path, load_scenario("obstacles", ["arena.height_cm=110"]))
+    assert static["/arena"]["Transform3D:translation"] == [[0, 110, 0]]
+    assert static["/arena"]["Transform3D:mat3x3"] == [[1, 0, 0, 0, -1, 0, 0, 0, 1]]
+    assert static["/arena/walls"]["LineStrips2D:strips"] == [[[0, 0], [100, 0], [100, 110], [0, 110], [0, 0]]]
+    pillar, bar, wedge = (np.array(strip) for strip in static["/arena/obstacles"]["LineStrips2D:strips"])
+    np.testing.assert_allclose(np.hypot(*(pillar - 30).T), 6, rtol=1e-6)
+    np.testing.assert_allclose(pillar.mean(axis=0), 30, atol=0.2)
+    np.testing.assert_allclose(sorted(np.hypot(*np.diff(bar, axis=0).T)), [4, 4, 30, 30], rtol=1e-5)
+    assert wedge.tolist() == [[20, 70], [35, 72], [24, 85], [20, 70]]
+
+
+def test_floor_and_lamps_are_shown_where_they_are(tmp_path) -> None:
+    disc = {"shape": "circle", "x_cm": 30, "y_cm": 10, "radius_cm": 10, "brightness": 0.4}
+    arena = {"width_cm": 100, "height_cm": 50, "floor": {"patches": [disc]}, "lamps": [{"x_cm": 70, "y_cm": 40}]}
+    static = static_of(tmp_path, load_scenario({"arena": arena}))
+    floor, lamps = static["/arena/floor"], static["/arena/lamps"]
+    levels = np.array(floor["Image:buffer"][0], np.uint8).reshape(512, 1024)
+    to_cm = np.array(floor["Transform3D:mat3x3"][0]).reshape(3, 3).T  # columns come first
+    for place, level in {(30, 10): 102, (30, 19): 102, (30, 22): 255, (39, 10): 102, (70, 40): 255}.items():
+        column, row = np.linalg.solve(to_cm[:2, :2], place - np.array(floor["Transform3D:translation"][0][:2]))
+        assert levels[int(row), int(column)] == level, place
+    assert lamps["Points2D:positions"] == [[70, 40]]
+    assert lamps["Points2D:labels"] == ["30 cm, strength 1"]
+
+
+def test_a_recording_on_a_floor_whose_picture_is_gone_is_read_without_it(tmp_path) -> None:
+    cv2.imwrite(str(tmp_path / "ground.png"), np.array([[0, 255]], np.uint8))
+    scenario = load_scenario({"arena": {"floor": {"picture": str(tmp_path / "ground.png")}}})
+    static_of(tmp_path, scenario)
+    assert read_recording(tmp_path / "t.rrd").scenario == scenario
+    (tmp_path / "ground.png").unlink()
+    with pytest.warns(UserWarning, match=r"^thesis: the picture of its floor is left out: there is no file .*ground"):
+        assert read_recording(tmp_path / "t.rrd").scenario.arena == load_scenario({}).arena
+
+
+@pytest.mark.parametrize(("robots", "are_shown"), [(49, True), (50, False)])
+def test_many_robots_have_no_numbers_beside_them(tmp_path, robots: int, are_shown: bool) -> None:
+    swarm = {"arena": {"width_cm": 100, "height_cm": 100}, "robots": [{"count": robots}]}
+    drawn = static_of(tmp_path, load_scenario(swarm))
+    assert (f"/arena/numbers/{robots - 1}" in drawn) == are_shown
+    assert drawn["/arena/robots"]["Points2D:radii"] == [np.float32(RADIUS_CM)] * robots
+
+
+# --- levels ------------------------------------------------------------------------------------------
+
+OF_LEVELS = ["stop.max_time_s=30", "stop.order_parameter=1"]
+
+
+@pytest.fixture(scope="module", params=list(Level))
+def of_level(request, tmp_path_factory) -> tuple[Level, Path, TrialResult]:
+    path = tmp_path_factory.mktemp("level") / "t.rrd"
+    return request.param, path, recorded(path, load_scenario("obstacles", OF_LEVELS), 3, request.param)
+
+
+def test_each_level_holds_what_it_should_and_no_more(of_level: tuple[Level, Path, TrialResult]) -> None:
+    level, path, _ = of_level
+    found, read = Found(path), read_recording(path)
+    assert set(found.moving) == MOVING[level]
+    properties = {"/__properties", "/__properties/trial", "/__properties/outcome", SEAL}
+    arena = {"/arena", "/arena/walls", "/arena/obstacles", "/legend"} if level is not Level.SUMMARY else set()
+    numbers = {"/camera/rows/numbers", "/infrared/numbers"} if level is Level.FULL else set()
+    assert set(found.static) == properties | arena | numbers | MOVING[level]
+    rows = 0 if level is Level.SUMMARY else 300
+    for field, tail in {"phase_ms": (), "positions": (2,), "headings": (), "ring_on": ()}.items():
+        assert getattr(read, field).shape == (rows, 10, *tail), field
+    assert (len(read.time_s), read.memory) == (300, {})
+    for name in ("sightings", "contacts") if level is not Level.FULL else ():
+        with pytest.raises(RecordingError, match=f"obstacles: .*level {level} holds no {name}; .*--record-level full"):
+            getattr(read, name)
+    run_rerun("rrd", "verify", str(path))
+
+
+def test_a_recording_says_what_was_run_and_how_it_ended(of_level: tuple[Level, Path, TrialResult]) -> None:
+    level, path, result = of_level
+    said = Found(path).property("trial")
+    assert load_scenario(parse_yaml(said.pop("scenario"), "x")) == load_scenario("obstacles", OF_LEVELS)
+    assert json.loads(said.pop("versions")) == {**versions(), "rerun": version("rerun-sdk")}
+    assert said == {"format": 1, "level": str(level), "seed": "3"}
+    assert (result.cycles > 0, result.censored) == (True, True)
+    assert Found(path).property("outcome") == {"cycles": result.cycles, "synchronised": False}
+
+
+def test_the_layout_is_in_the_file_and_the_viewer_takes_it(of_level: tuple[Level, Path, TrialResult]) -> None:
+    level, path, _ = of_level
+    reader = RrdReader(path)
+    ((recording,), (layout,)) = reader.recordings(), reader.blueprints()
+    assert (recording.application_id, layout.application_id) == ("epuck-sim", "epuck-sim")
+    batches = [chunk.to_record_batch().to_pydict() for chunk in reader.store(store=layout).stream().to_chunks()]
+    origins = {origin for batch in batches for (origin,) in batch.get("ViewBlueprint:space_origin", [])}
+    shown = {entity for entity in MOVING[level] if any(entity.startswith(origin) for origin in origins - {"/"})}
+    assert shown == {entity for entity in MOVING[level] if not entity.startswith("/arena")}
+    assert all(any(entity.startswith(origin) for entity in {*MOVING[level], "/legend"}) for origin in origins)
+    assert ("/" in origins) == (level is not Level.SUMMARY)
+    printed = subprocess.run([*PROGRAM, "rrd", "print", str(path)], capture_output=True, text=True, check=True).stdout
+    (activation,) = (line for line in printed.splitlines() if line.startswith("BlueprintActivationCommand"))
+    assert layout.recording_id in activation
+    assert "make_active: true" in activation
+
+
+def test_a_recording_that_rerun_has_optimised_is_read_the_same(of_level, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(recorder, "BUFFER_ROWS", 73)
+    paths = [tmp_path / "t.rrd", tmp_path / "optimised.rrd"]
+    recorded(paths[0], load_scenario("obstacles", OF_LEVELS), 3, of_level[0])
+    run_rerun("rrd", "optimize", str(paths[0]), "-o", str(paths[1]))
+    chunks = [len(RrdReader(path).store().stream().to_chunks()) for path in paths]
+    assert chunks[0] > chunks[1]
+    reads = [read_recording(path) for path in (of_level[1], *paths)]
+    for read in reads[1:]:
+        for field, value, expected in zip(Recorded._fields, read, reads[0], strict=True):
+            for one, other in zip(value, expected, strict=True) if field == "links" and value else [(value, expected)]:
+                np.testing.assert_array_equal(one, other, err_msg=field)
+
+
+# --- again -------------------------------------------------------------------------------------------
+
+
+def test_the_same_trial_is_recorded_alike_and_another_otherwise(tmp_path) -> None:
+    scenario = load_scenario("thesis", ["stop.max_time_s=10"])
+    given = [(1, Level.FULL), (1, Level.FULL), (2, Level.FULL), (1, Level.POSES)]
+    paths = [tmp_path / f"{number}.rrd" for number in range(len(given))]
+    for path, (seed, level) in zip(paths, given, strict=True):
+        recorded(path, scenario, seed, level)
+    compare(*paths[:2])
+    for other in paths[2:]:
+        with pytest.raises(RecordingError, match="rerun rrd compare failed: "):
+            compare(paths[0], other)
+    names = [RrdReader(path).recordings()[0].recording_id for path in paths]
+    assert names[0] == names[1]
+    assert len(set(names)) == 3
+
+
+@pytest.mark.parametrize("level", Level)
+def test_a_trial_of_no_steps_has_no_rows_and_what_it_leaves_out_is_written_out(tmp_path, level: Level) -> None:
+    with record(tmp_path / "t.rrd", EmbodiedScenario(), 0, level):
+        pass
+    read = read_recording(tmp_path / "t.rrd")
+    assert (read.scenario, read.cycles, read.synchronised) == (load_scenario(EmbodiedScenario()), 0, False)
+    assert {len(value) for value in read if isinstance(value, np.ndarray)} == {0}
+    assert not Found(tmp_path / "t.rrd").moving
+
+
+def test_the_outcome_is_that_of_synchrony_however_long_the_trial_goes_on(tmp_path) -> None:
+    result = recorded(tmp_path / "t.rrd", load_scenario("thesis", ["stop.further_cycles=2"]), 2, Level.SUMMARY)
+    read = read_recording(str(tmp_path / "t.rrd"))
+    assert (read.cycles, read.synchronised) == (result.t_sync_cycles, True)
+    assert len(read.firing_s) == result.t_sync_cycles + 2
+    texts = Found(tmp_path / "t.rrd").lists("/now", "TextDocument:text")
+    assert texts[0] == ["**0 s**, cycle 0: not synchronised"]
+    assert texts[-1][0].endswith(f"cycle {result.t_sync_cycles + 2}: T_sync {result.t_sync_cycles} cycles")
+
+
+def test_phases_are_shown_ahead_of_the_reference_at_its_firings(tmp_path) -> None:
+    watched = Watched()
+    recorded(tmp_path / "t.rrd", load_scenario(MIXED, ["stop.max_time_s=40"]), 1, Level.POSES, watched)
+    found = Found(tmp_path / "t.rrd")
+    lead = found.array("/phase_lead", "Scalars:scalars")
+    at = found.times("/order/firings")
+    np.testing.assert_array_equal(found.times("/phase_lead"), at)
+    phases = watched["phase_ms"][np.isin(found.times("/phases"), at)]
+    period_ms = 1000 * np.array([5.0] * 3 + [np.nan] * 2 + [3.0] * 2)
+    ahead = 2j * np.pi * (phases / period_ms - phases[:, [6]] / 3000)
+    np.testing.assert_allclose(np.exp(2j * np.pi * lead), np.exp(ahead), atol=1e-9)
+    assert np.nanmax(np.abs(lead)) <= 0.5
+    assert len(lead) > 5
+
+
+def test_a_minute_of_ten_robots_takes_less_than_1100_kb(tmp_path) -> None:
+    bytes_of = []
+    for seconds in (60, 120):
+        recorded(tmp_path / "t.rrd", load_scenario({"stop": {"order_parameter": 1, "max_time_s": seconds}}))
+        bytes_of.append((tmp_path / "t.rrd").stat().st_size)
+    assert 100_000 < bytes_of[1] - bytes_of[0] < 1_100_000
+
+
+# --- memory and events -------------------------------------------------------------------------------
+
+
+def origins(level: Level, scenario: EmbodiedScenario, fields: list[str]) -> list[str]:
+    """Return the origins of the views in a layout."""
+    found, parts = [], [layout_of(scenario, level, fields).root_container]
+    while parts:
+        part = parts.pop(0)
+        if isinstance(part, rrb.View):
+            found.append(part.origin)
+        else:
+            parts.extend(part.contents)
+    return found
+
+
+@pytest.mark.parametrize("level", Level)
+def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(level: Level, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(recorder, "BUFFER_S", 3)  # several chunks
+    changing = {
+        "robots": [{"count": 3, "controller": "constant"}, {"count": 4}],
+        "faults": [{"kind": "ring_dead", "robots": [1, 4], "at_s": 2, "until_s": 4.05}],
+        "schedule": [{"at_cycle": 1, "set": {"robots.1.parameters.speed_cm_s": 0}}],
+        "stop": {"max_cycles": 2, "order_parameter": None, "reference_robot": 3},
+    }
+    scenario, fields, rows = load_scenario(changing), ["rotation_time", "phase_ms"], []
+
+    def remember(step: Step, _: SynchronyWatch) -> None:
+        rows.append([memory_values(step.memories, field) for field in fields])
+
+    result = recorded(tmp_path / "t.rrd", scenario, 1, level, remember, memory=[*fields, "phase_ms"])
+    read = read_recording(tmp_path / "t.rrd")
+    assert list(read.memory) == fields
+    for number, field in enumerate(fields):
+        assert read.memory[field].tobytes() == np.array([row[number] for row in rows]).tobytes()
+    assert np.isnan(read.memory["phase_ms"][:, :3]).all()  # `constant` remembers nothing
+    assert np.ptp(read.memory["phase_ms"][:, 3:]) > 1000
+    assert [time_s for time_s, _ in read.events] == [event.time_s for event in result.events]
+    assert sorted(text for _, text in read.events) == [
+        "faults.0: ring_dead begins in 1, 4",
+        "faults.0: ring_dead ends in 1, 4",
+        "schedule.0: robots.1.parameters.speed_cm_s: 0",
+    ]
+    assert {"/events", "/memory/phase_ms"} <= set(origins(level, scenario, fields))
+    assert not {"/events", "/memory/phase_ms"} & set(origins(level, load_scenario("thesis"), []))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "field", "message"),
+    [
+        ("thesis", "phase", "memory: unknown 'phase', did you mean 'phase_ms'"),
+        ("particles", "phase_ms", "model is 'particles'; robots alone have a memory to record"),
+    ],
+)
+def test_fields_that_nobody_remembers_are_refused(scenario: str, field: str, message: str, tmp_path) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        recorded(tmp_path / "t.rrd", load_scenario(scenario), memory=[field])
+    assert message in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- made-up steps -----------------------------------------------------------------------------------
+
+
+@st.composite
+def stories(draw: st.DrawFn) -> tuple[BoolArray, FloatArray]:
+    """Rings and phases of some robots, step by step; those of robots that are no oscillators are NaN."""
+    steps, robots = draw(st.integers(1, 40)), draw(st.integers(1, 4))
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    phases = 1000.0 * random.integers(0, 5, (steps, robots))
+    phases[:, random.random(robots) < 0.3] = np.nan
+    return random.random((steps, robots)) < random.choice([0.2, 0.5, 0.9, 1.0]), phases
+
+
+@given(stories(), st.integers(1, 50))
+def test_flashes_and_firings_of_made_up_steps(story: tuple[BoolArray, FloatArray], size: int) -> None:
+    rings, phases = story
+    scenario = load_scenario({"robots": [{"count": rings.shape[1]}], "stop": {"reference_robot": 0}})
+    periods = np.where(np.isnan(phases[0]), np.nan, 5000.0)
+    watch = SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=periods, events=[]))
+    buffer, batches, counted = RobotBuffer(scenario, Level.SUMMARY, size), [], []
+    for number, (ring_on, phase_ms) in enumerate(zip(rings, phases, strict=True)):
+        memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
+        seen = (np.empty((0, 2)), np.ones(len(ring_on), bool), None, (memory,), (), None)
+        step = Step(number, number / 10, *[np.empty(0)] * 5, ring_on, ring_on, *seen)
+        cycles = watch.cycles
+        watch.look(step)
+        buffer.append(step, watch)
+        if watch.cycles > cycles and watch.order_parameter is not None:
+            counted.append((number, watch.order_parameter))
+        assert buffer.is_full == (buffer.row_count == size)
+        if buffer.is_full or number == len(rings) - 1:
+            batches.append((number + 1 - buffer.row_count, buffer.flush()))
+    flashes = [(first + row, robot, cycle) for first, batch in batches for row, robot, cycle in batch.flashes.tolist()]
+    assert flashes == slow_flashes([*range(len(rings))], rings, phases)
+    fired = [(first + row, order) for first, batch in batches for row, order in zip(*batch[5:7], strict=True)]
+    assert fired == counted
+    if not np.isnan(periods[0]):
+        assert [row for row, _ in fired] == [row for row, robot, _ in flashes if robot == 0]
+    before = np.concatenate([batch.ring_before for _, batch in batches])
+    np.testing.assert_array_equal(before, np.concatenate([np.zeros_like(rings[:1]), rings[:-1]]))
