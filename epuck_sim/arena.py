@@ -203,12 +203,7 @@ def light_at(arena: Arena, x_cm: npt.ArrayLike, y_cm: npt.ArrayLike) -> FloatArr
 
 
 def floor_levels(arena: Arena, side_px: int) -> ByteArray:
-    """Return (rows, columns) levels of the floor from above, 0 for black and 255 for white, the largest y first.
-
-    Args:
-        arena: The arena.
-        side_px: Columns or rows along the longer wall.
-    """
+    """Return (rows, columns) levels of the floor from above, 0 for black and 255 for white, the largest y first."""
     scale = side_px / max(arena.width_cm, arena.height_cm)
     columns, rows = (max(1, round(scale * side)) for side in (arena.width_cm, arena.height_cm))
     x = (np.arange(columns) + 0.5) * arena.width_cm / columns

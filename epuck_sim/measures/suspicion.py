@@ -111,9 +111,6 @@ def watch(
         sighting_ends: (steps + 1,) rows of `sightings`.
         first: The first of the steps.
         end: The step after the last.
-
-    Returns:
-        The step after the last of the steps.
     """
     begun[:] = False
     robots = len(dark_s)

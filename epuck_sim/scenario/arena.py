@@ -222,11 +222,7 @@ def _outline(shape: Circle | Box | Polygon) -> FloatArray:
 
 
 def find_picture(name: str, folder: Path | None = None) -> str:
-    """Return the path of a file with a picture.
-
-    Raises:
-        ValueError: There is no such file, or it holds no picture that is allowed.
-    """
+    """Return the path of a file with a picture."""
     paths = dict.fromkeys((place / name).absolute() for place in (folder or Path(), Path()))
     for path in paths:
         try:

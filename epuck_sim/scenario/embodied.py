@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from epuck_sim.control.loader import find_controller, find_sensor
+from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import ArenaSection, find_picture
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
 from epuck_sim.scenario.changes import (
@@ -293,7 +294,36 @@ class EmbodiedScenario(Scenario):
         resolved = super(EmbodiedScenario, resolved).resolved(origin, folder)
         if self.members_change:
             check_measures_of_present(resolved.measures, origin)
+        if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in swept):
+            resolved._check_arenas(f"{origin}: schedule")
         return resolved
+
+    def _check_arenas(self, origin: str) -> None:
+        """Raise ScenarioError for an arena that an entry of the schedule makes and that is not allowed.
+
+        All entries that change the arena set the same keys, so that each makes an arena that is known beforehand,
+        whatever entries come before it. A picture of a floor is stretched between walls that do not move.
+        """
+        entries = arena_entries(self)
+        for number in entries:
+            values, first = (self.schedule[each].arena_values() for each in (number, entries[0]))
+            keys = [", ".join(f"arena.{name}" for name in sorted(each)) for each in (values, first)]
+            if keys[0] != keys[1]:
+                raise ScenarioError(
+                    f"{origin}.{number}.set: sets {keys[0]}, and {origin}.{entries[0]}.set sets {keys[1]}; "
+                    "give all entries that change the arena the same keys of it"
+                )
+            if self.arena.floor.picture is not None and values.keys() - {"obstacles"}:
+                raise ScenarioError(
+                    f"{origin}.{number}.set: sets {keys[0]}, and arena.floor.picture is stretched between the walls; "
+                    "give patches instead, or set arena.obstacles alone"
+                )
+            robots = [
+                {"count": group.count, "kind": kind.model_dump(), "signal": {"kind": "cone"}}  # which all robots have
+                for group, kind in zip(self.robots, self.group_kinds, strict=True)
+            ]
+            arena = {**self.arena.model_dump(exclude=STAYING), **values}
+            self.validated({"arena": arena, "robots": robots}, f"{origin}.{number}.set")
 
     def _may_have_t_sync(self, robots: Sequence[RobotGroup], swept: Sequence[str]) -> bool:
         """Return whether the reference is an oscillator, or may be one at a point of a sweep."""

@@ -4,6 +4,7 @@ import math
 import warnings
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -11,13 +12,13 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from epuck_sim.control.interface import Controller
-from epuck_sim.control.loader import find_controller
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.control.names import check_sensed
 from epuck_sim.epuck import GRID_SPACING_CM
-from epuck_sim.errors import ScenarioError
+from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
-from epuck_sim.scenario.robot_kind import RobotKind, are_groups, by_name, resolve_sensors
+from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, by_name, resolve_sensors
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -172,6 +173,20 @@ class RobotGroup(ConfigModel):
     sensors: Annotated[dict[str, dict[str, Any]], BeforeValidator(by_name)] = Field(default_factory=dict)
     """Sensors in files of their own, each with its parameters: `[ground.py, {light.py: {range_cm: 30}}]`."""
 
+    @classmethod
+    def keys_in_files(cls, given: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:
+        """Return the names of parameters of controller and sensors, and of what the controller remembers."""
+        names: dict[str, Sequence[str]] = {}
+        sensors, controller = given.get("sensors"), given.get("controller")
+        files = {name: each[FILE] for name, each in sensors.items()} if isinstance(sensors, Mapping) else {}
+        with suppress(EpuckSimError):  # what is wrong with files is said when the scenario is validated
+            found = {name: find_sensor(file, folder).parameters for name, file in files.items()}
+            names["sensors"] = [f"{name}.{parameter}" for name, each in found.items() for parameter in each]
+        with suppress(EpuckSimError):
+            known = find_controller(controller if isinstance(controller, str) else "firefly", folder)
+            names |= {"parameters": list(known.parameters), "memory": list(known.memory.names or ())}
+        return names
+
     @model_validator(mode="before")
     @classmethod
     def _count_poses(cls, given: Any) -> Any:
@@ -227,14 +242,7 @@ STEP_CM = 0.13
 def check_robots(
     kinds: Sequence[RobotKind], groups: Sequence[RobotGroup], arena: ArenaSection, physics_hz: int
 ) -> None:
-    """Raise ValueError if robots do not fit into the arena, are too fast, or lack what a group needs.
-
-    Args:
-        kinds: What kind of robots each group has.
-        groups: The groups of robots.
-        arena: The arena.
-        physics_hz: Physics steps in a second.
-    """
+    """Raise ValueError if robots do not fit into the arena, are too fast, or lack what a group needs."""
     _check_room(kinds, [group.count for group in groups], arena)
     for number, (kind, group) in enumerate(zip(kinds, groups, strict=True)):
         if kind.wheel_limit_cm_s > STEP_CM * physics_hz:
@@ -273,12 +281,7 @@ def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaS
 
 
 def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | None) -> RobotGroup:
-    """Return the group with the path of its controller, if that is a user's, and with all parameters.
-
-    Raises:
-        ScenarioError: There is no such controller, or it does not take these parameters, or its oscillator's period is
-            not longer than a control step, `step_ms`.
-    """
+    """Return the group with the path of its controller, if that is a user's, and with all parameters."""
     sensors, readings = resolve_sensors(group.sensors, origin, folder)
     with refused_at(f"{origin}.controller"):
         controller = find_controller(group.controller, folder)
@@ -326,14 +329,7 @@ def _check_memory(controller: Controller, name: str, given: Any, robots: int, pa
 
 
 def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dict[str, Any]:
-    """Return a scenario's keys in which all robots have another controller, with what it knows of theirs.
-
-    Raises:
-        ScenarioError: There is no such controller, or there are no robots to have it.
-
-    Warns:
-        UserWarning: Parameters or memory have been left out.
-    """
+    """Return a scenario's keys in which all robots have another controller, with what it knows of theirs."""
     if given.get("model", "embodied") != "embodied":
         raise ScenarioError(f"{origin}: --controller {name}: model is {given['model']}; controllers run on robots")
     groups = given.get("robots", [{}])

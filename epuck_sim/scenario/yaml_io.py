@@ -61,11 +61,7 @@ def write_yaml(value: Any) -> str:
 
 
 def read_yaml(path: Path) -> Any:
-    """Return the contents of a YAML file.
-
-    Raises:
-        ScenarioError: The file cannot be read, or is no YAML.
-    """
+    """Return the contents of a YAML file."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise ScenarioError(f"{path}: is larger than {MAX_BYTES / 1e6:g} MB; a scenario is a few kB of YAML")
@@ -91,11 +87,7 @@ def line_of_key(path: Path, key: str) -> int:
 
 
 def parse_yaml(text: str, source: str) -> Any:
-    """Return the contents of a YAML text.
-
-    Raises:
-        ScenarioError: The text is no YAML; the message begins with `source`.
-    """
+    """Return the contents of a YAML text."""
     try:
         loader = _Loader(text)
         loader.name = source

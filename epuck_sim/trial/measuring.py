@@ -109,11 +109,7 @@ class Measuring(NamedTuple):
 
 
 def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
-    """Make the measures of a scenario, of which a fresh simulation, with a seed, is about to run.
-
-    Raises:
-        MeasureError: A measure is not found any more, or raises.
-    """
+    """Make the measures of a scenario, of which a fresh simulation, with a seed, is about to run."""
     at_events: list[Observer] = []
     at_cycles: list[Observer] = []
     final: dict[str, Callable[[], Value]] = {}
@@ -177,9 +173,6 @@ def _call(measure: Measure, origin: str, function: Callable[..., Any], *given: A
 
 def as_value(given: Any) -> Value:
     """Return what a measure has returned as a plain number, truth value or None, or as a list of them.
-
-    Raises:
-        ValueError: It is something else; the message goes on after "its value".
 
     >>> as_value(np.float64(0.5)), as_value(np.array([1, 2])), as_value(math.nan), as_value([True, None])
     (0.5, [1, 2], None, [True, None])
