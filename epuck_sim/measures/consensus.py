@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray
-from epuck_sim.measures.common import Series, one_of
+from epuck_sim.measures.common import Series, allowed, one_of
 from epuck_sim.particles.links import SHIFTS_ONLY
 
 RULES = ("naming_game", "voter")
@@ -37,7 +37,7 @@ class _Talk(Series):
         self._agreed: int | None = None  # the cycle in which all agree
         self._cycles = 0
 
-    check = staticmethod(one_of(rule=RULES))
+    check = staticmethod(allowed(rule=one_of(RULES)))
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.measures.common import allowed
 from epuck_sim.util.jit import jit
 
 HALF_A_MILLISECOND = 0.0005
@@ -35,10 +36,7 @@ class _Suspicion:
         self._faults: IntArray = np.zeros(robots, np.int64)  # that keep a robot from flashing, at present
         self._events = 0
 
-    @staticmethod
-    def check(parameters: Any) -> None:
-        if parameters.cycles <= 0:
-            raise ValueError(f"cycles is {parameters.cycles:g}; allowed: above 0")
+    check = staticmethod(allowed(cycles=(lambda cycles: cycles > 0, "above 0")))
 
     def stretch(self, stretch: Any, _: Any) -> None:
         views, sightings, steps = stretch.views, stretch.sightings, np.arange(len(stretch.poses) + 1)
