@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -345,34 +345,24 @@ def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dic
         if unknown:
             kind = "memory" if section == "memory" else "parameters" if len(unknown) > 1 else "the parameter"
             warnings.warn(f"{origin}: {controller.name} lacks {kind} {', '.join(unknown)}: left out", stacklevel=3)
-    changes = {"controller": controller.stored_name}
-    return {**given, "robots": [{**_without(group, lacking), **changes} for group in groups]}
+    return {**given, "robots": [{**_without(group, lacking), "controller": controller.stored_name} for group in groups]}
 
 
-def share_parameters(given: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> Callable[[int], dict[str, Any]]:
-    """Return a function that gives, by its number, a point's scenario before its axes are set to the values in its row.
+def share_parameters(given: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the scenario of each point before its axes are set to the values in its row.
 
     Where the controller of a group is an axis, each of its controllers gets those of the group's parameters and memory
     that it has. One that none of them has stays, and is refused with the point.
     """
-    swept = [number for number in range(len(given.get("robots", ()))) if f"robots.{number}.controller" in rows[0]]
-    own = {
-        number: [_own_names(find_controller(str(row[f"robots.{number}.controller"]))) for row in rows]
-        for number in swept
-    }
-    of_any = {
-        number: {section: set().union(*(names[section] for names in own[number])) for section in own[number][0]}
-        for number in swept
-    }
-
-    def of_point(point: int) -> dict[str, Any]:
-        groups = list(given.get("robots", ()))
-        for number in swept:
-            lacking = {section: of_any[number][section] - names for section, names in own[number][point].items()}
-            groups[number] = _without(groups[number], lacking)
-        return {**given, "robots": groups} if swept else dict(given)
-
-    return of_point
+    bases = [list(given.get("robots", ())) for _ in rows]
+    for number, group in enumerate(given.get("robots", ())):
+        key = f"robots.{number}.controller"
+        if key in rows[0]:
+            own = [_own_names(find_controller(str(row[key]))) for row in rows]
+            of_any = {section: set().union(*(names[section] for names in own)) for section in own[0]}
+            for base, names in zip(bases, own, strict=True):
+                base[number] = _without(group, {section: of_any[section] - names[section] for section in names})
+    return [{**given, "robots": base} if base else dict(given) for base in bases]
 
 
 def _own_names(controller: Controller) -> dict[str, set[str]]:

@@ -1,5 +1,6 @@
 """When a trial ends, and what is measured in it."""
 
+import operator
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,6 +17,10 @@ from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 CONDITION = re.compile(r"\s*(\w+)\s*(>=|<=|>|<)\s*([-+.\w]+)\s*")
 """A condition as text: a measure, a relation and a number."""
+
+
+RELATIONS = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
+"""Functions by the relations that a condition may have."""
 
 
 class Condition(ConfigModel):
@@ -40,9 +45,7 @@ class Condition(ConfigModel):
 
     def holds(self, value: float) -> bool:
         """Return whether a value of the measure satisfies the condition."""
-        if self.relation in (">", ">="):
-            return value > self.value or (value == self.value and self.relation == ">=")
-        return value < self.value or (value == self.value and self.relation == "<=")
+        return bool(RELATIONS[self.relation](value, self.value))
 
     def __str__(self) -> str:
         """Return the condition as text."""
