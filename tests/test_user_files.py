@@ -242,16 +242,3 @@ def test_an_unknown_name_is_answered_with_the_nearest_and_what_is_installed(site
 def test_a_file_without_a_reward_is_refused(text, said, tmp_path):
     with pytest.raises(ScenarioError, match=said):
         find_reward(str(write(tmp_path / "mine.py", text)))
-
-
-def test_an_unknown_reward_is_refused_with_what_there_is():
-    with pytest.raises(ScenarioError, match=r"did you mean 'synchrony'\?; rewards: synchrony, aggreg"):
-        find_reward("synchrone")
-
-
-def test_a_kind_is_one_value():
-    """As large as sensors and robots need."""
-    kind = Kind("robot", EpuckSimError, (".yaml",), "epuck_sim.robots", lambda: {"epuck": Path("epuck.yaml")})
-    assert kind.locate("epuck") == ("epuck", Path("epuck.yaml"), "epuck-sim")
-    with pytest.raises(EpuckSimError, match=r"^no robot file 'mine\.yaml' in "):
-        kind.locate("mine.yaml")

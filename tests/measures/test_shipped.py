@@ -16,6 +16,7 @@ from epuck_sim.measures.motion import Moved, correlation_time
 from epuck_sim.measures.order import BelowThreshold, StaysAbove, ThresholdCycles
 from epuck_sim.measures.perturbations import growth_rates, mean_with_interval
 from epuck_sim.order_parameter import METRICS
+from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
@@ -457,6 +458,16 @@ def test_growth_is_told_where_a_deviation_is_neither_rounding_nor_large():
     assert mean - low == pytest.approx(high - mean)
     assert mean_with_interval([]) == [None, None, None]
     assert mean_with_interval([1.0]) == [1.0, None, None]
+
+
+def test_an_agent_is_displaced_before_anything_has_happened():
+    simulation = ParticleSimulation(load_scenario(AGENTS), 3)
+    before = simulation.phases()
+    simulation.displace(2, 0.01)
+    assert simulation.phases()[2] == pytest.approx(min(before[2] + 0.01, 1))
+    simulation.run(2)
+    with pytest.raises(ValueError, match=r"after \d+ instants; allowed: 0 or more"):
+        simulation.displace(2, 0.01)
 
 
 def test_a_twin_may_be_displaced_itself():
