@@ -13,14 +13,13 @@ from epuck_sim import user_files
 from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments.rewards import REWARD, find_reward
-from epuck_sim.errors import ControllerError, CurveError, EpuckSimError, ScenarioError
+from epuck_sim.errors import ControllerError, CurveError, ScenarioError
 from epuck_sim.measures.loader import MEASURE, find_measure
 from epuck_sim.runs.compatibility import own_files
 from epuck_sim.scenario.loader import SCENARIO, load_scenario
 from epuck_sim.scenario.particles import CURVE, find_curve
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robot_kind import ROBOT
-from epuck_sim.user_files import Kind
 from tests.cli.commands import call, called, refused
 from tests.control.bench import EMPTY
 

@@ -83,6 +83,13 @@ JSON = st.recursive(
 COLUMNS = st.lists(JSON, min_size=1, max_size=3)
 
 
+@settings(max_examples=50)
+@given(columns=st.dictionaries(st.sampled_from(["arena", "noise", WIDTH]), COLUMNS, min_size=1), listed=JSON)
+def test_a_sweep_that_is_written_is_read_again(columns: dict, listed) -> None:
+    scenario = load_scenario({"sweep": {"grid": columns, "zip": {"stop": [listed]}, "points": [{"timing": listed}]}})
+    assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
+
+
 # Seeds
 
 
