@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.seeds import point_seed
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
