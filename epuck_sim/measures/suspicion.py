@@ -45,7 +45,10 @@ class _Suspicion:
         step = 0
         while step < len(stretch.poses):
             # who is suspected already when a fault begins is found in its first step, which is watched by itself
-            last = step + 1 if self._note_faults(stretch.first + step) else self._next_fault(stretch)
+            last = step + 1
+            if not self._note_faults(stretch.first + step):  # up to the next fault
+                later = (event.step - stretch.first for event in self._simulation.events[self._events :])
+                last = int(min([*later, len(stretch.poses)]))
             # fmt: off
             end = watch(
                 self._dark_s, self._suspects, begun, self._patience_s, self._step_s,
@@ -54,11 +57,6 @@ class _Suspicion:
             # fmt: on
             self.take(begun, (stretch.first + end - 1) * self._simulation.step_s, end - step)
             step = end
-
-    def _next_fault(self, stretch: Any) -> int:
-        """Return the step of a stretch before which the next fault begins or ends, or the step after its last."""
-        events = self._simulation.events[self._events :]
-        return int(min([*(event.step - stretch.first for event in events), len(stretch.poses)]))
 
     def _note_faults(self, step: int) -> bool:
         """Return whether faults begin or end in a step."""

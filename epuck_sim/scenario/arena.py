@@ -203,14 +203,6 @@ class ArenaSection(ConfigModel):
         movables = [(m.x_cm, m.y_cm, m.radius_cm, 1000 * m.mass_kg, m.friction) for m in self.movables]
         return make_arena(self.width_cm, self.height_cm, circles, polygons, movables)
 
-    def with_picture_found(self, origin: str, folder: Path | None) -> "ArenaSection":
-        """Return the section with the path of its floor's picture; see `find_picture`."""
-        if self.floor.picture is None:
-            return self
-        with refused_at(f"{origin}: arena.floor.picture"):
-            found = find_picture(self.floor.picture, folder)
-        return self.model_copy(update={"floor": self.floor.model_copy(update={"picture": found})})
-
 
 def _outline(shape: Circle | Box | Polygon) -> FloatArray:
     """Return (3,) cm, centre x, centre y and radius of a disc, or (v, 2) cm, the corners of another shape."""

@@ -288,8 +288,14 @@ class EmbodiedScenario(Scenario):
         check_oscillators(self.faults, robots, swept, origin)
         check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
         sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
-        arena = self.arena.with_picture_found(origin, folder)
-        stop = self.stop if self._may_have_t_sync(robots, swept) else self.stop.limited(self._changes_until_s)
+        arena = self.arena
+        if arena.floor.picture is not None:
+            with refused_at(f"{origin}: arena.floor.picture"):
+                floor = {"picture": find_picture(arena.floor.picture, folder)}
+            arena = arena.model_copy(update={"floor": arena.floor.model_copy(update=floor)})
+        stop = self.stop
+        if not self._may_have_t_sync(robots, swept):
+            stop = stop.limited(max((each.at_s or 0.0 for each in (*self.schedule, *self.faults)), default=0.0))
         resolved = self.model_copy(update={"robots": robots, "sweep": sweep, "arena": arena, "stop": stop})
         resolved = super(EmbodiedScenario, resolved).resolved(origin, folder)
         if self.members_change:
@@ -331,10 +337,6 @@ class EmbodiedScenario(Scenario):
         if {"robots", f"robots.{place}", f"robots.{place}.controller"} & set(swept):
             return True
         return find_controller(robots[place].controller).is_oscillator
-
-    @property
-    def _changes_until_s(self) -> float:
-        return max((change.at_s or 0.0 for change in (*self.schedule, *self.faults)), default=0.0)
 
 
 def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:

@@ -36,11 +36,7 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), list(_first))
 
 
-def _whole_number(_: _Loader, node: yaml.ScalarNode) -> int:
-    return int(node.value)  # 010 is ten, as it reads
-
-
-_Loader.add_constructor("tag:yaml.org,2002:int", _whole_number)
+_Loader.add_constructor("tag:yaml.org,2002:int", lambda _, node: int(node.value))  # 010 is ten, as it reads
 
 
 class _Dumper(yaml.SafeDumper):

@@ -80,15 +80,11 @@ class WaitingEntries:
         """Have those carried out whose moment has come; to be called between two events."""
         if not self._waiting:
             return
-        for number in [number for number in self._waiting if self._has_come(number, state)]:
-            self._carry_out(number)
-            del self._waiting[number]
-
-    def _has_come(self, number: int, state: TrialState) -> bool:
-        at_cycle = self._waiting[number].at_cycle
-        if at_cycle is not None:
-            return state.cycles >= at_cycle
-        return self._conditions.has_held(condition_key(number))
+        for number, entry in list(self._waiting.items()):
+            by_cycle = entry.at_cycle is not None and state.cycles >= entry.at_cycle
+            if by_cycle or (entry.when is not None and self._conditions.has_held(condition_key(number))):
+                self._carry_out(number)
+                del self._waiting[number]
 
 
 class Measuring(NamedTuple):
@@ -133,16 +129,13 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
                 observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
         at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
     if ORDER_PARAMETER not in final:
-        at_cycles.extend(_look_at_order(watch) for watch in conditions.on(ORDER_PARAMETER))  # every trial measures it
+        for watch in conditions.on(ORDER_PARAMETER):  # which every trial measures
+            at_cycles.append(lambda _, state, look=watch.look: look(state.order_parameter))
     return Measuring(at_events, at_cycles, final, conditions)
 
 
 def _look(watch: ConditionWatch, value: Callable[[], Value]) -> Observer:
     return lambda *_: watch.look(value())
-
-
-def _look_at_order(watch: ConditionWatch) -> Observer:
-    return lambda _, state: watch.look(state.order_parameter)
 
 
 def _checked(

@@ -100,7 +100,9 @@ class Trace:
             self._rows[name][self._filled] = values
         if self._relations:
             self._relations["sees"] += _listed(step.sightings, self._robots)
-            self._relations["touches"] += _listed(both_ways(step.contacts), self._robots)
+            contacts = step.contacts  # those of two robots are to be listed for each of them
+            both_ways = np.concatenate([contacts, contacts[contacts[:, 1] >= 0, ::-1]])
+            self._relations["touches"] += _listed(both_ways, self._robots)
         self._filled += 1
         if self._filled == len(self._rows):
             self._write()
@@ -127,12 +129,6 @@ class Trace:
             self._contents.close()
             if kind is None:
                 publish(self._part, self._path)
-
-
-def both_ways(contacts: IntArray) -> IntArray:
-    """Return contacts, (contacts, 2), with those of two robots listed for each of them."""
-    between = contacts[contacts[:, 1] >= 0]
-    return np.concatenate([contacts, between[:, ::-1]])
 
 
 def _listed(pairs: IntArray, robots: int) -> list[list[int]]:
