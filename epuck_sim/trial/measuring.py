@@ -129,8 +129,8 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
                 observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
         at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
     if ORDER_PARAMETER not in final:
-        for watch in conditions.on(ORDER_PARAMETER):  # which every trial measures
-            at_cycles.append(lambda _, state, look=watch.look: look(state.order_parameter))
+        watches = conditions.on(ORDER_PARAMETER)  # which every trial measures
+        at_cycles.extend((lambda _, state, look=each.look: look(state.order_parameter)) for each in watches)
     return Measuring(at_events, at_cycles, final, conditions)
 
 
