@@ -69,13 +69,7 @@ class _Suspicion:
         return bool(events)
 
     def take(self, begun: BoolArray, time_s: float, steps: int) -> None:
-        """Take note of some steps, in the last of which suspicions begin.
-
-        Args:
-            begun: (robots, robots) by whom of whom.
-            time_s: Time of the last of the steps.
-            steps: Their number.
-        """
+        """Take note of steps up to a time, and of (robots, robots) suspicions that begin in the last of them."""
         raise NotImplementedError
 
 
@@ -93,20 +87,11 @@ def watch(
     first: int,
     end: int,
 ) -> int:
-    """Have robots watch those in their view, up to a step in which a suspicion begins or the step before `end`.
+    """Have robots watch those in their view, from step `first` to one in which a suspicion begins or that before `end`.
 
-    Args:
-        dark_s: (robots, robots) s for which each has had each in view without a flash; changed.
-        suspects: (robots, robots) who suspects whom; changed.
-        begun: (robots, robots) whose suspicion of whom begins in the last of the steps; written.
-        patience_s: (robots, 1) s after which each suspects.
-        step_s: Length of a step.
-        views: (views, 3) step, robot that looks, and robot in its view.
-        view_ends: (steps + 1,) rows of `views` from which on each step's are.
-        sightings: (sightings, 3) the same of lit rings.
-        sighting_ends: (steps + 1,) rows of `sightings`.
-        first: The first of the steps.
-        end: The step after the last.
+    Changes the time, (robots, robots) s, for which each has had each in view without a flash, who suspects whom, and
+    whose suspicion of whom begins in the last of the steps; patience is (robots, 1) s. Views and sightings are those
+    of a `Stretch`, with (steps + 1,) rows from which on each step's are. Returns the step after the last of the steps.
     """
     begun[:] = False
     robots = len(dark_s)

@@ -11,7 +11,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.robot_kind import sensor_parameters
 from epuck_sim.scenario.robots import RobotGroup, members, resolve_parameters
-from epuck_sim.scenario.stop import Awaited, Condition
+from epuck_sim.scenario.stop import Condition
 from epuck_sim.util.messages import comma_list
 
 FAULTS = {
@@ -321,15 +321,6 @@ class TimedEntries(Generic[_Moment]):
 def condition_key(entry: int) -> str:
     """Return the dotted key of the condition of an entry."""
     return f"schedule.{entry}.when"
-
-
-def conditions_in(schedule: Sequence[ScheduleEntry]) -> dict[str, Awaited]:
-    """Return the conditions for which entries of a schedule wait, by their dotted keys."""
-    return {
-        condition_key(number): Awaited(entry.when, entry.for_cycles)
-        for number, entry in enumerate(schedule)
-        if entry.when is not None
-    }
 
 
 class AgentScheduleEntry(ScheduleEntry):

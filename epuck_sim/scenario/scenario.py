@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, describe_problem, keys_of
-from epuck_sim.scenario.changes import conditions_in
+from epuck_sim.scenario.changes import condition_key
 from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
 from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.util.messages import counted
@@ -95,8 +95,11 @@ class Scenario(ConfigModel):
     @property
     def conditions(self) -> dict[str, Awaited]:
         """Conditions that trials wait for, by their dotted keys: that of their end, and those of a schedule."""
-        end = {} if self.stop.when is None else {STOP: Awaited(self.stop.when)}
-        return {**end, **conditions_in(getattr(self, "schedule", ()))}
+        awaited = {STOP: Awaited(self.stop.when)} if self.stop.when else {}
+        for number, entry in enumerate(getattr(self, "schedule", ())):
+            if entry.when is not None:
+                awaited[condition_key(number)] = Awaited(entry.when, entry.for_cycles)
+        return awaited
 
     @property
     def has_events(self) -> bool:
