@@ -154,7 +154,7 @@ class ArenaSection(ConfigModel):
     """What light sensors see."""
 
     @model_validator(mode="after")
-    def _check_obstacles_inside(self) -> "ArenaSection":
+    def _check_places(self) -> "ArenaSection":
         arena = self._build_solids()
         extents = [(circle[:2] - circle[2], circle[:2] + circle[2]) for circle in arena.circles]
         extents += [(corners.min(axis=0), corners.max(axis=0)) for corners in arena.polygons]
@@ -164,10 +164,6 @@ class ArenaSection(ConfigModel):
                     f"an obstacle or movable reaches from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) cm, "
                     f"beyond the walls of the {self.width_cm:g} x {self.height_cm:g} cm arena"
                 )
-        return self
-
-    @model_validator(mode="after")
-    def _check_movables_free(self) -> "ArenaSection":
         for number, movable in enumerate(self.movables):
             others = self.model_copy(update={"movables": self.movables[:number]})._build_solids()
             gap_cm = clearance_cm(others, movable.x_cm, movable.y_cm) - movable.radius_cm
@@ -176,10 +172,6 @@ class ArenaSection(ConfigModel):
                     f"movables.{number} overlaps an obstacle or an earlier movable by {-gap_cm:.3g} cm; allowed: they "
                     "may touch"
                 )
-        return self
-
-    @model_validator(mode="after")
-    def _check_patches_and_lamps_inside(self) -> "ArenaSection":
         outlines = [np.atleast_2d(_outline(patch))[:, :2] for patch in self.floor.patches]
         centres = {f"floor.patches.{number}": outline.mean(axis=0) for number, outline in enumerate(outlines)}
         centres |= {f"lamps.{number}": np.array([lamp.x_cm, lamp.y_cm]) for number, lamp in enumerate(self.lamps)}

@@ -345,13 +345,9 @@ class StartSection(ConfigModel):
                     raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: a vector that is not 0")
 
     @model_validator(mode="after")
-    def _check_like(self) -> "StartSection":
+    def _check_start(self) -> "StartSection":
         if self.like is not None and self != StartSection.model_construct(like=self.like):
             raise ValueError(f"like is {self.like!r}; leave out all other keys of start, which it decides")
-        return self
-
-    @model_validator(mode="after")
-    def _check_displacement(self) -> "StartSection":
         if self.displacement and self.phases != "synchronised":
             raise ValueError(
                 f"displacement is {self.displacement:g} and phases is {self.phases!r}; allowed: 0, or phases: "

@@ -102,26 +102,18 @@ class CameraSection(ConfigModel):
     """Largest delay of a picture; each picture reaches the controller after a delay drawn uniformly from 0 to this."""
 
     @model_validator(mode="after")
-    def _check_centred(self) -> "CameraSection":
+    def _check_picture(self) -> "CameraSection":
         central = self.pixels if self.central_pixels is None else self.central_pixels
         if central > self.pixels or (self.pixels - central) % 2:
             raise ValueError(
                 f"central_pixels is {central}; allowed: {2 - self.pixels % 2} to {self.pixels} in steps of "
                 f"2, so that they lie in the middle of {self.pixels} pixels"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_reflections(self) -> "CameraSection":
         if self.range_cm is not None and self.reflection_range_cm > self.range_cm:
             raise ValueError(
                 f"reflection_range_cm is {self.reflection_range_cm:g}; allowed: 0 to range_cm, which is "
                 f"{self.range_cm:g}: no mirror image is seen farther than the ring itself"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_latency(self) -> "CameraSection":
         if self.frames_per_s is None and self.latency_ms > 0:
             raise ValueError(
                 f"latency_ms is {self.latency_ms:g}, frames_per_s is null; give frames_per_s, or leave latency_ms out"
@@ -197,17 +189,13 @@ class RobotGroup(ConfigModel):
         return given
 
     @model_validator(mode="after")
-    def _check_poses(self) -> "RobotGroup":
+    def _check_poses_and_signal(self) -> "RobotGroup":
         if self.poses is None and self.placement == "poses":
             raise ValueError("placement is 'poses' but there are none; give poses: [[x_cm, y_cm, heading_rad], ...]")
         if self.poses is not None and self.placement != "poses":
             raise ValueError(f"placement is {self.placement!r} and poses are given; leave one of them out")
         if self.poses is not None and len(self.poses) != self.count:
             raise ValueError(f"count is {self.count} but there are {len(self.poses)} poses; leave count out")
-        return self
-
-    @model_validator(mode="after")
-    def _check_signal(self) -> "RobotGroup":
         if self.signal.kind != "camera" and self.camera != CameraSection():
             raise ValueError(
                 f"signal.kind is {self.signal.kind!r} and a camera is given; leave the camera out, or choose camera"
