@@ -36,7 +36,7 @@ class ConfigModel(BaseModel):
     """Keys that came later; seeds of resamples leave out their defaults, so that earlier folders keep their numbers."""
 
     @classmethod
-    def keys_in_files(cls, given: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:  # noqa: ARG003
+    def keys_in_files(cls, values: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:  # noqa: ARG003
         """Return the keys that files, which these values name, give to fields of the section: names of parameters."""
         return {}
 
@@ -120,13 +120,15 @@ def tagged(section: type[ConfigModel]) -> tuple[str, tuple[str, ...]]:
 def keys_of(section: type[ConfigModel], given: Any, folder: Path | None) -> Iterator[str]:
     """Yield the dotted keys of a section with these values, and of all in it."""
     given = given if isinstance(given, Mapping) else {}
-    own = section.keys_in_files(given, folder)
-    for name, field in section.model_fields.items():
-        value = given.get(name)
-        if value is None:
-            value = field.get_default(call_default_factory=True)
+    values = {
+        name: field.get_default(call_default_factory=True) if given.get(name) is None else given[name]
+        for name, field in section.model_fields.items()
+    }
+    own = section.keys_in_files(values, folder)
+    for name, value in values.items():
         yield name
-        found = () if value is None else _keys_in(section_classes(field.annotation), value, folder)
+        classes = section_classes(section.model_fields[name].annotation)
+        found = () if value is None else _keys_in(classes, value, folder)
         yield from (f"{name}.{key}" for key in dict.fromkeys([*found, *own.get(name, ())]))
 
 

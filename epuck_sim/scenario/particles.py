@@ -134,13 +134,10 @@ class ResponseSection(ConfigModel):
     """The curve's further parameters by name; those that are left out have the curve's defaults."""
 
     @classmethod
-    def keys_in_files(cls, given: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:
+    def keys_in_files(cls, values: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:
         """Return the names of the curve's parameters."""
-        curve = given.get("curve")
         with suppress(EpuckSimError):
-            return {
-                "parameters": list(find_curve(curve if isinstance(curve, str) else "multiplicative", folder).parameters)
-            }
+            return {"parameters": list(find_curve(str(values["curve"]), folder).parameters)}
         return {}
 
     @model_validator(mode="after")

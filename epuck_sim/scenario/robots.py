@@ -166,16 +166,16 @@ class RobotGroup(ConfigModel):
     """Sensors in files of their own, each with its parameters: `[ground.py, {light.py: {range_cm: 30}}]`."""
 
     @classmethod
-    def keys_in_files(cls, given: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:
+    def keys_in_files(cls, values: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:
         """Return the names of parameters of controller and sensors, and of what the controller remembers."""
         names: dict[str, Sequence[str]] = {}
-        sensors, controller = given.get("sensors"), given.get("controller")
+        sensors = values["sensors"]
         files = {name: each[FILE] for name, each in sensors.items()} if isinstance(sensors, Mapping) else {}
         with suppress(EpuckSimError):  # what is wrong with files is said when the scenario is validated
             found = {name: find_sensor(file, folder).parameters for name, file in files.items()}
             names["sensors"] = [f"{name}.{parameter}" for name, each in found.items() for parameter in each]
         with suppress(EpuckSimError):
-            known = find_controller(controller if isinstance(controller, str) else "firefly", folder)
+            known = find_controller(str(values["controller"]), folder)
             names |= {"parameters": list(known.parameters), "memory": list(known.memory.names or ())}
         return names
 
