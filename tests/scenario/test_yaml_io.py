@@ -6,33 +6,11 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.yaml_io import MAX_BYTES, parse_yaml, read_yaml
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("1e-3", 0.001),
-        ("1E3", 1000.0),
-        (".5", 0.5),
-        ("-2.", -2.0),
-        ("12", 12),
-        ("010", 10),
-        ("+3", 3),
-        ("true", True),
-        ("False", False),
-        ("no", "no"),
-        ("off", "off"),
-        ("12:30", "12:30"),
-        ("0x10", "0x10"),
-        ("null", None),
-        ("~", None),
-        ("", None),
-        ("[1, 2.5, a]", [1, 2.5, "a"]),
-        ("{a: {b: 1}}", {"a": {"b": 1}}),
-    ],
-)
-def test_plain_words_and_numbers_mean_what_they_look_like(text: str, value: object) -> None:
-    result = parse_yaml(text, "here")
-    assert result == value
-    assert type(result) is type(value)
+def test_plain_words_and_numbers_mean_what_they_look_like() -> None:
+    text = "[1e-3, 1E3, .5, -2., 12, 010, +3, true, False, no, off, 12:30, 0x10, null, ~, a, [2.5], {b: 1}]"
+    values = [0.001, 1000.0, 0.5, -2.0, 12, 10, 3, True, False, "no", "off", "12:30", "0x10", None, None, "a"]
+    assert repr(parse_yaml(text, "here")) == repr([*values, [2.5], {"b": 1}])
+    assert parse_yaml("", "here") is None
 
 
 def test_aliases_and_merge_keys_work() -> None:
