@@ -21,8 +21,7 @@ from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.statistics.mean import MeanError, mean_and_error, student_estimate
 from epuck_sim.statistics.measured import Measured, cut
 
-PERMUTATIONS = 4999
-"""Number of permutations: the smallest p-value is 1 / 5,000."""
+PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
 
 _BLOCK_SIZE = 2_000_000  # trials that are permuted at once
 
@@ -74,27 +73,24 @@ class Contrast(NamedTuple):
     @property
     def difference(self) -> Estimate:
         """The second mean minus the first."""
-        return _student(self.second.mean - self.first.mean, self.parts)
+        return student_estimate(self.second.mean - self.first.mean, *welch(self.parts))
 
     @property
     def log_ratio(self) -> Estimate:
         """Logarithm of the second mean over the first; undetermined unless both are positive."""
         if min(self.first.mean, self.second.mean) <= 0:
             return UNDETERMINED
-        return _student(math.log(self.second.mean / self.first.mean), self.log_parts)
+        return student_estimate(math.log(self.second.mean / self.first.mean), *welch(self.log_parts))
 
     @property
     def parts(self) -> list[tuple[float, int]]:
         """Variance of each mean, and its degrees of freedom."""
-        return self._parts([1.0, 1.0])
+        return [(each.error**2, each.freedom) for each in self]
 
     @property
     def log_parts(self) -> list[tuple[float, int]]:
         """Variance of the logarithm of each mean, and its degrees of freedom."""
-        return self._parts([self.first.mean, self.second.mean])
-
-    def _parts(self, units: Sequence[float]) -> list[tuple[float, int]]:
-        return [((each.error / unit) ** 2, each.freedom) for each, unit in zip(self, units, strict=True)]
+        return [((each.error / each.mean) ** 2, each.freedom) for each in self]
 
 
 def pair_up(first: Measured, second: Measured) -> Pair:
@@ -126,20 +122,11 @@ def _mean(terms: Sequence[tuple[float, list[tuple[float, int]]]]) -> Estimate:
         return UNDETERMINED
     count = len(terms)
     parts = [(part / count**2, freedom) for _, each in terms for part, freedom in each]
-    return _student(sum(value for value, _ in terms) / count, parts)
-
-
-def _student(value: float, parts: Sequence[tuple[float, int]]) -> Estimate:
-    """Return a value with Student's interval; parts of its variance may have few degrees of freedom."""
-    return student_estimate(value, *welch(parts))
+    return student_estimate(sum(value for value, _ in terms) / count, *welch(parts))
 
 
 def welch(parts: Sequence[tuple[float, int]]) -> tuple[float, float]:
-    """Return the standard error of a sum, and its degrees of freedom (Welch 1947).
-
-    Args:
-        parts: Variance of each term, and the degrees of freedom with which that is known.
-    """
+    """Return the standard error of a sum of terms, given with their freedom, and its own freedom (Welch 1947)."""
     variance = sum(part for part, _ in parts)
     spread = sum(part**2 / max(freedom, 1) for part, freedom in parts)
     return math.sqrt(variance), variance**2 / spread if spread else math.inf
@@ -148,26 +135,23 @@ def welch(parts: Sequence[tuple[float, int]]) -> tuple[float, float]:
 class Permuted(NamedTuple):
     """What a pair has for a difference, and then what it has after permutations, each (1 + B,)."""
 
-    differences: FloatArray
-    """Second mean minus the first, or the logarithm of their ratio."""
-    variances: FloatArray
-    """Variances of these, as each permutation shows them."""
+    differences: FloatArray  # second mean minus the first, or the logarithm of their ratio
+    variances: FloatArray  # variances of these, as each permutation shows them
 
 
-def permute(pair: Pair, seed: int, *, of_logarithms: bool, ratio: float = 1.0, count: int = PERMUTATIONS) -> Permuted:
+def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTATIONS) -> Permuted:
     """Return the difference of the means of two samples, and those after permutations of trials between them.
 
     Args:
         pair: Two samples none of which is censored before the horizon.
         seed: Equal seeds give equal permutations.
         of_logarithms: Whether the difference is that of the logarithms of the means; all values are positive then.
-        ratio: Ratio of the two that is tested: trials are permuted as if the second sample's were as much longer.
         count: Number B of permutations.
     """
     # in order, so that the order in which trials are stored does not matter
-    first, second = np.sort(pair.first.values), np.sort(pair.second.values) / ratio
-    pooled = np.concatenate([first, second])
-    blocks = [_contrasts(block, len(first), of_logarithms) for block in _permutations(pooled, seed, count)]
+    pooled = np.concatenate([np.sort(each.values) for each in pair])
+    first = len(pair.first.values)
+    blocks = [_contrasts(block, first, of_logarithms) for block in _permutations(pooled, seed, count)]
     return Permuted(*(np.concatenate(each) for each in zip(*blocks, strict=True)))
 
 
