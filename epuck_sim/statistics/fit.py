@@ -50,7 +50,7 @@ class FittedCurve(NamedTuple):
     others: str  # all other settings of its scenario, as text; only curves that share them can follow one law
     model: str
     names: list[str]  # names of the statistic of T_sync at its points, each once
-    extrema: SpeedExtrema | None  # none where they cannot be looked for
+    extrema: SpeedExtrema | None  # None where they cannot be looked for
     reason: str  # why they cannot, and what would be enough; empty where they can
     v_f: tuple[Estimate, FloatArray] | None
     """V_f of point agents, cm/s, and that of the resamples, (B,); None where there is no fast regime."""
@@ -227,7 +227,7 @@ class MeasureFit(NamedTuple):
     axes: dict[str, Any]  # values of the other axes
     statistic: str
     minimum: TurningPoint | None
-    peak: TurningPoint | None  # none where the curve has none, or where they cannot be looked for
+    peak: TurningPoint | None  # None where the curve has none, or where they cannot be looked for
     reason: str  # why they cannot, and what would be enough; empty where they can
 
     def record(self) -> dict[str, Any]:

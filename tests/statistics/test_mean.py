@@ -68,15 +68,6 @@ def test_values_cut_at_one_limit_have_the_mean_and_the_error_of_the_sample_that_
         assert high == pytest.approx(min(mean * math.exp(reach), limit))
 
 
-@given(values_of_trials, st.floats(0.01, 100))
-def test_intervals_move_with_the_unit(values, unit) -> None:
-    given_values = cut(np.array(values), max(values) / 2)
-    scaled = cut(unit * np.array(values), unit * max(values) / 2)
-    for statistic in (Statistic.MEAN, Statistic.MEDIAN):
-        one, other = estimate(given_values, statistic).ends, estimate(scaled, statistic).ends
-        assert np.array(other) == pytest.approx(unit * np.array(one), nan_ok=True)
-
-
 @pytest.mark.parametrize("statistic", Statistic)
 @pytest.mark.parametrize("trials", [1, 4])
 def test_few_trials_have_an_estimate_and_no_interval(statistic: Statistic, trials: int) -> None:

@@ -71,21 +71,6 @@ def test_a_power_law_without_noise_is_recovered(quantity, exponents, prefactor):
     assert fit.prefactor.ends == pytest.approx((prefactor,) * 3, rel=1e-8)
 
 
-def test_curves_count_by_their_certainty():
-    law = ROBOTS["V_m"]
-    spread = np.full(CURVES, 0.01)
-    values, resampled = noisy(lawful(law, 0.1, thesis(law)), spread, 2)
-    spread[4] = 0.5
-    values[4] *= 1.5
-    unsure = resampled.copy()
-    unsure[:, 4] = noisy(values, spread, 3)[1][:, 4]
-    resampled[:, 4] *= 1.5
-    as_sure = fit_power_law(law, PARAMETERS, values, resampled).exponents["L"].value
-    weighted = fit_power_law(law, PARAMETERS, values, unsure).exponents["L"].value
-    assert abs(weighted - 1) < 0.1
-    assert abs(as_sure - 1) > 0.3
-
-
 @pytest.mark.parametrize("quantity", ["V_m", "T_p"])
 def test_the_intervals_hold_the_truth_as_often_as_they_say_and_the_misfit_is_about_1(quantity):
     law = ROBOTS[quantity]
