@@ -1,10 +1,9 @@
 """Synchronisation times of which some are censored (thesis Appendix A).
 
 T_sync is counted in whole cycles. A trial that is not synchronised at its limit is censored there: all that is known of
-its T_sync is that it is longer. Throughout, `times` is (n,) cycles and `observed` (n,), True where the trial has
-synchronised. Of two trials with equal times, one synchronised and one censored, the censored one was still at risk.
-Every function raises ValueError for times that are negative or not finite, for no trials, and for arrays of different
-shapes.
+its T_sync is that it is longer. Throughout, `times` is (n,) cycles, finite and not negative, and `observed` (n,), True
+where the trial has synchronised. Of two trials with equal times, one synchronised and one censored, the censored one
+was still at risk.
 """
 
 import math
@@ -44,12 +43,6 @@ class SurvivalCurves(NamedTuple):
 def make_sample(times: npt.ArrayLike, observed: npt.ArrayLike) -> Sample:
     """Sort trials by time, and gather equal ones."""
     t, is_event = np.asarray(times, float), np.asarray(observed, bool)
-    if t.ndim != 1 or t.shape != is_event.shape:
-        raise ValueError(f"times and observed must be (n,) both, but are {t.shape} and {is_event.shape}")
-    if not len(t):
-        raise ValueError("there are no trials")
-    if not (np.isfinite(t) & (t >= 0)).all():
-        raise ValueError("times must be finite and not negative")
     order = np.lexsort((~is_event, t))
     t, is_event = t[order], is_event[order]
     is_new = np.append(True, (t[1:] > t[:-1]) | (is_event[1:] != is_event[:-1]))

@@ -221,13 +221,6 @@ def test_a_band_without_upper_end_goes_beyond_the_figure_and_does_not_stretch_it
     assert bottom > 0
 
 
-def test_every_point_and_mark_is_within_the_figure(panel) -> None:
-    (left, right), (bottom, top) = panel.get_xlim(), panel.get_ylim()
-    points = [point for marker in "osD^v" for point in drawn(marked(panel, marker))]
-    assert len(points) == 3 * len(MANY_SPEEDS) - 2 + 4
-    assert all(left < x < right and bottom < y < top for x, y in points)
-
-
 # Axes and words
 
 

@@ -216,20 +216,6 @@ def test_the_mean_is_determined_with_a_tenth_of_the_trials_uncensored_and_not_wi
     assert math.isnan(weibull_mean(np.append(times, tens), np.arange(n + 1) < tens))
 
 
-@given(trials, st.randoms(use_true_random=False))
-def test_the_order_of_the_trials_does_not_matter(given_trials, random):
-    times, observed = given_trials
-    order = random.sample(range(len(times)), len(times))
-    for statistic in (
-        kaplan_meier,
-        fit_weibull,
-        weibull_mean,
-        median_time,
-        lambda t, o: weibull_resamples(t, o, 5),
-    ):
-        np.testing.assert_equal(statistic(times[order], observed[order]), statistic(times, observed))
-
-
 def means_one_by_one(times, observed, resamples, seed):
     """Return what weibull_resamples should, by a fit with many starts of each resample."""
     n, order = len(times), np.lexsort((~observed, times))
@@ -327,23 +313,6 @@ def test_the_mean_of_known_distributions_and_its_interval_are_as_measured(censor
     assert means.std() / truth == pytest.approx(spread, rel=0.3)
     assert np.median(means) / truth == pytest.approx(1, abs=4 * error)
     assert 0.91 <= covered.mean() <= 0.99
-
-
-@pytest.mark.parametrize(
-    ("times", "observed", "reason"),
-    [
-        ([1, 2], [True], r"\(2,\) and \(1,\)"),
-        ([[1, 2]], [[True, True]], r"\(1, 2\)"),
-        (1, True, r"\(\)"),
-        ([], [], "no trials"),
-        ([1, -1], [True, True], "negative"),
-        ([1, math.nan], [True, True], "finite"),
-        ([1, math.inf], [True, False], "finite"),
-    ],
-)
-def test_what_are_no_trials_is_refused_with_the_reason(times, observed, reason):
-    with pytest.raises(ValueError, match=reason):
-        weibull_mean(times, observed)
 
 
 def test_resamples_of_very_many_trials_are_drawn_by_kind_and_vary_as_those_drawn_one_by_one():
