@@ -5,6 +5,7 @@ from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple, Self
 
+import cv2
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
@@ -222,8 +223,11 @@ class RingCounter:
         self._rings: list[list[Ring]] = []
         self._begin(0.0)
 
-    def process(self, frame: Frame) -> list[Ring]:
-        """Find the lit rings on the floor in the next frame, count them, and return them."""
+    def process(self, frame: Frame, papers_px: Iterable[FloatArray] = ()) -> list[Ring]:
+        """Find the lit rings on the floor in the next frame, count them, and return them.
+
+        White papers of tags, (4, 2) corners each, are no light.
+        """
         light = self._background.light_beyond(frame)
         seen = self._finder.find_in(light)
         rings = self._on_floor(seen)
@@ -232,6 +236,8 @@ class RingCounter:
             self._begin(frame.time_s)
         self._was_lit = lit
         self._has_begun |= bool(rings) and not lit
+        for paper_px in papers_px:
+            cv2.fillConvexPoly(light.levels, np.round(paper_px).astype(np.int32), (0,))
         area_px = self._meter.lit_px(light.levels)
         self._times.append(frame.time_s)  # all at once: Ctrl-C, which ends a live film, must not come in between
         self._counts.append(len(rings))

@@ -7,7 +7,7 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera import Frame, overhead_camera
+from epuck_sim.overhead.camera import overhead_camera
 from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.overhead.robots import find_robots, flash_columns, summary, trace_columns
@@ -77,10 +77,10 @@ def test_the_pattern_has_white_around_it() -> None:
 def test_tags_of_a_film_are_gathered() -> None:
     camera, picture = shown()
     reader = TagReader(camera, "4X4_50")
-    reader.add(Frame(0.0, picture))
+    reader.add(0.0, reader.read(picture))
     reader.restart()
-    for frame in (Frame(1.0, picture), Frame(2.0, np.zeros_like(picture)), Frame(3.0, picture)):
-        reader.add(frame)
+    for time_s, shown_then in ((1.0, picture), (2.0, np.zeros_like(picture)), (3.0, picture)):
+        reader.add(time_s, reader.read(shown_then))
     readings = reader.readings
     assert readings.time_s.tolist() == [1] * 4 + [3] * 4
     assert readings.number.tolist() == [0, 1, 2, 3] * 2
