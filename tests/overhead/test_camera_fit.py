@@ -20,9 +20,9 @@ from epuck_sim.overhead.camera_fit import SeenRings, expected_rings, fit_camera
 from epuck_sim.overhead.floor import find_corners
 from epuck_sim.scenario.overhead import OverheadSection
 from tests.overhead.drawn_rings import (
-    finder_for,
     matched,
     ring_picture,
+    rings_in,
     room_picture,
     scattered,
     straight_camera,
@@ -175,7 +175,7 @@ def test_rings_are_where_corners_found_in_the_light_say():
     camera = straight_camera()
     corners = find_corners(room_picture(camera))
     centres = scattered(10, np.random.default_rng(3))
-    rings = finder_for(camera_from_corners(corners, 480, 480, 60, 60, 110.0)).find(ring_picture(camera, centres))
+    rings = rings_in(camera_from_corners(corners, 480, 480, 60, 60, 110.0), ring_picture(camera, centres))
     assert matched(rings, centres, within_cm=0.3) == len(rings) == 10
 
 

@@ -104,13 +104,3 @@ def test_values_that_are_all_the_same_have_a_mean() -> None:
         mean, _ = fit_uniform(np.full(4, value), np.zeros(4))
         assert mean is not None
         assert mean.value == pytest.approx(value, abs=1e-6)
-
-
-def test_uneven_frames_of_a_short_film_tell_no_rate() -> None:
-    track = track_of(0, 4.0, 0.0, 0.4, 0.0)
-    robots = find_robots(track)
-    assert "overhead.frames_per_s" not in fit_film(track._replace(times_s=np.array([0.0, 0.01, 1.0])), robots)
-
-
-def test_few_robots_tell_nothing() -> None:
-    assert fit_uniform(np.array([1.0, 2.0]), np.array([0.1, 0.1])) == (None, None)
