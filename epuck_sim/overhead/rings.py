@@ -74,7 +74,6 @@ _NEAR = np.ones((5, 5), np.uint8)
 _ANGLES = np.arange(BINS) * (2 * np.pi / BINS)
 _RADII = np.arange(round(REACH_CM / STEP_CM)) * STEP_CM
 _ROUND = np.column_stack([np.ones(BINS), np.cos(_ANGLES), np.sin(_ANGLES)])
-_ALL = np.ones(BINS, bool)
 _DESIGN = np.column_stack([_ROUND, np.cos(2 * _ANGLES), np.sin(2 * _ANGLES)])
 _ROWS = np.arange(BINS)
 _FROM_LED_TO_LED = np.ones((LED_BINS, 1), np.uint8)
@@ -106,16 +105,15 @@ class Fit(NamedTuple):
     """A circle fitted to a ring of light."""
 
     column: float
-    """Column of its centre in the view."""
     row: float
-    """Row of its centre in the view."""
+    """Its centre is in this row of the view."""
     radius_cm: float
     flattening: tuple[float, float]
     """Amplitude of the radius along twice the angle, cosine and sine, relative to the radius: 0 for a circle."""
     misfit_cm: float
     """Root mean square distance of the inner edge from the circle, without edges more than `OUTLIER_CM` off."""
-    covered: BoolArray
-    """(BINS,) whether there is light on the circle in each direction."""
+    covered: float
+    """Share of the directions in which there is light on the circle."""
     light: float
     """Median level on the circle, above that of its inside."""
     inside: float
@@ -188,7 +186,7 @@ class RingFinder:
         for index in np.argsort(-within[rows, columns], kind="stable"):
             column, row = float(columns[index]), float(rows[index])
             if within[rows[index], columns[index]] <= DISC_RADII_CM[1] and _is_free(column, row, found + discs, cells):
-                discs.append(Fit(column, row, epuck.RING_RADIUS_CM, (0.0, 0.0), 0.0, _ALL, DISC_LIGHT, 1.0, 0.0))
+                discs.append(Fit(column, row, epuck.RING_RADIUS_CM, (0.0, 0.0), 0.0, 1.0, DISC_LIGHT, 1.0, 0.0))
         return discs
 
 
@@ -199,7 +197,7 @@ def _is_ring(fit: Fit, most_beyond: float) -> bool:
         and math.hypot(*fit.flattening) <= MAX_FLATTENING
         and fit.inside <= MAX_INSIDE
         and fit.beyond <= most_beyond
-        and fit.covered.mean() >= MIN_COVERED
+        and fit.covered >= MIN_COVERED
     )
 
 
@@ -375,7 +373,7 @@ def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: f
         radius,
         flattening=(float(outline[3] / radius), float(outline[4] / radius)),
         misfit_cm=math.sqrt(near @ near / len(near)) if len(near) else math.inf,
-        covered=(on - inside >= MIN_BETWEEN_LEDS * (bright - inside)) & ~(off > OUTLIER_CM),
+        covered=float(np.mean((on - inside >= MIN_BETWEEN_LEDS * (bright - inside)) & ~(off > OUTLIER_CM))),
         light=bright - inside,
         inside=inside / bright,
         beyond=beyond / max(crest, 1e-9),

@@ -60,7 +60,6 @@ class Track(NamedTuple):
     """What was found in a film."""
 
     film: str
-    """Name of the film or camera."""
     frames: int
     """Number of frames, including those of a lit beginning."""
     fps: float
@@ -72,7 +71,6 @@ class Track(NamedTuple):
     calibration: str
     """What the camera was determined from."""
     period_s: float
-    """Period of the oscillators."""
     flash_ms: float
     """Duration of a flash; 0.075 periods if it cannot be estimated."""
     threshold_ms: float
@@ -112,7 +110,6 @@ class Track(NamedTuple):
     counts: IntArray
     """(frames,) lit rings in each of them."""
     evaluations: tuple[Evaluation, ...]
-    """Evaluations of the histogram, in order of time."""
     flashes: tuple[Flash, ...]
     """Flashes of the trial, in order of their onsets, without those of rings that are always lit."""
     steady: tuple[Flash, ...]

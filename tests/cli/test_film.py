@@ -11,7 +11,6 @@ from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import FilmWriter
 from tests.cli.commands import call, called, contents, refused, trials
 from tests.cli.films import frames_and_description, names, shut
-from tests.control.bench import with_step
 
 THREE = """
 name: three
@@ -80,15 +79,6 @@ def test_a_trial_of_a_sweep_can_be_filmed(here) -> None:
     description = frames_and_description("t.mp4")[1]
     assert description is not None
     assert description["seed"] == row["seed"]
-
-
-def test_where_a_trial_fails_an_older_film_stays_and_nothing_else(here) -> None:
-    (here / "bad.py").write_text(with_step("raise ValueError('never again')"))
-    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]\nstop: {max_time_s: 60}")
-    (here / "t.mp4").write_text("older")
-    before = contents(here)
-    assert "never again" in refused("run", "bad.yaml", "--interpret", "--film", "t.mp4")
-    assert contents(here) == before
 
 
 @pytest.mark.usefixtures("nothing_runs")

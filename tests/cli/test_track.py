@@ -16,12 +16,10 @@ import pytest
 
 from epuck_sim.cli.tables import NAMES_WIDTH
 from epuck_sim.overhead import live, track
-from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import Film, open_film
-from tests.cli.commands import call, called, contents, refused
+from tests.cli.commands import call, called, refused
 from tests.cli.films import frames_and_description, names, shut
 from tests.overhead.films import PLACES, described, even, in_step, read_rings, save, shoot
-from tests.overhead.small_films import cut_off
 from tests.processes import COMMAND, start, wait_until
 
 SIDE_PX = 160
@@ -45,11 +43,6 @@ def tracked(film: str | Path, *options: str | Path) -> dict[str, Any]:
     return json.loads(called("track", film, "--json", *options))
 
 
-def dark(count: int) -> list[Frame]:
-    """Return frames in which no ring is lit."""
-    return [Frame(number / 30, np.zeros((SIDE_PX, SIDE_PX, 3), np.uint8)) for number in range(count)]
-
-
 @pytest.fixture(scope="module")
 def shelf(tmp_path_factory) -> Path:
     """Return a folder of films that no test changes, of robots that flash together from 2 s on."""
@@ -57,8 +50,6 @@ def shelf(tmp_path_factory) -> Path:
     frames = shoot(TIMES, in_step(TIMES, ROBOTS), **SIZE)
     save(folder / "swarm.mp4", frames)
     save(folder / "described.mp4", frames[:102], described(**SIZE) | {"robots": ROBOTS})
-    save(folder / "lit_start.mp4", shoot(even(5), in_step(even(5), ROBOTS), lit_until_s=1.0, **SIZE))
-    save(folder / "dark.mp4", dark(30))
     return folder
 
 
@@ -211,16 +202,6 @@ def test_geometry_that_is_given_places_the_rings(shelf, here) -> None:
         assert aside["y_cm"] == pytest.approx(here_["y_cm"], abs=0.05)
 
 
-def test_a_film_that_was_cut_off_is_tracked_to_where_it_ends(shelf, here) -> None:
-    shutil.copy(shelf / "swarm.mp4", here)
-    cut_off(here / "swarm.mp4", 0.8)
-    result = call("track", "swarm.mp4", "--json", "--period-s", "1")
-    assert result.exit_code == 0
-    assert result.stderr.startswith("warning: the film ends early: ")
-    assert " of 4.0 s could be read; the file was cut off" in result.stderr
-    assert json.loads(result.stdout)["frames"] < 120
-
-
 def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkeypatch) -> None:
     @contextmanager
     def plugged_in(number: int, _: object) -> Iterator[Film]:
@@ -247,15 +228,6 @@ def test_a_folder_without_permission_is_refused(shelf, here, monkeypatch) -> Non
     shut(monkeypatch, here / "shut")
     stderr = refused("track", shelf / "swarm.mp4", "--rings", "shut/t.csv")
     assert "cannot be written: no permission to write in shut" in stderr
-
-
-def test_what_is_no_film_of_a_swarm_is_refused(shelf, here) -> None:
-    shutil.copy(shelf / "dark.mp4", here)
-    before = contents(here)
-    outputs = ("--json", "--plot", "p.png", "--rings", "r.csv", "--annotate", "a.mp4")
-    message = "dark.mp4: no lit ring is seen; is it the right film, and is the exposure long"
-    assert message in refused("track", "dark.mp4", *outputs)
-    assert contents(here) == before
 
 
 def test_corners_where_no_floor_can_be_are_refused(shelf, here) -> None:

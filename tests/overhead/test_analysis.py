@@ -109,31 +109,6 @@ def test_swarm_that_never_synchronises() -> None:
     assert json.loads(json.dumps(track.summary(), allow_nan=False))["histogram_s"] is None
 
 
-def test_time_counts_from_the_first_dark_frame() -> None:
-    plain = analysed(*swarm(), TrackOptions(period_s=1.0))
-    times_s, counts = swarm()
-    before = np.arange(90) / RATE
-    track = analysed(
-        np.concatenate([before, 3 + times_s]),
-        np.concatenate([np.full(90, 9), counts]),
-        TrackOptions(period_s=1.0),
-        lit_until_s=3 - 1e-9,
-    )
-    assert track.start_s == pytest.approx(3)
-    assert track.frames == plain.frames + 90
-    for name in (
-        "duration_s",
-        "robots_seen",
-        "histogram_s",
-        "histogram_periods",
-        "t_sync_cycles",
-        "flashes_per_period",
-    ):
-        assert getattr(track, name) == pytest.approx(getattr(plain, name)), name
-    assert track.periods_at(track.start_s + track.histogram_s) == pytest.approx(plain.histogram_periods)
-    assert track.periods_at(np.array([3.0, 4.5])) == pytest.approx([0, 1.5])
-
-
 # --- what is known beforehand -----------------------------------------------------------------------
 
 

@@ -1,7 +1,6 @@
 """Claims about the estimates of period and flash, and about the threshold of Appendix C."""
 
 import math
-from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
@@ -140,22 +139,6 @@ def test_half_early_and_half_late_by_sigma_a_have_that_order_parameter():
         assert order_parameter(np.array([sigma_s, PERIOD - sigma_s]), PERIOD) == pytest.approx(r)
     assert firing_spread_s(PERIOD) == pytest.approx(0.25, abs=0.005)  # the thesis's figure
     assert spread_threshold_s(PERIOD, 0.075 * PERIOD) * 15.5 == pytest.approx(2, abs=0.06)
-
-
-def spread_frames(onsets, flash):
-    """Return the histogram's spread, in frames, of rings that go on in some frames, as a film shows it."""
-    period, middle = 75, 40
-    times = np.arange(2.0 * period)
-    counts = sum(((times >= middle + onset) & (times < middle + onset + flash)).astype(int) for onset in onsets)
-    (evaluation,) = evaluate(times, counts, period, 0.0)
-    return evaluation.spread_s
-
-
-@pytest.mark.parametrize("robots", [2, 4, 6])
-def test_no_flashes_within_sigma_a_are_wider_than_half_early_and_half_late(robots):
-    widths = [spread_frames(onsets, 5) for onsets in combinations_with_replacement(range(-4, 1), robots)]
-    assert max(widths) == pytest.approx(math.sqrt(6))
-    assert np.isclose(widths, math.sqrt(6)).sum() == 1
 
 
 @pytest.mark.parametrize("flash_s", [0.05, 0.2, FLASH])

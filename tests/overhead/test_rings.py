@@ -8,7 +8,7 @@ import pytest
 from scipy import ndimage
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera import Frame, Geometry, simple_lens
+from epuck_sim.overhead.camera import Frame, Geometry
 from epuck_sim.overhead.light import Background, LightMeter, is_lit, ring_light
 from epuck_sim.overhead.rings import MAX_CELLS_PER_PIXEL, MAX_REACH_HEIGHTS, fit_ring, rectified_view
 from tests.overhead.drawn_rings import (
@@ -73,14 +73,6 @@ def test_finds_one_that_was_lit_for_a_part_of_the_exposure_but_no_sliver(share):
 def test_survives_another_exposure(look):
     found(straight_camera(), [*honeycomb_cell(), (30.0, 30.0), (50.0, 12.0)], look)
     found(straight_camera(), honeycomb_cell(), look)
-
-
-@pytest.mark.parametrize("scale", [0.92, 1.05])
-def test_survives_a_scale_that_is_wrong(scale):
-    camera = straight_camera()
-    picture = ring_picture(camera, honeycomb_cell())
-    other = camera._replace(lens=simple_lens(480, 480, camera.lens.focal_px * scale, -0.05))
-    assert len(rings_in(other, picture)) == 6
 
 
 def test_sees_it_askew():
@@ -153,13 +145,6 @@ def test_counts_random_swarms(place, look, pictures):
     assert good / claimed >= 0.99
 
 
-def test_counts_a_crowd():
-    camera = straight_camera(side_cm=120.0)  # 3.8 pixels a centimetre
-    centres = touching(80, np.random.default_rng(1), 120.0)
-    rings = rings_in(camera, ring_picture(camera, centres))
-    assert matched(rings, centres) == len(rings) == 80
-
-
 # --- a lit room -----------------------------------------------------------------------------------
 
 
@@ -229,7 +214,7 @@ def test_a_fit_finds_the_centre_from_a_centimetre_off():
         fit = fit_ring(light.astype(np.uint8), cells, (9.3 + dx) * cells, (10.4 + dy) * cells, 40)
         assert fit is not None
         assert (fit.column / cells, fit.row / cells) == pytest.approx((9.3, 10.4), abs=0.02)
-        assert fit.covered.all()
+        assert fit.covered == 1
         assert fit.misfit_cm < 0.02
     assert fit_ring(light.astype(np.uint8), cells, 60 * cells, 60 * cells, 40) is None
 

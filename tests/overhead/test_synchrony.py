@@ -17,13 +17,12 @@ from epuck_sim.overhead.synchrony import (
     SynchronyDetector,
     evaluate,
     first_synchronised,
-    frame_ends,
     is_synchronised,
     order_at_end,
     order_over_time,
     whole_periods,
 )
-from tests.overhead.counts import counted, frames, steady, uneven
+from tests.overhead.counts import counted, frames, steady
 
 PERIOD = 5.0
 FLASH = 0.375
@@ -125,36 +124,6 @@ def test_a_period_is_remembered_however_long_the_film_is():
 
 
 # --- bad films --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("phases", "rate"), [(TOGETHER, 12.0), (SPREAD, 15.0), (SPREAD * 4, 60.0)])
-def test_dropped_frames_and_uneven_times_change_a_spread_by_a_frame_at_most(phases, rate):
-    times = frames(60 * PERIOD, rate)
-    bad_times = uneven(times, np.random.default_rng(4), dropped=0.05)
-    true, bad = (
-        evaluate(t, counted(steady(phases + 1, PERIOD, 300), FLASH, t), PERIOD, 0.0) for t in (times, bad_times)
-    )
-    true_s, bad_s = (np.array([each.spread_s for each in found]) for found in (true, bad))
-    assert len(true_s) == len(bad_s)
-    assert np.abs(bad_s - true_s).max() * rate < 1
-    assert abs(bad_s.mean() - true_s.mean()) * rate < 0.1
-
-
-def test_what_is_lit_in_a_gap_is_unknown_and_proves_no_synchrony():
-    times = frames(3 * PERIOD, RATE)
-    counts = counted(steady([1, 1, 1, 3], PERIOD, 15), FLASH, times)  # the lone one is lit in the gap
-    seen = (times % PERIOD < 2.9) | (times % PERIOD > 3.5)
-    found = evaluate(times[seen], counts[seen], PERIOD, 0.0)
-    narrow = [each for each in found if each.spread_s < 0.13]
-    assert narrow
-    assert all(
-        each.coverage == pytest.approx(1 - (10 - MAX_HOLD_INTERVALS) / RATE / PERIOD, abs=0.02) for each in narrow
-    )
-    assert first_synchronised(found, 0.13) is None
-
-
-def test_no_frame_stands_for_more_than_some_usual_ones():
-    assert frame_ends(np.array([0.0, 1.0, 2.0, 12.0]), 13.0).tolist() == [1.0, 2.0, 2.0 + MAX_HOLD_INTERVALS, 13.0]
 
 
 # --- synchrony --------------------------------------------------------------------------------------

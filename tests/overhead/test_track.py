@@ -22,7 +22,6 @@ from tests.overhead.films import (
     PLACES,
     described,
     even,
-    flashing,
     in_step,
     make_camera,
     passed,
@@ -179,15 +178,6 @@ def test_snapshot_leaves_out_rings_that_stay_lit(tracked: Track) -> None:
     assert len(shown.rings_px) == 5
     gone = snapshot(tracked._replace(steady=(lamp._replace(end_s=0.1),)))
     assert len(gone.rings_px) == 6
-
-
-def test_snapshot_shows_a_mode_that_lasts_for_one_frame(tmp_path: Path) -> None:
-    phases = [0.5, 0.5, 0.5, 0.56, 0.56, 0.56]  # all are lit in the third frame only
-    name = save(tmp_path / "brief.mp4", shoot(TIMES, flashing(TIMES, phases)), described())
-    track = track_film(name, TrackOptions(threshold_ms=100.0), None, passed)
-    assert track.evaluations[0].rings == 6
-    assert track.histogram_s is not None
-    assert len(snapshot(track).rings_px) == 6
 
 
 # --- files: whole or nothing ------------------------------------------------------------------------
