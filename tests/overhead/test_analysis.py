@@ -114,12 +114,8 @@ def test_swarm_that_never_synchronises() -> None:
 
 def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
     times_s = np.arange(300) / RATE
-    offsets = np.where(np.arange(11) < 5, 0.05, 0.0)[:, None] * [
-        -1,
-        -1,
-        1,
-        1,
-    ]  # first half in step to 0.1 s, then wholly
+    off_s = np.where(np.arange(11) < 5, 0.05, 0.0)  # first half in step to 0.1 s, then wholly
+    offsets = off_s[:, None] * np.array([-1, -1, 1, 1])
     counts = counted(np.arange(11)[:, None] + 0.5 + offsets, 0.06, times_s)
     strict, loose = (analysed(times_s, counts, TrackOptions(period_s=1.0, order_parameter=r)) for r in (0.9999, 0.9))
     assert loose.t_sync_s == pytest.approx(0.55, abs=0.05)
