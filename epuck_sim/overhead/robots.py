@@ -60,16 +60,14 @@ class Pair(NamedTuple):
 
 
 def find_robots(track: Track) -> Robots:
-    """Return the robots of a film: by their tags if these were read, or else by how they move from flash to flash.
+    """Return the robots of a film: by their tags if these were looked for, or else by how they move between flashes.
 
     Raises:
         FilmError: No tag is read.
     """
     flashes = FlashTable.of(track.flashes)
-    return _by_motion(track, flashes) if track.tags is None else _by_tags(track, flashes, track.tags)
-
-
-def _by_motion(track: Track, flashes: FlashTable) -> Robots:
+    if track.tags is not None:
+        return _by_tags(track, flashes, track.tags)
     identities = link_flashes(flashes, track.period_s, track.geometry.floor_cm)
     warnings = []
     if identities.unsure > MANY_UNSURE:
@@ -88,8 +86,7 @@ def _by_motion(track: Track, flashes: FlashTable) -> Robots:
 def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
     warnings: list[str] = []
     expected, expected_robots = track.options.tag_numbers, track.options.robots
-    readings = _only_expected(readings, expected, len(track.times_s), warnings)
-    readings = _only_once(readings, warnings)
+    readings = _only_once(_only_expected(readings, expected, len(track.times_s), warnings), warnings)
     if not len(readings.number):
         raise FilmError(
             f"{track.film}: no tag is read, or all are seen twice; check the dictionary, that the film is lit, by "
@@ -121,13 +118,11 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
 def _only_expected(readings: Readings, expected: frozenset[int] | None, frames: int, warnings: list[str]) -> Readings:
     """Return the readings of tags that there are, and say which others there were."""
     numbers, counts = np.unique(readings.number, return_counts=True)
-    seldom = counts < max(2.0, SELDOM * frames)
+    others = seldom = counts < max(2.0, SELDOM * frames)
+    named, why = numbers[seldom], f"are read in less than {100 * SELDOM:.0f} % of the frames"
     if expected is not None:
         others = ~np.isin(numbers, list(expected))
         named, why = numbers[others & ~seldom], "are not among those given"
-    else:
-        others = seldom
-        named, why = numbers[seldom], f"are read in less than {100 * SELDOM:.0f} % of the frames"
     if len(named):
         warnings.append(f"tags that {why}, and are left out: {_listed(named)}")
     return readings.of(np.isin(readings.number, numbers[~others]))
@@ -197,8 +192,8 @@ def order_of_shares(shares: FloatArray) -> FloatArray:
     known = ~np.isnan(shares)
     number = known.sum(axis=1)
     total = np.where(known, np.exp(2j * np.pi * np.nan_to_num(shares)), 0.0).sum(axis=1)
-    enough = number >= max(2.0, MOST_KNOWN * shares.shape[1])
-    order: FloatArray = np.where(enough, np.abs(total) / np.maximum(number, 1), np.nan)
+    is_enough = number >= max(2.0, MOST_KNOWN * shares.shape[1])
+    order: FloatArray = np.where(is_enough, np.abs(total) / np.maximum(number, 1), np.nan)
     return order
 
 

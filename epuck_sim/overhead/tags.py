@@ -34,20 +34,12 @@ def tag_dictionary(name: str) -> cv2.aruco.Dictionary:
 
 
 def tag_count(name: str) -> int:
-    """Return the number of tags in a dictionary.
-
-    >>> tag_count("4X4_50")
-    50
-    """
+    """Return the number of tags in a dictionary."""
     return len(tag_dictionary(name).bytesList)
 
 
 def tag_modules(name: str) -> int:
-    """Return the number of modules along the side of a tag with its black border.
-
-    >>> tag_modules("4X4_50")
-    6
-    """
+    """Return the number of modules along the side of a tag with its black border."""
     return int(tag_dictionary(name).markerSize) + 2
 
 
