@@ -94,7 +94,9 @@ def test_a_lamp_that_flickers_is_no_robot() -> None:
     others, left_out, without = without_steady(tuple(sorted(robots + lamp)), times_s, counts, 1.0)
     assert (sorted(others), sorted(left_out)) == (sorted(robots), lamp)
     assert without.tolist() == count_lit(sorted(robots), times_s).tolist()
-    assert without_steady(tuple(robots), times_s, counts, 1.0)[1] == ()
+    still = tuple(Flash(k + 0.5, k + 0.6, 10.0 + 8 * n, 20.0, 50.0) for k in range(8) for n in range(4))
+    for flashes in (tuple(robots), still):
+        assert without_steady(flashes, times_s, counts, 1.0)[1] == ()
 
 
 def test_swarm_that_never_synchronises() -> None:

@@ -79,7 +79,8 @@ def test_too_few_trials_and_too_short_a_film_are_said_first() -> None:
         "18 trials are too few to show that a film is unlike them; give --trials 19 or more"
     )
     assert judge(rows_of([99.0], trials[:19])).caution == ""
-    assert judge(rows_of([99.0], trials[:19])).p_value == 0.05
+    enough = judge(rows_of([99.0], trials[:19]))
+    assert (enough.p_value, "is unlike" in enough.sentence) == (0.05, True)
     trials[:21] = math.inf
     verdict = judge(rows_of([math.inf], trials))
     assert verdict.caution.startswith("21 of 40 trials are not synchronised when the film ends")

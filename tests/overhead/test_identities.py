@@ -107,12 +107,12 @@ def test_links_cost_least(costs: list[list[float]]) -> None:
     rows, flashes = len(costs), len(costs) + 4
     table = np.zeros((flashes, flashes))
     table[:rows, rows:] = costs
-    links = _link(np.arange(float(flashes)), csr_array(table), 20.0)
+    parts, links = (_link(np.arange(float(flashes)), csr_array(table), block_s) for block_s in (2.0, 20.0))
     total = sum(table[source, target] for source, target in enumerate(links) if target >= 0)
     least = min(sum(costs[row][target] for row, target in enumerate(each)) for each in permutations(range(4), rows))
     assert total == pytest.approx(least)
-    taken = links[links >= 0].tolist()
-    assert len(set(taken)) == len(taken)
+    for taken in (parts[parts >= 0].tolist(), links[links >= 0].tolist()):
+        assert len(set(taken)) == len(taken)
 
 
 def test_a_flash_that_follows_one_long_before_or_after_is_no_alternative() -> None:
