@@ -95,7 +95,7 @@ def test_a_lamp_that_flickers_is_no_robot() -> None:
     assert (sorted(others), sorted(left_out)) == (sorted(robots), lamp)
     assert without.tolist() == count_lit(sorted(robots), times_s).tolist()
     still = tuple(Flash(k + 0.5, k + 0.6, 10.0 + 8 * n, 20.0, 50.0) for k in range(8) for n in range(4))
-    for flashes in (tuple(robots), still):
+    for flashes in (tuple(robots), (*still, Flash(0.2, 0.3, 55.0, 55.0, 50.0))):
         assert without_steady(flashes, times_s, counts, 1.0)[1] == ()
 
 
