@@ -43,26 +43,14 @@ def reel() -> list[Frame]:
 
 
 @pytest.fixture(scope="module")
-def lit_reel() -> list[Frame]:
-    """The same in the light of the room."""
-    return shoot(TIMES, LIT, light="lit")
-
-
-@pytest.fixture(scope="module")
 def named(reel: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> str:
     """A film of them with a description."""
     return save(tmp_path_factory.mktemp("films") / "named.mp4", reel, described())
 
 
 @pytest.fixture(scope="module")
-def foreign(reel: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A film of them without a description."""
-    return save(tmp_path_factory.mktemp("films") / "foreign.mp4", reel)
-
-
-@pytest.fixture(scope="module")
 def tracked(named: str) -> Track:
-    return track_film(named, TrackOptions(), None, passed)
+    return track_film(named, TrackOptions(), Path(named).with_suffix(".csv"), passed)
 
 
 def score(rows: list[dict[str, float]], times_s: Any, ring_on: Any) -> Score:
@@ -87,39 +75,32 @@ def test_described_film_gives_its_trial(tracked: Track, named: str) -> None:
     assert tracked.flash_ms == pytest.approx(100, abs=5)
 
 
-def test_foreign_film_gives_the_same_trial(tracked: Track, foreign: str) -> None:
-    track = track_film(foreign, TrackOptions(), None, passed)
+def test_foreign_film_gives_the_same_trial(tracked: Track, reel: list[Frame], tmp_path: Path) -> None:
+    track = track_film(save(tmp_path / "foreign.mp4", reel), TrackOptions(), None, passed)
     assert (track.calibration, track.estimated) == (RINGS, ("period_s", "threshold_ms"))
     assert track.counts.tolist() == tracked.counts.tolist()
     assert track.period_s == pytest.approx(1, abs=0.01)
     assert track.histogram_s == pytest.approx(tracked.histogram_s)
 
 
-def test_rings_are_listed_where_they_are(named: str, tmp_path: Path) -> None:
-    track_film(named, TrackOptions(), tmp_path / "rings.csv", passed)
-    rows = read_rings(tmp_path / "rings.csv")
+def test_rings_are_listed_where_they_are(tracked: Track) -> None:
+    rows = read_rings(Path(tracked.film).with_suffix(".csv"))
     total = score(rows, TIMES, LIT)
     assert (total.found, total.missed, total.false) == (LIT.sum(), 0, 0)
     assert total.worst_cm <= 0.2
     assert all(abs(row["radius_cm"] - 3.5) <= 0.2 for row in rows)
     at_px = make_camera().project(np.array([(row["x_cm"], row["y_cm"], 4.0) for row in rows]))
     assert at_px == pytest.approx(np.array([(row["x_px"], row["y_px"]) for row in rows]), abs=0.01)
-    assert [path.name for path in tmp_path.iterdir()] == ["rings.csv"]
 
 
 # --- light ------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def begins_lit(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A film that is lit for 1 s, with the same trial after it."""
+def test_trial_begins_in_the_dark(tracked: Track, tmp_path: Path) -> None:
     times_s = even(5.5)
     frames = shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9)
-    return save(tmp_path_factory.mktemp("films") / "begins_lit.mp4", frames)
-
-
-def test_trial_begins_in_the_dark(begins_lit: str, tracked: Track, tmp_path: Path) -> None:
-    track = track_film(begins_lit, TrackOptions(period_s=1.0), tmp_path / "rings.csv", passed)
+    name = save(tmp_path / "begins_lit.mp4", frames)
+    track = track_film(name, TrackOptions(period_s=1.0), tmp_path / "rings.csv", passed)
     assert (track.calibration, track.frames) == (LIGHT, 165)
     assert track.start_s == pytest.approx(1, abs=1e-4)
     assert track.duration_s == pytest.approx(4.5, abs=1e-3)
@@ -130,8 +111,8 @@ def test_trial_begins_in_the_dark(begins_lit: str, tracked: Track, tmp_path: Pat
     assert len(snapshot(track).rings_px) == 6
 
 
-def test_lit_film_is_tracked(lit_reel: list[Frame], tmp_path: Path, tracked: Track) -> None:
-    name = save(tmp_path / "lit.mp4", lit_reel, described(light="lit"))
+def test_lit_film_is_tracked(tmp_path: Path, tracked: Track) -> None:
+    name = save(tmp_path / "lit.mp4", shoot(TIMES, LIT, light="lit"), described(light="lit"))
     track = track_film(name, TrackOptions(), tmp_path / "rings.csv", passed)
     assert track.start_s == 0
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
