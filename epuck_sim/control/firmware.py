@@ -246,10 +246,7 @@ def _line_of(name: str, source: bytes) -> int:
 
 
 def _library(contents: Iterable[bytes], make: Callable[[Path], object]) -> Path:
-    """Return the library that is made from these contents, marked as used now; unused ones are removed.
-
-    Its name holds two digests, of what it is made from and of itself: one that was damaged since is made anew.
-    """
+    """Return the library made from these contents, named by them and by its own digest: a damaged one is made anew."""
     folder = cache_root() / "firmware"
     if not folder.is_dir():
         folder = cache_root(to_fill=True) / "firmware"

@@ -17,6 +17,7 @@ that nobody reads changes no outcome. The functions of `epuck_sim.embodied.sensi
 import keyword
 import math
 import sys
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from epuck_sim.control.firmware import load_firmware
 from epuck_sim.control.interface import EXTERNAL, Controller, Described, Sensor, Sensors
 from epuck_sim.control.names import ARGUMENTS, check_own_names
 from epuck_sim.errors import ControllerError
-from epuck_sim.user_files import AS_LOADED, Kind, Place, fingerprint, kept, load_python_file
+from epuck_sim.user_files import AS_LOADED, Kind, Place, PythonFile, fingerprint, kept, load_python_file
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
 from epuck_sim.util.messages import comma_list, short_repr
 
@@ -40,7 +41,7 @@ CONTROLLER = Kind(
 )
 """What controllers are found by."""
 
-PARTS = {
+CONTROLLER_PARTS = {
     "PARAMETERS": "a mapping of names to default values",
     "MEMORY": "a mapping of names to types",
     "start": "a function start(memory, parameters, random)",
@@ -71,35 +72,43 @@ def _load(place: Place) -> Controller:
     if place.path is not None and place.path.suffix != ".py":
         return load_firmware(place.path)
     file = load_python_file(place, ControllerError, (builtin_folder(CONTROLLERS),))
-    parts = file.parts
-    for part, wanted in PARTS.items():
-        if not (isinstance(parts.get(part), dict) if part.isupper() else callable(parts.get(part))):
-            raise file.refusal(part, f"a controller needs {part}: {wanted}")
-    external = parts.get("EXTERNAL", ())
+    _check_parts(file, "a controller", CONTROLLER_PARTS)
+    parts, external = file.parts, file.parts.get("EXTERNAL", ())
     if not isinstance(external, tuple) or any(part not in EXTERNAL for part in external):
         allowed = comma_list(list(EXTERNAL))
         raise file.refusal("EXTERNAL", f"EXTERNAL is {short_repr(external)}; allowed: a tuple of {allowed}")
     controller = Controller(
-        place.short_name,
-        place.name,
-        file.path,
-        file.parameters(),
-        file.check(),
-        file.sources,
-        file.modules,
-        file.record_type("MEMORY"),
-        parts["start"],
-        parts["step"],
-        external,
+        **vars(_described(place, file)),
+        memory=file.record_type("MEMORY"),
+        start=parts["start"],
+        step=parts["step"],
+        external=external,
     )
     check_own_names(controller)
     return controller
+
+
+def _check_parts(file: PythonFile, noun: str, parts: Mapping[str, str]) -> None:
+    for part, wanted in parts.items():
+        found = file.parts.get(part)
+        if not (isinstance(found, dict) if part.isupper() else callable(found)):
+            raise file.refusal(part, f"{noun} needs {part}: {wanted}")
+
+
+def _described(place: Place, file: PythonFile) -> Described:
+    parameters, check = file.parameters(), file.check()
+    return Described(place.short_name, place.name, file.path, parameters, check, file.sources, file.modules)
 
 
 # --- sensors ------------------------------------------------------------------------------------------
 
 SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=dict)
 """What sensors in files of their own are found by."""
+
+SENSOR_PARTS = {
+    "READINGS": "a mapping of names to types",
+    "sense": "a function sense(world, robot, readings, parameters, random)",
+}
 
 MOST_NUMBERS = 10_000
 """Most numbers of a reading."""
@@ -117,42 +126,28 @@ def find_sensor(name: str, folder: Path | None = None) -> Sensor:
 @kept
 def _load_sensor(place: Place) -> Sensor:
     file = load_python_file(place, ControllerError)
-    parts = file.parts
-    if not isinstance(parts.get("READINGS"), dict):
-        raise file.refusal("READINGS", "a sensor needs READINGS: a mapping of names to types")
-    if not callable(parts.get("sense")):
-        said = "a sensor needs sense: a function sense(world, robot, readings, parameters, random)"
-        raise file.refusal("sense", said)
-    if not parts["READINGS"]:
+    _check_parts(file, "a sensor", SENSOR_PARTS)
+    sense = file.parts["sense"]
+    if not file.parts["READINGS"]:
         raise file.refusal("READINGS", "READINGS has no reading; allowed: at least one")
-    if taken := next((name for name in parts["READINGS"] if name in Sensors._fields), None):
-        raise file.refusal("READINGS", f"READINGS: {taken!r} is taken by a sensor that all robots have; choose another")
-    for name in parts["READINGS"]:
+    for name in file.parts["READINGS"]:
+        if name in Sensors._fields:
+            said = f"READINGS: {name!r} is taken by a sensor that all robots have; choose another"
+            raise file.refusal("READINGS", said)
         if keyword.iskeyword(name) or str(name).startswith("_"):
             raise file.refusal("READINGS", f"READINGS: {name!r} is no name that `sensors` can have; choose another")
-    parameters, readings = file.parameters(), file.record_type("READINGS")
+    readings = file.record_type("READINGS")
     for name in readings.names or ():
         if not 0 < math.prod(readings[name].shape) <= MOST_NUMBERS:
             said = f"READINGS: {name!r} has the shape {readings[name].shape}; allowed: 1 to {MOST_NUMBERS} numbers"
             raise file.refusal("READINGS", said)
-    if "file" in parameters:
+    if "file" in file.parameters():
         raise file.refusal("PARAMETERS", "PARAMETERS: 'file' is the key of the sensor's file; choose another")
-    code = getattr(parts["sense"], "__code__", None)
+    code = getattr(sense, "__code__", None)
     if code is not None and code.co_argcount != len(ARGUMENTS["sense"]):
-        raise file.refusal(
-            "sense", f"sense takes {code.co_argcount} arguments; allowed: {', '.join(ARGUMENTS['sense'])}"
-        )
-    sensor = Sensor(
-        place.short_name,
-        place.name,
-        file.path,
-        parameters,
-        file.check(),
-        file.sources,
-        file.modules,
-        _floats_first(readings),
-        parts["sense"],
-    )
+        said = f"sense takes {code.co_argcount} arguments; allowed: {', '.join(ARGUMENTS['sense'])}"
+        raise file.refusal("sense", said)
+    sensor = Sensor(**vars(_described(place, file)), readings=_floats_first(readings), sense=sense)
     check_own_names(sensor)
     return sensor
 

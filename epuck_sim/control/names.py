@@ -30,11 +30,7 @@ SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "numbe
 
 
 def check_own_names(user: Controller | Sensor) -> None:
-    """Reject a file that uses names which its memory, actuators, readings, world or parameters do not have.
-
-    Raises:
-        ControllerError: The message has file, line, and the nearest name.
-    """
+    """Raise ControllerError, with line, for names that memory, actuators, readings, world or parameters lack."""
     if isinstance(user, Sensor):
         _check_nothing_set(user)
     own: dict[str, Sequence[str]] = (
@@ -67,24 +63,12 @@ def _check_nothing_set(sensor: Sensor) -> None:
 
 @lru_cache
 def check_sensed(controller: Controller, readings: tuple[str, ...] = ()) -> None:
-    """Reject a controller that uses a name which its sensors do not have.
-
-    Args:
-        controller: The controller.
-        readings: Names of what sensors in files of their own tell it.
-
-    Raises:
-        ControllerError: The message has file, line, and the nearest name.
-    """
+    """Raise ControllerError, with line, for names of sensors that are neither built in nor among `readings`."""
     _check_names(controller, {"sensors": (*Sensors._fields, *readings)})
 
 
 def _check_names(user: Described, known: Mapping[str, Sequence[str]]) -> None:
-    """Check the names that a file's functions use of what they are given, by these roles.
-
-    Functions that they hand these to are followed. What is assigned to another name, or comes from elsewhere, is not
-    looked at.
-    """
+    """Check names by these roles; functions that are handed what has a role are followed, assignments are not."""
     trees = {str(path): ast.parse(source) for path, source in user.sources.items() if path.suffix == ".py"}
     todo: list[tuple[object, tuple[str | None, ...]]] = [
         (getattr(user, name), arguments) for name, arguments in ARGUMENTS.items() if hasattr(user, name)

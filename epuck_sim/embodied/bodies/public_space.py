@@ -12,7 +12,6 @@ from operator import attrgetter
 from types import FunctionType, SimpleNamespace
 from typing import Any
 
-import numba
 import numpy as np
 import pymunk
 
@@ -84,19 +83,19 @@ def public_way(block: ByteArray) -> SimpleNamespace:
 
 @jit_no_alloc
 def find_candidates(block: ByteArray) -> float:
-    """Find the robots of a block that may touch something; return the speed of the fastest, cm/s."""
+    """Do what `contacts.find_contact_candidates` does, with a block."""
     return find_contact_candidates(swarm_at(block))
 
 
 @jit_no_alloc
 def add_robots_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
-    """Find further robots of a block that may touch one; see `contacts.add_reached`."""
+    """Do what `contacts.add_reached` does, with a block."""
     return add_reached(swarm_at(block), found, x, y, approach_cm_s, past)
 
 
 @jit_no_alloc
 def move_robots(block: ByteArray) -> None:
-    """Move the robots of a block that are no candidates."""
+    """Do what `contacts.move_others` does, with a block."""
     move_others(swarm_at(block))
 
 
@@ -126,8 +125,3 @@ def moved_by(way: Any) -> list[float]:
     addresses = np.array([0] * chipmunk.FIRST + way.function_addresses())
     way.try_calls(addresses, np.array([way.address(thing) for thing in things]), moved)
     return moved.tolist()
-
-
-def versions() -> str:
-    """Return the versions of what moves bodies."""
-    return f"pymunk {pymunk.version} and numba {numba.__version__}"
