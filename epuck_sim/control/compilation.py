@@ -52,9 +52,8 @@ def compile_for(user: Described, function: Any, room_digest: str, names: Mapping
     return _compiled[key]
 
 
-@lru_cache
+@lru_cache  # as it takes long, of what cannot change in a file that is loaded
 def _static_digest(user: Described, types: tuple[np.dtype[Any], ...], contents: str) -> str:
-    """Return the digest of what cannot change in a file that is loaded, which takes long."""
     return digest([digest_sources(user.sources, user.modules).encode(), repr(types).encode(), contents.encode()])
 
 

@@ -50,20 +50,12 @@ CONTROLLER_PARTS = {
 
 
 def find_controller(name: str, folder: Path | None = None) -> Controller:
-    """Return a controller: a shipped one, an installed package's, or that of a file (.py, .c, .so); see `Kind.locate`.
-
-    Raises:
-        ControllerError: There is no such controller, or the file does not describe one.
-    """
+    """Return a controller: a shipped one, an installed package's, or a file's (.py, .c, .so); see `Kind.locate`."""
     return _load(CONTROLLER.locate(name, folder))
 
 
 def load_controller(path: Path) -> Controller:
-    """Return the controller that a file describes, read again only when it, or a file that it imports, has changed.
-
-    Raises:
-        ControllerError: The file does not describe a controller.
-    """
+    """Return the controller that a file describes, read again only when it, or a file that it imports, has changed."""
     return _load(CONTROLLER.at(path))
 
 
@@ -115,11 +107,7 @@ MOST_NUMBERS = 10_000
 
 
 def find_sensor(name: str, folder: Path | None = None) -> Sensor:
-    """Return a sensor: an installed package's, or that of a file (.py); see `Kind.locate`.
-
-    Raises:
-        ControllerError: There is no such sensor, or the file does not describe one.
-    """
+    """Return a sensor: an installed package's, or a file's (.py); see `Kind.locate`."""
     return _load_sensor(SENSOR.locate(name, folder))
 
 
@@ -162,12 +150,7 @@ def _floats_first(readings: np.dtype[Any]) -> np.dtype[Any]:
 
 
 def check_imported_copies(controller: Described) -> None:
-    """Reject values that the program set in its own import of a controller's file, which the controller would not see.
-
-    Raises:
-        ControllerError: A module in `sys.modules` comes from one of the controller's files, but a value in it is not
-            what that file says.
-    """
+    """Reject values that the program set in its own import of a controller's file, which controllers do not see."""
     for path, own in controller.modules.items():
         imported = sys.modules.get(path.stem)
         if imported is None or Path(getattr(imported, "__file__", None) or "").resolve() != path:

@@ -1,9 +1,8 @@
 """Compilation with numba, cached on disk in such a way that no edit can leave stale code behind.
 
-numba alone compares only the file of the function that it caches: an edit of a helper in another file goes unnoticed.
-Here each set of sources has a cache folder of its own, named after their contents. Folders that have not been used for
-a month are removed. numba is loaded when the first function is compiled or called: who only reads users' files, which
-import kernels, needs no numba.
+numba alone compares only the file of the function that it caches. Here each set of sources has a cache folder of its
+own, named after their contents. numba is loaded when the first function is compiled or called: who only reads users'
+files, which import kernels, needs none.
 """
 
 import hashlib
@@ -89,10 +88,7 @@ def bind(function: Any, **names: object) -> Any:
 
 
 def name_after(function: Any, contents_digest: str) -> Any:
-    """Name a function after its contents, and return it.
-
-    numba finds compiled code by name, types and a count of functions: two processes may have all three in common.
-    """
+    """Name a function after its contents: by name, types and a count of functions, numba could take it for another."""
     function.__qualname__ = f"{function.__name__}_{contents_digest}"
     return function
 
@@ -125,7 +121,6 @@ class Kernel:
     """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
 
     def __init__(self, function: Any, **options: object) -> None:
-        """Prepare to compile a function, when it is first called, with these options of numba's `njit`."""
         self.function = function
         self.__doc__ = function.__doc__
         self._options = options
@@ -145,7 +140,6 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        """What numba takes it for when compiled code refers to it."""
         return self.part._numba_type_
 
     def __call__(self, *arguments: Any) -> Any:

@@ -1,11 +1,8 @@
 """What numba's public interface lacks: the one file of the package that imports its inside.
 
-Kernels are functions that are compiled for Python when Python calls them, and as parts of others when others do. numba
-makes machine code of every function, with everything that it calls inside: of what is called through eight others,
-eight times. A part of another kernel needs no machine code of its own, which saves a fifth of the time of compiling.
-
-Functions are called by addresses, which the caller takes from an array: code that calls a controller, or Chipmunk, is
-compiled once, and kept on disk, whatever it calls.
+numba makes machine code of every function, with everything that it calls inside: of what is called through eight
+others, eight times. A part of another kernel needs none of its own, which saves a fifth of the time of compiling.
+Functions are called by addresses from an array: code that calls a controller, or Chipmunk, is compiled once, and kept.
 """
 
 import hashlib
@@ -72,9 +69,7 @@ def _to_whole_number(context: Any, builder: Any, _from: Any, to: Any, value: Any
     return builder.fptosi(value, context.get_value_type(to))
 
 
-class _PartLibrary(JITCodeLibrary):
-    """The code of a function, to be linked into that of others, which is where it is optimised."""
-
+class _PartLibrary(JITCodeLibrary):  # linked into that of others, which is where it is optimised
     def _optimize_final_module(self) -> None:
         pass
 
@@ -83,9 +78,7 @@ class _PartLibrary(JITCodeLibrary):
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
-class _PartLowering(NativeLowering):
-    """numba's pass that makes machine code, which here stops before it does."""
-
+class _PartLowering(NativeLowering):  # stops before it makes machine code
     _name = "lowering_of_a_part"
 
     def run_pass(self, state: Any) -> bool:
@@ -103,8 +96,6 @@ class _PartLowering(NativeLowering):
 
 
 class _PartCompiler(CompilerBase):
-    """numba's compiler for parts of other functions."""
-
     def define_pipelines(self) -> list[Any]:
         """Return numba's passes, with `_PartLowering`."""
         manager: Any = DefaultPassBuilder.define_nopython_pipeline(self.state)
@@ -120,7 +111,7 @@ def compile_part(function: Any, **options: object) -> Any:
 
 
 SHIPPED = Path(__file__).parents[1] / "compiled"
-"""Folder of the compiled code that comes with a release, laid out as a cache folder is: see `make dist`."""
+"""Folder of a release's compiled code, laid out as a cache folder is: see `make dist`."""
 
 
 def _compile_as_shipped() -> None:
@@ -149,7 +140,7 @@ class _SealedFiles(_Files):  # type: ignore[misc]
         folder = Path(self._cache_path)
         name = folder.name.rpartition("_")[0]  # the rest stands for the path of the machine that compiled it
         for index in SHIPPED.glob(f"{folder.parent.name}/{name}_*/{self._index_name}"):
-            return _ShippedFiles(index.parent, index.stem, self._source_stamp).load(key)
+            return super(_SealedFiles, _SealedFiles(index.parent, index.stem, self._source_stamp)).load(key)
         return None
 
     def save(self, key: Any, data: Any) -> None:
@@ -176,12 +167,6 @@ class _SealedFiles(_Files):  # type: ignore[misc]
             contents = io.BytesIO()
             yield contents
             file.write(seal(contents.getvalue()))
-
-
-class _ShippedFiles(_SealedFiles):
-    """Files of compiled code that came with a release."""
-
-    load = _Files.load
 
 
 def seal(contents: bytes) -> bytes:
@@ -272,18 +257,12 @@ def _takes(result: Any, kinds: Any) -> Any:
     return result(types.intp, types.Tuple(tuple(map(types.unliteral, kinds))))
 
 
-def _unpack(builder: Any, signature: Any, arguments: Any) -> tuple[Any, Any]:
-    """Return types and values of the arguments after the address."""
-    kinds = tuple(signature.args[1])
-    return kinds, cgutils.unpack_tuple(builder, arguments[1], len(kinds))
-
-
 def _call_compiled(result: Any) -> Any:
     """Return the generator of a call of a compiled function, which raises what that raises."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kinds, values = _unpack(builder, signature, arguments)
-        convention = context.call_conv
+        kinds, convention = tuple(signature.args[1]), context.call_conv
+        values = cgutils.unpack_tuple(builder, arguments[1], len(kinds))
         function = builder.inttoptr(arguments[0], convention.get_function_type(result, kinds).as_pointer())
         status, value = convention.call_function(builder, function, result, kinds, values)
         with cgutils.if_unlikely(builder, status.is_error):
@@ -302,7 +281,7 @@ def _call_c(result: ir.Type) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         values = [
             value if isinstance(kind, types.Float) else builder.inttoptr(value, _POINTER)
-            for kind, value in zip(*_unpack(builder, signature, arguments), strict=True)
+            for kind, value in zip(signature.args[1], cgutils.unpack_tuple(builder, arguments[1]), strict=True)
         ]
         kind = ir.FunctionType(result, [value.type for value in values])
         returned = builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), values)
@@ -397,7 +376,7 @@ def carve(context: Any, block: Any, part: Any) -> Any:  # noqa: ARG001
     """Return arrays of a block as a named tuple, which does not own them.
 
     The tuple's class, `part`, has `places`: of each field, the type of the array and the offset in the block of two
-    numbers, where the array begins and where it ends. A field without an offset is the record that begins the block.
+    numbers, where it begins and where it ends; None for the record that begins the block.
     """
     places = part.instance_class.places
     kinds = [from_dtype(dtype) if at is None else types.Array(from_dtype(dtype), 1, "C") for dtype, at in places]

@@ -408,19 +408,56 @@ def slow_rows(scene: Scene, camera: CameraSettings, every: int = 1) -> tuple[Boo
     outside = (camera.pixels - camera.central_pixels) // 2
     window = slice(outside, camera.pixels - outside)
     for row, (x, y, heading) in enumerate(scene.poses[::every]):
-        robot = row * every
+        others = np.arange(len(bodies)) != row * every
         directions = _towards(heading + camera.angles()[window])
         rays = np.tile((x, y) + scene.body.forward_cm * _towards(heading), (len(directions), 1)), directions
-        lit = scene.lit & (np.arange(len(bodies)) != robot)
-        dark = ~scene.lit & (np.arange(len(bodies)) != robot)
-        reds, by_red = cast_on_discs(*rays, bodies[lit])
-        discs, by_disc = cast_on_discs(*rays, np.vstack([bodies[dark], scene.arena.circles]))
+        reds, by_red = cast_on_discs(*rays, bodies[scene.lit & others])
+        discs, by_disc = cast_on_discs(*rays, np.vstack([bodies[~scene.lit & others], scene.arena.circles]))
         flats, by_flat = cast_on_segments(*rays, scene.arena.edges)
         red = reds.min(axis=1, initial=np.inf)
-        other = np.minimum(discs.min(axis=1, initial=np.inf), flats.min(axis=1, initial=np.inf))
-        written[row, window] = (red < np.inf) & (red <= other) & (red <= camera.range_cm)
-        by_edge = np.hstack([by_red, by_disc, by_flat]).any(axis=1)
+        other = np.hstack([discs, flats]).min(axis=1, initial=np.inf)
+        is_red = (red < np.inf) & (red <= other) & (red <= camera.range_cm)
         seen = np.where(red < np.inf, red, -1)
         ties = (np.abs(seen - other) < EDGE_CM) | (np.abs(seen - camera.range_cm) < EDGE_CM)
-        doubtful[row, window] = by_edge | ties
+        doubt = np.hstack([by_red, by_disc, by_flat, ties[:, None]]).any(axis=1)
+        if camera.reflection_range_cm > 0:
+            is_mirrored, more_doubt = _slow_images(scene, camera, rays, np.minimum(red, other))
+            is_red, doubt = is_red | is_mirrored, doubt | more_doubt
+        written[row, window], doubtful[row, window] = is_red, doubt
     return written, doubtful
+
+
+def _slow_images(scene, camera, rays, reach) -> tuple[BoolArray, BoolArray]:
+    """Return (rays,) whether a lit ring is seen in a wall, and where that is within rounding.
+
+    Everything is mirrored in each wall, and counts from there on, where nothing is met before: within (rays,) reach.
+    """
+    arena, lit, robots = scene.arena, scene.lit, len(scene.poses)
+    right, top = arena.width_cm, arena.height_cm
+    walls = np.array([(0, 0, 0, top), (right, 0, right, top), (0, 0, right, 0), (0, top, right, top)])
+    to_walls, by_wall = cast_on_segments(*rays, walls)
+    red, doubt = np.zeros(len(reach), bool), by_wall.any(axis=1)
+    for wall in range(4):
+        towards = to_walls[:, wall] < np.inf
+        doubt |= np.abs(np.where(towards, to_walls[:, wall], -1) - reach) < EDGE_CM
+        discs = np.vstack([_bodies(scene), arena.circles])
+        discs[:, :2] = _mirrored(discs[:, :2], wall, arena)
+        ends = [_mirrored(arena.edges[:, two], wall, arena) for two in (slice(0, 2), slice(2, 4))]
+        to_discs, by_disc = cast_on_discs(*rays, discs)
+        to_images, by_image = cast_on_segments(*rays, np.hstack(ends))
+        image = to_discs[:, :robots][:, lit].min(axis=1, initial=np.inf)
+        hidden_by = np.hstack([to_discs[:, :robots][:, ~lit], to_discs[:, robots:], to_images])
+        is_first = (image <= hidden_by.min(axis=1, initial=np.inf)) & (reach > to_walls[:, wall])
+        red |= towards & is_first & (image <= camera.reflection_range_cm) & (image < np.inf)
+        found = np.where(image < np.inf, image, -1)[:, None]
+        doubt |= towards & np.hstack([by_disc, by_image, np.abs(found - hidden_by) < EDGE_CM]).any(axis=1)
+        doubt |= towards & (np.abs(found[:, 0] - camera.reflection_range_cm) < EDGE_CM)
+    return red, doubt
+
+
+def _mirrored(places: FloatArray, wall: int, arena: Arena) -> FloatArray:
+    """Return (n, 2) places beyond the left, right, lower or upper wall."""
+    mirrored = places.copy()
+    axis, is_far = divmod(wall, 2)
+    mirrored[:, axis] = 2 * is_far * (arena.width_cm, arena.height_cm)[axis] - mirrored[:, axis]
+    return mirrored

@@ -112,6 +112,14 @@ class FullSpaceWorld:
         self.poses[:] = [(*body.position, body.angle) for body, _ in self._bodies.robots]
 
 
+def advanced(worlds, velocities, steps: int = 10):
+    """Move worlds by some physics steps with the same velocities, and return them."""
+    for world in worlds:
+        world.velocities[:] = velocities
+        world.advance(steps)
+    return worlds
+
+
 def overlap_cm(positions: FloatArray) -> float:
     """Return the largest overlap of two robots at (robots, 2) cm; negative if there is none."""
     one, other = np.triu_indices(len(positions), 1)
