@@ -44,7 +44,6 @@ def test_the_firefly_in_c_has_the_parameters_and_the_memory_of_the_one_in_python
 
 WORLDS = {
     "thesis": {},
-    "slow": {"robots.0.parameters.speed_cm_s": 0.05, "robots.0.parameters.rotation_speed_cm_s": 12.7},
     "robots": {
         "robots.0.parameters.delay_ms": 62,
         "robots.0.parameters.flash_pixels": 2,
@@ -54,12 +53,6 @@ WORLDS = {
         "timing.control_hz": 40,
         "timing.physics_hz": 200,
         "spread.clock_rate": 0.01,
-    },
-    "low threshold": {
-        "robots.0.parameters.proximity_threshold": 40,
-        "robots.0.parameters.proximity_count_threshold": 0,
-        "robots.0.parameters.coupling": 0.37,
-        "robots.0.camera.pixels": 300,
     },
 }
 

@@ -92,7 +92,6 @@ def test_memory_has_the_types_and_shapes_of_the_file(tmp_path):
 
 @pytest.fixture(scope="module")
 def typed(tmp_path_factory):
-    """A controller with a parameter of each type."""
     path = tmp_path_factory.mktemp("typed") / "typed.py"
     return write_controller(path, with_step("pass", PARAMETERS="{'flag': False, 'whole': 5, 'number': 0.5}"))
 

@@ -13,8 +13,6 @@ AHEAD, TURN_LEFT, TURN_RIGHT = (12.8, 12.8), (-12.8, 12.8), (12.8, -12.8)
 
 
 class Robot(TestRobot):
-    """A robot whose distances are given step by step."""
-
     def wheels(self, **distance_mm):
         """Return the wheels' speeds after a step with e.g. `front_left=10`, and nothing else near."""
         self.distance_mm = OUT_OF_RANGE_MM
@@ -120,7 +118,6 @@ def test_at_a_wall_the_robot_turns_for_a_random_time_of_up_to_25_steps():
 
 
 def over(dividend, divisor):
-    """C's / of two ints."""
     return dividend // divisor if dividend >= 0 else -(-dividend // divisor)
 
 

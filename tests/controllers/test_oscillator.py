@@ -10,14 +10,10 @@ from hypothesis import strategies as st
 
 from epuck_sim.control.loader import find_controller
 from epuck_sim.testing import TestRobot
-from epuck_sim.util.seeds import robot_streams
-from tests.control.bench import MODES, Bench, exactly, function, sensors, settings
-
-ONE_STREAM = robot_streams(np.random.SeedSequence(1), 1)[0]
+from tests.control.bench import MODES, Bench, exactly, function, settings
 
 
 def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pixels=60, new=True, **parameters):
-    """Return phase and ring after one step from `phase_ms`."""
     robot = TestRobot("oscillator", parameters, pixels=pixels, step_ms=step_ms)
     robot.memory.phase_ms, robot.memory.flash_seen = phase_ms, seen
     robot.ring_on, robot.new_picture = ring_on, new
@@ -186,7 +182,8 @@ def test_each_step_is_the_thesis_s_own(world, chance):
         flash, ring = chance.random() < 0.7, chance.random() < 0.5
         memory = SimpleNamespace(phase_ms=phase, flash_seen=0)
         actuators = SimpleNamespace(ring_on=ring)
-        step(sensors(world.dt, red=int(flash)), memory, actuators, parameters, ONE_STREAM)
+        sensed = SimpleNamespace(step_ms=world.dt, camera=np.array([int(flash)]), new_picture=True)
+        step(sensed, memory, actuators, parameters, None)
         assert (memory.phase_ms, actuators.ring_on) == algorithm_1(phase, ring, flash, world), f"from {phase}, {flash}"
 
 

@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from hypothesis import assume
+from hypothesis import assume, reject
 from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, clearance_cm, make_arena
@@ -57,7 +57,6 @@ class Body(NamedTuple):
     width_cm2: float = 0.7
 
     def kind(self) -> RobotKind:
-        """Return what a scenario says of it."""
         return RobotKind(
             radius_cm=self.radius_cm,
             wheel_base_cm=self.radius_cm,
@@ -80,8 +79,6 @@ BODIES = (E_PUCK, SMALL, LARGE)
 
 
 class Scene(NamedTuple):
-    """Robots in an arena."""
-
     poses: FloatArray
     """(robots, 3) x cm, y cm, heading rad."""
     lit: BoolArray
@@ -181,14 +178,12 @@ def sort_robots(block: ByteArray) -> None:
 
 
 def readings(scene: Scene, observer: int = 0) -> FloatArray:
-    """Return the noiseless infrared readings of the robots from `observer` on."""
     block = block_of(scene, observer=observer)
     sense_infrared(block.bytes, ADDRESSES, 0)
     return block.swarm.robots.sensors.infrared[observer:, : len(scene.body.sensors)]
 
 
 def rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> IntArray:
-    """Return the rows of pixels of the robots from `observer` on."""
     block = block_of(scene, camera, observer)
     look(block.bytes, ADDRESSES, 0)
     return block.swarm.pixels.reshape(-1, camera.pixels)
@@ -399,6 +394,15 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
 
 
 # --- the camera's twin ------------------------------------------------------------------------------
+
+
+def covered(distance_cm: float, bearing: float, camera: CameraSettings, radius_cm: float = RADIUS_CM) -> list[int]:
+    """Return the row of a disc that nothing hides: pixels within asin(r / d) of its bearing, by the shorter way."""
+    off = np.abs(np.remainder(camera.angles() - bearing + math.pi, 2 * math.pi) - math.pi)
+    half_width = math.asin(radius_cm / distance_cm)
+    if (np.abs(off - half_width) < 1e-9).any():
+        reject()
+    return (off < half_width).astype(int).tolist()
 
 
 def slow_rows(scene: Scene, camera: CameraSettings, every: int = 1) -> tuple[BoolArray, BoolArray]:

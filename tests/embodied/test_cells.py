@@ -27,7 +27,6 @@ def crowds(draw):
 
 
 def block_at(width, height, poses):
-    """Return robots at these poses, sorted into the cells of an arena of this size."""
     return block_of(Scene(np.array(poses), np.zeros(len(poses), bool), empty_arena(width, height)))
 
 

@@ -8,9 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from functools import lru_cache
-from importlib import import_module
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +17,7 @@ from numba import njit
 
 from epuck_sim.util import jit, machine
 from epuck_sim.util.cache_folder import UNUSED_S, remove_unused
-from epuck_sim.util.jit import PACKAGE, Kernel, digest, is_cache, kernel_digest, kernel_files
+from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_files
 from epuck_sim.util.native import unlikely
 
 MARK = "epuck_sim.util.jit import"
@@ -27,32 +25,11 @@ MARK = "epuck_sim.util.jit import"
 # --- what the digest covers ---------------------------------------------------------------------------
 
 
-@lru_cache
-def definitions(file: Path) -> dict[str, list[ast.AST]]:
-    """Return what defines each name at a file's top level."""
-    found: dict[str, list[ast.AST]] = {}
-    for node in ast.parse(file.read_text()).body:
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            names = [alias.asname or alias.name for alias in node.names]
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            names = [node.name]
-        else:
-            stored = [each for each in ast.walk(node) if isinstance(each, ast.Name)]
-            names = [each.id for each in stored if isinstance(each.ctx, ast.Store)]
-        for name in names:
-            found.setdefault(name, []).append(node)
-    return found
+BOUND = {"run_group", "run_sensor", "shift_at"}
+"""Functions that are compiled with users' files."""
 
-
-def without_annotations(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield a node and all inside it but annotations, which are not compiled."""
-    yield node
-    for field, value in ast.iter_fields(node):
-        if field in ("annotation", "returns"):
-            continue
-        for each in value if isinstance(value, list) else [value]:
-            if isinstance(each, ast.AST):
-                yield from without_annotations(each)
+FREE = {PACKAGE / "util" / name for name in ("jit.py", "cache_folder.py", "machine.py")} | {PACKAGE / "arrays.py"}
+"""`jit` itself, and where it keeps compiled code, are no values of a kernel."""
 
 
 def file_of(module: str) -> Path:
@@ -60,71 +37,71 @@ def file_of(module: str) -> Path:
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-def sources_of(file: Path, name: str, seen: set[tuple[Path, str]]) -> None:
-    """Add to `seen` where in the package `name` gets its value from, and what that depends on."""
-    if (file, name) in seen or name not in definitions(file):
-        return
-    seen.add((file, name))
-    for node in definitions(file)[name]:
-        if isinstance(node, ast.ImportFrom):
-            if (node.module or "").startswith("epuck_sim"):
-                (alias,) = (each for each in node.names if (each.asname or each.name) == name)
+def is_kernel(node: ast.FunctionDef) -> bool:
+    return node.name in BOUND or any(isinstance(each, ast.Name) and "jit" in each.id for each in node.decorator_list)
+
+
+def read_names(definition: ast.AST) -> set[str]:
+    """Return the names of the module that a definition reads but in annotations, which are not compiled."""
+    names, own = set(), set()
+    body = definition.body if isinstance(definition, ast.FunctionDef) else [definition]
+    for each in (inner for node in body for inner in ast.walk(node)):
+        if isinstance(each, ast.AnnAssign):
+            each.annotation = ast.Constant(0)
+        if isinstance(each, ast.Name):
+            (names if isinstance(each.ctx, ast.Load) else own).add(each.id)
+    if isinstance(definition, ast.FunctionDef):
+        return names - own - {each.arg for each in definition.args.args}
+    return names
+
+
+def sources_of(file: Path, roots: Callable[[ast.FunctionDef], bool] = is_kernel) -> dict[str, Path]:
+    """Return in which files of the package begins what some functions of a file refer to, directly or not, by name."""
+    imported: dict[str, Path] = {}
+    made_from: dict[str, ast.AST] = {}
+    todo: list[str] = []
+    for node in ast.parse(file.read_text()).body:
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("epuck_sim"):
+            for alias in node.names:
                 as_module = file_of(f"{node.module}.{alias.name}")
-                if as_module.exists():  # any of its names may be meant
-                    for each in definitions(as_module):
-                        sources_of(as_module, each, seen)
-                else:
-                    sources_of(file_of(node.module), alias.name, seen)
-        elif not isinstance(node, ast.Import):
-            for inner in without_annotations(node):
-                if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Load):
-                    sources_of(file, inner.id, seen)
-
-
-def room_of(file: Path) -> str:
-    return file.relative_to(PACKAGE).parts[0]
-
-
-def kernels() -> dict[str, set[tuple[Path, str]]]:
-    """Return, for each room, the file and name of every compiled function of the package."""
-    runner = PACKAGE / "embodied" / "controllers.py"
-    found = {"embodied": {(runner, "run_group")}}  # compiled with each controller
-    for file in PACKAGE.rglob("*.py"):
-        if MARK in file.read_text() or "njit" in file.read_text():
-            module = import_module(".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts))
-            for value in vars(module).values():
-                if isinstance(value, Kernel):
-                    code = value.function.__code__
-                    kernel = Path(code.co_filename), code.co_name
-                    found.setdefault(room_of(kernel[0]), set()).add(kernel)
-    return found
+                imported[alias.asname or alias.name] = as_module if as_module.exists() else file_of(node.module or "")
+        elif isinstance(node, ast.FunctionDef):
+            made_from[node.name] = node
+            todo += [node.name] * roots(node)
+        elif not isinstance(node, ast.ClassDef):
+            stored = [
+                each.id for each in ast.walk(node) if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)
+            ]
+            made_from |= dict.fromkeys(stored, node)
+    seen: set[str] = set()
+    while todo:
+        name = todo.pop()
+        if name not in seen:
+            seen.add(name)
+            todo.extend(read_names(made_from[name]) if name in made_from else ())
+    return {name: imported[name] for name in seen & imported.keys()}
 
 
 def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_covers() -> None:
-    rooms = kernels()
-    assert sum(map(len, rooms.values())) > 50
-    for room, functions in rooms.items():
-        seen: set[tuple[Path, str]] = set()
-        for file, name in functions:
-            assert name in definitions(file)
-            sources_of(file, name, seen)
-        covered = set(kernel_files(room))
-        outside = {f"{file.relative_to(PACKAGE)}: {name}" for file, name in seen if file not in covered}
-        # `jit` itself, and where it keeps compiled code, is no value of a kernel
-        free = ("util/jit.py", "util/cache_folder.py", "util/machine.py", "arrays.py")
-        assert {each for each in outside if not each.startswith(free)} == set(), room
+    rooms = {path.relative_to(PACKAGE).parts[0] for path in PACKAGE.rglob("*.py") if MARK in path.read_text()}
+    assert len(rooms) > 5
+    for room in rooms:
+        covered, found = set(kernel_files(room)), 0
+        for file in covered:
+            sources = sources_of(file)
+            found += len(sources)
+            assert {name for name, source in sources.items() if source not in covered | FREE} == set(), file
+        assert found
 
 
 def test_the_check_above_finds_a_constant_in_a_file_that_is_not_covered() -> None:
-    seen: set[tuple[Path, str]] = set()
-    sources_of(PACKAGE / "runs" / "share.py", "merge_folders", seen)
-    assert (PACKAGE / "runs" / "folder.py", "DATABASE") in seen
-    assert PACKAGE / "runs" / "folder.py" not in kernel_files("embodied")
+    found = sources_of(PACKAGE / "runs" / "share.py", lambda node: node.name == "merge_folders")
+    assert found["DATABASE"] == PACKAGE / "runs" / "folder.py"
+    assert found["DATABASE"] not in kernel_files("embodied")
 
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A copy of the package's sources."""
     return Path(shutil.copytree(PACKAGE, tmp_path / "epuck_sim", ignore=shutil.ignore_patterns("__pycache__")))
 
 
@@ -209,7 +186,6 @@ print(compiled(1), sum(compiled.stats.cache_hits.values()))
 
 
 def in_processes(cache: Path, program: Path, count: int) -> list[str]:
-    """Return what some processes print that run the program at the same time, with a cache."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(PACKAGE.parent)}
     running = [
         subprocess.Popen([sys.executable, program], env=environment, stdout=subprocess.PIPE, text=True)

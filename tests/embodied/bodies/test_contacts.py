@@ -19,7 +19,6 @@ WALL_CM = RADIUS_CM + 2 * MARGIN_CM
 
 
 def candidates(poses, velocities, side):
-    """Return (robots,) whether each may touch something."""
     world = MovedWorld(make_arena(side, side, [], []), poses)
     world.velocities[:] = velocities
     find_candidates(world.block)

@@ -56,7 +56,6 @@ def command(world, commands, turn_rad=0.0):
 
 
 def wheels_of(world):
-    """Return (robots, 2) cm/s: left and right wheel as commanded."""
     return np.column_stack([world.swarm.robots.left_cm_s, world.swarm.robots.right_cm_s])
 
 

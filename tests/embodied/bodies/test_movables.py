@@ -103,7 +103,6 @@ def test_what_is_pushed_by_what_is_pushed_adds_its_friction(discs, moves):
 
 
 def scene(groups, **arena):
-    """Return a scenario without noise whose robots have constant wheels and rings."""
     robots = [
         {"poses": [pose], "controller": "constant", "parameters": {"left_cm_s": v, "right_cm_s": v, "ring_on": lit}}
         for pose, v, lit in groups

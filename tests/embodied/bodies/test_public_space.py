@@ -43,7 +43,6 @@ def ways(arena, poses, velocities, friction=0.0):
 
 
 def crowd(seed, movables=()):
-    """Return an arena with obstacles, poses of robots and some velocities."""
     random = np.random.default_rng(seed)
     poses = [[x, y, random.uniform(-3, 3)] for x in range(5, 76, 10) for y in (5, 32, 75)]
     velocities = random.uniform(-9, 9, (4, len(poses), 3)) * random.choice([0, 1], (4, len(poses), 1))

@@ -24,12 +24,10 @@ POLYGON = {"shape": "polygon", "corners_cm": [[20, 35], [32, 37], [24, 45]]}
 
 
 def constant(poses, speed=0.0):
-    """Return a group that drives straight ahead."""
     return {"poses": poses, "controller": "constant", "parameters": {"left_cm_s": speed, "right_cm_s": speed}}
 
 
 def moved(groups, steps, width=100, height=60, obstacles=(), interpret=False, **rest):
-    """Return (steps + 1, robots, 3) the poses of robots without noise."""
     arena = {"width_cm": width, "height_cm": height, "obstacles": list(obstacles)}
     scenario = {"arena": arena, "robots": groups, "noise": "off", **rest}
     simulation = Simulation(scenario, 0, interpret=interpret)

@@ -83,8 +83,6 @@ class MovedWorld:
 
 
 class FullSpaceWorld:
-    """A world in which every robot takes every physics step."""
-
     def __init__(
         self,
         arena: Arena,

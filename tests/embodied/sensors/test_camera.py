@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
@@ -21,6 +21,7 @@ from tests.embodied.scenes import (
     Scene,
     block_of,
     camera_settings,
+    covered,
     empty_arena,
     numbered_rows,
     rows,
@@ -41,18 +42,9 @@ def _at(heading, distance, bearing=0.0):
 
 
 def _row(heading, others, lit, camera=None, obstacles=((), ())):
-    """Return the row of pixels that ME sees; its own ring is off."""
     poses = np.array([(*ME, heading), *others])
     arena = make_arena(200, 200, *obstacles)
     return rows(Scene(poses, np.array([False, *lit]), arena), camera or CameraSettings())[0].tolist()
-
-
-def _covered(distance, bearing, camera):
-    """Return the row of a robot that nothing hides: pixels within asin(r / d) of its bearing, by the shorter way."""
-    off = np.abs(np.remainder(camera.angles() - bearing + math.pi, 2 * math.pi) - math.pi)
-    half_width = math.asin(RADIUS_CM / distance)
-    assume((np.abs(off - half_width) > 1e-9).all())
-    return (off < half_width).astype(int).tolist()
 
 
 # --- what a robot covers ----------------------------------------------------------------------------
@@ -61,7 +53,7 @@ def _covered(distance, bearing, camera):
 @pytest.mark.parametrize("camera", [CameraSettings(), ALL_ROUND])
 @given(heading=headings, distance=st.floats(3.8, 90), bearing=st.floats(-0.6, 0.6) | st.floats(-math.pi, math.pi))
 def test_a_lit_robot_covers_the_pixels_within_its_half_width_as_seen_from_the_nose(heading, distance, bearing, camera):
-    expected = _covered(distance, bearing, camera)
+    expected = covered(distance, bearing, camera)
     assert _row(heading, [_at(heading, distance, bearing)], [True], camera) == expected
 
 

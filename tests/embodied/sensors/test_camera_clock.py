@@ -17,7 +17,6 @@ from epuck_sim.util.seeds import robot_streams
 
 @st.composite
 def paces(draw):
-    """Intervals and latencies in control steps."""
     interval = draw(st.sampled_from([1.0, 1.5, 40 / 15, 5.0, 12.5, 40.0]) | st.floats(1, 50))
     return interval, interval * draw(st.sampled_from([0.0, 0.4, 1.0]) | st.floats(0, 1))
 

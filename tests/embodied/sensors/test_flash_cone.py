@@ -35,7 +35,6 @@ sections = st.builds(
 
 
 def with_cone(scene: Scene, section: ConeSection, occlusion: bool, observer: int = 0) -> Block:
-    """Return the robots of a scene; those from `observer` on have the ideal sensor."""
     block = block_of(scene, CameraSettings(1, 56.0, 1), observer)
     cone = block.swarm.groups[0].cone
     set_cone(cone, section, scene.body.forward_cm)
@@ -115,7 +114,6 @@ def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, 
 
 
 def lit_pair(signal: dict, apart_cm: float) -> Simulation:
-    """Return two robots with lit rings that stand still, one behind the other."""
     controller = {"controller": "constant", "parameters": {"ring_on": True}}
     robots = {"poses": [[20, 50, 0], [20 + apart_cm, 50, 0]], "signal": signal, **controller}
     return Simulation({"arena": {"width_cm": 100, "height_cm": 100}, "robots": [robots], "noise": "off"})

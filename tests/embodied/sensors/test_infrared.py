@@ -55,7 +55,6 @@ def facing(sensor, x, y, direction):
 
 
 def sensed(poses, arena, by_table=False, noise_counts=0.0, noise=0.0, gain=1.0):
-    """Return readings and distances, of robots' (robots, 8) gains and noise."""
     scene = Scene(np.array(poses), np.zeros(len(poses), bool), arena)
     infrared = InfraredSection(distance="firmware_table" if by_table else "inverse_response")
     block = block_of(scene, infrared=infrared, noise_counts=noise_counts)

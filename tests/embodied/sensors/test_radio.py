@@ -40,7 +40,6 @@ def swarm(tmp_path):
 
 
 def pulses(simulation, steps):
-    """Return for each step how many pulses each robot's controller has heard."""
     return [[int(memory["pulses"][0]) for memory in simulation.advance(1).memories] for _ in range(steps)]
 
 

@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, reject, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
@@ -20,6 +20,7 @@ from tests.embodied.scenes import (
     Scene,
     block_of,
     camera_settings,
+    covered,
     rows,
     scenes,
     slow_rows,
@@ -31,7 +32,6 @@ MIRRORS = CameraSettings(reflection_range_cm=FAR)
 
 
 def mirrored_rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> IntArray:
-    """Return the rows of pixels of the robots from `observer` on."""
     block = block_of(scene, camera, observer)
     look(block.bytes, ADDRESSES, 0)
     add_reflections(block.bytes, ADDRESSES, 0)
@@ -39,18 +39,8 @@ def mirrored_rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> In
 
 
 def seen_by_first(poses, lit, camera: CameraSettings = MIRRORS, obstacles=((), ()), side: float = SIDE) -> list[int]:
-    """Return the row of robot 0."""
     scene = Scene(np.array(poses, float), np.array(lit, bool), make_arena(side, side, *obstacles))
     return mirrored_rows(scene, camera)[0].tolist()
-
-
-def covered(distance: float, bearing: float, camera: CameraSettings = MIRRORS) -> list[int]:
-    """Return the row of a disc that nothing hides: pixels within asin(r / d) of its bearing."""
-    off = np.abs(np.remainder(camera.angles() - bearing + math.pi, 2 * math.pi) - math.pi)
-    half_width = math.asin(RADIUS_CM / distance)
-    if (np.abs(off - half_width) < 1e-9).any():
-        reject()
-    return (off < half_width).astype(int).tolist()
 
 
 # --- a slow twin ------------------------------------------------------------------------------------
@@ -92,7 +82,7 @@ def test_the_image_of_a_ring_behind_is_as_far_beyond_the_wall_as_the_ring_before
     in_own_shadow = math.asin(RADIUS_CM / (2 * wall_cm + RADIUS_CM))
     assume(abs(bearing) > half_width + in_own_shadow)
     poses = np.column_stack([robots, np.full(2, quarter * math.pi / 2)])
-    assert seen_by_first(poses, [False, True]) == covered(math.hypot(ahead, aside), bearing)
+    assert seen_by_first(poses, [False, True]) == covered(math.hypot(ahead, aside), bearing, MIRRORS)
 
 
 @pytest.mark.parametrize("beyond_cm", [0.0, 0.03])
@@ -129,7 +119,7 @@ def test_robots_see_what_walls_mirror_where_the_key_is_set_and_see_whom_they_see
     np.testing.assert_array_equal(seen[1:], lit[:-1].any(axis=1))  # its own ring, too
     nose, image = (45 + RADIUS_CM, 30), (100, 42)
     first = np.flatnonzero(seen)[0]
-    assert camera[first, 0].tolist() == covered(math.dist(nose, image), math.atan2(12, image[0] - nose[0]))
+    assert camera[first, 0].tolist() == covered(math.dist(nose, image), math.atan2(12, image[0] - nose[0]), MIRRORS)
     assert len(Simulation(facing_a_wall(), seed=2).advance(first + 1).sightings) == 0
 
 

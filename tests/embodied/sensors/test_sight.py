@@ -85,7 +85,6 @@ def scene_of(width_cm: float, height_cm: float, robots: int) -> Any:
 
 
 def visited(view: FieldOfView, scene: Any) -> set[int]:
-    """Return the cells that a search visits."""
     strips = make_strips(view, scene)
     wedge = make_wedge(view, strips)
     found, strip = [], strips.first
