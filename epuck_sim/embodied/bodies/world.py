@@ -11,15 +11,13 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
-import pymunk
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.bodies.public_space import public_way, reason_for_public_way
+from epuck_sim.embodied.bodies.public_space import public_way, reason_for_public_way, versions
 from epuck_sim.embodied.bodies.shapes import Bodies, count_surfaces, make_bodies, make_surfaces
 from epuck_sim.embodied.swarm import GROUND, SPACE, Swarm
 from epuck_sim.scenario.embodied import ContactSection
@@ -48,8 +46,8 @@ class World:
         self.is_public = bool(reason)
         if self.is_public:
             warnings.warn(
-                f"pymunk {pymunk.version} and numba {numba.__version__}: {reason}; robots are moved by pymunk's public "
-                "interface, to the same outcome, but many times as slowly; install pymunk 7.3",
+                f"{versions()}: {reason}; robots are moved by pymunk's public interface, to the same outcome, "
+                "but many times as slowly; install pymunk 7.3",
                 stacklevel=2,
             )
 
