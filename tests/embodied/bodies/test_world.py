@@ -11,86 +11,44 @@ from epuck_sim.arena import clearance_cm, make_arena
 from epuck_sim.embodied.bodies.contacts import NOBODY
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.geometry import box_corners
-from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld, advanced
+from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld, advanced, overlap_cm
 
 RADIUS_CM = 3.7
 FULL_CM_S = 12.8
 MILLIMETRE = 0.1
 TOUCH_CM = 0.005  # bodies that press against each other touch within this
 
-CIRCLE = {"shape": "circle", "x_cm": 15, "y_cm": 15, "radius_cm": 4}
-BOX = {"shape": "box", "x_cm": 38, "y_cm": 20, "width_cm": 10, "height_cm": 0.5, "heading_rad": 0.6}
-POLYGON = {"shape": "polygon", "corners_cm": [[20, 35], [32, 37], [24, 45]]}
-
 
 def constant(poses, speed=0.0):
     return {"poses": poses, "controller": "constant", "parameters": {"left_cm_s": speed, "right_cm_s": speed}}
 
 
-def moved(groups, steps, width=100, height=60, obstacles=(), interpret=False, **rest):
-    arena = {"width_cm": width, "height_cm": height, "obstacles": list(obstacles)}
-    scenario = {"arena": arena, "robots": groups, "noise": "off", **rest}
-    simulation = Simulation(scenario, 0, interpret=interpret)
+def moved(groups, steps, **rest):
+    arena = {"width_cm": 100, "height_cm": 60}
+    simulation = Simulation({"arena": arena, "robots": groups, "noise": "off", **rest}, 0)
     return np.array([step.poses.copy() for step, _ in zip(simulation, range(steps + 1), strict=False)])
 
 
-# --- nothing overlaps -------------------------------------------------------------------------------
+# --- nothing overlaps, and nothing tunnels ------------------------------------------------------------
 
 AHEAD = {"left_cm_s": FULL_CM_S, "right_cm_s": FULL_CM_S}
-CROWDS = {"firefly": {"count": 20}, "constant": {"count": 20, "controller": "constant", "parameters": AHEAD}}
-FLOORS = {
-    "bare": {"width_cm": 45, "height_cm": 45},
-    "obstacles": {"width_cm": 55, "height_cm": 55, "obstacles": [CIRCLE, BOX, POLYGON]},
-}
+OBSTACLES = [
+    {"shape": "circle", "x_cm": 15, "y_cm": 15, "radius_cm": 4},
+    {"shape": "box", "x_cm": 38, "y_cm": 20, "width_cm": 10, "height_cm": 0.5, "heading_rad": 0.6},
+    {"shape": "polygon", "corners_cm": [[20, 35], [32, 37], [24, 45]]},
+]
 
 
-@pytest.fixture(
-    scope="module",
-    params=[
-        pytest.param((crowd, floor, steps), id=f"{crowd}-{floor}-{steps}", marks=marks)
-        for floor in FLOORS
-        for crowd in CROWDS
-        for steps, marks in ((2500, ()), (10_000, pytest.mark.slow))
-    ],
-)
-def crowd(request):
-    """Twenty robots at full speed with little room: (steps, 20, 2) cm where they were at each step, and their floor."""
-    crowd, floor, steps = request.param
-    arena = FLOORS[floor]
-    simulation = Simulation({"arena": arena, "robots": [CROWDS[crowd]]}, 1)
-    return np.array([step.poses[:, :2].copy() for step, _ in zip(simulation, range(steps), strict=False)]), arena
-
-
-def to_polygon(points, corners):
-    """Return the distances of (n, 2) points from a convex polygon, negative inside."""
-    after = np.roll(corners, -1, axis=0)
-    along = after - corners
-    offset = points[:, None] - corners
-    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
-    distance = np.linalg.norm(offset - share[..., None] * along, axis=2).min(axis=1)
-    inside = (along[:, 0] * offset[..., 1] - along[:, 1] * offset[..., 0] > 0).all(axis=1)
-    return np.where(inside, -distance, distance)
-
-
-def test_robots_never_overlap_by_more_than_a_millimetre_at_the_end_of_a_control_step(crowd):
-    positions, _ = crowd
-    one, other = np.triu_indices(positions.shape[1], 1)
-    apart = np.linalg.norm(positions[:, one] - positions[:, other], axis=2).min(axis=1)
-    overlap = 2 * RADIUS_CM - apart
-    assert overlap.max() <= MILLIMETRE, f"in {(overlap > MILLIMETRE).sum()} of {len(overlap)} steps"
-
-
-def test_robots_are_never_more_than_a_millimetre_in_a_wall_or_an_obstacle(crowd):
-    positions, arena = crowd
-    points = positions.reshape(-1, 2)
-    size = arena["width_cm"], arena["height_cm"]
-    gaps = {"wall": np.minimum(points, size - points).min(axis=1)}
-    if "obstacles" in arena:
-        gaps["circle"] = np.hypot(points[:, 0] - 15, points[:, 1] - 15) - 4
-        gaps["box"] = to_polygon(points, box_corners(38, 20, 10, 0.5, 0.6))
-        gaps["polygon"] = to_polygon(points, np.array(POLYGON["corners_cm"], float))
-    within = {name: float((RADIUS_CM - gap).max()) for name, gap in gaps.items()}
-    assert max(within.values()) <= MILLIMETRE, within
+@pytest.mark.parametrize("group", [{}, {"controller": "constant", "parameters": AHEAD}], ids=["firefly", "constant"])
+@pytest.mark.parametrize(("side", "obstacles"), [(45, []), (55, OBSTACLES)], ids=["bare", "obstacles"])
+def test_robots_are_never_more_than_a_millimetre_in_each_other_a_wall_or_an_obstacle(group, side, obstacles):
+    arena = {"width_cm": side, "height_cm": side, "obstacles": obstacles}
+    simulation = Simulation({"arena": arena, "robots": [{"count": 20, **group}]}, 1)
+    for step, _ in zip(simulation, range(2500), strict=False):
+        places = step.poses[:, :2]
+        assert overlap_cm(places) <= MILLIMETRE, step.number
+        clearances_cm = [clearance_cm(step.arena, x, y) for x, y in places.tolist()]
+        assert min(clearances_cm) >= RADIUS_CM - MILLIMETRE, step.number
 
 
 def test_two_that_meet_head_on_overlap_by_less_than_a_millimetre_and_no_longer_than_a_control_step():
