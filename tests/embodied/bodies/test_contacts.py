@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
@@ -62,6 +62,8 @@ def test_candidates_are_those_of_the_slow_twin(seed, robots, side):
     aside=st.floats(0.2, 3),
     step=st.sampled_from([(10, 100), (5, 50), (20, 200)]),
 )
+@example(seed=0, robots=8, aside=1.1, step=(10, 100))
+@example(seed=0, robots=15, aside=1.1, step=(10, 100))
 def test_no_contact_is_missed_however_far_robots_are_squeezed_out(seed, robots, aside, step):
     """Who is not in the space has touched nobody, and has moved as in the slow twin, where all are in the space."""
     random = np.random.default_rng(seed)

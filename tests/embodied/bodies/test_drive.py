@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
@@ -27,7 +27,6 @@ wheels = st.one_of(
     st.builds(lambda speed, difference: (0.9 * speed, 0.9 * speed + difference), speeds, differences),
 )
 gains = st.just((1.0, 1.0)) | st.tuples(st.floats(0, 2), st.floats(0, 2))
-timings = st.sampled_from([(10, 100), (40, 200), (1, 50)])
 
 
 def arc(pose, left, right, seconds=0.1):
@@ -59,7 +58,9 @@ def wheels_of(world):
     return np.column_stack([world.swarm.robots.left_cm_s, world.swarm.robots.right_cm_s])
 
 
-@given(timing=timings, start=starts, commands=st.lists(wheels, max_size=9), gain=gains)
+@pytest.mark.parametrize("timing", [(10, 100), (40, 200), (1, 50)], ids=lambda timing: "{} Hz of {} Hz".format(*timing))
+@given(start=starts, commands=st.lists(wheels, max_size=9), gain=gains)
+@example(start=(500.0, 500.0, 0.0), commands=[(6.0, 6.001)], gain=(1.0, 1.0))
 def test_a_robot_that_touches_nothing_ends_each_control_step_on_the_exact_arc(timing, start, commands, gain):
     control_hz, physics_hz = timing
     world = world_of([start], physics_hz, step_s=1 / control_hz)

@@ -53,7 +53,9 @@ def slow_camera(scene: Scene, section: EnkiCameraSignal, occlusion: bool) -> tup
     discs = np.vstack([np.column_stack([scene.poses[:, :2], scene.radii_cm]), scene.arena.circles])
     reach = math.inf if section.range_cm is None else section.range_cm
     for one, (centre_x, centre_y, heading) in enumerate(scene.poses):
-        x, y = np.array([centre_x, centre_y]) + scene.body.forward_cm * np.array([math.cos(heading), math.sin(heading)])
+        x, y = np.array([centre_x, centre_y]) + scene.body.camera_forward_cm * np.array(
+            [math.cos(heading), math.sin(heading)]
+        )
         away = np.hypot(discs[:, 0] - x, discs[:, 1] - y)
         covers = offsets(np.arctan2(discs[:, 1] - y, discs[:, 0] - x)) <= np.arctan(discs[:, 2] / away)
         edge_depths = depths(x, y, scene.arena.edges)

@@ -37,7 +37,7 @@ sections = st.builds(
 def with_cone(scene: Scene, section: ConeSection, occlusion: bool, observer: int = 0) -> Block:
     block = block_of(scene, CameraSettings(1, 56.0, 1), observer)
     cone = block.swarm.groups[0].cone
-    set_cone(cone, section, scene.body.forward_cm)
+    set_cone(cone, section, scene.body.camera_forward_cm)
     cone.occlusion = occlusion
     return block
 
