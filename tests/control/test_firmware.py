@@ -246,7 +246,7 @@ def test_a_file_is_compiled_once_for_its_contents_and_again_by_another_compiler_
     contents = kept.read_bytes()
     kept.unlink()  # the library is in use: its file may not change
     kept.write_bytes(contents[:5000])
-    write_firmware(tmp_path / "c.c")
+    write_firmware(tmp_path / "a.c")
     assert (kept.read_bytes(), sum(compiled)) == (contents, 2)
     other = tmp_path / "mycc"
     other.write_text(f'#!/bin/sh\n[ "$1" = --version ] && echo mycc 1 && exit\nexec {shutil.which("cc")} "$@"\n')

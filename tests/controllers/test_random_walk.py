@@ -69,7 +69,7 @@ def test_it_avoids_what_is_near_and_then_goes_on_with_its_turn_by_its_own_wheels
     assert robot.left_cm_s > 0 > robot.right_cm_s
     assert robot.memory.turn_left_rad == left
     robot.distance_mm[7] = 65535
-    robot.step(25)
+    robot.step(27)
     assert robot.memory.turn_left_rad == pytest.approx(0, abs=1e-12)
     assert (robot.left_cm_s, robot.right_cm_s) == (0.5, 0.5)
 
