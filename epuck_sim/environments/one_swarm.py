@@ -208,7 +208,7 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
         if self.render_mode == "human":
             self.render()
 
-    def render(self) -> Picture | None:  # type: ignore[override] # Gymnasium's is of any type
+    def render(self) -> Picture | None:  # Gymnasium's is of any type
         """Return (height, width, 3) a picture of the arena from above, or show it; see `ArenaView`."""
         return self._swarm.render()
 

@@ -129,9 +129,12 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
                 observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
         at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
     if ORDER_PARAMETER not in final:
-        watches = conditions.on(ORDER_PARAMETER)  # which every trial measures
-        at_cycles.extend((lambda _, state, look=each.look: look(state.order_parameter)) for each in watches)
+        at_cycles.extend(_look_at_order(watch) for watch in conditions.on(ORDER_PARAMETER))  # every trial measures it
     return Measuring(at_events, at_cycles, final, conditions)
+
+
+def _look_at_order(watch: ConditionWatch) -> Observer:
+    return lambda _, state: watch.look(state.order_parameter)
 
 
 def _look(watch: ConditionWatch, value: Callable[[], Value]) -> Observer:
