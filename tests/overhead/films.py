@@ -172,7 +172,7 @@ class Coded:
         self._lit: list[int] = []
         self._next = 0
 
-    def find_in(self, light: RingLight) -> list[Ring]:
+    def find(self, light: RingLight) -> list[Ring]:
         count = int(light.levels[0, 0])
         self._lit = self._lit[max(0, len(self._lit) - count) :]
         while len(self._lit) < count:

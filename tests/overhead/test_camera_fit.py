@@ -14,9 +14,9 @@ from epuck_sim.overhead.camera_fit import SeenRings, expected_rings, fit_camera
 from epuck_sim.overhead.floor import find_corners
 from epuck_sim.scenario.overhead import OverheadSection
 from tests.overhead.drawn_rings import (
-    finder_for,
     matched,
     ring_picture,
+    rings_in,
     room_picture,
     scattered,
     straight_camera,
@@ -146,7 +146,7 @@ def test_rings_are_where_corners_found_in_the_light_say():
     camera = straight_camera()
     centres = scattered(10, np.random.default_rng(3))
     found = by_corners(find_corners(room_picture(camera)), (480, 480))
-    rings = finder_for(found).find(ring_picture(camera, centres))
+    rings = rings_in(found, ring_picture(camera, centres))
     assert matched(rings, centres, within_cm=0.3) == len(rings) == 10
 
 
