@@ -111,7 +111,8 @@ def test_where_agents_are_displaced_the_deviation_is_below_the_order_parameter()
     figure = READ.draw_figure()
     above, below = figure.axes
     for number, read in enumerate(READ.courses):
-        for panel, values in ((above, read.order_parameter), (below, read.deviation)):
+        deviation = np.where(read.deviation > 0, read.deviation, math.nan)
+        for panel, values in ((above, read.order_parameter), (below, deviation)):
             np.testing.assert_array_equal(panel.get_lines()[number].get_xydata(), np.column_stack([read.cycle, values]))
     assert (above.get_ylabel(), below.get_ylabel()) == ("order parameter r", "mean |Δϕ| (cycles)")
     assert (above.get_xlabel(), below.get_xlabel()) == ("", "time (cycles)")
