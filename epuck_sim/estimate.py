@@ -79,10 +79,7 @@ UNDETERMINED = Estimate(math.nan)
 def significant(number: float, decimals: int | None = None) -> str:
     """Return a number in three significant digits: `-` for NaN, `?` for one that is not reached.
 
-    Args:
-        number: What is shown.
-        decimals: Largest number of digits after the point, negative for whole tens; zeros at their end stay. By default
-            as many as three digits take, without zeros at their end.
+    With `decimals`, the largest number of digits after the point, negative for whole tens, zeros at their end stay.
 
     >>> significant(12345.6), significant(47.0271), significant(0.000012), significant(47.0, 1)
     ('12300', '47', '1.2e-05', '47.0')
@@ -92,8 +89,9 @@ def significant(number: float, decimals: int | None = None) -> str:
     if number == 0:
         return f"{0:.{min(DIGITS - 1, max(0, decimals or 0))}f}"
     places = DIGITS - 1 - math.floor(math.log10(abs(number)))
-    shown = round(number, places if decimals is None else min(places, decimals))
+    places = places if decimals is None else min(places, decimals)
+    shown = round(number, places)
     if shown and not PLAIN[0] <= abs(shown) < PLAIN[1]:
         return f"{number:.{DIGITS}g}"
-    text = f"{shown + 0.0:.{max(0, places if decimals is None else min(places, decimals))}f}"
+    text = f"{shown + 0.0:.{max(0, places)}f}"
     return text.rstrip("0").rstrip(".") if decimals is None and "." in text else text

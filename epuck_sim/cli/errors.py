@@ -33,31 +33,31 @@ def exit_on_error() -> Iterator[None]:
     """Turn a user's mistake into one message and exit code 2, Ctrl-C and leaving the debugger into exit code 130."""
     try:
         yield
-    except EpuckSimError as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(2) from error
-    except OSError as error:
-        if error.errno == errno.EPIPE:  # the reader of the output has closed it
+    except Exception as error:
+        if (message := _message(error)) is None:
             raise
-        what = f"{error.filename}" if error.filename else "the output cannot be written"
-        typer.echo(f"error: {what}: {error.strerror or error}", err=True)
-        raise typer.Exit(2) from error
-    except (ValueError, AttributeError) as error:
-        if all(map(_is_open, (sys.stdout, sys.stderr))):
-            raise
-        if _is_open(sys.stderr):  # a controller, say, has closed the other, or set it to None
-            typer.echo("error: the output cannot be written: it was closed", err=True)
-        raise typer.Exit(2) from error
-    except ModuleNotFoundError as error:
-        missing = EXTRAS.get((error.name or "").partition(".")[0])
-        if missing is None:
-            raise
-        package, extra = missing
-        typer.echo(f"error: this needs {package}, which is not installed: pip install 'epuck-sim[{extra}]'", err=True)
+        if _is_open(sys.stderr):
+            typer.echo(f"error: {message}", err=True)
         raise typer.Exit(2) from error
     except (KeyboardInterrupt, BdbQuit) as interrupt:
         typer.echo("interrupted", err=True)
         raise typer.Exit(130) from interrupt
+
+
+def _message(error: Exception) -> str | None:
+    """Return what a user is told of an error; None for what is none of a user's."""
+    if isinstance(error, EpuckSimError):
+        return str(error)
+    if isinstance(error, OSError):
+        if error.errno == errno.EPIPE:  # the reader of the output has closed it
+            return None
+        return f"{error.filename or 'the output cannot be written'}: {error.strerror or error}"
+    if isinstance(error, ModuleNotFoundError):
+        package, extra = EXTRAS.get((error.name or "").partition(".")[0], (None, None))
+        return package and f"this needs {package}, which is not installed: pip install 'epuck-sim[{extra}]'"
+    if isinstance(error, ValueError | AttributeError) and not all(map(_is_open, (sys.stdout, sys.stderr))):
+        return "the output cannot be written: it was closed"  # by a controller, say, or it was set to None
+    return None
 
 
 def _is_open(stream: TextIO | None) -> bool:

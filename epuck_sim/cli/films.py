@@ -23,6 +23,8 @@ from epuck_sim.errors import FilmError
 
 if TYPE_CHECKING:
     from epuck_sim.overhead.calibration import TrackOptions
+    from epuck_sim.overhead.robots import Robots
+    from epuck_sim.overhead.track import Track
 
 films = typer.Typer()
 
@@ -55,8 +57,7 @@ CornersOption = Annotated[
     ),
 ]
 LensOption = Annotated[
-    Path | None,
-    geometry_option(metavar="FILE.json", help="The lens of the camera, written by `calibrate`."),
+    Path | None, geometry_option(metavar="FILE.json", help="The lens of the camera, written by `calibrate`.")
 ]
 TagsOption = Annotated[
     str | None,
@@ -75,8 +76,7 @@ PeriodOption = Annotated[
     ),
 ]
 RobotsOption = Annotated[
-    int | None,
-    decision_option(min=1, help="Number of robots; no T_sync is given if the flashes do not add up to it."),
+    int | None, decision_option(min=1, help="Number of robots; no T_sync is given if the flashes do not add up to it.")
 ]
 
 
@@ -166,29 +166,23 @@ def track(
         str | None, typer.Argument(metavar="FILM", help="The file of a film, of any format, or its URL.")
     ] = None,
     camera: Annotated[
-        int | None,
-        film_option(min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C."),
+        int | None, film_option(min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.")
     ] = None,
     web: Annotated[
-        bool,
-        camera_option("--web", help="Show what --camera sees, with rings and histogram, in a browser."),
+        bool, camera_option("--web", help="Show what --camera sees, with rings and histogram, in a browser.")
     ] = False,
     port: PortOption = None,
     record: Annotated[
-        Path | None,
-        camera_option(metavar="FILE.mp4", help="Write what --camera sees, to track it again."),
+        Path | None, camera_option(metavar="FILE.mp4", help="Write what --camera sees, to track it again.")
     ] = None,
     start: Annotated[
-        float,
-        film_option("--start-s", min=0, help="Leave out what is before this time on the film's clock."),
+        float, film_option("--start-s", min=0, help="Leave out what is before this time on the film's clock.")
     ] = 0.0,
     end: Annotated[
-        float | None,
-        film_option("--end-s", min=0, help="Leave out what is after this time on the film's clock."),
+        float | None, film_option("--end-s", min=0, help="Leave out what is after this time on the film's clock.")
     ] = None,
     fps: Annotated[
-        float | None,
-        film_option(min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps."),
+        float | None, film_option(min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps.")
     ] = None,
     arena: ArenaOption = None,
     height: HeightOption = None,
@@ -221,8 +215,7 @@ def track(
         output_option(metavar="FILE.png", help="Draw the histogram over time; its table is written beside it as .csv."),
     ] = None,
     rings: Annotated[
-        Path | None,
-        output_option(metavar="FILE.csv", help="Write the position and size of every ring in every frame."),
+        Path | None, output_option(metavar="FILE.csv", help="Write the position and size of every ring in every frame.")
     ] = None,
     flashes: Annotated[
         Path | None,
@@ -238,8 +231,7 @@ def track(
         ),
     ] = None,
     pairs: Annotated[
-        Path | None,
-        output_option(metavar="FILE.csv|.parquet", help="Write how often each two robots flash together."),
+        Path | None, output_option(metavar="FILE.csv|.parquet", help="Write how often each two robots flash together.")
     ] = None,
     annotate: Annotated[
         Path | None,
@@ -297,9 +289,7 @@ def track(
         robots_found = None
         if tags is not None or any(tables.values()):
             robots_found = find_robots(tracked)
-        objections = tracked.reasons if tracked.confidence == "none" else ()
-        for warning in (*objections, *tracked.warnings, *(robots_found.warnings if robots_found else ())):
-            print_stderr(f"warning: {warning}")
+        print_doubts(tracked, robots_found)
         (print_track_json if as_json else print_track)(tracked, robots_found)
         if robots_found is not None:
             save_robots(tracked, robots_found, flashes, trace, pairs)
@@ -334,8 +324,7 @@ def compare_film(
         ),
     ] = None,
     fit: Annotated[
-        Path | None,
-        output_option(metavar="FILE.yaml", help="Write the scenario with what the film tells of robots."),
+        Path | None, output_option(metavar="FILE.yaml", help="Write the scenario with what the film tells of robots.")
     ] = None,
 ) -> None:
     """Print what FILM has of T_sync, flashes, speeds and clocks, beside the distributions in simulated trials."""
@@ -350,10 +339,16 @@ def compare_film(
 
         loaded = require_model(read_scenario(scenario, settings), EmbodiedScenario, "films are of robots")
         options = scene_options(arena, height, corners, period, robots, tags)
+        files = {}
+        if plot is not None:
+            from epuck_sim.figures.saving import check_files, parse_target
+
+            stem, formats = parse_target(plot)
+            files["--plot"] = check_files(stem, (*formats, ".csv"))
         check_outputs(
             {"the film": film, "SCENARIO": scenario},
             {"--plot": (plot, None), "--fit": (fit, [".yaml", ".yml"])},
-            {} if plot is None else {"--plot": check_figure(plot)},
+            files,
         )
         if fit is not None:
             compare.check_one_group(loaded)
@@ -361,9 +356,7 @@ def compare_film(
         track = track_film(film, options, None, progress_bar("tracking"), lens, simulated_cm)
         found = find_robots(track)
         floor_cm = track.geometry.floor_cm
-        untold = track.reasons if track.confidence == "none" else ()
-        for warning in (*untold, *track.warnings, *found.warnings):
-            print_stderr(f"warning: {warning}")
+        print_doubts(track, found)
         if floor_cm != simulated_cm:
             print_stderr(
                 f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
@@ -380,23 +373,18 @@ def compare_film(
             compare.save_fitted(fit, compare.fit_scenario(loaded, fitted), fitted, film)
 
 
-def check_figure(path: Path) -> list[Path]:
-    """Return the files that a figure with its table is written to; raise EpuckSimError if one cannot be written."""
-    from epuck_sim.figures.saving import check_files, parse_target
-
-    stem, formats = parse_target(path)
-    return check_files(stem, (*formats, ".csv"))
+def print_doubts(track: "Track", robots: "Robots | None") -> None:
+    """Print on stderr why there is no T_sync, and what is doubtful."""
+    reasons = track.reasons if track.confidence == "none" else ()
+    for warning in (*reasons, *track.warnings, *(robots.warnings if robots else ())):
+        print_stderr(f"warning: {warning}")
 
 
 NUMBER = r"\s*(-?[0-9]*\.?[0-9]+)\s*"
 
 
 def parse_arena(text: str) -> tuple[float, float]:
-    """Return width and height, in cm, of a floor given as SIDE or WIDTHxHEIGHT; raises FilmError for anything else.
-
-    >>> parse_arena("60"), parse_arena("60x100")
-    ((60.0, 60.0), (60.0, 100.0))
-    """
+    """Return width and height, in cm, of a floor given as SIDE or WIDTHxHEIGHT; raises FilmError for anything else."""
     match = re.fullmatch(f"{NUMBER}(?:x{NUMBER})?", text)
     sides = [float(side) for side in match.groups() if side is not None] if match else []
     if not sides or not all(1 <= side <= 1e6 for side in sides):
@@ -405,11 +393,7 @@ def parse_arena(text: str) -> tuple[float, float]:
 
 
 def parse_corners(text: str) -> tuple[tuple[float, float], ...]:
-    """Return the pixels of four corners given as X,Y,X,Y,X,Y,X,Y; raises FilmError for anything else.
-
-    >>> parse_corners("10,12, 470,11, 468,470, 12,469")
-    ((10.0, 12.0), (470.0, 11.0), (468.0, 470.0), (12.0, 469.0))
-    """
+    """Return the pixels of four corners given as X,Y,X,Y,X,Y,X,Y; raises FilmError for anything else."""
     numbers = re.fullmatch(",".join([NUMBER] * 8), text)
     if numbers is None:
         raise FilmError(f"--corners is {text}; allowed: four corners in pixels, such as 10,12,470,11,468,470,12,469")
@@ -418,11 +402,7 @@ def parse_corners(text: str) -> tuple[tuple[float, float], ...]:
 
 
 def parse_board(text: str) -> tuple[int, int]:
-    """Return the squares across and down a board given as COLUMNSxROWS; raises FilmError for anything else.
-
-    >>> parse_board("9x6")
-    (9, 6)
-    """
+    """Return the squares across and down a board given as COLUMNSxROWS; raises FilmError for anything else."""
     match = re.fullmatch(r"([0-9]+)x([0-9]+)", text)
     squares = tuple(map(int, match.groups())) if match else ()
     if len(squares) != 2 or not all(4 <= number <= 40 for number in squares):
@@ -431,13 +411,7 @@ def parse_board(text: str) -> tuple[int, int]:
 
 
 def parse_tags(text: str) -> tuple[str, frozenset[int] | None]:
-    """Return a dictionary of tags, and the numbers of those that there are; raises FilmError for anything else.
-
-    >>> parse_tags("4X4_50")
-    ('4X4_50', None)
-    >>> parse_tags("5X5_100:0-2,7")
-    ('5X5_100', frozenset({0, 1, 2, 7}))
-    """
+    """Return a dictionary of tags, and the numbers of those that there are; raises FilmError for anything else."""
     from epuck_sim.scenario.overhead import TagDictionary
 
     match = re.fullmatch(r"([4-7]X[4-7]_[0-9]+)(?::([0-9]+(?:-[0-9]+)?(?:,[0-9]+(?:-[0-9]+)?)*))?", text)

@@ -43,9 +43,6 @@ def end_on_request() -> "Watchdog":
     Where compiled code runs, SIGTERM and SIGHUP end the process after `GRACE_S`, and so does a second Ctrl-C. The third
     request within `INSIST_S` ends it wherever it is. Signals that the process was started to ignore, as under nohup,
     stay ignored.
-
-    Returns:
-        What knows of the requests, and is to be told the command's exit code.
     """
     reader, writer = socket.socketpair()  # Windows writes signals to nothing else
     writer.setblocking(False)

@@ -22,9 +22,6 @@ def pressed_keys(*, echo: bool) -> Iterator[Callable[[float], str] | None]:
     """Yield a function that waits for a number of seconds, or until keys are pressed, and returns these.
 
     It is None where stdin is no terminal, or not this command's: then nothing is read or changed.
-
-    Args:
-        echo: Whether keys are shown, without which a debugger's prompt would stay silent.
     """
     global _at_start  # noqa: PLW0603 there is one terminal
     if not _is_ours():

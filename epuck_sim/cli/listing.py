@@ -1,14 +1,11 @@
 """Names and descriptions of what comes with the package, and of what installed packages offer."""
 
 import ast
-import sys
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-
+from epuck_sim.cli.tables import terminal_width
 from epuck_sim.control.loader import CONTROLLER, SENSOR
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.loader import MEASURE, find_measure
@@ -42,18 +39,12 @@ def list_measures() -> dict[str, dict[str, str]]:
 
 def print_descriptions(kinds: Mapping[str, Mapping[str, str]]) -> None:
     """Print a heading for each kind and a line for each name; on a terminal, descriptions are wrapped between words."""
+    width = terminal_width()
     for kind, descriptions in kinds.items():
         print(kind)
-        if not sys.stdout.isatty():
-            for name, description in descriptions.items():
-                print(f"  {name:20} {description}")
-            continue
-        table = Table.grid(padding=(0, 1))
-        table.add_column(min_width=22, no_wrap=True)
-        table.add_column(overflow="fold")
         for name, description in descriptions.items():
-            table.add_row(Text(f"  {name}"), Text(description))
-        Console().print(table)
+            line = f"  {name:20} {description}"
+            print(textwrap.fill(line, width, subsequent_indent=" " * 23) if width else line)
 
 
 def _describe(kind: Kind, names: Iterable[str], describe: Callable[[Place], str]) -> dict[str, str]:

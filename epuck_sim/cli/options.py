@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from epuck_sim.cli.errors import print_stderr, print_warnings, word_if_slow
+from epuck_sim.cli.errors import exit_on_error, print_stderr, print_warnings, word_if_slow
 from epuck_sim.errors import EpuckSimError
 
 if TYPE_CHECKING:  # or --help would wait for pydantic
@@ -40,17 +40,17 @@ GONE = {
 
 
 class Commands(TyperGroup):
-    """The commands; for an option that has gone, what to do instead takes the place of click's own message."""
+    """The commands, which end as `exit_on_error` has it; of an option that has gone it is said what to do instead."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command that was asked for."""
-        try:
-            return super().invoke(ctx)
-        except Exception as error:
-            if (gone := GONE.get(getattr(error, "option_name", ""))) is None:
-                raise
-            typer.echo(f"error: {gone}", err=True)
-            raise typer.Exit(2) from error
+        with exit_on_error():
+            try:
+                return super().invoke(ctx)
+            except Exception as error:
+                if (gone := GONE.get(getattr(error, "option_name", ""))) is None:
+                    raise
+                raise EpuckSimError(gone) from error
 
 
 def _show_everything(ctx: typer.Context, wanted: bool) -> None:
@@ -85,12 +85,7 @@ class FoldedCommand(TyperCommand):
 
 
 def complete(module: str, kind: str) -> Callable[[str], list[str]]:
-    """Return the function by which shells complete names of what is shipped, or offered by installed packages.
-
-    Args:
-        module: The module that has the `user_files.Kind`.
-        kind: Its name there.
-    """
+    """Return the function by which shells complete names of what is shipped, or offered by installed packages."""
 
     def begins_with(incomplete: str) -> list[str]:
         from importlib import import_module
@@ -111,8 +106,7 @@ ScenarioArgument = Annotated[
     ),
 ]
 SetOption = Annotated[
-    list[str] | None,
-    scenario_option("--set", metavar="KEY=VALUE", help="Change a value: count=5; repeatable."),
+    list[str] | None, scenario_option("--set", metavar="KEY=VALUE", help="Change a value: count=5; repeatable.")
 ]
 AxesOption = Annotated[
     list[str] | None,
@@ -121,8 +115,7 @@ AxesOption = Annotated[
     ),
 ]
 TrialsOption = Annotated[
-    int | None,
-    scenario_option(metavar="N", min=1, max=10_000_000, help="Trials, at each point of a sweep."),
+    int | None, scenario_option(metavar="N", min=1, max=10_000_000, help="Trials, at each point of a sweep.")
 ]
 ControllerOption = Annotated[
     str | None,
@@ -142,24 +135,14 @@ MeasureOption = Annotated[
     ),
 ]
 QuickOption = Annotated[bool, scenario_option("--quick", help="Take the scenario's quick version.")]
-WorkersOption = Annotated[
-    int | None,
-    sweeps_option(metavar="N", min=1, help="Worker processes; all cores by default."),
-]
+WorkersOption = Annotated[int | None, sweeps_option(metavar="N", min=1, help="Worker processes; all cores by default.")]
 DaskOption = Annotated[str | None, sweeps_option(metavar="ADDRESS", help="Run on this Dask scheduler's workers.")]
-PointOption = Annotated[
-    int | None,
-    sweeps_option(metavar="K", min=0, help="One trial of a sweep: its point, from 0."),
-]
-TrialOption = Annotated[
-    int | None,
-    sweeps_option(metavar="J", min=0, help="One trial of a sweep: its number, from 0."),
-]
+PointOption = Annotated[int | None, sweeps_option(metavar="K", min=0, help="One trial of a sweep: its point, from 0.")]
+TrialOption = Annotated[int | None, sweeps_option(metavar="J", min=0, help="One trial of a sweep: its number, from 0.")]
 InterpretOption = Annotated[bool, controllers_option("--interpret", help="Run controllers as plain Python.")]
 WebOption = Annotated[bool, live_option("--web", help="Show it in a browser instead of a window.")]
 PortOption = Annotated[
-    int | None,
-    live_option(metavar="PORT", min=1, max=65535, help=f"Port of --web; {WEB_PORT} by default."),
+    int | None, live_option(metavar="PORT", min=1, max=65535, help=f"Port of --web; {WEB_PORT} by default.")
 ]
 FolderArgument = Annotated[
     Path, typer.Argument(metavar="FOLDER", help="A run folder, as `run --out` makes it.", show_default=False)
@@ -170,10 +153,7 @@ FoldersArgument = Annotated[
 OfOption = Annotated[
     str | None, typer.Option("--of", metavar="NAME", help="A measure of the folder's trials; T_sync by default.")
 ]
-TrustOption = Annotated[
-    bool,
-    sweeps_option("--trust", help="Run the code that another's run folder brings, as you."),
-]
+TrustOption = Annotated[bool, sweeps_option("--trust", help="Run the code that another's run folder brings, as you.")]
 JsonOption = Annotated[bool, output_option("--json", help="Print JSON.")]
 
 
@@ -215,16 +195,7 @@ def check_outputs(
     outputs: Mapping[str, tuple[Path | None, Sequence[str] | None]],
     files: Mapping[str, Sequence[Path]],
 ) -> None:
-    """Check before what takes a while that the files which a command writes can be written.
-
-    Args:
-        inputs: Files that it reads, by what messages call them.
-        outputs: Files that it is asked to write, by their options, and the endings that their names may have.
-        files: Files that an option writes, where these are not the one that it names.
-
-    Raises:
-        EpuckSimError: A name has the wrong ending, is given twice, is that of an input, or cannot be written.
-    """
+    """Check before what takes a while that the files which a command writes can be written."""
     from epuck_sim.util.atomic_write import check_target
 
     owners = {os.path.realpath(path): name for name, path in inputs.items()}

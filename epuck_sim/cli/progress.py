@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from rich.console import Console
@@ -54,17 +53,14 @@ class _ProgressLine:
             print(text, file=sys.stderr, flush=True)
             return
         if not self._bar.task_ids:
+            self._bar.start()
             self._bar.add_task("", total=total)
         self._bar.update(self._bar.task_ids[0], completed=completed, description=text, refresh=True)
 
     def __enter__(self) -> Self:
-        if self._bar:
-            self._bar.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar:
             self._bar.stop()
 
@@ -94,9 +90,9 @@ class TrialProgress(_ProgressLine):
 
     def __enter__(self) -> Self:
         self._compiling.start()
-        return super().__enter__()
+        return self
 
-    def __exit__(self, *error: Any) -> None:
+    def __exit__(self, *error: object) -> None:
         self._is_ready.set()
         super().__exit__(*error)
 

@@ -1,35 +1,19 @@
 """The commands about run folders: `export`, `summarize`, `fit`, `compare`, `plot`, `report`; and `plan`."""
 
-from collections.abc import Sequence
+import re
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, prefix_scenario, reject_first
-from epuck_sim.cli.options import (
-    AxesOption,
-    FoldedCommand,
-    FolderArgument,
-    HelpAllOption,
-    JsonOption,
-    OfOption,
-    QuickOption,
-    SetOption,
-    TrialsOption,
-    TrustOption,
-    WorkersOption,
-    looks_option,
-    read_scenario,
-)
-from epuck_sim.errors import EpuckSimError
+from epuck_sim.cli import options
+from epuck_sim.cli.errors import prefix_scenario, reject_first
+from epuck_sim.cli.options import looks_option
 from epuck_sim.statistics.names import Statistic
 
 if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
-    from epuck_sim.cli.tables import Duration
     from epuck_sim.figures.saving import Target
-    from epuck_sim.scenario.points import Point
 
 results = typer.Typer()
 
@@ -57,82 +41,78 @@ class Form(StrEnum):
 
 @results.command("export")
 def export_results(
-    folder: FolderArgument,
+    folder: options.FolderArgument,
     to: Annotated[Path, typer.Option(metavar="FILE", help="A .parquet or .csv file; a row for each trial.")],
 ) -> None:
     """Write the results of a sweep as one table."""
-    with exit_on_error():
-        from epuck_sim.runs.export import export
+    from epuck_sim.runs.export import export
 
-        failed = export(folder, to)
-        if failed:
-            typer.echo(f"{failed} trials failed and are left out; see: epuck-sim status {folder}", err=True)
+    failed = export(folder, to)
+    if failed:
+        typer.echo(f"{failed} trials failed and are left out; see: epuck-sim status {folder}", err=True)
 
 
 @results.command()
 def summarize(
-    folder: FolderArgument, of: OfOption = None, as_json: JsonOption = False, as_csv: CsvOption = False
+    folder: options.FolderArgument,
+    of: options.OfOption = None,
+    as_json: options.JsonOption = False,
+    as_csv: CsvOption = False,
 ) -> None:
     """Print the statistics of T_sync, or of a measure, at each point of a sweep; censored trials count as such.
 
     Of a measure that is a series, these are the statistics at each cycle; the table shows some of the cycles.
     """
-    with exit_on_error():
-        from epuck_sim.cli.tables import show
-        from epuck_sim.runs.reader import read_points
-        from epuck_sim.statistics.series import has_series, series_table, summarize_series
-        from epuck_sim.statistics.statistic import summarize as statistics
+    from epuck_sim.cli.tables import show
+    from epuck_sim.runs.reader import read_points
+    from epuck_sim.statistics.series import has_series, series_table, summarize_series
+    from epuck_sim.statistics.statistic import summarize as statistics
 
-        reject_first((as_json and as_csv, BOTH))
-        points = read_points(folder, of)
-        if any(map(has_series, points)):
-            series = summarize_series(points)
-            table, found = series_table(f"{folder}: {of}", series), [each.record() for each in series]
-        else:
-            summaries = statistics(points)
-            table, found = summaries.table(str(folder)), [each.record() for each in summaries]
-        show([table], found, as_json=as_json, as_csv=as_csv)
+    reject_first((as_json and as_csv, BOTH))
+    points = read_points(folder, of)
+    if any(map(has_series, points)):
+        series = summarize_series(points)
+        table, found = series_table(f"{folder}: {of}", series), [each.record() for each in series]
+    else:
+        summaries = statistics(points)
+        table, found = summaries.table(str(folder)), [each.record() for each in summaries]
+    show([table], found, as_json=as_json, as_csv=as_csv)
 
 
 @results.command()
 def fit(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Run folders of sweeps over speed.")],
     statistic: Annotated[Statistic, STATISTIC] = Statistic.MEAN,
-    of: OfOption = None,
+    of: options.OfOption = None,
     x: Annotated[str | None, typer.Option("--x", metavar="KEY", help="Axis of --of; by default the speed.")] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
     as_csv: CsvOption = False,
 ) -> None:
     """Print the local minimum and the peak of T_sync against speed, and the laws by which they scale.
 
     Of a measure, print its minimum and its peak along an axis.
     """
-    with exit_on_error():
-        from epuck_sim.cli.tables import show
+    from epuck_sim.cli.tables import show
+    from epuck_sim.statistics.fit import fit_curves, fit_laws, fit_measure, fit_tables, measure_fit_table
 
-        reject_first(
-            (as_json and as_csv, BOTH),
-            (x is not None and of is None, "--x is for measures, --of NAME; T_sync is fitted against speed"),
-        )
-        if of is not None:
-            from epuck_sim.statistics.fit import fit_measure, measure_fit_table
-
-            fits = [fit for folder in folders for fit in fit_measure(folder, of, x, statistic)]
-            show([measure_fit_table(fits)], [fit.record() for fit in fits], as_json=as_json, as_csv=as_csv)
-            return
-        from epuck_sim.statistics.fit import fit_curves, fit_laws, fit_tables
-
-        curves = [curve for folder in folders for curve in fit_curves(folder, statistic)]
-        laws = fit_laws(curves)
-        found = {"curves": [curve.record() for curve in curves], "laws": laws}
-        show(fit_tables(curves, laws), found, as_json=as_json, as_csv=as_csv)
+    reject_first(
+        (as_json and as_csv, BOTH),
+        (x is not None and of is None, "--x is for measures, --of NAME; T_sync is fitted against speed"),
+    )
+    if of is not None:
+        fits = [fit for folder in folders for fit in fit_measure(folder, of, x, statistic)]
+        show([measure_fit_table(fits)], [fit.record() for fit in fits], as_json=as_json, as_csv=as_csv)
+        return
+    curves = [curve for folder in folders for curve in fit_curves(folder, statistic)]
+    laws = fit_laws(curves)
+    found = {"curves": [curve.record() for curve in curves], "laws": laws}
+    show(fit_tables(curves, laws), found, as_json=as_json, as_csv=as_csv)
 
 
 @results.command()
 def compare(
     folders: Annotated[
-        list[Path],
-        typer.Argument(metavar="FOLDER...", help="Run folders with the same axes; or one, for --axis."),
+        list[Path], typer.Argument(metavar="FOLDER...", help="Run folders with the same axes; or one, for --axis.")
     ],
     axis: Annotated[
         str | None,
@@ -147,56 +127,46 @@ def compare(
     with_first: Annotated[
         bool, typer.Option("--with-first", help="Compare each with the first, instead of all pairs.")
     ] = False,
-    of: OfOption = None,
-    as_json: JsonOption = False,
+    of: options.OfOption = None,
+    as_json: options.JsonOption = False,
     as_csv: CsvOption = False,
 ) -> None:
     """Print how T_sync, or a measure, differs between run folders, values of an axis, or points."""
-    with exit_on_error():
-        from epuck_sim.cli.tables import show
-        from epuck_sim.runs.reader import read_points
-        from epuck_sim.scenario.keys import full_keys, parse_axis
-        from epuck_sim.statistics.comparison import compare as compare_samples
-        from epuck_sim.statistics.comparison import comparison_tables, match_folders, match_points, match_values
+    from epuck_sim.cli.tables import show
+    from epuck_sim.runs.reader import read_points
+    from epuck_sim.scenario.keys import full_keys, parse_axis
+    from epuck_sim.statistics.comparison import compare as compare_samples
+    from epuck_sim.statistics.comparison import comparison_tables, match_folders, match_points, match_values
 
-        reject_first(
-            (as_json and as_csv, BOTH),
-            (axis is not None and bool(points), "--axis is of one folder, --points of several: give one of them"),
-            (
-                (len(folders) == 1) == (axis is None),
-                "give two or more run folders, or one and --axis KEY=A,B",
-            ),
-        )
-        read = [read_points(folder, of) for folder in folders]
-        names = list(map(str, folders))
-        if axis is not None:
-            typed, values = parse_axis(axis, "--axis")
-            key = (full_keys(typed, list(read[0][0].axes), f"--axis {axis}") or [typed])[0]
-            samples = match_values(read[0], key, values)
-        elif points:
-            samples = match_points(read, names, list(map(parse_points, points)))
-        else:
-            samples = match_folders(read, names)
-        compared = compare_samples(samples, with_first=with_first)
-        found = compared[0] if len(samples.names) == 2 else compared
-        show(comparison_tables(compared, read[0]), found, as_json=as_json, as_csv=as_csv)
-
-
-def parse_points(text: str) -> list[int]:
-    """Return the numbers of points that `--points` gives; raise EpuckSimError if it gives others."""
-    words = text.split(",")
-    if not all(word.strip().isdecimal() for word in words):
-        raise EpuckSimError(f"--points is {text!r}; allowed: numbers of points, one of each folder, as in 3,0")
-    return list(map(int, words))
+    reject_first(
+        (as_json and as_csv, BOTH),
+        (axis is not None and bool(points), "--axis is of one folder, --points of several: give one of them"),
+        ((len(folders) == 1) == (axis is None), "give two or more run folders, or one and --axis KEY=A,B"),
+    )
+    read = [read_points(folder, of) for folder in folders]
+    names = list(map(str, folders))
+    if axis is not None:
+        typed, values = parse_axis(axis, "--axis")
+        key = (full_keys(typed, list(read[0][0].axes), f"--axis {axis}") or [typed])[0]
+        samples = match_values(read[0], key, values)
+    elif points:
+        allowed = "allowed: numbers of points, one of each folder, as in 3,0"
+        wrong = ((re.fullmatch(r"\s*\d+\s*(,\s*\d+\s*)*", text) is None, text) for text in points)
+        reject_first(*((is_wrong, f"--points is {text!r}; {allowed}") for is_wrong, text in wrong))
+        samples = match_points(read, names, [[*map(int, text.split(","))] for text in points])
+    else:
+        samples = match_folders(read, names)
+    compared = compare_samples(samples, with_first=with_first)
+    found = compared[0] if len(samples.names) == 2 else compared
+    show(comparison_tables(compared, read[0]), found, as_json=as_json, as_csv=as_csv)
 
 
-@results.command(cls=FoldedCommand)
+@results.command(cls=options.FoldedCommand)
 def plot(
     results: Annotated[
-        list[Path],
-        typer.Argument(metavar="FOLDER...", help="Run folders of one scenario, or FILE.rrd, a recording."),
+        list[Path], typer.Argument(metavar="FOLDER...", help="Run folders of one scenario, or FILE.rrd, a recording.")
     ],
-    of: OfOption = None,
+    of: options.OfOption = None,
     form: Annotated[
         Form | None,
         typer.Option(metavar="FORM", help=f"One of {', '.join(Form)}; by default as the scenario says, or curves."),
@@ -226,13 +196,9 @@ def plot(
         bool | None,
         looks_option("--log/--linear", help="Scale of T_sync or the measure.", show_default="log for T_sync"),
     ] = None,
-    points: Annotated[
-        bool,
-        looks_option("--points", help="Draw each trial as a dot, in curves and violins."),
-    ] = False,
+    points: Annotated[bool, looks_option("--points", help="Draw each trial as a dot, in curves and violins.")] = False,
     theory: Annotated[
-        bool,
-        looks_option("--theory", help="Dash what predict says of T_sync against speed under the curves."),
+        bool, looks_option("--theory", help="Dash what predict says of T_sync against speed under the curves.")
     ] = False,
     title: Annotated[str | None, looks_option(metavar="TEXT", help="Title; by default there is none.")] = None,
     label: Annotated[
@@ -249,103 +215,88 @@ def plot(
         ),
     ] = None,
     font_pt: Annotated[
-        float | None,
-        looks_option(metavar="PT", min=4, max=30, help="Size of letters; 8 points by default."),
+        float | None, looks_option(metavar="PT", min=4, max=30, help="Size of letters; 8 points by default.")
     ] = None,
-    help_all: HelpAllOption = False,  # noqa: ARG001
+    help_all: options.HelpAllOption = False,  # noqa: ARG001
 ) -> None:
     """Draw T_sync or a measure of sweeps, as curves, a map or violins; their trials over time; or a recorded trial.
 
     A caption is written beside the figure, and its numbers. A scenario's section figure has the same options.
     """
-    with exit_on_error():
-        from epuck_sim.figures.saving import parse_target
+    from epuck_sim.figures.saving import parse_target
 
-        target = parse_target(to) if to else None
-        options = {
-            "form": form,
-            "x": x,
-            "y": y,
-            "panels": panels,
-            "censored_at_cycles": censored_at,
-            "statistic": statistic,
-            "title": title,
-            "labels": _parse_labels(label) if label else None,
-            "scale": None if log is None else "log" if log else "linear",
-            "points": points or None,
-            "theory": theory or None,
-            "width_cm": width_cm,
-            "font_pt": font_pt,
-        }
-        named = [name.strip() for name in names.split(",")] if names else []
-        if len(results) > 1 or results[0].is_dir():
-            _plot_sweeps(results, of, named, options, target)
-        else:
-            _plot_trial(results[0], {**options, "of": of, "names": names}, target)
+    target = parse_target(to) if to else None
+    wanted = {
+        "form": form,
+        "x": x,
+        "y": y,
+        "panels": panels,
+        "censored_at_cycles": censored_at,
+        "statistic": statistic,
+        "title": title,
+        "labels": _parse_labels(label) if label else None,
+        "scale": None if log is None else "log" if log else "linear",
+        "points": points or None,
+        "theory": theory or None,
+        "width_cm": width_cm,
+        "font_pt": font_pt,
+    }
+    named = [name.strip() for name in names.split(",")] if names else []
+    if len(results) > 1 or results[0].is_dir():
+        files = _plot_sweeps(results, of, named, wanted, target)
+    else:
+        files = _plot_trial(results[0], {**wanted, "of": of, "names": names}, target)
+    for file in files:
+        typer.echo(file)
 
 
 def _parse_labels(labels: list[str]) -> dict[str, str]:
-    parts = [label.partition("=") for label in labels]
-    for label, (_, equals, _) in zip(labels, parts, strict=True):
-        if not equals:
-            raise EpuckSimError(f"--label is {label!r}; allowed: KEY=TEXT")
-    return {key: text for key, _, text in parts}
+    reject_first(*(("=" not in label, f"--label is {label!r}; allowed: KEY=TEXT") for label in labels))
+    return dict(label.split("=", 1) for label in labels)
 
 
 def _plot_sweeps(
-    folders: list[Path], of: str | None, names: list[str], options: dict[str, Any], target: "Target | None"
-) -> None:
+    folders: list[Path], of: str | None, names: list[str], wanted: dict[str, Any], target: "Target | None"
+) -> list[Path]:
     from epuck_sim.figures.saving import Target, save_figure
     from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, read_form
 
-    form = read_form(folders, options, of, names, "--")
+    form = read_form(folders, wanted, of, names, "--")
     stem = form.name if form.name in SIMULATED_AGAIN else of or "T_sync"
     others = "".join(f"-with-{folder.resolve().name}" for folder in folders[1:])
-    _save(save_figure(target or Target(folders[0] / f"{stem}{others}"), form.draw_figure, form.tables, form.caption))
+    target = target or Target(folders[0] / f"{stem}{others}")
+    files = save_figure(target, form.draw_figure, form.tables, form.caption)
     for note in form.notes:
         typer.echo(f"note: {note}", err=True)
+    return files
 
 
-def _plot_trial(recording: Path, options: dict[str, Any], target: "Target | None") -> None:
+def _plot_trial(recording: Path, wanted: dict[str, Any], target: "Target | None") -> list[Path]:
     from epuck_sim.figures.saving import Target, save_figure
     from epuck_sim.figures.sweep_figure import flag
     from epuck_sim.figures.trial_page import check_drawable, draw_page
     from epuck_sim.recording.reader import read_recording
 
-    for name, value in options.items():
-        if value is not None:
-            raise EpuckSimError(f"{flag(name, value)} is for run folders; {recording} is none")
+    for name, value in wanted.items():
+        reject_first((value is not None, f"{flag(name, value)} is for run folders; {recording} is none"))
     recorded = read_recording(recording)
     check_drawable(recorded, str(recording))
-    _save(save_figure(target or Target(recording.with_suffix("")), lambda: draw_page(recorded)))
-
-
-def _save(files: list[Path]) -> None:
-    for file in files:
-        typer.echo(file)
+    return save_figure(target or Target(recording.with_suffix("")), lambda: draw_page(recorded))
 
 
 @results.command()
 def report(
-    folder: FolderArgument,
+    folder: options.FolderArgument,
     to: Annotated[
         Path | None, typer.Option(metavar="PAGE.html", help="The page; by default FOLDER.html, beside the folder.")
     ] = None,
 ) -> None:
     """Write a page about a sweep, complete in itself: what was run, tables, figures, failed trials, commands."""
-    with exit_on_error():
-        from epuck_sim.report.page import write_report
+    from epuck_sim.report.page import write_report
 
-        page = to or folder.resolve().with_name(f"{folder.resolve().name}.html")
-        write_report(folder, page)
-        typer.echo(page)
-
-
-BUDGET_S = 20.0
-"""Wall time to time trials for, by default."""
-
-DIFFERENCE_PERCENT = 20.0
-"""Difference to be seen, by default."""
+    page = to or folder.resolve().with_name(f"{folder.resolve().name}.html")
+    write_report(folder, page)
+    typer.echo(page)
 
 
 @results.command()
@@ -359,120 +310,55 @@ def plan(
             metavar="PERCENT", min=0.1, max=10_000, help="Of a run folder: the difference to be seen; 20 by default."
         ),
     ] = None,
-    of: OfOption = None,
+    of: options.OfOption = None,
     power: Annotated[
-        float,
-        typer.Option(metavar="PERCENT", min=5.0, max=99.9, help="How often it is to be seen, with p < 0.05."),
+        float, typer.Option(metavar="PERCENT", min=5.0, max=99.9, help="How often it is to be seen, with p < 0.05.")
     ] = 80.0,
-    trials: TrialsOption = None,
-    settings: SetOption = None,
-    axes: AxesOption = None,
-    quick: QuickOption = False,
+    trials: options.TrialsOption = None,
+    settings: options.SetOption = None,
+    axes: options.AxesOption = None,
+    quick: options.QuickOption = False,
     seconds: Annotated[
         float | None,
         typer.Option(min=0.1, max=3600, help="Seconds to spend on timing trials of a scenario; 20 by default."),
     ] = None,
-    workers: WorkersOption = None,
-    trust: TrustOption = False,
-    as_json: JsonOption = False,
+    workers: options.WorkersOption = None,
+    trust: options.TrustOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Print how long a sweep will take, by timing some of its trials, or how long one will take to go on.
 
     For a run folder, also print how many trials a point needs to show --difference: of T_sync or a measure in per cent,
     with the spread of the stored trials; of a truth value, whose share of trials is compared, in percentage points.
     """
-    with exit_on_error():
-        from epuck_sim.cli.tables import print_plan, print_power
-        from epuck_sim.runs.folder import DATABASE
-        from epuck_sim.sweep.executors import available_cores
-
-        folder = Path(sweep)
-        is_folder = (folder / DATABASE).is_file()
-        reject_first(
-            (is_folder and bool(settings or axes or quick), "--set, --sweep and --quick are for scenarios"),
-            (is_folder and seconds is not None, "--seconds is for scenarios; the trials of a run folder are timed"),
-            (not is_folder and of is not None, "--of needs trials: give a run folder"),
-            (
-                not is_folder and difference is not None,
-                "--difference needs trials: give a run folder, as `run --trials 20 --out FOLDER` makes it",
-            ),
-        )
-        processes = workers or available_cores()
-        if is_folder:
-            from epuck_sim.runs.reader import read_points
-            from epuck_sim.statistics.planning import plan_trials
-
-            planned = plan_trials(read_points(folder, of=of), (difference or DIFFERENCE_PERCENT) / 100, power / 100)
-            duration = _duration_of_folder(folder, trials, processes, trust)
-            print_power(sweep, planned, duration, as_json)
-        else:
-            duration = _duration_of_scenario(sweep, settings, axes, quick, trials, seconds or BUDGET_S, processes)
-            print_plan(sweep, duration, as_json)
-
-
-def _duration_of_folder(folder: Path, trials: int | None, workers: int, trusted: bool) -> "Duration":
-    from epuck_sim.cli.tables import Duration
-    from epuck_sim.estimate import Estimate
-    from epuck_sim.runs.share import WHOLE, Share
-    from epuck_sim.runs.status import read_status, read_wall_times
-    from epuck_sim.scenario.loader import RUN_SCENARIO
-
-    stored, status = read_wall_times(folder), read_status(folder)
-    share = Share.parse(status.share) if status.share else WHOLE
-    wanted = trials or read_scenario(folder / RUN_SCENARIO, trusted=trusted).trials
-    times = [time for of_point in stored.values() for time in of_point]
-    mean = sum(times) / len(times) if times else 0.0
-    left = {number: max(0, len(share.trials(number, wanted)) - len(of_point)) for number, of_point in stored.items()}
-    means = {number: sum(of_point) / len(of_point) if of_point else mean for number, of_point in stored.items()}
-    seconds = sum(left[number] * means[number] for number in left)
-    count, compute = sum(left.values()), Estimate(seconds)
-    return Duration(len(stored), wanted, count, workers, compute, len(times), False, status.at_limit)
-
-
-def _duration_of_scenario(
-    sweep: str,
-    settings: list[str] | None,
-    axes: list[str] | None,
-    quick: bool,
-    trials: int | None,
-    budget_s: float,
-    workers: int,
-) -> "Duration":
-    from epuck_sim.scenario.points import points
+    from epuck_sim.cli.plan import duration_of_folder, duration_of_scenario, print_plan
+    from epuck_sim.runs.folder import DATABASE
+    from epuck_sim.runs.reader import read_points
+    from epuck_sim.scenario.points import points as find_points
+    from epuck_sim.statistics.planning import plan_trials
     from epuck_sim.sweep.checks import check_sweep
+    from epuck_sim.sweep.executors import available_cores
 
-    loaded = read_scenario(sweep, settings, axes, quick=quick)
+    folder = Path(sweep)
+    is_folder = (folder / DATABASE).is_file()
+    reject_first(
+        (is_folder and bool(settings or axes or quick), "--set, --sweep and --quick are for scenarios"),
+        (is_folder and seconds is not None, "--seconds is for scenarios; the trials of a run folder are timed"),
+        (not is_folder and of is not None, "--of needs trials: give a run folder"),
+        (
+            not is_folder and difference is not None,
+            "--difference needs trials: give a run folder, as `run --trials 20 --out FOLDER` makes it",
+        ),
+    )
+    processes = workers or available_cores()
+    if is_folder:
+        planned = plan_trials(read_points(folder, of=of), (difference or 20) / 100, power / 100)
+        duration = duration_of_folder(folder, trials, processes, trusted=trust)
+        print_plan(sweep, duration, planned, as_json=as_json)
+        return
+    loaded = options.read_scenario(sweep, settings, axes, quick=quick)
     with prefix_scenario(sweep):
-        found = points(loaded)
+        found = find_points(loaded)
         check_sweep(found)
-        return estimate_duration(found, trials or loaded.trials, budget_s, workers)
-
-
-def estimate_duration(found: "Sequence[Point]", wanted: int, budget_s: float, workers: int) -> "Duration":
-    """Return how long a sweep will take, from some trials that are run now.
-
-    Args:
-        found: The points of the sweep.
-        wanted: Number of trials at each.
-        budget_s: Wall time to time trials for.
-        workers: Number of worker processes.
-
-    Raises:
-        ScenarioError: A trial fails.
-    """
-    import numpy as np
-
-    from epuck_sim.cli.tables import Duration
-    from epuck_sim.runs.status import PointAtLimit
-    from epuck_sim.statistics.mean import estimate_mean
-    from epuck_sim.statistics.measured import Measured
-    from epuck_sim.sweep.pilot import time_trials
-
-    timed = time_trials(found, budget_s)
-    times = np.array([each.wall_s for each in timed])
-    count = wanted * len(found)
-    estimate = estimate_mean(Measured(times, np.ones(len(times), bool), float("inf"), 0))
-    compute = estimate.apply(lambda seconds: count * seconds)
-    is_cut = any(each.is_cut for each in timed)
-    at_limit = [PointAtLimit(each.point, found[each.point].axes, 1) for each in timed if each.is_censored]
-    return Duration(len(found), wanted, count, workers, compute, len(times), is_cut, at_limit)
+        duration = duration_of_scenario(found, trials or loaded.trials, seconds or 20, processes)
+    print_plan(sweep, duration, None, as_json=as_json)

@@ -2,76 +2,53 @@
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, print_traceback, reject_first
+from epuck_sim.cli import options
+from epuck_sim.cli.errors import print_traceback, reject_first
 from epuck_sim.cli.options import (
-    WEB_PORT,
-    AxesOption,
-    ControllerOption,
-    DaskOption,
-    FoldedCommand,
-    FolderArgument,
-    FoldersArgument,
-    HelpAllOption,
-    InterpretOption,
-    JsonOption,
-    MeasureOption,
-    PointOption,
-    PortOption,
-    QuickOption,
-    ScenarioArgument,
-    SetOption,
-    TrialOption,
-    TrialsOption,
-    TrustOption,
-    WebOption,
-    WorkersOption,
     controllers_option,
     live_option,
     more_output_option,
     output_option,
-    read_scenario,
     scenario_option,
     sweeps_option,
 )
 from epuck_sim.recording import Level
 
+if TYPE_CHECKING:  # or --help would wait for pydantic
+    from epuck_sim.scenario.scenario import Scenario
+
 runs = typer.Typer()
 
 
-@runs.command(cls=FoldedCommand)
+@runs.command(cls=options.FoldedCommand)
 def run(
-    scenario: ScenarioArgument,
-    settings: SetOption = None,
-    axes: AxesOption = None,
-    trials: TrialsOption = None,
+    scenario: options.ScenarioArgument,
+    settings: options.SetOption = None,
+    axes: options.AxesOption = None,
+    trials: options.TrialsOption = None,
     seed: Annotated[
-        int | None,
-        scenario_option(metavar="N", min=0, help="Master seed; the scenario's own by default."),
+        int | None, scenario_option(metavar="N", min=0, help="Master seed; the scenario's own by default.")
     ] = None,
-    controller: ControllerOption = None,
-    measures: MeasureOption = None,
-    quick: QuickOption = False,
+    controller: options.ControllerOption = None,
+    measures: options.MeasureOption = None,
+    quick: options.QuickOption = False,
     out: Annotated[
-        Path | None,
-        output_option(metavar="FOLDER", help="Run all points and trials into a run folder."),
+        Path | None, output_option(metavar="FOLDER", help="Run all points and trials into a run folder.")
     ] = None,
     record: Annotated[
-        Path | None,
-        output_option(metavar="FILE.rrd", help="Record for rerun's viewer, see `replay`."),
+        Path | None, output_option(metavar="FILE.rrd", help="Record for rerun's viewer, see `replay`.")
     ] = None,
     film: Annotated[
-        Path | None,
-        output_option(metavar="FILE.mp4", help="Film with the camera above the arena."),
+        Path | None, output_option(metavar="FILE.mp4", help="Film with the camera above the arena.")
     ] = None,
     live: Annotated[bool, output_option("--live", help="Show the trial while it runs.")] = False,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
     trace: Annotated[
-        Path | None,
-        more_output_option(metavar="FILE.parquet", help="Write every robot and step."),
+        Path | None, more_output_option(metavar="FILE.parquet", help="Write every robot and step.")
     ] = None,
     memory: Annotated[
         list[str] | None,
@@ -80,26 +57,24 @@ def run(
         ),
     ] = None,
     relations: Annotated[
-        bool,
-        more_output_option("--relations", help="Add to --trace whom each robot sees lit, and whom it touches."),
+        bool, more_output_option("--relations", help="Add to --trace whom each robot sees lit, and whom it touches.")
     ] = False,
     level: Annotated[
-        Level | None,
-        more_output_option("--record-level", help="How much is recorded, or shown live; full by default."),
+        Level | None, more_output_option("--record-level", help="How much is recorded, or shown live; full by default.")
     ] = None,
     speed: Annotated[
         float | None,
         live_option(metavar="X", min=0.01, max=1000, help="Speed of --live, relative to real robots; 1 by default."),
     ] = None,
-    web: WebOption = False,
-    port: PortOption = None,
-    interpret: InterpretOption = False,
+    web: options.WebOption = False,
+    port: options.PortOption = None,
+    interpret: options.InterpretOption = False,
     traceback: Annotated[
         bool,
         controllers_option("--traceback", help="Print the traceback of what a controller raises; for --interpret."),
     ] = False,
-    workers: WorkersOption = None,
-    dask: DaskOption = None,
+    workers: options.WorkersOption = None,
+    dask: options.DaskOption = None,
     share: Annotated[
         str | None,
         sweeps_option(
@@ -116,96 +91,71 @@ def run(
             "--take-over", help="Take a run folder over from a process that is gone, on a file system without locks."
         ),
     ] = False,
-    trust: TrustOption = False,
-    point: PointOption = None,
-    trial: TrialOption = None,
-    help_all: HelpAllOption = False,  # noqa: ARG001
+    trust: options.TrustOption = False,
+    point: options.PointOption = None,
+    trial: options.TrialOption = None,
+    help_all: options.HelpAllOption = False,  # noqa: ARG001
 ) -> None:
     """Simulate SCENARIO until the swarm is synchronised: some trials, or a sweep.
 
     Of several trials, files are FILE-0, FILE-1, ... A sweep needs --out FOLDER.
     """
-    with exit_on_error(), print_traceback() if traceback else nullcontext():
-        has_rows = trace is not None or record is not None or live
-        reject_first(
-            (traceback and not interpret, "--traceback is for --interpret: compiled code has none"),
-            (
-                traceback and out is not None,
-                "--traceback is for single trials: give --point and --trial, without --out",
-            ),
-            (level is not None and record is None and not live, "--record-level is for --record and --live"),
-            ((speed is not None or web) and not live, "--speed and --web are for --live"),
-            (port is not None and not web, "--port is for --web"),
-            (trace is None and relations, "--relations is for --trace"),
-            (not has_rows and bool(memory), "--memory is for --trace, --record and --live"),
-            (workers is not None and dask is not None, "--workers and --dask exclude each other"),
-            *(
-                (
-                    path is not None and path.suffix != ending,
-                    f"{option} is {path}; allowed: a name that ends in {ending}",
-                )
-                for option, path, ending in (("--trace", trace, ".parquet"), ("--film", film, ".mp4"))
-            ),
-        )
-        from epuck_sim.cli.trials import LiveView, Watched, run_trials, seeds_of, sweep_into, trial_of_sweep
-        from epuck_sim.scenario.loader import find_scenario
+    has_rows = trace is not None or record is not None or live
+    is_watched = has_rows or film is not None
+    is_one = point is not None or trial is not None
+    endings = (("--trace", trace, ".parquet"), ("--film", film, ".mp4"))
+    reject_first(
+        (traceback and not interpret, "--traceback is for --interpret: compiled code has none"),
+        (traceback and out is not None, "--traceback is for single trials: give --point and --trial, without --out"),
+        (level is not None and record is None and not live, "--record-level is for --record and --live"),
+        ((speed is not None or web) and not live, "--speed and --web are for --live"),
+        (port is not None and not web, "--port is for --web"),
+        (trace is None and relations, "--relations is for --trace"),
+        (not has_rows and bool(memory), "--memory is for --trace, --record and --live"),
+        (workers is not None and dask is not None, "--workers and --dask exclude each other"),
+        *(
+            (path is not None and path.suffix != ending, f"{option} is {path}; allowed: a name that ends in {ending}")
+            for option, path, ending in endings
+        ),
+    )
+    from epuck_sim.cli.trials import LiveView, Watched, run_trials, seeds_of, sweep_into, trial_of_sweep
+    from epuck_sim.runs import folder as run_folder
+    from epuck_sim.scenario.loader import find_scenario
 
-        is_one = point is not None or trial is not None
-        file = find_scenario(scenario)
-        folder = out or (file.parent if file.parent == Path(scenario) and not is_one else None)
-        is_watched = any(each is not None for each in (trace, record, film)) or live
-        reject_first(
-            (
-                is_one and (point is None or trial is None or out is not None),
-                "--point and --trial go together, and without --out",
-            ),
-            (
-                folder is None and (workers is not None or dask is not None),
-                "--workers and --dask need a run folder: --out FOLDER",
-            ),
-            (folder is None and trial_timeout is not None, "--trial-timeout is for sweeps: give --out FOLDER"),
-            (folder is None and share is not None, "--share needs a run folder of its own: --out FOLDER"),
-            (
-                folder is not None and is_watched,
-                "a sweep keeps no traces, recordings and films; --point and --trial run one trial again, with them",
-            ),
-        )
-        if folder is not None and take_over:
-            from epuck_sim.runs.folder import take_over as take_over_lease
-
-            if (holder := take_over_lease(folder)) is not None:
-                typer.echo(f"{folder}: taken over from {holder}", err=True)
-        view = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
-        watched = Watched(trace, record, film, view, level or Level.FULL, tuple(memory or ()), relations)
-        changes = [*(settings or ()), *([] if trial_timeout is None else [f"trial_timeout_s={trial_timeout}"])]
-        loaded = read_scenario(
-            scenario,
-            changes,
-            axes,
-            measures=measures,
-            controller=controller,
-            quick=quick,
-            trusted=trust,
+    file = find_scenario(scenario)
+    folder = out or (file.parent if file.parent == Path(scenario) and not is_one else None)
+    is_none = folder is None
+    reject_first(
+        (is_one and None in (point, trial), "--point and --trial go together, and without --out"),
+        (is_one and out is not None, "--point and --trial go together, and without --out"),
+        (is_none and (workers or dask) is not None, "--workers and --dask need a run folder: --out FOLDER"),
+        (is_none and trial_timeout is not None, "--trial-timeout is for sweeps: give --out FOLDER"),
+        (is_none and share is not None, "--share needs a run folder of its own: --out FOLDER"),
+        (
+            not is_none and is_watched,
+            "a sweep keeps no traces, recordings and films; --point and --trial run one trial again, with them",
+        ),
+    )
+    if folder is not None and take_over and (holder := run_folder.take_over(folder)) is not None:
+        typer.echo(f"{folder}: taken over from {holder}", err=True)
+    view = LiveView(speed or 1.0, (port or options.WEB_PORT) if web else None) if live else None
+    watched = Watched(trace, record, film, view, level or Level.FULL, tuple(memory or ()), relations)
+    changes = [*(settings or ()), *([] if trial_timeout is None else [f"trial_timeout_s={trial_timeout}"])]
+    with print_traceback() if traceback else nullcontext():
+        loaded: Scenario = options.read_scenario(
+            scenario, changes, axes, measures=measures, controller=controller, quick=quick, trusted=trust
         )
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
         if folder is not None:
-            sweep_into(
-                scenario,
-                loaded,
-                folder,
-                workers=workers,
-                dask=dask,
-                share=share,
-                interpret=interpret,
-                as_json=as_json,
-            )
-        elif point is not None and trial is not None:
-            chosen, seed_of_trial = trial_of_sweep(scenario, loaded, point, trial)
-            run_trials(scenario, chosen, [seed_of_trial], watched, interpret=interpret, as_json=as_json)
+            sweep_into(scenario, loaded, folder, workers, dask, share, interpret=interpret, as_json=as_json)
+            return
+        if point is not None and trial is not None:
+            loaded, seed_of_trial = trial_of_sweep(scenario, loaded, point, trial)
+            seeds = [seed_of_trial]
         else:
             seeds = seeds_of(scenario, loaded)
-            run_trials(scenario, loaded, seeds, watched, interpret=interpret, as_json=as_json)
+        run_trials(scenario, loaded, seeds, watched, interpret=interpret, as_json=as_json)
 
 
 @runs.command()
@@ -214,8 +164,8 @@ def replay(
         Path,
         typer.Argument(metavar="RECORDING", help="A recording FILE.rrd, or a run folder with --point and --trial."),
     ],
-    point: PointOption = None,
-    trial: TrialOption = None,
+    point: options.PointOption = None,
+    trial: options.TrialOption = None,
     record: Annotated[
         Path | None,
         typer.Option(
@@ -223,10 +173,10 @@ def replay(
             help="Where to record it; by default to FOLDER-point-K-trial-J.rrd in the current folder.",
         ),
     ] = None,
-    interpret: InterpretOption = False,
-    trust: TrustOption = False,
-    web: WebOption = False,
-    port: PortOption = None,
+    interpret: options.InterpretOption = False,
+    trust: options.TrustOption = False,
+    web: options.WebOption = False,
+    port: options.PortOption = None,
     screenshot: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw what the viewer shows; this needs no display.")
     ] = None,
@@ -236,48 +186,47 @@ def replay(
     ] = None,
 ) -> None:
     """Open a recording in rerun's viewer. Sweeps keep none: a trial of a run folder is simulated again."""
-    with exit_on_error():
-        again = point is not None and trial is not None
+    again = point is not None and trial is not None
+    reject_first(
+        (web and screenshot is not None, "--web and --screenshot exclude each other"),
+        (port is not None and not web, "--port is for --web"),
+        (at is not None and screenshot is None, "--at is for --screenshot"),
+        (screenshot is not None and screenshot.suffix != ".png", "--screenshot: a picture's name must end in .png"),
+        (not source.exists(), f"{source}: there is no such file or run folder"),
+        (
+            source.is_dir() != again or (point is None) != (trial is None),
+            "--point and --trial go together, and with a run folder",
+        ),
+        ((record is not None or interpret) and not again, "--record and --interpret are for a run folder's trial"),
+    )
+    from epuck_sim.recording.reader import last_moment_s
+    from epuck_sim.recording.viewer import NO_DISPLAY, draw_screenshot, has_display, serve, show
+    from epuck_sim.util.atomic_write import check_target
+    from epuck_sim.util.machine import check_port
+
+    if web:
+        check_port(port or options.WEB_PORT)
+    if screenshot is not None:
+        check_target(screenshot)
+    file = source
+    if point is not None and trial is not None:
+        from epuck_sim.cli.trials import record_again
+
+        file = record or Path(f"{source.resolve().name}-point-{point}-trial-{trial}.rrd")
+        record_again(source, point, trial, file, interpret=interpret, trusted=trust)
+        typer.echo(file)
+    end_s = last_moment_s(file)
+    if screenshot is not None:
         reject_first(
-            (web and screenshot is not None, "--web and --screenshot exclude each other"),
-            (port is not None and not web, "--port is for --web"),
-            (at is not None and screenshot is None, "--at is for --screenshot"),
-            (screenshot is not None and screenshot.suffix != ".png", "--screenshot: a picture's name must end in .png"),
-            (not source.exists(), f"{source}: there is no such file or run folder"),
-            (
-                source.is_dir() != again or (point is None) != (trial is None),
-                "--point and --trial go together, and with a run folder",
-            ),
-            ((record is not None or interpret) and not again, "--record and --interpret are for a run folder's trial"),
+            (at is not None and at > end_s, f"--at is {at or 0:.9g}; allowed: 0 to {end_s:.9g}, where {file} ends")
         )
-        from epuck_sim.recording.reader import last_moment_s
-        from epuck_sim.recording.viewer import NO_DISPLAY, draw_screenshot, has_display, serve, show
-        from epuck_sim.util.atomic_write import check_target
-        from epuck_sim.util.machine import check_port
-
-        if web:
-            check_port(port or WEB_PORT)
-        if screenshot is not None:
-            check_target(screenshot)
-        file = source
-        if point is not None and trial is not None:
-            from epuck_sim.cli.trials import record_again
-
-            file = record or Path(f"{source.resolve().name}-point-{point}-trial-{trial}.rrd")
-            record_again(source, point, trial, file, interpret=interpret, trusted=trust)
-            typer.echo(file)
-        end_s = last_moment_s(file)
-        if screenshot is not None:
-            reject_first(
-                (at is not None and at > end_s, f"--at is {at or 0:.9g}; allowed: 0 to {end_s:.9g}, where {file} ends")
-            )
-            draw_screenshot(file, end_s if at is None else at, screenshot)
-        elif web:
-            serve(file, port or WEB_PORT, announce)
-        elif again and not has_display():
-            typer.echo(NO_DISPLAY, err=True)
-        else:
-            show(file)
+        draw_screenshot(file, end_s if at is None else at, screenshot)
+    elif web:
+        serve(file, port or options.WEB_PORT, announce)
+    elif again and not has_display():
+        typer.echo(NO_DISPLAY, err=True)
+    else:
+        show(file)
 
 
 def announce(address: str) -> None:
@@ -289,26 +238,25 @@ def announce(address: str) -> None:
 
 @runs.command()
 def status(
-    folders: FoldersArgument,
+    folders: options.FoldersArgument,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON; of several folders, a list.")] = False,
 ) -> None:
     """Show how far the sweep in FOLDER is: trials stored, censored and failed, and the process at work on it.
 
     Of several folders, such as the shares of a sweep, a line each and their sum.
     """
-    with exit_on_error():
-        from epuck_sim.cli.tables import print_status, print_statuses
-        from epuck_sim.runs.status import read_status
+    from epuck_sim.cli.tables import print_status, print_statuses
+    from epuck_sim.runs.status import read_status
 
-        if len(folders) == 1:
-            print_status(read_status(folders[0]), as_json)
-        else:
-            print_statuses({str(folder): read_status(folder) for folder in folders}, as_json)
+    if len(folders) == 1:
+        print_status(read_status(folders[0]), as_json)
+    else:
+        print_statuses({str(folder): read_status(folder) for folder in folders}, as_json)
 
 
 @runs.command()
 def merge(
-    folders: FoldersArgument,
+    folders: options.FoldersArgument,
     out: Annotated[Path, typer.Option(metavar="WHOLE", help="The run folder to make; it must be new or empty.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print the status of WHOLE as JSON.")] = False,
 ) -> None:
@@ -316,23 +264,21 @@ def merge(
 
     Folders of another scenario, another controller or other versions are refused. `run WHOLE` runs what is missing.
     """
-    with exit_on_error():
-        from epuck_sim.cli.tables import print_status
-        from epuck_sim.runs.share import merge_folders
-        from epuck_sim.runs.status import read_status
+    from epuck_sim.cli.tables import print_status
+    from epuck_sim.runs.share import merge_folders
+    from epuck_sim.runs.status import read_status
 
-        merge_folders(folders, out)
-        print_status(read_status(out), as_json)
+    merge_folders(folders, out)
+    print_status(read_status(out), as_json)
 
 
 @runs.command()
-def verify(folder: FolderArgument) -> None:
+def verify(folder: options.FolderArgument) -> None:
     """Look at every file of FOLDER, and say whether it is whole; exit code 1 if one is not. Nothing in it is run."""
-    with exit_on_error():
-        from epuck_sim.runs.status import verify as verdicts
+    from epuck_sim.runs.status import verify as verdicts
 
-        found = verdicts(folder)
-        for each in found:
-            typer.echo(f"{each.file}: {each.says}")
-        if not all(each.is_whole for each in found):
-            raise typer.Exit(1)
+    found = verdicts(folder)
+    for each in found:
+        typer.echo(f"{each.file}: {each.says}")
+    if not all(each.is_whole for each in found):
+        raise typer.Exit(1)

@@ -10,18 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, prefix_scenario, print_warnings, reject_first, word_if_slow
-from epuck_sim.cli.options import (
-    AxesOption,
-    ControllerOption,
-    JsonOption,
-    QuickOption,
-    ScenarioArgument,
-    SetOption,
-    read_scenario,
-)
-from epuck_sim.cli.templates import CONTROLLER, MEASURE, ROBOT, SCENARIO, SENSOR
+from epuck_sim.cli import options
+from epuck_sim.cli.errors import prefix_scenario, print_warnings, reject_first, word_if_slow
 from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.util.builtin import TEMPLATES, builtin_folder
 
 if TYPE_CHECKING:  # or --help would wait for pydantic
     from epuck_sim.display.table import Table
@@ -34,33 +26,32 @@ news = typer.Typer(no_args_is_help=True, help="Write a commented file to begin w
 
 @scenarios.command()
 def check(
-    scenario: ScenarioArgument,
-    settings: SetOption = None,
-    axes: AxesOption = None,
-    controller: ControllerOption = None,
-    quick: QuickOption = False,
+    scenario: options.ScenarioArgument,
+    settings: options.SetOption = None,
+    axes: options.AxesOption = None,
+    controller: options.ControllerOption = None,
+    quick: options.QuickOption = False,
 ) -> None:
     """Validate SCENARIO, with every point of its sweep, and print it with every default written out.
 
     Comments at its end say how many points and trials it has, and what they take.
     """
-    with exit_on_error():
-        from epuck_sim.runs.sources import is_trusted, run_folder_of
-        from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
-        from epuck_sim.scenario.points import points
-        from epuck_sim.sweep.checks import check_sweep, describe_size
+    from epuck_sim.runs.sources import is_trusted, run_folder_of
+    from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
+    from epuck_sim.scenario.points import points
+    from epuck_sim.sweep.checks import check_sweep, describe_size
 
-        if (folder := run_folder_of(scenario)) is not None and not is_trusted(folder):
-            changed = any((settings, axes, controller, quick))
-            reject_first((changed, f"{folder}: brings code that you have not run; only what is stored can be shown"))
-            sys.stdout.write((folder / RUN_SCENARIO).read_text(encoding="utf-8", errors="replace"))
-            sys.stdout.write("# as it is stored: not checked, as that would run code which you have not run\n")
-            return
-        loaded = read_scenario(scenario, settings, axes, controller=controller, quick=quick)
-        with word_if_slow(f"checking {scenario}"), prefix_scenario(scenario):
-            found = points(loaded)
-            check_sweep(found)
-        sys.stdout.write(f"{write_scenario(loaded)}# {describe_size(found)}\n")
+    if (folder := run_folder_of(scenario)) is not None and not is_trusted(folder):
+        changed = any((settings, axes, controller, quick))
+        reject_first((changed, f"{folder}: brings code that you have not run; only what is stored can be shown"))
+        sys.stdout.write((folder / RUN_SCENARIO).read_text(encoding="utf-8", errors="replace"))
+        sys.stdout.write("# as it is stored: not checked, as that would run code which you have not run\n")
+        return
+    loaded = options.read_scenario(scenario, settings, axes, controller=controller, quick=quick)
+    with word_if_slow(f"checking {scenario}"), prefix_scenario(scenario):
+        found = points(loaded)
+        check_sweep(found)
+    sys.stdout.write(f"{write_scenario(loaded)}# {describe_size(found)}\n")
 
 
 @scenarios.command("list")
@@ -68,97 +59,86 @@ def list_shipped(
     measures: Annotated[
         bool, typer.Option("--measures", help="List measures of trials, and their parameters.")
     ] = False,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """List scenarios, sweeps and controllers, or measures: those of epuck-sim, and those of installed packages."""
-    with exit_on_error():
-        from epuck_sim.cli.listing import list_measures, list_names, print_descriptions
+    from epuck_sim.cli.listing import list_measures, list_names, print_descriptions
 
-        with print_warnings():
-            listed = list_measures() if measures else list_names()
-        if as_json:
-            print(json.dumps(listed, ensure_ascii=False, indent=2))
-        else:
-            print_descriptions(listed)
+    with print_warnings():
+        listed = list_measures() if measures else list_names()
+    if as_json:
+        print(json.dumps(listed, ensure_ascii=False, indent=2))
+    else:
+        print_descriptions(listed)
 
 
 @scenarios.command()
 def page(
-    scenario: ScenarioArgument,
+    scenario: options.ScenarioArgument,
     out: Annotated[Path, typer.Option(metavar="PAGE.html", help="The page, which is complete in itself.")],
-    settings: SetOption = None,
+    settings: options.SetOption = None,
 ) -> None:
     """Write SCENARIO as one HTML file in which it runs: with the program's own kernels, without server and network."""
-    with exit_on_error():
-        from epuck_sim.page.writer import write_page
+    from epuck_sim.page.writer import write_page
 
-        with word_if_slow(f"making the page of {scenario}"), print_warnings():
-            write_page(scenario, out, settings or ())
-        typer.echo(out)
+    with word_if_slow(f"making the page of {scenario}"), print_warnings():
+        write_page(scenario, out, settings or ())
+    typer.echo(out)
 
 
 @scenarios.command()
-def play(scenario: ScenarioArgument = "thesis", settings: SetOption = None) -> None:
+def play(scenario: options.ScenarioArgument = "thesis", settings: options.SetOption = None) -> None:
     """Open SCENARIO as a page in the browser, from a temporary file."""
-    with exit_on_error():
-        from epuck_sim.page.writer import open_page
+    from epuck_sim.page.writer import open_page
 
-        with word_if_slow(f"making the page of {scenario}"), print_warnings():
-            path = open_page(scenario, settings or ())
-        typer.echo(path)
+    with word_if_slow(f"making the page of {scenario}"), print_warnings():
+        path = open_page(scenario, settings or ())
+    typer.echo(path)
 
 
 @scenarios.command()
 def predict(
-    scenario: ScenarioArgument,
-    settings: SetOption = None,
-    axes: AxesOption = None,
-    quick: QuickOption = False,
-    as_json: JsonOption = False,
+    scenario: options.ScenarioArgument,
+    settings: options.SetOption = None,
+    axes: options.AxesOption = None,
+    quick: options.QuickOption = False,
+    as_json: options.JsonOption = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print a row a point as CSV.")] = False,
 ) -> None:
     """Predict regimes and T_sync of SCENARIO from who hears whom, without a trial; of a sweep, a row a point."""
-    with exit_on_error():
-        loaded = read_scenario(scenario, settings, axes, quick=quick)
-        from epuck_sim.cli.tables import show
-        from epuck_sim.theory.predict import predict_points
+    loaded = options.read_scenario(scenario, settings, axes, quick=quick)
+    from epuck_sim.cli.tables import show
+    from epuck_sim.theory.predict import predict_points
 
-        with word_if_slow(f"predicting {scenario}"), prefix_scenario(scenario):
-            found = predict_points(loaded)
-        if loaded.sweep is not None:
-            records = [{"axes": point.axes, **prediction._asdict()} for point, prediction in found]
-            show(
-                [_predicted_points(loaded.name, found)],
-                {"scenario": loaded.name, "points": records},
-                as_json=as_json,
-                as_csv=as_csv,
-            )
-        else:
-            show([_predicted(found[0][1])], found[0][1], as_json=as_json, as_csv=as_csv)
+    with word_if_slow(f"predicting {scenario}"), prefix_scenario(scenario):
+        found = predict_points(loaded)
+    if loaded.sweep is None:
+        table, record = _predicted(found[0][1]), found[0][1]._asdict()
+    else:
+        records = [{"axes": point.axes, **prediction._asdict()} for point, prediction in found]
+        table, record = _predicted_points(loaded.name, found), {"scenario": loaded.name, "points": records}
+    show([table], record, as_json=as_json, as_csv=as_csv)
 
 
 def _predicted_points(name: str, found: "Sequence[tuple[Point, Prediction]]") -> "Table":
-    from epuck_sim.display.table import Row, Table
+    """Return the predictions of a sweep, a point a line."""
+    from epuck_sim.display.table import Row, Share, Table
 
-    rows = [Row(point.axes, _cells_of_point(prediction)) for point, prediction in found]
+    rows = []
+    for point, predicted in found:
+        cells = {
+            "regime": predicted.intermediate_regime.verdict,
+            "probability": Share(predicted.intermediate_regime.probability),
+            "v_m": predicted.v_m_cm_s,
+            "v_p": predicted.v_p_cm_s,
+            "t_sync": predicted.t_sync,
+            "t_fast": predicted.t_sync_fast,
+            "t_frozen": predicted.t_sync_frozen,
+            "frozen_share": Share(predicted.frozen_share.value),
+        }
+        rows.append(Row(point.axes, cells))
     notes = dict.fromkeys(note for _, prediction in found for note in prediction.notes)
     return Table(name, rows, tuple(notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
-
-
-def _cells_of_point(found: "Prediction") -> dict[str, Any]:
-    """Return the cells of a row for a point of a sweep."""
-    from epuck_sim.display.table import Share
-
-    return {
-        "regime": found.intermediate_regime.verdict,
-        "probability": Share(found.intermediate_regime.probability),
-        "v_m": found.v_m_cm_s,
-        "v_p": found.v_p_cm_s,
-        "t_sync": found.t_sync,
-        "t_fast": found.t_sync_fast,
-        "t_frozen": found.t_sync_frozen,
-        "frozen_share": Share(found.frozen_share.value),
-    }
 
 
 def _predicted(found: "Prediction") -> "Table":
@@ -189,28 +169,26 @@ def _predicted(found: "Prediction") -> "Table":
 class New(NamedTuple):
     """A kind of file that `new` writes."""
 
-    template: str
-    """Its text, with {name}."""
+    ending: str
     command: str
-    """What tries it, with {name} and {file}."""
+    """What tries it, with NAME and FILE."""
     example: str
     """A name for one."""
 
 
 NEW = {
-    "scenario": New(SCENARIO, "run {file}", "pillar-80"),
-    "controller": New(CONTROLLER, "run thesis --controller {file}", "wanderer"),
-    "measure": New(MEASURE, "run thesis --measure {file}", "coverage"),
-    "sensor": New(SENSOR, 'run thesis --set "robots.0.sensors=[{file}]" --trace {name}.parquet', "ground"),
-    "robot": New(ROBOT, "run thesis --set robot={file}", "cart"),
+    "scenario": New(".yaml", "run FILE", "pillar-80"),
+    "controller": New(".py", "run thesis --controller FILE", "wanderer"),
+    "measure": New(".py", "run thesis --measure FILE", "coverage"),
+    "sensor": New(".py", 'run thesis --set "robots.0.sensors=[FILE]" --trace NAME.parquet', "ground"),
+    "robot": New(".yaml", "run thesis --set robot=FILE", "cart"),
 }
 """The kinds of files that `new` writes."""
 
 
 def _command_for(kind: str) -> Callable[[str], None]:
     def new(name: Annotated[str, typer.Argument(metavar="NAME", help="Its name, and that of its file.")]) -> None:
-        with exit_on_error():
-            _write_new(kind, name)
+        _write_new(kind, name)
 
     new.__doc__ = f"Write a file with a commented {kind} that runs as it stands."
     return new
@@ -227,7 +205,7 @@ def _write_new(kind: str, name: str) -> None:
     else:  # which Python imports, or which stands beside what it does
         is_name = name.isidentifier() and not keyword.iskeyword(name) and not name.startswith("_")
         letters = "letters, digits and _"
-    file = f"{name}.yaml" if kind in ("scenario", "robot") else f"{name}.py"
+    file = f"{name}{new.ending}"
     from epuck_sim.control.interface import Sensors
 
     taken = kind == "sensor" and (name in Sensors._fields or name in sys.stdlib_module_names)
@@ -236,6 +214,7 @@ def _write_new(kind: str, name: str) -> None:
         (taken, f"{name!r} is taken, by what robots sense anyway or by Python; give another name"),
         (Path(file).exists(), f"{file}: exists already; give another name"),
     )
+    template = (builtin_folder(TEMPLATES) / f"{kind}{new.ending}").read_text(encoding="utf-8")
     with atomic_write(Path(file)) as part:
-        part.write_text(new.template.format(name=name), encoding="utf-8")
-    typer.echo(f"{file}: try it: epuck-sim {new.command.format(name=name, file=file)}")
+        part.write_text(template.replace("NAME", name), encoding="utf-8")
+    typer.echo(f"{file}: try it: epuck-sim {new.command.replace('NAME', name).replace('FILE', file)}")

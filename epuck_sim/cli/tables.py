@@ -6,8 +6,8 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,8 +23,7 @@ if TYPE_CHECKING:  # or a trial would wait for OpenCV and scipy
     from epuck_sim.overhead.compare import Fitted, QuantityComparison
     from epuck_sim.overhead.robots import Robots
     from epuck_sim.overhead.track import Track
-    from epuck_sim.runs.status import Failure, PointAtLimit, Status
-    from epuck_sim.statistics.planning import TrialPlan
+    from epuck_sim.runs.status import PointAtLimit, Status
 
 
 def show(tables: Sequence[Table], found: Any, *, as_json: bool, as_csv: bool = False) -> None:
@@ -37,9 +36,9 @@ def show(tables: Sequence[Table], found: Any, *, as_json: bool, as_csv: bool = F
         print("\n\n".join(table.to_text(terminal_width()) for table in tables))
 
 
-def print_json(found: Mapping[str, Any]) -> None:
+def print_json(found: Any) -> None:
     """Print what was found, and the versions, as one JSON object on a line of stdout, at once."""
-    print(json.dumps({**found, "versions": versions()}), flush=True)
+    print(json.dumps({**plain(found), "versions": versions()}), flush=True)
 
 
 def terminal_width() -> int | None:
@@ -48,12 +47,7 @@ def terminal_width() -> int | None:
 
 
 def print_trials(results: Sequence[TrialResult], max_cycles: int) -> None:
-    """Print a table of trials of one scenario on stdout, and of several a line of statistics.
-
-    Args:
-        results: The trials.
-        max_cycles: Limit of cycles at which they are censored.
-    """
+    """Print a table of trials of one scenario on stdout, and of several a line of statistics."""
     if not results:
         return
     headings = {
@@ -74,12 +68,12 @@ def _cells_of_trial(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
     """Return the cells that apply to a trial of its scenario: without oscillators there is no T_sync."""
     cells: dict[str, Any] = {}
     if result.censored is not None:
-        cells["t_sync"] = result.t_sync_cycles
-        cells["censored"] = f"yes, at {result.cycles}" if result.censored else "no"
+        censored = f"yes, at {result.cycles}" if result.censored else "no"
+        cells |= {"t_sync": result.t_sync_cycles, "censored": censored}
     if result.censored is not None or has_order:
         cells["order_parameter"] = result.order_parameter
-    times = {"simulated_s": result.simulated_s, "wall_s": result.wall_s, "real_time": result.real_time_factor}
-    return {**cells, **times, **result.measures}
+    cells |= {"simulated_s": result.simulated_s, "wall_s": result.wall_s, "real_time": result.real_time_factor}
+    return {**cells, **result.measures}
 
 
 def _summary(results: Sequence[TrialResult], max_cycles: int) -> str:
@@ -95,12 +89,6 @@ def _summary(results: Sequence[TrialResult], max_cycles: int) -> str:
     return f"T_sync of {len(results)} trials: {ends}; {100 * measured.censored:.0f} % censored"
 
 
-def print_trial_json(result: TrialResult) -> None:
-    """Print a trial as one JSON object on a line of stdout, at once."""
-    events = [event._asdict() for event in result.events]
-    print_json({**result._asdict(), "events": events})
-
-
 MOST_LISTED = 10
 """Maximum number of failed trials, of shares without a folder, and of points at their limit, that are listed."""
 
@@ -108,24 +96,28 @@ MOST_LISTED = 10
 def print_status(status: "Status", as_json: bool) -> None:
     """Print how far a sweep is on stdout."""
     if as_json:
-        print(json.dumps(_status_object(status)))
+        print(json.dumps(plain(status)))
         return
     share = "" if status.share is None else f"share {status.share}, "
-    print(
-        f"{status.scenario}: {share}{counted(status.points, 'point')}, "
-        f"{status.stored} of {status.trials} trials have a result"
-    )
     censored = "" if status.censored is None else f"censored: {status.censored}; "
-    print(f"  {censored}failed: {len(status.failed)}; computing time: {in_words(status.wall_s)}")
+    lines = [
+        f"{status.scenario}: {share}{counted(status.points, 'point')}, "
+        f"{status.stored} of {status.trials} trials have a result",
+        f"{censored}failed: {len(status.failed)}; computing time: {in_words(status.wall_s)}",
+    ]
     if status.unmeasured:
-        print(f"  {status.unmeasured} of these results lack measures that were added")
-    for row in status.versions:
-        print(f"  {counted(row.trials, 'trial')}: {format_versions(row.made_by)}")
+        lines.append(f"{status.unmeasured} of these results lack measures that were added")
+    lines += (f"{counted(row.trials, 'trial')}: {format_versions(row.made_by)}" for row in status.versions)
     if status.at_work:
-        print(f"  {status.at_work} is at work on it")
-    for line in describe_at_limit(status.at_limit):
-        print(f"  {line}")
-    print_failures(status.failed)
+        lines.append(f"{status.at_work} is at work on it")
+    lines += describe_at_limit(status.at_limit)
+    lines += (
+        f"failed: --point {failure.point} --trial {failure.trial}: {failure.error}"
+        for failure in status.failed[:MOST_LISTED]
+    )
+    if len(status.failed) > MOST_LISTED:
+        lines.append(f"and {len(status.failed) - MOST_LISTED} more")
+    print("\n  ".join(lines))
 
 
 def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:
@@ -141,23 +133,10 @@ def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:
     return lines
 
 
-def print_failures(failures: "Sequence[Failure]") -> None:
-    """Print the first failed trials on stdout, each with the words that run it alone."""
-    for failure in failures[:MOST_LISTED]:
-        print(f"  failed: --point {failure.point} --trial {failure.trial}: {failure.error}")
-    if len(failures) > MOST_LISTED:
-        print(f"  and {len(failures) - MOST_LISTED} more")
-
-
-def _status_object(status: "Status") -> dict[str, Any]:
-    rows = {name: [row._asdict() for row in getattr(status, name)] for name in ("failed", "versions", "at_limit")}
-    return {**status._asdict(), **rows}
-
-
 def print_statuses(statuses: "Mapping[str, Status]", as_json: bool) -> None:
     """Print how far several run folders are on stdout, a line each, and their sum."""
     if as_json:
-        print(json.dumps([{"folder": folder, **_status_object(status)} for folder, status in statuses.items()]))
+        print(json.dumps([{"folder": folder, **plain(status)} for folder, status in statuses.items()]))
         return
     for folder, status in statuses.items():
         share = "" if status.share is None else f" (share {status.share})"
@@ -167,89 +146,15 @@ def print_statuses(statuses: "Mapping[str, Status]", as_json: bool) -> None:
     stored, trials = (sum(getattr(status, name) for status in statuses.values()) for name in ("stored", "trials"))
     failures = sum(len(status.failed) for status in statuses.values())
     print(f"together: {stored} of {trials} trials have a result; failed: {failures}")
-    if missing := _missing_shares(statuses.values()):
+    given = {status.share for status in statuses.values() if status.share is not None}
+    counts = {share.partition("/")[2] for share in given}
+    if len(counts) == 1:  # of shares of one number of them it is known which are missing
+        (count,) = counts
+        every = (f"{number}/{count}" for number in range(1, int(count) + 1))
+        missing = [share for share in every if share not in given]
         more = f" and {len(missing) - MOST_LISTED} more" if len(missing) > MOST_LISTED else ""
-        print(f"shares without a folder here: {', '.join(missing[:MOST_LISTED])}{more}")
-
-
-def _missing_shares(statuses: "Iterable[Status]") -> list[str]:
-    """Return the shares that none of the folders is for, if all are shares of the same number of them."""
-    from epuck_sim.runs.share import Share as ShareOfSweep
-
-    shares = {ShareOfSweep.parse(status.share) for status in statuses if status.share is not None}
-    if len({share.of for share in shares}) != 1:
-        return []
-    (count,) = {share.of for share in shares}
-    return [
-        str(share) for share in (ShareOfSweep(number, count) for number in range(1, count + 1)) if share not in shares
-    ]
-
-
-class Duration(NamedTuple):
-    """How long a sweep will take."""
-
-    points: int
-    trials: int
-    """Trials at each point."""
-    left: int
-    """Number of trials that are still to be run."""
-    workers: int
-    compute_s: Estimate
-    """Computing time of these trials together."""
-    timed: int
-    """Number of trials from which this follows."""
-    is_cut: bool
-    """Whether the last of these was cut: then it takes longer."""
-    at_limit: "Sequence[PointAtLimit]" = ()
-    """Points whose trials, of these, have all reached their limit."""
-
-
-def print_plan(name: str, duration: Duration, as_json: bool) -> None:
-    """Print how long a scenario's sweep will take, on stdout."""
-    if as_json:
-        print(json.dumps({"duration": plain(_duration_object(duration))}))
-    else:
-        _print_duration(name, duration)
-
-
-def print_power(name: str, plan: "TrialPlan", duration: Duration, as_json: bool) -> None:
-    """Print how many trials show a difference, and how long the rest of a run folder's sweep will take, on stdout."""
-    show([plan.table(name)], {**plan._asdict(), "duration": _duration_object(duration)}, as_json=as_json)
-    if not as_json:
-        _print_duration(name, duration)
-
-
-def _print_duration(name: str, duration: Duration) -> None:
-    total = f"{name}: {counted(duration.points, 'point')}, {counted(duration.trials, 'trial')} each"
-    if not duration.left:
-        print(f"{total}: all are stored.")
-    elif not duration.timed:
-        print(f"{total}: {duration.left} are left; none has been timed.")
-    else:
-        computing, source = describe_computing(duration)
-        print(f"{total}: {duration.left} are left: {computing}.")
-        print(f"{source}.")
-    for line in describe_at_limit(duration.at_limit):
-        print(line)
-
-
-def describe_computing(duration: Duration) -> tuple[str, str]:
-    """Return how long the trials that are left take, and from how many that follows."""
-    wall = duration.compute_s.apply(lambda seconds: seconds / duration.workers)
-    computing, with_workers = (_in_words(each, duration.is_cut) for each in (duration.compute_s, wall))
-    cut = "; the last was cut, so that it is more" if duration.is_cut else ""
-    follows = f"That follows from {counted(duration.timed, 'trial')}{cut}"
-    return f"{computing} of computing, {with_workers} with {counted(duration.workers, 'worker')}", follows
-
-
-def _in_words(estimate: Estimate, is_cut: bool) -> str:
-    value, low, high = map(in_words, estimate.ends)
-    return f"{'more than ' * is_cut}{value}" + f" ({low} to {high})" * estimate.has_interval
-
-
-def _duration_object(duration: Duration) -> dict[str, object]:
-    at_limit = [each._asdict() for each in duration.at_limit]
-    return {**duration._asdict(), "at_limit": at_limit, "wall_s": duration.compute_s.value / duration.workers}
+        if missing:
+            print(f"shares without a folder here: {', '.join(missing[:MOST_LISTED])}{more}")
 
 
 NAMES_WIDTH = 27
@@ -322,25 +227,23 @@ def print_comparison_json(
     film: str, scenario: str, rows: "Sequence[QuantityComparison]", fitted: "Mapping[str, Fitted]"
 ) -> None:
     """Print one JSON object; null is what is not known, or lies beyond a film's or trial's end, which are counted."""
+    from epuck_sim.overhead.compare import judge
+
     quantities = [
         {
             "name": row.quantity.name,
             "unit": row.quantity.unit,
-            "film": _finite(row.film),
+            "film": row.film,
             "film_is_beyond": math.isinf(row.film),
-            "percentile": _finite(row.percentile),
-            "trials": [_finite(value) for value in row.trials.tolist()],
+            "percentile": row.percentile,
+            "trials": row.trials.tolist(),
             "beyond": row.beyond,
             "unknown": row.unknown,
         }
         for row in rows
     ]
-    values = {key: each._asdict() for key, each in fitted.items()}
-    from epuck_sim.overhead.compare import judge
-
-    verdict = judge(rows)
-    judged = {**verdict._asdict(), "p_value": _finite(verdict.p_value)}
-    print_json({"film": film, "scenario": scenario, "verdict": judged, "quantities": quantities, "fitted": values})
+    found = {"film": film, "scenario": scenario, "verdict": judge(rows), "quantities": quantities, "fitted": fitted}
+    print_json(found)
 
 
 def print_comparison(
@@ -373,7 +276,3 @@ def _cells_of_quantity(row: "QuantityComparison") -> dict[str, Any]:
         "trials": Estimate(middle, low, high),
         "percentile": Share(row.percentile / 100),
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

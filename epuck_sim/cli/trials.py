@@ -12,8 +12,12 @@ import typer
 from epuck_sim.cli.errors import prefix_scenario, print_stderr, word_if_slow
 from epuck_sim.cli.options import read_scenario
 from epuck_sim.cli.progress import SweepProgressBar, TrialProgress
+from epuck_sim.cli.tables import print_json, print_status, print_trials
 from epuck_sim.errors import ScenarioError
 from epuck_sim.recording import Level
+from epuck_sim.runs.folder import DATABASE
+from epuck_sim.runs.share import Share
+from epuck_sim.runs.status import read_outcome, read_status
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import Point, points
@@ -22,6 +26,7 @@ from epuck_sim.trial.model import check_interpretable, run_trial, simulate
 from epuck_sim.trial.result import Observer, TrialResult
 from epuck_sim.util.atomic_write import check_trial_paths, trial_path
 from epuck_sim.util.messages import counted
+from epuck_sim.util.provenance import format_versions, versions
 from epuck_sim.util.seeds import trial_seed
 
 LARGE = 1000
@@ -60,48 +65,36 @@ class Watched(NamedTuple):
 def open_observers(
     watched: Watched, scenario: Scenario, trials: int, *, echo: bool = False
 ) -> Iterator[list[ObserverFactory]]:
-    """Yield what opens the observers of each trial of a scenario; a viewer stays open until the user closes it.
-
-    Args:
-        watched: What is written or shown.
-        scenario: The scenario.
-        trials: Number of trials.
-        echo: Whether keys that are pressed are shown, as a debugger needs it.
-
-    Raises:
-        EpuckSimError: A file cannot be written, a viewer cannot be opened, or the model has nothing to look at.
-    """
+    """Yield what opens the observers of each trial of a scenario; a viewer stays open until the user closes it."""
     factories: list[ObserverFactory] = []
+    memory, level = watched.memory, watched.level
     for target in (watched.trace, watched.record, watched.film):
         if target is not None:
             check_trial_paths(target, trials)
-    if watched.trace is not None:
+    if (trace := watched.trace) is not None:
         from epuck_sim.trial.trace import Trace  # which needs pyarrow
 
-        traced, trace = require_bodies(scenario), watched.trace
-        columns: dict[str, Any] = {"memory": watched.memory, "relations": watched.relations}
-        factories.append(lambda trial, seed: Trace(trial_path(trace, trial, trials), traced, seed, **columns))
-    if watched.record is not None:
-        factories.append(_recorder(watched, watched.record, scenario, trials))
-    if watched.film is not None:
+        why = "--trace needs model: embodied; --record FILE.rrd, --film and --live take every model"
+        bodies = require_model(scenario, EmbodiedScenario, why)
+        columns: dict[str, Any] = {"memory": memory, "relations": watched.relations}
+        factories.append(lambda trial, seed: Trace(trial_path(trace, trial, trials), bodies, seed, **columns))
+    if (recording := watched.record) is not None:
+        from epuck_sim.recording.recorder import record
+        from epuck_sim.recording.rrd_file import check_recording_target
+
+        check_recording_target(trial_path(recording, 0, trials))
+        factories.append(
+            lambda trial, seed: record(trial_path(recording, trial, trials), scenario, seed, level, memory=memory)
+        )
+    if (film := watched.film) is not None:
         from epuck_sim.overhead.filming import film_trial  # OpenCV and PyAV take a while
 
-        film = watched.film
         factories.append(lambda trial, seed: film_trial(trial_path(film, trial, trials), scenario, seed))
     if watched.live is None:
         yield factories
     else:
         with _viewer(watched, watched.live, scenario, echo) as factory:
             yield [*factories, factory]
-
-
-def _recorder(watched: Watched, path: Path, scenario: Scenario, trials: int) -> ObserverFactory:
-    from epuck_sim.recording.recorder import record
-    from epuck_sim.recording.rrd_file import check_recording_target
-
-    check_recording_target(trial_path(path, 0, trials))
-    level, memory = watched.level, watched.memory
-    return lambda trial, seed: record(trial_path(path, trial, trials), scenario, seed, level, memory=memory)
 
 
 @contextmanager
@@ -123,12 +116,6 @@ def _viewer(watched: Watched, view: LiveView, scenario: Scenario, echo: bool) ->
 
 def _invite(address: str) -> None:
     print_stderr(f"open this address in a browser on this machine; the trial begins by itself:\n{address}")
-
-
-def require_bodies(scenario: Scenario) -> EmbodiedScenario:
-    """Return a scenario of robots with bodies; raise ScenarioError for another."""
-    why = "--trace needs model: embodied; --record FILE.rrd, --film and --live take every model"
-    return require_model(scenario, EmbodiedScenario, why)
 
 
 def seeds_of(origin: str, scenario: Scenario) -> list[int]:
@@ -161,18 +148,7 @@ def run_trials(
     interpret: bool = False,
     as_json: bool = False,
 ) -> list[TrialResult]:
-    """Run trials one after the other, print them, and return their results.
-
-    Args:
-        origin: What the user has called the scenario, for messages.
-        scenario: The scenario, without a sweep.
-        seeds: Seed of each trial.
-        watched: What is written or shown of them.
-        interpret: Whether controllers run as plain Python.
-        as_json: Whether they are printed as JSON.
-    """
-    from epuck_sim.cli.tables import print_trial_json, print_trials
-
+    """Run trials one after the other, print them, and return their results."""
     if interpret:
         check_interpretable(scenario)
     results: list[TrialResult] = []
@@ -182,7 +158,7 @@ def run_trials(
                 for trial, seed in enumerate(seeds):
                     results.append(_run_trial(scenario, seed, trial, factories, progress, interpret, watched))
                     if as_json:
-                        print_trial_json(results[-1])
+                        print_json(results[-1])
         finally:
             if not as_json:
                 print_trials(results, scenario.stop.max_cycles)
@@ -216,9 +192,6 @@ def _run_trial(
 
 def record_again(folder: Path, point: int, trial: int, file: Path, *, interpret: bool, trusted: bool = False) -> None:
     """Simulate a trial of a run folder again, record it, and say so if its outcome differs from the stored one."""
-    from epuck_sim.runs.status import read_outcome, read_status
-    from epuck_sim.util.provenance import format_versions, versions
-
     stored = read_outcome(folder, point, trial)
     chosen, seed = trial_of_sweep(str(folder), read_scenario(folder / RUN_SCENARIO, trusted=trusted), point, trial)
     (result,) = run_trials(str(folder), chosen, [seed], Watched(record=file), interpret=interpret)
@@ -234,29 +207,14 @@ def sweep_into(
     origin: str,
     scenario: Scenario,
     folder: Path,
-    *,
     workers: int | None,
     dask: str | None,
     share: str | None,
+    *,
     interpret: bool,
     as_json: bool,
 ) -> None:
-    """Run a sweep into its folder, print how far it is, and end with exit code 1 if trials have failed.
-
-    Args:
-        origin: What the user has called the scenario, for messages.
-        scenario: The scenario.
-        folder: The run folder.
-        workers: Number of worker processes; None for all cores.
-        dask: Address of the Dask scheduler that runs it; None for processes of this machine.
-        share: Share of the trials to run, as K/N; None for the whole, or for that of the folder.
-        interpret: Whether controllers run as plain Python.
-        as_json: Whether the status is printed as JSON.
-    """
-    from epuck_sim.cli.tables import print_status
-    from epuck_sim.runs.folder import DATABASE
-    from epuck_sim.runs.share import Share
-    from epuck_sim.runs.status import read_status
+    """Run a sweep into its folder, print how far it is, and end with exit code 1 if trials have failed."""
     from epuck_sim.sweep.checks import check_memory, describe_size
     from epuck_sim.sweep.cluster import DaskCluster
     from epuck_sim.sweep.executors import available_cores, local_pool
@@ -267,6 +225,7 @@ def sweep_into(
     words = [word for name, value in given.items() if value is not None for word in (name, str(value))]
     again = shlex.join(["epuck-sim", "run", f"{folder}/", *words, *["--interpret"] * interpret])
     open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
+    of_share = Share.parse(share) if share else None
     with SweepProgressBar() as bar, prefix_scenario(origin):
         try:
             with word_if_slow(f"checking every point of {scenario.name}") as over:
@@ -278,23 +237,15 @@ def sweep_into(
                     print_stderr(f"{found[0].scenario.name}: {describe_size(found)}")
                     bar.points = found
 
-                run_sweep(
-                    scenario,
-                    folder,
-                    open_pool,
-                    bar,
-                    interpret=interpret,
-                    share=Share.parse(share) if share else None,
-                    begin=begin,
-                )
+                run_sweep(scenario, folder, open_pool, bar, interpret=interpret, share=of_share, begin=begin)
         except KeyboardInterrupt:
-            progress = bar.progress
             if not (folder / DATABASE).exists():
                 print_stderr("stopped before the first trial; nothing was written")
                 raise typer.Exit(130) from None
             # the last progress may lack a trial that was just stored
-            stored = f"{read_status(folder).stored} of {progress.trials} trials are stored" if progress else ""
-            print_stderr(f"stopped; {stored or 'nothing is lost'}; go on with: {again}")
+            trials = bar.progress and bar.progress.trials
+            stored = f"{read_status(folder).stored} of {trials} trials are stored" if trials else "nothing is lost"
+            print_stderr(f"stopped; {stored}; go on with: {again}")
             raise typer.Exit(130) from None
     status = read_status(folder)
     print_status(status, as_json)
@@ -305,16 +256,10 @@ def sweep_into(
 
 def _note_other_versions(folder: Path) -> None:
     """Say which trials of a run folder were made by other versions, as their last digits may differ."""
-    from epuck_sim.runs.folder import DATABASE
-    from epuck_sim.runs.status import read_status
-    from epuck_sim.util.provenance import format_versions, versions
-
-    if not (folder / DATABASE).exists():
-        return
-    now = versions()
-    for row in read_status(folder).versions:
-        if {**row.made_by, **now} != row.made_by:
-            made = format_versions(row.made_by)
-            print_stderr(
-                f"note: {row.trials} trials were made by {made}; this is {format_versions(now)}: last digits may differ"
-            )
+    if (folder / DATABASE).exists():
+        for row in read_status(folder).versions:
+            if {**row.made_by, **versions()} != row.made_by:
+                print_stderr(
+                    f"note: {row.trials} trials were made by {format_versions(row.made_by)}; this is "
+                    f"{format_versions(versions())}: last digits may differ"
+                )

@@ -22,9 +22,7 @@ _compiled: dict[Hashable, Any] = {}
 
 
 def compile_for(user: Described, function: Any, room_digest: str, names: Mapping[str, Any], contents: str = "") -> Any:
-    """Compile a function (block, addresses, number) that calls functions of a user's file.
-
-    What is compiled is cached under the sources and the global values that it is made from.
+    """Compile a function (block, addresses, number) that calls a user's functions, cached by all it is made from.
 
     Args:
         user: What the file describes.
@@ -54,9 +52,8 @@ def compile_for(user: Described, function: Any, room_digest: str, names: Mapping
     return _compiled[key]
 
 
-@lru_cache
+@lru_cache  # as it takes long, of what cannot change in a file that is loaded
 def _static_digest(user: Described, types: tuple[np.dtype[Any], ...], contents: str) -> str:
-    """Return the digest of what cannot change in a file that is loaded, which takes long."""
     return digest([digest_sources(user.sources, user.modules).encode(), repr(types).encode(), contents.encode()])
 
 
@@ -127,14 +124,7 @@ INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised fr
 
 
 def explain_refusal(error: Exception, path: Path, sources: Mapping[Path, bytes], instead: str = "") -> str:
-    """Return what to say of a file that numba cannot compile: file, line, its reason, and the line itself.
-
-    Args:
-        error: What numba raised.
-        path: The file.
-        sources: Contents of every file that it comes from.
-        instead: What else can be done with it.
-    """
+    """Return what to say of a file that numba cannot compile: place, what to do instead, reason, and the line."""
     _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
     lines = [line.strip() for line in innermost.splitlines()]
     reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")

@@ -14,7 +14,6 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -73,11 +72,7 @@ class _Field(ctypes.Structure):
 
 
 def load_firmware(path: Path) -> Firmware:
-    """Return the firmware of a file in C, or of a library that was compiled from one.
-
-    Raises:
-        ControllerError: It cannot be compiled or loaded, or is no firmware; the compiler's own words are given.
-    """
+    """Return the firmware of a file in C, or of a library that was compiled from one, or say what the compiler says."""
     file, sources = _build_library(path) if path.suffix == ".c" else _keep_library(path)
     try:
         library = ctypes.CDLL(str(file))
@@ -90,7 +85,8 @@ def load_firmware(path: Path) -> Firmware:
     try:
         defaults = {name: _default(name, field) for name, field in fields["parameter"].items()}
         parameters = record_type({name: type(default) for name, default in defaults.items()})
-        memory = record_type({name: _type_of(field) for name, field in fields["memory"].items()})
+        kinds = {name: (KINDS[field.kind], field.count) for name, field in fields["memory"].items()}
+        memory = record_type({name: (kind, count) if count else kind for name, (kind, count) in kinds.items()})
     except ValueError as error:
         raise ControllerError(f"{path}: PARAMETERS or MEMORY: {error}") from error
     for record, named in ((parameters, fields["parameter"]), (memory, fields["memory"])):
@@ -98,8 +94,10 @@ def load_firmware(path: Path) -> Firmware:
         assert all(offsets[name] == field.offset for name, field in named.items())
     library.e_check.restype = ctypes.c_char_p
     check = _check_of(library, parameters)
-    names, runs = (path.stem, str(path)), (_runs_in_c, _runs_in_c)
-    return Firmware(*names, path, defaults, check, sources, {}, memory, *runs, (), library)
+    return Firmware(path.stem, str(path), path, defaults, check, sources, {}, memory, _in_c, _in_c, (), library)
+
+
+def _in_c(*_: object) -> None: ...
 
 
 def _read_fields(library: ctypes.CDLL, name: str) -> dict[str, _Field]:
@@ -112,11 +110,6 @@ def _read_fields(library: ctypes.CDLL, name: str) -> dict[str, _Field]:
             return fields
         fields[field.name.decode()] = field
     raise ValueError(f"{name} does not end")
-
-
-def _type_of(field: _Field) -> Any:
-    kind = KINDS[field.kind]
-    return (kind, field.count) if field.count else kind
 
 
 def _default(name: str, field: _Field) -> Value:
@@ -136,10 +129,6 @@ def _check_of(library: ctypes.CDLL, parameters: np.dtype[Any]) -> Callable[[Simp
             raise ValueError(refusal.decode(errors="replace"))
 
     return check
-
-
-def _runs_in_c(*_: object) -> None:
-    raise NotImplementedError
 
 
 def _keep_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
@@ -164,8 +153,11 @@ def _is_cut_off(contents: bytes) -> bool:
 def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
     """Return the library of a C file, and the contents of the files that it is made from, but the compiler's own."""
     compiler = _find_compiler(path)
-    sources = {file: file.read_bytes() for file in _files_of(path, compiler)}
-    settings = repr((compiler, _version(compiler), FLAGS, ERRORS)).encode()
+    _, _, files = _run(path, [*compiler, *FLAGS, "-isystem", HEADERS, "-MM", path]).partition(":")
+    own = [Path(file).resolve() for file in shlex.split(files.replace("\\\n", " "))]
+    sources = {file: file.read_bytes() for file in dict.fromkeys([path, *own])}
+    version = subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout
+    settings = repr((compiler, version, FLAGS, ERRORS)).encode()
 
     def build(part: Path) -> None:
         code = part.with_name("code.o")
@@ -177,18 +169,8 @@ def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
     return _library(contents, build), sources
 
 
-def _reject_for_the_robot(path: Path) -> None:
-    source = path.read_text(errors="replace")
-    if found := FOR_THE_ROBOT.search(source):
-        raise ControllerError(
-            f"{path}:{source.count(chr(10), 0, found.start()) + 1}: {found[0]!r}: is for the robot itself; here the "
-            "simulator calls the firmware. Three things change: #include <epuck.h> for the robot's own headers, "
-            "void start(void) for what main does once, void step(void) for one turn of its loop; see docs/firmware.md"
-        )
-
-
-def _find_compiler(path: Path) -> tuple[str, ...]:
-    command = tuple(shlex.split(os.environ.get("CC", "cc"))) or ("cc",)
+def _find_compiler(path: Path) -> list[str]:
+    command = shlex.split(os.environ.get("CC", "cc")) or ["cc"]
     if shutil.which(command[0]) is None:
         raise ControllerError(
             f"{path}: needs a C compiler, and {command[0]} is not found; install gcc or clang, name one in CC, or give "
@@ -197,30 +179,24 @@ def _find_compiler(path: Path) -> tuple[str, ...]:
     return command
 
 
-@lru_cache
-def _version(compiler: tuple[str, ...]) -> str:
-    return subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout
-
-
-def _files_of(path: Path, compiler: Sequence[str]) -> list[Path]:
-    rule = _run(path, [*compiler, *FLAGS, "-isystem", HEADERS, "-MM", path])
-    _, _, files = rule.replace("\\\n", " ").partition(":")
-    own = [Path(file).resolve() for file in shlex.split(files)]
-    return [path, *(file for file in own if file != path)]
-
-
 def _run(path: Path, command: Sequence[str | Path]) -> str:
     """Return what a command prints; raise ControllerError with its own words if it fails."""
     run = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, errors="replace")
     if run.returncode:
-        _reject_for_the_robot(path)
+        source = path.read_text(errors="replace")
+        if found := FOR_THE_ROBOT.search(source):
+            raise ControllerError(
+                f"{path}:{source.count(chr(10), 0, found.start()) + 1}: {found[0]!r}: is for the robot itself; here "
+                "the simulator calls the firmware. Three things change: #include <epuck.h> for the robot's own "
+                "headers, void start(void) for what main does once, void step(void) for one turn of its loop; see "
+                "docs/firmware.md"
+            )
         said = "\n".join(f"  {line}" for line in (run.stderr or run.stdout).splitlines())
         raise ControllerError(f"{path}: {command[0]} cannot compile it:\n{said}")
     return run.stdout
 
 
 def _reject_shared(path: Path, code: Path, source: bytes) -> None:
-    """Raise ControllerError for variables, and for random numbers, that all robots would share."""
     lister = shutil.which("nm")
     if lister is None:
         return
@@ -246,10 +222,7 @@ def _line_of(name: str, source: bytes) -> int:
 
 
 def _library(contents: Iterable[bytes], make: Callable[[Path], object]) -> Path:
-    """Return the library that is made from these contents, marked as used now; unused ones are removed.
-
-    Its name holds two digests, of what it is made from and of itself: one that was damaged since is made anew.
-    """
+    """Return the library made from these contents, named by them and by its own digest: a damaged one is made anew."""
     folder = cache_root() / "firmware"
     if not folder.is_dir():
         folder = cache_root(to_fill=True) / "firmware"

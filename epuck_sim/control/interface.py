@@ -130,14 +130,7 @@ class Described:
     """The module made from each of these files: its own copy, which no `import` statement returns."""
 
     def resolve(self, given: Mapping[str, object]) -> dict[str, Value]:
-        """Return every parameter with its given value or its default.
-
-        Args:
-            given: Values by the names of parameters.
-
-        Raises:
-            ValueError: A name or value is not allowed; the message says what is.
-        """
+        """Return every parameter with its given value or its default; ValueError says what is allowed."""
         values = with_defaults(self.name, given, self.parameters)
         self.check_values(values)
         run_check(self.check, values, self.sources)

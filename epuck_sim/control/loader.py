@@ -17,6 +17,7 @@ that nobody reads changes no outcome. The functions of `epuck_sim.embodied.sensi
 import keyword
 import math
 import sys
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from epuck_sim.control.firmware import load_firmware
 from epuck_sim.control.interface import EXTERNAL, Controller, Described, Sensor, Sensors
 from epuck_sim.control.names import ARGUMENTS, check_own_names
 from epuck_sim.errors import ControllerError
-from epuck_sim.user_files import AS_LOADED, Kind, Place, fingerprint, kept, load_python_file
+from epuck_sim.user_files import AS_LOADED, Kind, Place, PythonFile, fingerprint, kept, load_python_file
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
 from epuck_sim.util.messages import comma_list, short_repr
 
@@ -40,7 +41,7 @@ CONTROLLER = Kind(
 )
 """What controllers are found by."""
 
-PARTS = {
+CONTROLLER_PARTS = {
     "PARAMETERS": "a mapping of names to default values",
     "MEMORY": "a mapping of names to types",
     "start": "a function start(memory, parameters, random)",
@@ -49,20 +50,12 @@ PARTS = {
 
 
 def find_controller(name: str, folder: Path | None = None) -> Controller:
-    """Return a controller: a shipped one, an installed package's, or that of a file (.py, .c, .so); see `Kind.locate`.
-
-    Raises:
-        ControllerError: There is no such controller, or the file does not describe one.
-    """
+    """Return a controller: a shipped one, an installed package's, or a file's (.py, .c, .so); see `Kind.locate`."""
     return _load(CONTROLLER.locate(name, folder))
 
 
 def load_controller(path: Path) -> Controller:
-    """Return the controller that a file describes, read again only when it, or a file that it imports, has changed.
-
-    Raises:
-        ControllerError: The file does not describe a controller.
-    """
+    """Return the controller that a file describes, read again only when it, or a file that it imports, has changed."""
     return _load(CONTROLLER.at(path))
 
 
@@ -71,29 +64,32 @@ def _load(place: Place) -> Controller:
     if place.path is not None and place.path.suffix != ".py":
         return load_firmware(place.path)
     file = load_python_file(place, ControllerError, (builtin_folder(CONTROLLERS),))
-    parts = file.parts
-    for part, wanted in PARTS.items():
-        if not (isinstance(parts.get(part), dict) if part.isupper() else callable(parts.get(part))):
-            raise file.refusal(part, f"a controller needs {part}: {wanted}")
-    external = parts.get("EXTERNAL", ())
+    _check_parts(file, "a controller", CONTROLLER_PARTS)
+    parts, external = file.parts, file.parts.get("EXTERNAL", ())
     if not isinstance(external, tuple) or any(part not in EXTERNAL for part in external):
         allowed = comma_list(list(EXTERNAL))
         raise file.refusal("EXTERNAL", f"EXTERNAL is {short_repr(external)}; allowed: a tuple of {allowed}")
     controller = Controller(
-        place.short_name,
-        place.name,
-        file.path,
-        file.parameters(),
-        file.check(),
-        file.sources,
-        file.modules,
-        file.record_type("MEMORY"),
-        parts["start"],
-        parts["step"],
-        external,
+        **vars(_described(place, file)),
+        memory=file.record_type("MEMORY"),
+        start=parts["start"],
+        step=parts["step"],
+        external=external,
     )
     check_own_names(controller)
     return controller
+
+
+def _check_parts(file: PythonFile, noun: str, parts: Mapping[str, str]) -> None:
+    for part, wanted in parts.items():
+        found = file.parts.get(part)
+        if not (isinstance(found, dict) if part.isupper() else callable(found)):
+            raise file.refusal(part, f"{noun} needs {part}: {wanted}")
+
+
+def _described(place: Place, file: PythonFile) -> Described:
+    parameters, check = file.parameters(), file.check()
+    return Described(place.short_name, place.name, file.path, parameters, check, file.sources, file.modules)
 
 
 # --- sensors ------------------------------------------------------------------------------------------
@@ -101,58 +97,45 @@ def _load(place: Place) -> Controller:
 SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=dict)
 """What sensors in files of their own are found by."""
 
+SENSOR_PARTS = {
+    "READINGS": "a mapping of names to types",
+    "sense": "a function sense(world, robot, readings, parameters, random)",
+}
+
 MOST_NUMBERS = 10_000
 """Most numbers of a reading."""
 
 
 def find_sensor(name: str, folder: Path | None = None) -> Sensor:
-    """Return a sensor: an installed package's, or that of a file (.py); see `Kind.locate`.
-
-    Raises:
-        ControllerError: There is no such sensor, or the file does not describe one.
-    """
+    """Return a sensor: an installed package's, or a file's (.py); see `Kind.locate`."""
     return _load_sensor(SENSOR.locate(name, folder))
 
 
 @kept
 def _load_sensor(place: Place) -> Sensor:
     file = load_python_file(place, ControllerError)
-    parts = file.parts
-    if not isinstance(parts.get("READINGS"), dict):
-        raise file.refusal("READINGS", "a sensor needs READINGS: a mapping of names to types")
-    if not callable(parts.get("sense")):
-        said = "a sensor needs sense: a function sense(world, robot, readings, parameters, random)"
-        raise file.refusal("sense", said)
-    if not parts["READINGS"]:
+    _check_parts(file, "a sensor", SENSOR_PARTS)
+    sense = file.parts["sense"]
+    if not file.parts["READINGS"]:
         raise file.refusal("READINGS", "READINGS has no reading; allowed: at least one")
-    if taken := next((name for name in parts["READINGS"] if name in Sensors._fields), None):
-        raise file.refusal("READINGS", f"READINGS: {taken!r} is taken by a sensor that all robots have; choose another")
-    for name in parts["READINGS"]:
+    for name in file.parts["READINGS"]:
+        if name in Sensors._fields:
+            said = f"READINGS: {name!r} is taken by a sensor that all robots have; choose another"
+            raise file.refusal("READINGS", said)
         if keyword.iskeyword(name) or str(name).startswith("_"):
             raise file.refusal("READINGS", f"READINGS: {name!r} is no name that `sensors` can have; choose another")
-    parameters, readings = file.parameters(), file.record_type("READINGS")
+    readings = file.record_type("READINGS")
     for name in readings.names or ():
         if not 0 < math.prod(readings[name].shape) <= MOST_NUMBERS:
             said = f"READINGS: {name!r} has the shape {readings[name].shape}; allowed: 1 to {MOST_NUMBERS} numbers"
             raise file.refusal("READINGS", said)
-    if "file" in parameters:
+    if "file" in file.parameters():
         raise file.refusal("PARAMETERS", "PARAMETERS: 'file' is the key of the sensor's file; choose another")
-    code = getattr(parts["sense"], "__code__", None)
+    code = getattr(sense, "__code__", None)
     if code is not None and code.co_argcount != len(ARGUMENTS["sense"]):
-        raise file.refusal(
-            "sense", f"sense takes {code.co_argcount} arguments; allowed: {', '.join(ARGUMENTS['sense'])}"
-        )
-    sensor = Sensor(
-        place.short_name,
-        place.name,
-        file.path,
-        parameters,
-        file.check(),
-        file.sources,
-        file.modules,
-        _floats_first(readings),
-        parts["sense"],
-    )
+        said = f"sense takes {code.co_argcount} arguments; allowed: {', '.join(ARGUMENTS['sense'])}"
+        raise file.refusal("sense", said)
+    sensor = Sensor(**vars(_described(place, file)), readings=_floats_first(readings), sense=sense)
     check_own_names(sensor)
     return sensor
 
@@ -167,12 +150,7 @@ def _floats_first(readings: np.dtype[Any]) -> np.dtype[Any]:
 
 
 def check_imported_copies(controller: Described) -> None:
-    """Reject values that the program set in its own import of a controller's file, which the controller would not see.
-
-    Raises:
-        ControllerError: A module in `sys.modules` comes from one of the controller's files, but a value in it is not
-            what that file says.
-    """
+    """Reject values that the program set in its own import of a controller's file, which controllers do not see."""
     for path, own in controller.modules.items():
         imported = sys.modules.get(path.stem)
         if imported is None or Path(getattr(imported, "__file__", None) or "").resolve() != path:

@@ -5,7 +5,7 @@ sensors in files of their own. What a controller reads of its sensors depends on
 """
 
 import ast
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -30,19 +30,14 @@ SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "numbe
 
 
 def check_own_names(user: Controller | Sensor) -> None:
-    """Reject a file that uses names which its memory, actuators, readings, world or parameters do not have.
-
-    Raises:
-        ControllerError: The message has file, line, and the nearest name.
-    """
+    """Raise ControllerError, with line, for names that memory, actuators, readings, world or parameters lack."""
+    own: dict[str, Sequence[str]] = {"parameters": tuple(user.parameters)}
     if isinstance(user, Sensor):
         _check_nothing_set(user)
-    own: dict[str, Sequence[str]] = (
-        {"readings": user.readings.names or (), "world": World._fields, "robot": SEEN_OF_ROBOTS}
-        if isinstance(user, Sensor)
-        else {"memory": user.memory.names or (), "actuators": ACTUATORS.names or ()}
-    )
-    _check_names(user, {**own, "parameters": tuple(user.parameters)})
+        own |= {"readings": user.readings.names or (), "world": World._fields, "robot": SEEN_OF_ROBOTS}
+    else:
+        own |= {"memory": user.memory.names or (), "actuators": ACTUATORS.names or ()}
+    _check_names(user, own)
 
 
 def _check_nothing_set(sensor: Sensor) -> None:
@@ -50,10 +45,8 @@ def _check_nothing_set(sensor: Sensor) -> None:
     if not isinstance(sensor.sense, FunctionType):
         return
     definition = _definition_of(sensor.sense, {str(sensor.path): ast.parse(sensor.sources[sensor.path])})
-    if definition is None:
-        return
-    names = _names_of_arguments(definition, ARGUMENTS["sense"])
-    for node in ast.walk(definition):
+    names = _names_of_arguments(definition, ARGUMENTS["sense"]) if definition else {}
+    for node in ast.walk(definition) if definition else ():
         if isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(node.ctx, ast.Load):
             root: ast.expr = node
             while isinstance(root, ast.Attribute | ast.Subscript):
@@ -67,24 +60,12 @@ def _check_nothing_set(sensor: Sensor) -> None:
 
 @lru_cache
 def check_sensed(controller: Controller, readings: tuple[str, ...] = ()) -> None:
-    """Reject a controller that uses a name which its sensors do not have.
-
-    Args:
-        controller: The controller.
-        readings: Names of what sensors in files of their own tell it.
-
-    Raises:
-        ControllerError: The message has file, line, and the nearest name.
-    """
+    """Raise ControllerError, with line, for names of sensors that are neither built in nor among `readings`."""
     _check_names(controller, {"sensors": (*Sensors._fields, *readings)})
 
 
 def _check_names(user: Described, known: Mapping[str, Sequence[str]]) -> None:
-    """Check the names that a file's functions use of what they are given, by these roles.
-
-    Functions that they hand these to are followed. What is assigned to another name, or comes from elsewhere, is not
-    looked at.
-    """
+    """Check names by these roles; functions that are handed what has a role are followed, assignments are not."""
     trees = {str(path): ast.parse(source) for path, source in user.sources.items() if path.suffix == ".py"}
     todo: list[tuple[object, tuple[str | None, ...]]] = [
         (getattr(user, name), arguments) for name, arguments in ARGUMENTS.items() if hasattr(user, name)
@@ -99,7 +80,11 @@ def _check_names(user: Described, known: Mapping[str, Sequence[str]]) -> None:
         if definition is not None:
             names = _names_of_arguments(definition, roles)
             _check_attributes(definition, names, known, function.__code__.co_filename)
-            todo.extend(_calls(definition, names, function.__globals__))
+            for node in ast.walk(definition):
+                if isinstance(node, ast.Call):
+                    given = tuple(names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args)
+                    if any(given):
+                        todo.append((_value_of(node.func, function.__globals__), given))
 
 
 def _definition_of(function: FunctionType, trees: Mapping[str, ast.Module]) -> ast.FunctionDef | None:
@@ -140,25 +125,10 @@ def _check_attributes(
 
 
 def unknown_name(role: str, name: str, names: Sequence[str]) -> str:
-    """Return what to say of a name that sensors, memory, actuators or parameters do not have.
-
-    >>> unknown_name("memory", "wiat", ["wait"])
-    "memory has no 'wiat'; did you mean 'wait'?"
-    """
+    """Return what to say of a name that sensors, memory, actuators or parameters do not have."""
     nearest = nearest_name(name, names)
     there = f"did you mean {nearest!r}?" if nearest else f"known: {comma_list(list(names))}"
     return f"{role} {'have' if role.endswith('s') else 'has'} no {name!r}; {there}"
-
-
-def _calls(
-    definition: ast.FunctionDef, names: Mapping[str, str], values: Mapping[str, object]
-) -> Iterator[tuple[object, tuple[str | None, ...]]]:
-    """Yield the functions that are called with such arguments, and what each of their arguments is."""
-    for node in ast.walk(definition):
-        if isinstance(node, ast.Call):
-            roles = [names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args]
-            if any(roles):
-                yield _value_of(node.func, values), tuple(roles)
 
 
 def _value_of(node: ast.expr, values: Mapping[str, object]) -> object:

@@ -4,7 +4,7 @@ import math
 import struct
 import zlib
 from base64 import b64encode
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from xml.etree.ElementTree import Element
 
@@ -15,40 +15,27 @@ from epuck_sim.arena import Arena, floor_levels
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray
 from epuck_sim.display.html import element
 
-SIDE_PX = 320
-"""Longer side of a picture in pixels."""
-
-MOST_NUMBERED = 50
-"""Swarms of this size or larger are drawn without numbers."""
-
-SHARE_OF_NUMBERS = 1.1
-"""Height of numbers on discs, in radii."""
-
-SMALLEST_NUMBERS = 26
-"""The longer side of a picture, in heights of the smallest legible number."""
+SIDE_PX = 320  # longer side of a picture in pixels
+MOST_NUMBERED = 50  # swarms of this size or larger are drawn without numbers
+SHARE_OF_NUMBERS = 1.1  # height of numbers on discs, in radii
+SMALLEST_NUMBERS = 26  # the longer side of a picture, in heights of the smallest legible number
 
 LAMP = "#ffc800"
 """Colour of lamps."""
 
-MARGIN = 0.03
-"""Margin around the walls, as a share of the longer side."""
+MARGIN = 0.03  # margin around the walls, as a share of the longer side
 
 LIT, DARK, OBSTACLE = "#ff503c", "#6b7280", "#9aa3ad"
 """Colours of discs whose ring is lit, of other discs, and of obstacles; legible on white and on black."""
 
-MIN_HEIGHT = 0.1
-"""Height of the picture of a segment, whose own is 0, as a share of its length."""
+MIN_HEIGHT = 0.1  # height of the picture of a segment, whose own is 0, as a share of its length
 
 
 def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on: BoolArray) -> Element:
-    """Return a picture of an arena, with y upwards.
+    """Return a picture of an arena, with y upwards, and of robots or agents.
 
-    Args:
-        arena: The arena.
-        poses: (n, 3) cm, cm, rad: x, y and heading of robots or agents; headings may be NaN, and
-            places of those that are not drawn.
-        radii_cm: (n,) radius of each one's disc, or one for all.
-        ring_on: (n,) whether each ring is lit.
+    Poses are (n, 3) cm, cm, rad; headings may be NaN, and places of those that are not drawn. There is a radius for
+    each, (n,), or one for all, and whether its ring is lit, (n,).
     """
     width = arena.width_cm
     height = max(arena.height_cm, MIN_HEIGHT * width)
@@ -56,7 +43,7 @@ def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on
     margin, stroke = MARGIN * longer, longer / 150
     scale = SIDE_PX / (longer + 2 * margin)
     top, bottom = middle, middle + arena.height_cm
-    walls = " ".join(f"{_text(x)},{_text(y)}" for x, y in ((0, top), (width, top), (width, bottom), (0, bottom)))
+    walls = _corners([(0, top), (width, top), (width, bottom), (0, bottom)])
     parts = [element("polygon", points=walls, fill="none", stroke="currentColor", stroke_width=_text(stroke))]
     if not arena.floor.is_white:
         place = dict(zip(("x", "y", "width", "height"), map(_text, (0, top, width, arena.height_cm)), strict=True))
@@ -65,7 +52,7 @@ def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on
     for x, y, radius in arena.circles.tolist():
         parts.append(_circle(x, height - middle - y, radius, fill=OBSTACLE))
     for corners in arena.polygons:
-        points = " ".join(f"{_text(x)},{_text(height - middle - y)}" for x, y in corners.tolist())
+        points = _corners((x, height - middle - y) for x, y in corners.tolist())
         parts.append(element("polygon", points=points, fill=OBSTACLE))
     for x, y, height_cm, strength in arena.lamps.tolist():
         title = element("title", f"lamp: {height_cm:g} cm, strength {strength:g}")
@@ -77,16 +64,11 @@ def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on
         label = str(number) if len(poses) < MOST_NUMBERED else ""
         font = max(SHARE_OF_NUMBERS * radius_cm, longer / SMALLEST_NUMBERS)
         parts.append(_draw_robot(label, (x, height - middle - y), heading, radius_cm, font, is_lit=is_lit))
-    return element(
-        "svg",
-        *parts,
-        xmlns="http://www.w3.org/2000/svg",
-        viewBox=" ".join(map(_text, (-margin, -margin, width + 2 * margin, height + 2 * margin))),
-        width=round(scale * (width + 2 * margin)),
-        height=round(scale * (height + 2 * margin)),
-        role="img",
-        aria_label="the arena from above",
-    )
+    sides = width + 2 * margin, height + 2 * margin
+    size = dict(zip(("width", "height"), (round(scale * side) for side in sides), strict=True))
+    box = " ".join(map(_text, (-margin, -margin, *sides)))
+    head = {"xmlns": "http://www.w3.org/2000/svg", "viewBox": box, **size}
+    return element("svg", *parts, **head, role="img", aria_label="the arena from above")
 
 
 def _draw_floor(arena: Arena) -> Iterator[Element]:
@@ -101,7 +83,7 @@ def _draw_floor(arena: Arena) -> Iterator[Element]:
         grey = _grey(float(patch["brightness"]))
         if patch["edge_count"]:
             edges = floor.edges[patch["first_edge"] :][: patch["edge_count"]]
-            points = " ".join(f"{_text(x)},{_text(arena.height_cm - y)}" for x, y, _, _ in edges.tolist())
+            points = _corners((x, arena.height_cm - y) for x, y, _, _ in edges.tolist())
             yield element("polygon", points=points, fill=grey)
         else:
             yield _circle(patch["x"], arena.height_cm - patch["y"], patch["radius"], fill=grey)
@@ -149,6 +131,10 @@ def _write_number(label: str, place: tuple[float, float], radius: float, font: f
 
 def _circle(x: float, y: float, radius: float, **attributes: object) -> Element:
     return element("circle", cx=_text(x), cy=_text(y), r=_text(radius), **attributes)
+
+
+def _corners(points: Iterable[tuple[float, float]]) -> str:
+    return " ".join(f"{_text(x)},{_text(y)}" for x, y in points)
 
 
 def _text(number: float) -> str:

@@ -6,8 +6,7 @@ from xml.etree.ElementTree import Element, tostring
 
 from epuck_sim.errors import EpuckSimError
 
-Node = Element | str
-"""A part of a page: an element, or text."""
+Node = Element | str  # A part of a page: an element, or text
 
 
 def element(tag: str, *children: Node, **attributes: object) -> Element:
@@ -94,8 +93,7 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """What a page may load, and run: nothing, whatever names and messages of others stand in it."""
 
 
-SUFFIXES = (".html", ".htm")
-"""Endings of a page's name."""
+SUFFIXES = (".html", ".htm")  # endings of a page's name
 
 
 def check_suffix(path: Path) -> None:

@@ -7,6 +7,7 @@ import csv
 import io
 import math
 import textwrap
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
@@ -15,17 +16,10 @@ from epuck_sim.display.html import element, to_html
 from epuck_sim.display.html import table as html_table
 from epuck_sim.estimate import UNDETERMINED, Estimate, significant
 
-CSV_DIGITS = 6
-"""Significant digits of numbers in CSV."""
-
-GAP = 2
-"""Number of blanks between the columns of a terminal."""
-
-MOST_TIED = 6
-"""Largest number of values of an axis that are named above a table."""
-
-POINT = "point"
-"""Column with the number of a point, the first to be left out where a table is too wide."""
+CSV_DIGITS = 6  # significant digits of numbers in CSV
+GAP = 2  # number of blanks between the columns of a terminal
+MOST_TIED = 6  # largest number of values of an axis that are named above a table
+POINT = "point"  # column with the number of a point, the first to be left out where a table is too wide
 
 
 class Share(float):
@@ -35,14 +29,16 @@ class Share(float):
 class Row(NamedTuple):
     """A row of a table."""
 
-    axes: Mapping[str, Any]
-    """What the row is of: values of axes, by dotted key."""
-    cells: Mapping[str, Any]
-    """Its cells, by names as programs know them; all rows of a table have the same."""
+    axes: Mapping[str, Any]  # what the row is of: values of axes, by dotted key
+    cells: Mapping[str, Any]  # its cells, by names as programs know them; all rows of a table have the same
 
     def record(self) -> dict[str, Any]:
         """Return the cells as JSON and CSV hold them: an estimate as three, with `_low` and `_high`, None for NaN."""
-        return {key: plain(value) for name, cell in self.cells.items() for key, value in _ends(name, cell)}
+        found: dict[str, Any] = {}
+        for name, cell in self.cells.items():
+            ends = cell.ends if isinstance(cell, Estimate) else (cell,)
+            found |= zip((name, f"{name}_low", f"{name}_high"), map(plain, ends), strict=False)
+        return found
 
 
 class Table(NamedTuple):
@@ -51,8 +47,7 @@ class Table(NamedTuple):
     title: str
     rows: Sequence[Row]
     notes: Sequence[str] = ()
-    headings: Mapping[str, str] = {}
-    """Headings of cells that are not their names with blanks for underscores."""
+    headings: Mapping[str, str] = {}  # headings of cells that are not their names with blanks for underscores
 
     def records(self) -> list[dict[str, Any]]:
         """Return the rows as JSON holds them; where one has an estimate, those without have its three as None."""
@@ -85,9 +80,6 @@ class Table(NamedTuple):
 
         Columns that the others tell, those with one value or tied one-to-one to another axis, are named above. Where
         the rest is too wide, it comes in parts below each other, each with the columns that tell the rows apart.
-
-        Args:
-            width: Number of letters in a line; None for any.
         """
         columns = _columns(self)
         kept, said = _without_told(columns) if len(self.rows) > 1 else (columns, [])
@@ -138,15 +130,10 @@ def shortest_endings(keys: Iterable[str], separator: str = ".") -> dict[str, str
     >>> shortest_endings(["robots.0.count", "robots.1.count", "arena.width_cm"])
     {'robots.0.count': '0.count', 'robots.1.count': '1.count', 'arena.width_cm': 'width_cm'}
     """
-    every = list(dict.fromkeys(keys))
-    endings = {
-        key: [separator.join(key.split(separator)[-count:]) for count in range(1, key.count(separator) + 2)]
-        for key in every
-    }
-    return {
-        key: next((e for e in endings[key] if not any(e in endings[other] for other in every if other != key)), key)
-        for key in every
-    }
+    parts = {key: key.split(separator) for key in keys}
+    endings = {key: [separator.join(own[-n:]) for n in range(1, len(own) + 1)] for key, own in parts.items()}
+    uses = Counter(ending for own in endings.values() for ending in own)
+    return {key: next((ending for ending in own if uses[ending] == 1), key) for key, own in endings.items()}
 
 
 def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
@@ -199,30 +186,23 @@ def csv_cell(value: Any) -> Any:
     return f"{value:.{CSV_DIGITS}g}" if math.isfinite(value) else ""
 
 
-def _ends(name: str, cell: Any) -> list[tuple[str, Any]]:
-    if not isinstance(cell, Estimate):
-        return [(name, cell)]
-    return [(name, cell.value), (f"{name}_low", cell.low), (f"{name}_high", cell.high)]
-
-
 def _columns(table: Table) -> list[_Column]:
     if not table.rows:
         return []
     first = table.rows[0]
     headings = {name: table.headings.get(name, name.replace("_", " ")) for name in first.cells}
     short = shortest_endings([*first.axes, *headings.values()])
-    of_axes = {key: [row.axes[key] for row in table.rows] for key in first.axes}
-    of_cells = {name: [row.cells[name] for row in table.rows] for name in headings}
-    # values of axes with all of their digits, which tell points apart
-    axes = [_Column(short[key], values, _axis_texts(values), True) for key, values in of_axes.items()]
-    cells = [_Column(headings[name], values, list(map(cell_text, values)), False) for name, values in of_cells.items()]
-    points = [each for each in cells if each.heading == POINT]
-    return points + axes + [each for each in cells if each.heading != POINT]
-
-
-def _axis_texts(values: list[Any]) -> list[str]:
-    endings = shortest_endings([value for value in values if isinstance(value, str)], "/")
-    return [endings[value] if isinstance(value, str) else str(value) for value in values]
+    axes, cells = [], []
+    for key in first.axes:
+        values = [row.axes[key] for row in table.rows]
+        endings = shortest_endings([value for value in values if isinstance(value, str)], "/")
+        # values of axes with all of their digits, which tell points apart
+        texts = [endings[value] if isinstance(value, str) else str(value) for value in values]
+        axes.append(_Column(short[key], values, texts, True))
+    for name, heading in headings.items():
+        values = [row.cells[name] for row in table.rows]
+        cells.append(_Column(heading, values, list(map(cell_text, values)), False))
+    return sorted([*axes, *cells], key=lambda column: column.heading != POINT)  # which stays sorted otherwise
 
 
 def _without_told(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
@@ -248,10 +228,10 @@ def _without_told(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
 
 def _without_points(columns: list[_Column]) -> tuple[list[_Column], list[str]]:
     """Return the columns without the numbers of the points, where these only count."""
-    for column in columns:
-        first = column.cells[0]
-        if column.heading == POINT and column.cells == [*range(first, first + len(column.cells))]:
-            return [each for each in columns if each is not column], [f"points {first} to {column.cells[-1]}, in order"]
+    point, *others = columns
+    first, last = point.cells[0], point.cells[-1]
+    if point.heading == POINT and point.cells == [*range(first, last + 1)]:
+        return others, [f"points {first} to {last}, in order"]
     return columns, []
 
 
@@ -267,9 +247,7 @@ def _parts(columns: list[_Column], width: int | None) -> list[list[_Column]]:
     if _width(keys) > width / 2:
         keys = []
     parts: list[list[_Column]] = [[]]
-    for column in columns:
-        if column in keys:
-            continue
+    for column in (each for each in columns if each not in keys):
         if parts[-1] and _width([*keys, *parts[-1], column]) > width:
             parts.append([])
         parts[-1].append(column)

@@ -20,10 +20,7 @@ def cells_needed(width_cm: float, height_cm: float, robots: int, least_cm: float
 
 
 def set_cells(swarm: Swarm, width_cm: float, height_cm: float, least_cm: float) -> None:
-    """Set the size of the arena, and with it the grid of a swarm, of `open_block`, that has room for `cells_needed`.
-
-    Cells are no narrower than `least_cm`, see `scenario.robot_kind.cell_cm`.
-    """
+    """Set the size of the arena, cm, and with it the grid, whose cells are no narrower than `least_cm`."""
     scene = swarm.scene[0]
     scene.width_cm, scene.height_cm = width_cm, height_cm
     scene.columns, scene.rows = _count_cells(width_cm, height_cm, len(swarm.robots), least_cm)
@@ -40,8 +37,7 @@ class NearCells(NamedTuple):
     """The cells within one row and one column of a position; robots in others are at least a cell away."""
 
     first_row: int
-    end_row: int
-    """Row after the last one."""
+    end_row: int  # row after the last one
     first_column: int
     last_column: int
 
@@ -99,10 +95,7 @@ def rows_along(ay: float, by: float, reach: float, scene: Any) -> tuple[int, int
 
 @jit_inline
 def members_along(ax: float, ay: float, bx: float, by: float, reach: float, row: int, swarm: Swarm) -> tuple[int, int]:
-    """Return where the robots of a row, of cells within reach, cm, of a line, begin in `Swarm.members`, and end.
-
-    The first and the last row, and column, also hold the robots beyond them.
-    """
+    """Return where a row's robots within reach, cm, of a line begin in `Swarm.members`, and end."""
     scene = swarm.scene[0]
     height = scene.cell_height_cm
     low = -math.inf if row == 0 else row * height - reach

@@ -64,6 +64,8 @@ class Commands:
         self, left_cm_s: npt.ArrayLike | None, right_cm_s: npt.ArrayLike | None, ring_on: npt.ArrayLike | None
     ) -> None:
         """Check commands, and write those that are given; see `Simulation.command`."""
+        if left_cm_s is None and right_cm_s is None and ring_on is None:
+            raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
         given = (
             ("left_cm_s", left_cm_s, self.wheel_robots, self.wheels_cm_s[:, 0]),
             ("right_cm_s", right_cm_s, self.wheel_robots, self.wheels_cm_s[:, 1]),

@@ -136,12 +136,7 @@ class GroupControllers(UserCode):
         *,
         interpret: bool = False,
     ) -> None:
-        """Prepare a group's controllers, without starting them: the block, in which it has its bytes, stays as it is.
-
-        Raises:
-            ControllerError: It cannot be compiled, reads what its sensors, in files of their own, do not tell, or the
-                program has set a value in its own import of the file.
-        """
+        """Prepare a group's controllers, without starting them: the block, in which it has bytes, stays as it is."""
         self._group, is_compiled = swarm.groups[number], not (interpret or isinstance(controller, Firmware))
         super().__init__(controller, block, swarm, number, self._group, is_compiled=is_compiled)
         check_sensed(controller, names_of_readings(sensors))
@@ -157,17 +152,13 @@ class GroupControllers(UserCode):
         elif interpret:
             self.run = self._interpreted(swarm)
         else:
-            names = {"start": controller.start, "step": controller.step, "complete": completion(self._sensors)}
-            types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
             contents = repr([(each.name, each.readings) for each in sensors])
-            self.run = compile_for(controller, run_group, kernel_digest("embodied"), {**names, **types}, contents)
+            names = self._names(completion(self._sensors))
+            self.run = compile_for(controller, run_group, kernel_digest("embodied"), names, contents)
             self._entries[0] = function_address(self.run)
 
     def addresses(self, first: int) -> list[int]:
-        """Have the group's record say that its entries in the addresses begin at index `first`, and return them.
-
-        There are `ENTRIES` of them; the first is what a call of a control step calls, 0 for interpreted controllers.
-        """
+        """Have the group's record say that its entries in the addresses begin at index `first`, and return them."""
         self._group.controller = first
         return self._entries
 
@@ -183,14 +174,7 @@ class GroupControllers(UserCode):
         return self._block[self._group.parameters : self._group.memory].view(self.controller.parameter_type)
 
     def start(self, members: Sequence[int] | None = None) -> None:
-        """Start controllers, whose robots remember and command nothing yet.
-
-        Args:
-            members: Numbers in the group of the robots whose controllers start; all if None.
-
-        Raises:
-            RobotError: A robot's controller raises an error.
-        """
+        """Start controllers of all robots, or of some by their numbers in the group, who forget all before."""
         chosen = np.arange(self._group.count) if members is None else np.asarray(members, np.intp)
         robots = self._swarm.robots[self.robots]
         robots.starts = False
@@ -204,11 +188,7 @@ class GroupControllers(UserCode):
             self._scene.starts = False
 
     def step(self) -> None:
-        """Run one control step of each robot that is in the arena.
-
-        Raises:
-            RobotError: A robot's controller raises an error.
-        """
+        """Run one control step of each robot that is in the arena; raise RobotError where a controller does."""
         addresses = np.array([0] * self._group.controller + self._entries)
         try:
             self.run(self._block, addresses, self._number)
@@ -227,24 +207,26 @@ class GroupControllers(UserCode):
         memory = group.memory + (robot - group.first) * group.memory_bytes
         block[memory:][: group.memory_bytes] = block[kept:][: group.memory_bytes]
 
-    def _interpreted(self, swarm: Swarm) -> Any:
-        controller, complete = self.controller, bind(completion(self._sensors).function, array_at=view_at)
-        functions = {"start": controller.start, "step": controller.step, "complete": complete}
+    def _names(self, complete: Any) -> dict[str, Any]:
+        """Return what `run_group` calls by names that it lacks."""
+        controller = self.controller
         types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
-        return as_python(run_group, _views(swarm), {**functions, **types})
+        return {"start": controller.start, "step": controller.step, "complete": complete, **types}
+
+    def _interpreted(self, swarm: Swarm) -> Any:
+        complete = bind(completion(self._sensors).function, array_at=view_at)
+        return as_python(run_group, _views(swarm), self._names(complete))
 
 
 def _views(swarm: Swarm) -> Swarm:
     """Return a swarm whose robots have views of their fields as attributes: a record's own take microseconds."""
     robots, sensors = swarm.robots, swarm.robots.sensors
+    fields = ("starts", "present", "random", "wheel_limit_cm_s", "wheel_base_cm")
     views = [
         SimpleNamespace(
             sensors=SimpleNamespace(**{name: sensors[name][robot, ...] for name in SENSED.names or ()}),
             actuators=robots.actuators[robot],
-            **{
-                name: robots[name][robot, ...]
-                for name in ("starts", "present", "random", "wheel_limit_cm_s", "wheel_base_cm")
-            },
+            **{name: robots[name][robot, ...] for name in fields},
         )
         for robot in range(len(robots))
     ]

@@ -88,8 +88,7 @@ class History:
         self._scenario, self._block, self._swarm, self._loop = scenario, block, swarm, loop
         robots = len(swarm.robots)
         self._arrays: tuple[Any, ...] = (
-            np.zeros((MOST_STEPS, robots, 3)),
-            np.zeros((MOST_STEPS, robots, 2)),
+            *(np.zeros((MOST_STEPS, robots, columns)) for columns in (3, 2)),
             *(np.zeros((MOST_STEPS, robots), np.bool_) for _ in range(2)),
         )
         record: Any = record_steps

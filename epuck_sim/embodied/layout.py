@@ -33,38 +33,27 @@ def make_swarm_block(
 ) -> tuple[ByteArray, Swarm]:
     """Return the block of a swarm before its first trial, and its arrays: robots have no places, nothing is drawn.
 
-    There is room for all arenas of a trial, of which it begins in the first. Sensors are those in files of their own.
-    The last block is kept: most simulations are of the same scenario as the one before.
+    There is room for all arenas. The last block is kept: most simulations are of the same scenario as the one before.
     """
     made_from = scenario, controllers, sensors
-    kept = _last.get("one")
-    if kept is None or kept[0] != made_from or arenas[0].floor.picture.size:  # whose file may have changed
-        kept = _last["one"] = made_from, _make(scenario, arenas, controllers, sensors)
-    block = kept[1].copy()
+    if _last.get("from") != made_from or arenas[0].floor.picture.size:  # whose file may have changed
+        block = make_block(_lengths(scenario, arenas, controllers, sensors))
+        swarm = open_block(block)
+        _set_scene(swarm.scene[0], scenario)
+        set_bodies(swarm, scenario.robot_kinds)
+        set_arena(swarm, arenas[0], cell_cm(scenario.group_kinds))
+        _set_floor(swarm, arenas[0])
+        _set_robots(swarm.robots, scenario)
+        _set_groups(swarm, scenario, controllers)
+        _set_senses(swarm, scenario, sensors)
+        set_faults(swarm, scenario)
+        _set_reference(swarm, scenario.stop.reference_robot)
+        _last.update({"from": made_from, "block": block})
+    block = _last["block"].copy()
     return block, open_block(block)
 
 
-_last: dict[str, tuple[Any, ByteArray]] = {}
-
-
-def _make(
-    scenario: EmbodiedScenario,
-    arenas: Sequence[Arena],
-    controllers: Sequence[Controller],
-    sensors: Sequence[Sequence[Sensor]],
-) -> ByteArray:
-    block = make_block(_lengths(scenario, arenas, controllers, sensors))
-    swarm = open_block(block)
-    _set_scene(swarm.scene[0], scenario)
-    set_bodies(swarm, scenario.robot_kinds)
-    set_arena(swarm, arenas[0], cell_cm(scenario.group_kinds))
-    _set_floor(swarm, arenas[0])
-    _set_robots(swarm.robots, scenario)
-    _set_groups(swarm, scenario, controllers)
-    _set_senses(swarm, scenario, sensors)
-    set_faults(swarm, scenario)
-    _set_reference(swarm, scenario.stop.reference_robot)
-    return block
+_last: dict[str, Any] = {}
 
 
 def _lengths(

@@ -11,14 +11,7 @@ from epuck_sim.embodied.bodies.chipmunk import move_bodies
 from epuck_sim.embodied.bodies.drive import apply_commands
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.attendance import blank, rest
-from epuck_sim.embodied.changes.faults import (
-    blank_readings,
-    change_faults,
-    fail_actuators,
-    freeze,
-    hide_flashes,
-    hold,
-)
+from epuck_sim.embodied.changes.faults import blank_readings, change_faults, fail_actuators, freeze, hide_flashes, hold
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.sensors.camera import add_reflections, look, take_pictures
 from epuck_sim.embodied.sensors.flash_cone import perceive_flashes
@@ -78,13 +71,10 @@ def begin_step(block: ByteArray, addresses: IntArray) -> None:
 
 @jit_no_alloc
 def act(block: ByteArray) -> int:
-    """Carry out what controllers command; return the first robot with a speed or a turn that is no number, or -1.
-
-    Robots see rings as they were before.
-    """
+    """Carry out what controllers command; return the first robot with a speed or a turn that is no number, or -1."""
     swarm = swarm_at(block)
     for robot in range(len(swarm.robots)):
-        swarm.robots[robot].ring_before = swarm.robots[robot].ring_on
+        swarm.robots[robot].ring_before = swarm.robots[robot].ring_on  # which is what others see
     return apply_commands(swarm)
 
 
@@ -122,11 +112,8 @@ def take_steps(block: ByteArray, addresses: IntArray, steps: int, until_firing: 
     """Take a number of control steps, or as many as it takes until the reference fires, if that is asked for.
 
     Bodies move before each step but the first. All robots sense the same instant, as rings and wheels take effect after
-    all controllers have run.
-
-    Returns:
-        The first robot whose controller set a speed or a turn that is no number, which ends the loop; or `DONE`, or
-        `FIRED` if the reference fires in the last step.
+    all controllers have run. Return the first robot whose controller set a speed or a turn that is no number, which
+    ends the loop; or `DONE`, or `FIRED` if the reference fires in the last step.
     """
     scene = swarm_at(block).scene[0]
     late, calls = scene.late, scene.calls
@@ -157,17 +144,7 @@ def act_again(block: ByteArray, addresses: IntArray) -> None:
 def plan_calls(
     scenario: EmbodiedScenario, sensors: Sequence[Sequence[Any]], controllers: Sequence[Any], own: Sequence[Any] = ()
 ) -> tuple[list[tuple[Any, int]], list[tuple[Any, int]]]:
-    """Return the functions (block, addresses, number) that a control step calls, and their numbers, in order.
-
-    Args:
-        scenario: The scenario; what it does not need is not called.
-        sensors: The functions with which each group's robots sense.
-        controllers: What runs each group's controllers.
-        own: Sensors in files of their own, of all groups.
-
-    Returns:
-        What is called when bodies have moved, and when commands have been carried out.
-    """
+    """Return what a control step calls, functions (block, addresses, number) with their numbers, early and late."""
     groups, differ, faulty = range(len(scenario.robots)), scenario.spread.clock_rate > 0, bool(scenario.faults)
     early = [
         *([(tick, 0)] * differ),
@@ -214,10 +191,7 @@ class ControlLoop:
         *,
         interpret: bool,
     ) -> None:
-        """Compile what a control step calls, and number it in the block.
-
-        Sensors are those in files of their own, of all groups; groups the controllers of each.
-        """
+        """Compile what a control step calls, sensors in files of their own included, and number it in the block."""
         self._block = block
         early, late = plan_calls(scenario, list(map(sensors_of, scenario.robots)), groups, sensors)
         every = [*early, *late]

@@ -19,7 +19,7 @@ from epuck_sim.embodied.layout import set_arena, set_bodies, set_signal
 from epuck_sim.embodied.sensors.camera import see
 from epuck_sim.embodied.sensors.flash_cone import perceives
 from epuck_sim.embodied.sensors.sight import list_labelled
-from epuck_sim.embodied.swarm import Swarm, make_block, open_block, poses_of, swarm_at
+from epuck_sim.embodied.swarm import Swarm, make_block, open_block, swarm_at
 from epuck_sim.scenario.embodied import TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
 from epuck_sim.scenario.robots import RobotGroup
@@ -82,14 +82,6 @@ def _with_room(write: Callable[[IntArray, FloatArray], int], room: int) -> tuple
     return (found[:count], points[:count]) if count <= room else _with_room(write, count)
 
 
-@jit
-def _add(step: int, robot: int, other: int, found: IntArray, count: int) -> int:
-    """Write a row if there is room; return the number of rows so far."""
-    if count < len(found):
-        found[count, 0], found[count, 1], found[count, 2] = step, robot, other
-    return count + 1
-
-
 # --- who sees whom --------------------------------------------------------------------------------------
 
 
@@ -99,15 +91,9 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
     A camera sees a robot if a pixel of the central window shows it; one that shows on both sides of an obstacle counts
     once. The ideal sensor, and Enki's camera, see those whose rings they would perceive. Who hears pulses sees nobody.
 
-    Args:
-        scene: The arena, whose obstacles hide robots, and the groups.
-        poses: (steps, robots, 3) cm, cm, rad: x, y, heading of all robots.
-        group: Number of the group in the scene.
-        listed: (steps, robots) whether each robot is to be listed, if it is seen; all by default.
-
-    Returns:
-        (sightings, 3) step, observer, robot seen: in the order of steps and observers, and from left to right; the
-        ideal sensor's in that of the robots' numbers.
+    Poses are (steps, robots, 3) cm, cm, rad; `listed`, (steps, robots), has those who are to be listed, all by default.
+    Return (sightings, 3) step, observer, robot seen: in the order of steps and observers, and from left to right; the
+    ideal sensor's in that of the robots' numbers.
     """
     kind = scene.groups[group].signal.kind
     if kind == "radio":
@@ -118,7 +104,9 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
     return _with_room(lambda found, _: write_sightings(scene.block, group, by_cone, poses, listed, found), room)[0]
 
 
-def find_all_sightings(scene: Scene, poses: FloatArray, present: BoolArray, listed: BoolArray | None) -> IntArray:
+def find_all_sightings(
+    scene: Scene, poses: FloatArray, present: BoolArray, listed: BoolArray | None = None
+) -> IntArray:
     """Find those of all groups that are present, (robots,), step by step, as `find_sightings` does for one group."""
     groups = range(len(scene.groups))
     found: IntArray = np.concatenate([find_sightings(scene, poses, group, listed=listed) for group in groups])
@@ -131,10 +119,7 @@ def find_all_sightings(scene: Scene, poses: FloatArray, present: BoolArray, list
 def write_sightings(
     block: ByteArray, number: int, by_cone: bool, poses: FloatArray, listed: BoolArray, found: IntArray
 ) -> int:
-    """Write what `find_sightings` returns, as far as there is room; return the number of sightings.
-
-    Labels are the numbers of robots, counted from 1; 0 for those that are not to be listed.
-    """
+    """Write what `find_sightings` returns, as far as there is room; return the number of sightings."""
     swarm = swarm_at(block)
     group, robots = swarm.groups[number], len(swarm.robots)
     row = np.zeros(group.pixels, np.int64)
@@ -164,20 +149,22 @@ def write_sightings(
     return sightings
 
 
+@jit
+def _add(step: int, robot: int, other: int, found: IntArray, count: int) -> int:
+    """Write a row if there is room; return the number of rows so far."""
+    if count < len(found):
+        found[count, 0], found[count, 1], found[count, 2] = step, robot, other
+    return count + 1
+
+
 # --- who touches what -----------------------------------------------------------------------------------
 
 
 def find_contacts(scene: Scene, poses: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Find the contacts in some steps.
+    """Find the contacts in some steps, at (steps, robots, 3) poses, cm, cm, rad.
 
-    Args:
-        scene: The arena and its robots.
-        poses: (steps, robots, 3) cm, cm, rad: x, y, heading of all robots.
-
-    Returns:
-        (contacts, 3) step, robot, and the robot that it touches, or -1: a wall, obstacle or movable; in the
-        order of the steps. And (contacts, 2) cm: points of contact. Two robots have one, between their surfaces; on
-        other things it is the point nearest to the robot.
+    Return (contacts, 3) step, robot, and the robot that it touches, or -1: a wall, obstacle or movable; in the order of
+    the steps. And (contacts, 2) cm: points of contact, of two robots between their surfaces, else nearest to it.
     """
     room = len(poses) * poses.shape[1]
     return _with_room(lambda found, points: write_contacts(scene.block, poses, found, points), room)
@@ -188,53 +175,45 @@ def write_contacts(block: ByteArray, poses: FloatArray, found: IntArray, points:
     """Write what `find_contacts` returns, as far as there is room; return the number of contacts."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
-    contacts = 0
+    count = 0
     for step in range(len(poses)):
         place_robots(swarm, poses[step])
         for robot in range(len(swarm.robots)):
-            x, y, reach = poses[step, robot, 0], poses[step, robot, 1], swarm.robots[robot].radius_cm + GAP_CM
-            contacts = _touch_robots(swarm, robot, step, found, points, contacts)
-            for wall_x, wall_y in ((0.0, y), (scene.width_cm, y), (x, 0.0), (x, scene.height_cm)):
-                if abs(wall_x - x) + abs(wall_y - y) <= reach:
-                    contacts = _add_contact(step, robot, -1, wall_x, wall_y, found, points, contacts)
+            x, y, radius = poses[step, robot, 0], poses[step, robot, 1], swarm.robots[robot].radius_cm
+            reach = radius + GAP_CM
+            near = cells_around(x, y, scene)
+            for row in range(near.first_row, near.end_row):
+                start, end = members_in_row(near, row, swarm)
+                for place in range(start, end):
+                    other = swarm.members[place]
+                    dx, dy, both = other.x - x, other.y - y, radius + other.radius_cm
+                    if other.robot > robot and dx * dx + dy * dy <= (both + GAP_CM) * (both + GAP_CM):
+                        share = radius / both
+                        touched = x + share * dx, y + share * dy
+                        count = _add_contact(step, robot, other.robot, touched, found, points, count)
+            for touched in ((0.0, y), (scene.width_cm, y), (x, 0.0), (x, scene.height_cm)):
+                if abs(touched[0] - x) + abs(touched[1] - y) <= reach:
+                    count = _add_contact(step, robot, -1, touched, found, points, count)
             for place in range(scene.circles):
                 circle = swarm.circles[place]
                 dx, dy = x - circle.x, y - circle.y
                 distance = math.sqrt(dx * dx + dy * dy)
                 if 0.0 < distance <= circle.radius + reach:
                     share = circle.radius / distance
-                    near_x, near_y = circle.x + share * dx, circle.y + share * dy
-                    contacts = _add_contact(step, robot, -1, near_x, near_y, found, points, contacts)
+                    touched = circle.x + share * dx, circle.y + share * dy
+                    count = _add_contact(step, robot, -1, touched, found, points, count)
             edge = 0
             while edge < scene.edges:
-                near_x, near_y, edge = _nearest_point(swarm.edges, scene.edges, edge, x, y)
-                if (near_x - x) ** 2 + (near_y - y) ** 2 <= reach * reach:
-                    contacts = _add_contact(step, robot, -1, near_x, near_y, found, points, contacts)
-    return contacts
+                touched, edge = _nearest_point(swarm.edges, scene.edges, edge, x, y)
+                if (touched[0] - x) ** 2 + (touched[1] - y) ** 2 <= reach * reach:
+                    count = _add_contact(step, robot, -1, touched, found, points, count)
+    return count
 
 
 @jit
-def _touch_robots(swarm: Swarm, robot: int, step: int, found: IntArray, points: FloatArray, contacts: int) -> int:
-    """Write the contacts of a robot with those of higher numbers; return the number of contacts so far."""
-    x, y, radius = swarm.robots[robot].x, swarm.robots[robot].y, swarm.robots[robot].radius_cm
-    near = cells_around(x, y, swarm.scene[0])
-    for row in range(near.first_row, near.end_row):
-        start, end = members_in_row(near, row, swarm)
-        for place in range(start, end):
-            member = swarm.members[place]
-            dx, dy, both = member.x - x, member.y - y, radius + member.radius_cm
-            if member.robot > robot and dx * dx + dy * dy <= (both + GAP_CM) * (both + GAP_CM):
-                share = radius / both
-                contacts = _add_contact(
-                    step, robot, member.robot, x + share * dx, y + share * dy, found, points, contacts
-                )
-    return contacts
-
-
-@jit
-def _nearest_point(edges: Any, count: int, first: int, x: float, y: float) -> tuple[float, float, int]:
+def _nearest_point(edges: Any, count: int, first: int, x: float, y: float) -> tuple[tuple[float, float], int]:
     """Return the point of the polygon from edge `first` on that is nearest to (x, y), and the edge after its last."""
-    nearest_x, nearest_y, nearest = math.inf, math.inf, math.inf
+    found, nearest = (math.inf, math.inf), math.inf
     polygon, place = edges[first].polygon, first
     while place < count and edges[place].polygon == polygon:
         edge = edges[place]
@@ -244,52 +223,16 @@ def _nearest_point(edges: Any, count: int, first: int, x: float, y: float) -> tu
         near_x, near_y = edge.ax + share * along_x, edge.ay + share * along_y
         distance = (near_x - x) ** 2 + (near_y - y) ** 2
         if distance < nearest:
-            nearest_x, nearest_y, nearest = near_x, near_y, distance
+            found, nearest = (near_x, near_y), distance
         place += 1
-    return nearest_x, nearest_y, place
+    return found, place
 
 
 @jit
 def _add_contact(
-    step: int, robot: int, other: int, x: float, y: float, found: IntArray, points: FloatArray, contacts: int
+    step: int, robot: int, other: int, point: tuple[float, float], found: IntArray, points: FloatArray, count: int
 ) -> int:
     """Write a contact if there is room; return the number of contacts so far."""
-    if contacts < len(points):
-        points[contacts, 0], points[contacts, 1] = x, y
-    return _add(step, robot, other, found, contacts)
-
-
-# --- in the present step --------------------------------------------------------------------------------
-
-
-class Relations:
-    """Finds who sees, and who touches, whom; each once a step, and only when asked."""
-
-    def __init__(self, scene: Scene) -> None:
-        """Take robots, and the arena in which they are, from a simulation's scene."""
-        self._scene = scene
-        self._last: dict[str, tuple[int, IntArray]] = {}
-
-    def restart(self) -> None:
-        """Forget what was found: in an earlier trial, or another arena."""
-        self._last.clear()
-
-    def sightings(self, step: int) -> IntArray:
-        """Return (sightings, 2) robot that looks, and robot whose lit ring it sees, in the present step: `step`."""
-        return self._once("sightings", step, self._find_sightings)
-
-    def contacts(self, step: int) -> IntArray:
-        """Return (contacts, 2) robot, and the robot that it touches, or -1: no robot; in the present step: `step`."""
-        return self._once("contacts", step, lambda: find_contacts(self._scene, self._poses())[0])
-
-    def _once(self, what: str, step: int, find: Callable[[], IntArray]) -> IntArray:
-        if what not in self._last or self._last[what][0] != step:
-            self._last[what] = step, find()[:, 1:].copy()
-        return self._last[what][1]
-
-    def _find_sightings(self) -> IntArray:
-        robots = self._scene.swarm.robots
-        return find_all_sightings(self._scene, self._poses(), robots.present, robots.ring_before[None].copy())
-
-    def _poses(self) -> FloatArray:
-        return poses_of(self._scene.swarm.robots)[None].copy()
+    if count < len(points):
+        points[count, 0], points[count, 1] = point
+    return _add(step, robot, other, found, count)

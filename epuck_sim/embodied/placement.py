@@ -40,10 +40,7 @@ PLACED = -1
 
 @jit_no_alloc
 def clearance_cm(swarm: Swarm, x: float, y: float, circles: int) -> float:
-    """Return the distance from a point to the nearest wall or obstacle, cm; negative beyond or inside it.
-
-    So many circles count: `scene.circles`, or `scene.first_movable` for all but movables.
-    """
+    """Return the distance from a point to the nearest wall, edge, or first circles, cm; negative beyond or inside."""
     scene = swarm.scene[0]
     clearance: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
     for index in range(circles):
@@ -109,11 +106,7 @@ def begin_placement(block: ByteArray) -> None:
 
 @jit_no_alloc
 def place_at_random(block: ByteArray, first: int, end: int) -> int:
-    """Put robots at uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3).
-
-    Returns:
-        The first robot for which no place was found, or -1.
-    """
+    """Put robots at uniform free positions (Enki; thesis 3.3); return the first that finds no place, or `PLACED`."""
     swarm = swarm_at(block)
     scene, random = swarm.scene[0], swarm.scene[0].placement_random
     for number in range(first, end):
@@ -136,11 +129,7 @@ def place_at_random(block: ByteArray, first: int, end: int) -> int:
 
 @jit
 def place_on_grid(block: ByteArray, first: int, end: int) -> int:
-    """Put robots on free points of a grid of 10 cm, as far from the walls or farther, with headings of 45 degrees.
-
-    Returns:
-        The number of free points, if there are too few, or -1.
-    """
+    """Put robots on free points of a grid; return the number of free points, if there are too few, or `PLACED`."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
     columns, rows = _grid_points(scene.width_cm), _grid_points(scene.height_cm)
@@ -179,18 +168,10 @@ def _grid_coordinate(length_cm: float, points: int, point: int) -> float:
 
 
 class Placement:
-    """Puts the robots of a scenario where they are at the start of a trial.
-
-    Groups with given poses come first, then those on the grid, then those at random, so that none takes a place that
-    another one needs.
-    """
+    """Puts robots where they are at the start of a trial: those at given poses, then on the grid, then at random."""
 
     def __init__(self, swarm: Swarm, scenario: EmbodiedScenario) -> None:
-        """Put the robots with given poses there, which depend on no seed, and park all others far outside.
-
-        Raises:
-            ScenarioError: Robots overlap, or stand in a wall or an obstacle.
-        """
+        """Put the robots with given poses there, which depend on no seed, and park all others far outside."""
         self._scenario = scenario
         ends = np.cumsum([group.count for group in scenario.robots]).tolist()
         self._groups = [
@@ -224,11 +205,7 @@ class Placement:
             robots["x"][first + row], robots["y"][first + row], robots["heading"][first + row] = x, y, heading
 
     def place(self, block: ByteArray) -> None:
-        """Put robots on the grid, and at random places, by draws; others are parked, or at their given poses.
-
-        Raises:
-            ScenarioError: Robots do not fit.
-        """
+        """Put robots on the grid, and at random places, by draws; raise ScenarioError if they do not fit."""
         begin_placement(block)
         for number, placement, first, end in self._groups:
             if placement == "grid" and (free := place_on_grid(block, first, end)) != PLACED:

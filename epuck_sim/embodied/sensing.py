@@ -66,15 +66,7 @@ def clearance_cm(world: World, x: float, y: float) -> float:
 
 @jit_no_alloc
 def nearest_robot(world: World, x: float, y: float, range_cm: float, but: int = NOBODY) -> int:
-    """Return the number of the robot whose centre is nearest to a point; `NOBODY` if none is within a range.
-
-    Args:
-        world: The world.
-        x: x of the point, cm.
-        y: y of the point, cm.
-        range_cm: Largest distance, cm.
-        but: Number of a robot that does not count, such as the one that senses.
-    """
+    """Return the number of the robot, `but` for one, that is nearest to a point by its centre; `NOBODY` if none is."""
     swarm, scene = world.swarm, world.swarm.scene[0]
     left, right = max(x - range_cm, 0.0), min(x + range_cm, world.width_cm)  # no whole number is as large as a far x
     low, high = max(y - range_cm, 0.0), min(y + range_cm, world.height_cm)
@@ -97,17 +89,10 @@ def nearest_robot(world: World, x: float, y: float, range_cm: float, but: int = 
 
 @jit_no_alloc
 def distance_cm(world: World, x: float, y: float, direction: float, range_cm: float, but: int = NOBODY) -> float:
-    """Return the distance along a ray to the first wall, obstacle, movable or robot; infinity if none is in range.
+    """Return the distance, cm, along a ray to the first wall, obstacle, movable or robot; infinity if none is near.
 
-    A ray that begins beyond a wall meets it at once.
-
-    Args:
-        world: The world.
-        x: x of where the ray begins, cm.
-        y: y of where it begins, cm.
-        direction: Its direction, rad, counter-clockwise from x.
-        range_cm: Its length, cm.
-        but: Number of a robot that it passes, such as the one that senses.
+    Its direction is in rad, counter-clockwise from x. It passes the robot numbered `but`, such as the one that senses;
+    if it begins beyond a wall, it meets it at once.
     """
     dy, dx = sin_cos(direction)
     nearest = math.inf

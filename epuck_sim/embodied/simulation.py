@@ -4,7 +4,6 @@ Within a step all robots sense the same instant, then every controller runs, the
 bodies move. What a controller commands in one step is seen by the other robots in the next.
 """
 
-import itertools
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,7 +27,7 @@ from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.history import MOST_STEPS, History, Stretch
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, ControlLoop
-from epuck_sim.embodied.observers import Relations, Scene
+from epuck_sim.embodied.observers import Scene
 from epuck_sim.embodied.placement import Placement
 from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.sensors.own import OwnSensor
@@ -48,15 +47,12 @@ from epuck_sim.util.machine import lack_of_memory
 
 
 class Change(NamedTuple):
-    """A call from outside that changed a simulation, and changes another one in the same way."""
+    """A call from outside that changed a simulation after so many control steps: a method and its arguments."""
 
     steps: int
-    """Control steps before it."""
     method: str
-    """Name of the method of `Simulation`."""
     given: tuple[Any, ...]
     values: dict[str, Any]
-    """Arguments by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +125,8 @@ class Simulation:
         seed = seed_of_trial(scenario, seed)
         if lack := lack_of_memory(scenario.memory_bytes):
             raise ScenarioError(f"{scenario.name}: a trial {lack}; give fewer robots, or cameras with fewer pixels")
-        self.step_s = scenario.timing.step_ms / 1000
-        self._step_ms = scenario.timing.step_ms
-        self._interpret = interpret
+        self._step_ms, self._interpret = scenario.timing.step_ms, interpret
+        self.step_s = self._step_ms / 1000
         later = (arena_after(scenario, entry).build() for entry in arena_entries(scenario))
         self._arenas = [scenario.arena.build(), *later]
         self.period_ms = np.empty(scenario.robot_count)
@@ -139,12 +134,12 @@ class Simulation:
         self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # steps at once
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         controllers = [find_controller(group.controller) for group in scenario.robots]
-        groups = zip(controllers, scenario.robots, strict=True)
         self._own_sensors = [
             [find_sensor(section["file"]) for section in group.sensors.values()] for group in scenario.robots
         ]
         self._block, self._swarm = make_swarm_block(scenario, self._arenas, controllers, self._own_sensors)
         self._world = World(self._arenas, scenario.robot_kinds, scenario.contact)
+        groups = zip(controllers, scenario.robots, strict=True)
         self._build(controllers, [each.parameter_record(section.parameters) for each, section in groups])
         self.reset(seed)
 
@@ -152,22 +147,19 @@ class Simulation:
         """Make all that works on the swarm's block, for these controllers and parameters of the groups."""
         scenario, block, swarm = self.scenario, self._block, self._swarm
         self._placement = Placement(swarm, scenario)
+        self._scene = Scene(scenario.robots, block, swarm)
         self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
-        self._varies = bool(swarm.scene[0].robots_vary)
         self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
-        self._groups = [
-            GroupControllers(block, swarm, number, controller, self._own_sensors[number], interpret=self._interpret)
-            for number, controller in enumerate(controllers)
-        ]
-        sections = [item for group in scenario.robots for item in group.sensors.items()]
-        sensors = itertools.chain(*self._own_sensors)
-        self._sensors = []
-        for number, ((name, section), sensor) in enumerate(zip(sections, sensors, strict=True)):
-            own = OwnSensor(block, swarm, number, name, sensor, interpret=self._interpret)
-            own.parameters[:] = sensor.parameter_record({key: section[key] for key in sensor.parameters})
-            self._sensors.append(own)
-        for group, record in zip(self._groups, parameters, strict=True):
-            group.parameters[:] = record
+        self._groups, self._sensors = [], list[OwnSensor]()
+        for number, (controller, section) in enumerate(zip(controllers, scenario.robots, strict=True)):
+            own = self._own_sensors[number]
+            group = GroupControllers(block, swarm, number, controller, own, interpret=self._interpret)
+            group.parameters[:] = parameters[number]
+            self._groups.append(group)
+            for (name, given), sensor in zip(section.sensors.items(), own, strict=True):
+                sensed = OwnSensor(block, swarm, len(self._sensors), name, sensor, interpret=self._interpret)
+                sensed.parameters[:] = sensor.parameter_record({key: given[key] for key in sensor.parameters})
+                self._sensors.append(sensed)
         self._first_parameters = parameters
         self._loop = ControlLoop(
             *(scenario, block, swarm, self._world, self._sensors, self._groups), interpret=self._interpret
@@ -176,7 +168,6 @@ class Simulation:
         self.commands = Commands(controllers, counts, block, self._loop.addresses)
         self._find_periods()
         self._first_periods = self.period_ms.copy()
-        self._relations = Relations(Scene(scenario.robots, block, swarm))
         self._history: History | None = None
         swarm.robots["starts"] = self._starts[0] = True
         self._template = block[: swarm.scene[0].at[PIXELS]].copy()
@@ -186,10 +177,9 @@ class Simulation:
     def _show(self, arena: Arena) -> None:
         """Find the arrays that steps show in an arena, which the swarm is in."""
         self._arena = arena
-        self._relations.restart()
         memories = [group.memory for group in self._groups]
         sensed = [(sensor.robots, sensor.readings) for sensor in self._sensors]
-        self._shown = ShownArrays(self.scenario, self._swarm, arena, memories, sensed, self._relations)
+        self._shown = ShownArrays(self.scenario, self._scene, arena, memories, sensed)
 
     def reset(self, seed: int | None = None) -> None:
         """Start anew, to the same outcome as a new simulation with this seed, but many times as fast.
@@ -203,20 +193,18 @@ class Simulation:
             ScenarioError: The seed is not allowed, or the robots do not fit into the arena.
             ControllerError: A controller raises at its start.
         """
-        scenario = self.scenario
+        scenario, block, addresses = self.scenario, self._block, self._loop.addresses
         self.seed = self.seed if seed is None else seed_of_trial(scenario, seed)
         self._changes: list[Change] = []
         self.events = []
         self._timed.restart()
         self._replaced_at: int | None = None
         self.is_firing = False
-        block, addresses = self._block, self._loop.addresses
-        block[: len(self._template)] = self._template
-        block[len(self._template) : self._swarm.scene[0].at[PATCHES]] = 0
+        self._clear(block)
         draw_start(block, self.seed)
         for sensor in self._sensors:
             sensor.draw_streams(self.seed)
-        if self._varies:
+        if self._swarm.scene[0].robots_vary:
             vary(block)
         self._placement.place(block)
         self._world.place()
@@ -225,7 +213,6 @@ class Simulation:
         if scenario.faults:
             restart_faults(block, scenario, spawned(self.seed, Part.FAULTS))
         self.commands.restart()
-        self._relations.restart()
         for number, (group, section) in enumerate(zip(self._groups, scenario.robots, strict=True)):
             if section.signal.kind == "camera" and section.camera.frames_per_s is not None:
                 begin_pictures(block, number)
@@ -239,6 +226,11 @@ class Simulation:
         self.period_ms[:] = self._first_periods
         if scenario.members_change:
             take_out(self._absent, self._swarm, self._world, self._groups)
+
+    def _clear(self, block: ByteArray) -> None:
+        """Make a block what it is before anything is drawn."""
+        block[: len(self._template)] = self._template
+        block[len(self._template) : self._swarm.scene[0].at[PATCHES]] = 0
 
     def _find_periods(self) -> None:
         for group in self._groups:
@@ -265,16 +257,16 @@ class Simulation:
         """Control steps taken so far."""
         return int(self._step.item()) + 1
 
-    def beginning(self) -> tuple[ByteArray, Mapping[int, Any]]:
-        """Return what each trial begins with, for those who run it elsewhere.
+    @property
+    def last_step(self) -> Step:
+        """The step that was taken last; before the first one, number -1: where robots are placed, with their phases."""
+        number = int(self._step.item())
+        return self._shown.step(number, number * self._step_ms / 1000)
 
-        Returns:
-            A block as it is before anything is drawn, and the functions that control steps call by their indices in
-            the addresses: kernels, and the `GroupControllers` of groups.
-        """
+    def beginning(self) -> tuple[ByteArray, Mapping[int, Any]]:
+        """Return a block as it is before anything is drawn, and what control steps call by its index: for pages."""
         block = self._block.copy()
-        block[: len(self._template)] = self._template
-        block[len(self._template) : self._swarm.scene[0].at[PATCHES]] = 0
+        self._clear(block)
         return block, self._loop.functions
 
     def page(self) -> Any:
@@ -292,6 +284,8 @@ class Simulation:
         robot, sensor = int(self._swarm.scene["serving"][0]), int(self._swarm.scene["sensing"][0])
         code = f"sensor {self._sensors[sensor - 1].name}" if sensor else "controller"
         return (robot, int(self._step[0]), code) if robot >= 0 else None
+
+    # --- steps ----------------------------------------------------------------------------------------
 
     def __iter__(self) -> Self:
         """Return the simulation itself: a further loop continues where the last one stopped."""
@@ -326,15 +320,10 @@ class Simulation:
         """
         if steps < 1:
             raise ValueError(f"steps is {steps}; allowed: 1 and above")
-        taken, timed = self.steps, self._timed
+        taken = self.steps
         end = taken + steps
         while True:
-            while timed.next == taken:
-                self._carry_out(timed.take())
-            unseen = min(end, timed.next) - taken
-            self._run(min(unseen, self._most_unseen), until_firing=until_firing)
-            if self._most_unseen == LOGGED_STEPS:
-                self.events += take_events(self._swarm)
+            self._run(min(self._unchanged(taken), end - taken), until_firing=until_firing)
             taken = self.steps
             if taken == end or (until_firing and self.is_firing):
                 return self.last_step
@@ -349,15 +338,42 @@ class Simulation:
             ControllerError: See `__next__`.
         """
         self._history = self._history or History(self.scenario, self._block, self._swarm, self._loop)
-        first = self.steps
-        while self._timed.next == first:
+        first, has_movables = self.steps, self._arena.first_movable < len(self._arena.circles)
+        self._run(min(self._unchanged(first), steps, 1 if has_movables else MOST_STEPS), history=self._history)
+        return self._history.stretch(first, self.steps - first, self.last_step.arena)
+
+    def _unchanged(self, taken: int) -> int:
+        """Carry out the entries of the schedule that are due; return how many steps may follow at once."""
+        while self._timed.next == taken:
             self._carry_out(self._timed.take())
-        most = 1 if len(self._arena.circles) > self._swarm.scene[0].first_movable else MOST_STEPS
-        most = min(steps, self._timed.next - first, self._most_unseen, most)
-        self._run(most, until_firing=True, history=self._history)
+        return min(self._timed.next - taken, self._most_unseen)
+
+    def _run(self, steps: int, *, until_firing: bool = True, history: History | None = None) -> None:
+        """Take control steps; a robot whose controller fails is named."""
+        try:
+            outcome = self._loop.take(steps, until_firing=until_firing) if history is None else history.take(steps)
+        except BaseException as error:  # whatever a user's controller may raise
+            raise self._located(error) from error
+        self.is_firing = outcome == FIRED
+        if outcome >= 0:
+            controller = next(group.controller for group in self._groups if outcome < group.robots.stop)
+            raise ControllerError(
+                f"{self._location(outcome)}: {controller.path}: sets a wheel speed or a turn that is not a number"
+            )
         if self.scenario.faults:
             self.events += take_events(self._swarm)
-        return self._history.stretch(first, self.steps - first, self.last_step.arena)
+
+    def _located(self, error: BaseException) -> BaseException:
+        """Return the error of a controller with its location; any other error as it is."""
+        for code in (*self._sensors, *self._groups):
+            if fault := code.fault(error):
+                return ControllerError(f"{self._location(fault.robot)}: {fault}")
+        return error
+
+    def _location(self, robot: int) -> str:
+        return f"{self.scenario.name}: robot {robot}, step {max(self.steps - 1, 0)}, seed {self.seed}"
+
+    # --- changes --------------------------------------------------------------------------------------
 
     def command(
         self,
@@ -381,12 +397,10 @@ class Simulation:
             ValueError: An array has another shape, a speed is not a number, there is no such robot, or nothing is
                 given; then nothing is commanded.
         """
-        if left_cm_s is None and right_cm_s is None and ring_on is None:
-            raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
-        self.commands.set(left_cm_s, right_cm_s, ring_on)
+        given = (left_cm_s, right_cm_s, ring_on)
+        self.commands.set(*given)
         self.commands.carry_out()
-        given = [None if each is None else np.array(each) for each in (left_cm_s, right_cm_s, ring_on)]
-        self._note("command", *given)
+        self._note("command", *(None if each is None else np.array(each) for each in given))
 
     def set_parameters(self, group: int = 0, /, **values: Value) -> None:
         """Change parameters of a group's controllers from the next step on; its robots keep what they remember.
@@ -416,8 +430,7 @@ class Simulation:
         of = name, self._groups[group].robots
         changed = next(sensor for sensor in self._sensors if (sensor.name, sensor.robots) == of)
         now = {**self.scenario.robots[group].sensors[name], **changed.sensor.parameter_values(changed.parameters[0])}
-        origin = f"{self.scenario.name}: robots.{group}.sensors"
-        resolved = sensor_parameters({name: now}, name, values, origin)
+        resolved = sensor_parameters({name: now}, name, values, f"{self.scenario.name}: robots.{group}.sensors")
         changed.parameters[:] = changed.sensor.parameter_record(resolved)
 
     def carry_out_scheduled(self, entry: int) -> None:
@@ -431,15 +444,12 @@ class Simulation:
         self._carry_out(entry)
         self._note("carry_out_scheduled", entry)
 
-    def _note(self, method: str, *given: Any, **values: Any) -> None:
-        """Have snapshots know of a call that has changed the simulation."""
-        self._changes.append(Change(self.steps, method, given, values))
-
     def _carry_out(self, number: int) -> None:
-        """Make the changes of an entry, which act from the next control step on."""
         scenario, swarm, entry = self.scenario, self._swarm, self.scenario.schedule[number]
         time_ms = self.steps * self._step_ms
         origin = f"{scenario.name}: schedule.{number}, at {time_ms / 1000:g} s, seed {self.seed}"
+        phases = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number))
+        places = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number, 0))
         take_out(entry.remove, swarm, self._world, self._groups)
         if entry.arena_values():
             arena = arena_after(scenario, number).build()
@@ -447,8 +457,6 @@ class Simulation:
             self._world.change_arena(arena)
             self._show(arena)
             check_bodies_outside(swarm, origin)
-        phases = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number))
-        places = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number, 0))
         try:
             put_in(entry.add, entry.poses, scenario, self._block, self._world, self._groups, places, origin)
         except RobotError as error:
@@ -483,7 +491,7 @@ class Simulation:
         old, origin = self._groups[group], f"{self.scenario.name}: robots.{group}"
         check_alike(old.controller, controller)
         now, at_first = (
-            parameters_for(controller, old.controller, old.controller.parameter_values(record), self._step_ms, origin)
+            parameters_for(controller, old.controller, record, self._step_ms, origin)
             for record in (old.parameters[0], self._first_parameters[group][0])
         )
         before = dict(vars(self))
@@ -502,6 +510,12 @@ class Simulation:
         self._replaced_at = self.steps
         self._show(before["_arena"])
         return replaced
+
+    # --- snapshots ------------------------------------------------------------------------------------
+
+    def _note(self, method: str, *given: Any, **values: Any) -> None:
+        """Have snapshots know of a call that has changed the simulation."""
+        self._changes.append(Change(self.steps, method, given, values))
 
     def snapshot(self) -> Snapshot:
         """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later.
@@ -537,40 +551,11 @@ class Simulation:
         """Return how a copy is made, by `copy` and `pickle`: from a snapshot."""
         return _from_snapshot, (type(self), self.snapshot(), self._interpret)
 
-    @property
-    def last_step(self) -> Step:
-        """The step that was taken last; before the first one, number -1: where robots are placed, with their phases."""
-        number = int(self._step.item())
-        return self._shown.step(number, number * self._step_ms / 1000)
-
-    def _run(self, steps: int, *, until_firing: bool, history: History | None = None) -> None:
-        """Take control steps; a robot whose controller fails is named."""
-        try:
-            outcome = self._loop.take(steps, until_firing=until_firing) if history is None else history.take(steps)
-        except BaseException as error:  # whatever a user's controller may raise
-            raise self._located(error) from error
-        self.is_firing = outcome == FIRED
-        if outcome >= 0:
-            controller = next(group.controller for group in self._groups if outcome < group.robots.stop)
-            raise ControllerError(
-                f"{self._location(outcome)}: {controller.path}: sets a wheel speed or a turn that is not a number"
-            )
-
     def _repr_html_(self) -> str:
         """Return the arena with the robots as they are now, for notebooks."""
         from epuck_sim.embodied.notebook import show_simulation  # noqa: PLC0415 is for notebooks alone
 
         return show_simulation(self.scenario, self.seed, self.last_step)
-
-    def _location(self, robot: int) -> str:
-        return f"{self.scenario.name}: robot {robot}, step {max(self.steps - 1, 0)}, seed {self.seed}"
-
-    def _located(self, error: BaseException) -> BaseException:
-        """Return the error of a controller with its location; any other error as it is."""
-        for code in (*self._sensors, *self._groups):
-            if fault := code.fault(error):
-                return ControllerError(f"{self._location(fault.robot)}: {fault}")
-        return error
 
 
 def _from_snapshot(kind: type[Simulation], snapshot: Snapshot, interpret: bool) -> Simulation:

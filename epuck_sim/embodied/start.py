@@ -78,10 +78,7 @@ def draw_all(block: ByteArray, words: WordArray, scratch: WordArray) -> None:
 
 @jit_no_alloc
 def vary(block: ByteArray) -> None:
-    """Draw the factors in which robots differ, each from a stream of its own (thesis 4.4).
-
-    All are drawn, so that a spread of 0 leaves the other factors as they are.
-    """
+    """Draw all factors in which robots differ, even if a spread is 0, each robot's from a stream of its own (4.4)."""
     swarm = swarm_at(block)
     spread, step_ms = swarm.scene[0].spread, swarm.scene[0].step_ms
     for number in range(len(swarm.robots)):

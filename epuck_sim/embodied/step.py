@@ -10,7 +10,7 @@ import numpy.typing as npt
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.control.loader import find_controller, find_sensor
-from epuck_sim.embodied.observers import Relations
+from epuck_sim.embodied.observers import Scene, find_all_sightings, find_contacts
 from epuck_sim.embodied.swarm import Swarm, offset_of, poses_of
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -53,14 +53,15 @@ class Step(NamedTuple):
     """One record array for each group: the memory of each of its robots."""
     sensed: tuple[tuple[slice, npt.NDArray[Any]], ...]
     """Of each sensor in a file of its own, numbers of the robots that have it and a record array of what they read."""
-    relations: Relations
-    """Finds `sightings` and `contacts`."""
+    scene: Scene
+    """What `sightings` and `contacts` are found in: the present step's."""
+    found: dict[str, IntArray]
+    """Those that were found."""
 
     @property
     def phase_ms(self) -> FloatArray:
         """(robots,) ms: the oscillators' phases; NaN for robots whose memory has no phase, or that are not present."""
-        groups = [memory_field(memory, "phase_ms", np.nan) for memory in self.memories]
-        phases = groups[0] if len(groups) == 1 else np.concatenate(groups)  # a concatenation takes as long as all else
+        phases = memory_values(self.memories, "phase_ms")
         return phases if self.present.all() else np.where(self.present, phases, np.nan)
 
     @property
@@ -77,7 +78,7 @@ class Step(NamedTuple):
     @property
     def flash_seen(self) -> BoolArray:
         """(robots,): whether a robot sees a flash, as its controller decides, or else if any pixel is red."""
-        decided = np.concatenate([memory_field(memory, "flash_seen", np.nan) for memory in self.memories])
+        decided = memory_values(self.memories, "flash_seen")
         return np.where(np.isnan(decided), self.camera.any(axis=1), decided > 0)
 
     @property
@@ -86,7 +87,12 @@ class Step(NamedTuple):
 
         A ring is seen as it was commanded in the step before. A camera with fewer pictures than steps shows it later.
         """
-        return self.relations.sightings(self.number)
+        if "sightings" not in self.found:
+            robots = self.scene.swarm.robots
+            listed = robots.ring_before[None].copy()
+            sightings = find_all_sightings(self.scene, poses_of(robots)[None].copy(), robots.present, listed)
+            self.found["sightings"] = sightings[:, 1:].copy()
+        return self.found["sightings"]
 
     @property
     def contacts(self) -> IntArray:
@@ -95,7 +101,10 @@ class Step(NamedTuple):
         They are found when they are asked for. Surfaces at most 1.6 mm apart touch. Two robots have one contact,
         that of the one with the lower number.
         """
-        return self.relations.contacts(self.number)
+        if "contacts" not in self.found:
+            poses = poses_of(self.scene.swarm.robots)[None].copy()
+            self.found["contacts"] = find_contacts(self.scene, poses)[0][:, 1:].copy()
+        return self.found["contacts"]
 
     def _repr_html_(self) -> str:
         """Return a table of the robots, for notebooks."""
@@ -110,33 +119,27 @@ class ShownArrays:
     def __init__(
         self,
         scenario: EmbodiedScenario,
-        swarm: Swarm,
+        scene: Scene,
         arena: Arena,
         memories: Sequence[npt.NDArray[Any]],
         sensed: Sequence[tuple[slice, npt.NDArray[Any]]],
-        relations: Relations,
     ) -> None:
         """Find the arrays of a swarm in an arena; memories, sensed: see `Step`."""
-        self._swarm, robots = swarm, swarm.robots
+        self._scene, swarm, robots = scene, scene.swarm, scene.swarm.robots
         self._poses = poses_of(robots)
         poses = self._copied_poses = self._poses.copy() if scenario.members_change else None
         camera, self._rows = _rows_of_cameras(swarm, scenario)
         circles = swarm.circles[: swarm.scene[0].circles].view(np.ndarray).view(np.float64).reshape(-1, 3)
         wheels = np.ndarray((len(robots), 2), np.float64, robots, offset_of("left_cm_s"), (robots.strides[0], 8))
+        sensors, movables = robots.sensors, circles[swarm.scene[0].first_movable :, :2]
+        commanded = (wheels, robots.ring_on, robots.ring_command)
+        shown = (self._poses if poses is None else poses, sensors.infrared, sensors.distance_mm, camera, *commanded)
         self._arrays: tuple[Any, ...] = (
-            _read_only(self._poses if poses is None else poses),
-            _read_only(robots.sensors.infrared),
-            _read_only(robots.sensors.distance_mm),
-            _read_only(camera),
-            _read_only(wheels),
-            _read_only(robots.ring_on),
-            _read_only(robots.ring_command),
-            _read_only(circles[swarm.scene[0].first_movable :, :2]),
-            _read_only(robots.present),
+            *map(_read_only, (*shown, movables, robots.present)),
             replace(arena, circles=circles),
             tuple(map(_read_only, memories)),
             tuple((robots, _read_only(records)) for robots, records in sensed),
-            relations,
+            scene,
         )
 
     def step(self, number: int, time_s: float) -> Step:
@@ -144,8 +147,8 @@ class ShownArrays:
         for shown, row in self._rows:
             shown[:] = row
         if self._copied_poses is not None:
-            self._copied_poses[:] = np.where(self._swarm.robots.present[:, None], self._poses, np.nan)
-        return Step(number, time_s, *self._arrays)
+            self._copied_poses[:] = np.where(self._scene.swarm.robots.present[:, None], self._poses, np.nan)
+        return Step._make((number, time_s, *self._arrays, {}))
 
 
 def _rows_of_cameras(swarm: Swarm, scenario: EmbodiedScenario) -> tuple[IntArray, list[tuple[IntArray, IntArray]]]:
@@ -156,8 +159,8 @@ def _rows_of_cameras(swarm: Swarm, scenario: EmbodiedScenario) -> tuple[IntArray
     shown = np.zeros((robots, widest), np.int64)
     copies = []
     for group in swarm.groups:
-        rows = swarm.pixels[group.row : group.row + group.count * group.pixels].reshape(group.count, group.pixels)
-        copies.append((shown[group.first : group.first + group.count, : group.pixels], rows))
+        rows = swarm.pixels[group.row :][: group.count * group.pixels].reshape(group.count, group.pixels)
+        copies.append((shown[group.first :][: group.count, : group.pixels], rows))
     return shown, copies
 
 
@@ -170,16 +173,13 @@ def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 # --- fields by name, for measures, traces and recordings -------------------------------------------------
 
 
-def memory_field(memory: npt.NDArray[Any], field: str, default: float) -> FloatArray:
-    """Return (robots,) a copy of a field of a group's memory, filled with `default` if there is no such field."""
-    if field in (memory.dtype.names or ()):
-        return np.array(memory[field], float)
-    return np.full(len(memory), default)
-
-
 def memory_values(memories: Sequence[npt.NDArray[Any]], field: str) -> FloatArray:
     """Return (robots,) a copy of a field of all groups' memories; NaN for robots that have no such field."""
-    return np.concatenate([memory_field(memory, field, np.nan) for memory in memories])
+    parts = [
+        np.array(memory[field], float) if field in (memory.dtype.names or ()) else np.full(len(memory), np.nan)
+        for memory in memories
+    ]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)  # a concatenation takes as long as all else
 
 
 READING = "sensors."
@@ -207,15 +207,9 @@ def field_values(step: Step, field: str) -> FloatArray:
 
 
 def check_field(scenario: EmbodiedScenario, field: str, robot: int | None = None) -> None:
-    """Raise ValueError unless controllers remember a field that is one number.
-
-    Args:
-        scenario: Its groups of robots. If it is a sweep over controllers, nothing is known yet, and nothing raised.
-        field: Name of the field.
-        robot: A robot whose controller must have it; any robot if None.
-    """
+    """Raise ValueError unless controllers, or that of a robot, remember a field that is one number."""
     if scenario.sweep is not None and any(key.endswith(".controller") for key in scenario.sweep.keys):
-        return
+        return  # nothing is known yet
     fields: dict[str, tuple[int, ...]] = {}
     first = 0
     for group in scenario.robots:

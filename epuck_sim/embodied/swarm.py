@@ -9,8 +9,9 @@ A record is a reference in compiled code. Only arrays of the block are taken apa
 array that is made in compiled code would outlive it.
 """
 
+from collections import namedtuple
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +24,6 @@ from epuck_sim.util.native import carve, record_type
 
 RAYS = 3
 """Rays of each infrared sensor."""
-
 
 SENSED = record_type(
     [
@@ -249,7 +249,7 @@ SPACE, GROUND, HIDE = range(3)
 writes to the scratch numbers which lit rings faults leave visible to a robot."""
 
 ARRAYS = 23
-"""Number of arrays in a block, the scene included."""
+"""Number of arrays in a block, the scene included; see `DTYPES`."""
 
 SCENE = record_type(
     [
@@ -309,74 +309,51 @@ SCENE = record_type(
 """What is one for all robots."""
 
 
-class Swarm(NamedTuple):
-    """The arrays of a block, in their order; a record has the same names in Python and in compiled code."""
-
-    scene: Any
-    """(1,) SCENE."""
-    robots: Any
-    """(robots,) ROBOT."""
-    groups: Any
-    """(groups,) GROUP."""
-    calls: Any
-    """(calls,) CALL: all groups sense, then all controllers run; from `scene.late` on, what follows when commands have
-    been carried out."""
-    cells: Any
-    """(cells + 1,) index in `members` at which each cell's robots begin; cell (column, row) is row * columns + column.
-    There is room for those of the largest arena."""
-    members: Any
-    """(robots,) MEMBER: the robots, cell by cell, within a cell by their numbers."""
-    circles: Any
-    """(room,) CIRCLE: round obstacles, and movables behind them."""
-    edges: Any
-    """(room,) EDGE: edges of the other obstacles."""
-    rays: Any
-    """(n,) RAY: directions of the pixels of each group."""
-    faults: Any
-    """(faults,) FAULT."""
-    affected: Any
-    """(faults * robots,) AFFECTED."""
-    senses: Any
-    """(n,) SENSE: sensors in files of their own, group by group."""
-    sensed: Any
-    """(n,) uint8: their parameters, readings and streams."""
-    bytes: Any
-    """(n,) uint8: what robots remember, and the parameters of their controllers."""
-    pixels: Any
-    """(n,) int64: rows of cameras, group by group; see `GROUP`. 1 where a lit ring is seen."""
-    air: Any
-    """(n,) PULSES: of each group with radios, (slots, robots)."""
-    log: Any
-    """(room,) CHANGE: what faults did since Python looked."""
-    numbers: Any
-    """(3 * robots + 2 * pixels of the longest row,) int64: scratch; sensors of flashes have the numbers of lit robots,
-    and then a label of each robot: what a pixel that shows it becomes, 0 for dark rings and those that faults hide."""
-    depths: Any
-    """(3 * pixels of the longest row,) float64: scratch."""
-    patches: Any
-    """(n,) PATCH: patches of the floor; later ones lie on top of earlier ones."""
-    patch_edges: Any
-    """(n,) EDGE: edges of those patches that are polygons."""
-    lamps: Any
-    """(n,) LAMP."""
-    picture: Any
-    """(rows * columns,) uint8: levels of the floor's picture, row by row from the wall of largest y on."""
-
-
 INT64, FLOAT64, BYTE = map(np.dtype, (np.int64, np.float64, np.uint8))
 
-_DTYPES: tuple[np.dtype[Any], ...] = (
-    *(SCENE, ROBOT, GROUP, CALL, INT64, MEMBER, CIRCLE, EDGE, RAY, FAULT, AFFECTED, SENSE, BYTE, BYTE),
-    *(INT64, PULSES, CHANGE, INT64, FLOAT64, PATCH, EDGE, LAMP, BYTE),
-)
-assert len(_DTYPES) == len(Swarm._fields) == ARRAYS
+DTYPES: Mapping[str, np.dtype[Any]] = {
+    "scene": SCENE,  # (1,)
+    "robots": ROBOT,
+    "groups": GROUP,
+    "calls": CALL,  # all groups sense, all controllers run; from `scene.late` on, what follows on commands
+    "cells": INT64,  # (cells + 1,) index in `members` at which each cell, row by row, begins
+    "members": MEMBER,  # the robots, cell by cell, within a cell by their numbers
+    "circles": CIRCLE,  # round obstacles, and movables behind them
+    "edges": EDGE,  # edges of the other obstacles
+    "rays": RAY,  # directions of the pixels of each group
+    "faults": FAULT,
+    "affected": AFFECTED,  # (faults * robots,)
+    "senses": SENSE,  # sensors in files of their own, group by group
+    "sensed": BYTE,  # their parameters, readings and streams
+    "bytes": BYTE,  # what robots remember, and the parameters of their controllers
+    "pixels": INT64,  # rows of cameras, group by group, see `GROUP`; 1 where a lit ring is seen
+    "air": PULSES,  # of each group with radios, (slots, robots)
+    "log": CHANGE,  # what faults did since Python looked
+    # scratch: 3 for each robot, and 2 for each pixel of the longest row. Sensors of flashes have the numbers of lit
+    # robots, and then a label of each robot: what a pixel that shows it becomes, 0 for rings dark, or hidden by faults
+    "numbers": INT64,
+    "depths": FLOAT64,  # scratch: 3 for each pixel of the longest row
+    "patches": PATCH,  # patches of the floor; later ones lie on top of earlier ones
+    "patch_edges": EDGE,  # edges of those patches that are polygons
+    "lamps": LAMP,
+    "picture": BYTE,  # (rows * columns,) levels of the floor's picture, row by row from the wall of largest y on
+}
+"""The arrays of a block in their order, and the types of their records, which Python and compiled code name alike."""
 
-_parts: Any = Swarm
-_parts.places = [(dtype, 8 * number) for number, dtype in enumerate(_DTYPES)]  # of `scene.at`, for `native.carve`
+assert len(DTYPES) == ARRAYS
 
-SCENE_BYTES = SCENE.itemsize
 
-SENSED_BYTES, BYTES, PIXELS, PATCHES = map(Swarm._fields.index, ("sensed", "bytes", "pixels", "patches"))
+def _make_swarm_type() -> Any:
+    make: Any = namedtuple  # its own type asks for names that are literals
+    swarm = make("Swarm", DTYPES)
+    swarm.places = [(dtype, 8 * number) for number, dtype in enumerate(DTYPES.values())]  # of `scene.at`
+    return swarm
+
+
+Swarm: Any = _make_swarm_type()
+"""The arrays of a block by their names in `DTYPES`; `native.carve` makes them of one in compiled code."""
+
+SENSED_BYTES, BYTES, PIXELS, PATCHES = map(list(DTYPES).index, ("sensed", "bytes", "pixels", "patches"))
 """Numbers of four arrays of a block: from the third to before the fourth, all are zeros before the first step of a
 trial; from the fourth on, nothing changes while trials run."""
 
@@ -390,8 +367,7 @@ def swarm_at(block: ByteArray) -> Swarm:
 
 def make_block(lengths: Mapping[str, int]) -> ByteArray:
     """Return a block of zeros; lengths: that of each array of a `Swarm` but the scene, or 0 if it is left out."""
-    sizes = [dtype.itemsize * lengths.get(name, 0) for name, dtype in zip(Swarm._fields, _DTYPES, strict=True)]
-    sizes[0] = SCENE_BYTES
+    sizes = [dtype.itemsize * lengths.get(name, name == "scene") for name, dtype in DTYPES.items()]
     offsets = np.cumsum([0, *(-(-size // 8) * 8 for size in sizes[:-1]), sizes[-1]])  # each array begins at a word
     block = np.zeros(int(offsets[-1]), np.uint8)
     block[_AT].view(np.int64)[:] = offsets
@@ -401,7 +377,7 @@ def make_block(lengths: Mapping[str, int]) -> ByteArray:
 def open_block(block: ByteArray) -> Swarm:
     """Return the arrays of a block for Python: `swarm.robots.x` is the x of all robots, (robots,), in place."""
     at = block[_AT].view(np.int64).tolist()
-    return Swarm(*(_array(block, *each) for each in zip(at[:-1], at[1:], _DTYPES, strict=True)))
+    return Swarm(*(_array(block, *each) for each in zip(at[:-1], at[1:], DTYPES.values(), strict=True)))
 
 
 _AT = slice(8 * (ARRAYS + 1))  # where a scene has its offsets

@@ -52,11 +52,7 @@ class UserCode(ABC):
     def __init__(
         self, user: Described, block: ByteArray, swarm: Swarm, number: int, record: Any, *, is_compiled: bool
     ) -> None:
-        """Find the robots of a user's code, and what is its own in a block; record: its GROUP or SENSE, of this number.
-
-        Raises:
-            ControllerError: The program has set a value in its own import of the file.
-        """
+        """Find the robots of a user's code by its GROUP or SENSE, of this number, in a block."""
         check_imported_copies(user)
         self._user, self._block, self._swarm, self._number = user, block, swarm, number
         self._scene, self._is_compiled = swarm.scene[0], is_compiled
@@ -98,10 +94,7 @@ class UserCode(ABC):
 
 
 def as_python(function: Any, swarm: Swarm, names: dict[str, Any]) -> Any:
-    """Return a function (block, addresses, number) as plain Python on a swarm, in which names stand for others.
-
-    It raises where compiled code does and numpy would warn: at 1 / 0.
-    """
+    """Return a function (block, addresses, number) as plain Python, which raises where compiled code does: at 1 / 0."""
     bound = bind(function, swarm_at=lambda _: swarm, array_at=view_at, **names)
     return np.errstate(divide="raise", invalid="raise")(bound)
 
@@ -112,10 +105,7 @@ def view_at(block: Any, first: int, end: int, dtype: np.dtype[Any]) -> Any:
 
 
 def line_again(run: Callable[[], object], error: BaseException, user: Described) -> str | None:
-    """Return FILE:LINE of an error in a user's code by running what has failed again; None if it does not fail so.
-
-    It runs in plain Python, on a copy of the swarm.
-    """
+    """Return FILE:LINE of an error by running what has failed again in plain Python; None if it does not fail so."""
     expected = ArithmeticError if isinstance(error, ArithmeticError) else type(error)  # numpy's of 1 / 0 is its own
     try:
         with _time_limit(AGAIN_S):

@@ -1,4 +1,4 @@
-"""The figure of a tracked film, like thesis Figs. 4.5 and 4.6: the evolving histogram, and its spread over time."""
+"""The figures of a tracked film, like thesis Figs. 4.5 and 4.6, and of a film beside simulated trials."""
 
 import math
 from collections.abc import Sequence
@@ -24,25 +24,15 @@ from epuck_sim.overhead.track import Snapshot, Track
 COLUMNS = ("time_s", "periods", "count", "spread_ms")
 """Columns of the table, a row per evaluation: time of the mode on the film's clock and in periods, rings, spread."""
 
-ACROSS = 4
-"""Number of snapshots in a row of the figure."""
-
-SHOWN_PERIODS = 1.3
-"""Number of periods of the past that a snapshot of the histogram shows."""
-
+ACROSS = 4  # snapshots in a row of the figure
+SHOWN_PERIODS = 1.3  # periods of the past that a snapshot of the histogram shows
+PANELS_ACROSS = 3  # panels in a row beside trials
 BAR, MARK, LIMIT, SYNC, FOUND = "#d62728", "#1f4fd8", "0.35", "#5a0096", "#00e5ff"
+TRIALS, FILM = "0.6", "#d62728"
 
 
 def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None) -> list[Path]:
-    """Draw the figure of a tracked film, and write its evaluations into a table; neither contains the time of writing.
-
-    Args:
-        png: The figure, FILE.png; the table is FILE.csv.
-        track: The tracked film.
-        snapshot: A frame to show with its rings, if any.
-
-    Returns:
-        The two files.
+    """Draw the figure of a tracked film as FILE.png, with a snapshot if there is one, and its evaluations as FILE.csv.
 
     Raises:
         FilmError: The name does not end in .png.
@@ -80,21 +70,20 @@ def _draw_picture(page: SubFigure, track: Track, snapshot: Snapshot) -> None:
     panel.imshow(snapshot.picture)
     for column, row, radius in snapshot.rings_px:
         panel.add_patch(Circle((column, row), radius, fill=False, color=FOUND, linewidth=2))
+    rings = "1 ring" if len(snapshot.rings_px) == 1 else f"{len(snapshot.rings_px)} rings"
     panel.set(xticks=[], yticks=[])
-    rings = len(snapshot.rings_px)
-    periods = track.periods_at(snapshot.time_s)
-    panel.set_title(f"{periods:.1f} periods: {rings} {'ring' if rings == 1 else 'rings'}", fontsize="medium")
+    panel.set_title(f"{track.periods_at(snapshot.time_s):.1f} periods: {rings}", fontsize="medium")
 
 
 def _draw_snapshots(page: SubFigure, track: Track) -> None:
     grid = page.subplots(3, ACROSS, sharex=True, sharey=True)
     letters = iter(ascii_lowercase)
-    for panels, tracked_frames in zip(grid, choose_moments(track), strict=True):
-        for panel, (now_s, evaluation) in zip(panels, tracked_frames, strict=False):
+    for panels, moments in zip(grid, choose_moments(track), strict=True):
+        for panel, (now_s, evaluation) in zip(panels, moments, strict=False):
             _draw_snapshot(panel, track, now_s, evaluation)
             title = f"({next(letters)}) {round(track.periods_at(now_s), 2):g} periods"
             panel.set_title(title, fontsize="small", loc="left", pad=3)
-        for unused in panels[len(tracked_frames) :]:
+        for unused in panels[len(moments) :]:
             unused.set_axis_off()
     grid[0, 0].set(xlim=(-SHOWN_PERIODS * track.period_s, 0.03 * track.period_s), ylim=(0, 1.45 * _max_count(track)))
     grid[0, 0].yaxis.set_major_locator(MaxNLocator(4, integer=True))
@@ -104,11 +93,10 @@ def _draw_snapshots(page: SubFigure, track: Track) -> None:
 
 def _draw_snapshot(panel: Axes, track: Track, now_s: float, evaluation: Evaluation | None) -> None:
     """Draw the histogram of a moment, the present at the right; long lines mark a period, a short one its midpoint."""
-    period_s = track.period_s
+    period_s, top = track.period_s, _max_count(track)
     oldest_s = max(now_s - SHOWN_PERIODS * period_s, track.start_s)
-    first, end = np.searchsorted(track.times_s, (oldest_s, now_s))
-    _fill_counts(panel, track.times_s[first:end] - now_s, track.counts[first:end], 0.0)
-    top = _max_count(track)
+    shown = slice(*np.searchsorted(track.times_s, (oldest_s, now_s)))
+    _fill_counts(panel, track.times_s[shown] - now_s, track.counts[shown], 0.0)
     panel.vlines([-period_s, 0], 0, 1.2 * top, color=MARK, linewidth=1.6)
     panel.vlines(-period_s / 2, 1.05 * top, 1.2 * top, color=MARK, linewidth=1.6)
     panel.tick_params(labelsize="small")
@@ -171,28 +159,13 @@ def choose_moments(track: Track) -> list[list[tuple[float, Evaluation | None]]]:
     made = [(each.time_s + track.period_s / 2, each) for each in track.evaluations]
     sync = next((index for index, (_, each) in enumerate(made) if _is_first_synchrony(track, each)), None)
     split = max(0, len(made) - ACROSS if sync is None else sync - 1)
-    return [[(now_s, None) for now_s in quarters], _evenly_spaced(made[:split]), _first_and_last(made[split:])]
+    evenly = [made[round(place)] for place in np.linspace(0, split - 1, min(ACROSS, split))]
+    around_sync = [*made[split : split + ACROSS - 1], *made[split + ACROSS - 1 :][-1:]]
+    return [[(now_s, None) for now_s in quarters], [*evenly], [*around_sync]]
 
 
 def _is_first_synchrony(track: Track, evaluation: Evaluation) -> bool:
     return track.histogram_s is not None and abs(evaluation.time_s - (track.start_s + track.histogram_s)) < 1e-6
-
-
-def _evenly_spaced(moments: Sequence[tuple[float, Evaluation]]) -> list[tuple[float, Evaluation | None]]:
-    """Return up to `ACROSS` of the moments at equal distances, including the first and the last."""
-    places = np.linspace(0, len(moments) - 1, min(ACROSS, len(moments)))
-    return [moments[round(place)] for place in places]
-
-
-def _first_and_last(moments: Sequence[tuple[float, Evaluation]]) -> list[tuple[float, Evaluation | None]]:
-    """Return the first `ACROSS` - 1 of the moments and the last one."""
-    return [*moments[: ACROSS - 1], *moments[ACROSS - 1 :][-1:]]
-
-
-PANELS_ACROSS = 3
-"""Number of panels in a row."""
-
-TRIALS, FILM = "0.6", "#d62728"
 
 
 def save_comparison_figure(path: Path, rows: Sequence[QuantityComparison]) -> list[Path]:
@@ -207,17 +180,10 @@ def comparison_table(rows: Sequence[QuantityComparison]) -> Table:
     """
     cells: list[list[Any]] = []
     for row in rows:
-        values = [("film", row.film), *enumerate(row.trials.tolist())]
-        cells += [
-            [row.quantity.name, row.quantity.unit, trial, csv_cell(value), _status(value)] for trial, value in values
-        ]
+        for trial, value in [("film", row.film), *enumerate(row.trials.tolist())]:
+            status = "unknown" if math.isnan(value) else "beyond" if math.isinf(value) else "known"
+            cells.append([row.quantity.name, row.quantity.unit, trial, csv_cell(value), status])
     return Table(("quantity", "unit", "trial", "value", "status"), cells)
-
-
-def _status(value: float) -> str:
-    if math.isnan(value):
-        return "unknown"
-    return "beyond" if math.isinf(value) else "known"
 
 
 def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:

@@ -42,8 +42,7 @@ UNIT_ENDING = re.compile(rf"(.+)_({'|'.join(UNITS)})")
 FILE = re.compile(r"(?:.*/)?([^/]+)\.(?:py|c)(?::(\w+))?")
 """A user's file as the value of a key, and what is taken from it."""
 
-FOLDER = "folder"
-"""Axis of points of several run folders, whose values are the folders' names."""
+FOLDER = "folder"  # axis of points of several run folders, whose values are the folders' names
 
 OTHER_GROUP = re.compile(r"robots\.[1-9][0-9]*(\..*)?")
 """What keys of a group of robots beside the first begin with; such a group is always named."""
@@ -52,16 +51,7 @@ NO_LABELS: Mapping[str, str] = MappingProxyType({})
 
 
 def quantity_label(of: str | None, unit: str = "", own: Mapping[str, str] = NO_LABELS) -> str:
-    """Return the label of T_sync, or of the measure of this name.
-
-    Args:
-        of: Name of the measure; None for T_sync.
-        unit: Unit of the measure; empty if it has none.
-        own: Labels that a user gives, by name.
-
-    >>> quantity_label("way", "cm", {"way": "path"})
-    'path'
-    """
+    """Return the label of T_sync, or of the measure of this name and unit: that in `own`, if there is any."""
     return own.get(of or "T_sync") or quantity(of, unit)
 
 
@@ -81,12 +71,10 @@ def undetermined_label(of: str | None) -> str:
 
 
 def key_name(key: str, among: Collection[str] = (), own: Mapping[str, str] = NO_LABELS) -> str:
-    """Return the thesis's symbol for a key, or the last part of the key.
+    """Return the thesis's symbol for a dotted key, or the last part of the key.
 
-    Args:
-        key: A dotted key.
-        among: Keys beside which it stands; where one of them has the same symbol, each says what it is of.
-        own: Labels that a user gives, by key; a unit in brackets at their end is left out.
+    Where one of the keys `among` which it stands has the same symbol, it says what it is of. Labels in `own` are a
+    user's; a unit in brackets at their end is left out.
 
     >>> key_name("robots.0.parameters.speed_cm_s"), key_name("stop.max_time_s")
     ('V', 'max time')
@@ -139,11 +127,7 @@ def format_axis_values(
 def distinguishing_labels(
     rows: Sequence[Mapping[str, Any]], among: Collection[str] = (), own: Mapping[str, str] = NO_LABELS
 ) -> list[str]:
-    """Return a label for each row of axis values, with the values that distinguish it from the others.
-
-    >>> distinguishing_labels([{"arena.width_cm": 60, "agents.count": 9}, {"arena.width_cm": 80, "agents.count": 9}])
-    ['L = 60 cm', 'L = 80 cm']
-    """
+    """Return a label for each row of axis values, with the values that distinguish it from the others."""
     return [format_axis_values(row, among, own) for row in short_files(distinguishing_axes(rows))]
 
 
@@ -181,15 +165,6 @@ def axis_label(key: str, among: Collection[str] = (), own: Mapping[str, str] = N
     """
     unit, name = _symbol_and_unit(key)[1], key_name(key, among, own)
     return own.get(key) or (f"{name} ({unit})" if unit else name)
-
-
-def axis_labels(keys: Collection[str]) -> list[str]:
-    """Return the labels of axes that stand beside each other, as in a table.
-
-    >>> axis_labels(["robots.0.count", "robots.1.count"])
-    ['N of robots.0', 'N of robots.1']
-    """
-    return [axis_label(key, keys) for key in keys]
 
 
 def sweep_title(scenario: Scenario) -> str:

@@ -18,21 +18,15 @@ from epuck_sim.display.table import csv_cell, csv_text
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
-SAVE_OPTIONS: dict[str, dict[str, Any]] = {
-    ".png": {"dpi": "figure"},
-    ".svg": {"metadata": {"Date": None}},
-    ".pdf": {"metadata": {"CreationDate": None}},
-}
-"""Options of matplotlib for each format; no format holds the date, so that equal figures are equal files."""
+CAPTION = ".txt"  # ending of the file with the caption
 
-CAPTION, CAPTION_KEYS = ".txt", {".png": "Description", ".svg": "Description", ".pdf": "Subject"}
-"""Ending of the file with the caption, and the key of it in each format's metadata."""
+METADATA = {".png": ("Description", None), ".svg": ("Description", "Date"), ".pdf": ("Subject", "CreationDate")}
+"""Keys of the caption, and of the date, in each format; none holds the date, so that equal figures are equal files."""
 
-EDITABLE: Any = {"svg.fonttype": "none", "pdf.fonttype": 42, "svg.hashsalt": "epuck-sim"}
+EDITABLE: Any = {"svg.fonttype": "none", "pdf.fonttype": 42, "svg.hashsalt": "epuck-sim", "savefig.dpi": "figure"}
 """Settings of matplotlib with which text stays text, and equal figures are equal files."""
 
-SVG = "{http://www.w3.org/2000/svg}"
-"""Namespace of the elements of SVG, which need none in HTML."""
+SVG = "{http://www.w3.org/2000/svg}"  # namespace of the elements of SVG, which need none in HTML
 
 FILE_TYPE = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,6}")
 """Endings that look like a file type: .jpg or .parquet, but neither .5 nor .b."""
@@ -51,10 +45,8 @@ NO_TABLES: Mapping[str, Table] = MappingProxyType({})
 class Target(NamedTuple):
     """Files of a figure."""
 
-    stem: Path
-    """Name of all its files without their endings."""
-    formats: tuple[str, ...] = (".png", ".svg")
-    """Endings of its pictures."""
+    stem: Path  # name of all its files without their endings
+    formats: tuple[str, ...] = (".png", ".svg")  # endings of its pictures
 
 
 def parse_target(path: Path) -> Target:
@@ -66,7 +58,7 @@ def parse_target(path: Path) -> Target:
     Raises:
         EpuckSimError: The path ends in a file type that pictures cannot have.
     """
-    if path.suffix.lower() in SAVE_OPTIONS:
+    if path.suffix.lower() in METADATA:
         return Target(path.with_suffix(""), (path.suffix,))
     if FILE_TYPE.fullmatch(path.suffix):
         raise EpuckSimError(
@@ -79,29 +71,20 @@ def parse_target(path: Path) -> Target:
 def save_figure(
     target: Target, draw: Callable[[], Figure], tables: Mapping[str, Table] = NO_TABLES, caption: str = ""
 ) -> list[Path]:
-    """Write the pictures of a figure, and its tables and caption beside them; equal results give equal files.
+    """Write the pictures of a figure, and its tables and caption beside them, and return the files, pictures first.
 
-    Args:
-        target: Where to write.
-        draw: Returns the figure; it is called once all files are known to be writable.
-        tables: A CSV table for each ending that is added to the stem.
-        caption: What the figure shows; it is written as text, and into the pictures' metadata. Empty for none.
-
-    Returns:
-        The files, pictures first.
-
-    Raises:
-        EpuckSimError: One of the files cannot be written; then none is, and older ones stay.
+    `draw` is called once all files are known to be writable; equal results give equal files. EpuckSimError is raised
+    if one of them cannot be written; then none is, and older ones stay.
     """
-    texts = {CAPTION: caption} if caption else {}
-    files = check_files(target.stem, [*target.formats, *tables, *texts])
+    endings = [*target.formats, *tables, *[CAPTION] * bool(caption)]
+    files = check_files(target.stem, endings)
     figure = draw()
     with ExitStack() as whole:  # files get their names once all of them are written
-        for file, ending in zip(files, [*target.formats, *tables, *texts], strict=True):
+        for file, ending in zip(files, endings, strict=True):
             part = whole.enter_context(atomic_write(file))
             if ending in tables:
                 part.write_text(csv_text(*tables[ending]), encoding="utf-8")
-            elif ending in texts:
+            elif ending == CAPTION:
                 part.write_text(f"{caption}\n", encoding="utf-8")
             else:
                 _save_picture(figure, part, ending.lower(), caption)
@@ -141,19 +124,15 @@ def check_files(stem: Path, endings: Iterable[str]) -> list[Path]:
 
 
 def _save_picture(figure: Figure, part: Path, ending: str, caption: str) -> None:
-    options = {**SAVE_OPTIONS[ending]}
-    options["metadata"] = {**options.get("metadata", {}), **({CAPTION_KEYS[ending]: caption} if caption else {})}
+    key, date = METADATA[ending]
+    metadata: Any = {**({date: None} if date else {}), **({key: caption} if caption else {})}
     with warnings.catch_warnings(), rc_context(EDITABLE):
         warnings.filterwarnings("ignore", "Glyph .* missing")  # of a name in letters that the font lacks
-        figure.savefig(part, format=ending[1:], **options)
+        figure.savefig(part, format=ending[1:], metadata=metadata)
 
 
 def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any]]]]) -> Table:
-    """Return a table of groups.
-
-    Args:
-        groups: For each group its axis values, by key, and columns of one length, by heading; at least one group.
-    """
+    """Return a table of groups: of each its axis values, by key, and columns of one length, by heading."""
     every = list(groups)
     rows = (
         [*axes.values(), *map(csv_cell, row)] for axes, columns in every for row in zip(*columns.values(), strict=True)

@@ -10,6 +10,8 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.ticker import Formatter, LogLocator, NullFormatter
 
@@ -20,23 +22,12 @@ from epuck_sim.scenario.axes import is_logarithmic as spans_decades
 COLUMN_CM, PAGE_CM = 8.5, 17.5
 """Widths of a column and of a page of two columns, cm: of a figure with one panel, and with several."""
 
-MIN_PANEL_CM = 4.0
-"""Smallest width of a panel, cm; narrower ones have no room for their numbers."""
-
-MAX_PANELS = 64
-"""Largest number of panels of a figure; one with more is neither legible nor quickly drawn."""
-
-LETTERS_PER_CM = 52.0
-"""Number of letters of one point on a centimetre."""
-
-BAND = 0.15
-"""Opacity of bands."""
-
-BAR, BAR_ASPECT = 0.05, 25
-"""Width of a colour bar as a share of the figure's, and its height over its width."""
-
-GREY = "0.35"
-"""Colour of marks in legends that many curves have."""
+MIN_PANEL_CM = 4.0  # smallest width of a panel, cm; narrower ones have no room for their numbers
+MAX_PANELS = 64  # largest number of panels of a figure; one with more is neither legible nor quickly drawn
+LETTERS_PER_CM = 52.0  # number of letters of one point on a centimetre
+BAND = 0.15  # opacity of bands
+BAR, BAR_ASPECT = 0.05, 25  # width of a colour bar as a share of the figure's, and its height over its width
+GREY = "0.35"  # colour of marks in legends that many curves have
 
 COLOURS = ("#002dc3", "#ff5a00", "#690f00", "#1e96ff", "#c300a5", "#87784b", "#d27896", "#3c2d4b")
 """Colours of curves, without a green. A search found them: each has a contrast of at least 3 with white, and any two
@@ -49,8 +40,7 @@ MARKER_DISTANCE, MARKER_SHIFT = 0.2, 0.03
 """Distance from one marker of a line to the next, and from those of one line to those of the next, relative to the
 panel's diagonal."""
 
-NAMES = re.compile(r"\b([TV])_(sync|cens|m|p)\b")
-"""Quantities of the thesis that are written with an index."""
+NAMES = re.compile(r"\b([TV])_(sync|cens|m|p)\b")  # quantities of the thesis that are written with an index
 
 
 class Look(NamedTuple):
@@ -107,18 +97,8 @@ def make_panels(
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure with a panel for each title, row by row; the panels share their scales.
 
-    Args:
-        title: Title of the figure, whose lines are wrapped; empty for none.
-        titles: Titles of the panels.
-        labels: Labels of the horizontal and of the vertical axis; with several vertical ones the panels stand below
-            each other, and each has its own vertical scale.
-        width_cm: Width of the figure; by default that of a column for one panel, and that of a page for several.
-
-    Returns:
-        The figure, and its panels in the order of `titles`.
-
-    Raises:
-        EpuckSimError: There are more than `MAX_PANELS` titles.
+    With several labels of vertical axes the panels stand below each other, and each has its own vertical scale. The
+    width is by default that of a column for one panel, and that of a page for several.
     """
     count, is_stack = len(titles), len(labels) > 2
     if count > MAX_PANELS:
@@ -149,13 +129,7 @@ def make_panels(
 
 
 def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
-    """Add a legend of all marks below the panels, and make the figure so high that panels have their shape.
-
-    Args:
-        figure: The figure.
-        panels: Its panels, which differ neither in width nor in height.
-        shape: Height of each panel over its width.
-    """
+    """Add a legend below the panels, and make the figure so high that each is `shape` times as high as it is wide."""
     for panel in panels:
         # matplotlib would choose as many ticks as labels of its own size have room when the figure is saved
         panel.tick_params(labelsize=rcParams["xtick.labelsize"])
@@ -195,12 +169,17 @@ def _shorten(label: str, letters: int) -> str:
     >>> _shorten("a_long_key = 3, another_key = 5", 20)
     'a_long_ke … _key = 5'
     """
+    if len(label) <= letters or "$" in label:
+        return label
     end = (letters - 3) // 2
-    return (
-        label
-        if len(label) <= letters or "$" in label
-        else f"{label[: letters - 3 - end].rstrip()} … {label[-end:].lstrip()}"
-    )
+    return f"{label[: letters - 3 - end].rstrip()} … {label[-end:].lstrip()}"
+
+
+def add_colour_bar(panels: Sequence[Axes], colours: ScalarMappable, **options: Any) -> Colorbar:
+    """Add a colour bar beside panels."""
+    figure = panels[0].get_figure()
+    assert figure is not None
+    return figure.colorbar(colours, ax=list(panels), fraction=BAR, aspect=BAR_ASPECT, **options)
 
 
 def choose_looks(count: int) -> list[Look]:
@@ -232,13 +211,7 @@ def is_logarithmic(key: str, values: FloatArray) -> bool:
 def has_log_scale(of: str | None, values: FloatArray, scale: str | None = None) -> bool:
     """Return whether values, (n,), have a logarithmic scale: those of T_sync, and of a measure that are far apart.
 
-    Args:
-        of: Name of the measure; None for T_sync.
-        values: (n,) values; those that are not finite do not count.
-        scale: `linear` or `log`, if that is asked for.
-
-    Raises:
-        EpuckSimError: A logarithmic scale is asked for, and not all values are positive.
+    A `scale`, `linear` or `log`, decides; EpuckSimError is raised if it is `log`, and not all values are positive.
     """
     known = values[np.isfinite(values)]
     if scale == "log" and (known <= 0).any():

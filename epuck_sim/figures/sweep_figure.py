@@ -27,14 +27,10 @@ FORMS = {
 }
 """Module in `figures.forms` and class of each form, by its name."""
 
-WITH_THEORY = {"theory": "theory:PredictedCurves"}
-"""That of curves with predictions, which are no form of their own."""
-
 Results = Path | str | Sequence[Path | str] | Sequence[PointTrials]
 """A run folder, several, or the points of one."""
 
-SIMULATED_AGAIN = ("perturbation", "course")
-"""Forms for which trials are simulated again."""
+SIMULATED_AGAIN = ("perturbation", "course")  # forms for which trials are simulated again
 
 
 def plot(
@@ -79,17 +75,9 @@ def read_form(
     names: Sequence[str] = (),
     prefix: str = "",
 ) -> Form:
-    """Return what is to be drawn.
+    """Return what is to be drawn, as `plot` draws it; options that are None are those of the scenario.
 
-    Args:
-        results: The run folders, or points of one, as `plot` takes them.
-        options: Options of the figure, by the names of the keys of the section `figure`; None where it decides.
-        of: Name of a measure; T_sync by default.
-        names: Name of each of several folders.
-        prefix: What the names of options begin with in messages.
-
-    Raises:
-        EpuckSimError: There is nothing to draw, or an option does not fit the form or the sweep.
+    In messages the names of options begin with `prefix`.
     """
     given_results = [results] if isinstance(results, Path | str) else results
     folders = [each for each in given_results if isinstance(each, Path | str)]
@@ -108,21 +96,15 @@ def read_form(
             raise EpuckSimError(f"{where}: {did_you_mean(key, known)}; allowed: {comma_list(known)}")
     if not any(len(point.times) for point in points):
         raise StoreError(f"{folder}: holds no results yet")
-    form = _find("theory" if name == "curves" and section.theory else name).read(
-        points, Choices(section, given.keys(), folder, prefix)
-    )
+    found = find_form("theory" if name == "curves" and section.theory else name)
+    form = found.read(points, Choices(section, given.keys(), folder, prefix))
     form.of, form.unit, form.settings = points[0].of, measure_unit(points[0]) or "", section
     form.ran = _describe(points, folders)
     return form
 
 
 def _read_folders(folders: Sequence[Path | str], of: str | None, names: Sequence[str]) -> list[PointTrials]:
-    """Return the points of run folders; those of several have the folder's name as an axis.
-
-    Raises:
-        EpuckSimError: The folders are of other scenarios, the measure has another unit in one of them, or there is
-            not one name for each.
-    """
+    """Return the points of run folders; those of several have the folder's name as an axis."""
     sweeps = [read_points(folder, of) for folder in folders]
     if len(folders) == 1 and not names:
         return sweeps[0]
@@ -163,8 +145,9 @@ def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> s
     return "\n".join(lines)
 
 
-def _find(name: str) -> type[Form]:
-    module, _, member = (FORMS | WITH_THEORY)[name].partition(":")
+def find_form(name: str) -> type[Form]:
+    """Return the class of a form; `theory` is that of curves with predictions."""
+    module, _, member = {**FORMS, "theory": "theory:PredictedCurves"}[name].partition(":")
     found: type[Form] = getattr(import_module(f"epuck_sim.figures.forms.{module}"), member)
     return found
 
@@ -192,7 +175,7 @@ def _check_fit(points: Sequence[PointTrials], form: str, given: Mapping[str, obj
         "--censored-at is for T_sync; measures are never censored": of and "censored_at_cycles" in given,
     }
     for option, value in given.items():
-        takers = [each for each in FORMS if option in _find(each).takes]
+        takers = [each for each in FORMS if option in find_form(each).takes]
         others = " and ".join(filter(None, [", ".join(takers[:-1]), *takers[-1:]]))
         mistakes[f"{flag(option, value)} is for --form {others}, but this is {form}"] = form not in (takers or [form])
     for message, is_made in mistakes.items():

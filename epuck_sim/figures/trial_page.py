@@ -33,8 +33,7 @@ RED = "#dc2828"
 DARK = "#8a8f98"
 """Colour of rings that are dark."""
 
-INNER_SHARE = 0.88
-"""Radius of the white line within the coloured edge of a disc, as a share of its radius."""
+INNER_SHARE = 0.88  # radius of the white line within the coloured edge of a disc, as a share of its radius
 
 MAX_VECTOR_MARKS = 5_000
 """Largest number of marks that an SVG holds one by one; more of them are a picture in it."""
@@ -42,25 +41,12 @@ MAX_VECTOR_MARKS = 5_000
 MARGINS = {"left": 0.08, "right": 0.985, "bottom": 0.14}
 """Where the panels begin and end, as shares of the page."""
 
-TOP = 0.89
-"""Where the panels end below a title of one line, as a share of the page."""
-
-LINE_HEIGHT = 0.035
-"""Height of each further line of the title, as a share of the page."""
-
-HEIGHTS = (1.3, 1.1, 1)
-"""Relative heights of the flashes, the phases and the order parameter."""
-
-MAX_CHANGES = 8
-"""Most changed keys that a title names."""
-
-MAX_VALUE = 40
-"""Most characters of a changed value that a title shows."""
-
-LINE_LENGTH = 120
-"""Most characters in a line of the title."""
-
-_IRRELEVANT = WITHOUT_EFFECT | {"model", "seed", "sweep"}
+TOP = 0.89  # where the panels end below a title of one line, as a share of the page
+LINE_HEIGHT = 0.035  # height of each further line of the title, as a share of the page
+HEIGHTS = (1.3, 1.1, 1)  # relative heights of the flashes, the phases and the order parameter
+MAX_CHANGES = 8  # most changed keys that a title names
+MAX_VALUE = 40  # most characters of a changed value that a title shows
+LINE_LENGTH = 120  # most characters in a line of the title
 
 
 def check_drawable(recorded: Recorded, origin: str) -> None:
@@ -88,11 +74,11 @@ def draw_page(recorded: Recorded) -> Figure:
     courses += [_draw_phases, _draw_order] if has_oscillators else []
     # matplotlib's own solver of layouts gives other last digits from time to time
     top = TOP - LINE_HEIGHT * title.count("\n")
-    if not courses:
-        draw_arena(figure.add_subplot(figure.add_gridspec(1, 1, **MARGINS, top=top)[0]), recorded, population)
-        return figure
-    sides = figure.add_gridspec(1, 2, **MARGINS, top=top, width_ratios=[1, 1.25], wspace=0.2)
+    widths = [1, 1.25] if courses else [1]
+    sides = figure.add_gridspec(1, len(widths), **MARGINS, top=top, width_ratios=widths, wspace=0.2)
     draw_arena(figure.add_subplot(sides[0]), recorded, population)
+    if not courses:
+        return figure
     grid = sides[1].subgridspec(len(courses), 1, height_ratios=HEIGHTS[: len(courses)], hspace=0.12)
     for row, draw in enumerate(courses):
         axes = figure.add_subplot(grid[row])
@@ -114,15 +100,9 @@ def _draw_flashes(axes: Axes, recorded: Recorded, population: Population) -> Non
 def _draw_phases(axes: Axes, recorded: Recorded, population: Population) -> None:
     """Draw the phases relative to that of the reference whenever this fires; those of a synchronised swarm are 0."""
     ahead = phase_lead(recorded.phase_ms[np.searchsorted(recorded.time_s, recorded.firing_s)], population)
-    for number, colour in enumerate(robot_colours(population)):
-        axes.plot(
-            recorded.firing_s,
-            ahead[:, number],
-            ".",
-            color=colour,
-            markersize=4,
-            rasterized=ahead.size > MAX_VECTOR_MARKS,
-        )
+    is_picture = ahead.size > MAX_VECTOR_MARKS
+    for lead, colour in zip(ahead.T, robot_colours(population), strict=True):
+        axes.plot(recorded.firing_s, lead, ".", color=colour, markersize=4, rasterized=is_picture)
     axes.set(ylabel="phase ahead of\nreference (cycles)", ylim=(-0.53, 0.53))
 
 
@@ -130,13 +110,8 @@ def _draw_order(axes: Axes, recorded: Recorded, population: Population) -> None:
     style: dict[str, Any] = {"rasterized": len(recorded.time_s) > MAX_VECTOR_MARKS}
     steps = f"at each {population.moment}"
     axes.plot(recorded.time_s, recorded.order_parameter, color="0.75", linewidth=0.8, label=steps, **style)
-    firings: dict[str, Any] = {
-        "color": "black",
-        "markersize": 3,
-        "linewidth": 1,
-        "label": "at firings of the reference",
-    }
-    axes.plot(recorded.firing_s, recorded.firing_order, "o-", **firings, **style)
+    firings = "at firings of the reference"
+    axes.plot(recorded.firing_s, recorded.firing_order, "ko-", markersize=3, linewidth=1, label=firings, **style)
     threshold = recorded.scenario.stop.order_parameter
     if threshold is not None:
         named = f"threshold {threshold:.12g}"
@@ -157,7 +132,7 @@ def draw_arena(axes: Axes, recorded: Recorded, population: Population) -> None:
     when = f"at {recorded.time_s[moment]:.{digits + 1}f} s, with the paths of {duration_s:.{digits}f} s"
     what = "a cube seen from above: x and y of three dimensions\n" if _is_cube(recorded.scenario) else ""
     axes.set_title(what + when, fontsize="medium")
-    axes.set(xlabel="x (cm)")
+    axes.set_xlabel("x (cm)")
 
 
 def _is_cube(scenario: Scenario) -> bool:
@@ -187,9 +162,8 @@ def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: sl
         axes.add_patch(Circle((x, y), radius, facecolor="0.85"))
     for corners in arena.polygons:
         axes.add_patch(Polygon(corners, facecolor="0.85"))
-    for number, (colour, path) in enumerate(
-        zip(robot_colours(population), _paths(recorded, population, rows), strict=True)
-    ):
+    each = zip(robot_colours(population), _paths(recorded, population, rows), strict=True)
+    for number, (colour, path) in enumerate(each):
         axes.plot(path[:, 1], path[:, 2], color=colour, linewidth=0.8, alpha=0.6)
         x, y = recorded.positions[rows, number][-1]
         if math.isnan(x):  # the robot is not in the arena
@@ -212,25 +186,17 @@ def _write_number(axes: Axes, number: int, middle: tuple[float, float], heading:
     span_cm = max(population.arena.width_cm, population.arena.height_cm)
     radius_cm = population.radii_cm[number]
     behind = (-0.45 if 2 * radius_cm >= LEGIBLE_SHARE * span_cm else -1.9) * radius_cm
-    axes.text(
-        middle[0] + behind * math.cos(heading),
-        middle[1] + behind * math.sin(heading),
-        str(number),
-        fontsize=8,
-        ha="center",
-        va="center",
-        zorder=5,
-        path_effects=[withStroke(linewidth=2, foreground="white")],
-    )
+    place = middle[0] + behind * math.cos(heading), middle[1] + behind * math.sin(heading)
+    outline = [withStroke(linewidth=2, foreground="white")]
+    axes.text(*place, str(number), fontsize=8, ha="center", va="center", zorder=5, path_effects=outline)
 
 
 def _draw_segment(axes: Axes, recorded: Recorded, population: Population, rows: slice) -> None:
     """Draw a segment, which has no y, with time as the vertical axis of its paths."""
     for wall in (0, population.arena.width_cm):
         axes.axvline(wall, color="black", linewidth=1.5)
-    for number, (colour, path) in enumerate(
-        zip(robot_colours(population), _paths(recorded, population, rows), strict=True)
-    ):
+    each = zip(robot_colours(population), _paths(recorded, population, rows), strict=True)
+    for number, (colour, path) in enumerate(each):
         axes.plot(path[:, 1], path[:, 0], color=colour, linewidth=0.8)
         face = RED if recorded.ring_on[rows, number][-1] else DARK
         axes.plot(path[-1, 1], path[-1, 0], "o", color=face, markeredgecolor=colour, markersize=10)
@@ -274,12 +240,9 @@ def changed_values(scenario: Scenario) -> dict[str, Any]:
     """
     name = scenario.name
     known = load_scenario(name if name in builtin_files(ARENAS) else {"model": scenario.model})
-    before = dict(leaves(known.model_dump(mode="json", exclude=set(_IRRELEVANT))))
-    return {
-        key: value
-        for key, value in leaves(scenario.model_dump(mode="json", exclude=set(_IRRELEVANT)))
-        if key not in before or before[key] != value
-    }
+    irrelevant = WITHOUT_EFFECT | {"model", "seed", "sweep"}
+    before, values = (dict(leaves(each.model_dump(mode="json", exclude=irrelevant))) for each in (known, scenario))
+    return {key: value for key, value in values.items() if key not in before or before[key] != value}
 
 
 def describe_changes(changes: Mapping[str, Any]) -> str:
@@ -287,8 +250,6 @@ def describe_changes(changes: Mapping[str, Any]) -> str:
 
     >>> describe_changes({"robots.0.parameters.speed_cm_s": 3.0, "stop.max_cycles": 7})
     'with V = 3 cm/s, max cycles = 7'
-    >>> describe_changes({"robots.0.count": 2, "robots.1.count": 3})
-    'with N of robots.0 = 2, N of robots.1 = 3'
     """
     if not changes:
         return ""
@@ -309,7 +270,7 @@ REGULAR_SHARE = 0.5
 def agent_path(
     time_s: FloatArray, positions: Float32Array, headings: FloatArray, side_cm: float, *, is_cyclic: bool
 ) -> FloatArray:
-    """Return the path of an agent in a segment or square.
+    """Return the path of an agent in a segment or square, (points, 3) s, cm, cm: time, x, y; NaN where it has a gap.
 
     An agent that meets two walls between two rows is drawn to the first of them; then its path has a gap.
 
@@ -319,11 +280,10 @@ def agent_path(
         headings: (rows,) rad.
         side_cm: Side of the space.
         is_cyclic: Whether agents that leave on one side enter on the opposite one.
-
-    Returns:
-        (points, 3) s, cm, cm: time, x, y; NaN where the path has a gap.
     """
-    points, directions = np.column_stack([time_s, positions]), _directions(headings)
+    points = np.column_stack([time_s, positions])
+    directions = np.column_stack([np.cos(headings), np.sin(headings)])
+    directions[np.abs(directions) < TOLERANCE**2] = 0.0  # one along an axis is exactly so
     speed = _measure_speed(time_s, positions, side_cm if is_cyclic else math.inf)
     straight = points[:-1, 1:] + speed * np.diff(time_s)[:, None] * directions[:-1]
     deviation_cm = np.abs(straight - points[1:, 1:]).max(axis=1)
@@ -348,13 +308,6 @@ def _measure_speed(time_s: FloatArray, positions: Float32Array, cycle_cm: float)
     ways = np.abs(np.diff(positions, axis=0))
     ways_cm = np.hypot(*np.minimum(ways, np.abs(cycle_cm - ways)).T)
     return float((ways_cm[is_long] / elapsed_s[is_long]).max())
-
-
-def _directions(headings: FloatArray) -> FloatArray:
-    """Return (rows, 2) unit vectors; one along an axis is exactly so."""
-    directions = np.column_stack([np.cos(headings), np.sin(headings)])
-    directions[np.abs(directions) < TOLERANCE**2] = 0.0
-    return directions
 
 
 def _detour(

@@ -1,4 +1,4 @@
-"""Draws the annotated film of thesis Figs. 4.5 and 4.6: found rings in green, and below them the evolving histogram.
+"""Draws the annotated film of thesis Figs. 4.5 and 4.6: found rings in cyan, and below them the evolving histogram.
 
 The histogram moves from right, the present, to left. Long blue lines mark an interval of one period; its spread is
 calculated when the mode passes the short blue line at its midpoint.
@@ -22,7 +22,6 @@ SUBPIXEL_BITS = 4  # fractional bits of coordinates that OpenCV draws at
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 CYAN = (0, 230, 255)  # colour of rings that were found; people who cannot tell green from red see it beside red, too
-
 BARS = (70, 170, 70)
 OLD_BARS = (40, 80, 40)  # bars that have left the interval of one period
 BLUE = (90, 165, 255)
@@ -33,21 +32,22 @@ WHITE = (235, 235, 235)
 class Annotator:
     """Annotates the frames of a film one by one; keeps only the counts that it shows."""
 
-    width_px: int
-    """Width of the annotated pictures; even, as H.264 requires: an odd picture gets an additional black column."""
-    height_px: int
-    """Height of the annotated pictures, with the strip; even, as H.264 requires."""
-
     def __init__(self, width_px: int, height_px: int, period_s: float) -> None:
-        """Begin a film with pictures of this size, of oscillators with this period."""
+        """Begin a film with pictures of this size, of oscillators with this period.
+
+        Annotated pictures are `width_px` wide and, with the strip, `height_px` high; both are even, as H.264 requires.
+        """
         self._period_s = period_s
         self._line_px = max(MIN_LINE_PX, round(min(width_px / 28, height_px / 24)))
         self._top_px = height_px + height_px % 2
         strip_px = max(round(STRIP_SHARE * height_px), 2 * self._line_px + 2 * MIN_LINE_PX)
         self.width_px = width_px + width_px % 2
         self.height_px = self._top_px + strip_px + strip_px % 2
+        self._begin(0.0)
+
+    def _begin(self, start_s: float) -> None:
+        self._start_s = start_s
         self._counts: deque[tuple[float, int]] = deque()
-        self._start_s = 0.0
         self._max_count = FULL_COUNT
         self._spread_s: float | None = None
 
@@ -55,11 +55,13 @@ class Annotator:
         """Return (height_px, width_px, 3) the next frame, annotated with what is known by then."""
         frame, rings, start_s, evaluation, histogram_s = tracked
         if start_s != self._start_s:
-            self._start_s, self._spread_s, self._max_count = start_s, None, FULL_COUNT
-            self._counts.clear()
+            self._begin(start_s)
         if evaluation is not None:
             self._spread_s = evaluation.spread_s
-        self._remember(frame.time_s, len(rings))
+        self._counts.append((frame.time_s, len(rings)))
+        self._max_count = max(self._max_count, len(rings))
+        while len(self._counts) > 1 and self._counts[1][0] < frame.time_s - PERIODS * self._period_s:
+            self._counts.popleft()
         annotated = np.zeros((self.height_px, self.width_px, 3), np.uint8)
         height, width = frame.picture.shape[:2]
         annotated[:height, :width] = frame.picture
@@ -70,21 +72,21 @@ class Annotator:
         strip = annotated[self._top_px :]
         strip[:] = GREY
         self._draw_bars(strip[2 * self._line_px :], frame.time_s)
-        self._write(strip, frame.time_s, len(rings), histogram_s)
+        since_s = frame.time_s - self._start_s
+        self._write(strip, 0, f"{since_s:.1f} s = {since_s / self._period_s:.1f} periods")
+        self._write(strip, 1, "1 ring" if len(rings) == 1 else f"{len(rings)} rings")
+        if self._spread_s is not None:
+            self._write(strip, 0, f"spread {1000 * self._spread_s:.0f} ms", is_right=True)
+        if histogram_s is not None:
+            periods = (histogram_s - self._start_s) / self._period_s
+            self._write(strip, 1, f"synchronised at {periods:.1f} periods", CYAN, is_right=True)
         return annotated
-
-    def _remember(self, time_s: float, count: int) -> None:
-        self._counts.append((time_s, count))
-        self._max_count = max(self._max_count, count)
-        while len(self._counts) > 1 and self._counts[1][0] < time_s - PERIODS * self._period_s:
-            self._counts.popleft()
 
     def _draw_bars(self, bars: Picture, now_s: float) -> None:
         """Draw the histogram and its marks into (rows, width_px, 3) levels."""
         rows, width = bars.shape[:2]
-        counts = _counts_by_column(self._counts, now_s, PERIODS * self._period_s, width)
-        heights = np.round(counts * (rows - 1) / self._max_count)
-        is_bar = np.arange(rows, 0, -1)[:, None] <= heights
+        counts = counts_by_column(self._counts, now_s, PERIODS * self._period_s, width)
+        is_bar = np.arange(rows, 0, -1)[:, None] <= np.round(counts * (rows - 1) / self._max_count)
         begin = width - 1 - width // PERIODS
         bars[:, :begin][is_bar[:, :begin]] = OLD_BARS
         bars[:, begin:][is_bar[:, begin:]] = BARS
@@ -93,18 +95,20 @@ class Annotator:
         middle = width - 1 - width // (2 * PERIODS)
         bars[rows * 2 // 3 :, middle : middle + thick] = BLUE
 
-    def _write(self, strip: Picture, now_s: float, count: int, histogram_s: float | None) -> None:
-        since_s = now_s - self._start_s
-        _write_text(strip, 0, self._line_px, f"{since_s:.1f} s = {since_s / self._period_s:.1f} periods", WHITE, 0.0)
-        _write_text(strip, 1, self._line_px, "1 ring" if count == 1 else f"{count} rings", WHITE, 0.0)
-        if self._spread_s is not None:
-            _write_text(strip, 0, self._line_px, f"spread {1000 * self._spread_s:.0f} ms", WHITE, 1.0)
-        if histogram_s is not None:
-            periods = (histogram_s - self._start_s) / self._period_s
-            _write_text(strip, 1, self._line_px, f"synchronised at {periods:.1f} periods", CYAN, 1.0)
+    def _write(
+        self, strip: Picture, line: int, text: str, colour: tuple[int, int, int] = WHITE, *, is_right: bool = False
+    ) -> None:
+        """Write text into a line of the strip, at one end; it is made smaller if it would take more than half of it."""
+        width_px, line_px = strip.shape[1], self._line_px
+        margin, thick = line_px // 3, max(1, round(line_px / 20))
+        (width, height), _ = cv2.getTextSize(text, FONT, 1.0, thick)
+        scale = min(0.7 * line_px / height, (width_px / 2 - 2 * margin) / width)
+        (width, _), _ = cv2.getTextSize(text, FONT, scale, thick)  # not exactly proportional to the scale
+        left = width_px - margin - width if is_right else margin
+        cv2.putText(strip, text, (left, round((line + 0.82) * line_px)), FONT, scale, colour, thick, cv2.LINE_AA)
 
 
-def _counts_by_column(history: Sequence[tuple[float, int]], now_s: float, window_s: float, width: int) -> IntArray:
+def counts_by_column(history: Sequence[tuple[float, int]], now_s: float, window_s: float, width: int) -> IntArray:
     """Return (width,) the counts in a window whose last column is the present.
 
     The count of a frame holds until the next frame. Of several frames in a column the largest count is shown, because a
@@ -119,20 +123,3 @@ def _counts_by_column(history: Sequence[tuple[float, int]], now_s: float, window
     inside = first >= 0
     np.maximum.at(shown, first[inside], counts[inside])
     return shown
-
-
-def _write_text(
-    strip: Picture, line: int, line_px: int, text: str, colour: tuple[int, int, int], alignment: float
-) -> None:
-    """Write text into a line of the strip, flush left (alignment 0) or flush right (1).
-
-    Text that would take more than half of the width is made smaller; the other half belongs to the other text.
-    """
-    width_px = strip.shape[1]
-    margin = line_px // 3
-    thick = max(1, round(line_px / 20))
-    (width, height), _ = cv2.getTextSize(text, FONT, 1.0, thick)
-    scale = min(0.7 * line_px / height, (width_px / 2 - 2 * margin) / width)
-    (width, _), _ = cv2.getTextSize(text, FONT, scale, thick)  # not exactly proportional to the scale
-    left = margin + int(alignment * (width_px - 2 * margin - width))
-    cv2.putText(strip, text, (left, round((line + 0.82) * line_px)), FONT, scale, colour, thick, cv2.LINE_AA)

@@ -21,11 +21,8 @@ from epuck_sim.scenario.overhead import OverheadSection
 DESCRIPTION = "the film's description"
 LIGHT = "the floor's corners in the lit beginning"
 
-LIT_FRAMES = 30
-"""Number of frames of a lit beginning in which the floor is searched; robots or a hand may hide its corners in some."""
-AGREE_PX = 2.0
-"""Largest distance of corners found in two frames in a row that are the floor's: bands of light under lamps that
-flicker have corners, too, but move."""
+LIT_FRAMES = 30  # frames of a lit beginning in which the floor is searched: in some, a hand may hide its corners
+AGREE_PX = 2.0  # largest distance of the floor's corners in two frames in a row; those of lamps that flicker move
 MAX_TILT_DEG = 75.0  # largest angle between a camera's axis and straight down; from farther aside the floor is a line
 STUDIED_FRAMES = 400  # dark frames in which rings are studied; a swarm has then flashed a few times
 MIN_HEIGHT_CM = 10.0  # minimum height of a camera above the floor: twice the height of robots
@@ -105,10 +102,7 @@ def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
 
 
 def described_geometry(size_px: tuple[int, int], options: TrackOptions, metadata: FilmMetadata) -> Geometry | None:
-    """Return the geometry in a film's metadata; None if there is none, or the user's options describe another one.
-
-    The size is the width and height of the film's pictures, which may have been cropped or scaled.
-    """
+    """Return the geometry in a film's metadata; None if there is none, or options or pictures are not like it."""
     if metadata.overhead is None or metadata.arena_cm is None:
         return None
     if options.corners_px or options.arena_cm or options.height_cm or options.lens:
@@ -130,18 +124,11 @@ def calibrate(
     most_frames: int = STUDIED_FRAMES,
     most_lit_s: float = math.inf,
 ) -> Geometry:
-    """Determine the camera that took a film, reading no more frames than needed.
+    """Determine the camera that took a film, reading no more of its next frames than needed.
 
     The place of the floor follows from the corners in the options; or else from the floor's corners, if the film begins
-    in the light; without them the camera is aimed at the arena's middle. Distortion and scale follow from the rings.
-
-    Args:
-        name: The film or camera, for errors.
-        size_px: Width and height of its pictures.
-        frames: Its next frames.
-        options: What is known of it.
-        most_frames: Number of frames in which rings are studied, once the room is dark.
-        most_lit_s: Time for which it is waited for the dark.
+    in the light; without them the camera is aimed at the arena's middle. Distortion and scale follow from the rings, in
+    `most_frames` at most once the room is dark, for which it is waited for `most_lit_s`.
 
     Raises:
         FilmError: The options make no sense, or the film shows neither a floor nor a ring.

@@ -5,8 +5,8 @@ Pixels: (column, row), measured from the middle of the upper left pixel, as in O
 """
 
 import math
-from collections.abc import Iterable
-from typing import Any, NamedTuple, Protocol, TypeVar
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -30,24 +30,16 @@ class Frame(NamedTuple):
     picture: Picture
 
 
-Timed = TypeVar("Timed", bound=tuple[Any, ...])
-"""A tuple whose first item is its time in seconds, such as a frame or a row of a recording."""
+ProgressWrapper = Callable[[Iterable[Any], float | None], Iterable[Any]]
+"""Function that passes on tuples, whose first items are times in s, and shows how far their reader is.
 
-
-class ProgressWrapper(Protocol):
-    """Wraps an iterable of timed items and shows how far its reader is."""
-
-    def __call__(self, timed: Iterable[Timed], duration_s: float | None) -> Iterable[Timed]:
-        """Return the same items in the same order; duration_s: time of the last one, None if it is unknown."""
-
+Its second argument is the time of the last one; None if it is unknown."""
 
 REFERENCE_HEIGHT_CM = 110.0  # height of the camera above the floor in the thesis's experiments (4.3.1)
 REFERENCE_SIDE_CM = 60.0  # side of the arena in the thesis's experiments (4.3.1)
 WALL_HEIGHT_CM = 6.0  # height of the arena's walls; our estimate: they hide a robot of 4.7 cm from its surroundings
 
-LOOKING_DOWN = np.diag([1.0, -1.0, -1.0])
-"""Rotation from the arena's frame into that of a camera looking straight down (x right, y down, z ahead)."""
-
+LOOKING_DOWN = np.diag([1.0, -1.0, -1.0])  # rotation from the arena's frame into a camera's (x right, y down, z ahead)
 MARGIN = 1.04  # factor by which the default field of view is larger than the floor with its walls
 OUTLINE_POINTS = 16  # points on each side of the floor's outline, which distortion bows
 
@@ -107,15 +99,9 @@ class CameraModel(NamedTuple):
         return np.asarray(pixels, float).reshape(-1, 2)
 
     def back_project(self, pixels: FloatArray, z_cm: float) -> FloatArray:
-        """Return the points of a horizontal plane that pixels show.
+        """Return (n, 2) cm: x and y of the points `z_cm` above the floor that (n, 2) px show; n > 0.
 
-        Args:
-            pixels: (n, 2) px: column and row of each; n > 0.
-            z_cm: Height of the plane above the floor.
-
-        Returns:
-            (n, 2) cm: x and y of each. A pixel above the horizon shows no such point and gets the one behind the camera
-            on the same line.
+        A pixel above the horizon shows no such point and gets the one behind the camera on the same line.
         """
         seen = np.ascontiguousarray(pixels, float).reshape(-1, 1, 2)
         straighten = cv2.fisheye.undistortPoints if self.lens.is_fisheye else cv2.undistortPoints
@@ -128,7 +114,7 @@ class CameraModel(NamedTuple):
 
     def plane_map(self, z_cm: float) -> Float32Array:
         """Return (height_px, width_px, 2) cm: the point `z_cm` above the floor that each pixel shows."""
-        columns, rows = np.meshgrid(np.arange(self.width_px, dtype=float), np.arange(self.height_px, dtype=float))
+        rows, columns = np.indices((self.height_px, self.width_px), float)
         pixels = np.column_stack([columns.ravel(), rows.ravel()])
         return self.back_project(pixels, z_cm).reshape(self.height_px, self.width_px, 2).astype(np.float32)
 
@@ -144,8 +130,7 @@ class Geometry(NamedTuple):
     knows_floor: bool
     """Whether the floor's place in the picture is known, so that rings outside of it are left out."""
     error_cm: float = 0.0
-    """Standard error of positions at the floor's corners, as far as the film tells; without known corners, relative to
-    each other. 0 if nothing tells."""
+    """Standard error of positions at the floor's corners, or relative to each other; 0 if nothing tells."""
     tilt_deg: float = 0.0
     """Angle between the camera's axis and straight down."""
     background: Light | None = None
@@ -202,11 +187,11 @@ def _lens(section: OverheadSection, width_cm: float, height_cm: float, above_cm:
     if section.field_of_view_deg is not None:
         focals_px = [section.width_px / 2 / math.tan(math.radians(section.field_of_view_deg) / 2)]
     else:
-        sides = tuple(zip(size, (width_cm, height_cm), strict=True))
+        sides = zip(size, (width_cm, height_cm), strict=True)
         focals_px = [pixels * (above_cm - WALL_HEIGHT_CM) / (side_cm * MARGIN) for pixels, side_cm in sides]
     if section.lens == "fisheye":
-        halves_px = zip((side_px / 2 for side_px in size), focals_px, strict=False)
-        return fisheye_lens(*size, min(half_px / math.atan(half_px / focal_px) for half_px, focal_px in halves_px))
+        sides_and_focals = zip(size, focals_px, strict=False)
+        return fisheye_lens(*size, min(side / 2 / math.atan(side / 2 / focal) for side, focal in sides_and_focals))
     focal_px = min(focals_px)
     corner = math.hypot(*size) / 2 / focal_px
     lowest = -1 / (3 * (1.5 * corner) ** 2)  # r + k1 r^3 turns back where it is 2/3 of r

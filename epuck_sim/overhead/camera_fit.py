@@ -5,8 +5,8 @@ to place. So rings tell the distortion and the tilt; corners tell the place of t
 """
 
 import math
-from collections.abc import Iterable, Iterator
-from typing import NamedTuple, Self
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -22,7 +22,6 @@ from epuck_sim.overhead.rings import RingFinder
 
 CORNERS = "the corners given"
 RINGS = "the size and shape of the rings, with the camera aimed at the arena's middle"
-"""What a camera was determined from."""
 
 # rings of unknown size
 MIN_RADIUS_PX = 5.0  # radius of the smallest ring that is searched; the hollow of smaller ones is lost
@@ -68,14 +67,6 @@ class SeenRings(NamedTuple):
         """Number of rings."""
         return len(self.radius_px)
 
-    @classmethod
-    def from_moments(cls, places_px: FloatArray, squares: FloatArray) -> Self:
-        """Return rings from (n, 2, 2) second moments of their rims."""
-        across, down, mixed = squares[:, 0, 0], squares[:, 1, 1], squares[:, 0, 1]
-        total = across + down
-        flattening = np.column_stack([(across - down) / 2, mixed]) / total[:, None]
-        return cls(places_px, np.sqrt(total), flattening)
-
 
 def measure_rings(frames: Iterable[Frame], background: Background, most_frames: int) -> SeenRings:
     """Measure rings of unknown size in the dark frames of a film, from which the background learns.
@@ -105,22 +96,11 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
     return survey.seen_rings()
 
 
-class _SeenRing(NamedTuple):
-    x_px: float
-    y_px: float
-    radius_px: float
-    flattening: tuple[float, float]
-    light: float
-    """Levels above those of its inside."""
-    misfit: float
-    """Distance of the light's edge from the fitted shape, relative to the radius."""
-
-
 class _Survey:
     """Searches rings of all sizes in picture after picture, and later only of the sizes that were found."""
 
     def __init__(self) -> None:
-        self.found: list[_SeenRing] = []
+        self.found: list[list[float]] = []
         self._finders: list[RingFinder] = []
         self._useful: list[int] = []
         self._pictures = 0
@@ -130,26 +110,29 @@ class _Survey:
         return len(self.found) >= ENOUGH_RINGS or self._pictures >= ENOUGH_PICTURES
 
     def examine(self, light: RingLight) -> None:
-        """Search rings in the light of a dark picture."""
+        """Search rings in the light of a dark picture; keep those that fit best where several are at one place."""
         if not self._finders:
-            self._finders = [RingFinder(camera) for camera in _search_cameras(*light.levels.shape[::-1])]
+            rows, columns = light.levels.shape
+            sizes = math.floor(math.log(MAX_RADIUS * min(rows, columns) / MIN_RADIUS_PX, STEP)) + 1
+            radii_px = [MIN_RADIUS_PX * STEP**size for size in range(sizes)]
+            self._finders = [RingFinder(search_camera(columns, rows, radius_px)) for radius_px in radii_px]
             self._useful = [0] * len(self._finders)
-        seen = []
+        seen: list[list[float]] = []
         for index, finder in enumerate(self._finders):
             if self._pictures < SURVEYED or self._useful[index]:
                 rings = _seen_by(finder, light)
                 self._useful[index] += len(rings)
                 seen += rings
-        kept: list[_SeenRing] = []  # those that fit best where several were found at one place at different scales
-        for ring in sorted(seen, key=lambda each: each.misfit):
-            if all(math.dist(ring[:2], other[:2]) > max(ring.radius_px, other.radius_px) for other in kept):
+        kept: list[list[float]] = []
+        for ring in sorted(seen, key=lambda each: each[-1]):
+            if all(math.dist(ring[:2], other[:2]) > max(ring[2], other[2]) for other in kept):
                 kept.append(ring)
         self.found += kept
         self._pictures += bool(seen)
 
     def seen_rings(self) -> SeenRings:
         """Return the rings that are bright and of about one size."""
-        table = np.array([(*ring[:3], *ring.flattening, ring.light) for ring in self.found]).reshape(-1, 6)
+        table = np.array(self.found).reshape(-1, 7)
         if len(table):
             table = table[table[:, 5] >= USUAL_LIGHT * np.quantile(table[:, 5], 0.9)]
             relative = table[:, 2] / np.median(table[:, 2])
@@ -165,25 +148,20 @@ def search_camera(width_px: int, height_px: int, radius_px: float) -> CameraMode
     return CameraModel(width_px, height_px, lens, LOOKING_DOWN, np.array([0.0, 0.0, VIEW_HEIGHT_CM]))
 
 
-def _search_cameras(width_px: int, height_px: int) -> Iterator[CameraModel]:
-    radius_px = MIN_RADIUS_PX
-    while radius_px <= MAX_RADIUS * min(width_px, height_px):
-        yield search_camera(width_px, height_px, radius_px)
-        radius_px *= STEP
+def _seen_by(finder: RingFinder, light: RingLight) -> list[list[float]]:
+    """Return what a finder with a search camera sees of each ring.
 
-
-def _seen_by(finder: RingFinder, light: RingLight) -> list[_SeenRing]:
-    """Return the rings that a finder with a search camera sees; rows of its view count upwards."""
+    That is column, row and radius, px; flattening, cosine and sine; light, levels; and misfit relative to the radius.
+    """
     fits = finder.fits(light)
     if not fits:
         return []
     px_per_cm = finder.camera.lens.focal_px / (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)
-    places_px = finder.camera.project(finder.view.centres_cm(fits)).tolist()
-    rings = []
-    for (x_px, y_px), fit in zip(places_px, fits, strict=True):
-        flattening, misfit = (fit.flattening[0], -fit.flattening[1]), fit.misfit_cm / fit.radius_cm
-        rings.append(_SeenRing(x_px, y_px, fit.radius_cm * px_per_cm, flattening, fit.light, misfit))
-    return rings
+    places_px = finder.camera.project(finder.view.centres_cm(fits))
+    radii_cm, levels, misfits_cm = np.array([(fit.radius_cm, fit.light, fit.misfit_cm) for fit in fits]).T
+    flattening = np.array([fit.flattening for fit in fits]) * (1, -1)  # rows of the view count upwards
+    rings = np.column_stack([places_px, radii_cm * px_per_cm, flattening, levels, misfits_cm / radii_cm])
+    return list(rings.tolist())
 
 
 def fit_camera(
@@ -196,14 +174,8 @@ def fit_camera(
 ) -> Geometry:
     """Fit the camera that sees the floor's corners, if they are given, and rings where and as large as they are seen.
 
-    Args:
-        size_px: Width and height of the picture.
-        floor_cm: Width and height, along y, of the floor.
-        above_cm: Height of the camera above the floor, which corners seen from straight above do not determine.
-        rings: Rings in the film; may be none if corners are given.
-        corners_px: (4, 2) px: columns and rows in any order; the corner nearest to the picture's lower left corner is
-            the arena's origin. Without them, the camera is aimed at the arena's middle, and not turned.
-        lens: The lens, if it was calibrated.
+    Without corners, (4, 2) px in any order, it is aimed at the arena's middle, and not turned; of them, the nearest to
+    the picture's lower left corner is the arena's origin. Corners seen from straight above do not determine its height.
 
     Raises:
         FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.
@@ -213,9 +185,16 @@ def fit_camera(
     fits = [_Fit(size_px, floor_cm, above_cm, rings, corners, lens, is_fisheye) for is_fisheye in kinds]
     best = fits[-1] if fits[-1].cost < FISHEYE_GAIN * fits[0].cost else fits[0]
     tilt_deg = math.degrees(math.acos(min(1.0, -best.camera.rotation[2, 2])))
-    told = (RINGS, False) if corners is None else (CORNERS, True)
-    told_by = (best.error_cm(), tilt_deg)
-    return Geometry(best.camera, floor_cm, *told, *told_by, ring_light=rings.light, ring_size=best.ring_size)
+    return Geometry(
+        best.camera,
+        floor_cm,
+        calibration=RINGS if corners is None else CORNERS,
+        knows_floor=corners is not None,
+        error_cm=best.error_cm(),
+        tilt_deg=tilt_deg,
+        ring_light=rings.light,
+        ring_size=best.ring_size,
+    )
 
 
 class _Fit:
@@ -257,16 +236,9 @@ class _Fit:
         self._free = np.array([has_corners or has_rings] * 2 + [has_corners] * 3 + [True, tells_k1, tells_size])
         self._start = start
         self._found = start[self._free]
+        until = {"x_scale": "jac", "ftol": TOLERANCE, "xtol": TOLERANCE, "gtol": TOLERANCE}
         for shape_error in SHAPE_ERRORS:
-            fit = least_squares(
-                self._misses,
-                self._found,
-                x_scale="jac",
-                ftol=TOLERANCE,
-                xtol=TOLERANCE,
-                gtol=TOLERANCE,
-                args=(shape_error,),
-            )
+            fit = least_squares(self._misses, self._found, args=(shape_error,), **until)
             self._found = fit.x
         self.cost = float(fit.cost)
         self.camera = self._camera(self._filled(self._found))
@@ -293,24 +265,21 @@ class _Fit:
 
     def _misses(self, free_values: FloatArray, shape_error: float) -> FloatArray:
         values = self._filled(free_values)
-        with np.errstate(all="ignore"):
-            off = self._weighted_misses(self._camera(values), values, shape_error)
-        return np.nan_to_num(off, nan=1e3, posinf=1e3, neginf=-1e3)
-
-    def _weighted_misses(self, camera: CameraModel, values: FloatArray, shape_error: float) -> FloatArray:
         priors = [values[6] / K1_PRIOR, values[7] / SIZE_PRIOR]
         if self._corners is None:
             priors += list(values[:2] / TILT_PRIOR)
         parts = [np.array(priors)]
-        if self._corners is not None:
-            parts.append((camera.project(self._floor) - self._corners).ravel() / CORNER_PX)
-        if self._rings.number:
-            seen = expected_rings(camera, self._rings.places_px, epuck.RING_RADIUS_CM * math.exp(values[7]))
-            sizes = np.log(np.maximum(seen.radius_px, 1e-3) / self._rings.radius_px)
-            off = np.column_stack([sizes, seen.flattening - self._rings.flattening])
-            off = (off / shape_error).ravel()
-            parts.append(np.sign(off) * np.sqrt(2 * np.log1p(off**2 / 2)))  # a ring that is none counts for little
-        return np.concatenate(parts)
+        with np.errstate(all="ignore"):
+            camera = self._camera(values)
+            if self._corners is not None:
+                parts.append((camera.project(self._floor) - self._corners).ravel() / CORNER_PX)
+            if self._rings.number:
+                seen = expected_rings(camera, self._rings.places_px, epuck.RING_RADIUS_CM * math.exp(values[7]))
+                sizes = np.log(np.maximum(seen.radius_px, 1e-3) / self._rings.radius_px)
+                off = np.column_stack([sizes, seen.flattening - self._rings.flattening])
+                off = (off / shape_error).ravel()
+                parts.append(np.sign(off) * np.sqrt(2 * np.log1p(off**2 / 2)))  # a ring that is none counts for little
+        return np.asarray(np.nan_to_num(np.concatenate(parts), nan=1e3, posinf=1e3, neginf=-1e3), float)
 
     def error_cm(self) -> float:
         """Return the standard error of the floor's corners on the floor, from draws of what was fitted."""
@@ -329,6 +298,7 @@ def expected_rings(camera: CameraModel, places_px: FloatArray, radius_cm: float)
     points = np.concatenate([np.zeros((1, 2)), rim]) + centres[:, None]
     height = np.full((*points.shape[:2], 1), epuck.RING_HEIGHT_CM)
     pixels = camera.project(np.concatenate([points, height], axis=2).reshape(-1, 3)).reshape(len(centres), -1, 2)
-    away = pixels[:, 1:] - pixels[:, 1:].mean(axis=1, keepdims=True)
-    squares = (away[:, :, :, None] * away[:, :, None, :]).mean(axis=1)  # of an ellipse: half of its axes' squares
-    return SeenRings.from_moments(places_px, squares)
+    x, y = np.moveaxis(pixels[:, 1:] - pixels[:, 1:].mean(axis=1, keepdims=True), -1, 0)
+    across, down, mixed = ((one * other).mean(axis=1) for one, other in ((x, x), (y, y), (x, y)))
+    flattening = np.column_stack([(across - down) / 2, mixed]) / (across + down)[:, None]
+    return SeenRings(places_px, np.sqrt(across + down), flattening)  # moments are half of the axes' squares

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim import epuck
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.flashes import CountedRings, FlashLinker, FlashTable
+from epuck_sim.overhead.flashes import CountedRings, FlashLinker
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.robots import MANY_UNSURE, Robots, find_robots
 from epuck_sim.overhead.synchrony import mean_shift
@@ -34,7 +34,7 @@ SHARE_AT_MODE = 0.25  # cycles of the own period, relative to all, below which t
 SCALE_ERROR = 0.005  # relative error of lengths by the geometry; our estimate, for corners that are half a pixel off
 LIT_SHARE = 0.5  # frames by which a flash may be shorter than it seems: a ring lit for part of an exposure is seen
 CUT = 4.74
-"""Fall of the log-likelihood at the ends of 95 % intervals: half of the quantile of chi-square with four degrees of
+"""Fall of the log-likelihood at the ends of 95 % intervals: half the quantile of chi-square with four degrees of
 freedom, which the range of draws from a uniform distribution approaches."""
 GRID = 81  # values of each parameter for which the likelihood is computed
 LEAST_ERROR = 1e-12  # least standard error of a value, in its unit, so that values that are all 0 have a density
@@ -54,33 +54,31 @@ def fit_film(track: Track, robots: Robots) -> dict[str, Fitted]:
 
     Quantities that the film does not determine are left out.
     """
-    flashes = FlashTable.of(track.flashes)
-    group = "robots.0.parameters"
+    group, period_s = "robots.0.parameters", track.period_s
     fitted: dict[str, Fitted | None] = {}
-    fitted[f"{group}.speed_cm_s"], speeds = _fit_speeds(flashes, robots)
-    period_s = track.period_s
+    fitted[f"{group}.speed_cm_s"], speeds = _fit_speeds(robots)
     if robots.identities.unsure <= MANY_UNSURE:  # else each seeming robot is some of several
-        period, clocks = _fit_clocks(flashes, robots, track)
+        period, clocks = _fit_clocks(robots, track)
         fitted |= {"spread.wheel_speed": speeds, f"{group}.period_s": period, "spread.clock_rate": clocks}
         period_s = period.value if period else period_s
-    fitted[f"{group}.flash_fraction"] = _fit_flash(flashes, robots, track, period_s)
+    fitted[f"{group}.flash_fraction"] = _fit_flash(robots, track, period_s)
     fitted["overhead.frames_per_s"] = _fit_rate(track.times_s)
     return {key: value for key, value in fitted.items() if value is not None}
 
 
-def cycles_of(flashes: FlashTable, robot: IntArray, numbers: IntArray) -> list[FloatArray]:
-    """Return the times from each flash to the next, for each of some numbers of robots; robot: whose each flash is."""
-    return [np.diff(flashes.onset_s[robot == number]) for number in numbers]
+def _cycles(robots: Robots) -> list[FloatArray]:
+    """Return the times from each flash to the next, for each robot."""
+    return [np.diff(robots.flashes.onset_s[robots.identities.robot == number]) for number in robots.numbers]
 
 
-def _fit_speeds(flashes: FlashTable, robots: Robots) -> tuple[Fitted | None, Fitted | None]:
+def _fit_speeds(robots: Robots) -> tuple[Fitted | None, Fitted | None]:
     """Return the speed straight ahead, and the half-width of the factors by which robots differ in it."""
     usual = robots.identities.speed_cm_s
     if not usual:  # robots stand, or each flash is in a single frame
         return None, None
     values, errors = [], []
     for number in robots.numbers:
-        speeds = flashes.speeds_cm_s[robots.identities.robot == number]
+        speeds = robots.flashes.speeds_cm_s[robots.identities.robot == number]
         straight = speeds[np.abs(speeds - usual) <= NEAR_MODE * usual]
         if len(straight) >= FEW:
             values.append(float(np.median(straight)))
@@ -91,10 +89,9 @@ def _fit_speeds(flashes: FlashTable, robots: Robots) -> tuple[Fitted | None, Fit
     return mean, spread
 
 
-def _fit_clocks(flashes: FlashTable, robots: Robots, track: Track) -> tuple[Fitted | None, Fitted | None]:
+def _fit_clocks(robots: Robots, track: Track) -> tuple[Fitted | None, Fitted | None]:
     """Return the period of robots that see no flash, and the half-width of the factors by which clocks differ."""
-    frame_s = 1 / track.fps
-    cycles = cycles_of(flashes, robots.identities.robot, robots.numbers)
+    frame_s, cycles = 1 / track.fps, _cycles(robots)
     every = np.concatenate([*cycles, np.empty(0)])
     near = every[np.abs(every / track.period_s - 1) < 0.1]
     if not len(near):
@@ -108,8 +105,8 @@ def _fit_clocks(flashes: FlashTable, robots: Robots, track: Track) -> tuple[Fitt
     return fit_uniform(means, frame_s / np.sqrt(6 * numbers))
 
 
-def _fit_flash(flashes: FlashTable, robots: Robots, track: Track, period_s: float) -> Fitted | None:
-    durations = (flashes.end_s - flashes.onset_s)[:-1]
+def _fit_flash(robots: Robots, track: Track, period_s: float) -> Fitted | None:
+    durations = (robots.flashes.end_s - robots.flashes.onset_s)[:-1]
     usual = durations[np.abs(durations - track.flash_ms / 1000) <= 2 / track.fps]
     if len(usual) < FEW:
         return None
@@ -133,11 +130,8 @@ def _fit_rate(times_s: FloatArray) -> Fitted | None:
 def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Fitted | None, Fitted | None]:
     """Return the mean, and the relative half-width, of a uniform distribution from which robots have their values.
 
-    There is neither of fewer than `FEW` robots, and no half-width of a mean whose interval reaches 0.
-
-    Args:
-        values: (robots,) what was measured of each, 0 or more.
-        errors: (robots,) standard errors of these.
+    Values are 0 or more, and have standard errors. There is neither mean nor half-width of fewer than `FEW` robots, and
+    no half-width of a mean whose interval reaches 0.
     """
     if len(values) < FEW:
         return None, None
@@ -176,9 +170,7 @@ FEWEST_KNOWN = 0.5  # share of the trials that must tell a quantity for it to be
 LEAST_SPREAD = 0.005  # least standard deviation of a quantity, relative to its largest value: pictures tell no more
 MOST_NAMED = 3  # quantities that a verdict names, at most
 NEAR_WALL_CM = 5.0  # distance from a wall within which a robot's middle is near it, as in the measure `near_walls`
-
-SEEN_SHARE = 0.1
-"""Share of an exposure for which a ring must be lit to be seen; our estimate: rings are much brighter than needed."""
+SEEN_SHARE = 0.1  # share of an exposure for which a ring must be lit to be seen; our estimate
 
 
 class Quantity(NamedTuple):
@@ -298,20 +290,21 @@ def compare_film(
         except FilmError:  # nothing is known of it
             continue
         values[:, trial] = [quantity.of(track, found) for quantity in QUANTITIES]
-    rows = zip(QUANTITIES, values, strict=True)
-    return [QuantityComparison(quantity, quantity.of(film, robots), row) for quantity, row in rows]
+    return [
+        QuantityComparison(quantity, quantity.of(film, robots), row)
+        for quantity, row in zip(QUANTITIES, values, strict=True)
+    ]
 
 
 def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Track, Robots]:
-    """Return what is found in a simulated trial as if it were filmed, judged by the rules of another film; its robots.
+    """Return the track and the robots of a simulated trial, as if it were filmed like another film.
 
-    The number of robots is told of the trial if it was told of the film, and tags are read in all frames if the film's
-    were read.
+    The number of robots is told if it was told of the film, and tags are read in all frames if the film's were read.
 
     Raises:
         FilmError: The film is too short, or has no flashes.
     """
-    times_s, poses, is_lit = simulate_film(scenario, seed, film)
+    times_s, poses, is_lit = _simulate(scenario, seed, film)
     linker = FlashLinker()
     for time_s, places, lit in zip(times_s.tolist(), poses[..., :2], is_lit, strict=True):
         rings = [Ring(x_cm, y_cm, epuck.RING_RADIUS_CM, 0.0, 0.0, 0.0, 100.0) for x_cm, y_cm in places[lit].tolist()]
@@ -342,21 +335,19 @@ def _within(track: Track, value: float | None) -> float:
     return math.nan if track.confidence == "none" else math.inf
 
 
-def _median_cycle(track: Track, robots: Robots) -> float:
-    robot = robots.identities.robot
-    cycles = cycles_of(FlashTable.of(track.flashes), robot, np.unique(robot[robot >= 0]))
-    every = np.concatenate([*cycles, np.empty(0)])
+def _median_cycle(_: Track, robots: Robots) -> float:
+    every = np.concatenate([*_cycles(robots), np.empty(0)])
     return float(np.median(every)) if len(every) else math.nan
 
 
-def _near_walls(track: Track, _: Robots) -> float:
-    places, floor_cm = FlashTable.of(track.flashes).places_cm, np.array(track.geometry.floor_cm)
+def _near_walls(track: Track, robots: Robots) -> float:
+    places, floor_cm = robots.flashes.places_cm, np.array(track.geometry.floor_cm)
     from_walls_cm = np.minimum(places, floor_cm - places).min(axis=1, initial=math.inf)
     return float(np.mean(from_walls_cm <= NEAR_WALL_CM)) if len(places) else math.nan
 
 
-def _slow(track: Track, robots: Robots) -> float:
-    speeds = FlashTable.of(track.flashes).speeds_cm_s
+def _slow(_: Track, robots: Robots) -> float:
+    speeds = robots.flashes.speeds_cm_s
     return float(np.mean(speeds < robots.identities.speed_cm_s / 2)) if len(speeds) else math.nan
 
 
@@ -377,23 +368,21 @@ QUANTITIES = (
 )
 
 
-class SimulatedFilm(NamedTuple):
-    """Robots of a simulated trial in each frame of a film."""
+def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Simulate a trial at the frame rate and for the duration of a film, whatever ends the scenario's trials.
 
-    times_s: FloatArray
-    """(frames,) s."""
-    poses: FloatArray
-    """(frames, robots, 3) cm, cm, rad: x, y, heading; NaN where a robot is not in the arena."""
-    is_lit: BoolArray
-    """(frames, robots) whether rings are seen to be lit."""
-
-
-def simulate_film(scenario: EmbodiedScenario, seed: int, film: Track) -> SimulatedFilm:
-    """Simulate a trial as if it were filmed, at the frame rate and for the duration of another film.
-
-    The scenario's conditions of ending do not count.
+    Returns:
+        (frames,) s; (frames, robots, 3) poses in cm and rad, NaN where a robot is not in the arena; and
+        (frames, robots) whether rings are seen to be lit.
     """
-    steps_s, poses, ring_on = _steps(scenario, seed, film.duration_s)
+    times, rows, lit = [], [], []
+    for step in Simulation(scenario, seed):
+        times.append(step.time_s)
+        rows.append(step.poses.copy())
+        lit.append(step.ring_on & step.present)
+        if step.time_s >= film.duration_s:
+            break
+    steps_s, poses, ring_on = np.array(times), np.array(rows), np.array(lit)
     exposure_s = min(scenario.overhead.exposure_ms / 1000, 1 / film.fps)
     frames_s = np.arange(0.0, film.duration_s - exposure_s, 1 / film.fps)
     at_s = frames_s + exposure_s / 2
@@ -405,19 +394,7 @@ def simulate_film(scenario: EmbodiedScenario, seed: int, film: Track) -> Simulat
     begin, end = (ring_on[np.searchsorted(steps_s, moment, side="right") - 1] for moment in moments)
     # between a step with a robot and one without it, it is nowhere
     is_there: BoolArray = np.logical_not(np.isnan(seen).any(axis=2))
-    return SimulatedFilm(frames_s, np.where(is_there[..., None], seen, np.nan), (begin | end) & is_there)
-
-
-def _steps(scenario: EmbodiedScenario, seed: int, until_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return (steps,) s, (steps, robots, 3) poses, and (steps, robots) whether rings are lit, of a trial."""
-    times, poses, ring_on = [], [], []
-    for step in Simulation(scenario, seed):
-        times.append(step.time_s)
-        poses.append(step.poses.copy())
-        ring_on.append(step.ring_on & step.present)
-        if step.time_s >= until_s:
-            break
-    return np.array(times), np.array(poses), np.array(ring_on)
+    return frames_s, np.where(is_there[..., None], seen, np.nan), (begin | end) & is_there
 
 
 def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> dict[str, Fitted]:
@@ -443,7 +420,7 @@ def check_one_group(scenario: EmbodiedScenario) -> None:
 
 
 def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Fitted]) -> EmbodiedScenario:
-    """Return a scenario with fitted values in place of its own, and an exposure that is no longer than a frame.
+    """Return a scenario with fitted values, and an exposure that is no longer than a frame.
 
     Raises:
         FilmError: The scenario has several groups of robots.

@@ -5,9 +5,11 @@ frames; the spread of a histogram in seconds needs the true times.
 """
 
 import json
+import math
+import mmap
 from array import array
-from collections.abc import Generator, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager, nullcontext, suppress
 from fractions import Fraction
 from pathlib import Path
 from statistics import median
@@ -33,14 +35,9 @@ GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dr
 RESTART_S = 1.0  # time before the last time stamp from which a clock counts as restarted, not a frame as out of order
 LONGEST_GAP_S = 86_400.0  # time after it from which a clock counts as set anew: no camera is still for a day
 
-TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})
-"""Codecs by which FFmpeg renders text files as films of a terminal; such a file is a mistake here."""
-
-MOVIE_BOXES = frozenset({b"ftyp", b"mdat", b"free", b"skip", b"wide", b"moov"})
-"""Types of the box that an MP4 or QuickTime file may begin with."""
-
+TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})  # by which FFmpeg renders text files as films of a terminal
+MOVIE_BOXES = frozenset({b"ftyp", b"mdat", b"free", b"skip", b"wide", b"moov"})  # types of an MP4 film's first box
 READABLE = "what FFmpeg reads, such as MP4, MKV, AVI or GIF"
-
 CUT_OFF = (
     "was cut off before its recording was finished: the index at the end of an MP4 film (`moov`) is missing, and "
     "without it nothing can be read; record it again, or copy it again if the original is whole"
@@ -49,10 +46,7 @@ CUT_OFF = (
 
 @contextmanager
 def open_film(path_or_url: str) -> Iterator["Film"]:
-    """Open a film for the duration of a `with` block.
-
-    Args:
-        path_or_url: A file, numbered pictures (`frames_%04d.png`), or an address (`http://...`).
+    """Open a file, numbered pictures (`frames_%04d.png`), or an address (`http://...`) for the duration of a block.
 
     Raises:
         FilmError: There is no such film, it is damaged beyond use, or none of its pictures can be decoded.
@@ -61,14 +55,16 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
     source = path_or_url if is_address else _resolve_file(path_or_url)
     try:
         container = av.open(source, metadata_errors="replace", timeout=TIMEOUT_S if is_address else None)
+    except FileNotFoundError as error:
+        raise FilmError(
+            f"{path_or_url}: no such file; allowed: a film, numbered pictures such as frames_%04d.png whose first "
+            "number is 0 to 4, or an address such as http://..."
+        ) from error
     except (FFmpegError, OSError, ValueError) as error:
-        raise FilmError(f"{path_or_url}: {_explain_open_error(source, error)}") from error
+        reason = f"cannot be read as a film: {getattr(error, 'strerror', None) or error}; allowed: {READABLE}"
+        raise FilmError(f"{path_or_url}: {CUT_OFF if _lacks_index(source) else reason}") from error
     with container:
-        film = Film(path_or_url, container, _picture_stream(path_or_url, container))
-        try:
-            yield film
-        finally:
-            film.close()
+        yield Film(path_or_url, container, _picture_stream(path_or_url, container))
 
 
 class Film:
@@ -90,8 +86,7 @@ class Film:
         self.description = _read_description(container.metadata)
         self.duration_s = _duration_s(container, stream)
         self._container, self._stream = container, stream
-        self._format = container.format.name
-        self.is_pictures = self._format == "image2"
+        self.is_pictures = container.format.name == "image2"
         self._rate = stream.average_rate or Fraction(UNSTAMPED_RATE)
         self._clock = FilmClock(1 / self._rate)
         self._damaged = 0
@@ -127,10 +122,6 @@ class Film:
             )
         return found + self._clock.warnings()
 
-    def close(self) -> None:
-        """Stop reading; `frames` yields nothing more."""
-        self._frames.close()
-
     def _decode(self) -> Iterator[VideoFrame]:
         """Yield the pictures that can be decoded, skipping damaged ones."""
         self._stream.codec_context.thread_count = 1  # each thread would hold a few frames
@@ -151,8 +142,9 @@ class Film:
             if packet is None:
                 return
 
-    def _read(self, first: VideoFrame, others: Iterator[VideoFrame]) -> Generator[Frame]:
+    def _read(self, first: VideoFrame, others: Iterator[VideoFrame]) -> Iterator[Frame]:
         reformatter = VideoReformatter()  # shared by all frames: creating one takes longer than using it
+        has_no_stamps = self._container.format.name == "avi"  # but decoding times, which have the same order
         picture: VideoFrame | None = first
         while picture is not None:
             if (picture.width, picture.height) != (first.width, first.height):
@@ -160,23 +152,17 @@ class Film:
                     f"{self.name}: the size of its pictures changes from {first.width} x {first.height} to "
                     f"{picture.width} x {picture.height} px after {self._clock.last_s:.3f} s; cut the film there"
                 )
-            # AVI files store only decoding times, which have the same order
-            ticks, unit_s = picture.dts if self._format == "avi" else picture.pts, picture.time_base
+            ticks, unit_s = picture.dts if has_no_stamps else picture.pts, picture.time_base
             time_s = self._clock.time_s(None if ticks is None or unit_s is None else ticks * unit_s)
             if time_s is not None:
                 pixels = reformatter.reformat(picture, format="rgb24", threads=1).to_ndarray()
                 turned = np.rot90(pixels, round(first.rotation / 90))  # as players show it
                 yield Frame(time_s, np.ascontiguousarray(turned, np.uint8))
-            lasted_s = picture.duration * unit_s if picture.duration and unit_s else 0
+            lasted_s = float(picture.duration * unit_s) if picture.duration and unit_s else 0.0
             picture = next(others, None)
-        self._check_end(float(lasted_s))
-
-    def _check_end(self, lasted_s: float) -> None:
-        """Note whether the film ends before its declared end; lasted_s: duration of the last picture."""
         usual_s = self._clock.median_interval_s
         read_s = self._clock.last_s + max(lasted_s, usual_s)
-        missing_s = (self.duration_s or 0.0) - read_s
-        if not self._ended_early and missing_s > max(EARLY_S, 3 * usual_s):
+        if not self._ended_early and (self.duration_s or 0.0) - read_s > max(EARLY_S, 3 * usual_s):
             self._ended_early = (
                 f"the film ends early: {read_s:.1f} of {self.duration_s:.1f} s could be read; the file was cut off "
                 "or is damaged"
@@ -202,39 +188,36 @@ class FilmClock:
         """Median time from one frame to the next."""
         return median(self._intervals_s) if self._intervals_s else self._nominal_s
 
-    def time_s(self, stamp_s: Fraction | None) -> float | None:
-        """Return the time of the next frame, whose time stamp is `stamp_s`; None if the frame must be left out."""
-        if stamp_s is None:
-            self._missing += 1
-            return self._advance(self._expected_s())
-        if self._zero_s is None:
-            self._zero_s = stamp_s - Fraction(self._expected_s())
-        since_s = float(stamp_s - self._zero_s) - self.last_s
-        if self.last_s >= 0 and not -RESTART_S <= since_s <= LONGEST_GAP_S:
-            self._restarts += 1
-            self._zero_s = stamp_s - Fraction(self._expected_s())
-        elif self.last_s >= 0 and since_s <= 0:
-            self._doubled += since_s == 0
-            self._unordered += since_s < 0
-            return None
-        return self._advance(float(stamp_s - self._zero_s))
-
-    def _expected_s(self) -> float:
-        """Return the time of the next frame if it has no usable time stamp."""
-        return 0.0 if self.last_s < 0 else self.last_s + self._average_s()
-
+    @property
     def _average_s(self) -> float:
         return self.last_s / len(self._intervals_s) if self._intervals_s else self._nominal_s
 
-    def _advance(self, time_s: float) -> float:
-        if self.last_s >= 0:
+    def time_s(self, stamp_s: Fraction | None) -> float | None:
+        """Return the time of the next frame, whose time stamp is `stamp_s`; None if the frame must be left out."""
+        is_first = self.last_s < 0
+        time_s = 0.0 if is_first else self.last_s + self._average_s  # if it has no usable time stamp
+        if stamp_s is None:
+            self._missing += 1
+        else:
+            if self._zero_s is None:
+                self._zero_s = stamp_s - Fraction(time_s)
+            since_s = float(stamp_s - self._zero_s) - self.last_s
+            if not is_first and not -RESTART_S <= since_s <= LONGEST_GAP_S:
+                self._restarts += 1
+                self._zero_s = stamp_s - Fraction(time_s)
+            elif not is_first and since_s <= 0:
+                self._doubled += since_s == 0
+                self._unordered += since_s < 0
+                return None
+            time_s = float(stamp_s - self._zero_s)
+        if not is_first:
             self._intervals_s.append(time_s - self.last_s)
         self.last_s = time_s
         return time_s
 
     def warnings(self) -> list[str]:
         """Return a sentence for each kind of defect among the time stamps so far."""
-        placed = f"placed {1000 * self._average_s():.3g} ms after the previous one"
+        placed = f"placed {1000 * self._average_s:.3g} ms after the previous one"
         defects = {
             "frames left out because they have the time stamp of the previous one": self._doubled,
             "frames left out because their time stamp is before that of the previous one": self._unordered,
@@ -268,34 +251,14 @@ def _resolve_file(path: str) -> str:
     return str(file)
 
 
-def _explain_open_error(source: str, error: Exception) -> str:
-    if isinstance(error, FileNotFoundError):
-        return (
-            "no such file; allowed: a film, numbered pictures such as frames_%04d.png whose first number is 0 to 4, or "
-            "an address such as http://..."
-        )
-    if _lacks_index(source):
-        return CUT_OFF
-    reason = getattr(error, "strerror", None) or str(error)
-    return f"cannot be read as a film: {reason}; allowed: {READABLE}"
-
-
 def _lacks_index(source: str) -> bool:
     """Return whether a file is an MP4 or QuickTime film without a complete index."""
     if not Path(source).is_file():
         return False
-    end, at = Path(source).stat().st_size, 0
-    with Path(source).open("rb") as file:
-        while at + 8 <= end:
-            file.seek(at)
-            size, kind = int.from_bytes(file.read(4)), file.read(4)
-            if kind not in MOVIE_BOXES and at == 0:
-                return False
-            size = int.from_bytes(file.read(8)) if size == 1 else size or end - at
-            if kind == b"moov":
-                return at + size > end
-            at += max(size, 8)
-    return at > 0
+    with Path(source).open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
+        at = whole.rfind(b"moov") - 4
+        is_whole = at >= 0 and at + int.from_bytes(whole[at : at + 4]) <= len(whole)
+        return whole[4:8] in MOVIE_BOXES and not is_whole
 
 
 def _picture_stream(name: str, container: InputContainer) -> VideoStream:
@@ -343,21 +306,18 @@ The macroblock tree (mbtree) is off: it coarsens short-lived detail such as flas
 makes a different file from the same frames each time. A crf of 24 without it is about as good as 20 with it.
 """
 
-CONTAINER_OPTIONS = {"movflags": "+faststart", "movie_timescale": str(TICKS_PER_S)}
-"""Options of the MP4 file: the index comes first, so that a browser can play the film before it has fetched all of it,
-and the time of the first frame has the resolution of the other time stamps."""
-
-GROWING_OPTIONS = {
-    "movflags": "+empty_moov+default_base_moof",
-    "movie_timescale": str(TICKS_PER_S),
-    "frag_duration": "500000",
-    "flush_packets": "1",
-}
+CLOCK = {"movie_timescale": str(TICKS_PER_S)}  # gives the time of the first frame the resolution of the others
+WHOLE = {"movflags": "+faststart"}
+"""Options of an MP4 file whose index comes first: a browser can play it before it has fetched all of it."""
+GROWING = {"movflags": "+empty_moov+default_base_moof", "frag_duration": "500000", "flush_packets": "1"}
 """Options of an MP4 file of fragments of half a second, each with its own index: it can be read while it grows."""
 
 
 class FilmWriter:
     """Writes frames into the file of a film; `film_file` and `growing_film_file` make one."""
+
+    has_frames = False
+    """Whether a frame was written."""
 
     def __init__(
         self, path: Path, part: Path, size_px: tuple[int, int], metadata: dict[str, str], options: dict[str, str]
@@ -366,10 +326,11 @@ class FilmWriter:
         width_px, height_px = size_px
         self._path = path
         self._shape = (height_px, width_px, 3)
+        self._has_failed = False
         self._last_tick = -1
-        self._keyframe_s: float | None = None
+        self._keyframe_s = -math.inf
         with self._as_film_error():
-            self._container = av.open(part, "w", format="mp4", options=options)
+            self._container = av.open(part, "w", format="mp4", options=CLOCK | options)
         self._container.metadata.update(metadata)
         self._stream = self._container.add_stream("libx264", options=ENCODER_OPTIONS)
         self._stream.width, self._stream.height = width_px, height_px
@@ -392,28 +353,18 @@ class FilmWriter:
         # frames closer than a tick still get increasing time stamps
         self._last_tick = max(round(frame.time_s * TICKS_PER_S), self._last_tick + 1)
         picture.pts, picture.time_base = self._last_tick, Fraction(1, TICKS_PER_S)
-        if self._keyframe_s is None or frame.time_s - self._keyframe_s >= KEYFRAME_INTERVAL_S:
+        if frame.time_s - self._keyframe_s >= KEYFRAME_INTERVAL_S:
             picture.pict_type = PictureType.I
             self._keyframe_s = frame.time_s
+        self.has_frames = True
         with self._as_film_error():
             self._container.mux(self._stream.encode(picture))
 
-    @property
-    def has_frames(self) -> bool:
-        """Whether a frame was written."""
-        return self._last_tick >= 0
-
-    def finish(self) -> None:
-        """Write pending frames and the index, and close the file."""
-        if not self.has_frames:
-            raise FilmError(f"{self._path}: cannot be written: the film has no frame")
-        with self._as_film_error():
-            self._container.mux(self._stream.encode())
-            self._container.close()
-
     def close(self) -> None:
-        """Close the file as it is, if it is still open."""
-        with suppress(FFmpegError):
+        """Write pending frames and the index, and close the file; as it is, if it could not be written."""
+        with suppress(FilmError) if self._has_failed else nullcontext(), self._as_film_error():
+            if self.has_frames and not self._has_failed:  # FFmpeg would crash
+                self._container.mux(self._stream.encode())
             self._container.close()
 
     @contextmanager
@@ -421,6 +372,7 @@ class FilmWriter:
         try:
             yield
         except FFmpegError as error:
+            self._has_failed = True
             raise FilmError(f"{self._path}: cannot be written: {error.strerror}") from error
 
 
@@ -440,12 +392,10 @@ def film_file(
     _check(path, width_px, height_px)
     metadata = {"title": title, "comment": json.dumps(description)}
     with temporary_path(path) as part:
-        writer = FilmWriter(path, part, (width_px, height_px), metadata, CONTAINER_OPTIONS)
-        try:
+        with closing(FilmWriter(path, part, (width_px, height_px), metadata, WHOLE)) as writer:
             yield writer
-            writer.finish()
-        finally:
-            writer.close()
+        if not writer.has_frames:
+            raise FilmError(f"{path}: cannot be written: the film has no frame")
         publish(part, path)
 
 
@@ -456,19 +406,9 @@ def growing_film_file(path: Path, width_px: int, height_px: int, title: str) -> 
     It can be read up to about a second before the last frame, also if the process is killed; errors leave it.
     """
     _check(path, width_px, height_px)
-    metadata = {"title": title, "comment": json.dumps({})}
-    writer = FilmWriter(path, path, (width_px, height_px), metadata, GROWING_OPTIONS)
-    try:
+    metadata = {"title": title, "comment": "{}"}
+    with closing(FilmWriter(path, path, (width_px, height_px), metadata, GROWING)) as writer:
         yield writer
-    except BaseException:
-        with suppress(FilmError):  # the reason is what ended the block
-            writer.finish()
-        raise
-    else:
-        if writer.has_frames:
-            writer.finish()
-    finally:
-        writer.close()
 
 
 def _check(path: Path, width_px: int, height_px: int) -> None:

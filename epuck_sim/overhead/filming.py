@@ -14,7 +14,7 @@ import numpy as np
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.camera import CameraModel, Frame, Picture, ProgressWrapper, overhead_camera
+from epuck_sim.overhead.camera import Frame, Lens, Picture, ProgressWrapper, overhead_camera
 from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.render import NO_MOVABLES, ExposureSample, Renderer
@@ -44,14 +44,10 @@ SAMPLES = 4
 A robot at 12.8 cm/s moves by less than the width of a ring from one to the next, in exposures of up to 90 ms.
 """
 
-AGENTS_PX, AGENTS_MARGIN_PX, SEGMENT_PX = 720, 40, 120
-"""Side of pictures of agents, their margin, and the height of pictures of a segment, in pixels."""
-
-AGENTS_FRAMES_PER_S = 25
-"""Pictures of agents in a simulated second."""
-
-DISC = (120, 126, 138)
-"""Colour of an agent that has not just fired: brighter than in the viewer, where it carries a number."""
+AGENTS_PX, AGENTS_MARGIN_PX = 720, 40  # side of pictures of agents, and their margin
+SEGMENT_PX = 120  # height of pictures of a segment
+AGENTS_FRAMES_PER_S = 25  # pictures of agents in a simulated second
+DISC = (120, 126, 138)  # colour of an agent that has not just fired: in the viewer, where it has a number, it is darker
 
 TIME_TOLERANCE_S = 1e-6  # times that differ by no more than this are taken as equal; the difference is rounding
 HEIGHT_SHARE = 0.03  # height of a caption's capital letters, as a share of the picture's height
@@ -98,14 +94,7 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
 def film_recording(
     recording: Path, overrides: Sequence[str], path: Path, progress: ProgressWrapper, lens: Path | None = None
 ) -> None:
-    """Film a recorded trial with the overhead camera of its scenario.
-
-    Args:
-        recording: The recording (.rrd) of an embodied trial, of any level but `summary`.
-        overrides: Changes to the camera, each `overhead.KEY=VALUE` as `--set` takes it.
-        path: The film, whose name ends in .mp4.
-        progress: Shows how far the film is.
-        lens: The file of a lens through which it is filmed.
+    """Film a recorded trial with the overhead camera of its scenario, changed as by `--set`, through a lens in a file.
 
     Raises:
         EpuckSimError: The recording cannot be filmed, an override is not of the camera, or the film cannot be written.
@@ -125,8 +114,8 @@ def film_recording(
 
 def _states(recorded: Recorded) -> Iterator[tuple[int, float | None]]:
     """Yield the cycles and the order parameter of each row, as the trial had them."""
-    reference_flashes = recorded.flash_s[recorded.flash_robot == population_of(recorded.scenario).reference]
-    cycles = np.searchsorted(reference_flashes, recorded.time_s, side="right")
+    is_reference = recorded.flash_robot == population_of(recorded.scenario).reference
+    cycles = np.searchsorted(recorded.flash_s[is_reference], recorded.time_s, side="right")
     measured = np.searchsorted(recorded.firing_s, recorded.time_s, side="right")
     for cycle, count in zip(cycles.tolist(), measured.tolist(), strict=True):
         yield cycle, float(recorded.firing_order[count - 1]) if count else None
@@ -152,34 +141,31 @@ def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], sourc
 
 @contextmanager
 def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None = None) -> Iterator[Callable[..., None]]:
-    """Yield a function that films a control step, given cycles and order parameter, and what `VirtualCamera` observes.
-
-    Films of a lit room, which are for people, have a caption.
-    """
+    """Yield a function that films a step, given cycles and order parameter, and what `VirtualCamera` observes."""
     section = scenario.overhead
     size = section.width_px, section.height_px
     if lack := lack_of_memory(FILM_BYTES + PIXEL_BYTES * size[0] * size[1]):
         raise FilmError(f"{scenario.name}: a film of {size[0]} x {size[1]} pixels {lack}; give fewer pixels")
     try:
-        model = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
-        if lens is not None:
-            model = model._replace(lens=read_lens(lens, size))
-        camera = VirtualCamera(section, scenario.arena.build(), seed, scenario.robot_kinds, model)
+        through = None if lens is None else read_lens(lens, size)
+        camera = VirtualCamera(section, scenario.arena.build(), seed, scenario.robot_kinds, through)
     except EpuckSimError as error:
         raise FilmError(f"{scenario.name}: {error}") from error
     described = describe_film(scenario, seed) | ({} if lens is None else {"overhead": None})
     with film_file(path, *size, described, scenario.name) as writer:
-        captions = Captions(section.lit_start_s)
-        finished = captions.write if section.light == "lit" else lambda frame: frame
+        captions = Captions(section.lit_start_s) if section.light == "lit" else None  # such films are for people
+
+        def write(frames: Iterator[Frame]) -> None:
+            for frame in frames:
+                writer.write(captions.write(frame) if captions else frame)
 
         def observe(cycles: int, order_parameter: float | None, time_s: float, *robots: Any) -> None:
-            captions.add(time_s, cycles, order_parameter)
-            for frame in camera.observe(time_s, *robots):
-                writer.write(finished(frame))
+            if captions:
+                captions.add(time_s, cycles, order_parameter)
+            write(camera.observe(time_s, *robots))
 
         yield observe
-        for frame in camera.finish():
-            writer.write(finished(frame))
+        write(camera.finish())
 
 
 @contextmanager
@@ -212,7 +198,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
             cv2.line(picture, begin, end, WHITE, 2, cv2.LINE_AA, shift=4)
         return picture
 
-    with film_file(path, AGENTS_PX, height_px, describe_agents(scenario, seed), scenario.name) as writer:
+    with film_file(path, AGENTS_PX, height_px, _origin(scenario, seed), scenario.name) as writer:
 
         def observe(event: Event, state: ParticleSimulation) -> None:
             nonlocal frames
@@ -230,8 +216,8 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
         yield observe
 
 
-def describe_agents(scenario: ParticleScenario, seed: int) -> dict[str, Any]:
-    """Return the description stored in a film of agents: how to make it again."""
+def _origin(scenario: Scenario, seed: int) -> dict[str, Any]:
+    """Return what a film says of how to make it again."""
     made_by = versions()
     return {"epuck_sim": made_by["epuck_sim"], "scenario": scenario.name, "seed": seed, "versions": made_by}
 
@@ -240,12 +226,8 @@ def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:
     """Return the description stored in a film: how to make it again, and what `track` can read from it."""
     flashing = [group for group in scenario.robots if "period_s" in group.parameters]
     periods = {group.parameters["period_s"] for group in flashing}
-    made_by = versions()
     return {
-        "epuck_sim": made_by["epuck_sim"],
-        "scenario": scenario.name,
-        "seed": seed,
-        "versions": made_by,
+        **_origin(scenario, seed),
         "arena_cm": [scenario.arena.width_cm, scenario.arena.height_cm],
         "robots": sum(group.count for group in flashing) or None,
         "period_s": periods.pop() if len(periods) == 1 else None,
@@ -266,22 +248,17 @@ class VirtualCamera:
         arena: Arena,
         seed: int,
         kinds: Sequence[RobotKind] = (EPUCK,),
-        camera: CameraModel | None = None,
+        lens: Lens | None = None,
     ) -> None:
-        """Place a camera above an arena, by default that of the section `overhead`.
+        """Place a camera above an arena, by default with the lens of the section; seed: that of the noise.
 
-        Args:
-            section: Light and optics.
-            arena: The arena.
-            seed: That of the noise.
-            kinds: The kind of each robot, or one for all.
-            camera: Where the camera is, and its lens.
+        `kinds` are those of each robot, or one for all.
 
         Raises:
             EpuckSimError: The camera cannot see the arena (see `overhead_camera`).
         """
-        camera = camera or overhead_camera(section, arena.width_cm, arena.height_cm)
-        self._renderer = Renderer(section, camera, arena, seed, kinds)
+        camera = overhead_camera(section, arena.width_cm, arena.height_cm)
+        self._renderer = Renderer(section, camera._replace(lens=lens or camera.lens), arena, seed, kinds)
         self._section = section
         self._exposure_s = section.exposure_ms / 1000
         self._offset_s = 0.0  # film's clock minus trial's clock
@@ -296,15 +273,14 @@ class VirtualCamera:
         movables: FloatArray = NO_MOVABLES,
         arena: Arena | None = None,
     ) -> Iterator[Frame]:
-        """Add a control step; yield the frames whose exposures have ended by then.
+        """Add the next control step, see `ExposureSample`; yield the frames whose exposures have ended by then.
 
-        It is later than all steps before. Robots, whose headings may be wrapped, and movables move evenly between
-        steps; rings and arena, by default that of the start, stay as they are until the next. See `ExposureSample`.
+        Robots, whose headings may be wrapped, and movables move evenly between steps; rings and arena stay until the
+        next.
         """
         if not self._steps:
             self._offset_s = self._section.lit_start_s - time_s
-        poses, ring_on = np.array(poses, float), np.array(ring_on, bool)
-        sample = ExposureSample(poses, ring_on & ~np.isnan(poses[:, 0]), np.array(movables, float), arena)
+        sample = ExposureSample(np.array(poses, float), np.array(ring_on, bool), np.array(movables, float), arena)
         now_s = self._offset_s + time_s
         self._steps.append((now_s, sample))
         return self._frames_begun_by(now_s - self._exposure_s)
@@ -355,13 +331,19 @@ class Captions:
         self._states.append((time_s, cycles, order_parameter))
 
     def write(self, frame: Frame) -> Frame:
-        """Return a frame with its caption; frames come in the order of their times."""
+        """Return a frame with its caption, whose letters have an edge; frames come in the order of their times."""
         time_s = max(0.0, frame.time_s - self._start_s)
-        begun = bisect_right(self._states, time_s + TIME_TOLERANCE_S, key=lambda state: state[0])
-        for _ in range(begun - 1):
+        while len(self._states) > 1 and self._states[1][0] <= time_s + TIME_TOLERANCE_S:
             self._states.popleft()
-        _, cycles, order_parameter = self._states[0]
-        return frame._replace(picture=_write(frame.picture, caption(time_s, cycles, order_parameter)))
+        text, picture = caption(time_s, *self._states[0][1:]), frame.picture.copy()
+        letter_px = HEIGHT_SHARE * len(picture)
+        left, base, edge_px = round(letter_px / 2), round(1.6 * letter_px), max(1, round(letter_px / 8))
+        around = [(x, y) for x in (-edge_px, 0, edge_px) for y in (-edge_px, 0, edge_px) if x or y]
+        for x, y in (*around, (0, 0)):  # thicker letters would also be wider
+            colour = (0, 0, 0) if x or y else (255, 255, 255)
+            scale = letter_px / CAPITAL_PX
+            cv2.putText(picture, text, (left + x, base + y), cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
+        return frame._replace(picture=picture)
 
 
 def caption(time_s: float, cycles: int, order_parameter: float | None) -> str:
@@ -372,15 +354,3 @@ def caption(time_s: float, cycles: int, order_parameter: float | None) -> str:
     """
     clock = f"{time_s:.1f} s"
     return clock if order_parameter is None else f"{clock}   cycle {cycles}   order parameter {order_parameter:.2f}"
-
-
-def _write(picture: Picture, text: str) -> Picture:
-    written = picture.copy()
-    letter_px = HEIGHT_SHARE * len(picture)
-    left, base, edge_px = round(letter_px / 2), round(1.6 * letter_px), max(1, round(letter_px / 8))
-    around = [(x, y) for x in (-edge_px, 0, edge_px) for y in (-edge_px, 0, edge_px) if x or y]
-    for x, y in (*around, (0, 0)):  # thicker letters would also be wider
-        grey = (0, 0, 0) if x or y else (255, 255, 255)
-        place = (left + x, base + y)
-        cv2.putText(written, text, place, cv2.FONT_HERSHEY_SIMPLEX, letter_px / CAPITAL_PX, grey, 1, cv2.LINE_AA)
-    return written

@@ -5,6 +5,7 @@ from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple, Self
 
+import cv2
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
@@ -62,29 +63,27 @@ class _Lit:
 
     def __init__(self, time_s: float, ring: Ring) -> None:
         self.onset_s = time_s
-        self.light = 0.0
-        self.sums = [0.0] * 7
+        self.seen: list[tuple[float, float, float, float]] = []
         self.see(time_s, ring)
 
     def see(self, time_s: float, ring: Ring) -> None:
-        self.ring, self.missed, self.end_s = ring, 0, math.nan
-        self.light = max(self.light, ring.light)
-        since_s, x, y = time_s - self.onset_s, ring.x_cm, ring.y_cm
-        terms = (1.0, x, y, since_s, since_s * since_s, since_s * x, since_s * y)
-        self.sums = [total + term for total, term in zip(self.sums, terms, strict=True)]
-
-    def miss(self, time_s: float) -> None:
-        self.end_s = time_s if math.isnan(self.end_s) else self.end_s
-        self.missed += 1
+        self.ring, self.missed_s = ring, list[float]()
+        self.seen.append((time_s, ring.x_cm, ring.y_cm, ring.light))
 
     def flash(self, now_s: float) -> Flash:
-        end_s = now_s if math.isnan(self.end_s) else self.end_s
-        frames, x, y, times, squares, x_times, y_times = self.sums
-        spread = frames * squares - times * times
-        velocity = [
-            (frames * both - times * one) / spread if spread else 0.0 for both, one in ((x_times, x), (y_times, y))
-        ]
-        return Flash(self.onset_s, end_s, x / frames, y / frames, self.light, *velocity)
+        times_s, x, y, light = np.array(self.seen).T
+        since_s = times_s - times_s.mean()
+        speed = since_s / max(since_s @ since_s, 1e-12)  # 0 if a single frame shows it
+        end_s = self.missed_s[0] if self.missed_s else now_s
+        return Flash(
+            self.onset_s,
+            end_s,
+            float(x.mean()),
+            float(y.mean()),
+            max(light.tolist()),
+            float(speed @ x),
+            float(speed @ y),
+        )
 
 
 class FlashLinker:
@@ -111,9 +110,9 @@ class FlashLinker:
             if place in seen:
                 lit.see(time_s, rings[seen[place]])
             else:
-                lit.miss(time_s)
-        self._ended += [lit.flash(time_s) for lit in self._lit if lit.missed > MAX_MISSED]
-        self._lit = [lit for lit in self._lit if lit.missed <= MAX_MISSED]
+                lit.missed_s.append(time_s)
+        self._ended += [lit.flash(time_s) for lit in self._lit if len(lit.missed_s) > MAX_MISSED]
+        self._lit = [lit for lit in self._lit if len(lit.missed_s) <= MAX_MISSED]
         self._lit += [_Lit(time_s, ring) for index, ring in enumerate(rings) if index not in seen.values()]
 
     @property
@@ -123,14 +122,11 @@ class FlashLinker:
 
     def lit_since(self, time_s: float) -> int:
         """Return the number of rings in the last frame that have been lit since before a time."""
-        return sum(lit.onset_s < time_s and not lit.missed for lit in self._lit)
+        return sum(lit.onset_s < time_s and not lit.missed_s for lit in self._lit)
 
 
 def join_broken(flashes: Sequence[Flash], flash_s: float) -> tuple[Flash, ...]:
-    """Return flashes, of which one that begins at the place of another, within a flash of its end, continues it.
-
-    Poor pictures lose rings in the middle of a flash; no robot flashes again so soon.
-    """
+    """Join flashes at one place that are less than a flash apart: poor pictures lose rings in the middle of one."""
     joined: list[Flash] = []
     first = 0
     for flash in flashes:
@@ -148,12 +144,9 @@ def join_broken(flashes: Sequence[Flash], flash_s: float) -> tuple[Flash, ...]:
 
 
 def frames_lit(onset_s: FloatArray, end_s: FloatArray, times_s: FloatArray) -> IntArray:
-    """Return (flashes, 2) the first frame that shows each flash, and the frame after the last.
+    """Return (flashes, 2) the first of (frames,) that shows each flash, and the frame after the last.
 
-    Args:
-        onset_s: (flashes,) onsets.
-        end_s: (flashes,) times of the first frames that do not show them; the last frame shows a flash that ends there.
-        times_s: (frames,) times of the frames, ascending.
+    The last frame shows a flash that ends there.
     """
     first, end = np.searchsorted(times_s, onset_s), np.searchsorted(times_s, end_s)
     return np.column_stack([first, end + (end_s == times_s[-1])])
@@ -187,17 +180,16 @@ class CountedRings(NamedTuple):
     times_s: FloatArray
     """(frames,) s: times of the trial's frames on the film's clock."""
     counts: IntArray
-    """(frames,) lit rings in each of the trial's frames."""
+    """(frames,) lit rings in each of them."""
     areas_px: IntArray
-    """(frames,) pixels of the floor that are lit, in each of the trial's frames; 0 where there are no pictures."""
+    """(frames,) pixels of the floor that are lit in each of them; 0 where there are no pictures."""
     flashes: tuple[Flash, ...]
     """Flashes of the trial, in order of their onsets."""
     outside: int
-    """Number of rings seen outside of the floor, in all frames of the trial: those of a neighbour, or mirror images."""
+    """Number of rings seen outside of the floor: those of a neighbour, or mirror images."""
     always_lit: Sequence[Ring]
     """Rings on the floor that never went off."""
     geometry: Geometry
-    """The camera and the floor."""
     rings: Sequence[Sequence[Ring]] = ()
     """Rings on the floor in each frame, including those of a lit beginning; empty if it was not filmed."""
 
@@ -206,12 +198,9 @@ class RingCounter:
     """Counts the lit rings in the frames of a film, which are given in their order.
 
     A film may begin in the light, before the robots start (thesis 4.3.1: they "only started moving once the room lights
-    were switched off"). The trial therefore begins with the first dark frame after the light, and earlier counts are
-    discarded. Once a ring has been seen in the dark, the trial has begun, and the light may go on and off.
+    were switched off"). The trial begins with the first dark frame after it, and earlier counts are discarded. Once a
+    ring has been seen in the dark, the light may go on and off.
     """
-
-    start_s: float
-    """Beginning of the trial on the film's clock."""
 
     def __init__(self, geometry: Geometry) -> None:
         self._geometry = geometry
@@ -222,16 +211,21 @@ class RingCounter:
         self._rings: list[list[Ring]] = []
         self._begin(0.0)
 
-    def process(self, frame: Frame) -> list[Ring]:
-        """Find the lit rings on the floor in the next frame, count them, and return them."""
+    def process(self, frame: Frame, papers_px: Iterable[FloatArray] = ()) -> list[Ring]:
+        """Find the lit rings on the floor in the next frame, count them, and return them.
+
+        White papers of tags, (4, 2) corners each, are no light.
+        """
         light = self._background.light_beyond(frame)
-        seen = self._finder.find_in(light)
+        seen = self._finder.find(light)
         rings = self._on_floor(seen)
         lit = light.room_is_lit
         if not self._rings or (self._was_lit and not lit and not self._has_begun):
             self._begin(frame.time_s)
         self._was_lit = lit
         self._has_begun |= bool(rings) and not lit
+        for paper_px in papers_px:
+            cv2.fillConvexPoly(light.levels, np.round(paper_px).astype(np.int32), (0,))
         area_px = self._meter.lit_px(light.levels)
         self._times.append(frame.time_s)  # all at once: Ctrl-C, which ends a live film, must not come in between
         self._counts.append(len(rings))
@@ -242,8 +236,7 @@ class RingCounter:
         return rings
 
     def _begin(self, start_s: float) -> None:
-        """Begin the trial, and forget what was before."""
-        self.start_s = start_s
+        self.start_s = start_s  # of the trial, on the film's clock; what was before is forgotten
         self._times, self._counts, self._areas = array("d"), array("q"), array("q")
         self._linker = FlashLinker()
         self._outside = 0
@@ -257,7 +250,7 @@ class RingCounter:
 
     @property
     def times_s(self) -> FloatArray:
-        """(frames,) s: times of the trial's frames on the film's clock."""
+        """(frames,) s: times of the trial's frames."""
         return np.array(self._times, np.float64)
 
     @property
@@ -276,7 +269,7 @@ class RingCounter:
             areas_px=np.array(self._areas, np.int64),
             flashes=self._linker.flashes,
             outside=self._outside,
-            always_lit=[] if background is None else self._on_floor(self._finder.find_in(RingLight(background, False))),
+            always_lit=[] if background is None else self._on_floor(self._finder.find(RingLight(background, False))),
             geometry=self._geometry,
             rings=self._rings,
         )
@@ -287,13 +280,12 @@ class TrackedFrame(NamedTuple):
 
     frame: Frame
     rings: Sequence[Ring]
-    """Lit rings found in it."""
     start_s: float
     """Beginning of the trial on the film's clock."""
     evaluation: Evaluation | None
-    """The evaluation that this frame completed, whose mode was half a period ago."""
+    """The evaluation that this frame completed."""
     histogram_s: float | None
-    """Time of the first mode around which the histogram was narrow enough, on the film's clock."""
+    """First mode around which the histogram was narrow enough, on the film's clock."""
 
 
 def track_frames(
@@ -305,13 +297,8 @@ def track_frames(
 ) -> Iterator[TrackedFrame]:
     """Process frames one by one as they are asked for.
 
-    Args:
-        frames: The frames in their order.
-        counter: Counts their rings.
-        period_s: Period of the oscillators.
-        threshold_s: Returns the standard deviation of the histogram at which the swarm counts as synchronised, as far
-            as it can be estimated by then.
-        steady: Returns how many of the rings in a frame, whose time it is given, stay lit; they do not count.
+    `threshold_s` returns the threshold of the histogram, as far as it can be estimated by then; `steady` how many of
+    the rings in a frame, whose time it is given, stay lit: they do not count.
     """
     detector: SynchronyDetector | None = None
     histogram_s = None

@@ -31,8 +31,8 @@ BLACK_LEVEL = 6.0  # level of padding after compression; a lit room is brighter 
 
 # the sides
 SEARCH_REACHES = (0.03, 0.015)
-"""Distances on either side of a line within which the edge is searched, as fractions of the picture's shorter side:
-first from the outline's lines, then from the lines that this gives."""
+"""Distances from a line within which the edge is searched, relative to the picture's shorter side: first from the
+outline's lines, then from the lines that this gives."""
 PROBES = 160  # places along each side at which the edge is searched
 PROBE_STEP_PX = 0.25  # distance of samples across the side at each place
 BEYOND_PX = 3.0  # distance from the end of the floor at which its blur has ended, too
@@ -86,23 +86,22 @@ def find_corners(picture: Picture) -> FloatArray | None:
     """
     if not is_lit(picture):
         return None
-    grey = cv2.GaussianBlur(picture, (0, 0), 1.0).mean(axis=2, dtype=np.float32)
-    shade = _relative_shade(np.asarray(grey, np.float32))
+    grey = np.asarray(cv2.GaussianBlur(picture, (0, 0), 1.0).mean(axis=2, dtype=np.float32), np.float32)
+    shade = _relative_shade(grey)
     corners = None if shade is None else _outline_corners(shade)
     if shade is None or corners is None or not _is_around_middle(corners, shade.shape):
         return None
     for reach in SEARCH_REACHES:
         middle, reach_px = corners.mean(axis=0), reach * min(shade.shape)
-        sides = [fit_side(shade, corners[k], corners[(k + 1) % 4], middle, reach_px) for k in range(4)]
+        sides = [_fit_side(shade, corners[k], corners[(k + 1) % 4], middle, reach_px) for k in range(4)]
         whole = [side for side in sides if side is not None]
         if len(whole) < 4:
             return None
-        corners = np.array([meeting_point(whole[k - 1], whole[k], corners[k]) for k in range(4)])
+        corners = np.array([_meeting_point(whole[k - 1], whole[k], corners[k]) for k in range(4)])
     rows, columns = shade.shape
-    if _borders_on_padding(np.asarray(grey, np.float32), corners):
-        return None
     is_in = (corners >= 0).all() and (corners <= (columns - 1, rows - 1)).all()
-    return corners if is_in and _is_around_middle(corners, shade.shape) else None
+    is_floor = is_in and _is_around_middle(corners, shade.shape) and not _borders_on_padding(grey, corners)
+    return corners if is_floor else None
 
 
 def _relative_shade(grey: Float32Array) -> Float32Array | None:
@@ -110,9 +109,8 @@ def _relative_shade(grey: Float32Array) -> Float32Array | None:
 
     The floor's shade is modelled as a paraboloid: light from one side, and vignetting.
     """
-    rows, columns = grey.shape
-    y, x = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : columns * 1j]
-    x, y = x * columns / np.hypot(rows, columns), y * rows / np.hypot(rows, columns)
+    sides = np.array(grey.shape) / np.hypot(*grey.shape)
+    y, x = np.mgrid[-1 : 1 : grey.shape[0] * 1j, -1 : 1 : grey.shape[1] * 1j] * sides[:, None, None]
     design = np.stack([np.ones_like(x), x, y, x * x + y * y], axis=-1)
     step = max(min(grey.shape) // 120, 1)
     few, values = design[::step, ::step].reshape(-1, 4), grey[::step, ::step].ravel().astype(float)
@@ -152,8 +150,7 @@ def _outline_corners(shade: Float32Array) -> FloatArray | None:
 
 def _intersection(point: FloatArray, along: FloatArray, before: FloatArray, back: FloatArray) -> FloatArray:
     """Return (2,) px: where two lines meet, each a point and the vector to another; far away if they are parallel."""
-    cross = along[0] * back[1] - along[1] * back[0]
-    gap = before - point
+    cross, gap = along[0] * back[1] - along[1] * back[0], before - point
     meeting: FloatArray = point + along * ((gap[0] * back[1] - gap[1] * back[0]) / (cross or 1e-9))
     return meeting
 
@@ -179,7 +176,7 @@ def _borders_on_padding(grey: Float32Array, corners: FloatArray) -> bool:
     return False
 
 
-class Side(NamedTuple):
+class _Side(NamedTuple):
     """A side of the floor, slightly bowed."""
 
     start: FloatArray
@@ -189,25 +186,13 @@ class Side(NamedTuple):
     outward: FloatArray
     """(2,) unit vector perpendicular to the line, away from the floor."""
     bow: FloatArray
-    """(3,) px: polynomial, highest power first, of the side's distance outward of the line over the fraction of the way
-    along it."""
-
-    def signed_distance(self, point: FloatArray) -> tuple[float, FloatArray]:
-        """Return the distance of a (2,) point outward of the side, in px, and its (2,) gradient."""
-        unit = self.along / (self.along @ self.along)
-        share = (point - self.start) @ unit
-        off = (point - self.start) @ self.outward - np.polyval(self.bow, share)
-        return float(off), self.outward - np.polyval(np.polyder(self.bow), share) * unit
+    """(3,) px: polynomial of the side's distance outward of the line over the fraction of the way along it."""
 
 
-def fit_side(
+def _fit_side(
     shade: Float32Array, start: FloatArray, end: FloatArray, middle: FloatArray, reach_px: float
-) -> Side | None:
-    """Return the floor's edge within reach of a line, to a fraction of a pixel; None if too little of it is visible.
-
-    The line goes from start to end, (2,) px; middle, (2,) px, is on the floor's side of it. The shade is
-    (rows, columns) levels relative to the floor's, 1 on the floor.
-    """
+) -> _Side | None:
+    """Return the floor's edge within reach of a line; None if too little of it is visible."""
     along = end - start
     outward = np.array([along[1], -along[0]]) / np.hypot(*along)
     outward *= np.sign(outward @ (start - middle))
@@ -225,14 +210,11 @@ def fit_side(
             return None
         bow = np.polyfit(share[near], off[near], 2)
         near = np.abs(off - np.polyval(bow, share)) <= MAX_OFF_PARABOLA_PX
-    return Side(start, along, outward, bow)
+    return _Side(start, along, outward, bow)
 
 
 def _edges(contrast: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return (n,) the place of the edge in each row, in samples from the first, and (n,) whether the row has an edge.
-
-    The edge is where the contrast, (n, m) differences from the floor's shade, is half of that slightly farther out.
-    """
+    """Return where each row of (n, m) contrasts is half of that slightly farther out, in samples; and whether it is."""
     width = contrast.shape[1]
     rows, samples = np.arange(len(contrast)), np.arange(width)
     leaves = (contrast > BAND).argmax(axis=1)
@@ -255,10 +237,15 @@ def _best_line(share: FloatArray, off: FloatArray) -> FloatArray:
     return np.asarray(lines[:, np.count_nonzero(misses <= MAX_OFF_LINE_PX, axis=1).argmax()])
 
 
-def meeting_point(one: Side, other: Side, guess: FloatArray) -> FloatArray:
+def _meeting_point(one: _Side, other: _Side, guess: FloatArray) -> FloatArray:
     """Return (2,) px: the intersection of two sides near a guess, by Newton's method."""
     corner = guess
     for _ in range(10):
-        misses, slopes = zip(*(side.signed_distance(corner) for side in (one, other)), strict=True)
+        misses, slopes = [], []
+        for side in (one, other):
+            unit = side.along / (side.along @ side.along)
+            share = (corner - side.start) @ unit
+            misses.append((corner - side.start) @ side.outward - np.polyval(side.bow, share))
+            slopes.append(side.outward - np.polyval(np.polyder(side.bow), share) * unit)
         corner = corner - np.linalg.solve(np.array(slopes), np.array(misses))
     return corner

@@ -10,14 +10,17 @@ speed allows.
 """
 
 import math
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.overhead.flashes import FlashTable
-from epuck_sim.overhead.synchrony import mean_shift
+from epuck_sim.overhead.synchrony import mean_shift, pairs_within
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 ROUNDS = 5  # number of times that flashes are linked, each time by what was learnt before
 BLOCK_PERIODS = 8.0  # length of a part of the film whose flashes are linked at once
@@ -69,10 +72,10 @@ def link_flashes(flashes: FlashTable, period_s: float, floor_cm: tuple[float, fl
         none = np.empty(0, np.int64)
         return Identities(none, none, np.empty(0), 0.0)
     habits = Habits.at_first(flashes, period_s, floor_cm)
-    candidates = _candidates(flashes.onset_s, period_s)
+    candidates = pairs_within(flashes.onset_s, flashes.onset_s, (SHORTEST * period_s, 2 * LONGEST * period_s))
     ways = ways_between(flashes, *candidates, habits)
     for _ in range(ROUNDS):
-        costs = _Costs(flashes.onset_s, habits, candidates, -habits.log_likelihood(ways))
+        costs = _costs(flashes.onset_s, habits, candidates, -habits.log_likelihood(ways))
         links = _link(flashes.onset_s, costs, BLOCK_PERIODS * period_s)
         is_linked = links[candidates[0]] == candidates[1]
         if not is_linked.any():
@@ -82,39 +85,25 @@ def link_flashes(flashes: FlashTable, period_s: float, floor_cm: tuple[float, fl
     return Identities(*_number(links), certainty, habits.speed_cm_s)
 
 
-def _candidates(onset_s: FloatArray, period_s: float) -> tuple[IntArray, IntArray]:
-    """Return the pairs of flashes that a robot may have made one after the other, as their times allow."""
-    first = np.searchsorted(onset_s, onset_s + SHORTEST * period_s)
-    end = np.searchsorted(onset_s, onset_s + 2 * LONGEST * period_s)
-    source = np.repeat(np.arange(len(first)), end - first)
-    target = np.arange(len(source)) + np.repeat(end - np.cumsum(end - first), end - first)
-    return source, target
+def _costs(
+    onset_s: FloatArray, habits: "Habits", candidates: tuple[IntArray, IntArray], costs: FloatArray
+) -> "csr_array":
+    """Return (flashes, flashes) costs of links, below 0 where one is likelier than an end and a beginning."""
+    from scipy.sparse import csr_array  # noqa: PLC0415 takes a while to load
+
+    source, target = candidates
+    area = math.tau * habits.floor_cm[0] * habits.floor_cm[1]
+    since, until = (onset_s - onset_s[0]) / habits.period_s, (onset_s[-1] - onset_s) / habits.period_s
+    begin, end = (np.log(np.clip(1.0 - share, MISSED / 4, 1.0)) for share in (since, until))
+    gain = np.minimum(costs + begin[target] - math.log(area) + end[source], 0.0)
+    return csr_array((gain, candidates), shape=(len(onset_s), len(onset_s)))
 
 
-class _Costs:
-    """Costs of links, relative to no link.
-
-    They are negative where a link is likelier than the end of one robot's flashes and the beginning of another's.
-    """
-
-    def __init__(
-        self, onset_s: FloatArray, habits: "Habits", candidates: tuple[IntArray, IntArray], costs: FloatArray
-    ) -> None:
-        area = math.tau * habits.floor_cm[0] * habits.floor_cm[1]
-        since, until = (onset_s - onset_s[0]) / habits.period_s, (onset_s[-1] - onset_s) / habits.period_s
-        begin, end = (np.log(np.clip(1.0 - share, MISSED / 4, 1.0)) for share in (since, until))
-        source, self._target = candidates
-        self._gain = costs + begin[self._target] - math.log(area) + end[source]
-        self._first = np.searchsorted(source, np.arange(len(onset_s) + 1))
-
-    def of(self, sources: IntArray) -> tuple[IntArray, FloatArray]:
-        """Return (m,) the targets of some sources, ascending, and (sources, m) costs, 0 at most."""
-        spans = [slice(self._first[source], self._first[source + 1]) for source in sources]
-        targets = np.unique(np.concatenate([self._target[span] for span in spans]))
-        costs = np.zeros((len(sources), len(targets)))
-        for row, span in enumerate(spans):
-            costs[row, np.searchsorted(targets, self._target[span])] = np.minimum(self._gain[span], 0.0)
-        return targets, costs
+def _block(costs: "csr_array", first: int, end: int) -> tuple[IntArray, FloatArray]:
+    """Return (m,) the targets of some flashes, ascending, and (flashes, m) costs."""
+    rows = costs[first:end]
+    targets = np.unique(rows.indices)
+    return targets, rows[:, targets].toarray()
 
 
 def _assign(costs: FloatArray) -> tuple[IntArray, IntArray]:
@@ -124,14 +113,14 @@ def _assign(costs: FloatArray) -> tuple[IntArray, IntArray]:
     return rows, columns
 
 
-def _link(onset_s: FloatArray, costs: _Costs, block_s: float) -> IntArray:
+def _link(onset_s: FloatArray, costs: "csr_array", block_s: float) -> IntArray:
     """Return (flashes,) the flash that follows each, or -1; blocks overlap, so that their ends do not matter."""
     links = np.full(len(onset_s), -1)
     begin = 0
     while begin < len(onset_s):
         end, half = (int(np.searchsorted(onset_s, onset_s[begin] + part * block_s)) for part in (1.0, 0.5))
         keep = half if end < len(onset_s) else end
-        targets, table = costs.of(np.arange(begin, end))
+        targets, table = _block(costs, begin, end)
         table[:, np.isin(targets, links[:begin])] = 0.0
         rows, columns = _assign(table)
         is_link = (table[rows, columns] < 0) & (rows < keep - begin)
@@ -140,7 +129,7 @@ def _link(onset_s: FloatArray, costs: _Costs, block_s: float) -> IntArray:
     return links
 
 
-def _certainties(links: IntArray, costs: _Costs, onset_s: FloatArray, period_s: float) -> FloatArray:
+def _certainties(links: IntArray, costs: "csr_array", onset_s: FloatArray, period_s: float) -> FloatArray:
     """Return (flashes,) the certainty of the link to each flash from the one before; NaN where there is none.
 
     Each link is forbidden in turn, and the flashes of the periods around it are linked anew.
@@ -151,7 +140,7 @@ def _certainties(links: IntArray, costs: _Costs, onset_s: FloatArray, period_s: 
     before[links[linked]] = linked
     for source in linked:
         first, end = np.searchsorted(onset_s, onset_s[source] + period_s * np.array([-1.0, 1.0]))
-        targets, table = costs.of(np.arange(first, end))
+        targets, table = _block(costs, first, end)
         elsewhere = (before[targets] >= 0) & ((before[targets] < first) | (before[targets] >= end))
         table[:, elsewhere] = 0.0
         rows = np.flatnonzero(links[first:end] >= 0)
@@ -164,7 +153,7 @@ def _certainties(links: IntArray, costs: _Costs, onset_s: FloatArray, period_s: 
 
 
 def _number(links: IntArray) -> tuple[IntArray, IntArray]:
-    """Return (flashes,) numbers of the robots, in order of their first flashes, and of their own flashes, from 1."""
+    """Return (flashes,) numbers of the robots, in order of their first flashes, and of each one's flashes, from 1."""
     robot, cycle = np.full(len(links), -1), np.ones(len(links), np.int64)
     robots = 0
     for source, target in enumerate(links):
@@ -181,9 +170,9 @@ class Ways(NamedTuple):
 
     gap_s: FloatArray
     distance: FloatArray
-    """Distance in cm."""
+    """From place to place, cm."""
     along: FloatArray
-    """Distance, along the mean heading, from the end of a straight way, cm."""
+    """From the end of a straight way, along the mean heading, cm."""
     aside: FloatArray
     """The same across the mean heading."""
     swerve: FloatArray
@@ -222,18 +211,9 @@ class Habits(NamedTuple):
         middles = SHORTEST + (np.arange(BINS) + 0.5) * (LONGEST - SHORTEST) / BINS
         plain = np.exp(-(((middles - 1) / PLAIN_SPREAD) ** 2) / 2)
         shortened = np.where((middles > 0.5) & (middles < 1), 1.0, 0.02)
-        cycles = 0.5 * plain / plain.sum() + 0.5 * shortened / shortened.sum()
-        return cls(
-            period_s,
-            commonest_speed(flashes.speeds_cm_s),
-            floor_cm,
-            cycles * BINS / (LONGEST - SHORTEST),
-            np.array([0.5, 0.3, 0.2]),
-            along=0.03,
-            aside=0.06,
-            swerve=0.2,
-            turn_s=0.7,
-        )
+        cycles = (plain / plain.sum() + shortened / shortened.sum()) / 2 * BINS / (LONGEST - SHORTEST)
+        speed_cm_s, kinds = commonest_speed(flashes.speeds_cm_s), np.array([0.5, 0.3, 0.2])
+        return cls(period_s, speed_cm_s, floor_cm, cycles, kinds, along=0.03, aside=0.06, swerve=0.2, turn_s=0.7)
 
     def relearnt(self, ways: Ways) -> Self:
         """Return what is usual of ways that robots have gone, with a little of what was assumed before."""
@@ -302,19 +282,15 @@ def commonest_speed(speeds_cm_s: FloatArray) -> float:
 
 def ways_between(flashes: FlashTable, first: IntArray, second: IntArray, habits: Habits) -> Ways:
     """Return the ways from some flashes to others, (ways,) numbers of each."""
-    gap_s = flashes.onset_s[second] - flashes.onset_s[first]
+    gap_s, speed = flashes.onset_s[second] - flashes.onset_s[first], max(habits.speed_cm_s, 0.05)
     apart = flashes.places_cm[second] - flashes.places_cm[first]
     ahead, after = (_directions(flashes.velocities_cm_s[each]) for each in (first, second))
-    speed = max(habits.speed_cm_s, 0.05)
     mean = _directions(ahead + after)
-    way = speed * gap_s
-    along = np.sum(apart * mean, axis=1) - way
-    aside = mean[:, 0] * apart[:, 1] - mean[:, 1] * apart[:, 0]
-    sine = ahead[:, 0] * after[:, 1] - ahead[:, 1] * after[:, 0]
+    along, aside = np.sum(apart * mean, axis=1) - speed * gap_s, _cross(mean, apart)
+    sine = _cross(ahead, after)
     swerve = np.arctan2(sine, np.sum(ahead * after, axis=1))
     safe = np.where(sine == 0, 1.0, sine)
-    ahead_cm = (apart[:, 0] * after[:, 1] - apart[:, 1] * after[:, 0]) / safe
-    back_cm = (ahead[:, 0] * apart[:, 1] - ahead[:, 1] * apart[:, 0]) / safe
+    ahead_cm, back_cm = _cross(apart, after) / safe, _cross(ahead, apart) / safe
     corner = flashes.places_cm[first] + ahead_cm[:, None] * ahead
     is_inside = np.all((corner >= EDGE_CM - 1) & (corner <= np.array(habits.floor_cm) - EDGE_CM + 1), axis=1)
     turn_s = gap_s - (ahead_cm + back_cm) / speed
@@ -325,6 +301,11 @@ def ways_between(flashes: FlashTable, first: IntArray, second: IntArray, habits:
     to_sides = np.where(is_along, np.inf, (sides - flashes.places_cm[first]) / np.where(is_along, 1.0, ahead))
     wall_s = np.maximum(to_sides.min(axis=1), 0.0) / speed
     return Ways(gap_s, np.hypot(*apart.T), along, aside, swerve, has_turn, turn_s, wall_s)
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    product: FloatArray = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    return product
 
 
 def _directions(vectors: FloatArray) -> FloatArray:

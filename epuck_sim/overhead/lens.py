@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from pydantic import BaseModel, Field
 
-from epuck_sim.arrays import Float32Array, FloatArray
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera import Frame, Lens, Picture
+from epuck_sim.overhead.camera import Frame, Lens, Light
 from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
@@ -32,22 +32,15 @@ seen straight on, or always askew in the same way, a board nearby looks as one f
 
 
 class Board(NamedTuple):
-    """A board of squares."""
+    """A board, and its number of squares across and down."""
 
     kind: Literal["checkerboard", "charuco"]
     columns: int
-    """Number of squares across."""
     rows: int
-    """Number of squares down."""
 
 
-class View(NamedTuple):
-    """The corners of a board in one picture."""
-
-    board: Float32Array
-    """(n, 1, 3) places on the board, in squares."""
-    pixels: Float32Array
-    """(n, 1, 2) px."""
+View = dict[tuple[float, ...], FloatArray]
+"""Where a picture shows the corners of a board: (2,) px of each place on it, whose three coordinates are in squares."""
 
 
 class LensFile(BaseModel):
@@ -82,8 +75,8 @@ def find_views(frames: Iterable[Frame], board: Board, apart_s: float = APART_S) 
         if frame.time_s - last_s < apart_s:
             continue
         last_s = frame.time_s
-        view = find(frame.picture, board)
-        if view is not None and (not views or _has_moved(view, views[-1])):
+        view = find(np.asarray(cv2.cvtColor(frame.picture, cv2.COLOR_RGB2GRAY), np.uint8), board)
+        if view and (not views or _has_moved(view, views[-1])):
             views.append(view)
         if len(views) >= MAX_VIEWS:
             break
@@ -91,35 +84,28 @@ def find_views(frames: Iterable[Frame], board: Board, apart_s: float = APART_S) 
 
 
 def _has_moved(view: View, last: View) -> bool:
-    now, before = (
-        {tuple(place): pixel for place, pixel in zip(each.board[:, 0].tolist(), each.pixels[:, 0], strict=True)}
-        for each in (view, last)
-    )
-    moves = [float(np.linalg.norm(now[place] - before[place])) for place in now.keys() & before.keys()]
+    moves = [float(np.linalg.norm(view[place] - last[place])) for place in view.keys() & last.keys()]
     return not moves or sum(moves) / len(moves) >= MIN_MOVE_PX
 
 
-def _checkerboard_corners(picture: Picture, board: Board) -> View | None:
-    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+def _checkerboard_corners(grey: Light, board: Board) -> View:
     inner = board.columns - 1, board.rows - 1
     found, pixels = cv2.findChessboardCorners(grey, inner, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_FAST_CHECK)
     if not found:
-        return None
+        return {}
     pixels = cv2.cornerSubPix(grey, pixels, (5, 5), (-1, -1), SUBPIXEL)
-    across, down = np.meshgrid(np.arange(inner[0]), np.arange(inner[1]))
-    points = np.column_stack([across.ravel(), down.ravel(), np.zeros(across.size)])
-    return View(points.astype(np.float32)[:, None], np.asarray(pixels, np.float32).reshape(-1, 1, 2))
+    places = [(column, row, 0.0) for row in range(inner[1]) for column in range(inner[0])]
+    return dict(zip(places, pixels.reshape(-1, 2), strict=True))
 
 
-def _charuco_corners(picture: Picture, board: Board) -> View | None:
+def _charuco_corners(grey: Light, board: Board) -> View:
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
     pattern = cv2.aruco.CharucoBoard((board.columns, board.rows), 1.0, MARKER_SHARE, dictionary)
-    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     pixels, numbers, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(grey)
     if numbers is None or len(numbers) < MIN_POINTS:
-        return None
-    points = np.asarray(pattern.getChessboardCorners(), np.float32)[np.ravel(numbers)]
-    return View(points[:, None], np.asarray(pixels, np.float32).reshape(-1, 1, 2))
+        return {}
+    places = np.asarray(pattern.getChessboardCorners())[np.ravel(numbers)].tolist()
+    return dict(zip(map(tuple, places), np.asarray(pixels).reshape(-1, 2), strict=True))
 
 
 def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fisheye: bool) -> LensFile:
@@ -141,10 +127,10 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
         return LensFile(
             width_px=size_px[0],
             height_px=size_px[1],
-            focal_px=float(matrix[0, 0]),
-            focal_down_px=float(matrix[1, 1]),
-            middle_px=(float(matrix[0, 2]), float(matrix[1, 2])),
-            coefficients=tuple(np.ravel(terms).tolist()),
+            focal_px=matrix[0, 0],
+            focal_down_px=matrix[1, 1],
+            middle_px=matrix[:2, 2].tolist(),
+            coefficients=np.ravel(terms).tolist(),
             is_fisheye=is_fisheye,
             views=len(views),
             error_px=error,
@@ -155,22 +141,17 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
         ) from failed
 
 
-def _fit_lens(
-    views: Sequence[View], size_px: tuple[int, int], is_fisheye: bool
-) -> tuple[float, FloatArray, FloatArray]:
+def _fit_lens(views: list[View], size_px: tuple[int, int], is_fisheye: bool) -> tuple[float, FloatArray, FloatArray]:
     """Return the root mean square error in px, the (3, 3) camera matrix and the coefficients of a lens."""
-    points, pixels = [view.board for view in views], [view.pixels for view in views]
+    points = [np.array([*view], np.float32)[:, None] for view in views]
+    pixels = [np.array([*view.values()], np.float32)[:, None] for view in views]
     if is_fisheye:
-        error, matrix, terms, _, _ = cv2.fisheye.calibrate(
-            [each.astype(float).reshape(1, -1, 3) for each in points],
-            [each.astype(float).reshape(1, -1, 2) for each in pixels],
-            size_px,
-            np.zeros((3, 3)),
-            np.zeros((4, 1)),
-            flags=cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW,
-        )
+        flags = cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW
+        places, seen = ([each.astype(float).swapaxes(0, 1) for each in parts] for parts in (points, pixels))
+        found = cv2.fisheye.calibrate(places, seen, size_px, np.zeros((3, 3)), np.zeros((4, 1)), flags=flags)
     else:
-        error, matrix, terms, _, _ = cv2.calibrateCamera(points, pixels, size_px, np.eye(3), np.zeros(5))
+        found = cv2.calibrateCamera(points, pixels, size_px, np.eye(3), np.zeros(5))
+    error, matrix, terms, *_ = found
     return float(error), np.asarray(matrix, float), np.asarray(terms, float)
 
 
@@ -182,8 +163,7 @@ def check_lens_target(path: Path) -> None:
 
 
 def save_lens(path: Path, lens: LensFile) -> None:
-    """Write the file of a lens; raises as `check_lens_target`."""
-    check_lens_target(path)
+    """Write the file of a lens, whose name was checked."""
     with atomic_write(path) as part:
         part.write_text(lens.model_copy(update={"digest": _digest(lens)}).model_dump_json(indent=2) + "\n")
 

@@ -8,10 +8,7 @@ import numpy as np
 from epuck_sim.arrays import BoolArray
 from epuck_sim.overhead.camera import Frame, Geometry, Light, Picture
 
-LIT_LEVEL = 40
-"""Median level of a picture's darkest colour from which the room is lit; noise in the dark is far below, and the haze
-of rings is coloured."""
-
+LIT_LEVEL = 40  # median level of a picture's darkest colour from which the room is lit: haze of rings is coloured
 LIT_SAMPLES = 80  # pixels along the shorter side that are examined for whether the room is lit
 LEAST_LIGHT = 12  # level from which a pixel shows light; noise in the dark hardly reaches it
 RISE_PER_S = 10.0  # levels by which the background follows light that stays; a flash of half a second adds 5 of 255
@@ -56,9 +53,6 @@ class Background:
     What goes off leaves the background at once, what goes on joins it within half a minute.
     """
 
-    levels: Light | None
-    """The background so far."""
-
     def __init__(self, levels: Light | None = None) -> None:
         """Begin with what is known of it."""
         self.levels = levels
@@ -93,13 +87,10 @@ class LightMeter:
         self._floor = floor[:: self._step, :: self._step] > 0
 
     def lit_px(self, levels: Light) -> int:
-        """Return about how many pixels of the floor are lit; of the whole picture, if the floor is not known.
+        """Return about how many of (height_px, width_px) levels on the floor, or anywhere if it is not known, are lit.
 
         Lamps that flicker do not count: they raise whole rows where a camera exposes one row after the other, whole
         columns if the film is turned, and else all pixels.
-
-        Args:
-            levels: (height_px, width_px) the light of rings.
         """
         light = np.asarray(cv2.blur(levels, (SMOOTH_PX, SMOOTH_PX)), np.uint8)[:: self._step, :: self._step]
         if light.max() < LEAST_LIGHT:

@@ -33,12 +33,11 @@ from epuck_sim.util.machine import HOST, check_port
 PATIENCE_S = 30.0  # time for which a camera that drops out is tried again: a loose plug, a hub that restarts
 PAUSE_S = 0.5  # time between two tries
 
-HEAD_FRAMES = 90
-"""Number of frames kept while a live camera is calibrated, so that their flashes count: 6 s at 15 frames per second."""
-
+HEAD_FRAMES = 90  # frames kept while a camera is calibrated, so that their flashes count: 6 s at 15 frames per second
 LIVE_FRAMES = 30  # number of frames in which rings are studied while a live camera waits, once the room is dark
 LIVE_LIT_S = 30.0  # time for which a live camera waits for the room to be dark before it is tracked as it is
 
+LOOK_S = 0.02  # time after which a page looks for a newer picture
 BOUNDARY = "picture"
 PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>
 <body style="margin:0;background:#111;display:grid;place-items:center;min-height:100vh">
@@ -70,26 +69,18 @@ def track_camera(
     tell: Tell,
     lens: Path | None = None,
 ) -> Track:
-    """Track a live camera until the swarm is synchronised, or until Ctrl-C.
+    """Track camera `number`, whose oscillators have a known period, until the swarm is synchronised, or until Ctrl-C.
 
     Files have their names from the beginning, and can be read up to about a second before the last frame, also if the
-    process is killed. A camera that drops out is opened again; if it does not come back, that ends the film.
-
-    Args:
-        number: 0 for the first camera.
-        options: What is known of the scene; the period of the oscillators must be, while the camera films.
-        watching: What is written and shown.
-        progress: Shows how long the camera has filmed.
-        tell: Tells the user at once what happens to the camera, and why an answer is not believed.
-        lens: The file of a calibrated lens.
+    process is killed. A camera that drops out is opened again; if it does not come back, that ends the film. The user
+    is told at once what happens to the camera, and why an answer is not believed.
 
     Raises:
-        FilmError: There is no such camera, it saw no light, or the period is not known.
+        FilmError: There is no such camera, or it saw no light.
         EpuckSimError: A file cannot be written.
     """
     period_s = options.period_s
-    if period_s is None:
-        raise FilmError(f"camera {number}: the period of the oscillators is not known")
+    assert period_s is not None, "it cannot be estimated while the camera films"
     with LiveCamera(number, tell) as live, ExitStack() as files:
         outputs = _Outputs(live, watching, period_s, files, tell)
         size_px = (live.width_px, live.height_px)
@@ -101,8 +92,8 @@ def track_camera(
         outputs.begin()
         ends: list[str] = []
         reasons: tuple[str, ...] = ()
-        later = map(outputs.record, _until_unplugged(live.frames(), ends))
-        frames = progress(chain(_taken(head), later), None)
+        taken = (head.popleft() for _ in range(len(head)))  # and forgotten: pictures are large
+        frames = progress(chain(taken, map(outputs.record, _until_unplugged(live.frames(), ends))), None)
 
         def threshold_s() -> float:
             return current_threshold_s(counter, period_s, options)
@@ -136,12 +127,6 @@ def _wait(live: "LiveCamera", outputs: "_Outputs", head: deque[Frame], tell: Tel
         yield frame
 
 
-def _taken(head: deque[Frame]) -> Iterator[Frame]:
-    """Yield frames that were kept, and forget them: pictures are large."""
-    while head:
-        yield head.popleft()
-
-
 def _until_unplugged(frames: Iterable[Frame], ends: list[str]) -> Iterator[Frame]:
     """Yield a camera's frames; if the camera fails for good, end and say so."""
     try:
@@ -155,17 +140,24 @@ class _Outputs:
 
     def __init__(self, live: "LiveCamera", to: Watching, period_s: float, files: ExitStack, tell: Tell) -> None:
         self._name, self._to, self._files = live.name, to, files
-        size_px = (live.width_px, live.height_px)
-        self._annotator = Annotator(*size_px, period_s)
-        self._page: LivePage | None = None
-        self._film: FilmWriter | None = None
-        self._annotated: FilmWriter | None = None
-        self._write_rings: RingWriter | None = None
-        if to.port is not None:
-            self._page = files.enter_context(live_page(live.name, to.port))
+        self._size_px = live.width_px, live.height_px
+        self._annotator = Annotator(*self._size_px, period_s)
+        self._page = None if to.port is None else files.enter_context(live_page(live.name, to.port))
+        if self._page is not None:
             tell(f"{self._page.address} shows {live.name}")
-        if to.record is not None:
-            self._film = files.enter_context(growing_film_file(to.record, *size_px, live.name))
+        self._film = self._begin_film(to.record, *self._size_px)
+
+    def _begin_film(self, path: Path | None, width_px: int, height_px: int) -> FilmWriter | None:
+        if path is None:
+            return None
+        return self._files.enter_context(growing_film_file(path, width_px, height_px, self._name))
+
+    def begin(self) -> None:
+        """Begin the files of what is found."""
+        self._write_rings: RingWriter | None = None
+        if self._to.rings is not None:
+            self._write_rings = ring_writer(self._files.enter_context(growing_text(self._to.rings)))
+        self._annotated = self._begin_film(self._to.annotate, self._annotator.width_px, self._annotator.height_px)
 
     def record(self, frame: Frame) -> Frame:
         """Write a frame as it comes from the camera, and return it."""
@@ -178,24 +170,15 @@ class _Outputs:
         if self._page is not None:
             self._page.show(picture)
 
-    def begin(self) -> None:
-        """Begin the files of what is found."""
-        to, size_px = self._to, (self._annotator.width_px, self._annotator.height_px)
-        if to.rings is not None:
-            self._write_rings = ring_writer(self._files.enter_context(growing_text(to.rings)))
-        if to.annotate is not None:
-            self._annotated = self._files.enter_context(growing_film_file(to.annotate, *size_px, self._name))
-
     def write(self, tracked: TrackedFrame) -> None:
         """Write and show a frame with what was found in it."""
         if self._write_rings is not None:
             self._write_rings(tracked.frame, tracked.rings)
-        if self._annotated is None and self._page is None:
-            return
-        picture = self._annotator.annotate(tracked)
-        self.show(picture)
-        if self._annotated is not None:
-            self._annotated.write(Frame(tracked.frame.time_s, picture))
+        if self._annotated is not None or self._page is not None:
+            picture = self._annotator.annotate(tracked)
+            self.show(picture)
+            if self._annotated is not None:
+                self._annotated.write(Frame(tracked.frame.time_s, picture))
 
 
 class LiveCamera:
@@ -207,8 +190,7 @@ class LiveCamera:
     """
 
     name: str
-    width_px: int
-    height_px: int
+    width_px = height_px = 0
     warnings: list[str]
     """When it dropped out."""
 
@@ -221,8 +203,6 @@ class LiveCamera:
         self.name = f"camera {number}"
         self.warnings = []
         self._number, self._tell = number, tell
-        if number < 0:
-            raise FilmError(f"{self.name} cannot be opened; allowed: 0 for the first camera, 1 for the second ...")
         self._open()
         if not self._capture.isOpened():
             self._capture.release()
@@ -231,10 +211,11 @@ class LiveCamera:
                 "which this user may read and no other program uses"
             )
         self._zero_s = time.monotonic()
-        first = self._grab()
-        if first is None:
+        try:
+            first = self._grab()
+        except FilmError:
             self._capture.release()
-            raise FilmError(f"{self.name} delivers no picture: does another program use it?")
+            raise FilmError(f"{self.name} delivers no picture: does another program use it?") from None
         self._zero_s += first.time_s
         self.height_px, self.width_px = first.picture.shape[:2]
         self._frames = self._read(Frame(0.0, first.picture))
@@ -267,32 +248,27 @@ class LiveCamera:
     def _read(self, frame: Frame) -> Generator[Frame]:
         while True:
             yield frame
-            last_s = frame.time_s
-            next_frame = self._grab()
-            fault = self._fault(next_frame)
-            frame = self._try_again(fault, last_s) if next_frame is None or fault else next_frame
+            try:
+                frame = self._grab()
+            except FilmError as fault:
+                frame = self._try_again(str(fault), frame.time_s)
 
-    def _grab(self) -> Frame | None:
-        """Return the next picture of any size; None if there is none."""
+    def _grab(self) -> Frame:
+        """Return the next picture; raise FilmError if there is none, or it has not the size of those before."""
         grabbed = self._capture.grab()
         time_s = time.monotonic() - self._zero_s  # before decoding, which takes a varying time
         got, picture = self._capture.retrieve() if grabbed else (False, None)
         if not got or picture is None:
-            return None
+            raise FilmError(f"{self.name} delivers no pictures")
+        rows, columns = picture.shape[:2]
+        if self.width_px and (columns, rows) != (self.width_px, self.height_px):
+            size = f"{self.width_px} x {self.height_px}"
+            raise FilmError(f"{self.name} delivers pictures of {columns} x {rows} px instead of {size}")
         return Frame(time_s, cv2.cvtColor(picture, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False))
-
-    def _fault(self, frame: Frame | None) -> str:
-        """Return what is wrong with a frame; nothing if it continues the film."""
-        if frame is None:
-            return "delivers no pictures"
-        rows, columns = frame.picture.shape[:2]
-        if (columns, rows) == (self.width_px, self.height_px):
-            return ""
-        return f"delivers pictures of {columns} x {rows} px instead of {self.width_px} x {self.height_px}"
 
     def _try_again(self, fault: str, last_s: float) -> Frame:
         """Open the camera again and again, and return the frame that continues the film."""
-        self._tell(f"{self.name} {fault}; it is tried again for {PATIENCE_S:.0f} s")
+        self._tell(f"{fault}; it is tried again for {PATIENCE_S:.0f} s")
         end_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < end_s:
             self._capture.release()
@@ -300,15 +276,15 @@ class LiveCamera:
             self._open()
             self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, self.width_px)
             self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self.height_px)
-            frame = self._grab()
-            fault = self._fault(frame)
-            if frame is not None and not fault:
-                self.warnings.append(f"{self.name} dropped out from {last_s:.1f} to {frame.time_s:.1f} s")
-                self._tell(f"{self.name} is back after {frame.time_s - last_s:.1f} s")
-                return frame
-        raise FilmError(
-            f"{self.name} {fault}, for {PATIENCE_S:.0f} s now: was it unplugged, or does another program use it?"
-        )
+            try:
+                frame = self._grab()
+            except FilmError as error:
+                fault = str(error)
+                continue
+            self.warnings.append(f"{self.name} dropped out from {last_s:.1f} to {frame.time_s:.1f} s")
+            self._tell(f"{self.name} is back after {frame.time_s - last_s:.1f} s")
+            return frame
+        raise FilmError(f"{fault}, for {PATIENCE_S:.0f} s now: was it unplugged, or does another program use it?")
 
 
 class LivePage:
@@ -316,36 +292,12 @@ class LivePage:
 
     address: str
     """Where browsers find it."""
-
-    def __init__(self) -> None:
-        self._changed = threading.Condition()
-        self._jpeg = b""
-        self._number = 0
-        self._is_over = False
-
-    def end(self) -> None:
-        """Let go of all browsers."""
-        with self._changed:
-            self._is_over = True
-            self._changed.notify_all()
+    jpeg = b""
+    """The newest picture, coded; empty before the first one."""
 
     def show(self, picture: Picture) -> None:
-        """Show a picture, (height_px, width_px, 3) levels, in all browsers."""
-        coded = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes()
-        with self._changed:
-            self._jpeg, self._number = coded, self._number + 1
-            self._changed.notify_all()
-
-    def pictures(self) -> Iterator[bytes]:
-        """Yield the newest picture, as JPEG, whenever there is a newer one, to the end; a slow reader misses some."""
-        seen = 0
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._is_over or self._number > seen)  # noqa: B023 - called at once
-                if self._is_over:
-                    return
-                seen, jpeg = self._number, self._jpeg
-            yield jpeg
+        """Show a picture, (height_px, width_px, 3) levels, in all browsers; those that read slowly miss some."""
+        self.jpeg = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes()
 
 
 @contextmanager
@@ -355,7 +307,7 @@ def live_page(title: str, port: int) -> Iterator[LivePage]:
     Raises:
         PortError: The port cannot be used.
     """
-    page = LivePage()
+    page, is_over = LivePage(), threading.Event()
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
@@ -363,6 +315,7 @@ def live_page(title: str, port: int) -> Iterator[LivePage]:
             if self.headers.get("Host") not in [f"{name}:{server.server_port}" for name in (HOST, "localhost")]:
                 self.send_error(403, "ask for 127.0.0.1 or localhost")
             elif self.path == "/film":
+                self._begin(f"multipart/x-mixed-replace; boundary={BOUNDARY}")
                 self._send_film()
             elif self.path == "/":
                 self._begin("text/html; charset=utf-8")
@@ -377,27 +330,30 @@ def live_page(title: str, port: int) -> Iterator[LivePage]:
             self.end_headers()
 
         def _send_film(self) -> None:
-            self._begin(f"multipart/x-mixed-replace; boundary={BOUNDARY}")
-            try:
-                for jpeg in page.pictures():
-                    head = f"--{BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
-                    self.wfile.write(head.encode() + jpeg + b"\r\n")
-            except OSError:
-                pass  # the browser has left
+            sent = b""
+            while not is_over.wait(LOOK_S):
+                if page.jpeg == sent:
+                    continue
+                sent = page.jpeg
+                head = f"--{BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(sent)}\r\n\r\n"
+                try:
+                    self.wfile.write(head.encode() + sent + b"\r\n")
+                except OSError:
+                    return  # the browser has left
 
         def log_message(self, *_: object) -> None:
             """Keep the terminal for what is told of the film."""
 
     check_port(port)
     server = ThreadingHTTPServer((HOST, port), Handler)
-    page.address = f"http://{HOST}:{server.server_address[1]}/"
+    page.address = f"http://{HOST}:{server.server_port}/"
     server.daemon_threads = True
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()
     try:
         yield page
     finally:
-        page.end()
+        is_over.set()
         server.shutdown()
         server.server_close()
         thread.join()

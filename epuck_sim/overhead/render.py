@@ -5,14 +5,14 @@ rings seen as eight points, and mirror images in the walls. The lit room has flo
 whose grey levels are our estimates. Each robot is drawn within its bounding box, not over the whole picture.
 
 An `image` is (rows, columns) of light or levels, changed in place. `floor_cm` is (rows, columns, 2) cm, the point of
-the floor that each pixel shows, `eye_cm` (3,) cm the position of the camera, `poses` (n, 3) cm, cm, rad: x, y, heading,
-and `boxes` (n, 4) px what `bounding_boxes` returns. `ring_cm` is a radius and a height.
+the floor that each pixel shows, `eye_cm` (3,) cm the position of the camera. `robots` are (n, 7): x, y in cm and
+heading in rad, radius and height of the body, and of the ring, in cm. `boxes` are (n, 4) px, see `bounding_boxes`.
 """
 
 import math
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -33,8 +33,7 @@ from epuck_sim.util.jit import jit
 COLOUR_LEVELS = (900.0, 130.0, 120.0)
 """Levels of red, green and blue that a ring of light 1 adds; our estimate.
 
-A pixel holds at most 255: red is saturated all along the ring, and what leaks into green and blue makes its core
-pinkish, as in Fig. 4.5 of the thesis.
+Red is saturated all along the ring, and what leaks into green and blue makes its core pinkish, as in thesis Fig. 4.5.
 """
 
 # rings; widths and brightnesses are our estimates
@@ -56,9 +55,6 @@ HEADING_MARK = 225.0  # the wedge on a robot's top that points ahead
 PAPER, INK = 225.0, 20.0  # white and black on a tag
 
 WALL_THICKNESS_CM = 1.0
-MARK_TIP_CM = 3.2  # heading mark's tip ahead of an e-puck's centre; other robots' marks are in proportion
-MARK_END_CM = 0.4  # its broad end ahead of an e-puck's centre
-MARK_SLOPE = 0.45  # half its width per cm of distance from its tip
 MODULE_PX = 8  # pixels of a module in the pattern of a tag that is drawn; more than in pictures
 FINER = 4  # pixels along the side of a pixel, over which a tag is averaged
 
@@ -69,8 +65,11 @@ PERFECT = {"blur_px": 0.0, "vignetting": 0.0, "distortion": 0.0, "noise_levels":
 
 NO_MOVABLES = np.empty((0, 2))  # places of the movables of an arena that has none
 
-_OCTAGON = np.array([(math.cos(angle), math.sin(angle)) for angle in np.arange(8) * math.pi / 4])
-"""(8, 2) corners of an octagon around the origin; its inscribed circle has radius cos(pi / 8)."""
+_OCTAGON = np.column_stack([np.cos(LED_ANGLES), np.sin(LED_ANGLES)]) / math.cos(math.pi / 8)
+"""(8, 2) corners of an octagon around a circle of radius 1."""
+_CIRCLE = np.column_stack([np.cos(np.arange(48) * math.tau / 48), np.sin(np.arange(48) * math.tau / 48)])
+_MARK = np.array([(3.2, 0.0), (0.4, 1.26), (0.4, -1.26)])
+"""(3, 2) cm: the mark on an e-puck, ahead of its centre and aside; other robots' marks are in proportion."""
 
 
 class ExposureSample(NamedTuple):
@@ -97,9 +96,10 @@ class Renderer:
         seed: int,
         kinds: Sequence[RobotKind] = (EPUCK,),
     ) -> None:
-        """Prepare what all pictures share; section: light and optics; seed: that of the noise; kinds: see `_robots`."""
+        """Prepare what all pictures share; kinds: that of each robot, or one for all; seed: that of the noise."""
         self._section, self._camera = section, camera
-        self._bodies_cm, self._rings_cm = _robots(kinds)
+        sizes = [(kind.radius_cm, kind.height_cm, kind.ring_radius_cm, kind.ring_height_cm) for kind in kinds]
+        self._sizes_cm = np.array(sizes, float)
         self._light = section.gain * section.exposure_ms / NOMINAL_EXPOSURE_MS
         self._floor_cm = camera.plane_map(0.0)
         self._dimming = dimming(camera.width_px, camera.height_px, section.vignetting)
@@ -129,28 +129,29 @@ class Renderer:
         noisy = cv2.add(cv2.merge(channels), self._next_noise(), dtype=cv2.CV_8U)  # rounds, and clips to 0..255
         return np.asarray(noisy, np.uint8)
 
+    def _robots(self, sample: ExposureSample) -> FloatArray:
+        count = len(sample.poses)
+        return np.hstack([sample.poses, np.broadcast_to(self._sizes_cm[:count], (count, 4))])
+
     def _rings(self, samples: Sequence[ExposureSample]) -> Float32Array:
         """Return (rows, columns) the light of all rings."""
         image = np.zeros(self._room.shape, np.float32)
         light = self._light / len(samples)
-        for ring_cm, has_ring in self._rings_cm.items():
-            lit = _in_arena(np.concatenate([each.poses[each.ring_on & _of_each(has_ring, each)] for each in samples]))
-            self._add_rings(image, lit, light, ring_cm)
-            if self._section.gloss:
-                images = mirror_images(lit, samples[0].arena or self._first_arena)
-                self._add_rings(image, images, self._section.gloss * light, ring_cm)
+        lit = _in_arena(np.concatenate([self._robots(sample)[sample.ring_on] for sample in samples]))
+        self._add_rings(image, lit, light)
+        if self._section.gloss:
+            images = mirror_images(lit, samples[0].arena or self._first_arena)
+            self._add_rings(image, images, self._section.gloss * light)
         return image
 
-    def _add_rings(self, image: Float32Array, poses: FloatArray, light: float, ring_cm: tuple[float, float]) -> None:
-        """Add the light of equal rings at (n, 3) poses to an image, in place."""
+    def _add_rings(self, image: Float32Array, robots: FloatArray, light: float) -> None:
         if self._section.led_points:
-            add_points(image, self._camera, poses, light, ring_cm)
+            add_points(image, self._camera, robots, light)
             return
         bloom = self._section.bloom
         reach = reach_cm(self._light, bloom)
-        sizes = np.full((len(poses), 2), ring_cm)
-        boxes = bounding_boxes(self._camera, poses[:, :2], sizes[:, 0] + reach, sizes[:, 1:])
-        add_rings(image, self._floor_cm, self._camera.position_cm, poses, boxes, light, bloom, reach, ring_cm)
+        boxes = bounding_boxes(self._camera, robots[:, :2], robots[:, 5] + reach, robots[:, 6:])
+        add_rings(image, self._floor_cm, self._camera.position_cm, robots, boxes, light, bloom, reach)
 
     def _scene(self, samples: Sequence[ExposureSample]) -> Float32Array:
         """Return (rows, columns) the levels of the lit room with the robots in it."""
@@ -163,16 +164,14 @@ class Renderer:
             image = self._room.copy()
             for place, radius in zip(sample.movables, self._movable_cm, strict=True):
                 _draw_circle(image, self._floor_cm, place[0], place[1], radius)
-            sizes = _of_each(self._bodies_cm, sample)
-            bodies = farthest_first(_in_arena(np.hstack([sample.poses, sizes])), camera.position_cm)
-            boxes = bounding_boxes(camera, bodies[:, :2], bodies[:, 3], np.outer(bodies[:, 4], (0.0, 1.0)))
-            draw_bodies(image, self._floor_cm, camera.position_cm, bodies, boxes)
+            robots = self._robots(sample)
+            bodies = farthest_first(_in_arena(robots), camera.position_cm)
+            draw_bodies(image, camera, bodies)
             if tags is not None:
-                draw_tags(image, camera, sample.poses, tags, float(self._section.tag_cm), sizes[:, 1])
+                draw_tags(image, camera, robots, tags, float(self._section.tag_cm))
             image[self._lamps] = LAMP
             scene += image
-        scene /= len(samples)
-        return scene
+        return scene / np.float32(len(samples))
 
     def _through_lens(self, image: Float32Array) -> Float32Array:
         """Return (rows, columns) an image blurred and dimmed by the lens."""
@@ -244,31 +243,9 @@ class ArenaView:
         return self._renderer.render([sample], room_is_lit=True)
 
 
-def _robots(kinds: Sequence[RobotKind]) -> tuple[FloatArray, dict[tuple[float, float], BoolArray]]:
-    """Return radius and height of bodies, cm, and which robots have rings of which radius and height, cm.
-
-    Args:
-        kinds: The kind of each robot, or one for all.
-
-    Returns:
-        (n, 2) cm of each robot, or (1, 2) of all; and for each ring (n,) or (1,) whether a robot has it.
-    """
-    if all(kind == kinds[0] for kind in kinds):
-        kinds = kinds[:1]
-    rings = [(float(kind.ring_radius_cm), float(kind.ring_height_cm)) for kind in kinds]
-    bodies_cm = np.array([(kind.radius_cm, kind.height_cm) for kind in kinds], float)
-    return bodies_cm, {ring: np.array([each == ring for each in rings]) for ring in dict.fromkeys(rings)}
-
-
-def _of_each(values: npt.NDArray[Any], sample: ExposureSample) -> npt.NDArray[Any]:
-    """Return what robots have, one row for each of a sample's, of rows for each or of one for all."""
-    robots = len(sample.poses)
-    return np.broadcast_to(values[:robots], (robots, *values.shape[1:]))
-
-
-def _in_arena(poses: FloatArray) -> FloatArray:
-    """Return those rows, which begin with poses, that are not NaN."""
-    return poses[~np.isnan(poses[:, 0])]
+def _in_arena(robots: FloatArray) -> FloatArray:
+    """Return those whose poses are not NaN."""
+    return robots[~np.isnan(robots[:, 0])]
 
 
 def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:
@@ -284,11 +261,7 @@ def bounding_boxes(
 ) -> IntArray:
     """Return the pixels within which each of some upright cylinders is seen.
 
-    Args:
-        camera: The camera.
-        centres_cm: (n, 2) cm: where their axes are.
-        radii_cm: (n,) cm.
-        heights_cm: (n, k) cm: some of the heights that they cover, of which the lowest and the highest are enough.
+    Their axes are at (n, 2) cm; (n, k) heights of each are its lowest and its highest, or any between.
 
     Returns:
         (n, 4) px: first row, row after the last, first column, column after the last; an empty box for what is outside
@@ -296,7 +269,7 @@ def bounding_boxes(
     """
     if not len(centres_cm):  # OpenCV refuses empty arrays
         return np.empty((0, 4), np.int64)
-    octagons = centres_cm[:, None] + (radii_cm / math.cos(math.pi / 8))[:, None, None] * _OCTAGON
+    octagons = centres_cm[:, None] + radii_cm[:, None, None] * _OCTAGON
     heights = np.repeat(heights_cm.T, len(_OCTAGON), axis=1)
     points = np.vstack([np.column_stack([octagons.reshape(-1, 2), height]) for height in heights])
     pixels = camera.project(points).reshape(len(heights), len(centres_cm), len(_OCTAGON), 2)
@@ -318,23 +291,18 @@ def add_rings(
     image: Float32Array,
     floor_cm: Float32Array,
     eye_cm: FloatArray,
-    poses: FloatArray,
+    robots: FloatArray,
     boxes: IntArray,
     light: float,
     bloom: float,
     reach: float,
-    ring_cm: tuple[float, float],
 ) -> None:
-    """Add to an image the light of the rings of robots at some poses.
-
-    An LED has this light, the haze at the ring `bloom` times as much; beyond `reach`, cm, nothing is added.
-    """
-    radius, height = ring_cm
-    rise = height / eye_cm[2]
-    for ring in range(len(poses)):
+    """Add to an image the light of rings: `light` at an LED, `bloom` times as much haze; none beyond `reach`, cm."""
+    for ring in range(len(robots)):
+        radius, rise = robots[ring, 5], robots[ring, 6] / eye_cm[2]
         # the ring's centre, projected along the lines of sight onto the floor, where the ring appears enlarged
-        x, y = poses[ring, 0] - rise * eye_cm[0], poses[ring, 1] - rise * eye_cm[1]
-        ahead_x, ahead_y = math.cos(poses[ring, 2]), math.sin(poses[ring, 2])
+        x, y = robots[ring, 0] - rise * eye_cm[0], robots[ring, 1] - rise * eye_cm[1]
+        ahead_x, ahead_y = math.cos(robots[ring, 2]), math.sin(robots[ring, 2])
         for row in range(boxes[ring, 0], boxes[ring, 1]):
             for column in range(boxes[ring, 2], boxes[ring, 3]):
                 dx = (1.0 - rise) * floor_cm[row, column, 0] - x
@@ -357,18 +325,15 @@ def _led_light(ahead: float) -> float:
     return 1.0 - DEPTH * 0.5 * (1.0 - ahead)
 
 
-def add_points(
-    image: Float32Array, camera: CameraModel, poses: FloatArray, light: float, ring_cm: tuple[float, float]
-) -> None:
+def add_points(image: Float32Array, camera: CameraModel, robots: FloatArray, light: float) -> None:
     """Add to an image the LEDs of robots as points of light, as wide as a ring is thick; see `add_rings`."""
-    if not len(poses):
+    if not len(robots):
         return
-    radius_cm, height_cm = ring_cm
-    angles = poses[:, 2:] + LED_ANGLES
-    x = poses[:, :1] + radius_cm * np.cos(angles)
-    y = poses[:, 1:2] + radius_cm * np.sin(angles)
-    pixels = camera.project(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, height_cm)]))
-    width_px = WIDTH_CM * camera.lens.focal_px / (camera.position_cm[2] - height_cm)
+    x, y, heading, _, _, radius_cm, height_cm = robots.T[:, :, None]
+    angles = heading + LED_ANGLES
+    places = np.stack([x + radius_cm * np.cos(angles), y + radius_cm * np.sin(angles), height_cm + 0 * angles], axis=2)
+    pixels = camera.project(places.reshape(-1, 3))
+    width_px = WIDTH_CM * camera.lens.focal_px / (camera.position_cm[2] - height_cm.max())
     points = np.zeros_like(image)
     rows, columns = image.shape
     whole = np.floor(pixels).astype(int)
@@ -381,14 +346,14 @@ def add_points(
     image += light * math.tau * width_px**2 * cv2.GaussianBlur(points, (0, 0), width_px)
 
 
-def mirror_images(poses: FloatArray, arena: Arena) -> FloatArray:
-    """Return (4 n, 3) cm, cm, rad: the mirror images in the four walls of robots at (n, 3) poses."""
-    x, y, heading = poses.T
+def mirror_images(robots: FloatArray, arena: Arena) -> FloatArray:
+    """Return (4 n, 7) the mirror images of robots in the four walls."""
+    x, y, heading, *sizes = robots.T
     return np.concatenate([
-        np.column_stack([-x, y, math.pi - heading]),
-        np.column_stack([2 * arena.width_cm - x, y, math.pi - heading]),
-        np.column_stack([x, -y, -heading]),
-        np.column_stack([x, 2 * arena.height_cm - y, -heading]),
+        np.column_stack([-x, y, math.pi - heading, *sizes]),
+        np.column_stack([2 * arena.width_cm - x, y, math.pi - heading, *sizes]),
+        np.column_stack([x, -y, -heading, *sizes]),
+        np.column_stack([x, 2 * arena.height_cm - y, -heading, *sizes]),
     ])  # fmt: skip
 
 
@@ -428,66 +393,31 @@ def _is_within(points: npt.NDArray[np.floating], arena: Arena, margin_cm: float)
     return within[..., 0] & within[..., 1]
 
 
-def farthest_first(poses: FloatArray, eye_cm: FloatArray) -> FloatArray:
-    """Return rows, which begin with poses, farthest from the camera's axis first: none is hidden by one farther out."""
-    order = np.argsort(-np.hypot(poses[:, 0] - eye_cm[0], poses[:, 1] - eye_cm[1]), kind="stable")
-    return poses[order]
+def farthest_first(robots: FloatArray, eye_cm: FloatArray) -> FloatArray:
+    """Return robots, farthest from the camera's axis first: none is hidden by one farther out."""
+    order = np.argsort(-np.hypot(robots[:, 0] - eye_cm[0], robots[:, 1] - eye_cm[1]), kind="stable")
+    return robots[order]
 
 
-@jit
-def draw_bodies(
-    image: Float32Array,
-    floor_cm: Float32Array,
-    eye_cm: FloatArray,
-    bodies: FloatArray,
-    boxes: IntArray,
-) -> None:
-    """Draw robots one after the other, each over those before: cylinders with a mark that points ahead.
-
-    `bodies` is (n, 5): poses, radii and heights, cm.
-    """
-    for body in range(len(bodies)):
-        x, y, radius = bodies[body, 0], bodies[body, 1], bodies[body, 3]
-        scale, rise = radius / epuck.RADIUS_CM, bodies[body, 4] / eye_cm[2]
-        cos, sin = math.cos(bodies[body, 2]), math.sin(bodies[body, 2])
-        for row in range(boxes[body, 0], boxes[body, 1]):
-            for column in range(boxes[body, 2], boxes[body, 3]):
-                foot_x, foot_y = floor_cm[row, column, 0] - x, floor_cm[row, column, 1] - y
-                along_x = rise * (eye_cm[0] - floor_cm[row, column, 0])
-                along_y = rise * (eye_cm[1] - floor_cm[row, column, 1])
-                top_x, top_y = foot_x + along_x, foot_y + along_y
-                if top_x * top_x + top_y * top_y <= radius**2:
-                    ahead, aside = cos * top_x + sin * top_y, abs(cos * top_y - sin * top_x)
-                    is_mark = ahead >= scale * MARK_END_CM and aside <= MARK_SLOPE * (scale * MARK_TIP_CM - ahead)
-                    image[row, column] = HEADING_MARK if is_mark else BODY_TOP
-                elif _segment_meets_body(foot_x, foot_y, along_x, along_y, radius):
-                    image[row, column] = BODY_SIDE
+def draw_bodies(image: Float32Array, camera: CameraModel, robots: FloatArray) -> None:
+    """Draw robots one after the other, each over those before: cylinders with a mark that points ahead."""
+    for x, y, heading, radius, height in robots[:, :5]:
+        turn = np.array([(math.cos(heading), -math.sin(heading)), (math.sin(heading), math.cos(heading))])
+        shapes = np.vstack([radius * _CIRCLE, radius * _CIRCLE, radius / epuck.RADIUS_CM * _MARK]) @ turn.T + (x, y)
+        heights = np.where(np.arange(len(shapes)) < len(_CIRCLE), 0.0, height)
+        pixels = np.round(16 * camera.project(np.column_stack([shapes, heights]))).astype(np.int32)
+        foot, top, mark = np.split(pixels, (len(_CIRCLE), 2 * len(_CIRCLE)))
+        outline = cv2.convexHull(np.vstack([foot, top]))
+        for corners, level in ((outline, BODY_SIDE), (top, BODY_TOP), (mark, HEADING_MARK)):
+            cv2.fillConvexPoly(image, corners, level, shift=4)  # 1/16 pixel
 
 
-@jit
-def _segment_meets_body(x: float, y: float, along_x: float, along_y: float, radius: float) -> bool:
-    """Return whether the segment from (x, y) along (along_x, along_y) comes within a body's radius of the origin."""
-    square = along_x * along_x + along_y * along_y
-    share = 0.0 if square == 0.0 else min(max(-(x * along_x + y * along_y) / square, 0.0), 1.0)
-    return (x + share * along_x) ** 2 + (y + share * along_y) ** 2 <= radius**2
-
-
-def draw_tags(
-    image: Float32Array,
-    camera: CameraModel,
-    poses: FloatArray,
-    dictionary: str,
-    side_cm: float,
-    heights_cm: FloatArray,
-) -> None:
-    """Draw on each robot that is there, whose pose is not NaN, the tag with its number, if the dictionary has it.
-
-    The side of a tag is that with its black border; (n,) heights are those of robots.
-    """
+def draw_tags(image: Float32Array, camera: CameraModel, robots: FloatArray, dictionary: str, side_cm: float) -> None:
+    """Draw on each robot that is there the tag with its number, if the dictionary has it; side: of the black border."""
     paper_cm = side_cm * (1 + 1 / tag_modules(dictionary))
-    for number, pose in enumerate(poses[: tag_count(dictionary)]):
-        if not np.isnan(pose[0]):
-            corners = camera.project(tag_corners_cm(pose, paper_cm, float(heights_cm[number])))
+    for number, robot in enumerate(robots[: tag_count(dictionary)]):
+        if not np.isnan(robot[0]):
+            corners = camera.project(tag_corners_cm(robot[:3], paper_cm, float(robot[4])))
             _draw_between(image, _tag_levels(dictionary, number), corners)
 
 

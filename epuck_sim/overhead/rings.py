@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
-from epuck_sim.overhead.camera import CameraModel, Light, Picture
-from epuck_sim.overhead.light import RingLight, ring_light
+from epuck_sim.overhead.camera import CameraModel, Light
+from epuck_sim.overhead.light import RingLight
 
 # the view from above
 COARSE_PER_CM = 2  # cells per cm of the coarse grid in which rings are searched; a ring is 14 cells wide
@@ -28,14 +28,10 @@ STRAY_CM = 0.5  # largest error of projecting a point and back; beyond the fold 
 MAX_CANDIDATES = 200  # candidates that are examined in a picture, the brightest ones
 FILTER_WIDTH_CM = 0.45  # standard deviation of the matched filter across the ring, about 1 cm thick when overexposed
 DARK_RADIUS_CM = 2.3  # radius of the dark inside of a ring in the matched filter
-MIN_RELATIVE_LIGHT = 0.25
-"""Minimum light of a ring, relative to the brightest one. A ring lit for less of the exposure may be missed;
-reflections on walls and floor are weaker."""
+MIN_RELATIVE_LIGHT = 0.25  # light of a ring, relative to the brightest one; reflections on walls and floor are weaker
 MIN_LEVEL_DARK = 8  # levels by which a ring in the dark is brighter than its inside, at its eight points
 POINTS_SHARE = 0.25  # mean light along a ring, relative to that at its points: a short exposure is dark between them
-MIN_LEVEL_LIT = 12
-"""Minimum levels by which a ring in a lit room is more coloured than its inside. Its core is nearly white there;
-averaged over a whole ring, noise of 10 levels gives less than 1."""
+MIN_LEVEL_LIT = 12  # levels by which a ring in a lit room is more coloured than its inside: its core is nearly white
 CLOSE_CM = 1.5  # distance of a candidate from the centre of its ring, and of light beyond its reach that matters
 CORE_CM = 1.0  # width of gaps in the colour that are filled in a lit room, where a ring is white between colours
 
@@ -59,19 +55,13 @@ RIDGE = 1e-6  # weight that keeps the least squares solvable where few direction
 
 # what is a ring
 MIN_DISTANCE_CM = 0.88 * 2 * epuck.RADIUS_CM  # of two centres: robots touch at 2 radii; the scale may be off by a tenth
-RADII = (0.75, 1.2)
-"""Bounds of a ring's radius, relative to `epuck.RING_RADIUS_CM`: perspective and scale are estimates, and in a lit room
-a ring looks smaller, because its outer side is pale."""
-MAX_RELATIVE_RADIUS = 1.12
-"""Maximum radius of a ring, relative to the mean of those found before. Faint rings look slightly larger; what six lit
-rings enclose is larger by a sixth."""
+RADII = (0.75, 1.2)  # bounds of a ring's radius, relative to the true one: the scale is an estimate, lit rooms pale it
+MAX_RELATIVE_RADIUS = 1.12  # radius relative to the mean of those found before; six rings enclose a sixth larger one
 MAX_FLATTENING = 0.25  # of a ring, relative to its radius: the lens and the tilt are estimates, too
 MAX_MISFIT_CM = 0.2  # root mean square distance of the light's inner edge from the circle; 0.04 cm in usual pictures
 MIN_COVERED = 0.85  # share of the directions in which a ring is lit
 MAX_INSIDE = 0.9  # light within half a ring's radius, relative to that on the ring; a webcam burns rings out
-MAX_BEYOND = 0.85
-"""Maximum light outside of a ring, relative to that on it. Around an unlit robot, be it in a lit room or
-between six lit ones, light grows outwards."""
+MAX_BEYOND = 0.85  # light outside of a ring, relative to that on it; around an unlit robot light grows outwards
 MAX_BEYOND_LIT = 1.5  # the same in a lit room, where haze is coloured and cores are pale; grey things have no colour
 
 # rings that are burnt out
@@ -84,7 +74,6 @@ _NEAR = np.ones((5, 5), np.uint8)
 _ANGLES = np.arange(BINS) * (2 * np.pi / BINS)
 _RADII = np.arange(round(REACH_CM / STEP_CM)) * STEP_CM
 _ROUND = np.column_stack([np.ones(BINS), np.cos(_ANGLES), np.sin(_ANGLES)])
-_ALL = np.ones(BINS, bool)
 _DESIGN = np.column_stack([_ROUND, np.cos(2 * _ANGLES), np.sin(2 * _ANGLES)])
 _ROWS = np.arange(BINS)
 _FROM_LED_TO_LED = np.ones((LED_BINS, 1), np.uint8)
@@ -116,16 +105,15 @@ class Fit(NamedTuple):
     """A circle fitted to a ring of light."""
 
     column: float
-    """Column of its centre in the view."""
     row: float
-    """Row of its centre in the view."""
+    """Its centre is in this row of the view."""
     radius_cm: float
     flattening: tuple[float, float]
     """Amplitude of the radius along twice the angle, cosine and sine, relative to the radius: 0 for a circle."""
     misfit_cm: float
     """Root mean square distance of the inner edge from the circle, without edges more than `OUTLIER_CM` off."""
-    covered: BoolArray
-    """(BINS,) whether there is light on the circle in each direction."""
+    covered: float
+    """Share of the directions in which there is light on the circle."""
     light: float
     """Median level on the circle, above that of its inside."""
     inside: float
@@ -143,22 +131,14 @@ class RingFinder:
         Args:
             camera: The camera.
             usual_light: Levels by which dark rings exceed their inside, if they are known.
-            sees_discs: Whether discs of saturated light are rings, too; the camera's scale must be known.
+            sees_discs: Whether discs of saturated light are rings, too; the scale must be known.
         """
         self.camera = camera
         self._sees_discs = sees_discs
         self._least_dark = max(MIN_LEVEL_DARK, MIN_RELATIVE_LIGHT * usual_light)
         self.view = rectified_view(camera)
 
-    def find(self, picture: Picture) -> list[Ring]:
-        """Return the lit rings in a picture, from left to right.
-
-        Raises:
-            ValueError: The picture's size is not the camera's.
-        """
-        return self.find_in(ring_light(picture))
-
-    def find_in(self, light: RingLight) -> list[Ring]:
+    def find(self, light: RingLight) -> list[Ring]:
         """Return the lit rings in the light of a picture, from left to right."""
         fits = self.fits(light)
         if not fits:
@@ -174,19 +154,18 @@ class RingFinder:
 
     def fits(self, light: RingLight) -> list[Fit]:
         """Return circles fitted to the rings in the light of a picture, in its rectified view, brightest first."""
-        camera, (levels, lit) = self.camera, light
-        if levels.shape != (camera.height_px, camera.width_px):
-            raise ValueError(f"a picture of {levels.shape}; allowed: {(camera.height_px, camera.width_px)}")
+        levels, lit = light
         least = float(MIN_LEVEL_LIT) if lit else self._least_dark
         if cv2.minMaxLoc(levels)[1] < least:
             return []
-        response = self.view.match(levels, CORE_CM if lit else 0.0)
+        gaps_cm, most_beyond = (CORE_CM, MAX_BEYOND_LIT) if lit else (0.0, MAX_BEYOND)
+        cells = self.view.cells_per_cm
+        response = self.view.match(levels, gaps_cm)
         mean_least = max(least if lit else POINTS_SHARE * least, MIN_RELATIVE_LIGHT * float(response.max()))
-        most_beyond, cells = MAX_BEYOND_LIT if lit else MAX_BEYOND, self.view.cells_per_cm
         fits: list[Fit] = []
         for column, row in self.view.candidates(response, mean_least):
             if _is_free(column, row, fits, cells):
-                view, left, low = self.view.around(levels, column, row, CORE_CM if lit else 0.0)
+                view, left, low = self.view.around(levels, column, row, gaps_cm)
                 fit = fit_ring(view, cells, column - left, row - low, max(least, mean_least))
                 fit = fit and fit._replace(column=fit.column + left, row=fit.row + low)
                 if fit is not None and _is_ring(fit, most_beyond) and _is_new(fit, fits, cells):
@@ -197,11 +176,8 @@ class RingFinder:
         """Return rings that are burnt out to discs, beside those found: middles of saturated light, widest first."""
         if cv2.minMaxLoc(levels)[1] < SATURATED_LEVEL:
             return []
-        saturated = np.asarray(self.view.sample(levels) >= SATURATED_LEVEL, np.uint8)
         cells = self.view.cells_per_cm
-        if not saturated.any():
-            return []
-        saturated = close_gaps(saturated, HOLE_CM * cells)
+        saturated = _close_gaps(np.asarray(self.view.sample(levels) >= SATURATED_LEVEL, np.uint8), HOLE_CM * cells)
         if np.count_nonzero(saturated) < math.pi * (DISC_RADII_CM[0] * cells) ** 2:
             return []
         within = np.asarray(cv2.distanceTransform(saturated, cv2.DIST_L2, 5), np.float32) / cells
@@ -210,7 +186,7 @@ class RingFinder:
         for index in np.argsort(-within[rows, columns], kind="stable"):
             column, row = float(columns[index]), float(rows[index])
             if within[rows[index], columns[index]] <= DISC_RADII_CM[1] and _is_free(column, row, found + discs, cells):
-                discs.append(Fit(column, row, epuck.RING_RADIUS_CM, (0.0, 0.0), 0.0, _ALL, DISC_LIGHT, 1.0, 0.0))
+                discs.append(Fit(column, row, epuck.RING_RADIUS_CM, (0.0, 0.0), 0.0, 1.0, DISC_LIGHT, 1.0, 0.0))
         return discs
 
 
@@ -221,7 +197,7 @@ def _is_ring(fit: Fit, most_beyond: float) -> bool:
         and math.hypot(*fit.flattening) <= MAX_FLATTENING
         and fit.inside <= MAX_INSIDE
         and fit.beyond <= most_beyond
-        and fit.covered.mean() >= MIN_COVERED
+        and fit.covered >= MIN_COVERED
     )
 
 
@@ -251,8 +227,8 @@ _RING_FILTER = _ring_filter()
 _WITHIN_1_CM = np.ones((2 * COARSE_PER_CM + 1, 2 * COARSE_PER_CM + 1), np.uint8)
 
 
-def close_gaps(view: Light, width: float) -> Light:
-    """Return a view in which dark gaps and dots up to `width` cells wide are filled (morphological closing)."""
+def _close_gaps(view: Light, width: float) -> Light:
+    """Fill dark gaps and dots up to `width` cells wide (morphological closing)."""
     size = round(width) // 2 * 2 + 1
     if size == 1:
         return view
@@ -271,7 +247,6 @@ class RectifiedView(NamedTuple):
     """(rows, columns, 2) whole pixels of OpenCV's fixed-point map from cells to the picture."""
     fractions: npt.NDArray[np.uint16]
     """(rows, columns) fractions of a pixel of that map."""
-
     coarse_pixels: npt.NDArray[np.int16]
     """The same map for the coarse grid."""
     coarse_fractions: npt.NDArray[np.uint16]
@@ -283,21 +258,18 @@ class RectifiedView(NamedTuple):
         return np.asarray(cv2.remap(light, self.pixels, self.fractions, cv2.INTER_LINEAR), np.uint8)
 
     def around(self, light: Light, column: float, row: float, gaps_cm: float) -> tuple[Light, int, int]:
-        """Return the part of the view from which a ring around a cell is fitted, and its first column and row.
-
-        Dark gaps up to `gaps_cm` wide are filled.
-        """
+        """Return the part of the view from which a ring around a cell is fitted, and its first column and row."""
         half = math.ceil((REACH_CM + CLOSE_CM) * self.cells_per_cm)
         left, low = max(int(column) - half, 0), max(int(row) - half, 0)
         part = slice(low, int(row) + half), slice(left, int(column) + half)
         view = cv2.remap(light, self.pixels[part], self.fractions[part], cv2.INTER_LINEAR)
-        return close_gaps(np.asarray(view, np.uint8), gaps_cm * self.cells_per_cm), left, low
+        return _close_gaps(np.asarray(view, np.uint8), gaps_cm * self.cells_per_cm), left, low
 
     def match(self, light: Light, gaps_cm: float) -> Float32Array:
         """Return how much a ring seems to be around each cell of the coarse grid: light on it less light inside."""
         smooth = cv2.blur(light, (self.smooth_px, self.smooth_px))
         coarse = cv2.remap(smooth, self.coarse_pixels, self.coarse_fractions, cv2.INTER_LINEAR)
-        coarse = close_gaps(np.asarray(coarse, np.uint8), gaps_cm * COARSE_PER_CM)
+        coarse = _close_gaps(np.asarray(coarse, np.uint8), gaps_cm * COARSE_PER_CM)
         return np.asarray(cv2.filter2D(coarse, cv2.CV_32F, _RING_FILTER), np.float32)
 
     def candidates(self, response: Float32Array, least: float) -> FloatArray:
@@ -353,21 +325,14 @@ def _extent_cm(camera: CameraModel, above_cm: float) -> tuple[FloatArray, FloatA
 
 
 def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: float) -> Fit | None:
-    """Fit a circle to a ring whose centre is within about 1 cm of a cell.
+    """Fit a circle to a ring whose centre is within about 1 cm of a cell of the view.
 
     The inner edge of the light is at r(theta) = R + dx cos(theta) + dy sin(theta), and two terms of twice the angle,
     for a centre that is off by (dx, dy). Least squares over `BINS` directions give them; this is repeated from the new
     centre. The inner edge is used, because other rings that touch the ring shine outside of it.
 
-    Args:
-        view: (rows, columns) light on the plane of the rings (see `rectified_view`).
-        cells_per_cm: Resolution of the view.
-        column: Column of the cell.
-        row: Row of the cell.
-        least: Minimum median level of a ring above its inside.
-
     Returns:
-        The circle; None if half of the ring is missing or it is too faint.
+        The circle; None if half of the ring is missing, or if its median level is not `least` above its inside.
     """
     radius = epuck.RING_RADIUS_CM
     for _ in range(MAX_ROUNDS):
@@ -408,7 +373,7 @@ def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: f
         radius,
         flattening=(float(outline[3] / radius), float(outline[4] / radius)),
         misfit_cm=math.sqrt(near @ near / len(near)) if len(near) else math.inf,
-        covered=(on - inside >= MIN_BETWEEN_LEDS * (bright - inside)) & ~(off > OUTLIER_CM),
+        covered=float(np.mean((on - inside >= MIN_BETWEEN_LEDS * (bright - inside)) & ~(off > OUTLIER_CM))),
         light=bright - inside,
         inside=inside / bright,
         beyond=beyond / max(crest, 1e-9),
@@ -448,8 +413,7 @@ def _circle(edge: FloatArray, has: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Fit a circle, and then a flattened one, to the (BINS,) distances of the edge in the directions that have one.
 
     Returns:
-        (5,) cm: radius, centre, and amplitudes along twice the angle; (BINS,) cm: distance of the edge from it, NaN
-        where there is none.
+        (5,) cm: radius, centre, and amplitudes along twice the angle; (BINS,) cm: distance of the edge, or NaN.
     """
     near = has
     for terms, from_all in ((_ROUND, _ROUND_FROM_ALL), (_DESIGN, _DESIGN_FROM_ALL)):
@@ -464,13 +428,7 @@ def _circle(edge: FloatArray, has: BoolArray) -> tuple[FloatArray, FloatArray]:
 def _outline(profile: Light, expected: FloatArray, level: float) -> FloatArray:
     """Fit the middle of the light, which joining gaps would flatten less: the light itself counts, at the LEDs most.
 
-    Args:
-        profile: (BINS, radii) light.
-        expected: (BINS,) cm: about where it is brightest.
-        level: Level below which light does not count.
-
-    Returns:
-        (5,) cm: radius, centre, and amplitudes along twice the angle.
+    It is about at the (BINS,) expected distances; light below the level does not count. The result is as of `_circle`.
     """
     away = _RADII - expected[:, None]
     weights = np.where(np.abs(away) <= OUTSIDE_CM, np.maximum(profile - level, 0.0), 0.0)

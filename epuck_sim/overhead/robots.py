@@ -3,6 +3,7 @@
 import csv
 import json
 from collections.abc import Iterable, Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -37,6 +38,7 @@ class Robots(NamedTuple):
 
     by: Literal["motion", "tags"]
     """How they are identified."""
+    flashes: FlashTable
     identities: Identities
     numbers: IntArray
     """(robots,) their numbers, ascending: those of their tags, or from 0."""
@@ -58,16 +60,15 @@ class Pair(NamedTuple):
 
 
 def find_robots(track: Track) -> Robots:
-    """Return the robots of a film: by their tags if these were read, or else by how they move from flash to flash.
+    """Return the robots of a film: by their tags if these were looked for, or else by how they move between flashes.
 
     Raises:
         FilmError: No tag is read.
     """
-    return _by_motion(track) if track.tags is None else _by_tags(track, track.tags)
-
-
-def _by_motion(track: Track) -> Robots:
-    identities = link_flashes(FlashTable.of(track.flashes), track.period_s, track.geometry.floor_cm)
+    flashes = FlashTable.of(track.flashes)
+    if track.tags is not None:
+        return _by_tags(track, flashes, track.tags)
+    identities = link_flashes(flashes, track.period_s, track.geometry.floor_cm)
     warnings = []
     if identities.unsure > MANY_UNSURE:
         warnings.append(
@@ -79,14 +80,13 @@ def _by_motion(track: Track) -> Robots:
         warnings.append(
             f"flashes are linked to {identities.robots} robots, but there are {expected}: some were lost and count anew"
         )
-    return Robots("motion", identities, np.arange(identities.robots), None, tuple(warnings))
+    return Robots("motion", flashes, identities, np.arange(identities.robots), None, tuple(warnings))
 
 
-def _by_tags(track: Track, readings: Readings) -> Robots:
+def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
     warnings: list[str] = []
     expected, expected_robots = track.options.tag_numbers, track.options.robots
-    readings = _only_expected(readings, expected, len(track.times_s), warnings)
-    readings = _only_once(readings, warnings)
+    readings = _only_once(_only_expected(readings, expected, len(track.times_s), warnings), warnings)
     if not len(readings.number):
         raise FilmError(
             f"{track.film}: no tag is read, or all are seen twice; check the dictionary, that the film is lit, by "
@@ -97,7 +97,6 @@ def _by_tags(track: Track, readings: Readings) -> Robots:
         warnings.append(f"tags that are never read: {_listed(unread)}")
     own = [readings.of(readings.number == number) for number in numbers]
     poses = np.stack([_poses_at(track.times_s, each) for each in own], axis=1)
-    flashes = FlashTable.of(track.flashes)
     robot = _whose(flashes, numbers, poses, track.times_s)
     unknown = int(np.count_nonzero(robot < 0))
     if unknown:
@@ -107,23 +106,23 @@ def _by_tags(track: Track, readings: Readings) -> Robots:
         )
     if expected_robots is not None and expected_robots != len(numbers):
         warnings.append(f"robots whose tags are read: {len(numbers)}, but there are {expected_robots}")
-    cycle = np.array([1 if number < 0 else np.sum(robot[: index + 1] == number) for index, number in enumerate(robot)])
+    cycle = np.ones(len(robot), np.int64)
+    for number in numbers:
+        cycle[robot == number] = np.arange(1, 1 + np.count_nonzero(robot == number))
     certainty = np.where(cycle > 1, 1.0, np.nan)  # links by tags are certain
     speed_cm_s = commonest_speed(flashes.speeds_cm_s) if len(robot) else 0.0
-    identities = Identities(robot, cycle.astype(np.int64), certainty, speed_cm_s)
-    return Robots("tags", identities, numbers, poses, tuple(warnings))
+    identities = Identities(robot, cycle, certainty, speed_cm_s)
+    return Robots("tags", flashes, identities, numbers, poses, tuple(warnings))
 
 
 def _only_expected(readings: Readings, expected: frozenset[int] | None, frames: int, warnings: list[str]) -> Readings:
     """Return the readings of tags that there are, and say which others there were."""
     numbers, counts = np.unique(readings.number, return_counts=True)
-    seldom = counts < max(2.0, SELDOM * frames)
+    others = seldom = counts < max(2.0, SELDOM * frames)
+    named, why = numbers[seldom], f"are read in less than {100 * SELDOM:.0f} % of the frames"
     if expected is not None:
         others = ~np.isin(numbers, list(expected))
         named, why = numbers[others & ~seldom], "are not among those given"
-    else:
-        others = seldom
-        named, why = numbers[seldom], f"are read in less than {100 * SELDOM:.0f} % of the frames"
     if len(named):
         warnings.append(f"tags that {why}, and are left out: {_listed(named)}")
     return readings.of(np.isin(readings.number, numbers[~others]))
@@ -145,12 +144,10 @@ def _only_once(readings: Readings, warnings: list[str]) -> Readings:
 def _poses_at(times_s: FloatArray, own: Readings) -> FloatArray:
     """Return (times, 3) cm, cm, rad: the poses of a robot between its readings; NaN where these are too far apart."""
     columns = (own.poses[:, 0], own.poses[:, 1], np.unwrap(own.poses[:, 2]))
-    poses = np.column_stack([np.interp(times_s, own.time_s, column) for column in columns])
-    after = np.searchsorted(own.time_s, times_s)
-    before_s = own.time_s[np.maximum(np.searchsorted(own.time_s, times_s, side="right") - 1, 0)]
-    after_s = own.time_s[np.minimum(after, len(own.time_s) - 1)]
-    is_known: BoolArray = (before_s <= times_s) & (times_s <= after_s) & (after_s - before_s <= MAX_GAP_S)
-    poses[~is_known] = np.nan
+    poses = np.column_stack([np.interp(times_s, own.time_s, column, np.nan, np.nan) for column in columns])
+    before, after = (np.searchsorted(own.time_s, times_s, side) for side in ("right", "left"))
+    padded_s = np.concatenate([own.time_s[:1], own.time_s, own.time_s[-1:]])
+    poses[padded_s[after + 1] - padded_s[before] > MAX_GAP_S] = np.nan
     return poses
 
 
@@ -160,8 +157,7 @@ def _whose(flashes: FlashTable, numbers: IntArray, poses: FloatArray, times_s: F
     at = poses[np.clip(middle, 0, len(times_s) - 1), :, :2]
     distances = np.linalg.norm(at - flashes.places_cm[:, None], axis=2)
     distances = np.where(np.isnan(distances), np.inf, distances)
-    nearest = distances.argmin(axis=1)
-    whose: IntArray = np.where(distances.min(axis=1) <= NEAR_CM, numbers[nearest], -1)
+    whose: IntArray = np.where(distances.min(axis=1) <= NEAR_CM, numbers[distances.argmin(axis=1)], -1)
     return whose
 
 
@@ -172,17 +168,10 @@ def _listed(numbers: Iterable[int]) -> str:
 def phase_shares(
     onset_s: FloatArray, robot: IntArray, robots: IntArray, times_s: FloatArray, period_s: float
 ) -> FloatArray:
-    """Return (times, robots) the phases of robots, as shares of their cycles; NaN where they are not known.
+    """Return (times, robots) the phases of robots at some times, as shares of their cycles; NaN where not known.
 
     A phase rises evenly from one flash of a robot to its next. It is not known before its first flash, after a period
-    since its last, and where flashes are missing.
-
-    Args:
-        onset_s: (flashes,) onsets, ascending.
-        robot: (flashes,) whose they are.
-        robots: (robots,) numbers of the robots.
-        times_s: (times,) times at which phases are wanted.
-        period_s: Period of the oscillators.
+    since its last, and where flashes are missing. The (flashes,) onsets are ascending; `robot` says whose each is.
     """
     shares = np.full((len(times_s), len(robots)), np.nan)
     for column, number in enumerate(robots):
@@ -203,34 +192,27 @@ def order_of_shares(shares: FloatArray) -> FloatArray:
     known = ~np.isnan(shares)
     number = known.sum(axis=1)
     total = np.where(known, np.exp(2j * np.pi * np.nan_to_num(shares)), 0.0).sum(axis=1)
-    enough = number >= max(2.0, MOST_KNOWN * shares.shape[1])
-    order: FloatArray = np.where(enough, np.abs(total) / np.maximum(number, 1), np.nan)
+    is_enough = number >= max(2.0, MOST_KNOWN * shares.shape[1])
+    order: FloatArray = np.where(is_enough, np.abs(total) / np.maximum(number, 1), np.nan)
     return order
 
 
-def first_in_order(times_s: FloatArray, order: FloatArray) -> float | None:
-    """Return the first time at which the order parameter is that of synchrony; None if there is none."""
-    found = times_s[np.nan_to_num(order) >= ORDER_PARAMETER]
-    return float(found[0]) if len(found) else None
-
-
-def pairs(onset_s: FloatArray, end_s: FloatArray, robot: IntArray, robots: IntArray) -> list[Pair]:
+def pairs(robots: Robots) -> list[Pair]:
     """Return how often each two robots flash together, those that do so most often first."""
-    spans = [(onset_s[robot == number], end_s[robot == number]) for number in robots]
-    found = []
-    for one in range(len(robots)):
-        for two in range(one + 1, len(robots)):
-            few, many = sorted((spans[one], spans[two]), key=lambda span: len(span[0]))
-            begun = np.searchsorted(many[0], few[1])  # flashes of the other that begin before each ends
-            over = np.searchsorted(many[1], few[0], side="right")  # and those that end before it begins
-            found.append(Pair(int(robots[one]), int(robots[two]), len(few[0]), int((begun > over).sum())))
+    whose, flashes, found = robots.identities.robot, robots.flashes, []
+    spans = {each: (flashes.onset_s[whose == each], flashes.end_s[whose == each]) for each in robots.numbers.tolist()}
+    for one, two in combinations(spans, 2):
+        few, many = sorted((spans[one], spans[two]), key=lambda span: len(span[0]))
+        begun = np.searchsorted(many[0], few[1])  # flashes of the other that begin before each ends
+        over = np.searchsorted(many[1], few[0], side="right")  # and those that end before it begins
+        found.append(Pair(one, two, len(few[0]), int((begun > over).sum())))
     return sorted(found, key=lambda pair: (-pair.together / max(pair.flashes, 1), pair.robot, pair.other))
 
 
 def summary(track: Track, robots: Robots) -> dict[str, Any]:
     """Return what is known of the robots, as the numbers and texts of a JSON object."""
-    in_order_s = first_in_order(FlashTable.of(track.flashes).onset_s, _order(track, robots))
-    after_s = None if in_order_s is None else in_order_s - track.start_s
+    in_order_s = robots.flashes.onset_s[np.nan_to_num(_order(track, robots)) >= ORDER_PARAMETER]
+    after_s = float(in_order_s[0]) - track.start_s if len(in_order_s) else None
     return {
         "by": robots.by,
         "robots": robots.numbers.tolist(),
@@ -239,14 +221,14 @@ def summary(track: Track, robots: Robots) -> dict[str, Any]:
         "flashes_of_no_robot": int(np.count_nonzero(robots.identities.robot < 0)),
         "by_phases_s": after_s,
         "by_phases_periods": None if after_s is None else after_s / track.period_s,
-        "pairs_together": sum(pair.together >= TOGETHER * max(pair.flashes, 1) for pair in _pairs(track, robots)),
+        "pairs_together": sum(pair.together >= TOGETHER * max(pair.flashes, 1) for pair in pairs(robots)),
         "warnings": list(robots.warnings),
     }
 
 
 def flash_columns(track: Track, robots: Robots) -> Columns:
     """Return a table with a row for each flash: when, how long and where, whose, and how sure that is."""
-    flashes, who = FlashTable.of(track.flashes), robots.identities
+    flashes, who = robots.flashes, robots.identities
     return {
         "onset_s": flashes.onset_s,
         "duration_s": flashes.end_s - flashes.onset_s,
@@ -264,12 +246,11 @@ def flash_columns(track: Track, robots: Robots) -> Columns:
 def trace_columns(track: Track, robots: Robots) -> Columns:
     """Return a table with a row for each robot in each frame, whose columns a trace of a simulation has, too."""
     times_s, who = track.times_s, robots.identities.robot
-    flashes = FlashTable.of(track.flashes)
-    places, is_lit = _while_lit(flashes, robots, times_s)
+    places, is_lit = _while_lit(robots, times_s)
     poses = np.full((*is_lit.shape, 3), np.nan) if robots.poses is None else robots.poses.copy()
     unread = np.isnan(poses[..., 0])
     poses[unread, :2] = places[unread]
-    shares = phase_shares(flashes.onset_s, who, robots.numbers, times_s, track.period_s)
+    shares = phase_shares(robots.flashes.onset_s, who, robots.numbers, times_s, track.period_s)
     return {
         "time_s": np.repeat(times_s, len(robots.numbers)),
         "robot": np.tile(robots.numbers, len(times_s)),
@@ -279,9 +260,9 @@ def trace_columns(track: Track, robots: Robots) -> Columns:
     }
 
 
-def pair_columns(track: Track, robots: Robots) -> Columns:
+def pair_columns(_: Track, robots: Robots) -> Columns:
     """Return a table with a row for each two robots: how many of their flashes come together."""
-    rows = np.array(_pairs(track, robots), np.int64).reshape(-1, len(Pair._fields))
+    rows = np.array(pairs(robots), np.int64).reshape(-1, len(Pair._fields))
     columns: Columns = dict(zip(Pair._fields, rows.T, strict=True))
     return columns | {"share": columns["together"] / np.maximum(columns["flashes"], 1)}
 
@@ -298,19 +279,15 @@ def save_robots(
 
 def _order(track: Track, robots: Robots) -> FloatArray:
     """Return (flashes,) order parameters of the robots' phases at each onset."""
-    onsets_s = FlashTable.of(track.flashes).onset_s
+    onsets_s = robots.flashes.onset_s
     return order_of_shares(phase_shares(onsets_s, robots.identities.robot, robots.numbers, onsets_s, track.period_s))
 
 
-def _pairs(track: Track, robots: Robots) -> list[Pair]:
-    flashes = FlashTable.of(track.flashes)
-    return pairs(flashes.onset_s, flashes.end_s, robots.identities.robot, robots.numbers)
-
-
-def _while_lit(flashes: FlashTable, robots: Robots, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _while_lit(robots: Robots, times_s: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return (frames, robots, 2) cm: where robots are while they are lit, else NaN; and (frames, robots) whether."""
     places = np.full((len(times_s), len(robots.numbers), 2), np.nan)
     is_lit = np.zeros(places.shape[:2], bool)
+    flashes = robots.flashes
     spans = frames_lit(flashes.onset_s, flashes.end_s, times_s)
     for index, number in enumerate(robots.identities.robot):
         if number < 0:
@@ -323,19 +300,18 @@ def _while_lit(flashes: FlashTable, robots: Robots, times_s: FloatArray) -> tupl
 
 
 def write_table(path: Path, columns: Columns, metadata: Mapping[str, str]) -> None:
-    """Write columns as CSV or Parquet, by the ending of the file's name, which alone has metadata.
-
-    What is not known, NaN, is empty in CSV and null in Parquet.
-
-    Raises:
-        EpuckSimError: The file cannot be written.
-    """
+    """Write columns as CSV, or as Parquet with metadata; NaN is empty in one and null in the other."""
     with atomic_write(path) as part:
         if path.suffix == ".parquet":
-            _write_parquet(part, columns, metadata)
+            import pyarrow as pa  # noqa: PLC0415 is for Parquet alone
+            from pyarrow import parquet  # noqa: PLC0415
+
+            table = pa.table({name: pa.array(values, from_pandas=True) for name, values in columns.items()})
+            with part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
+                parquet.write_table(table.replace_schema_metadata(dict(metadata)), file, compression="zstd")
             return
-        with part.open("w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
+        with part.open("w", newline="") as text:
+            writer = csv.writer(text, lineterminator="\n")
             writer.writerow(columns)
             writer.writerows(zip(*(_texts(name, values) for name, values in columns.items()), strict=True))
 
@@ -345,12 +321,3 @@ def _texts(name: str, values: npt.NDArray[Any]) -> list[str]:
         return [str(value) for value in values.tolist()]
     form = ".6f" if name.endswith("_s") and not name.endswith("cm_s") else ".6g"  # microseconds, however long a film is
     return ["" if np.isnan(value) else format(value, form) for value in values.tolist()]
-
-
-def _write_parquet(part: Path, columns: Columns, metadata: Mapping[str, str]) -> None:
-    import pyarrow as pa  # noqa: PLC0415 is for Parquet alone
-    from pyarrow import parquet  # noqa: PLC0415
-
-    arrays = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
-    with part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
-        parquet.write_table(pa.table(arrays).replace_schema_metadata(dict(metadata)), file, compression="zstd")

@@ -1,20 +1,18 @@
 """Estimates the period of oscillators and detects synchrony, by onsets or by the histogram of thesis 4.3.1, Fig. 4.6.
 
-A count belongs to a frame, and a frame stands for the time until the next one. So frames may come at any rate, be
-dropped or be doubled. What was lit while frames were dropped is unknown: a frame stands for at most
-`MAX_HOLD_INTERVALS` usual intervals, and `Evaluation.coverage` is the fraction of the period that was seen.
+`times_s` are (n,) times of frames, `counts` (n,) the lit rings in them. A frame stands for the time until the next one,
+so frames may come at any rate, be dropped or be doubled; what was lit in a longer gap is unknown.
 
-The mode is the largest count within half a period on either side. Rings that flash together do so for several frames,
-so a mode is a run of frames with one count, and its time is the middle of the run; with the time of its first frame,
-the window would lie half a flash too early. Of equal modes less than half a period apart, the earlier one counts. Two
-clusters of equal size are evaluated once or twice a cycle, and their spread is about a quarter of a period.
+The mode is the largest count within half a period on either side. It is a run of frames with one count, and its time is
+the middle of the run; with that of its first frame, the window would lie half a flash too early. Of equal modes less
+than half a period apart, the earlier one counts. Two clusters of equal size are evaluated once or twice a cycle, and
+their spread is about a quarter of a period.
 
 As in the thesis, a small spread is the criterion: every robot flashes once a period, so that a window around some of
 them contains all others, too. This fails only where rings are hidden, and where a robot flashes alone (`MIN_RINGS`).
 
-Period and duration of flashes are estimated from counts (thesis Appendix C): `times_s` are (n,) times of frames,
-`counts` (n,) the lit rings in them. Lags between events are located as peaks of their density, to a fraction of a
-frame.
+Period and duration of flashes are estimated from counts (thesis Appendix C): lags between events are located as peaks
+of their density, to a fraction of a frame.
 """
 
 import math
@@ -29,16 +27,9 @@ from epuck_sim.arrays import FloatArray, IntArray
 
 ORDER_PARAMETER = 0.95  # order parameter r_sync at which a swarm counts as synchronised (thesis 4.2.1)
 
-MAX_HOLD_INTERVALS = 3.0
-"""Longest time for which a frame stands, in median intervals. It bridges one or two dropped frames, and a camera that
-takes twice as long in the dark; what was lit in a longer gap is unknown."""
-
-MIN_COVERAGE = 0.95
-"""Minimum fraction of the period that must have been seen before a spread proves synchrony: no flash of 0.075 periods
-(thesis 4.2.1) can hide in the rest."""
-
-MIN_RINGS = 2
-"""Minimum number of rings lit at the mode of a synchronised swarm: a lone flash is narrow, but in step with nobody."""
+MAX_HOLD_INTERVALS = 3.0  # longest time for which a frame stands, in median intervals: bridges one or two dropped ones
+MIN_COVERAGE = 0.95  # share of a period that must be seen: no flash of 0.075 periods (thesis 4.2.1) hides in the rest
+MIN_RINGS = 2  # rings lit at the mode of a synchronised swarm: a lone flash is narrow, but in step with nobody
 
 
 class Evaluation(NamedTuple):
@@ -55,12 +46,13 @@ class Evaluation(NamedTuple):
 
 
 class SynchronyDetector:
-    """Evaluates the histogram of a film, frame by frame; keeps the counts of one period, however long the film is."""
+    """Evaluates the histogram of a film, frame by frame; keeps the counts of one period, however long the film is.
+
+    Frames before the time at which robots start are ignored, and those that are not after the frame before.
+    """
 
     def __init__(self, period_s: float, start_s: float) -> None:
-        """Begin before the first frame; start_s: time at which robots start, before which frames are ignored."""
-        self._period_s = period_s
-        self._start_s = start_s
+        self._period_s, self._start_s = period_s, start_s
         self._times: list[float] = []
         self._counts: list[int] = []
         self._run_s = 0.0  # first frame with the last count
@@ -70,9 +62,8 @@ class SynchronyDetector:
     def update(self, time_s: float, count: int) -> Evaluation | None:
         """Add a frame; return the evaluation that it completes, if it completes one.
 
-        An evaluation is complete half a period after its mode, or later where frames are missing. A mode less than half
-        a period after the first frame is not evaluated, because the period around it was not filmed. A frame whose time
-        is not after that of the previous frame is ignored.
+        It is complete half a period after its mode, or later where frames are missing. A mode less than half a period
+        after the first frame is not evaluated, because the period around it was not filmed.
         """
         if not self._times:
             if time_s < self._start_s:
@@ -104,52 +95,34 @@ class SynchronyDetector:
             end = bisect_left(self._times, middle_s + half_s)
             counts = self._counts[first:end]
             if max(counts) == count:
-                frames = np.array(self._times[first:end]), np.array(counts)
-                evaluation = evaluate_around(middle_s, self._period_s, *frames)
+                evaluation = _around(middle_s, self._period_s, np.array(self._times[first:end]), np.array(counts))
                 self._earliest_s = middle_s + half_s
         return evaluation
 
 
 def evaluate(times_s: FloatArray, counts: IntArray, period_s: float, start_s: float) -> list[Evaluation]:
-    """Return all evaluations of a film with (n,) counts in frames at (n,) times; see `SynchronyDetector`."""
+    """Return all evaluations of a film; see `SynchronyDetector`."""
     detector = SynchronyDetector(period_s, start_s)
     evaluations = map(detector.update, times_s.tolist(), counts.tolist())
     return [evaluation for evaluation in evaluations if evaluation is not None]
 
 
-def evaluate_around(middle_s: float, period_s: float, times_s: FloatArray, counts: IntArray) -> Evaluation:
-    """Return the evaluation of the period around a time, from (n,) times of frames and rings lit in them, not all 0.
-
-    Frames are those within it, and the one before, which stands for its beginning; n >= 2.
-    """
+def _around(middle_s: float, period_s: float, times_s: FloatArray, counts: IntArray) -> Evaluation:
+    """Evaluate the period around a time, from frames within it and the one before, which stands for its beginning."""
     window = middle_s - period_s / 2, middle_s + period_s / 2
     begins_s = np.clip(times_s, *window)
     ends_s = np.clip(frame_ends(times_s, window[1]), *window)
-    seconds = ends_s - begins_s
-    spread_s = weighted_spread((begins_s + ends_s) / 2, seconds * counts)
+    seconds, middles_s = ends_s - begins_s, (begins_s + ends_s) / 2
+    mean_s = np.average(middles_s, weights=seconds * counts)
+    spread_s = math.sqrt(np.average((middles_s - mean_s) ** 2, weights=seconds * counts))
     return Evaluation(middle_s, int(counts.max()), spread_s, float(seconds.sum() / period_s))
 
 
 def frame_ends(times_s: FloatArray, end_s: float) -> FloatArray:
-    """Return (n,) s: the time until which each frame stands, at most `MAX_HOLD_INTERVALS` after its own.
-
-    Args:
-        times_s: (n,) times of the frames, ascending; n >= 2.
-        end_s: Time until which the last one stands.
-    """
+    """Return (n,) s: the time until which each of two frames or more stands; the last one until `end_s` at most."""
     longest_s = MAX_HOLD_INTERVALS * np.median(np.diff(times_s))
     ends_s: FloatArray = np.minimum(np.append(times_s[1:], end_s), times_s + longest_s)
     return ends_s
-
-
-def weighted_spread(values: FloatArray, weights: FloatArray) -> float:
-    """Return the standard deviation of (n,) values with (n,) weights, not all of which are 0.
-
-    >>> weighted_spread(np.array([1.0, 2.0, 5.0]), np.array([1.0, 1.0, 0.0]))
-    0.5
-    """
-    mean = np.average(values, weights=weights)
-    return float(np.sqrt(np.average((values - mean) ** 2, weights=weights)))
 
 
 def is_synchronised(evaluation: Evaluation, threshold_s: float) -> bool:
@@ -195,8 +168,8 @@ def spread_threshold_s(period_s: float, flash_s: float) -> float:
 def order_over_time(onsets_s: FloatArray, period_s: float) -> tuple[FloatArray, IntArray]:
     """Return (n,) order parameters (eq. 4.2) and numbers of the onsets within half a period of each onset.
 
-    Every robot flashes once a period, so that these are one onset of each, whosever they are; before synchrony some
-    cycles are shortened, and a robot may be among them twice. Onsets are ascending.
+    Onsets are ascending. Every robot flashes once a period, so that these are one onset of each, whosever they are;
+    before synchrony some cycles are shortened, and a robot may be among them twice.
     """
     first = np.searchsorted(onsets_s, onsets_s - period_s / 2)
     end = np.searchsorted(onsets_s, onsets_s + period_s / 2)
@@ -221,24 +194,16 @@ class Periods(NamedTuple):
         return float(found[0]) if len(found) else None
 
     def robots(self) -> int:
-        """Return the number of flashes in the periods in which they are nearest together: one of each robot.
+        """Return the number of flashes in the fifth of the periods in which they are nearest together, 0 if none is.
 
-        The fifth whose order parameters are highest count; before synchrony a robot may flash twice in a period. It is
-        0 if there is none.
+        That is one of each robot; before synchrony a robot may flash twice in a period.
         """
         nearest = self.numbers[np.argsort(-self.order, kind="stable")][: max(len(self.numbers) // 5, 1)]
         return round(float(np.median(nearest))) if len(nearest) else 0
 
 
 def whole_periods(onsets_s: FloatArray, period_s: float, span_s: tuple[float, float], least: float) -> Periods:
-    """Return the periods around onsets that are within what was filmed and hold enough of the robots.
-
-    Args:
-        onsets_s: (n,) onsets of flashes, ascending.
-        period_s: Period of the oscillators.
-        span_s: Beginning and end of what was filmed.
-        least: Number of onsets below which a period holds too few of the robots.
-    """
+    """Return the periods around (n,) onsets that are within the span of the film and hold at least so many onsets."""
     order, numbers = order_over_time(onsets_s, period_s)
     is_whole = (onsets_s - span_s[0] >= period_s / 2) & (span_s[1] - onsets_s >= period_s / 2) & (numbers >= least)
     return Periods(onsets_s[is_whole], order[is_whole], numbers[is_whole])
@@ -247,8 +212,7 @@ def whole_periods(onsets_s: FloatArray, period_s: float, span_s: tuple[float, fl
 def order_at_end(onsets_s: FloatArray, period_s: float, end_s: float, robots: int) -> float:
     """Return the highest order parameter at the onsets of the last half period, whose next flashes were not filmed.
 
-    A robot's phase is known from its last flash, and robots have the last flashes, one each. A flash seen since may
-    have advanced a phase, so that the order parameter may be higher.
+    Robots have the last flashes, one each, and phases since these; a flash seen since may have advanced one.
     """
     highest = 0.0
     for last in range(robots - 1, len(onsets_s)) if robots > 1 else ():
@@ -262,19 +226,13 @@ Events = tuple[FloatArray, FloatArray]
 """Times, (n,) s, ascending, and sizes, (n,): how many rings go on or off."""
 
 MIN_PERIODS = 2.5  # minimum number of periods in a film; with fewer, any chance repetition would pass for the period
-
 MIN_CORRELATION = 0.3
-"""Minimum autocorrelation at the period in a film of many periods. Robots that flash at random stay below it in films
-of a minute or more; simulated trials that end with a synchronised cycle or two are above it."""
-
-AS_HIGH = 0.92
-"""Height of a peak of the autocorrelation, relative to the highest, from which it counts as equally high. The shortest
-lag of equally high peaks is the period; the others are its multiples."""
-
+"""Minimum autocorrelation at the period in a film of many periods: above that of robots that flash at random for a
+minute, below that of simulated trials that end with a synchronised cycle or two."""
+AS_HIGH = 0.92  # height of a peak, relative to the highest, that counts as equal: the shortest such lag is the period
 PERIOD_RANGE = (0.9, 1.2)
-"""Bounds of the period, as multiples of the autocorrelation's lag. That lag is too short rather than too long, because
-a flash that is seen can only shorten a cycle (thesis eq. 4.1)."""
-
+"""Bounds of the period, as multiples of the autocorrelation's lag, which is too short rather than too long: a flash
+that is seen can only shorten a cycle (thesis eq. 4.1)."""
 AS_COMMON = 0.7  # relative frequency at which a lag over several cycles is trusted to refine the period
 MAX_CYCLES = 10  # cycles over which the period is refined; over more, clocks differ by more than the gain
 NEARLY_AS_COMMON = 0.8  # density of a lag, relative to the highest, from which it counts as equally common
@@ -302,11 +260,10 @@ def estimate_period_s(times_s: FloatArray, counts: IntArray) -> float | None:
 
 
 def estimate_flash_s(times_s: FloatArray, counts: IntArray) -> float | None:
-    """Return the duration of a flash; None if no ring goes on and off.
+    """Return the duration of a flash, the commonest time from rings going on to rings going off; None if none does.
 
-    It is the commonest time from rings going on to rings going off. The light of all rings divided by the number of
-    times one goes on would be too long where one ring goes on in the frame in which another goes off, and too short
-    where a lit ring is missed in a frame and seems to go on twice.
+    All light over the number of times that a ring goes on would be too long where one goes on as another goes off, and
+    too short where a lit ring is missed in a frame and seems to go on twice.
     """
     times_s, counts = _increasing(times_s, counts)
     onsets, ends = _changes(times_s, counts, 1), _changes(times_s, counts, -1)
@@ -354,11 +311,8 @@ def _on_grid(times_s: FloatArray, counts: IntArray, frame_s: float) -> FloatArra
 
 
 def _autocorrelation(values: FloatArray) -> FloatArray:
-    """Return the (m,) autocorrelation of (m,) values at lags 0 to m - 1: 1 at lag 0, or all 0 for constant values.
-
-    scipy.signal.correlate would replace one line; loading it takes a second.
-    """
-    values = values - values.mean()
+    """Return the (m,) autocorrelation of (m,) values at lags 0 to m - 1: 1 at lag 0, or all 0 for constant values."""
+    values = values - values.mean()  # scipy.signal.correlate would replace one line; loading it takes a second
     padded = 1 << (2 * len(values)).bit_length()
     products: FloatArray = np.fft.irfft(np.abs(np.fft.rfft(values, padded)) ** 2, padded)[: len(values)]
     return products / products[0] if products[0] > 1e-9 else np.zeros(len(values))
@@ -372,10 +326,7 @@ def _changes(times_s: FloatArray, counts: IntArray, sign: int) -> Events:
 
 
 def _refine_period_s(onsets: Events, period_s: float, frame_s: float, film_s: float) -> float:
-    """Return the period refined by lags over several cycles, as long as these are about as common as single ones.
-
-    A lag over several cycles is as exact as one over a single cycle, but is divided by their number.
-    """
+    """Return the period refined by lags over several cycles, as long as these are about as common as single ones."""
     single = 0.0
     for cycles in range(1, MAX_CYCLES + 1):
         expected_s = cycles * period_s
@@ -396,11 +347,18 @@ def _common_lags_s(causes: Events, effects: Events, range_s: tuple[float, float]
     return np.array([mean_shift(lags_s, weights, peak_s, frame_s)[0] for peak_s in peaks_s])
 
 
+def pairs_within(
+    causes_s: FloatArray, effects_s: FloatArray, range_s: tuple[float, float]
+) -> tuple[IntArray, IntArray]:
+    """Return (pairs,) indices of causes, and of effects that follow them within a range of times, both ascending."""
+    first, end = (np.searchsorted(effects_s, causes_s + edge_s) for edge_s in range_s)
+    cause = np.repeat(np.arange(len(first)), end - first)
+    return cause, np.arange(len(cause)) + np.repeat(end - np.cumsum(end - first), end - first)
+
+
 def _lags(causes: Events, effects: Events, range_s: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
     """Return (pairs,) the lags within a range from any of `causes` to any of `effects`, and products of their sizes."""
-    first, end = (np.searchsorted(effects[0], causes[0] + edge_s) for edge_s in range_s)
-    cause = np.repeat(np.arange(len(first)), end - first)
-    effect = np.arange(len(cause)) + np.repeat(end - np.cumsum(end - first), end - first)
+    cause, effect = pairs_within(causes[0], effects[0], range_s)
     return effects[0][effect] - causes[0][cause], causes[1][cause] * effects[1][effect]
 
 
@@ -417,19 +375,12 @@ def _peaks_s(lags_s: FloatArray, weights: FloatArray, frame_s: float) -> FloatAr
 
 
 def _local_maxima(values: FloatArray) -> IntArray:
-    """Return (peaks,) the indices of (n,) values that are as large as the one before and larger than the one after.
-
-    scipy.signal.find_peaks would give the same but for the place within a plateau; loading it takes a second.
-    """
+    """Return (peaks,) the indices of (n,) values that are as large as the one before and larger than the one after."""
     return 1 + np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:]))
 
 
 def mean_shift(lags_s: FloatArray, weights: FloatArray, start_s: float, frame_s: float) -> tuple[float, float]:
-    """Climb to a peak of the density of (pairs,) lags with weights, from a start within a few frames of some lag.
-
-    Returns:
-        The peak and the density there; `start_s` and 0 if no lag is near.
-    """
+    """Return the peak of the density of (pairs,) lags that is climbed to from a start, and the density there."""
     peak_s = start_s
     for _ in range(MEAN_SHIFTS):
         near = weights * _gaussian((lags_s - peak_s) / frame_s)

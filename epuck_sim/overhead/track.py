@@ -5,6 +5,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import compress
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TextIO
 
@@ -45,13 +46,11 @@ from epuck_sim.util.atomic_write import atomic_write
 FLASH_FRACTION = 0.075  # fraction of a period for which a ring is lit (thesis 4.2.1)
 
 LONG_FLASHES = 6.0  # duration of a flash, in medians of all, from which a ring is always lit, without a known period
-SAME_PLACE_CM = 0.5  # distance within which flashes are at one place
-FEWEST_FLICKERS, MOST_FLICKERS = (
-    6,
-    3.0,
-)  # flashes at a place, and these relative to the median, beyond which it flickers
-SAME_TIME_S = 1e-6  # times that differ by less are the same; the difference is rounding
 SHORTEST_STEADY_S = 2.0  # shortest time for which such a ring is lit
+SAME_PLACE_CM = 0.5  # distance within which flashes are at one place
+FEWEST_FLICKERS = 6  # flashes at a place beyond which it flickers
+MOST_FLICKERS = 3.0  # the same relative to the median of all places
+SAME_TIME_S = 1e-6  # times that differ by less are the same; the difference is rounding
 
 RingWriter = Callable[[Frame, Sequence[Ring]], None]
 """Writes the rings of a frame into a table."""
@@ -61,7 +60,6 @@ class Track(NamedTuple):
     """What was found in a film."""
 
     film: str
-    """Name of the film or camera."""
     frames: int
     """Number of frames, including those of a lit beginning."""
     fps: float
@@ -73,7 +71,6 @@ class Track(NamedTuple):
     calibration: str
     """What the camera was determined from."""
     period_s: float
-    """Period of the oscillators."""
     flash_ms: float
     """Duration of a flash; 0.075 periods if it cannot be estimated."""
     threshold_ms: float
@@ -91,20 +88,19 @@ class Track(NamedTuple):
     flashes_per_period: float
     """Mean number of flashes per period, over the time without gaps between frames."""
     t_sync_s: float | None
-    """Time from the beginning of the trial to the first flash around which the order parameter of the flashes in a
-    period is that of synchrony."""
+    """Time from the trial's beginning to the first flash around which a period's flashes have the order parameter of
+    synchrony."""
     t_sync_periods: float | None
     """The same time in periods."""
     t_sync_cycles: float | None
-    """T_sync as simulated trials have it: flashes of a robot until then, the one at that time included. It is the mean
-    over robots, as a film does not show which one is the reference."""
+    """T_sync as simulated trials have it: flashes of a robot until then, that one included, in the mean over robots, as
+    a film does not show which one is the reference."""
     histogram_s: float | None
-    """Time from the beginning of the trial to the flash around which the histogram was first narrow enough."""
+    """Time from the trial's beginning to the flash around which the histogram was first narrow enough."""
     histogram_periods: float | None
     """The same time in periods."""
     confidence: Literal["high", "low", "none"]
-    """Whether T_sync, or that there is none, can be trusted: `low` if something is doubtful, `none` if nothing can be
-    said."""
+    """Whether T_sync, or that there is none, can be trusted: `low` if it is doubtful, `none` if nothing can be said."""
     reasons: tuple[str, ...]
     """Sentences about why there is no T_sync; empty if there is one."""
     warnings: tuple[str, ...]
@@ -114,7 +110,6 @@ class Track(NamedTuple):
     counts: IntArray
     """(frames,) lit rings in each of them."""
     evaluations: tuple[Evaluation, ...]
-    """Evaluations of the histogram, in order of time."""
     flashes: tuple[Flash, ...]
     """Flashes of the trial, in order of their onsets, without those of rings that are always lit."""
     steady: tuple[Flash, ...]
@@ -122,16 +117,15 @@ class Track(NamedTuple):
     rings: Sequence[Sequence[Ring]]
     """Rings on the floor in each frame of the film."""
     geometry: Geometry
-    """The camera that took the film, and the floor."""
     options: TrackOptions
     """What was known of the film."""
     tags: Readings | None = None
     """The tags that were read, if they were looked for."""
 
     def summary(self) -> dict[str, Any]:
-        """Return the fields that are texts, numbers, or tuples of texts."""
-        others = {"times_s", "counts", "evaluations", "flashes", "steady", "rings", "geometry", "options", "tags"}
-        return {name: value for name, value in self._asdict().items() if name not in others}
+        """Return the fields that are texts, numbers, or tuples of texts: those before `times_s`."""
+        names = self._fields[: self._fields.index("times_s")]
+        return {name: getattr(self, name) for name in names}
 
     def periods_at(self, time_s: Any) -> Any:
         """Return a time, or (n,) times, on the film's clock in periods since the beginning of the trial."""
@@ -156,12 +150,12 @@ def track_film(
     lens: Path | None = None,
     floor_cm: tuple[float, float] | None = None,
 ) -> Track:
-    """Track a film.
+    """Track a film, and write a CSV table of all rings in all frames.
 
     Args:
         name: A path or an address.
         options: What is known of the film.
-        rings: A CSV table to write with all rings in all frames.
+        rings: The table, if it is wanted.
         progress: Shows how far the film has been read.
         lens: The file of a calibrated lens.
         floor_cm: Width and height of the floor, if neither the options nor the film's description have it.
@@ -182,12 +176,14 @@ def track_film(
     reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
     with open_film(name) as film, ring_table(rings) as write_rings:
         for frame in progress(excerpt(film.frames(), options), film.duration_s):
-            start_s = counter.start_s
-            write_rings(frame, counter.process(frame))
-            if reader is not None:
-                if counter.start_s != start_s:
-                    reader.restart()
-                reader.add(frame)
+            if reader is None:
+                write_rings(frame, counter.process(frame))
+                continue
+            tags = reader.read(frame.picture)
+            write_rings(frame, counter.process(frame, [tag.paper_px for tag in tags]))
+            if frame.time_s == counter.start_s:
+                reader.restart()
+            reader.add(frame.time_s, tags)
         warnings = tuple(film.warnings)
     track = analyse(name, counter.counted(), options, warnings)
     return track if reader is None else track._replace(tags=reader.readings)
@@ -239,7 +235,7 @@ def ring_table(path: Path | None) -> Iterator[RingWriter]:
 
 
 def ring_writer(file: TextIO) -> RingWriter:
-    """Write the head of a CSV table of rings, and return a function that writes the rings of a frame."""
+    """Write the head of a CSV table of rings, and return the function that writes those of a frame."""
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(["time_s", *Ring._fields])
 
@@ -251,13 +247,7 @@ def ring_writer(file: TextIO) -> RingWriter:
 
 
 def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: tuple[str, ...]) -> Track:
-    """Analyse the counts of a whole film.
-
-    Args:
-        film: Name of the film.
-        counted: The rings of all frames.
-        options: What is known and need not be estimated.
-        warnings: Warnings about the film so far.
+    """Analyse the counts of a whole film, of this name, with what is known of it and warnings so far.
 
     Raises:
         FilmError: There is no light in the film, its trial is a single frame, or its period is neither given nor clear.
@@ -282,24 +272,21 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     threshold_s = options.threshold_s(period_s, flash_s)
     evaluations = evaluate(times_s, counts, period_s, start_s)
     sync = first_synchronised(evaluations, threshold_s)
+    lit_always = count_places([*(ring[:2] for ring in counted.always_lit), *(each[2:4] for each in steady)])
     evidence = Evidence(
-        times_s=times_s,
-        counts=counts,
-        area=counted.areas_px,
-        flashes=flashes,
+        counted=counted._replace(counts=counts, flashes=flashes),
+        lit_always=lit_always,
         period_s=period_s,
         threshold_s=threshold_s,
-        start_s=start_s,
+        sync=sync,
         robots=options.robots,
         period_is_given=options.period_s is not None,
         order_parameter=options.order_parameter or ORDER_PARAMETER,
     )
     in_order_s = evidence.in_order_s
-    reasons = objections(evidence, sync)
+    reasons, found = objections(evidence), doubts(evidence)
     t_sync_s = None if reasons else in_order_s
     histogram_s = None if reasons or sync is None else sync.time_s
-    lit_always = count_places([*(ring[:2] for ring in counted.always_lit), *(each[2:4] for each in steady)])
-    found = doubts(counted, evidence, sync, lit_always)
     frame_s = float(np.median(np.diff(times_s)))
     frames_s = frame_ends(times_s, times_s[-1]) - times_s
     lit_s = frames_s * counts / flash_s  # all rings' light over that of one flash
@@ -350,16 +337,11 @@ def without_steady(
     Without a period, a ring is always lit if it is lit for much longer than usual. A place with many times as many
     flashes as other places has a lamp that the camera sees now and then.
     """
-    usual_s = float(np.median([flash.end_s - flash.onset_s for flash in flashes]))
-    longest_s = period_s / 2 if period_s else max(LONG_FLASHES * usual_s, SHORTEST_STEADY_S)
-    places = FlashTable.of(flashes).places_cm
-    here = [int(np.count_nonzero(np.hypot(*(places - place).T) < SAME_PLACE_CM)) for place in places]
-    usual = max(FEWEST_FLICKERS, MOST_FLICKERS * float(np.median(here)))
-    is_steady = [
-        flash.end_s - flash.onset_s > longest_s or number > usual for flash, number in zip(flashes, here, strict=True)
-    ]
-    steady = tuple(flash for flash, stays in zip(flashes, is_steady, strict=True) if stays)
-    others = tuple(flash for flash, stays in zip(flashes, is_steady, strict=True) if not stays)
+    onset_s, end_s, places, *_ = FlashTable.of(flashes)
+    longest_s = period_s / 2 if period_s else max(LONG_FLASHES * np.median(end_s - onset_s), SHORTEST_STEADY_S)
+    here = np.array([np.count_nonzero(np.hypot(*(places - place).T) < SAME_PLACE_CM) for place in places])
+    is_steady = (end_s - onset_s > longest_s) | (here > max(FEWEST_FLICKERS, MOST_FLICKERS * np.median(here)))
+    steady, others = (tuple(compress(flashes, chosen)) for chosen in (is_steady, ~is_steady))
     if not others:
         return flashes, (), counts
     return others, steady, np.maximum(counts - count_lit(steady, times_s), 0)

@@ -1,14 +1,13 @@
 """Judges whether an answer about synchrony can be trusted: reasons to give none, doubts, and why there is none."""
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from epuck_sim import epuck
-from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.overhead.flashes import CountedRings, Flash, FlashTable
+from epuck_sim.arrays import IntArray
+from epuck_sim.overhead.flashes import CountedRings, FlashTable
 from epuck_sim.overhead.rings import DISC_LIGHT
 from epuck_sim.overhead.synchrony import (
     MIN_COVERAGE,
@@ -24,19 +23,15 @@ from epuck_sim.overhead.synchrony import (
 MOST = 0.75  # share of the robots that counts as most of them
 MOST_OF_USUAL = 0.6  # the same where their number is not known, relative to the flashes in a usual period
 FEWEST_PER_ROBOT = 0.65  # flashes of a robot in a period below which some are missed
-MOST_PER_ROBOT = 1.9
-"""Flashes of a robot in a period above which the period is too long, or something else flashes. Coupling shortens
-cycles until all are in step: with a coupling of 1, ten simulated robots flash up to 18.6 times in a period."""
+MOST_PER_ROBOT = 1.9  # flashes of one above which something else flashes; coupling of 1 gave 18.6 of ten robots
 FROM_BEGINNING = 1.6  # time in periods until which T_sync means that nothing else was seen
 NEAR_ORDER = 0.85
-"""Order parameter at the last flashes of a film from which the swarm may be synchronised: flashes that are not in the
-film may advance phases. All of 40 films that ended with T_sync had more, and 17 % of 186 that were cut before."""
+"""Order parameter at the last flashes of a film from which the swarm may be synchronised, as flashes after its end may
+advance phases. All of 40 films that ended with T_sync had more, and 17 % of 186 that were cut before."""
 LIGHT_TOLERANCE = 1.5  # factor by which spreads by the total light and by rings may differ without contradiction
 LATE_PERIODS = 0.75  # time in periods by which the total light may be synchronised before the rings
 MOST_BURNT = 0.15  # share of the flashes that may be burnt out to discs
-MOST_UNSEEN = 0.05
-"""Share of the light that may be of no ring: 0.01 at most in 8 films in which all were found, 0.05 or more where a
-rolling shutter cut some."""
+MOST_UNSEEN = 0.05  # share of the light that may be of no ring: 0.01 where all were found, more with a rolling shutter
 ENOUGH_BEFORE = 1.8  # flashes of each robot before T_sync from which their number tells whether some are missed
 FEW = 5  # flashes below which nothing is said about them
 TWIN_S = 0.1  # time by which a flash and its mirror image may seem to begin or end apart
@@ -51,15 +46,14 @@ TILTED_DEG = 3.0  # tilt of a camera from which positions are doubtful if no cor
 class Evidence(NamedTuple):
     """What is known of a film once its counts are evaluated."""
 
-    times_s: FloatArray
-    counts: IntArray
-    """(frames,) rings lit, without those that are no flashes."""
-    area: IntArray
-    """(frames,) pixels of the floor that are lit."""
-    flashes: Sequence[Flash]
+    counted: CountedRings
+    """Counts and flashes, without those of lights that are no flashes."""
+    lit_always: int
+    """Number of places with such lights."""
     period_s: float
     threshold_s: float
-    start_s: float
+    sync: Evaluation | None
+    """The first evaluation of the histogram that shows synchrony."""
     robots: int | None
     """Number of robots, if it is given."""
     period_is_given: bool
@@ -67,19 +61,19 @@ class Evidence(NamedTuple):
     """Order parameter from which the swarm is synchronised."""
 
     @property
-    def onsets_s(self) -> FloatArray:
-        """(flashes,) onsets of the flashes on the film's clock."""
-        return np.array([flash.onset_s for flash in self.flashes])
+    def flashes(self) -> FlashTable:
+        """The flashes, as columns."""
+        return FlashTable.of(self.counted.flashes)
 
     @property
     def span_s(self) -> tuple[float, float]:
         """Beginning and end of what was filmed."""
-        return float(self.times_s[0]), float(self.times_s[-1])
+        return float(self.counted.times_s[0]), float(self.counted.times_s[-1])
 
     @property
     def periods(self) -> Periods:
         """The whole periods around flashes that hold those of most robots."""
-        return whole_periods(self.onsets_s, self.period_s, self.span_s, self.usual_flashes)
+        return whole_periods(self.flashes.onset_s, self.period_s, self.span_s, self.usual_flashes)
 
     @property
     def in_order_s(self) -> float | None:
@@ -93,18 +87,21 @@ class Evidence(NamedTuple):
 
     def cycles_at(self, time_s: float) -> float:
         """Return the mean number of flashes of a robot until those around a time, these included."""
-        return 1 + int(np.count_nonzero(self.onsets_s <= time_s - self.period_s / 2)) / max(self.swarm, 1)
+        before = np.count_nonzero(self.flashes.onset_s <= time_s - self.period_s / 2)
+        return 1 + int(before) / max(self.swarm, 1)
 
     @property
     def most_lit(self) -> int:
         """Largest number of rings lit at once in two consecutive frames."""
-        return int(np.minimum(self.counts[1:], self.counts[:-1]).max(initial=0))
+        counts = self.counted.counts
+        return int(np.minimum(counts[1:], counts[:-1]).max(initial=0))
 
     @property
     def flashes_per_period(self) -> float:
         """Mean number of flashes in a period, over the time without gaps between frames."""
-        seen_s = float((frame_ends(self.times_s, self.times_s[-1]) - self.times_s).sum())
-        return len(self.flashes) / seen_s * self.period_s
+        times_s = self.counted.times_s
+        seen_s = float((frame_ends(times_s, times_s[-1]) - times_s).sum())
+        return len(self.counted.flashes) / seen_s * self.period_s
 
     @property
     def usual_flashes(self) -> float:
@@ -112,32 +109,33 @@ class Evidence(NamedTuple):
         return max(2.0, MOST_OF_USUAL * self.flashes_per_period if self.robots is None else MOST * self.robots)
 
 
-def objections(evidence: Evidence, sync: Evaluation | None) -> list[str]:
-    """Return the reasons for which nothing can be said about T_sync; sync: the evaluation that shows it, if any."""
-    found = _about_robots(evidence, sync)
-    if not evidence.period_is_given and recurs_after_two(evidence.flashes, evidence.period_s):
+def objections(evidence: Evidence) -> list[str]:
+    """Return the reasons for which nothing can be said about T_sync."""
+    found, period_s = _about_robots(evidence), evidence.period_s
+    one_cm, two_cm = moves_cm(evidence)
+    if not evidence.period_is_given and one_cm > 2 * two_cm + 1.0:
         found.append(
-            f"places flash again after two periods of {evidence.period_s:.4g} s rather than after one: two groups may "
+            f"places flash again after two periods of {period_s:.4g} s rather than after one: two groups may "
             f"flash in turn; half of the period fits as well; give --period-s"
         )
     at_s = evidence.in_order_s
-    is_early = at_s is not None and at_s < evidence.start_s + FROM_BEGINNING * evidence.period_s
+    is_early = at_s is not None and at_s < evidence.counted.start_s + FROM_BEGINNING * period_s
     if is_early and not found and may_be_half_a_period(evidence):
         found.append(
-            f"flashes are in step from the beginning, or {2 * evidence.period_s:.4g} s are the period and two groups "
+            f"flashes are in step from the beginning, or {2 * period_s:.4g} s are the period and two groups "
             "flash in turn; robots move too far between flashes to tell; give --period-s or --robots"
         )
     if not found and at_s is None:
-        near = order_at_end(evidence.onsets_s, evidence.period_s, evidence.span_s[1], evidence.swarm)
+        near = order_at_end(evidence.flashes.onset_s, period_s, evidence.span_s[1], evidence.swarm)
         if near >= NEAR_ORDER:
             found.append(
                 f"the film ends too early to tell: at its last flashes the order parameter is {near:.2f} or more; film "
-                f"for a period of {evidence.period_s:.4g} s longer (`run` does with stop.further_cycles=2)"
+                f"for a period of {period_s:.4g} s longer (`run` does with stop.further_cycles=2)"
             )
-    return found + _about_light(evidence, sync)
+    return found + _about_light(evidence)
 
 
-def _about_robots(evidence: Evidence, sync: Evaluation | None) -> list[str]:
+def _about_robots(evidence: Evidence) -> list[str]:
     """Return what does not add up to the number of robots: rings lit at once, or flashes in a period."""
     robots, most_lit, per_period = evidence.robots, evidence.most_lit, evidence.flashes_per_period
     if robots is not None and most_lit > robots:
@@ -146,20 +144,14 @@ def _about_robots(evidence: Evidence, sync: Evaluation | None) -> list[str]:
         ]
     if robots is not None and not FEWEST_PER_ROBOT <= per_period / robots <= MOST_PER_ROBOT:
         return [f"there were {per_period:.1f} flashes per period, but there are {robots} robots"]
-    if sync is None:
+    if evidence.sync is None:
         return []
-    middles_s = np.array([(flash.onset_s + flash.end_s) / 2 for flash in evidence.flashes])
-    together = np.count_nonzero(np.abs(middles_s - sync.time_s) <= evidence.period_s / 2)
+    middles_s = (evidence.flashes.onset_s + evidence.flashes.end_s) / 2
+    together = np.count_nonzero(np.abs(middles_s - evidence.sync.time_s) <= evidence.period_s / 2)
     if together >= evidence.usual_flashes:
         return []
     usual = f"a usual period {per_period:.1f}" if robots is None else f"there are {robots} robots"
     return [f"the narrow histogram holds {together} flashes, but {usual}"]
-
-
-def recurs_after_two(flashes: Sequence[Flash], period_s: float) -> bool:
-    """Return whether places flash again two periods later rather than one period later."""
-    one_cm, two_cm = _moves_cm(flashes, period_s)
-    return one_cm > 2 * two_cm + 1.0
 
 
 def may_be_half_a_period(evidence: Evidence) -> bool:
@@ -167,55 +159,47 @@ def may_be_half_a_period(evidence: Evidence) -> bool:
 
     Robots that move by more than their diameter between flashes do not tell, unless their number is known.
     """
-    if evidence.period_is_given or evidence.robots is not None:
-        return False
-    return _moves_cm(evidence.flashes, evidence.period_s)[0] > 2 * epuck.RADIUS_CM
+    is_known = evidence.period_is_given or evidence.robots is not None
+    return not is_known and moves_cm(evidence)[0] > 2 * epuck.RADIUS_CM
 
 
-def _moves_cm(flashes: Sequence[Flash], period_s: float) -> tuple[float, float]:
+def moves_cm(evidence: Evidence) -> tuple[float, float]:
     """Return the median distances from flashes to the nearest one a period and two later; 0 if there are few."""
-    after = np.array([_distances_later(FlashTable.of(flashes), delay * period_s, period_s / 4) for delay in (1, 2)])
+    onsets_s, places_cm, period_s = evidence.flashes.onset_s, evidence.flashes.places_cm, evidence.period_s
+    after = np.full((2, len(onsets_s)), np.nan)
+    for row, delay_s in enumerate((period_s, 2 * period_s)):
+        ends_s = onsets_s + delay_s - period_s / 4, onsets_s + delay_s + period_s / 4
+        for index, (first, end) in enumerate(zip(*(np.searchsorted(onsets_s, end_s) for end_s in ends_s), strict=True)):
+            if end > first:
+                after[row, index] = np.hypot(*(places_cm[first:end] - places_cm[index]).T).min()
     both = after[:, ~np.isnan(after).any(axis=0)]
     one_cm, two_cm = np.median(both, axis=1).tolist() if both.shape[1] >= FEW else (0.0, 0.0)
     return one_cm, two_cm
 
 
-def _distances_later(flashes: FlashTable, delay_s: float, within_s: float) -> FloatArray:
-    """Return (flashes,) cm from each flash to the nearest one about `delay_s` later; NaN if there is none."""
-    onsets, places = flashes.onset_s, flashes.places_cm
-    nearest = np.full(len(onsets), np.nan)
-    for index, (onset_s, place) in enumerate(zip(onsets, places, strict=True)):
-        first, end = np.searchsorted(onsets, (onset_s + delay_s - within_s, onset_s + delay_s + within_s))
-        if end > first:
-            nearest[index] = np.hypot(*(places[first:end] - place).T).min()
-    return nearest
-
-
-def _about_light(evidence: Evidence, sync: Evaluation | None) -> list[str]:
+def _about_light(evidence: Evidence) -> list[str]:
     """Return how the total light contradicts the rings: it needs neither shapes nor sizes."""
-    lit = evidence.counts > 0
-    if not evidence.area.any() or np.count_nonzero(lit) < FEW:
+    counted, sync = evidence.counted, evidence.sync
+    lit = counted.counts > 0
+    if not counted.areas_px.any() or np.count_nonzero(lit) < FEW:
         return []
-    dark = np.quantile(evidence.area, 0.05) if lit.all() else np.median(evidence.area[~lit])
-    area = np.maximum(evidence.area - dark, 0.0)
+    dark = np.quantile(counted.areas_px, 0.05) if lit.all() else np.median(counted.areas_px[~lit])
+    area = np.maximum(counted.areas_px - dark, 0.0)
     both = lit & (area > 0)
     if not both.any():
         return []
-    by_light = np.rint(area / float(np.median(area[both] / evidence.counts[both]))).astype(np.int64)
-    evaluations = [
-        each
-        for each in evaluate(evidence.times_s, by_light, evidence.period_s, evidence.start_s)
-        if each.coverage >= MIN_COVERAGE
-    ]
-    narrow_s = [each.time_s for each in evaluations if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
+    by_light = np.rint(area / float(np.median(area[both] / counted.counts[both]))).astype(np.int64)
+    found = evaluate(counted.times_s, by_light, evidence.period_s, counted.start_s)
+    whole = [each for each in found if each.coverage >= MIN_COVERAGE]
+    narrow_s = [each.time_s for each in whole if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
     late_s = LATE_PERIODS * evidence.period_s
     blame = "rings are missed, or something else is lit; give --corners, --arena-cm and --height-cm"
     if narrow_s and (sync is None or narrow_s[0] < sync.time_s - late_s):
         return [
-            f"the total light is synchronised at {narrow_s[0] - evidence.start_s:.1f} s, but the rings that are found "
+            f"the total light is synchronised at {narrow_s[0] - counted.start_s:.1f} s, but the rings that are found "
             f"are not: {blame}"
         ]
-    near_s = [each.spread_s for each in evaluations if sync is not None and abs(each.time_s - sync.time_s) <= late_s]
+    near_s = [each.spread_s for each in whole if sync is not None and abs(each.time_s - sync.time_s) <= late_s]
     if near_s and min(near_s) > LIGHT_TOLERANCE * evidence.threshold_s:
         return [
             f"the total light is spread by {1000 * min(near_s):.0f} ms where the rings that are found are "
@@ -224,53 +208,52 @@ def _about_light(evidence: Evidence, sync: Evaluation | None) -> list[str]:
     return []
 
 
-def light_of_no_ring(evidence: Evidence) -> float:
-    """Return the share of the light that is of no ring that is found; 0 if few frames show light.
+def light_of_no_ring(areas_px: IntArray, counts: IntArray) -> float:
+    """Return the share of the (frames,) light that is of no ring that is counted; 0 if few frames show light.
 
-    It is what exceeds as many times the usual area of a ring as rings are found. A rolling shutter cuts rings in two,
-    and short flashes are then often missed.
+    It is what exceeds as many times the usual area of a ring. A rolling shutter cuts rings in two, and short flashes
+    are then often missed.
     """
-    area = evidence.area - np.quantile(evidence.area, 0.05)
-    lit = (evidence.counts > 0) & (area > 0)
+    area = areas_px - np.quantile(areas_px, 0.05)
+    lit = (counts > 0) & (area > 0)
     if np.count_nonzero(lit) < FEW:
         return 0.0
-    ring_area = float(np.median(area[lit] / evidence.counts[lit]))
-    return 1.0 - ring_area * float(evidence.counts.sum() / area.sum())
+    ring_area = float(np.median(area[lit] / counts[lit]))
+    return 1.0 - ring_area * float(counts.sum() / area.sum())
 
 
-def count_images(flashes: Sequence[Flash]) -> int:
+def count_images(flashes: FlashTable) -> int:
     """Return how many flashes may be mirror images; 0 if it may be chance.
 
     Each is dimmer than another one that is straight across or above or below it, and begins and ends with it.
     """
-    if len(flashes) < FEW:
-        return 0
-    table = np.array(flashes)
-    images = 0
-    for onset_s, end_s, x_cm, y_cm, light, *_ in table:
-        off_s = np.maximum(np.abs(table[:, 0] - onset_s), np.abs(table[:, 1] - end_s))
-        off_cm = np.minimum(np.abs(table[:, 2] - x_cm), np.abs(table[:, 3] - y_cm))
-        images += bool(((off_s <= TWIN_S) & (off_cm <= STRAIGHT_CM) & (light < DIMMER * table[:, 4])).any())
-    return images if images >= max(FEW, COMMON_IMAGES * len(flashes)) else 0
+    images, (x_cm, y_cm), light = 0, flashes.places_cm.T, flashes.light
+    for index in range(len(light)):
+        onset_off_s, end_off_s = (np.abs(each - each[index]) for each in (flashes.onset_s, flashes.end_s))
+        off_cm = np.minimum(np.abs(x_cm - x_cm[index]), np.abs(y_cm - y_cm[index]))
+        is_twin = (np.maximum(onset_off_s, end_off_s) <= TWIN_S) & (off_cm <= STRAIGHT_CM)
+        images += bool((is_twin & (light[index] < DIMMER * light)).any())
+    return images if images >= max(FEW, COMMON_IMAGES * len(light)) else 0
 
 
-def doubts(counted: CountedRings, evidence: Evidence, sync: Evaluation | None, lit_always: int) -> list[str]:
-    """Return sentences about what is doubtful in the lights, of which some are always lit, geometry, and period."""
-    found, geometry, period_s = [], counted.geometry, evidence.period_s
-    if lit_always:
-        found.append(f"rings that stayed lit for longer than half a period, and are left out: {lit_always}")
+def doubts(evidence: Evidence) -> list[str]:
+    """Return sentences about what is doubtful in the lights, geometry, the number of robots, and the period."""
+    counted, flashes = evidence.counted, evidence.flashes
+    found, geometry = [], counted.geometry
+    if evidence.lit_always:
+        found.append(f"rings that stayed lit for longer than half a period, and are left out: {evidence.lit_always}")
     if counted.outside:
         found.append(
             f"rings outside of the floor, and left out: {counted.outside} in {len(counted.times_s)} frames; they are "
             "mirror images, a neighbour's, or --corners or --arena-cm are wrong"
         )
-    burnt = sum(flash.light >= DISC_LIGHT for flash in evidence.flashes)
-    if burnt > MOST_BURNT * len(evidence.flashes):
+    burnt = np.count_nonzero(flashes.light >= DISC_LIGHT)
+    if burnt > MOST_BURNT * len(flashes.light):
         found.append(
-            f"rings that are burnt out to discs: those of {burnt} of {len(evidence.flashes)} flashes; lamps look the "
+            f"rings that are burnt out to discs: those of {burnt} of {len(flashes.light)} flashes; lamps look the "
             "same; film with a shorter, fixed exposure"
         )
-    if (share := light_of_no_ring(evidence)) > MOST_UNSEEN:
+    if (share := light_of_no_ring(counted.areas_px, counted.counts)) > MOST_UNSEEN:
         found.append(
             f"{100 * share:.0f} % of the light is of no ring that is found: rings are burnt out, dim, of another size "
             "or cut by a rolling shutter, or something else shines; film with a shorter, fixed exposure and more "
@@ -286,8 +269,9 @@ def doubts(counted: CountedRings, evidence: Evidence, sync: Evaluation | None, l
             f"the camera seems to be tilted by {geometry.tilt_deg:.0f} degrees: positions depend on it; "
             "give the floor's corners by --corners"
         )
-    early = [each for each in evidence.flashes if sync is None or each.onset_s < sync.time_s - period_s / 2]
-    if not geometry.knows_floor and (images := count_images(early)):
+    before_s = math.inf if evidence.sync is None else evidence.sync.time_s - evidence.period_s / 2
+    early = [flash for flash in counted.flashes if flash.onset_s < before_s]
+    if not geometry.knows_floor and (images := count_images(FlashTable.of(early))):
         found.append(
             f"flashes that may be mirror images in the walls: {images}; they come with those of their robots and do "
             "not move T_sync, but they count as robots; give the floor's corners by --corners"
@@ -297,7 +281,7 @@ def doubts(counted: CountedRings, evidence: Evidence, sync: Evaluation | None, l
 
 def _doubts_about_numbers(evidence: Evidence) -> list[str]:
     """Return sentences about what is doubtful in the number of robots and the period."""
-    found, period_s = [], evidence.period_s
+    found, period_s, swarm = [], evidence.period_s, evidence.swarm
     _, order, numbers = evidence.periods
     numbers = numbers[order >= evidence.order_parameter]
     if evidence.robots and len(numbers) and numbers[0] < evidence.robots:
@@ -309,15 +293,16 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
                 f"{fewest} to {most} flashes are seen in a period of the synchronised swarm, and the number of robots, "
                 "by which flashes are divided, is not known; give --robots"
             )
-    before = whole_periods(evidence.onsets_s, period_s, (evidence.span_s[0], evidence.in_order_s or -math.inf), 0.0)
-    is_known = len(before.numbers) > ENOUGH_BEFORE * evidence.swarm
-    usual = float(np.median(before.numbers)) if is_known else evidence.swarm
-    if usual < evidence.swarm and not found:
+    begin_s, end_s = evidence.span_s
+    span_s = begin_s, evidence.in_order_s or -math.inf
+    before = whole_periods(evidence.flashes.onset_s, period_s, span_s, 0.0).numbers
+    usual = float(np.median(before)) if len(before) > ENOUGH_BEFORE * swarm else swarm
+    if usual < swarm and not found:
         found.append(
-            f"before T_sync {usual:g} flashes are usually seen in a period, but {evidence.swarm} robots "
+            f"before T_sync {usual:g} flashes are usually seen in a period, but {swarm} robots "
             "flash once or more: some are missed, and T_sync is too few cycles; give --corners, or fix the exposure"
         )
-    periods = float(evidence.times_s[-1] - evidence.times_s[0]) / period_s
+    periods = (end_s - begin_s) / period_s
     if not evidence.period_is_given and periods < ENOUGH_PERIODS:
         found.append(
             f"the period of {period_s:.4g} s is estimated from only {periods:.1f} periods of film; "

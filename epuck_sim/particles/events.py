@@ -45,10 +45,7 @@ from epuck_sim.util.native import call, carve, unlikely
 
 @jit_inline
 def run_events(block: ByteArray, addresses: IntArray, by_address: bool | None) -> None:
-    """Simulate until one of the limits in the scene is reached, or until the swarm is synchronised.
-
-    See `swarm.SEARCH` for the addresses, and `neighbours.find_receivers` for `by_address`.
-    """
+    """Simulate until a limit of the scene is reached, or synchrony; `by_address`: see `neighbours.find_receivers`."""
     oscillators, neighbours, instant = carve(block, Oscillators), carve(block, Neighbours), carve(block, Instant)
     scene = oscillators.scene
     pulses, cycles, max_offset = scene.limits.pulses, scene.limits.cycles, scene.limits.max_offset

@@ -40,16 +40,14 @@ TABLE_SIZE = 1000
 the fastest of them bounds the motion of all agents, and neighbours are cached by that bound."""
 
 POSITION_SEED, PHASE_SEED, MOTION_SEED, RECEIVER_SEED = range(4)
-"""Indices among the children of a trial's seed: of positions and speeds; of phases and periods; of directions, now and
-later, and of runs; and of receivers."""
+"""Children of a trial's seed: positions and speeds; phases and periods; directions and runs; receivers."""
 
 
 @jit
 def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
     """Begin a trial: agents at uniform positions with uniform directions, and uniform phases, where none are given.
 
-    What is given takes the place of what is drawn; all else is drawn as it would be without. The block is a swarm to
-    which nothing has happened, with the speeds and periods; see `util.generators` for the words of the seed.
+    All else is drawn as it would be without. The block has the speeds and periods, and nothing has happened to it.
     """
     oscillators, trajectories, draws = carve(block, Oscillators), carve(block, Trajectories), carve(block, Draws)
     scene, agents = oscillators.scene, len(trajectories.speed)

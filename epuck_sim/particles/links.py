@@ -44,11 +44,7 @@ class LinkSearch:
     """Finds the links between agents, wherever they are."""
 
     def __init__(self, scenario: ParticleScenario) -> None:
-        """Compile what finds links, before any clock runs.
-
-        Raises:
-            ScenarioError: Receivers are drawn anew for each pulse, so that agents have no neighbours.
-        """
+        """Compile what finds links, before any clock runs; raise ScenarioError where there are none by position."""
         if isinstance(scenario.neighbourhood, RandomAgents):
             raise ScenarioError(
                 f"{scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
@@ -67,10 +63,7 @@ class LinkSearch:
         self.find(nowhere, nowhere, np.zeros(0, np.int64))
 
     def find(self, positions: FloatArray, headings: FloatArray, senders: IntArray) -> IntArray:
-        """Return (links,) the sender times the number of agents, plus the receiver: sender by sender, as given.
-
-        Positions in cm, and headings, are (agents, dimensions); senders, (senders,), are indices of agents.
-        """
+        """Return (links,) the sender times the number of agents, plus the receiver: sender by sender, as given."""
         self._swarm.origin[:] = positions.T
         self._swarm.heading[:] = headings.T
         found = write_links(self._swarm.block, self._addresses, senders, self._links)
@@ -86,13 +79,7 @@ class LinkSearch:
         return links
 
     def pulse_links(self, positions: FloatArray, headings: FloatArray, fired: IntArray, received: IntArray) -> IntArray:
-        """Return the links of an instant, in the order of its cascade.
-
-        Headings are those before any agent reorients; `received` are the agents whose phase was shifted.
-
-        Returns:
-            (links, 3) agent that fires, agent that receives, and 1 where that shifts its phase.
-        """
+        """Return what `ParticleSimulation.pulse_links` does, by the headings before any agent reorients."""
         senders, receivers = np.divmod(self.find(positions, headings, fired), self._agents)
         reached, first = np.unique(receivers, return_index=True)  # no agent receives two pulses at one instant
         is_shifted = np.zeros(len(receivers), np.bool_)

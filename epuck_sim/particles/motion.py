@@ -140,10 +140,7 @@ def advance_one(block: ByteArray, addresses: IntArray, trajectories: Trajectorie
 
 @jit_no_alloc
 def continue_trajectory(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
-    """Continue an agent's trajectory beyond its end, as a new one, and again until it lasts beyond `time`.
-
-    It is called by its address; see `swarm.CONTINUE`.
-    """
+    """Continue an agent's trajectory beyond its end, as a new one, and again until it lasts beyond `time`."""
     trajectories, has_ended = carve(block, Trajectories), True
     while has_ended:
         wall = trajectories.wall[agent]
@@ -185,8 +182,7 @@ def reflect(trajectories: Trajectories, agent: int, axis: int, is_far: bool) -> 
 def begin_run(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:  # noqa: ARG001
     """Turn an agent where its run has ended; draw when its next one ends, and its speed if runs differ in that.
 
-    Its first run follows no other: then nothing turns and no speed is drawn. It is called by its address; see
-    `swarm.BEGIN_RUN`.
+    Its first run follows no other: then nothing turns and no speed is drawn.
     """
     trajectories, runs = carve(block, Trajectories), carve(block, Runs)
     stream, is_first = trajectories.streams[agent].words, runs.run_end_cycle[agent] < 0
@@ -210,10 +206,7 @@ def draw_end_of_run(trajectories: Trajectories, runs: Runs, agent: int, stream: 
 
 @jit_no_alloc
 def reorient_agents(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:  # noqa: ARG001
-    """Reorient the agents that emitted, received or were reached by a pulse, as the rules ask; none twice (D.1).
-
-    It is called by its address; see `swarm.REORIENT`. The agent is of no account.
-    """
+    """Reorient the agents that emitted, received or were reached by a pulse, as the rules ask; none twice (D.1)."""
     trajectories, instant, turns = carve(block, Trajectories), carve(block, Instant), carve(block, Turns)
     scene, is_done = trajectories.scene, instant.is_done
     advance_all(block, addresses, trajectories, time)

@@ -101,12 +101,9 @@ def neighbourhood_of(scenario: ParticleScenario) -> dict[str, Any]:
 def find_receivers(
     block: ByteArray, addresses: IntArray, neighbours: Neighbours, agent: int, time: float, by_address: bool | None
 ) -> int:
-    """Find the agents that receive a pulse which `agent` emits at `time`, unless those found before are valid still.
+    """Find who receives a pulse, unless those found before are valid still; return where `members` has the first.
 
     With `by_address` None the search is one in cones among all agents, as part of the caller; else it is called.
-
-    Returns:
-        The index in `neighbours.members` of the first of them; there are `neighbours.counts[agent]`.
     """
     if not time < neighbours.cached_until[agent]:
         if by_address is None:
@@ -272,10 +269,7 @@ def _measure_distances(block: ByteArray, own: int, count: int) -> None:
 
 @jit_inline
 def _measure_cone(block: ByteArray, headings: FloatArray, own: int, count: int) -> None:
-    """Compute squared distances as `_measure_distances` does, and those along the axes of the cones.
-
-    The headings are those of the candidates, (dimensions * agents,).
-    """
+    """Compute squared distances as `_measure_distances` does, and those along the axes of the candidates' cones."""
     candidates = carve(block, Candidates)
     scene = candidates.scene
     if scene.cos == FULL_CIRCLE_COS:
@@ -444,10 +438,7 @@ def _sort_into_cells(block: ByteArray, addresses: IntArray, trajectories: Trajec
 def _cell_range(
     trajectories: Trajectories, axis: int, agent: int, travelled_cm: float, radius_cm: float
 ) -> tuple[int, int, int]:
-    """Return the first index along an axis of the cells within a radius of an agent, their number, and that of all.
-
-    In a cyclic space the first index may be negative, and indices may exceed the number of cells: they wrap around.
-    """
+    """Return the first index, which may wrap around, and number of cells within a radius, and the number of all."""
     scene = trajectories.scene
     if axis >= scene.dimensions:
         return 0, 1, 1

@@ -36,15 +36,6 @@ MULTIPLICATIVE, SAWTOOTH, SINE, ADDITIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR, FR
 """Numbers of the curves; the last is that of any curve which a user's file defines."""
 
 
-class CompiledCurve(NamedTuple):
-    """A user's response curve, compiled."""
-
-    address: int
-    """Address, in this process, of the function (bytes, phase) that returns the shift."""
-    bytes: ByteArray
-    """(n,) the coupling, and behind it the record of the parameters."""
-
-
 class Response(NamedTuple):
     """A response curve and its parameters."""
 
@@ -60,16 +51,22 @@ class Response(NamedTuple):
     """Phase up to which the piecewise linear curve has its early slope."""
     early_slope: float = 1.0
     """That slope as a multiple of the later one."""
-    from_file: CompiledCurve = CompiledCurve(0, np.zeros(0, np.uint8))
-    """The curve of a user's file."""
+    address: int = 0
+    """Address, in this process, of the function (bytes, phase) that returns the shift of a user's curve."""
+    bytes: ByteArray = np.zeros(0, np.uint8)
+    """(n,) the coupling of a user's curve, and behind it the record of its parameters."""
+
+    @property
+    def record(self) -> tuple[float, ...]:
+        """What the scene of a swarm has of it: `swarm.RESPONSE`."""
+        return (*self[:6], 0.0)
 
 
 @jit_inline
 def phase_after_pulse(response: Any, curve: ByteArray, addresses: IntArray, phase: float) -> float:
     """Return the phase, 0 to 1, after a pulse, of one above the refractory period; an oscillator at 1 fires.
 
-    The phase is capped at 1, as in thesis 5.1.1, and at 0, below which the sine curve with kappa > 1 / (2 pi) would
-    lead. The curve is the bytes of a user's; of a shipped one, none.
+    It is capped at 1, as in thesis 5.1.1, and at 0, below which the sine curve with kappa > 1 / (2 pi) would lead.
     """
     shift: float = response.coupling * phase
     if unlikely(response.curve != MULTIPLICATIVE):
@@ -115,21 +112,16 @@ def phase_shift(response: Response, phases: npt.ArrayLike) -> FloatArray:
     """Return the phase shift Psi, capped, at phases from 0 to 1, of any shape."""
     given = np.asarray(phases, np.float64)
     shifts, addresses = np.empty(given.size), np.zeros(CALLS, np.int64)
-    addresses[CURVE] = response.from_file.address
-    record = np.array([(*response[:-1], 0.0)], RESPONSE)
-    _shift_phases(record, response.from_file.bytes, addresses, np.ascontiguousarray(given.ravel()), shifts)
+    addresses[CURVE] = response.address
+    record = np.array([response.record], RESPONSE)
+    _shift_phases(record, response.bytes, addresses, np.ascontiguousarray(given.ravel()), shifts)
     return shifts.reshape(given.shape)
 
 
 def order_change(response: Response, phases: npt.ArrayLike) -> FloatArray:
     """Return Delta r (eq. 5.8): the change of the order parameter of two oscillators when one fires.
 
-    Args:
-        response: Response curve of the oscillator that receives the pulse.
-        phases: Phases of that oscillator, 0 to 1, of any shape.
-
-    Returns:
-        The change for each phase, in the shape of `phases`.
+    The other one receives the pulse, by this response, at phases from 0 to 1, of any shape.
 
     >>> order_change(Response(0, 0.1, 0.0), [0.25, 0.75]).round(4)
     array([-0.0577,  0.1455])
@@ -152,10 +144,7 @@ _compiled: dict[Hashable, int] = {}
 
 
 def make_response(section: ResponseSection) -> Response:
-    """Return the response of a scenario.
-
-    Raises:
-        CurveError: The curve is a user's, and cannot be found or compiled.
+    """Return the response of a scenario; raise CurveError for a user's that cannot be found or compiled.
 
     >>> make_response(ResponseSection(curve="sine", coupling=0.5))[:3]
     (2, 0.5, 0.0)
@@ -163,13 +152,17 @@ def make_response(section: ResponseSection) -> Response:
     strength = section.coupling, section.refractory
     if section.curve in CURVES:
         return Response(CURVES.index(section.curve), *strength, **section.parameters)
-    return Response(FROM_FILE, *strength, from_file=_compile_curve(section))
+    record = np.zeros(1, record_of(section))
+    for name, value in find_curve(section.curve).resolve(section.parameters).items():
+        record[name] = value
+    coupling = np.array([section.coupling])
+    contents = np.concatenate([coupling.view(np.uint8), record.view(np.uint8)])
+    return Response(FROM_FILE, *strength, address=_address_of(section, record.dtype), bytes=contents)
 
 
-def _compile_curve(section: ResponseSection) -> CompiledCurve:
-    """Return a user's curve, compiled; its code stays at its address until the process ends."""
+def _address_of(section: ResponseSection, kind: np.dtype[Any]) -> int:
+    """Return the address of a user's curve, compiled, where it stays until the process ends."""
     curve = find_curve(section.curve)
-    parameters, kind = curve.resolve(section.parameters), record_of(section)
     sources = digest_sources(curve.sources, curve.modules).encode()
     whole = digest(
         [kernel_digest("particles").encode(), sources, *frozen_values(curve.modules.values()), repr(kind).encode()]
@@ -185,11 +178,7 @@ def _compile_curve(section: ResponseSection) -> CompiledCurve:
         except Exception as error:  # numba's own errors, and what escapes it
             raise CurveError(explain_refusal(error, Path(curve.name), curve.sources)) from error
         _compiled[whole] = function_address(compiled)
-    record = np.zeros(1, kind)
-    for name, value in parameters.items():
-        record[name] = value
-    coupling = np.array([section.coupling])
-    return CompiledCurve(_compiled[whole], np.concatenate([coupling.view(np.uint8), record.view(np.uint8)]))
+    return _compiled[whole]
 
 
 def record_of(section: ResponseSection) -> np.dtype[Any]:
@@ -209,10 +198,7 @@ def shift_at(curve: ByteArray, phase: float) -> float:
 
 
 def curve_error(section: ResponseSection, phase: float, error: Exception) -> CurveError:
-    """Return the error that reports an exception of compiled code in a user's response curve, at a phase.
-
-    Compiled code does not know the line: the function is called once more as plain Python.
-    """
+    """Return what to say of an error in a user's curve: plain Python, called once more, knows the line."""
     curve = find_curve(section.curve)
     where = curve.name
     try:

@@ -44,15 +44,11 @@ _kept: dict[tuple[int, ...], tuple[object, Rules]] = {}
 
 
 def rules_of(scenario: ParticleScenario) -> Rules:
-    """Return the rules of a scenario, which are made once for all seeds.
-
-    Raises:
-        CurveError: The response curve is a user's, and cannot be found or compiled.
-    """
-    moving = scenario.space, scenario.agents, scenario.neighbourhood, scenario.start
-    sections = *moving, scenario.response, scenario.clocks, scenario.stop
+    """Return the rules of a scenario, which are made once for all seeds."""
     if scenario.response.curve not in CURVES:
         return _make_rules(scenario)  # the file may have changed
+    moving = scenario.space, scenario.agents, scenario.neighbourhood, scenario.start
+    sections = *moving, scenario.response, scenario.clocks, scenario.stop
     key = tuple(map(id, sections))
     if key not in _kept:
         if len(_kept) >= KEPT:
@@ -75,7 +71,7 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
         "parts": -(-agents.count // BRANCHES**3) if agents.count > FLAT else 0,
         "cell_starts": values["cells"] ** dimensions + 1 if values["cells"] else 0,
         "run_speeds": len(speeds),
-        "curve": len(response.from_file.bytes),
+        "curve": len(response.bytes),
         "members": values["row"] * (agents.count if values["is_cached"] else 1),
     }
     arrays = Arrays(make_block(sizes))
@@ -87,22 +83,22 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
     forget_earliest(arrays)
     arrays.cached_until[:] = -math.inf
     arrays.candidates[:] = np.arange(agents.count)
-    arrays.curve[:] = response.from_file.bytes
+    arrays.curve[:] = response.bytes
     give_start(arrays, scenario)
     search = search_of(arrays.scene)
     root = advance_in_cones if search is search_cone else advance
     compile_kernel(root)
-    called = {CONTINUE: continue_trajectory}
-    if root is advance:
-        called[SEARCH] = search
-    if values["has_runs"]:
-        called[BEGIN_RUN] = begin_run
-    if agents.reorient_on:
-        called[REORIENT] = reorient_agents
+    called = {
+        CONTINUE: continue_trajectory,
+        SEARCH: search if root is advance else None,
+        BEGIN_RUN: begin_run if values["has_runs"] else None,
+        REORIENT: reorient_agents if agents.reorient_on else None,
+    }
     addresses = np.zeros(CALLS, np.int64)
-    addresses[CURVE] = response.from_file.address
+    addresses[CURVE] = response.address
     for number, function in called.items():
-        addresses[number] = address_of(function, types.int64, types.float64)
+        if function is not None:
+            addresses[number] = address_of(function, types.int64, types.float64)
     beginning = arrays.block[: arrays.scene.at[-1][0]].copy()
     return Rules(beginning, len(arrays.block), addresses, root)
 
@@ -125,7 +121,7 @@ def _scene_values(scenario: ParticleScenario, response: Response) -> dict[str, A
         "run": (walk.run_s or 0.0) / scenario.clocks.period_s,
         "tail": 0.0 if walk.exponent is None else 1 / (1 - walk.exponent),
         "persistence": walk.persistence or 0.0,
-        "response": (*response[:-1], 0.0),
+        "response": response.record,
         "reorients_on_emitting": "emitting" in agents.reorient_on,
         "reorients_on_receiving": "receiving" in agents.reorient_on,
         "reorients_on_arriving": "arriving" in agents.reorient_on,

@@ -131,10 +131,7 @@ def sort(found: IndexArray, values: FloatArray, count: int) -> None:
 
 @jit_inline
 def find_two_smallest(values: FloatArray, count: int) -> tuple[int, float, float]:
-    """Return the index of the first minimum of `values[:count]`, the minimum, and the next smallest value.
-
-    Values are inf where there are too few.
-    """
+    """Return the index of the first minimum of `values[:count]`, the minimum, and the next value; inf without any."""
     a = b = c = d = (0, math.inf, math.inf)
     whole = count - count % 4
     for index in range(0, whole, 4):

@@ -83,23 +83,15 @@ ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
     "curve": (BYTE, "curve"),  # the coupling, and the parameters of a user's response curve; see `phase_response`
     "members": (INDEX, "members"),  # the last array, as it may be large: each agent's neighbours
 }
-"""The arrays of a block in their order: type, the size that is their length, and what they hold."""
+"""The arrays of a block in their order: type, length, and what they hold.
+
+There are `agents` of most, one row of agents after the other with `rows`, an axis each, and one more of `events`. Some
+have a length of 0: `groups` and `parts` in small swarms, see `oscillators.BRANCHES`; `cell_starts` without a cell list;
+`run_speeds` where agents keep theirs; `curve`, bytes, where it is shipped. `members` are as many as an agent may have,
+times the agents if neighbours are cached.
+"""
 
 _PLACES = {name: (dtype, 2 * WORD_BYTES * number) for number, (name, (dtype, _)) in enumerate(ARRAYS.items())}
-
-SIZES = {
-    "agents": "one for each agent",
-    "rows": "one for each axis and agent: one row of agents after the other",
-    "events": "one for each agent, and one",
-    "blocks": "one for each block of oscillators; see `oscillators.BRANCHES`",
-    "groups": "one for each group of blocks; none in small swarms",
-    "parts": "one for each part of the swarm, of groups; none in small swarms",
-    "cell_starts": "one for each cell, and one; none without a cell list",
-    "run_speeds": "one for each speed from which those of runs are drawn; none if agents keep theirs",
-    "curve": "one for each byte",
-    "members": "one for each neighbour that an agent may have, times the agents if neighbours are cached",
-}
-"""The sizes of a swarm."""
 
 RESPONSE = record_type(
     [
@@ -200,7 +192,7 @@ CALLS = 5
 
 
 def make_block(sizes: Mapping[str, int]) -> ByteArray:
-    """Return a block of zeros for a swarm of these `SIZES`."""
+    """Return a block of zeros for a swarm with these lengths of `ARRAYS`."""
     place, at = SCENE_BYTES, []
     for dtype, size in ARRAYS.values():
         at.append((place, place + dtype.itemsize * sizes[size]))
@@ -251,11 +243,9 @@ def _part(name: str, fields: str) -> Any:
 
 
 Oscillators = _part("Oscillators", "scene next_firing period block_earliest group_earliest part_earliest")
-"""Firing times and periods."""
 
-Trajectories = _part(
-    "Trajectories", "scene origin heading speed start_cycle start_time end_cycle end_time wall end_times streams"
-)
+_MOTION = "origin heading speed start_cycle start_time end_cycle end_time wall end_times streams"
+Trajectories = _part("Trajectories", f"scene {_MOTION}")
 """The present straight path of each agent."""
 
 Runs = _part("Runs", "run_end_cycle run_end_time run_speeds")
@@ -264,21 +254,13 @@ Runs = _part("Runs", "run_end_cycle run_end_time run_speeds")
 Neighbours = _part("Neighbours", "scene members counts cached_until skip_count")
 """The neighbours that were found last."""
 
-Candidates = _part(
-    "Candidates",
-    "scene candidates positions headings square_distance axial_distance margin selected bucket_of bucket_end",
-)
+_MEASURED = "square_distance axial_distance margin selected bucket_of bucket_end"
+Candidates = _part("Candidates", f"scene candidates positions headings {_MEASURED}")
 """The agents among which neighbours are searched for."""
 
 Cells = _part("Cells", "cell_start agents_by_cell cell_of_agent")
-"""The cell list."""
-
 Draws = _part("Draws", "is_drawn receiver_streams")
-"""What receivers are drawn from."""
-
 Instant = _part("Instant", "fired received is_done curve")
-"""What happened at the last instant."""
-
 Turns = _part("Turns", "scene reached is_reached headings_before")
 """What reorientation needs to know of an instant."""
 

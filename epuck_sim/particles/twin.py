@@ -24,14 +24,8 @@ class TwinComparison(NamedTuple):
 def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) -> ParticleSimulation:
     """Return the twin of a trial, which goes on when it is synchronised and whose agents move like those of the trial.
 
-    Args:
-        scenario: The trial's scenario.
-        seed: The trial's seed.
-        displacement: If 0, no phase of the twin is displaced and no period has jitter (5.4.1, 5.4.2). Else they are as
-            in the trial, and the phase of agent 0 is ahead by so many cycles, or by what is left until it fires.
-
-    Raises:
-        ValueError: Entries of the schedule wait for a firing or a condition: those of the twin come at other times.
+    By default no phase of the twin is displaced and no period has jitter (5.4.1, 5.4.2). With a displacement they are
+    as in the trial, and the phase of agent 0 is ahead by so many cycles, or by what is left until it fires.
     """
     if any(entry.at_s is None for entry in scenario.schedule):
         raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")

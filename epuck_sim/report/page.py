@@ -1,8 +1,7 @@
 """The page of a run folder as HTML: its sections, one after the other."""
 
 import shlex
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -18,65 +17,40 @@ from epuck_sim.runs.reader import PointTrials, read_measure_names, read_points
 from epuck_sim.runs.status import Status, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.statistics.series import has_series
-from epuck_sim.statistics.statistic import Summaries, summarize
+from epuck_sim.statistics.statistic import summarize
 from epuck_sim.util.atomic_write import atomic_write, check_target
 from epuck_sim.util.provenance import PROVENANCE
 
 FORMS = ("curves", "map", "violins")
 """Forms in which T_sync and a measure of one value are drawn, where they fit."""
 
-
-class Quantity(NamedTuple):
-    """T_sync, or a measure of one value a trial, at all points."""
-
-    name: str
-    points: list[PointTrials]
-    summaries: Summaries
-
-
-class Series(NamedTuple):
-    """A measure with a value for each cycle, at all points."""
-
-    name: str
-    points: list[PointTrials]
+MOST_FAILURES = 100  # maximum number of failed trials that are listed
+MOST_VALUES = 12  # maximum number of values of an axis that are listed
 
 
 class Contents(NamedTuple):
     """Everything on the page of a run folder."""
 
-    folder: str
-    """The folder, as it was given."""
-    scenario: str
-    """The scenario as the folder keeps it, YAML."""
-    changed: datetime
-    """When a result was last stored, UTC."""
+    folder: str  # the folder, as it was given
+    scenario: str  # the scenario as the folder keeps it, YAML
+    changed: datetime  # when a result was last stored, UTC
     status: Status
     points: list[PointTrials]
-    quantities: list[Quantity]
-    series: list[Series]
+    quantities: Mapping[str, list[PointTrials]]  # T_sync, and measures of one value a trial, at all points
+    series: Mapping[str, list[PointTrials]]  # measures with a value for each cycle
 
 
 def read_contents(folder: Path | str) -> Contents:
-    """Read a run folder, also an unfinished one.
-
-    Raises:
-        StoreError: The folder is not a run folder, or its database is damaged.
-    """
+    """Read a run folder, also an unfinished one; raise StoreError if it is none, or its database is damaged."""
     points = read_points(folder)
     measures = {name: read_points(folder, name) for name in read_measure_names(folder)}
-    series = [Series(name, found) for name, found in measures.items() if _is_series(found)]
-    has_t_sync = all(point.has_t_sync for point in points)
-    values = {"T_sync": points} if has_t_sync else {}
-    values |= {name: found for name, found in measures.items() if not _is_series(found)}
-    quantities = [Quantity(name, found, summarize(found)) for name, found in values.items()]
+    series = {name: found for name, found in measures.items() if any(map(has_series, found))}
+    quantities = {"T_sync": points} if all(point.has_t_sync for point in points) else {}
+    quantities |= {name: found for name, found in measures.items() if name not in series}
     stored = Path(folder) / RUN_SCENARIO
     text = stored.read_text(encoding="utf-8", errors="replace") if stored.is_file() else ""
     changed = datetime.fromtimestamp(database_of(folder).stat().st_mtime, UTC)
     return Contents(str(folder), text, changed, read_status(Path(folder)), points, quantities, series)
-
-
-def _is_series(points: list[PointTrials]) -> bool:
-    return any(map(has_series, points))
 
 
 def write_report(folder: Path | str, path: Path | str) -> None:
@@ -104,19 +78,24 @@ def make_page(contents: Contents) -> str:
 
 
 def _sections(contents: Contents) -> Iterator[Node]:
-    yield from describe_run(contents)
-    for quantity in contents.quantities:
-        yield element("h2", quantity.summaries.label, id=anchor(quantity.name))
-        yield quantity.summaries.table().to_html()
+    yield from _describe_run(contents)
+    for name, points in contents.quantities.items():
+        summaries = summarize(points)
+        yield element("h2", summaries.label, id=_anchor(name))
+        yield summaries.table().to_html()
         for form in FORMS:
-            yield from _draw(quantity.points, form, quantity.name)
+            yield from _draw(points, form, name)
     if not contents.quantities:  # neither oscillators nor a measure of one value
+        rows = [Row(point.axes, {"point": point.number, "trials": len(point.times)}) for point in contents.points]
         yield element("h2", "Points")
-        yield from count_trials(contents)
-    for series in contents.series:
-        yield element("h2", series.name, id=anchor(series.name))
-        yield from _draw(series.points, "series", series.name)
-    yield from (*list_failures(contents), *list_commands(contents), *show_scenario(contents))
+        yield Table("", rows).to_html()
+    for name, points in contents.series.items():
+        yield element("h2", name, id=_anchor(name))
+        yield from _draw(points, "series", name)
+    yield from _list_failures(contents)
+    yield from _list_commands(contents)
+    yield element("h2", "Scenario")
+    yield details("The scenario with every default, as YAML", element("pre", contents.scenario))
 
 
 def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[Node]:
@@ -130,33 +109,23 @@ def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[N
         return
     identifier = "".join(letter if letter.isalnum() else "-" for letter in f"{name}-{quantity}")
     picture = to_svg(drawn, identifier)
-    picture.set("id", identifier)
-    picture.set("role", "group")
-    picture.set("aria-label", f"{quantity}: {name}")
-    caption = form.caption.removeprefix(form.ran)
-    yield element("figure", picture, element("figcaption", caption))
+    for key, value in (("id", identifier), ("role", "group"), ("aria-label", f"{quantity}: {name}")):
+        picture.set(key, value)
+    yield element("figure", picture, element("figcaption", form.caption.removeprefix(form.ran)))
 
 
-MOST_FAILURES = 100
-"""Maximum number of failed trials that are listed."""
-
-MOST_VALUES = 12
-"""Maximum number of values of an axis that are listed."""
-
-
-def anchor(name: str) -> str:
+def _anchor(name: str) -> str:
     """Return the id of the section of T_sync or a measure."""
     return f"of-{name}"
 
 
-def describe_run(contents: Contents) -> Iterator[Node]:
+def _describe_run(contents: Contents) -> Iterator[Node]:
     """Yield what was run: scenario, links to the sections, how far it is, by what it was made."""
     status, first = contents.status, contents.points[0].scenario
     yield element("h1", status.scenario)
     if first.description:
         yield element("p", first.description)
-    names = [*(quantity.name for quantity in contents.quantities), *(series.name for series in contents.series)]
-    links = [(anchor(name), name) for name in names]
+    links = [(_anchor(name), name) for name in (*contents.quantities, *contents.series)]
     links += [("failed", "Failed trials")] * bool(status.failed) + [("again", "Run a trial again")]
     yield element("nav", *(element("a", text, href=f"#{target}") for target, text in links))
     yield element("h2", "What was run")
@@ -176,7 +145,7 @@ def _facts(contents: Contents) -> Iterator[tuple[str, Node]]:
     yield noun, _range(point.scenario.population for point in points)
     left = status.trials - status.stored - len(status.failed)
     trials = [f"{status.stored} of {status.trials} have a result"]
-    trials += [f"{status.censored} censored"] * any(quantity.points[0].of is None for quantity in contents.quantities)
+    trials += [f"{status.censored} censored"] * ("T_sync" in contents.quantities)
     trials += [f"{len(status.failed)} failed"] * bool(status.failed) + [f"{left} still to be run"] * bool(left)
     yield "trials", ", ".join(trials)
     yield "points", str(status.points)
@@ -191,7 +160,7 @@ def _facts(contents: Contents) -> Iterator[tuple[str, Node]]:
     if status.at_work:
         yield "at work", status.at_work
     if left:
-        yield "to go on", _code(f"run {_folder(contents)}/")
+        yield "to go on", _code(f"run {shlex.quote(contents.folder)}/")
 
 
 def _range(numbers: Iterable[int]) -> str:
@@ -199,18 +168,12 @@ def _range(numbers: Iterable[int]) -> str:
     return str(found[0]) if len(found) == 1 else f"{found[0]} to {found[-1]}"
 
 
-def count_trials(contents: Contents) -> Iterator[Node]:
-    """Yield a table of how many trials of each point have a result."""
-    rows = [Row(point.axes, {"point": point.number, "trials": len(point.times)}) for point in contents.points]
-    yield Table("", rows).to_html()
-
-
-def list_failures(contents: Contents) -> Iterator[Node]:
+def _list_failures(contents: Contents) -> Iterator[Node]:
     """Yield the failed trials with their messages, if there are any."""
     failed = contents.status.failed
     if not failed:
         return
-    folder, touched = _folder(contents), len(Counter(failure.point for failure in failed))
+    folder, touched = shlex.quote(contents.folder), len({failure.point for failure in failed})
     yield element("h2", f"Failed trials: {len(failed)}", id="failed")
     yield element("p", f"At {touched} of {len(contents.points)} points; ", _code(f"run {folder}/"), " retries them.")
     rows: list[list[Node]] = [
@@ -223,31 +186,16 @@ def list_failures(contents: Contents) -> Iterator[Node]:
         yield element("p", more, _code(f"status {folder} --json"), " lists.")
 
 
-def list_commands(contents: Contents) -> Iterator[Node]:
-    """Yield the commands that run trials again: the pattern, and that of each point."""
-    folder = _folder(contents)
+def _list_commands(contents: Contents) -> Iterator[Node]:
+    """Yield the commands that run trials again."""
+    again = f"epuck-sim run {shlex.quote(contents.folder)} --point K --trial J"
     yield element("h2", "Run a trial again", id="again")
     yield element(
         "p",
         "Trials repeat to the bit with the same versions. K is the number of a point, J that of a trial, from 0 to one "
         "less than trials at a point.",
     )
-    lines = [
-        f"epuck-sim run {folder} --point K --trial J",
-        f"epuck-sim run {folder} --point K --trial J --record trial.rrd",
-        "epuck-sim replay trial.rrd",
-    ]
-    yield element("pre", "\n".join(lines))
-
-
-def show_scenario(contents: Contents) -> Iterator[Node]:
-    """Yield the scenario as the folder keeps it."""
-    yield element("h2", "Scenario")
-    yield details("The scenario with every default, as YAML", element("pre", contents.scenario))
-
-
-def _folder(contents: Contents) -> str:
-    return shlex.quote(contents.folder)
+    yield element("pre", "\n".join([again, f"{again} --record trial.rrd", "epuck-sim replay trial.rrd"]))
 
 
 def _code(command: str) -> Node:

@@ -63,21 +63,13 @@ def read_stored_points(connection: sqlite3.Connection, trials: str = "trials") -
 
 
 def own_files(scenario: Scenario) -> tuple[str, ...]:
-    """Return what a scenario's trials need by name: controllers, sensors, curve, picture, measures; with digests.
-
-    Raises:
-        EpuckSimError: One of them is not there.
-    """
+    """Return what a scenario's trials need by name: controllers, sensors, curve, picture, measures; with digests."""
     measures = (str(_measure(section)[1]["measure"]) for section in scenario.measures)
     return (*_named(scenario), *measures)
 
 
 def own_sources(scenario: Scenario) -> dict[Path, bytes]:
-    """Return the contents of every file of a user from which a scenario's trials are made.
-
-    Raises:
-        EpuckSimError: One of them is not there.
-    """
+    """Return the contents of every file of a user from which a scenario's trials are made."""
     measures = (section.find().sources for section in scenario.measures)
     return {path: data for each in (*(files for _, files in _used(scenario)), *measures) for path, data in each.items()}
 
@@ -117,16 +109,9 @@ def _with_digest(name: str, sources: Mapping[Path, bytes]) -> str:
 def check_same_sweep(
     folder: Path, stored: Sequence[StoredPoint], given: Sequence[StoredPoint], other: str = "now"
 ) -> None:
-    """Check that a folder's results belong to a sweep, which may have more points and trials than the folder.
+    """Raise StoreError, with what differs, unless stored points belong to a sweep, which may have more of all.
 
-    Args:
-        folder: The folder, for the message.
-        stored: Its points.
-        given: The points of the sweep.
-        other: Where the sweep's values are, for the message.
-
-    Raises:
-        StoreError: They do not; the message shows the difference.
+    `other` says in messages where the sweep's values are.
     """
     now = {point.key: point for point in given}
     for point in stored:

@@ -101,9 +101,6 @@ def reading(folder: Path | str) -> Iterator[sqlite3.Connection]:
     """Check the database of a run folder, and yield a connection to it that cannot write.
 
     All that is read in the block is of one moment, whatever a run that is at work on the database adds meanwhile.
-
-    Raises:
-        StoreError: The folder is not a run folder, or its database is damaged.
     """
     path = database_of(folder)
     check_database(path)
@@ -146,11 +143,7 @@ def _noted_trials(path: Path) -> int:
 
 
 def check_database(path: Path) -> None:
-    """Check that a file is an undamaged database of ours; every state of a file is checked once a process.
-
-    Raises:
-        StoreError: The file is missing, damaged, of another program, or of another version's format.
-    """
+    """Check that a file is an undamaged database of ours; every state of a file is checked once a process."""
     try:
         state = _state(path)
         if _checked.get(path.resolve()) == state:
@@ -268,11 +261,7 @@ def read_numbers(text: str | None) -> IntArray:
 
 
 def _connect_to_read(path: Path) -> sqlite3.Connection:
-    """Return a connection that cannot write, after the write in which another process may have died was undone.
-
-    Raises:
-        StoreError: Another process writes to it, which on a file system without locks nobody can wait for.
-    """
+    """Return a connection that cannot write, after the write in which another process may have died was undone."""
     if not has_locks(path.parent) and (holder := current_holder(path.parent)) not in (None, own_name()):
         raise StoreError(
             f"{path.parent}: {holder} is at work on it, and its file system has no locks; read it when that has ended"

@@ -38,17 +38,6 @@ def export(folder: Path, target: Path) -> int:
 
     The columns are the axes, by their dotted keys, `COLUMNS`, and `measures.NAME` for each measure. A series is a list
     in Parquet and its JSON in CSV. Where trials have events, `events` holds them as JSON.
-
-    Args:
-        folder: A run folder.
-        target: FILE.parquet or FILE.csv.
-
-    Returns:
-        The number of trials that have failed, which are left out.
-
-    Raises:
-        StoreError: The folder is not a run folder, or its database is damaged.
-        EpuckSimError: The file cannot be written, or its suffix is unknown.
     """
     if target.suffix not in WRITERS:
         raise EpuckSimError(f"{target}: unknown format {target.suffix!r}; allowed: .parquet or .csv")

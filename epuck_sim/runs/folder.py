@@ -53,14 +53,7 @@ def database_of(folder: Path | str) -> Path:
 
 @contextmanager
 def acquire(folder: Path) -> Iterator[Callable[[], bool]]:
-    """Make the folder if it does not exist, and hold its lock or lease while the block lasts.
-
-    Yields:
-        A function that tells whether it is held still: the folder may be moved or deleted, the lease taken over.
-
-    Raises:
-        StoreError: The folder cannot be made, is not a run folder, or another process is at work on it.
-    """
+    """Make a run folder if there is none, and hold its lock or lease in the block; yield whether it is held still."""
     held: list[Callable[[], bool]] = []
 
     def is_held() -> bool:
@@ -165,11 +158,7 @@ def _is_leased(folder: Path) -> bool:
 
 @contextmanager
 def _lease(folder: Path) -> Iterator[Callable[[], bool]]:
-    """Hold the lease of a folder; yield whether it has not been taken over.
-
-    Raises:
-        BlockingIOError: Another process has it.
-    """
+    """Hold the lease of a folder; yield whether it has not been taken over."""
     path = folder / HOLDER
     if _is_lease_running(folder):
         raise BlockingIOError
@@ -220,11 +209,7 @@ def _is_lease_running(folder: Path) -> bool:
 
 
 def take_over(folder: Path) -> str | None:
-    """End the lease of a run folder, whose process gives up if it is at work still.
-
-    Returns:
-        The process that had it; None if none had, or if the folder has a lock, which ends with its process.
-    """
+    """End the lease of a run folder, if it has one; return its process, which gives up if it is at work still."""
     holder = current_holder(folder) if _is_leased(folder) else None
     if holder is not None:
         (folder / HOLDER).unlink(missing_ok=True)
@@ -232,11 +217,7 @@ def take_over(folder: Path) -> str | None:
 
 
 def current_holder(folder: Path) -> str | None:
-    """Return the process that holds the lock or the lease of a run folder.
-
-    Returns:
-        None if no process holds it, or if this user may not lock files there and so cannot find out.
-    """
+    """Return the process that holds a run folder; None if none does, or if this user may not find out."""
     if not (folder / LOCK).is_file():
         return None
     if _is_leased(folder):

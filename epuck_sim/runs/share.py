@@ -3,7 +3,7 @@
 import json
 import re
 import sqlite3
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -34,11 +34,7 @@ class Share(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Return the share that a text such as 3/40 names.
-
-        Raises:
-            EpuckSimError: It names none.
-        """
+        """Return the share that a text such as 3/40 names."""
         match = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text)
         if match is None or not 1 <= int(match[1]) <= int(match[2]):
             raise EpuckSimError(f"--share is {text}; allowed: K/N with K from 1 to N, as in 3/40")
@@ -94,7 +90,10 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
             points[folder] = read_stored_points(connection)
             for row in connection.execute(f"SELECT DISTINCT {', '.join(VERSIONS)} FROM trials"):
                 versions.setdefault(row, folder)
-    _check_versions(versions)
+    if len(versions) > 1:
+        (first, here), (second, there) = list(versions.items())[:2]
+        one, other = (format_versions(dict(zip(VERSIONS, each, strict=True))) for each in (first, second))
+        raise StoreError(f"{there}: holds trials made by {other}, {here} by {one}; merge folders of the same versions")
     largest = max(points, key=lambda folder: _size(points[folder]))
     for folder, of_folder in points.items():
         check_same_sweep(folder, of_folder, points[largest], f"in {largest}")
@@ -117,13 +116,6 @@ def _size(points: Sequence[StoredPoint]) -> tuple[int, int, int]:
     """Return how large the sweep of a folder is: it may have grown since the first share was begun."""
     measures = sum(len(json.loads(point.measures)) for point in points)
     return len(points), sum(point.trials for point in points), measures
-
-
-def _check_versions(found: Mapping[tuple[str, ...], Path]) -> None:
-    if len(found) > 1:
-        (first, here), (second, there) = list(found.items())[:2]
-        one, other = (format_versions(dict(zip(VERSIONS, each, strict=True))) for each in (first, second))
-        raise StoreError(f"{there}: holds trials made by {other}, {here} by {one}; merge folders of the same versions")
 
 
 def _add(connection: sqlite3.Connection, folder: Path) -> None:

@@ -40,16 +40,7 @@ _trusted: set[str] = set()
 
 
 def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) -> None:
-    """Write a scenario into a run folder, with the users' files that it names, by paths relative to the folder.
-
-    Args:
-        folder: The run folder.
-        scenario: The scenario.
-        used: A scenario without a sweep for each set of users' files.
-
-    Raises:
-        EpuckSimError: A file cannot be read or written.
-    """
+    """Write a scenario into a run folder, with the users' files that it names, by paths relative to the folder."""
     root, needed = folder.resolve(), {path: data for each in used for path, data in own_sources(each).items()}
     keys = scenario.model_dump(mode="json")
 
@@ -118,11 +109,7 @@ def _map_paths(value: Any, change: Callable[[Path], Path], *, is_top: bool = Tru
 
 
 def read_sources(folder: Path) -> dict[str, bytes]:
-    """Return a run folder's scenario, the users' files in it and their digests, by their names.
-
-    Raises:
-        StoreError: One of them is missing.
-    """
+    """Return a run folder's scenario, the users' files in it and their digests, by their names."""
     digests = read_digests(folder)
     found = {}
     for name in (RUN_SCENARIO,) if digests is None else (*digests, DIGESTS):
@@ -134,11 +121,7 @@ def read_sources(folder: Path) -> dict[str, bytes]:
 
 
 def read_digests(folder: Path) -> dict[str, str] | None:
-    """Return the digest of each file that should be in a run folder, by its name; None if the folder has none.
-
-    Raises:
-        StoreError: They are damaged.
-    """
+    """Return the digest of each file that should be in a run folder, by its name; None if the folder has none."""
     try:
         text = (folder / DIGESTS).read_text(encoding="utf-8")
     except FileNotFoundError:

@@ -85,11 +85,7 @@ class Status(NamedTuple):
 
 
 def read_status(folder: Path) -> Status:
-    """Return how far the sweep is.
-
-    Raises:
-        StoreError: The folder is not a run folder, or its database is damaged.
-    """
+    """Return how far the sweep is."""
     with reading(folder) as connection:
         share = read_share(connection)
         points = connection.execute("SELECT number, trials FROM points ORDER BY number").fetchall()
@@ -175,11 +171,7 @@ class Verdict(NamedTuple):
 
 
 def verify(folder: Path) -> list[Verdict]:
-    """Look at every file of a run folder, and return what each is; nothing in it is run or changed.
-
-    Raises:
-        StoreError: It is no run folder.
-    """
+    """Look at every file of a run folder, and return what each is; nothing in it is run or changed."""
     database_of(folder)
     try:
         status = read_status(folder)

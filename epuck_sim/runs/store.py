@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from operator import attrgetter, itemgetter
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from epuck_sim.errors import StoreError
@@ -49,17 +48,7 @@ class Store:
     """A run folder that this process has locked; to be used in a `with` block."""
 
     def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point], share: Share | None = None) -> None:
-        """Lock the folder, which is made if it does not exist, and enter the points that are new.
-
-        Args:
-            folder: A run folder, or one that is new or empty.
-            scenario: What is run.
-            points: All its points.
-            share: Share of the trials that the folder is for; by default what it was for before, or the whole sweep.
-
-        Raises:
-            StoreError: The folder belongs to another sweep, is damaged, or is in use; nothing in it has been changed.
-        """
+        """Lock the folder, which is made if it does not exist, and enter the points that are new."""
         self._path = folder / DATABASE
         self._points = points
         self._axes = [tuple(map(as_column, point.axes.values())) for point in points]
@@ -74,7 +63,11 @@ class Store:
                 with reading(folder) as connection:
                     last = "(SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key)"
                     check_same_sweep(folder, read_stored_points(connection, last), rows)
-                    share = _check_same_share(folder, read_share(connection), share)
+                    was = read_share(connection)
+                if share not in (None, was):
+                    what = "the whole sweep" if was == WHOLE else f"share {was}"
+                    raise StoreError(f"{folder}: is for {what}, --share is {share}; give another folder")
+                share = was
             self.share = share or WHOLE
             rows = [row._replace(share=None if self.share == WHOLE else str(self.share)) for row in rows]
             if is_new:
@@ -120,14 +113,7 @@ class Store:
         return None if count is None else int(count)
 
     def add(self, outcomes: Sequence[Outcome]) -> list[bool]:
-        """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result only measured.
-
-        Returns:
-            Whether each has a result with all its measures now.
-
-        Raises:
-            StoreError: They cannot be stored, or the folder's name is no longer that of what is stored in.
-        """
+        """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result only measured."""
         places = [(self._points[outcome.point].key, outcome.trial) for outcome in outcomes]
         self._new = 0
         self._check_ours()
@@ -186,17 +172,8 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._resources.close()
-
-
-def _check_same_share(folder: Path, stored: Share, given: Share | None) -> Share:
-    if given not in (None, stored):
-        what = "the whole sweep" if stored == WHOLE else f"share {stored}"
-        raise StoreError(f"{folder}: is for {what}, --share is {given}; give another folder")
-    return stored
 
 
 class StoredResult(NamedTuple):

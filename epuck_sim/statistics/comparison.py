@@ -1,7 +1,7 @@
 """Comparing T_sync, or a measure, of run folders, values of an axis, or named points: pair by pair, and over all."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -36,8 +36,7 @@ Points = Sequence[PointTrials]
 class Samples(NamedTuple):
     """What is compared: k samples at each of some points."""
 
-    names: list[str]
-    """(k,) what each sample is of."""
+    names: list[str]  # (k,) what each sample is of
     matches: list[tuple[dict[str, Any], list[PointTrials | None]]]
     """Axis values of each point, and its k samples; None where one has no trials."""
 
@@ -47,59 +46,37 @@ class PointComparison(NamedTuple):
 
     axes: dict[str, Any]
     trials: tuple[int, int]
-    censored: tuple[float, float]
-    """Share of the trials of each, at the lower of the two limits."""
+    censored: tuple[float, float]  # share of the trials of each, at the lower of the two limits
     statistic: str
     """What is compared: mean, restricted mean where trials are censored, or share of truth values that are true."""
     first: Estimate
-    """A."""
     second: Estimate
-    """B."""
-    difference: Estimate
-    """B - A."""
-    ratio: Estimate
-    """B / A; undetermined unless both are positive."""
-    p_value: float
-    """Probability that chance makes A and B as different; NaN with too few trials."""
-    p_holm: float
-    """The same, corrected for the number of points and pairs (Holm 1979): below 0.05 anywhere by chance in 5 % of all
-    cases."""
+    difference: Estimate  # B - A
+    ratio: Estimate  # B / A; undetermined unless both are positive
+    p_value: float  # probability that chance makes A and B as different; NaN with too few trials
+    p_holm: float = math.nan  # the same, corrected for the number of points and pairs (Holm 1979)
 
 
 class Comparison(NamedTuple):
     """Two samples, A and B, compared at each point and over all."""
 
     a: str
-    """Name of A."""
     b: str
-    """Name of B."""
     points: list[PointComparison]
-    compared: int
-    """Number of points with trials enough to be compared."""
-    left_out: int
-    """Number of points that only one of the two has trials at."""
-    averaged: int
-    """Number of these at which B / A has an interval."""
-    ratio: Estimate
-    """Geometric mean of B / A over these, each of which counts alike."""
-    p_value: float
-    """Probability that chance makes all points as different together; NaN where none is compared."""
-    p_holm: float
-    """The same, corrected for the number of pairs."""
+    compared: int  # number of points with trials enough to be compared
+    left_out: int  # number of points that only one of the two has trials at
+    averaged: int  # number of these at which B / A has an interval
+    ratio: Estimate  # geometric mean of B / A over these, each of which counts alike
+    p_value: float  # probability that chance makes all points as different together; NaN where none is compared
+    p_holm: float  # the same, corrected for the number of pairs
     test: str
-    """Name of the test."""
-    of: str | None
-    """Name of the measure that is compared; None for T_sync."""
+    of: str | None  # name of the measure that is compared; None for T_sync
     difference: Estimate
     """Mean of B - A over all points that have an interval of it, each of which counts alike."""
 
 
 def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
-    """Match the points of sweeps that have the same axis values, in the order in which these come.
-
-    Raises:
-        EpuckSimError: The sweeps have different axes, units of the measure that differ, or no point in common.
-    """
+    """Match the points of sweeps that have the same axis values, in the order in which these come."""
     found = [measure_unit(points[0]) for points in folders]  # None where the measure's file is gone
     units = dict.fromkeys(unit or "none" for unit in found if unit is not None)
     if len(units) > 1:
@@ -116,16 +93,7 @@ def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
 
 
 def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequence[Sequence[int]]) -> Samples:
-    """Match points of sweeps, of any axes, by their numbers: one of each folder.
-
-    Args:
-        folders: k sweeps.
-        names: (k,) their names.
-        chosen: Numbers of points, k for each match.
-
-    Raises:
-        EpuckSimError: There is no such point, or not one for each folder.
-    """
+    """Match points of sweeps, of any axes, by their numbers: those in each of `chosen` are one of each folder."""
     matches = []
     for numbers in chosen:
         if len(numbers) != len(folders):
@@ -148,9 +116,6 @@ def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
     """Match the points of one sweep at which an axis has each of some values.
 
     The axis, and what is tied one-to-one to it, is not among the axes of a match.
-
-    Raises:
-        EpuckSimError: There is no such axis, it does not have these values, or no two points match.
     """
     if key not in points[0].axes:
         raise EpuckSimError(f"--axis: {did_you_mean(key, points[0].axes)}; axes: {comma_list(points[0].axes)}")
@@ -176,11 +141,7 @@ def _check(samples: Samples) -> Samples:
 
 
 def compare(samples: Samples, *, with_first: bool = False) -> list[Comparison]:
-    """Compare each two samples, or each with the first.
-
-    Returns:
-        A comparison for each pair, with p-values that are corrected for the number of points and pairs.
-    """
+    """Compare each two samples, or each with the first, with p-values corrected for the number of points and pairs."""
     pairs = [(a, b) for a, b in combinations(range(len(samples.names)), 2) if a == 0 or not with_first]
     compared = [each for a, b in pairs if (each := _compare(samples, a, b))]
     at_points = iter(holm([point.p_value for each in compared for point in each.points]))
@@ -226,13 +187,12 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
 def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float) -> PointComparison:
     first, second = map(_mean, pair)
     means = contrast(pair)
-    difference, log_ratio = means.difference, means.log_ratio
-    if not pair.is_comparable or not means.has_interval:
+    difference = share_difference(*pair) if pair.is_share else means.difference
+    log_ratio = means.log_ratio
+    if not (pair.is_comparable and means.has_interval):
         log_ratio = log_ratio.without_interval()
-    if not pair.is_comparable or not means.is_spread:
+    if not pair.is_share and not (pair.is_comparable and means.is_spread):
         difference = difference.without_interval()
-    if pair.is_share:
-        difference = share_difference(*pair)
     return PointComparison(
         axes=axes,
         trials=(first.n, second.n),
@@ -243,7 +203,6 @@ def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float) -> PointCom
         difference=difference,
         ratio=log_ratio.apply(math.exp),
         p_value=p_value,
-        p_holm=math.nan,
     )
 
 
@@ -286,57 +245,38 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def comparison_tables(compared: Sequence[Comparison], points: Points) -> list[Table]:
-    """Return the table of all points, and of several pairs one of what they are over all.
-
-    Args:
-        compared: What `compare` returns.
-        points: Points that the measure is of, for its unit.
-    """
+    """Return the table of all points, and of several pairs one of what they are over all; `points` have the unit."""
     first, is_one = compared[0], len(compared) == 1
     names = list(dict.fromkeys(name for each in compared for name in (each.a, each.b)))
     letters = {name: chr(ord("A") + number) if number < 26 else str(number) for number, name in enumerate(names)}
     legend = [f"{letter}: {name}" for name, letter in letters.items()]
     title = "\n".join([f"{quantity(first.of, measure_unit(points[0]) or '')}, with 95 % intervals", *legend])
     one, other = (letters[first.a], letters[first.b]) if is_one else ("first", "second")
-    headings = {
-        "first": one,
-        "second": other,
-        "difference": f"{other} - {one}",
-        "ratio": f"{other} / {one}",
-        "trials_a": f"trials {one}",
-        "trials_b": f"trials {other}",
-        "p_value": "p",
-        "p_holm": "p (Holm)",
-        "censored_a": f"censored {one}",
-        "censored_b": f"censored {other}",
-    }
+    headings = {"first": one, "second": other, "p_value": "p", "p_holm": "p (Holm)"}
+    headings |= {"difference": f"{other} - {one}", "ratio": f"{other} / {one}"}
+    for what in ("trials", "censored"):
+        headings |= {f"{what}_a": f"{what} {one}", f"{what}_b": f"{what} {other}"}
     pairs = [{} if is_one else {"pair": f"{letters[each.a]}, {letters[each.b]}"} for each in compared]
     rows = [
         Row({**pair, **point.axes}, _point_cells(point, first.of))
         for pair, each in zip(pairs, compared, strict=True)
         for point in each.points
     ]
-    notes = [*_notes(compared), *([_over_all(first, f"{other} - {one}", f"{other} / {one}")] if is_one else [])]
+    notes = [*_notes(compared), *([_over_all(first, headings)] if is_one else [])]
     table = Table(title, rows, list(filter(None, notes)), headings)
     if is_one:
         return [table]
-    totals = [Row(pair, _total_cells(each)) for pair, each in zip(pairs, compared, strict=True)]
+    names = [*["difference"] * (first.of is not None), "ratio", "p_value", "p_holm"]
+    found = zip(pairs, compared, strict=True)
+    totals = [Row(pair, {name: getattr(each, name) for name in names}) for pair, each in found]
     return [table, Table("Over all points", totals, (), headings)]
 
 
 def _point_cells(point: PointComparison, of: str | None) -> dict[str, Any]:
-    censored = {"censored_a": Share(point.censored[0]), "censored_b": Share(point.censored[1])}
-    return {
-        "trials_a": point.trials[0],
-        "trials_b": point.trials[1],
-        **(censored if of is None else {}),
-        **{name: getattr(point, name) for name in ("first", "second", "difference", "ratio", "p_value", "p_holm")},
-    }
-
-
-def _total_cells(each: Comparison) -> dict[str, Any]:
-    names = ("difference", "ratio") if each.of is not None else ("ratio",)
-    return {name: getattr(each, name) for name in (*names, "p_value", "p_holm")}
+    trials = dict(zip(("trials_a", "trials_b"), point.trials, strict=True))
+    censored = dict(zip(("censored_a", "censored_b"), map(Share, point.censored), strict=True)) if of is None else {}
+    names = ("first", "second", "difference", "ratio", "p_value", "p_holm")
+    return {**trials, **censored, **{name: getattr(point, name) for name in names}}
 
 
 def _notes(compared: Sequence[Comparison]) -> Iterator[str]:
@@ -352,10 +292,10 @@ def _notes(compared: Sequence[Comparison]) -> Iterator[str]:
         yield f"{left_out} points have trials on one side only, and are left out."
 
 
-def _over_all(each: Comparison, difference: str, ratio: str) -> str:
+def _over_all(each: Comparison, headings: Mapping[str, str]) -> str:
     if not each.compared:
         return ""
-    parts = [f"{difference} = {each.difference}"] * (each.of is not None)
+    parts = [f"{headings['difference']} = {each.difference}"] * (each.of is not None)
     if each.averaged:
-        parts.append(f"{ratio} = {each.ratio}, the geometric mean of {each.averaged} points")
+        parts.append(f"{headings['ratio']} = {each.ratio}, the geometric mean of {each.averaged} points")
     return f"Over all: {'; '.join([*parts, f'p = {significant(each.p_value)}'])}"

@@ -11,7 +11,7 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.axes import canonical_text, choose_axis, other_axes
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.measured import measure
+from epuck_sim.statistics.measured import Measured, cut, measure
 from epuck_sim.statistics.names import Statistic, statistic_name
 from epuck_sim.statistics.statistic import check_statistic, estimate, resample
 
@@ -19,27 +19,18 @@ from epuck_sim.statistics.statistic import check_statistic, estimate, resample
 class Curve(NamedTuple):
     """A statistic of T_sync, in cycles, or of a measure, along an axis, at the S points that have trials."""
 
-    axes: dict[str, Any]
-    """Values of the other axes."""
-    scenario: Scenario
-    """Scenario of its first point."""
+    axes: dict[str, Any]  # values of the other axes
+    scenario: Scenario  # scenario of its first point
     statistic: Statistic
-    x: FloatArray
-    """(S,) values of the axis, ascending."""
-    trials: IntArray
-    """(S,) number of trials."""
-    censored: FloatArray
-    """(S,) share of the trials."""
-    values: FloatArray
-    """(S,) the statistic; NaN where undetermined."""
-    intervals: FloatArray
-    """(S, 2) 95 % intervals; NaN where there is none, inf where an end is not reached."""
-    resampled: FloatArray
-    """(B, S) the statistic of resamples; inf or NaN where undetermined."""
-    of: str | None = None
-    """Name of the measure; None for T_sync."""
-    is_share: bool = False
-    """Whether the measure is a truth value, and the statistic a share."""
+    x: FloatArray  # (S,) values of the axis, ascending
+    trials: IntArray  # (S,) number of trials
+    censored: FloatArray  # (S,) share of the trials
+    values: FloatArray  # (S,) the statistic; NaN where undetermined
+    intervals: FloatArray  # (S, 2) 95 % intervals; NaN where there is none, inf where an end is not reached
+    resampled: FloatArray  # (B, S) the statistic of resamples; inf or NaN where undetermined
+    of: str | None = None  # name of the measure; None for T_sync
+    is_share: bool = False  # whether the measure is a truth value, and the statistic a share
+    measured: Sequence[Measured] = ()  # (S,) the trials
 
     @property
     def names(self) -> list[str]:
@@ -51,12 +42,7 @@ class Curve(NamedTuple):
 def folder_curves(
     folder: Path | str, of: str | None = None, axis: str | None = None, statistic: Statistic = Statistic.MEAN
 ) -> tuple[str, list[Curve]]:
-    """Return an axis of a run folder, the speed or that with the most numbers by default, and the curves along it.
-
-    Raises:
-        StoreError: The folder is not a run folder, has no results, or the measure is not in it or a series.
-        EpuckSimError: There is no such axis, or the statistic makes no sense of the measure.
-    """
+    """Return an axis of a run folder, the speed or that with the most numbers by default, and the curves along it."""
     points = read_points(folder, of)
     try:
         chosen = choose_axis([point.axes for point in points], axis)
@@ -68,9 +54,12 @@ def folder_curves(
     return chosen, curves
 
 
-def read_curves(points: Sequence[PointTrials], axis: str, statistic: Statistic = Statistic.MEAN) -> list[Curve]:
+def read_curves(
+    points: Sequence[PointTrials], axis: str, statistic: Statistic = Statistic.MEAN, censored_at: int | None = None
+) -> list[Curve]:
     """Estimate a curve for each combination of the values of the other axes, in the order of the sweep."""
-    return [estimate_curve(group, axis, others, statistic) for others, group in group_by_other_axes(points, axis)]
+    groups = group_by_other_axes(points, axis)
+    return [estimate_curve(group, axis, others, statistic, censored_at) for others, group in groups]
 
 
 def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:
@@ -95,13 +84,22 @@ def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple
 
 
 def estimate_curve(
-    points: Sequence[PointTrials], axis: str, others: dict[str, Any], statistic: Statistic = Statistic.MEAN
+    points: Sequence[PointTrials],
+    axis: str,
+    others: dict[str, Any],
+    statistic: Statistic = Statistic.MEAN,
+    censored_at: int | None = None,
 ) -> Curve:
-    """Estimate the curve through points that have trials, sorted by `axis`; `others` are the values that they share."""
+    """Estimate the curve through points that have trials, sorted by `axis`; `others` are the values that they share.
+
+    Estimates are as if trials were censored at a cycle, where one is given.
+    """
     measured = [measure(point) for point in points]
     for each in measured:
         check_statistic(each, statistic)
-    estimates = [estimate(each, statistic) for each in measured]
+    known = measured if censored_at is None else [cut(each, censored_at) for each in measured]
+    resampled = [resample(each, statistic) for each in known]
+    estimates = [estimate(each, statistic, drawn) for each, drawn in zip(known, resampled, strict=True)]
     return Curve(
         axes=others,
         scenario=points[0].scenario,
@@ -111,7 +109,8 @@ def estimate_curve(
         censored=np.array([each.censored for each in measured]),
         values=np.array([each.value for each in estimates]),
         intervals=np.array([(each.low, each.high) for each in estimates]),
-        resampled=np.stack([resample(each, statistic) for each in measured], axis=1),
+        resampled=np.stack(resampled, axis=1),
         of=points[0].of,
         is_share=any(each.is_share for each in measured),
+        measured=measured,
     )

@@ -25,11 +25,8 @@ quarter, and 10 in up to a tenth; from 20 on it is near the 5 % that it should b
 SIGNIFICANCE = 0.05
 """Largest p-value, and largest share of resamples without extrema, with which a minimum and a peak are found."""
 
-MAX_UNDETERMINED = 0.05
-"""Largest share of undetermined resamples at a speed that is taken into account."""
-
-GRID_POINTS = 300
-"""Number of speeds at which a smoothed curve is evaluated."""
+MAX_UNDETERMINED = 0.05  # largest share of undetermined resamples at a speed that is taken into account
+GRID_POINTS = 300  # number of speeds at which a smoothed curve is evaluated
 
 MIN_VARIANCE = 1e-8
 """Smallest variance of log T; keeps curves without noise solvable, and no experiment knows T_sync to 0.01 %."""
@@ -54,22 +51,14 @@ QUINTIC_SCALE = 240
 class SpeedExtrema(NamedTuple):
     """The local minimum (V_m, T_m) and the later peak (V_p, T_p); NaN where the smoothed curve has no such pair."""
 
-    v_m: float
-    """cm/s."""
-    t_m: float
-    """Cycles."""
+    v_m: float  # cm/s
+    t_m: float  # cycles
     v_p: float
-    """cm/s."""
     t_p: float
-    """Cycles."""
-    intervals: FloatArray
-    """(4, 2) 95 % intervals of v_m, t_m, v_p, t_p: low and high."""
-    rise: float
-    """Rise of log T from the minimum to the peak."""
-    p_value: float
-    """Probability that noise on a falling curve rises by at least the strength of this pair."""
-    resampled: FloatArray
-    """(B, 4) v_m, t_m, v_p, t_p of each resample; NaN where it has no such pair."""
+    intervals: FloatArray  # (4, 2) 95 % intervals of v_m, t_m, v_p, t_p: low and high
+    rise: float  # rise of log T from the minimum to the peak
+    p_value: float  # probability that noise on a falling curve rises by at least the strength of this pair
+    resampled: FloatArray  # (B, 4) v_m, t_m, v_p, t_p of each resample; NaN where it has no such pair
 
     @property
     def is_found(self) -> bool:
@@ -91,13 +80,7 @@ def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: Floa
     rises too: the p-value is the share of rises at least as large as this strength on the falling curve that fits best,
     under the noise of the resamples. Intervals are percentiles over the pairs of the resamples.
 
-    Args:
-        speeds: (S,) cm/s, ascending.
-        means: (S,) cycles, NaN where undetermined.
-        resampled: (B, S) bootstrap means, cycles; `smooth_logs` says what is left out.
-
-    Returns:
-        The pair, with NaN where there is none, or None if fewer than six speeds are determined.
+    Arguments, and when there is no pair to look for, are those of `smooth_logs`; a pair that there is not is NaN.
     """
     fit = smooth_logs(speeds, means, resampled)
     if fit is None:
@@ -120,16 +103,11 @@ def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: Floa
 class SmoothedLogs(NamedTuple):
     """Logarithms of T_sync, or of a measure, at K speeds, and how they are smoothed."""
 
-    speeds: FloatArray
-    """(G,) log-spaced speeds, or values of another axis, between the K."""
-    smoother: FloatArray
-    """(G, K) matrix: logs at the K determined speeds in, logs on the grid out."""
-    logs: FloatArray
-    """(K,) logs."""
-    resampled: FloatArray
-    """(B, K) logs of resamples."""
-    variances: FloatArray
-    """(K,) variances of the logs."""
+    speeds: FloatArray  # (G,) log-spaced speeds, or values of another axis, between the K
+    smoother: FloatArray  # (G, K) matrix: logs at the K determined speeds in, logs on the grid out
+    logs: FloatArray  # (K,) logs
+    resampled: FloatArray  # (B, K) logs of resamples
+    variances: FloatArray  # (K,) variances of the logs
 
 
 def smooth_logs(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SmoothedLogs | None:
@@ -211,8 +189,7 @@ class ExtremaSearch(NamedTuple):
 
     extrema: SpeedExtrema | None
     """The pair, which may be noise (`SpeedExtrema.is_found`); None where it cannot be looked for."""
-    reason: str
-    """Why it cannot, and what would be enough; empty where it can."""
+    reason: str  # why it cannot, and what would be enough; empty where it can
 
 
 def search_extrema(curve: Curve) -> ExtremaSearch:
@@ -257,14 +234,10 @@ def _reason_against(curve: Curve, moving: BoolArray, tried: BoolArray, usable: B
 class TurningPoint(NamedTuple):
     """A minimum or a peak between the ends of the axis."""
 
-    place: Estimate
-    """Value of the axis, with its 95 % interval."""
-    value: Estimate
-    """Value of the measure there, with its 95 % interval."""
-    p_value: float
-    """Probability that noise on a curve that only rises or only falls makes one as prominent."""
-    kept: float
-    """Share of resamples that have one."""
+    place: Estimate  # value of the axis, with its 95 % interval
+    value: Estimate  # value of the measure there, with its 95 % interval
+    p_value: float  # probability that noise on a curve that only rises or only falls makes one as prominent
+    kept: float  # share of resamples that have one
 
     @property
     def is_found(self) -> bool:
@@ -292,14 +265,12 @@ def find_peak(fit: SmoothedLogs) -> TurningPoint | None:
     curves = fit.resampled @ fit.smoother.T
     places, prominences = most_prominent(curves)
     own = prominences > 0
-    x = fit.speeds[places[own]] if own.any() else fit.speeds[[place]]
-    values = np.exp(curves[own, places[own]]) if own.any() else np.exp((fit.smoother @ fit.logs)[[place]])
-    return TurningPoint(
-        Estimate(float(fit.speeds[place]), *np.percentile(x, [2.5, 97.5]).tolist()),
-        Estimate(float(np.exp((fit.smoother @ fit.logs)[place])), *np.percentile(values, [2.5, 97.5]).tolist()),
-        p_value,
-        float(own.mean()),
+    value = np.exp((fit.smoother @ fit.logs)[place])
+    at, height = (
+        Estimate(float(whole), *np.percentile(drawn if own.any() else whole, [2.5, 97.5]).tolist())
+        for whole, drawn in ((fit.speeds[place], fit.speeds[places[own]]), (value, np.exp(curves[own, places[own]])))
     )
+    return TurningPoint(at, height, p_value, float(own.mean()))
 
 
 def find_minimum(fit: SmoothedLogs) -> TurningPoint | None:
@@ -328,8 +299,7 @@ def _monotone(fit: SmoothedLogs) -> FloatArray:
     return best
 
 
-FAST_FACTOR = 2.0
-"""T_sync at V_f, as a multiple of that at the largest speed. The thesis gives no definition."""
+FAST_FACTOR = 2.0  # T_sync at V_f, as a multiple of that at the largest speed. The thesis gives no definition
 
 LEVEL_FACTOR = 1.25
 """Largest T_sync halfway, in logs, from V_f to the largest speed with which a curve counts as level beyond V_f.
@@ -339,7 +309,7 @@ It is a multiple of T_sync at the largest speed. A curve that falls on, like a p
 
 
 def find_fast_speed(curve: Curve) -> tuple[Estimate, FloatArray] | None:
-    """Find the speed from which on T_sync is less than twice that at the largest speed.
+    """Find V_f, the speed from which on T_sync is less than twice that at the largest speed.
 
     Where T_sync is unknown because all trials are censored, it counts as the limit of cycles.
 

@@ -45,21 +45,13 @@ class FittedCurve(NamedTuple):
     """The local minimum and the peak of one curve of a run folder."""
 
     run: str
-    """The run folder."""
-    axes: dict[str, Any]
-    """Values of the axes other than speed."""
-    parameters: dict[str, float]
-    """epsilon, L (cm), N and tau (s)."""
-    others: str
-    """All other settings of its scenario, as text; only curves that share them can follow one law."""
+    axes: dict[str, Any]  # values of the axes other than speed
+    parameters: dict[str, float]  # epsilon, L (cm), N and tau (s)
+    others: str  # all other settings of its scenario, as text; only curves that share them can follow one law
     model: str
-    """Model of its scenario."""
-    names: list[str]
-    """Names of the statistic of T_sync at its points, each once."""
-    extrema: SpeedExtrema | None
-    """None where they cannot be looked for."""
-    reason: str
-    """Why they cannot, and what would be enough; empty where they can."""
+    names: list[str]  # names of the statistic of T_sync at its points, each once
+    extrema: SpeedExtrema | None  # None where they cannot be looked for
+    reason: str  # why they cannot, and what would be enough; empty where they can
     v_f: tuple[Estimate, FloatArray] | None
     """V_f of point agents, cm/s, and that of the resamples, (B,); None where there is no fast regime."""
 
@@ -80,27 +72,16 @@ class FittedCurve(NamedTuple):
 class Laws(NamedTuple):
     """Scaling laws of the curves that have a minimum and a peak, or V_f, and differ in epsilon, L, N and tau alone."""
 
-    model: str
-    """Model of these curves; empty where there are none."""
-
-    curves: int
-    """Number of these curves."""
+    model: str  # model of these curves; empty where there are none
+    curves: int  # number of these curves
     exponents: list[Comparison]
-    offset_laws: dict[str, OffsetLaw]
-    """Laws of T_m and T_p, by name."""
-    reason: str
-    """Why there are no laws, or nothing."""
-    left_out: int = 0
-    """Number of curves with a minimum and a peak that differ from these in another setting."""
+    offset_laws: dict[str, OffsetLaw]  # laws of T_m and T_p, by name
+    reason: str  # why there are no laws, or nothing
+    left_out: int = 0  # number of curves with a minimum and a peak that differ from these in another setting
 
 
 def fit_curves(folder: Path, statistic: Statistic = Statistic.MEAN) -> list[FittedCurve]:
-    """Find the local minimum, the peak and V_f of each curve of T_sync against speed in a run folder.
-
-    Raises:
-        StoreError: The folder is not a run folder.
-        EpuckSimError: None of its axes is a speed.
-    """
+    """Find the local minimum, the peak and V_f of each curve of T_sync against speed in a run folder."""
     axis, curves = folder_curves(folder, statistic=statistic)
     if not axis.endswith(SPEED):
         raise EpuckSimError(f"{folder}: no axis ends in {SPEED}; extrema are those of T_sync against speed")
@@ -179,8 +160,7 @@ def _offset_laws(parameters: Parameters, quantities: Mapping[str, Quantity]) -> 
     return laws
 
 
-NOUNS = {"embodied": "robots", "particles": "point agents"}
-"""Names of the models."""
+NOUNS = {"embodied": "robots", "particles": "point agents"}  # names of the models
 
 NOTES = {
     "embodied": "Thesis 4.2.2. The exponents of T_m and T_p ignore its offset K; the larger K, the closer to 0.",
@@ -242,20 +222,13 @@ class MeasureFit(NamedTuple):
     """The minimum and the peak of a measure on one curve of a run folder."""
 
     run: str
-    """The run folder."""
     of: str
-    """Name of the measure."""
     axis: str
-    """Dotted key of the axis."""
-    axes: dict[str, Any]
-    """Values of the other axes."""
+    axes: dict[str, Any]  # values of the other axes
     statistic: str
-    """Name of what stands for the trials of a point."""
     minimum: TurningPoint | None
-    peak: TurningPoint | None
-    """None where the curve has none, or where they cannot be looked for."""
-    reason: str
-    """Why they cannot, and what would be enough; empty where they can."""
+    peak: TurningPoint | None  # None where the curve has none, or where they cannot be looked for
+    reason: str  # why they cannot, and what would be enough; empty where they can
 
     def record(self) -> dict[str, Any]:
         """Return what is found, as JSON holds it."""
@@ -266,17 +239,7 @@ class MeasureFit(NamedTuple):
 def fit_measure(
     folder: Path | str, of: str, axis: str | None = None, statistic: Statistic = Statistic.MEAN
 ) -> list[MeasureFit]:
-    """Find the minimum and the peak of each curve of a measure along an axis.
-
-    Args:
-        folder: A run folder.
-        of: Name of the measure.
-        axis: Dotted key of the axis; by default the speed, or the axis with the most numbers.
-        statistic: What stands for the trials of a point.
-
-    Raises:
-        EpuckSimError: As `curves.folder_curves` does.
-    """
+    """Find the minimum and the peak of each curve of a measure along an axis, by default the speed."""
     chosen, curves = folder_curves(folder, of, axis, statistic)
     return [_fit_measure(str(folder), of, chosen, curve) for curve in curves]
 

@@ -23,15 +23,16 @@ from epuck_sim.statistics.survival import (
     restricted_means,
 )
 
+QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)
+"""Number of standard errors that an interval reaches either way."""
+
 
 class MeanError(NamedTuple):
     """A mean, and how far it may be from the truth."""
 
     mean: float
-    error: float
-    """Standard error; 0 of one trial, and where all trials have one value."""
-    freedom: int
-    """Degrees of freedom of the error."""
+    error: float  # standard error; 0 of one trial, and where all trials have one value
+    freedom: int  # degrees of freedom of the error
 
 
 def estimate_mean(measured: Measured) -> Estimate:
@@ -102,10 +103,6 @@ def _variance(curve: SurvivalCurves, horizon: float) -> float:
     areas = survival * np.diff(edges)
     after = areas[::-1].cumsum()[::-1][1:]  # 0 where the last trial at risk synchronises
     return float((after**2 * events / (at_risk * np.maximum(at_risk - events, 1))).sum())
-
-
-QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)
-"""Number of standard errors that an interval reaches either way."""
 
 
 def estimate_share(measured: Measured) -> Estimate:

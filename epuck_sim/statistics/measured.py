@@ -17,16 +17,13 @@ class Measured(NamedTuple):
 
     values: FloatArray
     """(n,) values; of a censored trial all that is known is that its value is larger than this."""
-    observed: BoolArray
-    """(n,) whether each value is known; otherwise it is censored."""
+    observed: BoolArray  # (n,) whether each value is known; otherwise it is censored
     limit: float
     """Largest value that a trial can have before it is censored; inf for a measure that is never censored."""
-    seed: int
-    """Seed of resamples."""
+    seed: int  # seed of resamples
     is_share: bool = False
     """Whether the values are truth values, 1 or 0, whose mean is the share of trials in which they are true."""
-    unit: str = ""
-    """Unit of the values; empty if they have none."""
+    unit: str = ""  # unit of the values; empty if they have none
 
     @property
     def censored(self) -> float:
@@ -65,11 +62,7 @@ def cut(measured: Measured, limit: float) -> Measured:
 
 
 def quantity(of: str | None, unit: str = "") -> str:
-    """Return what is measured, with its unit if it has one.
-
-    Args:
-        of: Name of the measure; None for T_sync.
-        unit: Unit of the measure.
+    """Return what is measured, T_sync or a measure of this name, with its unit if it has one.
 
     >>> quantity(None), quantity("near_walls"), quantity("way", "cm")
     ('T_sync (cycles)', 'near_walls', 'way (cm)')
@@ -88,11 +81,7 @@ def measure_unit(point: PointTrials) -> str | None:
 
 
 def measure_t_sync(point: PointTrials) -> Measured:
-    """Return T_sync, in cycles, of a point's trials.
-
-    Raises:
-        StoreError: They have none.
-    """
+    """Return T_sync, in cycles, of a point's trials; raise StoreError if they have none."""
     if not point.has_t_sync:
         names = comma_list([section.name for section in point.scenario.measures])
         raise StoreError(
@@ -104,12 +93,10 @@ def measure_t_sync(point: PointTrials) -> Measured:
 
 
 def measure_values(point: PointTrials) -> Measured:
-    """Return the values of the measure that `read_points` was asked for; those that are undetermined are left out.
+    """Return the values of the measure that `read_points` was asked for; raise StoreError if they are series.
 
-    Truth values count as 1 and 0, so that their mean is the share of trials in which they are true.
-
-    Raises:
-        StoreError: They are series.
+    Those that are undetermined are left out. Truth values count as 1 and 0, so that their mean is the share of trials
+    in which they are true.
     """
     if any(isinstance(value, list) for value in point.measured):
         raise StoreError(

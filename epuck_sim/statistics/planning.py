@@ -5,18 +5,15 @@ from collections.abc import Sequence
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from epuck_sim.display.table import Row, Table
-from epuck_sim.estimate import LEVEL, MIN_TRIALS
+from epuck_sim.estimate import LEVEL, MIN_TRIALS, UNDETERMINED
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.mean import mean_and_error
 from epuck_sim.statistics.measured import Measured, measure, quantity
-from epuck_sim.statistics.names import Statistic, statistic_name
+from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
 
-POWER = 0.8
-"""Probability with which a difference is to be seen, by default."""
+POWER = 0.8  # probability with which a difference is to be seen, by default
 
 
 class PointPlan(NamedTuple):
@@ -24,40 +21,31 @@ class PointPlan(NamedTuple):
 
     point: int
     axes: dict[str, Any]
-    stored: int
-    """Number of trials that have a value."""
-    statistic: str
-    """What the mean is: mean, restricted mean, or share of truth values that are true."""
-    mean: float
-    """Cycles, or the measure's unit; NaN where it is undetermined."""
+    stored: int  # number of trials that have a value
+    statistic: str  # what the mean is: mean, restricted mean, or share of truth values that are true
+    mean: float  # cycles, or the measure's unit; NaN where it is undetermined
     spread: float
     """Standard deviation of a trial over the size of the mean; NaN with too few trials, and of shares."""
-    trials: int | None
-    """Trials of each of two sweeps that show the difference; None where that cannot be said."""
+    trials: int | None  # trials of each of two sweeps that show the difference; None where that cannot be said
 
 
 class TrialPlan(NamedTuple):
     """What a sweep needs for a difference to be seen."""
 
-    difference: float
-    """Relative to the smaller mean; of shares, the difference itself."""
-    power: float
-    """Probability with which it is seen."""
+    difference: float  # relative to the smaller mean; of shares, the difference itself
+    power: float  # probability with which it is seen
     points: list[PointPlan]
     over_all: int | None
     """Trials a point that show it over all points together, if all differ alike; None where that cannot be said."""
-    of: str | None
-    """Name of the measure; None for T_sync."""
-    is_of_shares: bool
-    """Whether the measure is a truth value, whose shares are told apart."""
+    of: str | None  # name of the measure; None for T_sync
+    is_of_shares: bool  # whether the measure is a truth value, whose shares are told apart
 
     def table(self, name: str) -> Table:
         """Return a table of what each point needs; `name` is the sweep's."""
         wanted = ("point", "stored", "statistic", "mean", "spread", "trials")
         rows = [Row(point.axes, {key: getattr(point, key) for key in wanted}) for point in self.points]
-        return Table(
-            f"{name}: {quantity(self.of)}", rows, self._notes(), {"mean": "estimate", "spread": "spread / mean"}
-        )
+        headings = {"mean": "estimate", "spread": "spread / mean"}
+        return Table(f"{name}: {quantity(self.of)}", rows, self._notes(), headings)
 
     def _notes(self) -> list[str]:
         unit = "percentage points" if self.is_of_shares else "%"
@@ -75,13 +63,7 @@ class TrialPlan(NamedTuple):
 def plan_trials(points: Sequence[PointTrials], difference: float, power: float) -> TrialPlan:
     """Return how many trials show a difference of T_sync, or of the measure that `read_points` was asked for.
 
-    Args:
-        points: The trials that are stored.
-        difference: Relative to the smaller mean; of truth values, the difference of the shares that are true.
-        power: Probability with which it is seen.
-
-    Raises:
-        StoreError: The measure is a series, or the trials have no T_sync.
+    The difference is relative to the smaller mean; of truth values, it is that of the shares that are true.
     """
     measured = [measure(point) for point in points]
     known = [each for each in measured if len(each.values)]
@@ -89,32 +71,18 @@ def plan_trials(points: Sequence[PointTrials], difference: float, power: float) 
     needed = trials_for_shares if is_of_shares else trials_needed
     planned, scatter = [], []
     for point, each in zip(points, measured, strict=True):
-        scale = _scale(each, is_of_shares)
-        trials = None if np.isnan(scale) else needed([scale], difference, power)
-        planned.append(_plan_point(point, each, trials))
+        count = len(each.values)
+        found = estimate(each, Statistic.MEAN) if count else UNDETERMINED._replace(name="mean")
+        spread = math.nan if each.is_share else relative_spread(each)
+        scale = spread if not is_of_shares else found.value if count >= MIN_TRIALS else math.nan
+        trials = None if math.isnan(scale) else needed([scale], difference, power)
+        planned.append(PointPlan(point.number, point.axes, count, found.name, found.value, spread, trials))
         if trials is not None:
-            scatter.append((scale, planned[-1].mean))
+            scatter.append((scale, found.value))
     # a rise of what is negative somewhere and positive elsewhere is no difference over all
     is_one_sign = len({mean > 0 for _, mean in scatter}) == 1 or is_of_shares
     over_all = needed([scale for scale, _ in scatter], difference, power) if scatter and is_one_sign else None
     return TrialPlan(difference, power, planned, over_all, points[0].of, is_of_shares)
-
-
-def _scale(measured: Measured, is_of_shares: bool) -> float:
-    """Return on what the number of trials depends: the share, or the relative spread; NaN with too few trials."""
-    if len(measured.values) < MIN_TRIALS:
-        return np.nan
-    return float(measured.values.mean()) if is_of_shares else relative_spread(measured)
-
-
-def _plan_point(point: PointTrials, measured: Measured, trials: int | None) -> PointPlan:
-    count = len(measured.values)
-    if not count:
-        return PointPlan(point.number, point.axes, 0, "mean", np.nan, np.nan, None)
-    name = statistic_name(Statistic.MEAN, measured.censored > 0, is_share=measured.is_share)
-    spread = np.nan if measured.is_share else relative_spread(measured)
-    mean = estimate(measured, Statistic.MEAN).value
-    return PointPlan(point.number, point.axes, count, name, mean, spread, trials)
 
 
 def relative_spread(measured: Measured) -> float:
@@ -131,13 +99,9 @@ def relative_spread(measured: Measured) -> float:
 def trials_needed(spreads: Sequence[float], difference: float, power: float = POWER) -> int:
     """Return how many trials a point each of two samples needs for their difference to be seen with this probability.
 
-    Seen means p < 0.05. One spread gives the trials to see it at that point; several, to see it over all of them, if
-    they all differ alike. Logarithms of means are taken as normal, and the spreads as those of both samples.
-
-    Args:
-        spreads: (P,) relative spread at each point.
-        difference: Difference to be seen, relative to the smaller mean: 0.2 for a fifth.
-        power: Probability with which it is seen.
+    Seen means p < 0.05. The difference is relative to the smaller mean. One relative spread gives the trials to see it
+    at that point; several, to see it over all of them, if they all differ alike. Logarithms of means are taken as
+    normal, and the spreads as those of both samples.
 
     >>> trials_needed([0.8], 0.2), trials_needed([0.8] * 20, 0.2)
     (303, 16)
@@ -148,19 +112,11 @@ def trials_needed(spreads: Sequence[float], difference: float, power: float = PO
 
 
 def trials_for_shares(shares: Sequence[float], difference: float, power: float = POWER) -> int | None:
-    """Return how many trials a point each of two samples needs for shares that differ by this much to be told apart.
+    """Return `trials_needed` for shares of truth values; None if they can neither rise nor fall by the difference.
 
-    As `trials_needed`, for truth values. Of shares that are higher and shares that are lower by the difference, those
-    count that take more trials. The number is that for a test with the correction for continuity, which is nearly that
-    of an exact or a permutation test (Casagrande, Pike, Smith 1978); over several points, of their mean difference.
-
-    Args:
-        shares: (P,) share of the trials in which the value is true, at each point.
-        difference: Difference of two shares to be seen: 0.2 for 20 percentage points.
-        power: Probability with which it is seen.
-
-    Returns:
-        The number of trials; None if the shares can neither rise nor fall by so much.
+    Of shares that are higher and shares that are lower by the difference, those count that take more trials. The number
+    is that for a test with the correction for continuity, which is nearly that of an exact or a permutation test
+    (Casagrande, Pike, Smith 1978); over several points, of their mean difference.
 
     >>> trials_for_shares([0.5], 0.2), trials_for_shares([0.5], 0.6)
     (103, None)

@@ -1,7 +1,7 @@
 """Scaling laws of the local minimum and the peak of T_sync against speed (thesis 4.2.2), and of V_f (5.4.1)."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,30 +16,21 @@ Parameters = Mapping[str, FloatArray]
 class Term(NamedTuple):
     """How a parameter enters a law."""
 
-    form: str
-    """`power`: a power of the parameter; `exponential`: the exponential of a multiple of it."""
-    transform: Callable[[FloatArray], FloatArray]
-    """Function of the parameter that makes the law linear in logs."""
-    exponent: float | None
-    """Exponent, or multiple, according to the thesis; None where it names none."""
+    exponent: float | None  # exponent, or multiple, according to the thesis; None where it names none
+    form: str = "power"  # `power`: a power of the parameter; `exponential`: the exponential of a multiple of it
+
+    def transform(self, parameter: FloatArray) -> FloatArray:
+        """Return what of a parameter makes the law linear in logs."""
+        return np.log(parameter) if self.form == "power" else parameter
 
 
-def _power(exponent: float | None) -> Term:
-    return Term("power", np.log, exponent)
+Law = Mapping[str, Term]  # A term for each parameter
 
-
-def _exponential(rate: float | None) -> Term:
-    return Term("exponential", np.asarray, rate)
-
-
-Law = Mapping[str, Term]
-"""A term for each parameter."""
-
-_V_M = {"epsilon": _power(1), "L": _power(1), "N": _power(-1.5), "tau": _power(0)}
-_V_P = {"epsilon": _power(1), "L": _power(1), "N": _power(-0.5), "tau": _power(0)}
-_T_OF_ROBOTS = {"epsilon": _power(0), "L": _power(1), "N": _exponential(1), "tau": _power(-2)}
-_T_OF_AGENTS = {"epsilon": _power(None), "L": _power(0), "N": _exponential(None), "tau": _power(None)}
-_V_F = {"epsilon": _power(None), "L": _power(1), "N": _power(-0.5), "tau": _power(None)}
+_V_M = {"epsilon": Term(1), "L": Term(1), "N": Term(-1.5), "tau": Term(0)}
+_V_P = {"epsilon": Term(1), "L": Term(1), "N": Term(-0.5), "tau": Term(0)}
+_T_OF_ROBOTS = {"epsilon": Term(0), "L": Term(1), "N": Term(1, "exponential"), "tau": Term(-2)}
+_T_OF_AGENTS = {"epsilon": Term(None), "L": Term(0), "N": Term(None, "exponential"), "tau": Term(None)}
+_V_F = {"epsilon": Term(None), "L": Term(1), "N": Term(-0.5), "tau": Term(None)}
 
 LAWS: dict[str, dict[str, Law]] = {
     "embodied": {"V_m": _V_M, "T_m": _T_OF_ROBOTS, "V_p": _V_P, "T_p": _T_OF_ROBOTS},
@@ -59,8 +50,7 @@ class PowerLaw(NamedTuple):
     """A fitted law: the prefactor times the product of the parameters' terms."""
 
     prefactor: Estimate
-    exponents: dict[str, Estimate]
-    """Exponent of each parameter that varies among the curves."""
+    exponents: dict[str, Estimate]  # exponent of each parameter that varies among the curves
     misfit: float
     """Scatter of the curves about the law, relative to that of their noise; NaN if no degree of freedom is left.
 
@@ -72,52 +62,35 @@ class PowerLaw(NamedTuple):
 class OffsetLaw(NamedTuple):
     """The law T = A L e^N / tau^2 + K of the thesis, fitted."""
 
-    factor: Estimate
-    """A, in cycles s^2 / cm."""
-    offset: Estimate
-    """K, in cycles."""
-    r_squared: float
-    """Share of the weighted variance of T that the law explains."""
+    factor: Estimate  # A, in cycles s^2 / cm
+    offset: Estimate  # K, in cycles
+    r_squared: float  # share of the weighted variance of T that the law explains
 
 
 class Quantity(NamedTuple):
     """A quantity of C curves, for a law to explain."""
 
-    values: FloatArray
-    """(C,) NaN where unknown."""
-    resampled: FloatArray
-    """(B, C) resamples, NaN where unknown."""
+    values: FloatArray  # (C,) NaN where unknown
+    resampled: FloatArray  # (B, C) resamples, NaN where unknown
 
 
 class Comparison(NamedTuple):
     """A fitted exponent beside that of the thesis: a row of a table."""
 
     quantity: str
-    """V_m, T_m, V_p, T_p or V_f."""
     parameter: str
     form: str
-    """Form of the term: `power` or `exponential`."""
     exponent: Estimate
-    thesis: float | None
-    """Exponent according to the thesis; None where it names none."""
-    misfit: float
-    """Misfit of the whole law (see `PowerLaw`)."""
+    thesis: float | None  # exponent according to the thesis; None where it names none
+    misfit: float  # misfit of the whole law (see `PowerLaw`)
 
 
 def fit_power_law(law: Law, parameters: Parameters, values: FloatArray, resampled: FloatArray) -> PowerLaw:
-    """Fit a law by least squares in logs, weighted by the inverse variance of the resamples' logs.
+    """Fit a law to values, (C,), by least squares in logs, weighted by the inverse variance of the resamples' logs.
 
     Parameters that do not vary among the known curves are left out. Intervals are percentiles over the fits to each
-    resample.
-
-    Args:
-        law: A term for each parameter, as in `LAWS`.
-        parameters: (C,) values of each parameter.
-        values: (C,) the quantity to explain, NaN where unknown.
-        resampled: (B, C) resamples of it, NaN where unknown.
-
-    Raises:
-        ValueError: The curves do not determine the exponents: they are too few, or parameters vary together.
+    resample, (B, C). ValueError is raised if the curves do not determine the exponents: they are too few, or parameters
+    vary together.
     """
     known, values, resampled = _without_gaps(values, resampled)
     varying = {name: array[known] for name, array in parameters.items() if np.ptp(array[known]) > 0}
@@ -134,16 +107,7 @@ def fit_power_law(law: Law, parameters: Parameters, values: FloatArray, resample
 
 
 def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatArray) -> OffsetLaw:
-    """Fit T = A L e^N / tau^2 + K by least squares, weighted by the inverse variance of the resamples.
-
-    Args:
-        parameters: (C,) values of L, N and tau, at least one of which varies.
-        values: (C,) cycles, NaN where unknown.
-        resampled: (B, C) resamples of them, NaN where unknown.
-
-    Raises:
-        ValueError: The curves do not determine A and K.
-    """
+    """Fit T = A L e^N / tau^2 + K to values, (C,) cycles, as `fit_power_law` fits a power law."""
     known, values, resampled = _without_gaps(values, resampled)
     size, robots, period = (parameters[name][known] for name in ("L", "N", "tau"))
     logs = np.log(size) + robots - 2 * np.log(period)
@@ -161,16 +125,7 @@ def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatA
 def compare_laws(
     laws: Mapping[str, Law], parameters: Parameters, quantities: Mapping[str, Quantity]
 ) -> list[Comparison]:
-    """Fit the law of each quantity, and return the exponents beside those of the thesis.
-
-    Args:
-        laws: Law of each quantity, as in `LAWS`.
-        parameters: (C,) values of each parameter.
-        quantities: Quantities of the curves, all of which have a law.
-
-    Raises:
-        ValueError: A quantity is known of no curve, or the curves do not determine the exponents.
-    """
+    """Fit the law of each quantity, and return the exponents beside those of the thesis."""
     rows: list[Comparison] = []
     for name, quantity in quantities.items():
         fit = fit_power_law(laws[name], parameters, *quantity)

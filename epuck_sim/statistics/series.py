@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.display.table import Row, Table, plain
 from epuck_sim.errors import StoreError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
@@ -22,16 +22,11 @@ from epuck_sim.statistics.survival import median_time
 class SeriesStatistics(NamedTuple):
     """Statistics of several series at each of C cycles; NaN where they are undetermined or have no interval."""
 
-    cycles: IntArray
-    """(C,) cycles, from 1."""
-    trials: IntArray
-    """(C,) number of trials that reach the cycle."""
-    known: IntArray
-    """(C,) number of these whose value is determined; the statistics are of them."""
-    mean: FloatArray
-    """(C, 3) mean, and the ends of its 95 % interval."""
-    median: FloatArray
-    """(C, 3) median, and the ends of its 95 % interval."""
+    cycles: IntArray  # (C,) cycles, from 1
+    trials: IntArray  # (C,) number of trials that reach the cycle
+    known: IntArray  # (C,) number of these whose value is determined; the statistics are of them
+    mean: FloatArray  # (C, 3) mean, and the ends of its 95 % interval
+    median: FloatArray  # (C, 3) median, and the ends of its 95 % interval
 
 
 class PointSeries(NamedTuple):
@@ -59,8 +54,7 @@ class PointSeries(NamedTuple):
             yield Row({**self.axes, "cycle": at + 1}, {"trials": known, "mean": mean, "median": median})
 
 
-STEPS = (1, 2, 5)
-"""Cycles of each decade that tables show, besides the last one."""
+STEPS = (1, 2, 5)  # cycles of each decade that tables show, besides the last one
 
 
 def series_table(title: str, points: Sequence[PointSeries]) -> Table:
@@ -71,18 +65,11 @@ def series_table(title: str, points: Sequence[PointSeries]) -> Table:
 
 
 def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
-    """Return the statistics of the series at each point that has any, over the cycles.
-
-    Args:
-        points: What `read_points` returns, asked for a measure that is a series.
-
-    Raises:
-        StoreError: The measure is no series, or none was asked for.
-    """
+    """Return the statistics of the series at each point that has any, over the cycles; raise StoreError without any."""
     if not any(has_series(point) for point in points):
         raise StoreError(f"{points[0].of or 'T_sync'} is no series, but one value for each trial")
-    found = ((point.axes, [value for value in point.measured if isinstance(value, list)]) for point in points)
-    return [PointSeries(axes, series_statistics(as_arrays(series))) for axes, series in found if any(series)]
+    found = ((point.axes, as_arrays(point.measured)) for point in points)
+    return [PointSeries(axes, series_statistics(series)) for axes, series in found if any(map(len, series))]
 
 
 def has_series(point: PointTrials) -> bool:
@@ -99,39 +86,21 @@ def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
     """Return the statistics of several series, of any lengths, at each cycle.
 
     The mean's interval is Student's, of the logarithm where all values are positive; the median's has order statistics
-    as its ends. There is none with fewer than `MIN_TRIALS` values, or where all are equal.
-
-    Args:
-        series: (n,) arrays with a value for each cycle; NaN where it is undetermined.
+    as its ends. There is none with fewer than `MIN_TRIALS` values, or where all are equal. Undetermined values are NaN.
     """
-    longest_first = sorted(series, key=len, reverse=True)
-    lengths = np.array([len(each) for each in longest_first], np.int64)
-    ends = np.unique(lengths[lengths > 0])  # between two of these the trials are the same
-    blocks = [
-        np.stack([each[start:end] for each in longest_first[: np.count_nonzero(lengths >= end)]])
-        for start, end in zip(np.append(0, ends)[:-1], ends, strict=True)
-    ]
+    lengths = np.array([len(each) for each in series], np.int64)
     cycles = np.arange(1, lengths.max(initial=0) + 1)
-    parts = [_block_statistics(block) for block in blocks]
-    trials = np.concatenate([np.full(block.shape[1], len(block)) for block in blocks] or [cycles])
-    known, mean, median = (np.concatenate(each) for each in zip(*parts, strict=True)) if parts else _nothing()
-    return SeriesStatistics(cycles, trials, known, mean, median)
+    values = np.full((len(series), len(cycles)), np.nan)
+    for row, each in zip(values, series, strict=True):
+        row[: len(each)] = each
+    ordered = np.sort(values, axis=0)  # NaN last; in order, so that the order of the trials does not matter
+    known = np.count_nonzero(~np.isnan(values), axis=0)
+    has_interval = (known >= MIN_TRIALS) & (_row(ordered, np.maximum(known - 1, 0)) > ordered[0])
+    mean, median = _means(ordered, known, has_interval), _medians(ordered, known, has_interval)
+    return SeriesStatistics(cycles, np.count_nonzero(lengths[:, None] >= cycles, axis=0), known, mean, median)
 
 
-def _nothing() -> tuple[IntArray, FloatArray, FloatArray]:
-    return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))
-
-
-def _block_statistics(block: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the number of determined values, mean and median, (C,), (C, 3) and (C, 3), of n trials of C cycles."""
-    ordered = np.sort(block, axis=0)  # NaN last; in order, so that the order of the trials does not matter
-    known = np.count_nonzero(~np.isnan(block), axis=0)
-    first, last = ordered[0], _row(ordered, np.maximum(known - 1, 0))
-    has_interval = (known >= MIN_TRIALS) & (last > first)
-    return known, _means(ordered, known, has_interval), _medians(ordered, known, has_interval)
-
-
-def _means(ordered: FloatArray, known: IntArray, has_interval: FloatArray) -> FloatArray:
+def _means(ordered: FloatArray, known: IntArray, has_interval: BoolArray) -> FloatArray:
     count = np.maximum(known, 1)
     mean = np.where(known, np.nansum(ordered, axis=0) / count, np.nan)
     variance = np.nansum((ordered - mean) ** 2, axis=0) / np.maximum(known - 1, 1)
@@ -144,7 +113,7 @@ def _means(ordered: FloatArray, known: IntArray, has_interval: FloatArray) -> Fl
     return np.column_stack([mean, low, high])
 
 
-def _medians(ordered: FloatArray, known: IntArray, has_interval: FloatArray) -> FloatArray:
+def _medians(ordered: FloatArray, known: IntArray, has_interval: BoolArray) -> FloatArray:
     ranks = np.array([_median_ranks(count) for count in range(len(ordered) + 1)])[known]
     lower, upper, low, high = (_row(ordered, rank) for rank in ranks.T)
     ends = (np.where(has_interval, end, np.nan) for end in (low, high))

@@ -1,7 +1,7 @@
 """The statistics of a measure that tables and figures show, with their intervals and resamples."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,8 +22,7 @@ from epuck_sim.statistics.survival import (
     weibull_resamples,
 )
 
-RESAMPLES = 1000
-"""Number of resamples of each point."""
+RESAMPLES = 1000  # number of resamples of each point
 
 MOST_CENSORED = 0.5
 """Share of censored trials from which on figures hatch a point, and minima and peaks do without it."""
@@ -37,19 +36,36 @@ def check_statistic(measured: Measured, statistic: Statistic) -> None:
         raise EpuckSimError("truth values have no median; allowed: mean, the share of trials in which they are true")
 
 
-def estimate(measured: Measured, statistic: Statistic) -> Estimate:
-    """Return a statistic with its interval; undetermined where no trial is uncensored."""
+def estimate(measured: Measured, statistic: Statistic, resampled: FloatArray | None = None) -> Estimate:
+    """Return a statistic with its interval; undetermined where no trial is uncensored.
+
+    The interval of a Weibull mean is that of what `resample` gives, where it is at hand.
+    """
     name = statistic_name(statistic, measured.censored > 0, is_share=measured.is_share)
     if not measured.observed.any():
-        return measured.described(UNDETERMINED, name)
-    return measured.described((estimate_share if measured.is_share else _ESTIMATORS[statistic])(measured), name)
+        found = UNDETERMINED
+    elif measured.is_share:
+        found = estimate_share(measured)
+    elif statistic == Statistic.MEAN:
+        found = estimate_mean(measured)
+    elif statistic == Statistic.MEDIAN:
+        found = estimate_median(measured)
+    else:
+        found = estimate_weibull_mean(measured, resampled)
+    return measured.described(found, name)
 
 
 def resample(measured: Measured, statistic: Statistic) -> FloatArray:
     """Return a statistic of `RESAMPLES` resamples, (B,); inf where it is longer than can be said."""
     if not measured.observed.any():
         return np.full(RESAMPLES, math.inf)
-    return _RESAMPLERS[statistic](measured)
+    if statistic == Statistic.MEAN:
+        return resample_means(measured, RESAMPLES)
+    if statistic == Statistic.WEIBULL_MEAN:
+        return weibull_resamples(measured.values, measured.observed, RESAMPLES, measured.seed)
+    shift = _shift(measured)
+    curves = resampled_curves(measured.values - shift, measured.observed, RESAMPLES, measured.seed)
+    return np.concatenate([medians(block) for block in curves]) + shift
 
 
 def estimate_median(measured: Measured) -> Estimate:
@@ -58,15 +74,7 @@ def estimate_median(measured: Measured) -> Estimate:
     median, low, high = (end + shift for end in median_time(measured.values - shift, measured.observed))
     if math.isinf(median):
         return UNDETERMINED
-    if not measured.supports_interval:
-        return Estimate(median)
-    return Estimate(median, low, high)
-
-
-def _resample_medians(measured: Measured) -> FloatArray:
-    shift = _shift(measured)
-    curves = resampled_curves(measured.values - shift, measured.observed, RESAMPLES, measured.seed)
-    return np.concatenate([medians(block) for block in curves]) + shift
+    return Estimate(median, low, high) if measured.supports_interval else Estimate(median)
 
 
 def _shift(measured: Measured) -> float:
@@ -74,50 +82,8 @@ def _shift(measured: Measured) -> float:
     return min(float(measured.values.min()), 0.0)
 
 
-_ESTIMATORS: dict[Statistic, Callable[[Measured], Estimate]] = {
-    Statistic.MEAN: estimate_mean,
-    Statistic.MEDIAN: estimate_median,
-    Statistic.WEIBULL_MEAN: estimate_weibull_mean,
-}
-
-_RESAMPLERS: dict[Statistic, Callable[[Measured], FloatArray]] = {
-    Statistic.MEAN: lambda measured: resample_means(measured, RESAMPLES),
-    Statistic.MEDIAN: _resample_medians,
-    Statistic.WEIBULL_MEAN: lambda measured: weibull_resamples(
-        measured.values, measured.observed, RESAMPLES, measured.seed
-    ),
-}
-
-
-def _sample_mean(measured: Measured) -> Estimate:
-    """Return the mean, or share, of all trials; undetermined where some are censored."""
-    found = estimate(measured, Statistic.MEAN)
-    return measured.described(UNDETERMINED, "mean") if measured.censored else found
-
-
-def _median(measured: Measured) -> Estimate:
-    return UNDETERMINED if measured.is_share else estimate(measured, Statistic.MEDIAN)
-
-
-def _restricted_mean(measured: Measured) -> Estimate:
-    """Return the mean of the lesser of T_sync and the horizon: the area under the Kaplan-Meier estimate up to there."""
-    if not measured.is_time:
-        return UNDETERMINED
-    found = estimate(measured, Statistic.MEAN) if measured.observed.any() else Estimate(measured.horizon)
-    return measured.described(found, "restricted mean")
-
-
-def _weibull_mean(measured: Measured) -> Estimate:
-    return estimate(measured, Statistic.WEIBULL_MEAN) if measured.is_time else UNDETERMINED
-
-
-SUMMARIES: dict[str, Callable[[Measured], Estimate]] = {
-    "mean": _sample_mean,
-    "median": _median,
-    "restricted_mean": _restricted_mean,
-    "weibull_mean": _weibull_mean,
-}
-"""What `summarize` estimates of the trials of a point, by the names that JSON and CSV have."""
+SUMMARIES = ("mean", "median", "restricted_mean", "weibull_mean")
+"""What `summarize` estimates of the trials of a point, as JSON and CSV name it."""
 
 
 class PointSummary(NamedTuple):
@@ -153,19 +119,12 @@ class Summaries(list[PointSummary]):
     def table(self, folder: str = "") -> Table:
         """Return a table of the statistics that say something of some points."""
         names = self._applicable()
-        is_time = any(point.horizon < float("inf") for point in self)
-        rows = [
-            Row(
-                point.axes,
-                {
-                    "point": point.point,
-                    "trials": point.trials,
-                    **({"censored": Share(point.censored)} if is_time else {}),
-                    **{name: point.estimates[name] for name in names},
-                },
-            )
-            for point in self
-        ]
+        is_time = any(point.horizon < math.inf for point in self)
+        rows = []
+        for point in self:
+            censored = {"censored": Share(point.censored)} if is_time else {}
+            estimates = {name: point.estimates[name] for name in names}
+            rows.append(Row(point.axes, {"point": point.point, "trials": point.trials, **censored, **estimates}))
         title = f"{folder}{': ' * bool(folder)}{self.label}, with 95 % intervals"
         return Table(title, rows, self._notes(), names)
 
@@ -216,6 +175,20 @@ def _summarize_point(point: PointTrials) -> PointSummary:
     if not len(measured.values):
         nothing = dict.fromkeys(SUMMARIES, UNDETERMINED)
         return PointSummary(point.number, point.axes, 0, 0.0, nothing, measured.limit)
-    estimates = {name: make(measured) for name, make in SUMMARIES.items()}
-    head = (point.number, point.axes, len(measured.values), measured.censored, estimates)
+    mean = estimate(measured, Statistic.MEAN)
+    restricted = mean if measured.observed.any() else Estimate(measured.horizon)  # the area under the survival curve
+    is_time = measured.is_time
+    estimates = (
+        measured.described(UNDETERMINED, "mean") if measured.censored else mean,
+        UNDETERMINED if measured.is_share else estimate(measured, Statistic.MEDIAN),
+        measured.described(restricted, "restricted mean") if is_time else UNDETERMINED,
+        estimate(measured, Statistic.WEIBULL_MEAN) if is_time else UNDETERMINED,
+    )
+    head = (
+        point.number,
+        point.axes,
+        len(measured.values),
+        measured.censored,
+        dict(zip(SUMMARIES, estimates, strict=True)),
+    )
     return PointSummary(*head, measured.horizon, measured.is_share)

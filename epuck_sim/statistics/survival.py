@@ -1,10 +1,9 @@
 """Synchronisation times of which some are censored (thesis Appendix A).
 
 T_sync is counted in whole cycles. A trial that is not synchronised at its limit is censored there: all that is known of
-its T_sync is that it is longer. Throughout, `times` is (n,) cycles and `observed` (n,), True where the trial has
-synchronised. Of two trials with equal times, one synchronised and one censored, the censored one was still at risk.
-Every function raises ValueError for times that are negative or not finite, for no trials, and for arrays of different
-shapes.
+its T_sync is that it is longer. Throughout, `times` is (n,) cycles, finite and not negative, and `observed` (n,), True
+where the trial has synchronised. Of two trials with equal times, one synchronised and one censored, the censored one
+was still at risk.
 """
 
 import math
@@ -16,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.estimate import UNDETERMINED, Estimate
+from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
 from epuck_sim.statistics.measured import Measured
 
 _BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
@@ -44,12 +43,6 @@ class SurvivalCurves(NamedTuple):
 def make_sample(times: npt.ArrayLike, observed: npt.ArrayLike) -> Sample:
     """Sort trials by time, and gather equal ones."""
     t, is_event = np.asarray(times, float), np.asarray(observed, bool)
-    if t.ndim != 1 or t.shape != is_event.shape:
-        raise ValueError(f"times and observed must be (n,) both, but are {t.shape} and {is_event.shape}")
-    if not len(t):
-        raise ValueError("there are no trials")
-    if not (np.isfinite(t) & (t >= 0)).all():
-        raise ValueError("times must be finite and not negative")
     order = np.lexsort((~is_event, t))
     t, is_event = t[order], is_event[order]
     is_new = np.append(True, (t[1:] > t[:-1]) | (is_event[1:] != is_event[:-1]))
@@ -73,14 +66,8 @@ def make_curve(sample: Sample) -> SurvivalCurves:
 def resample_counts(cells: IntArray, kinds: int, resamples: int, seed: int) -> Iterator[IntArray]:
     """Yield how many trials of each kind are in as many trials drawn with replacement (Efron 1979), block by block.
 
-    Args:
-        cells: (n,) kind of each trial, from 0.
-        kinds: Number m of kinds.
-        resamples: Number of draws.
-        seed: Equal seeds give equal draws.
-
-    Yields:
-        (b, m) counts; the b of all blocks add up to `resamples`.
+    `cells` are the kinds of n trials, (n,), from 0. The counts of a block are (b, kinds); the b of all blocks add up to
+    `resamples`.
     """
     random, n = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed))), len(cells)
     draws_numbers = n > max(_MANY_TRIALS, 10 * kinds)
@@ -104,7 +91,7 @@ def resampled_curves(
         yield make_curves(sample, counts)
 
 
-def median_time(times: npt.ArrayLike, observed: npt.ArrayLike, level: float = 0.95) -> tuple[float, float, float]:
+def median_time(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[float, float, float]:
     """Return the median T_sync and the lower and upper end of its confidence interval, cycles; inf if not reached.
 
     The median is the first time with R < 1/2, or halfway to it from that with R = 1/2: uncensored it is that of the
@@ -115,7 +102,7 @@ def median_time(times: npt.ArrayLike, observed: npt.ArrayLike, level: float = 0.
     curve = make_curve(make_sample(times, observed))
     n, d, survival = curve.at_risk[0], curve.events[0], curve.survival[0, 1:]
     variance = np.cumsum(d / (n * np.maximum(n - d, 1)))  # of log R; at the last n = d both limits are 0 anyway
-    z = NormalDist().inv_cdf((1 + level) / 2)
+    z = NormalDist().inv_cdf((1 + LEVEL) / 2)
     power = np.exp(z * np.sqrt(variance) / -np.log(np.maximum(survival, 1e-300)))
     limits = survival**power, survival ** (1 / power)
     lower, upper = (float(np.append(curve.times[limit <= _HALF], math.inf)[0]) for limit in limits)
@@ -139,22 +126,22 @@ def restricted_means(curves: SurvivalCurves, horizon: float) -> FloatArray:
     return curves.survival @ np.diff(edges)
 
 
-MIN_UNCENSORED = 0.1
-"""Smallest share of uncensored trials from which the mean is estimated (Appendix A)."""
+MIN_UNCENSORED = 0.1  # smallest share of uncensored trials from which the mean is estimated (Appendix A)
 
 _FEW_EVENT_TIMES = 20  # up to this number resamples differ much: their fits need more starts, and are quick
 _TOLERANCE = 1e-8  # in log(-log R): a fit has converged when the next step would be smaller
 _MAX_STEPS = 100  # a fit takes about 5; one that takes more has not converged
 
 
-def estimate_weibull_mean(measured: Measured) -> Estimate:
-    """Return the mean by Appendix A with the percentile interval of 1,000 resamples; none below `MIN_TRIALS` trials."""
+def estimate_weibull_mean(measured: Measured, resampled: FloatArray | None = None) -> Estimate:
+    """Return the mean by Appendix A with the percentile interval of resamples; none below `MIN_TRIALS` trials."""
     mean = weibull_mean(measured.values, measured.observed)
     if math.isnan(mean):
         return UNDETERMINED
     if not measured.supports_interval:
         return Estimate(mean)
-    resampled = weibull_resamples(measured.values, measured.observed, seed=measured.seed)
+    if resampled is None:
+        resampled = weibull_resamples(measured.values, measured.observed, seed=measured.seed)
     return Estimate(mean, *confidence_interval(resampled))
 
 
@@ -193,16 +180,15 @@ def weibull_resamples(
     return np.concatenate([_means(block, len(sample.cell), starts) for block in blocks])
 
 
-def confidence_interval(means: npt.ArrayLike, level: float = 0.95) -> tuple[float, float]:
-    """Return the percentile interval, cycles, of bootstrap means, (b,): two of them, rounded outwards.
+def confidence_interval(means: FloatArray) -> tuple[float, float]:
+    """Return the 95 % percentile interval, cycles, of bootstrap means, (b,): two of them, rounded outwards.
 
     Either end may be inf. NaN are left out, as they carry no information; if all are NaN, so are both ends.
     """
-    known = np.asarray(means, float)
-    known = known[~np.isnan(known)]
+    known = means[~np.isnan(means)]
     if not len(known):
         return math.nan, math.nan
-    tail = (1 - level) / 2
+    tail = (1 - LEVEL) / 2
     # between a finite mean and inf there is nothing to interpolate
     return float(np.quantile(known, tail, method="lower")), float(np.quantile(known, 1 - tail, method="higher"))
 
@@ -276,14 +262,9 @@ def fit_lines(
 ) -> tuple[FloatArray, FloatArray]:
     """Fit a line to each sample by Newton's method, all at once; a step is halved until the squares fall.
 
-    Args:
-        x: (k,) log of the event times.
-        weights: (B, k) number of trials at each of these.
-        survival: (B, k) R there.
-        starts: (B, 2) lines to start from.
-
-    Returns:
-        (B, 2) the lines with the least squares, and (B,) these squares; NaN and inf where no fit converges.
+    Points are at x, (k,), the log of the event times, with R there, (B, k), which is that of so many trials, (B, k);
+    a fit begins at a line of `starts`, (B, 2). Returned are the lines with the least squares, (B, 2), and these
+    squares, (B,); NaN and inf where no fit converges.
     """
     lines, least = np.full((len(starts), 2), np.nan), np.full(len(starts), math.inf)
     # Two parameters need two points. With only one above R = 0, the steeper a line through it, the better it fits. With

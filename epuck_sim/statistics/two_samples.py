@@ -18,11 +18,10 @@ from scipy.special import erfc
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
-from epuck_sim.statistics.mean import MeanError, mean_and_error, student_estimate
+from epuck_sim.statistics.mean import mean_and_error, student_estimate
 from epuck_sim.statistics.measured import Measured, cut
 
-PERMUTATIONS = 4999
-"""Number of permutations: the smallest p-value is 1 / 5,000."""
+PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
 
 _BLOCK_SIZE = 2_000_000  # trials that are permuted at once
 
@@ -55,46 +54,19 @@ class Pair(NamedTuple):
         return any((~each.observed & (each.values < each.limit)).any() for each in self)
 
 
+Parts = list[tuple[float, int]]
+"""Variance of each term of a sum, and its degrees of freedom."""
+
+
 class Contrast(NamedTuple):
-    """What two samples have for means, and how these differ."""
+    """How the means of two samples differ."""
 
-    first: MeanError
-    second: MeanError
-
-    @property
-    def has_interval(self) -> bool:
-        """Whether their ratio has one: both are positive, and known with an error."""
-        return self.is_spread and min(self.first.mean, self.second.mean) > 0
-
-    @property
-    def is_spread(self) -> bool:
-        """Whether both means are known with an error: those of trials that are all censored are not."""
-        return self.first.error > 0 and self.second.error > 0
-
-    @property
-    def difference(self) -> Estimate:
-        """The second mean minus the first."""
-        return _student(self.second.mean - self.first.mean, self.parts)
-
-    @property
-    def log_ratio(self) -> Estimate:
-        """Logarithm of the second mean over the first; undetermined unless both are positive."""
-        if min(self.first.mean, self.second.mean) <= 0:
-            return UNDETERMINED
-        return _student(math.log(self.second.mean / self.first.mean), self.log_parts)
-
-    @property
-    def parts(self) -> list[tuple[float, int]]:
-        """Variance of each mean, and its degrees of freedom."""
-        return self._parts([1.0, 1.0])
-
-    @property
-    def log_parts(self) -> list[tuple[float, int]]:
-        """Variance of the logarithm of each mean, and its degrees of freedom."""
-        return self._parts([self.first.mean, self.second.mean])
-
-    def _parts(self, units: Sequence[float]) -> list[tuple[float, int]]:
-        return [((each.error / unit) ** 2, each.freedom) for each, unit in zip(self, units, strict=True)]
+    difference: Estimate  # the second minus the first
+    parts: Parts  # of the difference
+    log_ratio: Estimate  # logarithm of the second over the first; undetermined unless both are positive
+    log_parts: Parts
+    is_spread: bool  # whether both are known with an error: those of trials that are all censored are not
+    has_interval: bool  # whether their ratio has one: both are positive, and known with an error
 
 
 def pair_up(first: Measured, second: Measured) -> Pair:
@@ -106,40 +78,40 @@ def pair_up(first: Measured, second: Measured) -> Pair:
 
 
 def contrast(pair: Pair) -> Contrast:
-    """Return the means of two samples, and how these differ."""
-    return Contrast(mean_and_error(pair.first), mean_and_error(pair.second))
+    """Return how the means of two samples differ, with Student's intervals."""
+    first, second = both = [mean_and_error(each) for each in pair]
+    parts = [(each.error**2, each.freedom) for each in both]
+    difference = student_estimate(second.mean - first.mean, *welch(parts))
+    log_parts, log_ratio = [], UNDETERMINED
+    is_positive = min(first.mean, second.mean) > 0
+    if is_positive:
+        log_parts = [((each.error / each.mean) ** 2, each.freedom) for each in both]
+        log_ratio = student_estimate(math.log(second.mean / first.mean), *welch(log_parts))
+    is_spread = min(first.error, second.error) > 0
+    return Contrast(difference, parts, log_ratio, log_parts, is_spread, is_spread and is_positive)
 
 
 def mean_log_ratio(contrasts: Sequence[Contrast]) -> Estimate:
     """Return the mean of the log ratios of several pairs that have intervals, each of which counts alike."""
-    return _mean([(each.log_ratio.value, each.log_parts) for each in contrasts])
+    return _mean([each.log_ratio for each in contrasts], [each.log_parts for each in contrasts])
 
 
 def mean_difference(contrasts: Sequence[Contrast]) -> Estimate:
     """Return the mean of the differences of several pairs, each of which counts alike."""
-    return _mean([(each.difference.value, each.parts) for each in contrasts if each.is_spread])
+    known = [each for each in contrasts if each.is_spread]
+    return _mean([each.difference for each in known], [each.parts for each in known])
 
 
-def _mean(terms: Sequence[tuple[float, list[tuple[float, int]]]]) -> Estimate:
-    """Return the mean of values, given with the parts of their variances."""
+def _mean(terms: Sequence[Estimate], parts: Sequence[Parts]) -> Estimate:
     if not terms:
         return UNDETERMINED
     count = len(terms)
-    parts = [(part / count**2, freedom) for _, each in terms for part, freedom in each]
-    return _student(sum(value for value, _ in terms) / count, parts)
+    of_mean = [(part / count**2, freedom) for each in parts for part, freedom in each]
+    return student_estimate(sum(term.value for term in terms) / count, *welch(of_mean))
 
 
-def _student(value: float, parts: Sequence[tuple[float, int]]) -> Estimate:
-    """Return a value with Student's interval; parts of its variance may have few degrees of freedom."""
-    return student_estimate(value, *welch(parts))
-
-
-def welch(parts: Sequence[tuple[float, int]]) -> tuple[float, float]:
-    """Return the standard error of a sum, and its degrees of freedom (Welch 1947).
-
-    Args:
-        parts: Variance of each term, and the degrees of freedom with which that is known.
-    """
+def welch(parts: Parts) -> tuple[float, float]:
+    """Return the standard error of a sum of terms, given with their freedom, and its own freedom (Welch 1947)."""
     variance = sum(part for part, _ in parts)
     spread = sum(part**2 / max(freedom, 1) for part, freedom in parts)
     return math.sqrt(variance), variance**2 / spread if spread else math.inf
@@ -148,26 +120,23 @@ def welch(parts: Sequence[tuple[float, int]]) -> tuple[float, float]:
 class Permuted(NamedTuple):
     """What a pair has for a difference, and then what it has after permutations, each (1 + B,)."""
 
-    differences: FloatArray
-    """Second mean minus the first, or the logarithm of their ratio."""
-    variances: FloatArray
-    """Variances of these, as each permutation shows them."""
+    differences: FloatArray  # second mean minus the first, or the logarithm of their ratio
+    variances: FloatArray  # variances of these, as each permutation shows them
 
 
-def permute(pair: Pair, seed: int, *, of_logarithms: bool, ratio: float = 1.0, count: int = PERMUTATIONS) -> Permuted:
+def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTATIONS) -> Permuted:
     """Return the difference of the means of two samples, and those after permutations of trials between them.
 
     Args:
         pair: Two samples none of which is censored before the horizon.
         seed: Equal seeds give equal permutations.
         of_logarithms: Whether the difference is that of the logarithms of the means; all values are positive then.
-        ratio: Ratio of the two that is tested: trials are permuted as if the second sample's were as much longer.
         count: Number B of permutations.
     """
     # in order, so that the order in which trials are stored does not matter
-    first, second = np.sort(pair.first.values), np.sort(pair.second.values) / ratio
-    pooled = np.concatenate([first, second])
-    blocks = [_contrasts(block, len(first), of_logarithms) for block in _permutations(pooled, seed, count)]
+    pooled = np.concatenate([np.sort(each.values) for each in pair])
+    first = len(pair.first.values)
+    blocks = [_contrasts(block, first, of_logarithms) for block in _permutations(pooled, seed, count)]
     return Permuted(*(np.concatenate(each) for each in zip(*blocks, strict=True)))
 
 

@@ -15,8 +15,18 @@ TRIAL_BYTES = 145
 
 def check_sweep(points: Sequence[Point]) -> None:
     """Raise ScenarioError for a sweep that cannot be run, or cannot be drawn as its section `figure` says."""
-    _check_figure(points)
-    _check_room(points)
+    scenario = points[0].scenario
+    try:
+        check_figure_axes(scenario.figure, [point.axes for point in points])
+    except EpuckSimError as error:
+        raise ScenarioError(f"{scenario.name}: {error}") from error
+    for point in points:
+        try:
+            model.check_room(point.scenario)
+        except ScenarioError as error:
+            name = f"{point.scenario.name}: "
+            where = f"sweep: point {point.number} ({describe_axes(point.axes)}): " if point.axes else ""
+            raise ScenarioError(f"{name}{where}{str(error).removeprefix(name)}") from error
 
 
 def check_memory(points: Iterable[Point], workers: int) -> None:
@@ -27,25 +37,6 @@ def check_memory(points: Iterable[Point], workers: int) -> None:
             f"a trial on each of {workers} workers {lack}; "
             f"{in_bytes(largest)} each: give --workers {max(1, available_bytes() // largest)}, or smaller swarms"
         )
-
-
-def _check_figure(points: Sequence[Point]) -> None:
-    scenario = points[0].scenario
-    try:
-        check_figure_axes(scenario.figure, [point.axes for point in points])
-    except EpuckSimError as error:
-        raise ScenarioError(f"{scenario.name}: {error}") from error
-
-
-def _check_room(points: Iterable[Point]) -> None:
-    """Raise ScenarioError for a point whose population finds no room in its arena."""
-    for point in points:
-        try:
-            model.check_room(point.scenario)
-        except ScenarioError as error:
-            name = f"{point.scenario.name}: "
-            where = f"sweep: point {point.number} ({describe_axes(point.axes)}): " if point.axes else ""
-            raise ScenarioError(f"{name}{where}{str(error).removeprefix(name)}") from error
 
 
 def describe_size(points: Sequence[Point]) -> str:

@@ -7,7 +7,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NamedTuple
+from itertools import count
+from typing import TYPE_CHECKING, Any
 
 from epuck_sim.errors import ClusterError, EpuckSimError
 from epuck_sim.runs.compatibility import own_files
@@ -45,9 +46,6 @@ class DaskCluster:
         """Yield the pool of the workers, whichever there are.
 
         A scheduler that has answered before, and is gone, is waited for.
-
-        Raises:
-            ClusterError: Dask's package distributed is not installed, or the scheduler does not answer.
         """
         try:
             from distributed import KilledWorker  # noqa: PLC0415 an extra, and slow to import
@@ -67,20 +65,19 @@ class DaskCluster:
             log.setLevel(level)
 
     def _connect(self) -> "Client":
-        is_said = False
-        while True:
+        for attempt in count():
             try:
                 client = _connect(self._address)
             except ClusterError:
                 if not self._has_answered:
                     raise
-                if not is_said:
+                if not attempt:
                     _say(self._address, "the scheduler is gone; waiting until it is started again, with workers")
-                is_said = True
                 time.sleep(LOOK_S)
             else:
                 self._has_answered = True
                 return client
+        raise AssertionError
 
 
 def _connect(address: str) -> "Client":
@@ -103,7 +100,7 @@ def _slots(client: "Client", address: str) -> Callable[[], int]:
     """Return the policy for the number of chunks in flight, which says so where a cluster has no workers."""
     counted_at, threads = -COUNT_S, 1
 
-    def count() -> int:
+    def slots() -> int:
         nonlocal counted_at, threads
         if time.monotonic() - counted_at > COUNT_S:
             before = threads
@@ -116,15 +113,11 @@ def _slots(client: "Client", address: str) -> Callable[[], int]:
             counted_at = time.monotonic()
         return 2 * max(1, threads)
 
-    return count
+    return slots
 
 
-class RequiredVersions(NamedTuple):
-    """What workers must have in common with the command, so that results are those of one program."""
-
-    versions: dict[str, str]
-    files: dict[tuple[str, ...], tuple[str, ...]]
-    """What `own_files` gives, by the names of what is compiled."""
+OwnFiles = dict[tuple[str, ...], tuple[str, ...]]
+"""What `own_files` gives of scenarios, by the names of what is compiled for them."""
 
 
 class SameVersionsExecutor(Executor):
@@ -133,32 +126,29 @@ class SameVersionsExecutor(Executor):
     def __init__(self, executor: Executor) -> None:
         """Take the executor that reaches the workers."""
         self._executor = executor
-        self._files: dict[tuple[str, ...], tuple[str, ...]] = {}
+        self._files: OwnFiles = {}
 
     def submit(self, function: Callable[[Sequence[Task]], Any], tasks: Sequence[Task]) -> Future[Any]:  # type: ignore[override]
         """Have a worker call a function with tasks; its future raises ClusterError if the worker refuses."""
         used = {task.scenario.compiled: task.scenario for task in tasks}
         for names in used.keys() - self._files.keys():
             self._files[names] = own_files(used[names])
-        required = RequiredVersions(versions(), {names: self._files[names] for names in used})
+        files = {names: self._files[names] for names in used}
         try:
-            return self._executor.submit(call_if_same, required, function, tasks)
+            return self._executor.submit(call_if_same, versions(), files, function, tasks)
         except Exception as error:  # of any kind: the client was closed when it lost the scheduler
             gone: Future[Any] = Future()
             gone.set_exception(SchedulerGoneError(str(error)))
             return gone
 
 
-def call_if_same(required: RequiredVersions, function: Callable[[Sequence[Task]], Any], tasks: Sequence[Task]) -> Any:
-    """Call a function with tasks, on a worker.
-
-    Raises:
-        ClusterError: This worker has other versions, or other controllers, curves or measures.
-    """
-    ours = versions()
-    other = {name: value for name, value in ours.items() if value != required.versions.get(name)}
+def call_if_same(
+    theirs: dict[str, str], files: OwnFiles, function: Callable[[Sequence[Task]], Any], tasks: Sequence[Task]
+) -> Any:
+    """Call a function with tasks, on a worker; raise ClusterError if it is not like the command."""
+    other = {name: value for name, value in versions().items() if value != theirs.get(name)}
     if other:
-        wanted = {name: required.versions.get(name, "none") for name in other}
+        wanted = {name: theirs.get(name, "none") for name in other}
         raise ClusterError(
             f"a worker on {host()} has {format_versions(other)}, this command has {format_versions(wanted)}; start "
             "workers with the same versions"
@@ -168,7 +158,7 @@ def call_if_same(required: RequiredVersions, function: Callable[[Sequence[Task]]
             found = own_files(scenario)
         except EpuckSimError as error:
             raise ClusterError(f"a worker on {host()} cannot run trials: {error}") from error
-        for here, there in zip(found, required.files[scenario.compiled], strict=True):
+        for here, there in zip(found, files[scenario.compiled], strict=True):
             if here != there:
                 raise ClusterError(f"a worker on {host()} has {here}, this command {there}; give both the same")
     return function(tasks)

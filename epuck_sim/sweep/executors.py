@@ -58,20 +58,20 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
     """Yield a pool of processes, each with one thread, which end with the block, or with this process.
 
     If the block ends with an error, the work under way is thrown away.
-
-    Args:
-        workers: Number of processes; None for one on each core that this process may use.
-
-    Raises:
-        EpuckSimError: They need more open files than the system allows.
     """
     workers = workers or available_cores()
-    _allow_files(workers)
+    needed = 24 + 2 * workers  # of this process, and of the server
+    if (allowed := allow_files(needed)) is not None:
+        enough = max(1, (allowed - 24) // 2)
+        raise EpuckSimError(
+            f"{workers} workers need {needed} open files; allowed: {allowed}, enough for {enough} workers; "
+            "ulimit -n raises it"
+        )
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
         context = _context()
         # Ctrl-C while the server still loads would close what workers are about to open: wait until it has forked once
-        probe = context.Process(target=_return_at_once)
+        probe = context.Process(target=str)  # which ends at once
         probe.start()
         probe.join()
         executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
@@ -106,23 +106,9 @@ def _context() -> "ForkServerContext | SpawnContext":
     return context
 
 
-def _allow_files(workers: int) -> None:
-    """Have this process, and the server, keep the files open that a number of workers needs."""
-    needed = 24 + 2 * workers
-    if (allowed := allow_files(needed)) is not None:
-        raise EpuckSimError(
-            f"{workers} workers need {needed} open files; allowed: {allowed}, enough for "
-            f"{max(1, (allowed - 24) // 2)} workers; ulimit -n raises it"
-        )
-
-
 def available_cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _return_at_once() -> None:
-    """End at once: that this runs at all shows that the server can start processes."""
 
 
 def _end_with_parent() -> None:

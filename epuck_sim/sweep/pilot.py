@@ -30,13 +30,6 @@ def time_trials(points: Sequence[Point], budget_s: float) -> list[TimedTrial]:
     """Time the first trial of as many points as there is time for, in random order; compilation is not counted.
 
     Points are drawn with equal chances, so that the mean is that of all points. The last trial may be cut.
-
-    Args:
-        points: Points of a sweep.
-        budget_s: Wall time to spend.
-
-    Raises:
-        ScenarioError: A trial fails.
     """
     order = random.Random(0).sample(range(len(points)), len(points))
     _time_trial(points[order[0]], 0)

@@ -91,12 +91,6 @@ def missing_tasks(
     """Yield the trials that have no result yet, trial 0 of all points first.
 
     Points take turns, so that slow ones are spread over all workers and over the whole run.
-
-    Args:
-        points: All points of the sweep.
-        finished: The trials that have a result.
-        interpret: Run controllers as plain Python.
-        share: Share of the trials that are wanted.
     """
     wanted = [share.trials(point.number, point.scenario.trials) for point in points]
     missing = (zip(finished.missing(point.number, wanted[place]), repeat(place)) for place, point in enumerate(points))

@@ -89,14 +89,6 @@ def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Ge
     When a worker dies, nobody knows at which trial. Tasks that were under way are handed over again, each by itself;
     those that are under way at a second death are run one at a time, and one that kills its worker even then has
     failed. A broken pool is opened anew. If all workers are lost at once, all that was under way is run again.
-
-    Args:
-        queue: The tasks.
-        kinds: A task of each kind that is compiled by itself; one worker compiles them before the others start.
-        open_pool: Opens a pool of workers.
-
-    Raises:
-        ClusterError: The pool cannot be opened, cannot run trials, or is gone.
     """
     sizer = ChunkSizer()
     while queue:

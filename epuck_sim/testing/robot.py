@@ -1,8 +1,8 @@
 """One robot under its controller, with sensors that a test sets."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,26 @@ from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.user_files import Value
 from epuck_sim.util.seeds import robot_streams
+
+T = TypeVar("T")
+
+
+class _Field(Generic[T]):
+    """A field of a record of `TestRobot`, read and set as its attribute; arrays are the robot's own."""
+
+    def __init__(self, record: str, kind: Callable[[Any], T]) -> None:
+        self._record, self._kind = record, kind
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, robot: "TestRobot | None", owner: type) -> T:
+        if robot is None:  # what documents the class
+            return self  # type: ignore[return-value]
+        return self._kind(getattr(getattr(robot, self._record), self._name))
+
+    def __set__(self, robot: "TestRobot", value: object) -> None:
+        setattr(getattr(robot, self._record), self._name, value)
 
 
 class TestRobot:
@@ -35,7 +55,7 @@ class TestRobot:
     True
     """
 
-    __slots__ = ("_actuators", "_camera", "_controllers", "_senses", "memory", "parameters", "readings")
+    __slots__ = ("_actuators", "_controllers", "_pixels", "_senses", "memory", "parameters", "readings")
     __test__: ClassVar[bool] = False  # or pytest would take this class for tests
 
     memory: "Record"
@@ -44,6 +64,30 @@ class TestRobot:
     """The controller's parameters, by name; changes count from the next step on."""
     readings: "Record"
     """What sensors in files of their own tell, by name."""
+    infrared = _Field[FloatArray]("_senses", np.asarray)
+    """(8,) counts: raw readings of the proximity sensors; distances do not follow from them here."""
+    distance_mm = _Field[IntArray]("_senses", np.asarray)
+    """(8,) mm: distances, 65535 where nothing is in range; sensor 0 is front-right, then clockwise."""
+    camera = _Field[IntArray]("_pixels", np.asarray)
+    """(pixels,): 1 where a lit ring is seen, else 0; index 0 is the left edge."""
+    pulses = _Field("_senses", int)
+    """Number of radio pulses that arrive."""
+    messages = _Field[IntArray]("_senses", np.asarray)
+    """(8,): what the pulses say; 0 for a bare one."""
+    new_picture = _Field("_senses", bool)
+    """Whether `camera` is a picture that the robot has not seen before; True unless it is set."""
+    step_ms = _Field("_senses", int)
+    """Milliseconds on the robot's own clock since its last step."""
+    left_cm_s = _Field("_actuators", float)
+    """Speed of the left wheel as commanded, which the simulator limits to 12.8 either way."""
+    right_cm_s = _Field("_actuators", float)
+    """Speed of the right wheel as commanded, which the simulator limits to 12.8 either way."""
+    ring_on = _Field("_actuators", bool)
+    """Whether the LED ring is lit."""
+    send = _Field("_actuators", int)
+    """The message that is sent by radio; 0 if none is."""
+    turn_rad = _Field("_actuators", float)
+    """The turn on the spot, to the left."""
 
     def __init__(
         self,
@@ -94,8 +138,10 @@ class TestRobot:
         swarm.groups[0].count, swarm.groups[0].pixels = 1, pixels
         robot.present, robot.random = True, robot_streams(np.random.SeedSequence(seed), 1)[0]
         assign_bytes(swarm, 0, found, 0)
-        self._camera, self._senses, self._actuators = swarm.pixels, robot.sensors, robot.actuators
-        self._senses.step_ms, self._senses.distance_mm, self._senses.new_picture = step_ms, OUT_OF_RANGE_MM, True
+        self._senses = Record("sensors", swarm.robots[:1].sensors)
+        self._actuators = Record("actuators", swarm.robots[:1].actuators)
+        self._pixels = Record("sensors", swarm.pixels.view([("camera", swarm.pixels.dtype, pixels)]))
+        self.step_ms, self.distance_mm, self.new_picture = step_ms, OUT_OF_RANGE_MM, True
         self._controllers = GroupControllers(block, swarm, 0, found, own, interpret=interpret)
         self._controllers.parameters[:] = record
         self._controllers.start()
@@ -116,110 +162,6 @@ class TestRobot:
             raise ValueError(f"infrared[{invalid[0]}] is {self.infrared[invalid[0]]}; allowed: counts")
         for _ in range(steps):
             self._controllers.step()
-
-    @property
-    def infrared(self) -> FloatArray:
-        """(8,) counts: raw readings of the proximity sensors; distances do not follow from them here."""
-        row: FloatArray = self._senses.infrared
-        return row
-
-    @infrared.setter
-    def infrared(self, counts: npt.ArrayLike) -> None:
-        self.infrared[:] = counts
-
-    @property
-    def distance_mm(self) -> IntArray:
-        """(8,) mm: distances, 65535 where nothing is in range; sensor 0 is front-right, then clockwise."""
-        row: IntArray = self._senses.distance_mm
-        return row
-
-    @distance_mm.setter
-    def distance_mm(self, distances: npt.ArrayLike) -> None:
-        self.distance_mm[:] = distances
-
-    @property
-    def camera(self) -> IntArray:
-        """(pixels,): 1 where a lit ring is seen, else 0; index 0 is the left edge."""
-        row: IntArray = self._camera
-        return row
-
-    @camera.setter
-    def camera(self, row: npt.ArrayLike) -> None:
-        self.camera[:] = row
-
-    @property
-    def pulses(self) -> int:
-        """Number of radio pulses that arrive."""
-        return int(self._senses.pulses)
-
-    @pulses.setter
-    def pulses(self, count: int) -> None:
-        self._senses.pulses = count
-
-    @property
-    def messages(self) -> IntArray:
-        """(8,): what the pulses say; 0 for a bare one."""
-        row: IntArray = self._senses.messages
-        return row
-
-    @messages.setter
-    def messages(self, messages: npt.ArrayLike) -> None:
-        self.messages[:] = messages
-
-    @property
-    def new_picture(self) -> bool:
-        """Whether `camera` is a picture that the robot has not seen before; True unless it is set."""
-        return bool(self._senses.new_picture)
-
-    @new_picture.setter
-    def new_picture(self, is_new: bool) -> None:
-        self._senses.new_picture = is_new
-
-    @property
-    def step_ms(self) -> int:
-        """Milliseconds on the robot's own clock since its last step."""
-        return int(self._senses.step_ms)
-
-    @step_ms.setter
-    def step_ms(self, milliseconds: int) -> None:
-        self._senses.step_ms = milliseconds
-
-    @property
-    def left_cm_s(self) -> float:
-        """Speed of the left wheel as commanded, which the simulator limits to 12.8 either way."""
-        return float(self._actuators.left_cm_s)
-
-    @left_cm_s.setter
-    def left_cm_s(self, speed: float) -> None:
-        self._actuators.left_cm_s = speed
-
-    @property
-    def right_cm_s(self) -> float:
-        """Speed of the right wheel as commanded, which the simulator limits to 12.8 either way."""
-        return float(self._actuators.right_cm_s)
-
-    @right_cm_s.setter
-    def right_cm_s(self, speed: float) -> None:
-        self._actuators.right_cm_s = speed
-
-    @property
-    def ring_on(self) -> bool:
-        """Whether the LED ring is lit."""
-        return bool(self._actuators.ring_on)
-
-    @ring_on.setter
-    def ring_on(self, is_on: bool) -> None:
-        self._actuators.ring_on = is_on
-
-    @property
-    def send(self) -> int:
-        """The message that is sent by radio; 0 if none is."""
-        return int(self._actuators.send)
-
-    @property
-    def turn_rad(self) -> float:
-        """The turn on the spot, to the left."""
-        return float(self._actuators.turn_rad)
 
 
 class Record:

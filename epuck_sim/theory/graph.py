@@ -15,14 +15,10 @@ from epuck_sim.statistics.mean import QUANTILE, wilson_interval
 class GraphMeasures(NamedTuple):
     """What the snapshots of a swarm have in common."""
 
-    links: Estimate
-    """Links an agent: to how many others its pulse goes."""
-    reciprocity: Estimate
-    """Share of links whose receiver has a link back; NaN without links."""
-    components: Estimate
-    """Number of strongly connected components over that of agents."""
-    sources: Estimate
-    """Share of agents that are heard and hear nobody."""
+    links: Estimate  # links an agent: to how many others its pulse goes
+    reciprocity: Estimate  # share of links whose receiver has a link back; NaN without links
+    components: Estimate  # number of strongly connected components over that of agents
+    sources: Estimate  # share of agents that are heard and hear nobody
     frustrated: Estimate
     """Probability of two or more components without a way in: clusters that nothing brings together (Beardo et al.)."""
     joined: Estimate

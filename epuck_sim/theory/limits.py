@@ -17,17 +17,13 @@ from epuck_sim.statistics.mean import QUANTILE
 from epuck_sim.theory.graph import share
 from epuck_sim.util.jit import jit
 
-CHAINS = 60
-"""Number of chains that are run unless another is given, if they end soon enough."""
+CHAINS = 60  # number of chains that are run unless another is given, if they end soon enough
 
 MOST_INSTANTS, ALL_INSTANTS = 40_000, 100_000
 """Instants after which a chain is censored, and those of all chains of a limit after which no other begins."""
 
-TABLE = 20_001
-"""Number of phases from 0 to 1 at which a response curve is tabulated."""
-
-SIMULTANEOUS = 1e-12
-"""Cycles within which firings are at one instant, as in the models."""
+TABLE = 20_001  # number of phases from 0 to 1 at which a response curve is tabulated
+SIMULTANEOUS = 1e-12  # cycles within which firings are at one instant, as in the models
 
 
 class Limit(NamedTuple):
@@ -35,10 +31,8 @@ class Limit(NamedTuple):
 
     cycles: Estimate
     """Mean T_sync; NaN if no chain has ended. Where some are censored, times are taken to be exponential."""
-    ended: Estimate
-    """Share of chains that have ended before they were censored."""
-    waited: float = math.nan
-    """Cycles that all chains have taken together."""
+    ended: Estimate  # share of chains that have ended before they were censored
+    waited: float = math.nan  # cycles that all chains have taken together
 
 
 def find_limit(
@@ -49,15 +43,9 @@ def find_limit(
     jitter: float = 0.0,
     chains: int = CHAINS,
 ) -> Limit:
-    """Return T_sync of a swarm on its snapshots.
+    """Return T_sync of a swarm on its snapshots, (snapshots, agents, agents): sender, receiver.
 
-    Args:
-        response: Response curve.
-        threshold: Order parameter, at a firing of the reference, with which a swarm is synchronised.
-        snapshots: (snapshots, agents, agents) sender, receiver.
-        hold: Cycles for which links are those of a snapshot: 0 if they are new at each instant, infinite if they stay.
-        jitter: Standard deviation of the periods relative to their mean.
-        chains: Largest number of chains.
+    Links are those of a snapshot for `hold` cycles: 0 if they are new at each instant, infinite if they stay.
     """
     if not len(snapshots):
         return Limit(Estimate(math.nan), Estimate(0.0))

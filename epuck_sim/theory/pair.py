@@ -1,4 +1,4 @@
-"""What a response curve does to two oscillators: their return map, and how a small lead or lag grows."""
+"""What a response curve does to two oscillators: when they synchronise, and how a small lead or lag grows."""
 
 import math
 from typing import NamedTuple
@@ -8,40 +8,27 @@ import numpy as np
 from epuck_sim.arrays import FloatArray
 from epuck_sim.particles.phase_response import Response, phase_shift
 
-SMALL = 1e-4
-"""Lead and lag, in cycles, that count as small."""
-
-GRID = (np.arange(400) + 0.5) / 400
-"""Phases at which the return map is followed."""
-
-MOST_FIRINGS = 20_000
-"""Firings of a pair after which it counts as one that never synchronises."""
+SMALL = 1e-4  # lead and lag, in cycles, that count as small
+GRID = (np.arange(400) + 0.5) / 400  # phases from which a pair is followed
+MOST_FIRINGS = 20_000  # firings of a pair after which it counts as one that never synchronises
 
 
 class Pair(NamedTuple):
     """Two oscillators that receive each other's pulses."""
 
-    lead: float
-    """ln of the factor by which a small lead grows at a pulse: of who has just fired."""
+    lead: float  # ln of the factor by which a small lead grows at a pulse: of who has just fired
     lag: float
     """The same for a small lag: of who is about to fire; minus infinity where the pulse makes it fire."""
     growth: float
     """ln of the factor by which 1 - r of a pair near synchrony changes in a cycle, in which each receives a pulse."""
-    cycles: float
-    """Mean T_sync from random phases, in cycles; infinite where some phases never synchronise."""
-
-
-def return_map(response: Response, phases: FloatArray) -> FloatArray:
-    """Return the phase of the second of two at the next firing of the first, from that at this one (thesis eq. 5.2).
-
-    >>> return_map(Response(0, 0.1, 0.0), np.array([0.5])).round(3)  # 1 - 1.1 (1 - 1.1 / 2)
-    array([0.505])
-    """
-    return _after(response, _after(response, phases))
+    cycles: float  # mean T_sync from random phases, in cycles; infinite where some phases never synchronise
 
 
 def _after(response: Response, phases: FloatArray) -> FloatArray:
-    """Return the phase of who fires when the other one fires next, which a pulse has met at these phases."""
+    """Return the phase of who fires when the other one fires next, which a pulse has met at these phases.
+
+    Taken twice, it is the return map of thesis eq. 5.2.
+    """
     return 1 - (phases + phase_shift(response, phases))
 
 

@@ -1,7 +1,7 @@
 """Predictions of a scenario's regimes, and the table of those of a sweep."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,20 +17,16 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.theory.graph import GraphMeasures, count_components, measure_graphs
 from epuck_sim.theory.limits import find_limit
 from epuck_sim.theory.pair import Pair, measure_pair
-from epuck_sim.theory.regime import IN_LIMITS, Verdict, find_course, find_rise, judge, time_at
+from epuck_sim.theory.regime import IN_LIMITS, Rise, Verdict, find_course, find_rise, judge, time_at
 from epuck_sim.theory.snapshots import changed_links, take_snapshots
 
-SNAPSHOTS, CELLS = 400, 2_000_000
-"""Largest number of snapshots, and of pairs of agents in all of them."""
-
-MOST_AGENTS = 300
-"""Largest swarm of which predictions are made: snapshots are matrices."""
+SNAPSHOTS, CELLS = 400, 2_000_000  # largest number of snapshots, and of pairs of agents in all of them
+MOST_AGENTS = 300  # largest swarm of which predictions are made: snapshots are matrices
 
 LINK_SNAPSHOTS, TRIED_SIDES = 60, tuple(2.0**power for power in range(-9, 1))
 """Snapshots from which the length of links follows, and the distances, in sides, that agents move in a period."""
 
-CHANGED = 0.1
-"""Share of links that is replaced while agents move this share of the length of links."""
+CHANGED = 0.1  # share of links that is replaced while agents move this share of the length of links
 
 PLACES = {"v_m": (0.42, 1.9), "v_p": (0.73, 2.3)}
 """Speed at the minimum and at the peak over that at which links last as long as the chain's hold, and the factor that
@@ -74,98 +70,88 @@ def predict(scenario: Scenario) -> Prediction:
     Raises:
         ScenarioError: No pulse can shift a phase, the swarm is of one or too large, or its oscillators are unknown.
     """
-    return _Theory(scenario).at(_speed_of(scenario))
+    return _predictor(scenario)(_speed_of(scenario))
 
 
 def predict_speeds(scenario: Scenario, speeds_cm_s: Iterable[float]) -> list[Prediction]:
     """Return `predict` for a scenario at each of these speeds."""
-    theory = _Theory(scenario)
-    return [theory.at(speed) for speed in speeds_cm_s]
+    return [*map(_predictor(scenario), speeds_cm_s)]
 
 
 def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
     """Return `predict` for each point of a scenario's sweep; chains are run once for points that differ in speed."""
-    kept: dict[str, _Theory] = {}
+    kept: dict[str, Callable[[float], Prediction]] = {}
     found = []
     for point in points(scenario):
         key = str(without_speed(point.scenario))
         if key not in kept:
-            kept[key] = _Theory(point.scenario)
-        found.append((point, kept[key].at(_speed_of(point.scenario))))
+            kept[key] = _predictor(point.scenario)
+        found.append((point, kept[key](_speed_of(point.scenario))))
     return found
 
 
-class _Theory:
-    """What a swarm's graph and chains tell of all of its speeds."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        self._name = scenario.name
-        self._response, self._threshold, self._jitter = _oscillators(scenario)
-        self._notes = _left_out(scenario)
-        agents = scenario.population
-        snapshots = take_snapshots(scenario, max(20, min(SNAPSHOTS, CELLS // agents**2)))
-        self._graph = measure_graphs(snapshots)
-        self._pair = measure_pair(self._response, self._threshold)
-        self._course = find_course(self._response, self._threshold, snapshots, self._jitter)
-        self._is_random = isinstance(scenario, ParticleScenario) and isinstance(scenario.neighbourhood, RandomAgents)
-        self._rise = find_rise(self._course)
-        self._verdict = Verdict("no", 0.0) if self._is_random else judge(self._rise)
+def _predictor(scenario: Scenario) -> Callable[[float], Prediction]:
+    """Return the prediction as a function of the speed, cm/s: a swarm's graph and chains tell of all of its speeds."""
+    response, threshold, jitter = _oscillators(scenario)
+    agents, period_s = scenario.population, scenario.scales["tau"]
+    snapshots = take_snapshots(scenario, max(20, min(SNAPSHOTS, CELLS // agents**2)))
+    graph, pair = measure_graphs(snapshots), measure_pair(response, threshold)
+    course = find_course(response, threshold, snapshots, jitter)
+    rise, fast = find_rise(course), course.limits[-1]
+    if isinstance(scenario, ParticleScenario) and isinstance(scenario.neighbourhood, RandomAgents):
+        verdict, frozen, frozen_share, link_cm = Verdict("no", 0.0), fast, fast.ended, math.nan
+        reason = "No regime: receivers are drawn anew for each pulse, at any speed."
+    else:
+        verdict, link_cm = judge(rise), _link_length(scenario)
         joined = snapshots[count_components(snapshots)[1] == 1]
-        self._frozen = find_limit(self._response, self._threshold, joined, math.inf, self._jitter, IN_LIMITS)
-        self._link_cm = math.nan if self._is_random else _link_length(scenario)
-        self._period_s = scenario.scales["tau"]
+        frozen = find_limit(response, threshold, joined, math.inf, jitter, IN_LIMITS)
+        frozen_share = graph.joined.apply(lambda value: value * frozen.ended.value)
+        reason = _reason(verdict.verdict, graph, pair, rise)
 
-    def at(self, speed: float) -> Prediction:
-        """Return the prediction at a speed, cm/s."""
-        fast = self._course.limits[-1]
-        stays = not speed or math.isnan(self._link_cm)
-        cycles = self._link_cm / (speed * self._period_s) if speed else math.inf
-        frozen = self._frozen if not self._is_random else fast
-        joined = self._graph.joined.apply(lambda value: value * frozen.ended.value)
-        return Prediction(
-            self._name,
-            self._verdict,
-            self._place("v_m", self._rise.minimum),
-            self._place("v_p", self._rise.peak),
-            frozen.cycles if stays else time_at(self._course, cycles),
-            fast.cycles,
-            frozen.cycles,
-            fast.ended if self._is_random else joined,
-            self._link_cm,
-            cycles,
-            self._graph,
-            self._pair,
-            self._reason(),
-            self._notes,
-        )
-
-    def _place(self, name: str, hold: float) -> Estimate:
-        if self._verdict.verdict == "no":
+    def place(name: str, hold: float) -> Estimate:
+        if verdict.verdict == "no":
             return UNDETERMINED
         ratio, factor = PLACES[name]
-        value = ratio * self._link_cm / (hold * self._period_s)
+        value = ratio * link_cm / (hold * period_s)
         return Estimate(value, value / factor, value * factor)
 
-    def _reason(self) -> str:
-        graph, verdict = self._graph, self._verdict.verdict
-        if self._is_random:
-            return "No regime: receivers are drawn anew for each pulse, at any speed."
-        if graph.joined.value > 0.999 and graph.reciprocity.value > 0.999:
-            return "No regime: one cluster reaches all, and all links are reciprocal."
-        clusters = (
-            f"{cell_text(Share(graph.frustrated.value))} of snapshots have clusters that nothing brings together "
-            f"({graph.links.value:.2g} links an agent, {cell_text(Share(graph.reciprocity.value))} reciprocal)"
+    def at(speed: float) -> Prediction:
+        cycles = link_cm / (speed * period_s) if speed else math.inf
+        stays = not speed or math.isnan(link_cm)
+        return Prediction(
+            scenario=scenario.name,
+            intermediate_regime=verdict,
+            v_m_cm_s=place("v_m", rise.minimum),
+            v_p_cm_s=place("v_p", rise.peak),
+            t_sync=frozen.cycles if stays else time_at(course, cycles),
+            t_sync_fast=fast.cycles,
+            t_sync_frozen=frozen.cycles,
+            frozen_share=frozen_share,
+            link_cm=link_cm,
+            link_cycles=cycles,
+            graph=graph,
+            pair=pair,
+            reason=reason,
+            notes=_left_out(scenario),
         )
-        if verdict == "no":
-            drives = "pulses pull leads back" if self._pair.lead < 0 else "renewed links join them all the same"
-            return f"No regime: {clusters}, and {drives}."
-        rise = self._rise
-        kept = (
-            f"{rise.peak:g} cycles of the same links take {math.exp(rise.log_ratio):.2g} times what {rise.minimum:g} do"
-        )
-        if math.isnan(rise.minimum):
-            kept = f"T_sync falls {2 * math.exp(rise.excess):.2g}-fold when links are renewed twice as often"
-        return f"{'Regime' if verdict == 'yes' else 'Open'}: {clusters}; {kept}."
+
+    return at
+
+
+def _reason(verdict: str, graph: GraphMeasures, pair: Pair, rise: Rise) -> str:
+    if graph.joined.value > 0.999 and graph.reciprocity.value > 0.999:
+        return "No regime: one cluster reaches all, and all links are reciprocal."
+    clusters = (
+        f"{cell_text(Share(graph.frustrated.value))} of snapshots have clusters that nothing brings together "
+        f"({graph.links.value:.2g} links an agent, {cell_text(Share(graph.reciprocity.value))} reciprocal)"
+    )
+    if verdict == "no":
+        drives = "pulses pull leads back" if pair.lead < 0 else "renewed links join them all the same"
+        return f"No regime: {clusters}, and {drives}."
+    kept = f"{rise.peak:g} cycles of the same links take {math.exp(rise.log_ratio):.2g} times what {rise.minimum:g} do"
+    if math.isnan(rise.minimum):
+        kept = f"T_sync falls {2 * math.exp(rise.excess):.2g}-fold when links are renewed twice as often"
+    return f"{'Regime' if verdict == 'yes' else 'Open'}: {clusters}; {kept}."
 
 
 def _oscillators(scenario: Scenario) -> tuple[Response, float, float]:

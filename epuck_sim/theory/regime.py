@@ -23,8 +23,7 @@ from epuck_sim.theory.limits import Limit, find_limit
 HOLDS = tuple(2.0**power for power in range(8, -3, -1))
 """Holds, in cycles, of which chains tell T_sync, from the slowest swarm to the fastest."""
 
-IN_LIMITS = 200
-"""Number of chains in the limits of swarms that stand, and that are fast."""
+IN_LIMITS = 200  # number of chains in the limits of swarms that stand, and that are fast
 
 EVIDENCE = (-2.9, 3.4, 2.0)
 """Log odds of an intermediate regime: without evidence, and what `Rise.log_ratio` and `Rise.excess` add to them, as
@@ -33,17 +32,14 @@ fixed on trials of 130 random scenarios; docs/theory.md says how well they do on
 HIDDEN, BEHIND_FALL = 0.3, 4.0
 """Rise up to which the peak is looked for behind the steepest fall, and its hold over that where the fall begins."""
 
-YES, NO = 0.7, 0.3
-"""Probability from which on the verdict is yes, and up to which it is no; open in between."""
+YES, NO = 0.7, 0.3  # probability from which on the verdict is yes, and up to which it is no; open in between
 
 
 class Course(NamedTuple):
     """T_sync over the hold."""
 
-    holds: tuple[float, ...]
-    """Cycles, falling; the last is 0."""
-    limits: tuple[Limit, ...]
-    """T_sync with each of them."""
+    holds: tuple[float, ...]  # cycles, falling; the last is 0
+    limits: tuple[Limit, ...]  # T_sync with each of them
 
 
 class Rise(NamedTuple):
@@ -56,17 +52,14 @@ class Rise(NamedTuple):
 
     A swarm that only waits for links takes half as long. Who takes much less has left a peak, though chains may not
     end there, nor at the minimum before it."""
-    minimum: float
-    """Hold at the minimum, in cycles; NaN where it is not seen."""
-    peak: float
-    """Hold at the peak, in cycles."""
+    minimum: float  # hold at the minimum, in cycles; NaN where it is not seen
+    peak: float  # hold at the peak, in cycles
 
 
 class Verdict(NamedTuple):
     """Whether there is an intermediate regime."""
 
-    verdict: str
-    """`yes`, `no` or `open`."""
+    verdict: str  # `yes`, `no` or `open`
     probability: float
 
 

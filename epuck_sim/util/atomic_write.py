@@ -26,9 +26,6 @@ def atomic_write(path: Path) -> Iterator[Path]:
     The temporary file lies in the same folder and has a name of its own, so that neither a user's file nor another
     writer of `path` is touched. It is removed on every error, Ctrl-C included. A file of this name that is there keeps
     its permissions; a link stays one, and the file that it leads to is written.
-
-    Raises:
-        EpuckSimError: The file cannot be written.
     """
     check_target(path)
     with write_errors(path), temporary_path(path) as part:
@@ -38,11 +35,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def growing_text(path: Path) -> Iterator[TextIO]:
-    """Yield a text file that has its name from the beginning, and whose lines are in it as soon as they are written.
-
-    Raises:
-        EpuckSimError: The file cannot be written.
-    """
+    """Yield a text file that has its name from the beginning, and whose lines are in it as soon as they are written."""
     check_target(path)
     with write_errors(path), path.open("w", newline="", buffering=1) as file:
         yield file
@@ -70,11 +63,7 @@ def temporary_path(path: Path) -> Iterator[Path]:
 
 
 def publish(part: Path, path: Path) -> None:
-    """Give the finished file `part` the name `path`.
-
-    Raises:
-        EpuckSimError: That is not possible.
-    """
+    """Give the finished file `part` the name `path`."""
     target = _behind_links(path)
     with write_errors(path):
         with part.open("rb") as file:  # its contents reach the disk before its name, should the power fail
@@ -123,11 +112,7 @@ def _remove(part: Path) -> None:
 
 
 def check_target(path: Path) -> None:
-    """Check that a file can be written.
-
-    Raises:
-        EpuckSimError: `path` is no file name, its folder is missing or closed to us, or no regular file has this name.
-    """
+    """Check that a file can be written."""
     with write_errors(path):  # a name that is too long, say
         reason = _reason_against(path)
     if reason:
@@ -158,11 +143,7 @@ def trial_path(path: Path, trial: int, trials: int) -> Path:
 
 
 def check_trial_paths(path: Path, trials: int) -> None:
-    """Check that a file can be written for each trial, without trying every name.
-
-    Raises:
-        EpuckSimError: One of them cannot be written.
-    """
+    """Check that a file can be written for each trial, without trying every name."""
     check_target(path)
     check_target(trial_path(path, trials - 1, trials))  # has the longest name
     for other in path.parent.glob(f"{glob.escape(path.stem)}-*{glob.escape(path.suffix)}"):

@@ -21,6 +21,9 @@ ROBOTS = "arenas/robots"
 CONTROLLERS = "controllers"
 """Kind of file, and its folder: controllers of robots."""
 
+TEMPLATES = "arenas/new"
+"""Folder of the commented files that `epuck-sim new` copies: NAME in them is the name that the user has given."""
+
 _SUFFIX = {ARENAS: ".yaml", SWEEPS: ".yaml", ROBOTS: ".yaml", CONTROLLERS: ".py"}
 
 

@@ -25,8 +25,7 @@ ROOM_BYTES = 4_000_000
 def cache_root(*, to_fill: bool = False) -> Path:
     """Return the folder for compiled code: $NUMBA_CACHE_DIR, else the user's cache folder, else a temporary one.
 
-    A folder that other users can write to is not used: what lies in it is run. Nor is one that is full, if it is to be
-    filled; that takes a trial, which may be slow where home lies on a network.
+    What others can write to is not used, as what lies there is run; nor what is full, if it is to be filled.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(chosen) if chosen else platformdirs.user_cache_path("epuck-sim")
@@ -64,14 +63,7 @@ def _is_private(folder: Path) -> bool:
 
 
 def remove_unused(paths: Iterable[Path], is_compiled: Callable[[Path], bool]) -> None:
-    """Remove files and folders of compiled code that no process has used for `UNUSED_S`, but those of other users.
-
-    A process that uses one meanwhile finds nothing there and compiles anew.
-
-    Args:
-        paths: Files and folders.
-        is_compiled: Whether one of them, which has not been used, is compiled code of this program.
-    """
+    """Remove of these paths what `is_compiled` and was not used for `UNUSED_S`, but for other users' files."""
     limit_s = time.time() - UNUSED_S
     for path in paths:
         with suppress(OSError):  # another process is removing it

@@ -90,12 +90,7 @@ def _mix_in(word: np.uint64, sequence: WordArray, but: int = _POOL) -> None:
 
 @jit_no_alloc
 def begin_sequence(sequence: WordArray, words: WordArray) -> None:
-    """Set a sequence to numpy's `SeedSequence(seed)`.
-
-    Args:
-        sequence: (`SEQUENCE_WORDS`,) what to set.
-        words: (n,) the `seed_words` of the seed; those of a list of numbers for a list. Zeros may follow, up to 4.
-    """
+    """Set a sequence to numpy's `SeedSequence` of the `seed_words` of a seed or a list; zeros may follow, up to 4."""
     sequence[_POOL] = _MIX_BEGIN
     for place in range(_POOL):
         sequence[place] = _hashed(words[place] if place < len(words) else np.uint64(0), sequence)
@@ -107,13 +102,7 @@ def begin_sequence(sequence: WordArray, words: WordArray) -> None:
 
 @jit_no_alloc
 def spawn(child: WordArray, parent: WordArray, key: int) -> None:
-    """Set a sequence to the one whose spawn key is its parent's and one more number.
-
-    Args:
-        child: (`SEQUENCE_WORDS`,) what to set; may be the parent.
-        parent: (`SEQUENCE_WORDS`,) which stays as it is: it does not count its children, as numpy's do.
-        key: The number of the child, 0 or more.
-    """
+    """Set a sequence, which may be the parent, to the parent's child of a number, 0 or more."""
     for place in range(SEQUENCE_WORDS):
         child[place] = parent[place]
     word = np.uint64(key)
@@ -143,12 +132,7 @@ def draw_row(row: WordArray, sequence: WordArray, factor: np.uint64) -> np.uint6
 
 @jit_inline
 def draw_words(words: WordArray, sequence: WordArray) -> None:
-    """Write the words of numpy's `generate_state(n, np.uint64)`.
-
-    Args:
-        words: (n,) what to write.
-        sequence: (`SEQUENCE_WORDS`,) which stays as it is.
-    """
+    """Write (n,) the words of numpy's `generate_state(n, np.uint64)`."""
     draw_row(words, sequence, DRAW_BEGIN)
 
 
@@ -212,12 +196,7 @@ def next_double(generator: WordArray) -> float:
 
 @jit_no_alloc
 def seed_sfc64(generator: WordArray, sequence: WordArray) -> None:
-    """Set a generator to numpy's `SFC64(sequence)`.
-
-    Args:
-        generator: (`GENERATOR_WORDS`,) what to set.
-        sequence: The seed sequence.
-    """
+    """Set (`GENERATOR_WORDS`,) to numpy's `SFC64(sequence)`."""
     draw_words(generator[:3], sequence)
     generator[3] = _1
     generator[4:] = _0
@@ -227,12 +206,7 @@ def seed_sfc64(generator: WordArray, sequence: WordArray) -> None:
 
 @jit_no_alloc
 def seed_pcg64(generator: WordArray, sequence: WordArray) -> None:
-    """Set a generator to numpy's `PCG64(sequence)`, which is that of `default_rng(sequence)`.
-
-    Args:
-        generator: (`GENERATOR_WORDS`,) what to set.
-        sequence: The seed sequence.
-    """
+    """Set (`GENERATOR_WORDS`,) to numpy's `PCG64(sequence)`, which is that of `default_rng(sequence)`."""
     draw_words(generator[:4], sequence)
     generator[4:] = _0
     generator[_IS_PCG] = _1
@@ -283,13 +257,7 @@ def integer_between(low: int, high: int, generator: WordArray) -> int:
 
 @jit_no_alloc
 def choose(chosen: IntArray, among: IntArray, generator: WordArray) -> None:
-    """Write different random numbers from 0 to n - 1, as `Generator.choice(n, k, replace=False)` does.
-
-    Args:
-        chosen: (k,) what to write; k is at most n.
-        among: (n,) room for the numbers, whose contents are lost.
-        generator: What to draw from.
-    """
+    """Write (k,) different numbers below n, as `Generator.choice(n, k, replace=False)` does; among: (n,) room, lost."""
     count, numbers = len(chosen), len(among)
     if numbers > TAIL_LIMIT and count > numbers // TAIL_SHARE:
         for number in range(numbers):
@@ -317,10 +285,7 @@ def _settle_from(first: int, numbers: IntArray, generator: WordArray) -> None:
 
 
 def normal_tables() -> tuple[WordArray, FloatArray, FloatArray]:
-    """Return numpy's tables of the normal distribution, rounded to a float at each step as they were when made.
-
-    For each layer: the integer below which a draw is surely inside, the width of an integer, the height of the edge.
-    """
+    """Return numpy's tables by layer, rounded as when made: integers surely inside, their width, the edge's height."""
     with localcontext(prec=_DIGITS):
         edges, heights = np.empty(LAYERS), np.ones(LAYERS)
         edges[-1] = NORMAL_EDGE

@@ -1,9 +1,8 @@
 """Compilation with numba, cached on disk in such a way that no edit can leave stale code behind.
 
-numba alone compares only the file of the function that it caches: an edit of a helper in another file goes unnoticed.
-Here each set of sources has a cache folder of its own, named after their contents. Folders that have not been used for
-a month are removed. numba is loaded when the first function is compiled or called: who only reads users' files, which
-import kernels, needs no numba.
+numba alone compares only the file of the function that it caches. Here each set of sources has a cache folder of its
+own, named after their contents. numba is loaded when the first function is compiled or called: who only reads users'
+files, which import kernels, needs none.
 """
 
 import hashlib
@@ -48,11 +47,7 @@ def digest(contents: Iterable[bytes]) -> str:
 
 
 def kernel_files(room: str, package: Path = PACKAGE) -> list[Path]:
-    """Return all files that the kernels of a room depend on; a test makes sure that there are no others.
-
-    These are the files of the room, and of those in `SHARED`, which import this module, and `VALUE_FILES`. So an edit
-    of one room's kernels does not compile the other rooms'.
-    """
+    """Return all files that a room's kernels depend on, so that an edit of one room leaves the others' compiled."""
     rooms = sorted({*SHARED, room})
     values = [package / name for name in VALUE_FILES if "/" not in name or name.partition("/")[0] in rooms]
     sources = [path for each in rooms for path in sorted((package / each).rglob("*.py"))]
@@ -93,24 +88,15 @@ def bind(function: Any, **names: object) -> Any:
 
 
 def name_after(function: Any, contents_digest: str) -> Any:
-    """Name a function after the contents that it is compiled from, and return it.
-
-    numba finds compiled code by the function's name, the types of its arguments, and a number that counts the functions
-    of the process that compiled it. Two functions from the cache, of two processes, may have all three in common: one
-    of them would be called for the other.
-    """
+    """Name a function after its contents: by name, types and a count of functions, numba could take it for another."""
     function.__qualname__ = f"{function.__name__}_{contents_digest}"
     return function
 
 
 def compile_cached(function: Function, contents_digest: str, *, careful: bool, **options: object) -> Function:
-    """Return `function` compiled by numba, without fast-math and parallel loops: outcomes stay equal bit for bit.
+    """Return `function` compiled without fast-math and parallel loops, kept under the digest of all it depends on.
 
-    Args:
-        function: What to compile, when it is first called.
-        contents_digest: The `digest` of everything that the compiled code depends on; names the cache folder.
-        careful: Whether a division by 0 and an index out of bounds raise, as in Python; else they are undefined.
-        options: Further options of numba's `njit`.
+    If `careful`, a division by 0 and an index out of bounds raise, as in Python; else they are undefined.
     """
     from numba import config, njit
 
@@ -135,12 +121,6 @@ class Kernel:
     """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
 
     def __init__(self, function: Any, **options: object) -> None:
-        """Prepare to compile a function, when it is first called.
-
-        Args:
-            function: The function.
-            options: Those of numba's `njit`.
-        """
         self.function = function
         self.__doc__ = function.__doc__
         self._options = options
@@ -160,7 +140,6 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        """What numba takes it for when compiled code refers to it."""
         return self.part._numba_type_
 
     def __call__(self, *arguments: Any) -> Any:
@@ -174,10 +153,7 @@ def jit(function: Function) -> Function:
 
 
 def jit_no_alloc(function: Function) -> Function:
-    """Return a kernel that allocates no arrays: it is an error if it, or a function that it calls, does.
-
-    Without allocations there is no reference counting, which takes longer than the work of small kernels.
-    """
+    """Return a kernel that allocates no arrays, nor does what it calls: counting references takes long."""
     return cast(Function, Kernel(function, **WITHOUT_ALLOCATION))
 
 
@@ -187,10 +163,7 @@ def jit_inline(function: Function) -> Function:
 
 
 def compile_call(function: Any, contents_digest: str) -> Any:
-    """Compile a function (block, addresses, number), which other compiled code calls by its address.
-
-    A division by 0 and an index out of bounds raise, as in Python. See `native.call` and `native.function_address`.
-    """
+    """Compile a function (block, addresses, number) that other code calls by its address; errors are Python's."""
     from epuck_sim.util.native import ADDRESSES, BLOCK, INTP, is_recursive
 
     compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
@@ -201,11 +174,7 @@ def compile_call(function: Any, contents_digest: str) -> Any:
 
 
 def compile_kernel(kernel: Any, *further: Any) -> Any:
-    """Compile a kernel (block, addresses, ...), whose further arguments are of these types, before any clock runs.
-
-    Returns:
-        The compiled function.
-    """
+    """Compile a kernel (block, addresses, ...) with further arguments of these types, before any clock runs."""
     from epuck_sim.util.native import ADDRESSES, BLOCK
 
     compiled = kernel.for_python
@@ -216,12 +185,7 @@ def compile_kernel(kernel: Any, *further: Any) -> Any:
 
 @cache
 def address_of(kernel: Any, *further: Any) -> int:
-    """Return the address at which compiled code calls a kernel (block, addresses, ...); see `native.call`.
-
-    Args:
-        kernel: The kernel.
-        further: Types of its further arguments; one whole number if none are given.
-    """
+    """Return the address of a kernel (block, addresses, ...); types of further arguments: one whole number if none."""
     from epuck_sim.util.native import INTP, function_address
 
     return function_address(compile_kernel(kernel, *(further or (INTP,))))

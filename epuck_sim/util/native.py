@@ -1,11 +1,8 @@
 """What numba's public interface lacks: the one file of the package that imports its inside.
 
-Kernels are functions that are compiled for Python when Python calls them, and as parts of others when others do. numba
-makes machine code of every function, with everything that it calls inside: of what is called through eight others,
-eight times. A part of another kernel needs no machine code of its own, which saves a fifth of the time of compiling.
-
-Functions are called by addresses, which the caller takes from an array: code that calls a controller, or Chipmunk, is
-compiled once, and kept on disk, whatever it calls.
+numba makes machine code of every function, with everything that it calls inside: of what is called through eight
+others, eight times. A part of another kernel needs none of its own, which saves a fifth of the time of compiling.
+Functions are called by addresses from an array: code that calls a controller, or Chipmunk, is compiled once, and kept.
 """
 
 import hashlib
@@ -72,9 +69,7 @@ def _to_whole_number(context: Any, builder: Any, _from: Any, to: Any, value: Any
     return builder.fptosi(value, context.get_value_type(to))
 
 
-class _PartLibrary(JITCodeLibrary):
-    """The code of a function, to be linked into that of others, which is where it is optimised."""
-
+class _PartLibrary(JITCodeLibrary):  # linked into that of others, which is where it is optimised
     def _optimize_final_module(self) -> None:
         pass
 
@@ -83,9 +78,7 @@ class _PartLibrary(JITCodeLibrary):
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
-class _PartLowering(NativeLowering):
-    """numba's pass that makes machine code, which here stops before it does."""
-
+class _PartLowering(NativeLowering):  # stops before it makes machine code
     _name = "lowering_of_a_part"
 
     def run_pass(self, state: Any) -> bool:
@@ -103,8 +96,6 @@ class _PartLowering(NativeLowering):
 
 
 class _PartCompiler(CompilerBase):
-    """numba's compiler for parts of other functions."""
-
     def define_pipelines(self) -> list[Any]:
         """Return numba's passes, with `_PartLowering`."""
         manager: Any = DefaultPassBuilder.define_nopython_pipeline(self.state)
@@ -114,18 +105,13 @@ class _PartCompiler(CompilerBase):
 
 
 def compile_part(function: Any, **options: object) -> Any:
-    """Return a function that is compiled as part of others.
-
-    Args:
-        function: The function.
-        options: Those of numba's `njit`.
-    """
+    """Return a function that is compiled as part of others, by numba's `njit` with these options."""
     compiler: Any = njit
     return compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
 
 
 SHIPPED = Path(__file__).parents[1] / "compiled"
-"""Folder of the compiled code that comes with a release, laid out as a cache folder is: see `make dist`."""
+"""Folder of a release's compiled code, laid out as a cache folder is: see `make dist`."""
 
 
 def _compile_as_shipped() -> None:
@@ -144,11 +130,7 @@ _Files: Any = IndexDataCacheFile
 
 
 class _SealedFiles(_Files):  # type: ignore[misc]
-    """numba's files of compiled code, each with the digest of its contents at its end.
-
-    A file whose contents have changed is as good as none: what it held is compiled anew, and written again. numba alone
-    would unpickle and run whatever it finds.
-    """
+    """numba's files of compiled code with digests at their ends: what was changed is compiled anew, not unpickled."""
 
     def load(self, key: Any) -> Any:
         """Return compiled code from the user's cache, else what was shipped; None if there is neither."""
@@ -158,7 +140,7 @@ class _SealedFiles(_Files):  # type: ignore[misc]
         folder = Path(self._cache_path)
         name = folder.name.rpartition("_")[0]  # the rest stands for the path of the machine that compiled it
         for index in SHIPPED.glob(f"{folder.parent.name}/{name}_*/{self._index_name}"):
-            return _ShippedFiles(index.parent, index.stem, self._source_stamp).load(key)
+            return super(_SealedFiles, _SealedFiles(index.parent, index.stem, self._source_stamp)).load(key)
         return None
 
     def save(self, key: Any, data: Any) -> None:
@@ -185,12 +167,6 @@ class _SealedFiles(_Files):  # type: ignore[misc]
             contents = io.BytesIO()
             yield contents
             file.write(seal(contents.getvalue()))
-
-
-class _ShippedFiles(_SealedFiles):
-    """Files of compiled code that came with a release."""
-
-    load = _Files.load
 
 
 def seal(contents: bytes) -> bytes:
@@ -260,19 +236,13 @@ def is_recursive(function: Any) -> bool:
 
 
 def stay_portable() -> None:
-    """Leave out, from now on, all that makes code depend on this machine: for processes that compile for another one.
-
-    Nothing that such a process compiles may be kept on disk.
-    """
+    """Leave out from now on what makes code depend on this machine; nothing compiled then may be kept on disk."""
     for name in ("_optimize_functions", "_optimize_final_module"):
         setattr(JITCodeLibrary, name, lambda *_: None)
 
 
 def portable_module(part: Any, *arguments: Any) -> tuple[str, str]:
-    """Return what `compile_part` returns, and all that it calls, as text of LLVM, and its name there.
-
-    The process is to `stay_portable`.
-    """
+    """Return a part, with all that it calls, as text of LLVM, and its name there, after `stay_portable`."""
     part.compile(arguments)
     result = part.overloads[arguments]
     with global_compiler_lock:
@@ -287,18 +257,12 @@ def _takes(result: Any, kinds: Any) -> Any:
     return result(types.intp, types.Tuple(tuple(map(types.unliteral, kinds))))
 
 
-def _unpack(builder: Any, signature: Any, arguments: Any) -> tuple[Any, Any]:
-    """Return types and values of the arguments after the address."""
-    kinds = tuple(signature.args[1])
-    return kinds, cgutils.unpack_tuple(builder, arguments[1], len(kinds))
-
-
 def _call_compiled(result: Any) -> Any:
     """Return the generator of a call of a compiled function, which raises what that raises."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kinds, values = _unpack(builder, signature, arguments)
-        convention = context.call_conv
+        kinds, convention = tuple(signature.args[1]), context.call_conv
+        values = cgutils.unpack_tuple(builder, arguments[1], len(kinds))
         function = builder.inttoptr(arguments[0], convention.get_function_type(result, kinds).as_pointer())
         status, value = convention.call_function(builder, function, result, kinds, values)
         with cgutils.if_unlikely(builder, status.is_error):
@@ -306,18 +270,6 @@ def _call_compiled(result: Any) -> Any:
         return context.get_dummy_value() if result == types.void else value
 
     return generate
-
-
-@_intrinsic
-def call(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
-    """Call the compiled function at an address, which returns nothing."""
-    return _takes(types.void, arguments), _call_compiled(types.void)
-
-
-@_intrinsic
-def evaluate(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
-    """Return the float of the compiled function at an address."""
-    return _takes(types.float64, arguments), _call_compiled(types.float64)
 
 
 _POINTER = ir.IntType(8).as_pointer()
@@ -329,7 +281,7 @@ def _call_c(result: ir.Type) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         values = [
             value if isinstance(kind, types.Float) else builder.inttoptr(value, _POINTER)
-            for kind, value in zip(*_unpack(builder, signature, arguments), strict=True)
+            for kind, value in zip(signature.args[1], cgutils.unpack_tuple(builder, arguments[1]), strict=True)
         ]
         kind = ir.FunctionType(result, [value.type for value in values])
         returned = builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), values)
@@ -340,36 +292,41 @@ def _call_c(result: ir.Type) -> Any:
     return generate
 
 
-@_intrinsic
-def call_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
-    """Call the C function at an address, which returns nothing; a struct of doubles is given as doubles."""
-    return _takes(types.void, arguments), _call_c(ir.VoidType())
+def _vector_from_c(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """Generate a call of a C function that returns a struct of two doubles, which becomes a tuple."""
+    generate = _call_c(ir.LiteralStructType([ir.DoubleType(), ir.DoubleType()]))
+    returned = generate(context, builder, signature, arguments)
+    numbers = [builder.extract_value(returned, index) for index in range(2)]
+    return context.make_tuple(builder, signature.return_type, numbers)
 
 
-@_intrinsic
-def pointer_from_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
-    """Return the pointer that the C function at an address returns."""
-    return _takes(types.intp, arguments), _call_c(_POINTER)
+def _caller(result: Any, generate: Any) -> Any:
+    """Return what compiled code calls with an address and arguments, for the function there."""
+
+    @_intrinsic
+    def call_at(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
+        return _takes(result, arguments), generate
+
+    return call_at
 
 
-@_intrinsic
-def double_from_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
-    """Return the double that the C function at an address returns."""
-    return _takes(types.float64, arguments), _call_c(ir.DoubleType())
+call = _caller(types.void, _call_compiled(types.void))
+"""Calls the compiled function at an address, which returns nothing."""
 
+evaluate = _caller(types.float64, _call_compiled(types.float64))
+"""Returns the float of the compiled function at an address."""
 
-@_intrinsic
-def vector_from_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
-    """Return the struct of two doubles that the C function at an address returns, as a tuple."""
-    pair = ir.LiteralStructType([ir.DoubleType(), ir.DoubleType()])
-    kind = types.UniTuple(types.float64, 2)
-    generate = _call_c(pair)
+call_c = _caller(types.void, _call_c(ir.VoidType()))
+"""Calls the C function at an address, which returns nothing; a struct of doubles is given as doubles."""
 
-    def generate_tuple(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        returned = generate(context, builder, signature, arguments)
-        return context.make_tuple(builder, kind, [builder.extract_value(returned, index) for index in range(2)])
+pointer_from_c = _caller(types.intp, _call_c(_POINTER))
+"""Returns the pointer that the C function at an address returns."""
 
-    return _takes(kind, arguments), generate_tuple
+double_from_c = _caller(types.float64, _call_c(ir.DoubleType()))
+"""Returns the double that the C function at an address returns."""
+
+vector_from_c = _caller(types.UniTuple(types.float64, 2), _vector_from_c)
+"""Returns the struct of two doubles that the C function at an address returns, as a tuple."""
 
 
 def record_type(fields: list[tuple[Any, ...]]) -> np.dtype[Any]:
@@ -390,10 +347,7 @@ def _array_in(context: Any, builder: Any, kind: Any, data: Any, first: Any, end:
 
 @_intrinsic
 def array_at(context: Any, block: Any, first: Any, end: Any, dtype: Any) -> Any:  # noqa: ARG001
-    """Return part of a block of bytes as an array of some type, which does not own it: nothing counts references.
-
-    That is `block[first:end].view(dtype)`, which takes numba thirty times as long to compile.
-    """
+    """Return `block[first:end].view(dtype)`, not counted as a reference, and compiled thirty times as fast."""
     kind = types.Array(dtype.dtype, 1, "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -419,10 +373,10 @@ def row_at(context: Any, rows: Any, row: Any, length: Any) -> Any:  # noqa: ARG0
 
 @_intrinsic
 def carve(context: Any, block: Any, part: Any) -> Any:  # noqa: ARG001
-    """Return arrays of a block of bytes as a named tuple, which does not own them either.
+    """Return arrays of a block as a named tuple, which does not own them.
 
     The tuple's class, `part`, has `places`: of each field, the type of the array and the offset in the block of two
-    numbers, where the array begins and where it ends. A field without an offset is the record that begins the block.
+    numbers, where it begins and where it ends; None for the record that begins the block.
     """
     places = part.instance_class.places
     kinds = [from_dtype(dtype) if at is None else types.Array(from_dtype(dtype), 1, "C") for dtype, at in places]

@@ -8,9 +8,7 @@ import pytest
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.status import read_status
-from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
 from epuck_sim.util.messages import describe_error
 from tests.cli.commands import call, called, refused
 from tests.processes import COMMAND
@@ -121,10 +119,3 @@ def test_a_trace_may_have_a_name_that_is_not_utf_8(tmp_path) -> None:
         called("run", "pair", "--set", "stop.max_time_s=0.3", "--trace", tmp_path / name)
     first, second = ((tmp_path / name).read_bytes() for name in names)
     assert first == second
-
-
-def test_a_folder_without_trials_is_still_a_folder(tmp_path) -> None:
-    scenario = sweep({SPEED: SPEEDS})
-    with Store(tmp_path / "run", scenario, points(scenario)):
-        pass
-    assert read_status(tmp_path / "run").stored == 0

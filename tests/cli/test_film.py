@@ -9,10 +9,8 @@ import pytest
 
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import FilmWriter
-from epuck_sim.recording.reader import read_recording
 from tests.cli.commands import call, called, contents, refused, trials
 from tests.cli.films import frames_and_description, names, shut
-from tests.control.bench import with_step
 
 THREE = """
 name: three
@@ -65,13 +63,6 @@ def test_a_filmed_run_prints_the_same_and_writes_the_film(shelf, here) -> None:
     assert (description["scenario"], description["seed"], description["robots"]) == ("three", plain[0]["seed"], 3)
 
 
-def test_a_trial_is_filmed_recorded_and_traced_at_once_and_the_film_is_the_same(shelf, here) -> None:
-    called("run", shelf / "three.yaml", "--film", "t.mp4", "--record", "t.rrd", *POSES, "--trace", "t.parquet")
-    assert names(here) == ["t.mp4", "t.parquet", "t.rrd"]
-    assert (here / "t.mp4").read_bytes() == (shelf / "three.mp4").read_bytes()
-    assert read_recording(here / "t.rrd").seed == read_recording(shelf / "three.rrd").seed
-
-
 def test_several_trials_are_filmed_into_a_file_each(shelf, here) -> None:
     rows = trials(called("run", shelf / "three.yaml", "--trials", "2", "--seed", "7", "--json", "--film", "t.mp4"))
     assert names(here) == ["t-0.mp4", "t-1.mp4"]
@@ -88,15 +79,6 @@ def test_a_trial_of_a_sweep_can_be_filmed(here) -> None:
     description = frames_and_description("t.mp4")[1]
     assert description is not None
     assert description["seed"] == row["seed"]
-
-
-def test_where_a_trial_fails_an_older_film_stays_and_nothing_else(here) -> None:
-    (here / "bad.py").write_text(with_step("raise ValueError('never again')"))
-    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]\nstop: {max_time_s: 60}")
-    (here / "t.mp4").write_text("older")
-    before = contents(here)
-    assert "never again" in refused("run", "bad.yaml", "--interpret", "--film", "t.mp4")
-    assert contents(here) == before
 
 
 @pytest.mark.usefixtures("nothing_runs")
@@ -132,13 +114,6 @@ def test_settings_change_the_camera_and_nothing_else(shelf) -> None:
     assert changed is not None
     assert changed["overhead"] == described["overhead"] | {"light": "lit", "width_px": 200, "frames_per_s": 5}
     assert {**changed, "overhead": 0} == {**described, "overhead": 0}
-
-
-def test_a_film_is_written_over_an_older_one(shelf, here) -> None:
-    (here / "t.mp4").write_text("older")
-    called("film", shelf / "three.rrd", "t.mp4", "--set", "overhead.frames_per_s=1")
-    assert frames_and_description("t.mp4")[0]
-    assert names(here) == ["t.mp4"]
 
 
 def test_ctrl_c_leaves_an_older_film_and_nothing_half_written(shelf, here, monkeypatch) -> None:

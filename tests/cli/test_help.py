@@ -1,6 +1,8 @@
 """What the command tells of itself: help, completion, lists, and where it does not run."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 from typer.testing import CliRunner
@@ -66,3 +68,31 @@ def test_shells_complete_names(typed: str, completed: list[str]) -> None:
     environment = {"_EPUCK_SIM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(words - 1)}
     result = CliRunner().invoke(app, [], prog_name="epuck-sim", env=environment)
     assert result.stdout.split() == completed
+
+
+LOADED = """
+import sys
+from epuck_sim.cli.app import app
+for words, heavy in {table}:
+    try:
+        app(words.split())
+    except SystemExit as end:
+        assert not end.code
+    print("loaded", sorted(set(heavy) & sys.modules.keys()))
+"""
+
+
+def test_nothing_heavy_is_loaded_that_is_not_needed() -> None:
+    drawing = ["matplotlib", "pandas", "rerun", "rerun_sdk"]
+    light = [*drawing, "scipy", "numba", "numpy", "pyarrow", "pymunk", "yaml"]
+    helps = ("", "run", "replay", "export", "summarize", "plot", "fit", "new")
+    table = [*((f"{command} --help", light) for command in helps), ("list", drawing), ("run pair --json", drawing)]
+    script = LOADED.format(table=table)
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    loads = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
+    assert loads == ["loaded []"] * len(table)
+
+
+def test_running_loads_no_scipy_which_takes_a_while_and_does_not_end_well_when_interrupted() -> None:
+    script = "import sys\nimport epuck_sim.cli.trials, epuck_sim.sweep.checks\nprint('scipy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], capture_output=True, check=True).stdout == b"False\n"

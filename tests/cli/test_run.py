@@ -1,22 +1,17 @@
 """The command: what it prints, where, and how it ends."""
 
 import json
-import os
 import re
 import signal
-import subprocess
-import sys
 
 import pytest
 
 from epuck_sim import __version__, load_scenario
 from epuck_sim.cli import progress
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.trial.model import run_trial
 from epuck_sim.util import atomic_write
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, ROBOTS, SWEEPS, builtin_files
 from epuck_sim.util.messages import natural_order
-from tests.cli.commands import call, called, cells
+from tests.cli.commands import call, called
 from tests.processes import COMMAND, start, wait_until
 
 BAD_STEP = """
@@ -59,34 +54,6 @@ def test_the_seed_of_a_row_gives_the_same_trial_alone() -> None:
         assert {**alone, "wall_s": 0} == {**row, "wall_s": 0}
 
 
-def test_interpreted_is_the_same_trial() -> None:
-    (compiled,) = trials("thesis", "--seed", "3")
-    (interpreted,) = trials("thesis", "--seed", "3", "--interpret")
-    assert {**compiled, "wall_s": 0} == {**interpreted, "wall_s": 0}
-
-
-def test_any_whole_number_is_a_seed() -> None:
-    (row,) = trials("pair", "--seed", str(10**30))
-    assert row["seed"] == 10**30
-
-
-def test_the_scenario_says_how_many_trials_and_which_seed() -> None:
-    rows = trials("pair", "--set", "trials=2", "--set", "seed=9")
-    assert rows[0]["seed"] == 9
-    assert len(rows) == 2
-
-
-def test_the_table_shows_each_trial() -> None:
-    result = call("run", "thesis", "--trials", "2")
-    expected = run_trial(Simulation("thesis", 0))
-    lines = cells(result.stdout)
-    assert result.exit_code == 0
-    assert len(lines) == 2
-    assert lines[0][:2] == ["0", str(expected.t_sync_cycles)]
-    assert "censored no" in result.stdout
-    assert result.stdout.splitlines()[-1].startswith("T_sync of 2 trials: mean ")
-
-
 def test_a_censored_trial_says_so() -> None:
     result = call("run", "thesis", "--set", "stop.max_cycles=1", "--set", "stop.order_parameter=1")
     assert result.exit_code == 0
@@ -102,10 +69,6 @@ def test_list_names_arenas_and_controllers_a_line_each() -> None:
     assert names == [name for kind in kinds for name in kind]
     assert names.index("fig-5-3") < names.index("fig-5-10")
     assert all(len(line.split()) > 3 for line in lines if line.startswith("  "))
-
-
-def test_the_version_is_printed() -> None:
-    assert call("--version").stdout == f"epuck-sim {__version__}\n"
 
 
 @pytest.mark.parametrize("interpret", [[], ["--interpret"]])
@@ -165,18 +128,6 @@ def test_a_placement_that_fails_names_the_file(tmp_path) -> None:
         assert f"{scene}: scene: robots.0.count: is 60; no free place" in result.stderr
 
 
-def test_names_are_no_markup() -> None:
-    result = call("run", "pair", "--set", 'name="[/red]x"')
-    assert result.exit_code == 0
-    assert "[/red]x" in result.stdout
-
-
-def test_a_shipped_arena_is_not_hidden_by_a_file_of_its_name(tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "pair").touch()
-    assert call("check", "pair").exit_code == 0
-
-
 def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch) -> None:
     monkeypatch.setattr(progress, "LINE_S", 0.0)
     result = call("run", "pair", "--json")
@@ -218,27 +169,3 @@ def test_without_an_oscillator_and_a_limit_trials_end_after_ten_minutes_and_the_
     )
     for limit, simulated_s in {"max_time_s=700": 700, "max_time_s=600": 600, "max_cycles=130": 650}.items():
         assert json.loads(called(*wanders, "--set", limit))["simulated_s"] == simulated_s
-
-
-def test_help_waits_for_nothing_heavy() -> None:
-    script = (
-        "import sys\nfrom epuck_sim.cli.app import app\n"
-        "try: app(['run', '--help'])\nexcept SystemExit: pass\n"
-        "print(sorted({'numba', 'numpy', 'pymunk', 'pyarrow', 'yaml'} & sys.modules.keys()))"
-    )
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert result.stdout.splitlines()[-1] == "[]"
-
-
-def test_it_runs_from_any_folder_as_a_module(tmp_path) -> None:
-    result = subprocess.run(
-        [*COMMAND, "run", "pair", "--json"], cwd=tmp_path, capture_output=True, text=True, check=True, env=os.environ
-    )
-    assert json.loads(result.stdout)["scenario"] == "pair"
-    assert result.stderr == ""
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_running_loads_no_scipy_which_takes_a_while_and_does_not_end_well_when_interrupted() -> None:
-    script = "import sys\nimport epuck_sim.cli.trials, epuck_sim.sweep.checks\nprint('scipy' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", script], capture_output=True, check=True).stdout == b"False\n"

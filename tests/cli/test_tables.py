@@ -11,8 +11,7 @@ from rich.console import Console
 from epuck_sim.cli import progress as progress_module
 from epuck_sim.cli import tables
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar
-from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_failures, print_status
-from epuck_sim.display.html import in_words
+from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_status
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.runs.status import Failure, PointAtLimit, Status, TrialsByOrigin
 from epuck_sim.statistics.measured import Measured
@@ -61,74 +60,43 @@ def shown(clock: Clock, capsys, steps: list[tuple[float, SweepProgress]]) -> lis
 # Without a terminal
 
 
-def test_a_line_tells_trials_done_and_censored_per_minute_and_time_left(clock, capsys) -> None:
-    first = tally(0, before=100, censored=7)
-    last = shown(clock, capsys, [(0, first), (5, tally(1, 100, 7)), (65, tally(301, 100, 42))])[-1]
-    # the first trial, which waits for the workers to start, is no measure: 300 trials in a minute
-    assert last == "401 of 1000 trials, 42 censored, 300 a minute, 2 min left"
+@pytest.mark.parametrize(
+    ("steps", "lines"),
+    [
+        ([(20, tally(1))], ["1 of 1000 trials, 0 censored; starting workers"]),
+        # the first trial, which waits for the workers to start, is no measure, nor is what was stored before
+        (
+            [(0, tally(0, 100, 7)), (5, tally(1, 100, 7)), (65, tally(301, 100, 42))],
+            [
+                "100 of 1000 trials, 7 censored; starting workers",
+                "401 of 1000 trials, 42 censored, 300 a minute, 2 min left",
+            ],
+        ),
+        (
+            [(0, tally(1)), (60, tally(501, failed=100))],
+            [
+                "1 of 1000 trials, 0 censored; starting workers",
+                "401 of 1000 trials, 0 censored, 100 failed, 500 a minute, 60 s left",
+            ],
+        ),
+    ],
+)
+def test_a_line_tells_trials_done_censored_and_failed_per_minute_and_time_left(clock, capsys, steps, lines) -> None:
+    assert shown(clock, capsys, steps) == lines
 
 
-def test_at_first_workers_are_starting(clock, capsys) -> None:
-    assert shown(clock, capsys, [(0, tally(0))]) == ["0 of 1000 trials, 0 censored; starting workers"]
-
-
-def test_one_trial_is_no_measure_of_the_others(clock, capsys) -> None:
-    assert shown(clock, capsys, [(20, tally(1))]) == ["1 of 1000 trials, 0 censored; starting workers"]
-
-
-def test_failed_trials_are_reported_and_not_waited_for(clock, capsys) -> None:
-    (*_, last) = shown(clock, capsys, [(0, tally(1)), (60, tally(501, failed=100))])
-    assert last == "401 of 1000 trials, 0 censored, 100 failed, 500 a minute, 60 s left"
-
-
-def test_what_was_stored_before_does_not_count_as_speed(clock, capsys) -> None:
-    (*_, last) = shown(clock, capsys, [(0, tally(1, before=898)), (60, tally(11, before=898))])
-    assert last == "909 of 1000 trials, 0 censored, 10 a minute, 9 min left"
-
-
-def test_lines_come_no_more_often_than_they_should(clock, capsys) -> None:
-    tenths = [(number / 10, tally(number)) for number in range(600)]
-    lines = shown(clock, capsys, tenths)
-    assert len(lines) == 60 / LINE_S
-    assert [int(line.split()[0]) for line in lines] == [*range(0, 600, round(10 * LINE_S))]
-
-
-def test_after_a_pause_there_is_one_line_not_many(clock, capsys) -> None:
-    steps = [(0, tally(0)), (95, tally(1)), (95.1, tally(2)), (104.9, tally(3)), (105.1, tally(4))]
-    assert [line.split()[0] for line in shown(clock, capsys, steps)] == ["0", "1", "4"]
-
-
-@pytest.mark.parametrize("pause_s", [0.0, 3.0])
-def test_the_pause_is_a_constant_of_the_module(clock, capsys, monkeypatch, pause_s: float) -> None:
-    monkeypatch.setattr(progress_module, "LINE_S", pause_s)
-    lines = shown(clock, capsys, [(number, tally(number)) for number in range(12)])
-    assert len(lines) == (12 if pause_s == 0 else 4)
-
-
-def test_the_last_trial_is_always_reported(clock, capsys) -> None:
-    lines = shown(clock, capsys, [(0, tally(998)), (0.1, tally(999)), (0.2, tally(1000))])
-    assert [line.split()[0] for line in lines] == ["998", "1000"]
-    assert lines[-1].endswith(" 0 s left")
-
-
-def test_the_last_trial_is_reported_even_if_some_have_failed(clock, capsys) -> None:
-    lines = shown(clock, capsys, [(0, tally(998, failed=1)), (0.2, tally(1000, failed=2))])
-    assert lines[-1].startswith("998 of 1000 trials, 0 censored, 2 failed")
-
-
-def test_trials_that_end_at_one_moment_are_no_trouble(clock, capsys) -> None:
-    lines = shown(clock, capsys, [(0, tally(0)), (10, tally(1)), (10, tally(500)), (10, tally(1000))])
-    assert lines[-1].startswith("1000 of 1000 trials, 0 censored, ")
-    assert lines[-1].endswith(" a minute, 0 s left")
-
-
-@pytest.mark.usefixtures("clock")
-def test_progress_keeps_the_last_tally_also_when_it_shows_none() -> None:
-    progress = SweepProgressBar()
-    assert progress.progress is None
-    for number in range(3):
-        progress(tally(number))
-    assert progress.progress == tally(2)
+@pytest.mark.parametrize(
+    ("steps", "told"),
+    [
+        ([(number / 10, tally(number)) for number in range(600)], [*range(0, 600, round(10 * LINE_S))]),
+        ([(0, tally(0)), (95, tally(1)), (95.1, tally(2)), (104.9, tally(3)), (105.1, tally(4))], [0, 1, 4]),
+        ([(0, tally(998, failed=1)), (0.1, tally(999, failed=1)), (0.2, tally(1000, failed=2))], [997, 998]),
+        ([(0, tally(0)), (10, tally(1)), (10, tally(500)), (10, tally(1000))], [0, 1, 1000]),
+    ],
+    ids=["now and then", "once after a pause", "the last always", "at one moment"],
+)
+def test_lines_come_no_more_often_than_they_should_and_the_last_always(clock, capsys, steps, told) -> None:
+    assert [int(line.split()[0]) for line in shown(clock, capsys, steps)] == told
 
 
 def stopped() -> None:
@@ -136,12 +104,6 @@ def stopped() -> None:
     with SweepProgressBar() as progress:
         progress(tally(1))
         raise KeyboardInterrupt
-
-
-@pytest.mark.usefixtures("clock")
-def test_ctrl_c_goes_through() -> None:
-    with pytest.raises(KeyboardInterrupt):
-        stopped()
 
 
 # On a terminal
@@ -165,15 +127,6 @@ def last_of(written: StringIO) -> str:
     return re.sub(r"\x1b\[[?\d]*[a-zA-Z]", "", last).strip()
 
 
-def test_on_a_terminal_there_is_a_bar_with_the_same_words(clock, capsys, monkeypatch) -> None:
-    written = on_terminal(monkeypatch)
-    steps = [(0, tally(0)), (5, tally(1)), (65, tally(501, censored=3))]
-    assert shown(clock, capsys, steps) == []
-    last = last_of(written)
-    assert "━" in last
-    assert last.endswith("501 of 1000 trials, 3 censored, 500 a minute, 60 s left")
-
-
 @pytest.mark.usefixtures("clock")
 def test_the_bar_grows_with_trials_that_have_ended_one_way_or_the_other(capsys, monkeypatch) -> None:
     def bar_at(ended: int, failed: int) -> tuple[float, float]:
@@ -188,22 +141,11 @@ def test_the_bar_grows_with_trials_that_have_ended_one_way_or_the_other(capsys, 
     assert capsys.readouterr() == ("", "")
 
 
-def test_the_bar_moves_more_often_than_a_log_has_lines_but_not_with_every_trial(clock, monkeypatch) -> None:
-    updates = []
-    on_terminal(monkeypatch)
-    began = clock.now
-    with SweepProgressBar() as progress:
-        monkeypatch.setattr(progress._bar, "refresh", lambda: updates.append(clock.now))
-        for number in range(1000):
-            clock.now = began + number / 100
-            progress(tally(number))
-    assert 10 * 10 / LINE_S < len(updates) < 100
-
-
-@pytest.mark.parametrize("width", [80, 60])
-def test_on_a_narrow_terminal_the_words_stay_whole(clock, capsys, monkeypatch, width: int) -> None:
+@pytest.mark.parametrize("width", [120, 60])
+def test_on_a_terminal_there_is_a_bar_with_the_same_words_which_stay_whole(clock, capsys, monkeypatch, width) -> None:
     written = on_terminal(monkeypatch, width)
-    shown(clock, capsys, [(0, tally(0)), (5, tally(1)), (65, tally(501, censored=3))])
+    assert shown(clock, capsys, [(0, tally(0)), (5, tally(1)), (65, tally(501, censored=3))]) == []
+    assert "━" in last_of(written)
     assert last_of(written).endswith("501 of 1000 trials, 3 censored, 500 a minute, 60 s left")
 
 
@@ -216,25 +158,6 @@ def test_after_ctrl_c_the_terminal_has_its_cursor_again(monkeypatch) -> None:
 
 
 # Words
-
-
-@pytest.mark.parametrize(
-    ("seconds", "words"),
-    [
-        (0, "0 s"),
-        (0.4, "0 s"),
-        (42, "42 s"),
-        (89.4, "89 s"),
-        (95, "2 min"),
-        (200, "3 min"),
-        (5399, "90 min"),
-        (5400, "1.5 h"),
-        (20_000, "5.6 h"),
-        (1e6, "277.8 h"),
-    ],
-)
-def test_times_are_written_as_people_do(seconds: float, words: str) -> None:
-    assert in_words(seconds) == words
 
 
 # What a folder holds
@@ -262,26 +185,16 @@ def status(**changes) -> Status:
     )._replace(**changes)
 
 
-def test_the_status_tells_points_trials_time_and_what_made_them(capsys) -> None:
-    print_status(status(), as_json=False)
-    assert capsys.readouterr() == (
-        "fig-4-2a: 100 points, 1234 of 20000 trials have a result\n"
-        "  censored: 56; failed: 0; computing time: 2.0 h\n"
-        f"  1000 trials: {MADE_BY}, host a\n"
-        f"  234 trials: {MADE_BY}, host b\n",
-        "",
-    )
-
-
-def test_the_status_names_the_process_at_work_and_the_failures(capsys) -> None:
-    print_status(status(at_work="process 5 on here", failed=failures(2)), as_json=False)
-    assert capsys.readouterr().out.splitlines()[1:] == [
-        "  censored: 56; failed: 2; computing time: 2.0 h",
+def test_the_status_tells_points_trials_time_what_made_them_who_is_at_work_and_the_first_failures(capsys) -> None:
+    print_status(status(at_work="process 5 on here", failed=failures(MOST_LISTED + 5)), as_json=False)
+    assert capsys.readouterr().out.splitlines() == [
+        "fig-4-2a: 100 points, 1234 of 20000 trials have a result",
+        "  censored: 56; failed: 15; computing time: 2.0 h",
         f"  1000 trials: {MADE_BY}, host a",
         f"  234 trials: {MADE_BY}, host b",
         "  process 5 on here is at work on it",
-        "  failed: --point 0 --trial 0: ValueError: 0",
-        "  failed: --point 1 --trial 3: ValueError: 1",
+        *(f"  failed: --point {n} --trial {3 * n}: ValueError: {n}" for n in range(MOST_LISTED)),
+        "  and 5 more",
     ]
 
 
@@ -297,21 +210,6 @@ def test_the_status_as_json_has_all_failures_and_every_field(capsys) -> None:
     assert read["at_limit"] == [{"point": 3, "axes": {"coupling": 0.1}, "trials": 20}]
     lists = {"failed": None, "versions": None, "at_limit": None}
     assert {**read, **lists} == {**given._asdict(), **lists}
-
-
-@pytest.mark.parametrize("count", [0, 1, MOST_LISTED - 1, MOST_LISTED])
-def test_up_to_some_failures_all_are_listed(capsys, count: int) -> None:
-    print_failures(failures(count))
-    lines = capsys.readouterr().out.splitlines()
-    assert lines == [f"  failed: --point {n} --trial {3 * n}: ValueError: {n}" for n in range(count)]
-
-
-@pytest.mark.parametrize("more", [1, 500])
-def test_of_more_failures_the_first_are_listed_and_the_others_counted(capsys, more: int) -> None:
-    print_failures(failures(MOST_LISTED + more))
-    *listed, last = capsys.readouterr().out.splitlines()
-    assert listed == [f"  failed: --point {n} --trial {3 * n}: ValueError: {n}" for n in range(MOST_LISTED)]
-    assert last == f"  and {more} more"
 
 
 WHAT_TO_DO = "; go on, or take another limit in a new folder: --set stop.max_cycles=N"

@@ -16,12 +16,10 @@ import pytest
 
 from epuck_sim.cli.tables import NAMES_WIDTH
 from epuck_sim.overhead import live, track
-from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import Film, open_film
-from tests.cli.commands import call, called, contents, refused
+from tests.cli.commands import call, called, refused
 from tests.cli.films import frames_and_description, names, shut
 from tests.overhead.films import PLACES, described, even, in_step, read_rings, save, shoot
-from tests.overhead.small_films import cut_off
 from tests.processes import COMMAND, start, wait_until
 
 SIDE_PX = 160
@@ -33,15 +31,7 @@ FLOOR = "5,5,154,5,154,154,5,154"
 
 KEYS = {
     *("film", "frames", "fps", "duration_s", "start_s", "calibration", "period_s", "flash_ms", "threshold_ms"),
-    *(
-        "estimated",
-        "robots_seen",
-        "flashes_per_period",
-        "histogram_s",
-        "histogram_periods",
-        "t_sync_cycles",
-        "warnings",
-    ),
+    *("estimated", "robots_seen", "flashes_per_period", "histogram_s", "histogram_periods", "t_sync_cycles"),
     *("versions", "confidence", "reasons", "rings_outside", "always_lit", "position_error_mm"),
     *("t_sync_s", "t_sync_periods", "warnings"),
 }
@@ -53,11 +43,6 @@ def tracked(film: str | Path, *options: str | Path) -> dict[str, Any]:
     return json.loads(called("track", film, "--json", *options))
 
 
-def dark(count: int) -> list[Frame]:
-    """Return frames in which no ring is lit."""
-    return [Frame(number / 30, np.zeros((SIDE_PX, SIDE_PX, 3), np.uint8)) for number in range(count)]
-
-
 @pytest.fixture(scope="module")
 def shelf(tmp_path_factory) -> Path:
     """Return a folder of films that no test changes, of robots that flash together from 2 s on."""
@@ -65,8 +50,6 @@ def shelf(tmp_path_factory) -> Path:
     frames = shoot(TIMES, in_step(TIMES, ROBOTS), **SIZE)
     save(folder / "swarm.mp4", frames)
     save(folder / "described.mp4", frames[:102], described(**SIZE) | {"robots": ROBOTS})
-    save(folder / "lit_start.mp4", shoot(even(5), in_step(even(5), ROBOTS), lit_until_s=1.0, **SIZE))
-    save(folder / "dark.mp4", dark(30))
     return folder
 
 
@@ -125,14 +108,6 @@ def test_the_description_of_our_films_replaces_options(shelf) -> None:
     assert result.stderr.endswith(f" flashes per period, but there are {ROBOTS} robots\n")
 
 
-def test_a_film_that_begins_in_the_light_gives_corners_and_start(shelf) -> None:
-    found = tracked(shelf / "lit_start.mp4")
-    assert found["calibration"] == "the floor's corners in the lit beginning"
-    assert found["start_s"] == pytest.approx(1, abs=0.05)
-    assert found["histogram_s"] == pytest.approx(1.55, abs=0.05)
-    assert found["duration_s"] == pytest.approx(4, abs=0.1)
-
-
 def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, here) -> None:
     shutil.copy(shelf / "swarm.mp4", here)
     before = (here / "swarm.mp4").read_bytes()
@@ -141,9 +116,6 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, here) -> 
     assert names(here) == ["a.mp4", "p.csv", "p.png", "r.csv", "swarm.mp4"]
     assert (here / "swarm.mp4").read_bytes() == before
 
-    figure = cv2.imread("p.png")
-    assert figure is not None
-    assert figure.std() > 10
     with (here / "p.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [*rows[0]] == ["time_s", "periods", "count", "spread_ms"]
@@ -156,10 +128,9 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, here) -> 
     assert np.median(off_cm) < 0.8  # two pixels: nothing but the rings' size tells the scale
     assert max(ring["time_s"] for ring in rings) > 3.5
 
-    (frames, _), (annotated, description) = frames_and_description("swarm.mp4"), frames_and_description("a.mp4")
-    assert [frame.time_s for frame in annotated] == pytest.approx([frame.time_s for frame in frames], abs=1e-4)
-    assert annotated[0].picture.shape[0] > frames[0].picture.shape[0]
-    assert annotated[0].picture.shape[1] == frames[0].picture.shape[1]
+    annotated, description = frames_and_description("a.mp4")
+    assert [frame.time_s for frame in annotated] == pytest.approx(TIMES, abs=1e-4)
+    assert annotated[0].picture.shape[0] > annotated[0].picture.shape[1] == SIDE_PX
     assert description is None  # it is no film that a camera took
 
 
@@ -185,7 +156,7 @@ def test_tags_tell_who_is_who(here) -> None:
     frames = shoot(TIMES, in_step(TIMES, ROBOTS), **overhead)
     save(here / "tagged.mp4", frames[5:], described(**overhead) | {"robots": ROBOTS})
     result = call("track", "tagged.mp4", "--json", "--tags", f"4X4_50:0-{ROBOTS - 1}", "--trace", "trace.csv")
-    assert "of the light is of no ring" in result.stderr  # in so small a film that of the tags, which move
+    assert result.stderr == ""  # white paper is no light
     found = json.loads(result.stdout)
     assert (found["identities"]["by"], found["identities"]["robots"]) == ("tags", [*range(ROBOTS)])
     assert found["identities"]["warnings"] == []
@@ -194,6 +165,11 @@ def test_tags_tell_who_is_who(here) -> None:
     for row in rows:
         assert np.hypot(*(PLACES[int(row["robot"])] - (float(row["x_cm"]), float(row["y_cm"])))) < 0.5
         assert abs(float(row["heading_rad"])) < 0.15
+    lamp = [frame._replace(picture=frame.picture.copy()) for frame in frames[5:]]
+    for frame in lamp[30::4]:
+        cv2.circle(frame.picture, (250, 160), 25, (255, 255, 255), -1)
+    save(here / "lamp.mp4", lamp, described(**overhead) | {"robots": ROBOTS})
+    assert "of the light is of no ring" in call("track", "lamp.mp4", "--tags", "4X4_50").stderr
     assert "tagged.mp4: no tag is read, or all are seen twice; check the dictionary" in refused(
         "track", "tagged.mp4", "--tags", "5X5_50"
     )
@@ -222,42 +198,6 @@ def test_geometry_that_is_given_places_the_rings(shelf, here) -> None:
         assert aside["y_cm"] == pytest.approx(here_["y_cm"], abs=0.05)
 
 
-def test_corners_may_come_in_any_order_and_with_spaces(shelf) -> None:
-    turned = ", ".join((FLOOR.split(",") * 2)[4:12])
-    assert tracked(shelf / "swarm.mp4", "--corners", turned) == tracked(shelf / "swarm.mp4", "--corners", FLOOR)
-
-
-@pytest.mark.usefixtures("here")
-def test_numbered_pictures_are_tracked_and_their_rate_is_doubted(shelf) -> None:
-    for number, frame in enumerate(frames_and_description(shelf / "swarm.mp4")[0]):
-        cv2.imwrite(f"frame_{number:04d}.png", frame.picture[..., ::-1])
-    result = call("track", "frame_%04d.png", "--json")
-    assert result.exit_code == 0
-    assert result.stderr.startswith("warning: numbered pictures have no times: 25 frames per second are assumed")
-    found = json.loads(result.stdout)
-    assert (found["frames"], found["robots_seen"]) == (120, ROBOTS)
-    assert found["warnings"] == [result.stderr.removeprefix("warning: ").strip()]
-
-
-@pytest.mark.parametrize("form", [[], ["--json"]])
-def test_a_wrong_number_of_robots_is_a_warning(shelf, form: list[str]) -> None:
-    result = call("track", shelf / "swarm.mp4", "--robots", 3, *form)
-    assert result.exit_code == 0
-    assert result.stderr.startswith("warning: 4 rings were lit at once, but there are 3 robots")
-    assert result.stderr.count("\n") == 1
-    assert result.stdout
-
-
-def test_a_film_that_was_cut_off_is_tracked_to_where_it_ends(shelf, here) -> None:
-    shutil.copy(shelf / "swarm.mp4", here)
-    cut_off(here / "swarm.mp4", 0.8)
-    result = call("track", "swarm.mp4", "--json", "--period-s", "1")
-    assert result.exit_code == 0
-    assert result.stderr.startswith("warning: the film ends early: ")
-    assert " of 4.0 s could be read; the file was cut off" in result.stderr
-    assert json.loads(result.stdout)["frames"] < 120
-
-
 def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkeypatch) -> None:
     @contextmanager
     def plugged_in(number: int, _: object) -> Iterator[Film]:
@@ -280,44 +220,17 @@ def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkey
 
 
 @pytest.mark.usefixtures("nothing_runs")
-@pytest.mark.parametrize("option", ["--plot shut/t.png", "--rings shut/t.csv", "--annotate shut/t.mp4"])
-def test_a_folder_without_permission_is_refused(shelf, here, monkeypatch, option: str) -> None:
+def test_a_folder_without_permission_is_refused(shelf, here, monkeypatch) -> None:
     shut(monkeypatch, here / "shut")
-    stderr = refused("track", shelf / "swarm.mp4", *option.split())
+    stderr = refused("track", shelf / "swarm.mp4", "--rings", "shut/t.csv")
     assert "cannot be written: no permission to write in shut" in stderr
 
 
-def test_what_is_no_film_of_a_swarm_is_refused(shelf, here) -> None:
-    shutil.copy(shelf / "dark.mp4", here)
-    before = contents(here)
-    outputs = ("--json", "--plot", "p.png", "--rings", "r.csv", "--annotate", "a.mp4")
-    message = "dark.mp4: no lit ring is seen; is it the right film, and is the exposure long"
-    assert message in refused("track", "dark.mp4", *outputs)
-    assert contents(here) == before
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ("--corners 10,10,100,10,40,40,10,100", "these are not the corners of a convex quadrilateral"),
-        ("--corners 10,10,150,10,150,400,10,150", "a corner is far outside of the picture of 160 x 160 px"),
-        ("--corners 10,10,20,10,20,20,10,20", "the shortest side is 10 px; allowed: at least 16 px"),
-    ],
-)
-def test_corners_where_no_floor_can_be_are_refused(shelf, here, options: str, message: str) -> None:
-    stderr = refused("track", shelf / "swarm.mp4", *options.split(), "--rings", "r.csv")
-    assert stderr.startswith("error: --corners 10,10")
-    assert message in stderr
+def test_corners_where_no_floor_can_be_are_refused(shelf, here) -> None:
+    corners = "10,10,150,10,150,400,10,150"
+    stderr = refused("track", shelf / "swarm.mp4", "--corners", corners, "--rings", "r.csv")
+    assert stderr.startswith(f"error: --corners {corners}: a corner is far outside of the picture of 160 x 160 px")
     assert names(here) == []
-
-
-def test_a_period_that_the_film_does_not_tell_has_to_be_given(shelf, here) -> None:
-    frames = frames_and_description(shelf / "swarm.mp4")[0]
-    save(here / "short.mp4", frames[60:90])
-    stderr = refused("track", "short.mp4", "--plot", "p.png", "--rings", "r.csv", "--annotate", "a.mp4")
-    assert stderr.startswith("error: short.mp4: the period cannot be estimated from 0.967 s of film")
-    assert stderr.endswith("give --period-s\n")
-    assert tracked("short.mp4", "--period-s", "1")["period_s"] == 1
 
 
 # Ctrl-C

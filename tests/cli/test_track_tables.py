@@ -17,33 +17,21 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.camera import Frame
 from tests.overhead.films import TRACK
 
-NEVER = TRACK._replace(
-    **dict.fromkeys(("t_sync_s", "t_sync_periods", "t_sync_cycles", "histogram_s", "histogram_periods")),
-    estimated=(),
-)
 
-
-@pytest.mark.parametrize(
-    ("text", "sides"),
-    [
-        ("60", (60, 60)),
-        ("60x100", (60, 100)),
-        (" 60 x 100.5 ", (60, 100.5)),
-        ("1", (1, 1)),
-        ("1000000x1", (1e6, 1)),
-        ("60.25", (60.25, 60.25)),
-    ],
-)
+@pytest.mark.parametrize(("text", "sides"), [("60", (60, 60)), (" 60 x 100.5 ", (60, 100.5)), ("1000000x1", (1e6, 1))])
 def test_arena_is_read(text: str, sides: tuple[float, float]) -> None:
     assert parse_arena(text) == sides
 
 
 @pytest.mark.parametrize(
-    "text", ["", "x", "60x", "x60", "0.5", "60x0", "-60", "60x100x20", "60,100", "nan", "inf", "1e3", "1000001", "٦٠"]
+    "text", ["", "60x", "x60", "0.5", "60x0", "-60", "60x100x20", "60,100", "nan", "1e3", "1000001", "٦٠"]
 )
 def test_no_arena_is_refused(text: str) -> None:
     with pytest.raises(FilmError, match=r"^--arena-cm is .*; allowed: .*60x100"):
         parse_arena(text)
+
+
+FRAMES = [Frame(number / 2, np.zeros((2, 2, 3), np.uint8)) for number in range(5)]
 
 
 @given(st.lists(st.integers(0, 9999).map(lambda tenths: tenths / 10), min_size=8, max_size=8))
@@ -71,25 +59,6 @@ def test_json_is_one_line_that_any_program_reads(capsys: pytest.CaptureFixture[s
     assert (printed["histogram_s"], printed["warnings"], printed["estimated"]) == (2.55, ["odd"], ["period_s"])
 
 
-def test_table_has_all_results(capsys: pytest.CaptureFixture[str]) -> None:
-    print_track(TRACK)
-    text = capsys.readouterr().out
-    for words in (
-        *("film.mp4", "240 at 29.97 per second", "from 2.0 s, for 8.0 s", "somewhere", "1 s, estimated", "100 ms"),
-        *("6 at once, 6.0 flashes per period", "32 ms\n", "3.4 cycles, 2.5 s", "2.5 periods, 2.5 s"),
-    ):
-        assert words in text
-    assert "32 ms, estimated" not in text
-
-
-def test_table_of_a_swarm_that_never_synchronised(capsys: pytest.CaptureFixture[str]) -> None:
-    print_track(NEVER)
-    text = capsys.readouterr().out
-    assert "never" in text
-    assert "flashes until then" not in text
-    assert "estimated" not in text
-
-
 def test_t_sync_comes_first_and_the_table_fits_a_screen(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -103,31 +72,28 @@ def test_t_sync_comes_first_and_the_table_fits_a_screen(
     assert max(map(len, lines)) <= 80
 
 
-def test_name_of_a_film_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
-    print_track(TRACK._replace(film="[bold]swarm[/bold] [/].mp4"))
-    assert "[bold]swarm[/bold] [/].mp4" in capsys.readouterr().out
+def test_a_swarm_that_never_synchronised_in_a_film_whose_name_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
+    print_track(TRACK._replace(film="[bold]swarm[/bold] [/].mp4", t_sync_s=None, histogram_s=None, estimated=()))
+    text = capsys.readouterr().out
+    assert "[bold]swarm[/bold] [/].mp4" in text
+    assert "never" in text
+    assert "by the histogram" not in text
+    assert "estimated" not in text
 
 
-FRAMES = [Frame(number / 2, np.zeros((2, 2, 3), np.uint8)) for number in range(5)]
-
-
-@pytest.mark.parametrize("duration_s", [None, 2.0, 0.5])
 @pytest.mark.parametrize("is_terminal", [True, False])
 def test_frames_are_passed_on_as_they_come(
-    duration_s: float | None, is_terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    is_terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def console(**options: Any) -> Console:
         return Console(**options, force_terminal=is_terminal)
 
     monkeypatch.setattr(progress_module, "Console", console)
-    assert list(progress_bar("tracking")(iter(FRAMES), duration_s)) == FRAMES
+    frames = iter(FRAMES)
+    passed = progress_bar("tracking")(frames, 2.0)
+    assert next(iter(passed)) is FRAMES[0]
+    assert next(frames) is FRAMES[1]  # one at a time
+    assert list(passed) == FRAMES[2:]
     shown = capsys.readouterr()
     assert shown.out == ""
     assert ("tracking" in shown.err) == ("2 s of film" in shown.err) == is_terminal
-
-
-def test_frames_are_asked_for_one_at_a_time() -> None:
-    source = iter(FRAMES)
-    frames = progress_bar("tracking")(source, 2.0)
-    assert next(iter(frames)) is FRAMES[0]
-    assert next(source) is FRAMES[1]

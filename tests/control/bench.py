@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from epuck_sim.control.interface import EPUCK_WHEELS, Controller, Sensors
+from epuck_sim.control.interface import EPUCK_WHEELS, Controller
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
 from epuck_sim.embodied.swarm import SENSED, make_block, open_block
@@ -50,7 +50,6 @@ class Bench:
         interpret: bool = True,
         start: bool = True,
     ) -> None:
-        """given: parameters of all robots; start: whether controllers have been started."""
         if isinstance(controller, str):
             controller = find_controller(controller)
         self._step_ms = step_ms
@@ -86,7 +85,6 @@ class Bench:
         self.senses.new_picture[:] = chance.random(robots) < 0.7
 
     def sense_like(self, other: "Bench") -> None:
-        """Have each robot sense what another bench's robots do."""
         for name, readings in vars(other.senses).items():
             vars(self.senses)[name][:] = readings
 
@@ -96,7 +94,6 @@ class Bench:
 
 
 def write_controller(path: Path, text: str) -> Controller:
-    """Write a controller's file and return what it describes."""
     write_soon_after(path, text)
     return find_controller(str(path))
 
@@ -118,27 +115,11 @@ def with_step(line: str, **assignments: str) -> str:
 
 
 def function(name: str, controller: str) -> Any:
-    """Return a function of a shipped controller's file."""
     return find_controller(controller).step.__globals__[name]
 
 
 def settings(controller: str, **given: Value) -> SimpleNamespace:
-    """Return a controller's parameters as its functions read them."""
     return SimpleNamespace(**find_controller(controller).resolve(given))
-
-
-def sensors(
-    step_ms: int = 100,
-    distance_mm: Mapping[int, int] | None = None,
-    red: int = 0,
-    pixels: int = 60,
-    new_picture: bool = True,
-) -> Sensors:
-    """Return what a robot senses: distances by the sensor's number, and so many red pixels."""
-    distances = np.full(8, OUT_OF_RANGE_MM)
-    for sensor, distance in (distance_mm or {}).items():
-        distances[sensor] = distance
-    return Sensors(step_ms, np.zeros(8), distances, (np.arange(pixels) < red).astype(np.uint8), new_picture)
 
 
 def random_distances(chance: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:

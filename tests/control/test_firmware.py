@@ -21,7 +21,6 @@ pytestmark = needs_compiler
 
 FIREFLY = Path(__file__).parents[1] / "controllers" / "firmware" / "firefly.c"
 
-EMPTY_C = "#include <epuck.h>\nvoid start(void) {}\nvoid step(void) { {} }\n"
 
 MODES = pytest.mark.parametrize("interpret", [True, False], ids=["called by Python", "called by compiled code"])
 
@@ -43,44 +42,28 @@ def test_the_firefly_in_c_has_the_parameters_and_the_memory_of_the_one_in_python
     assert firmware.is_oscillator
 
 
-WORLDS = {
-    "thesis": {},
-    "slow": {"robots.0.parameters.speed_cm_s": 0.05, "robots.0.parameters.rotation_speed_cm_s": 12.7},
-    "robots": {
-        "robots.0.parameters.delay_ms": 62,
-        "robots.0.parameters.flash_pixels": 2,
-        "robots.0.parameters.once_per_sighting": True,
-        "robots.0.camera.frames_per_s": 8,
-        "robots.0.camera.latency_ms": 100,
-        "timing.control_hz": 40,
-        "timing.physics_hz": 200,
-        "spread.clock_rate": 0.01,
-    },
-    "low threshold": {
-        "robots.0.parameters.proximity_threshold": 40,
-        "robots.0.parameters.proximity_count_threshold": 0,
-        "robots.0.parameters.coupling": 0.37,
-        "robots.0.camera.pixels": 300,
-    },
-}
+ROBOTS = """\
+robots.0.parameters: {delay_ms: 62, flash_pixels: 2, once_per_sighting: true, coupling: 0.37}
+robots.0.camera: {frames_per_s: 8, latency_ms: 100, pixels: 300}
+timing: {control_hz: 40, physics_hz: 200}
+spread.clock_rate: 0.01
+"""
 
 
 @MODES
-@pytest.mark.parametrize("world", WORLDS)
-def test_a_swarm_of_fireflies_in_c_is_that_in_python_to_the_bit(world, interpret):
+@pytest.mark.parametrize("settings", ["", ROBOTS], ids=["thesis", "robots"])
+def test_a_swarm_of_fireflies_in_c_is_that_in_python_to_the_bit(settings, interpret):
     """Appendix B, and Algorithms 1 and 2: all that robots remember, command, and do."""
-    settings = [f"{key}={value}" for key, value in WORLDS[world].items()]
-    settings = [setting.replace("True", "true") for setting in settings]
+    given = [line.replace(": ", "=", 1) for line in settings.splitlines()]
     runs = [
-        Simulation(load_scenario("thesis", [*settings, f"robots.0.controller={controller}"]), 5, interpret=in_python)
+        Simulation(load_scenario("thesis", [*given, f"robots.0.controller={controller}"]), 5, interpret=in_python)
         for controller, in_python in ((FIREFLY, interpret), ("firefly", False))
     ]
     lit = walls = 0
     for in_c, in_python in islice(zip(*runs, strict=True), 300 if interpret else 1500):
         assert in_c.memories[0].tobytes() == in_python.memories[0].tobytes(), f"step {in_c.number}"
-        assert in_c.wheels_cm_s.tobytes() == in_python.wheels_cm_s.tobytes()
-        assert in_c.ring_on.tobytes() == in_python.ring_on.tobytes()
-        assert in_c.poses.tobytes() == in_python.poses.tobytes()
+        for name in ("wheels_cm_s", "ring_on", "poses"):
+            assert getattr(in_c, name).tobytes() == getattr(in_python, name).tobytes()
         lit += in_c.ring_on.any()
         walls += (in_c.wheels_cm_s[:, 0] != in_c.wheels_cm_s[:, 1]).any()
     assert lit
@@ -90,27 +73,21 @@ def test_a_swarm_of_fireflies_in_c_is_that_in_python_to_the_bit(world, interpret
 @MODES
 def test_what_robots_remember_at_the_start_reaches_firmware(interpret):
     settings = ["robots.0.count=3", "robots.0.memory={phase_ms: [0, 1200, 4900]}"]
-    in_c, in_python = (
-        Simulation(load_scenario("thesis", [*settings, f"robots.0.controller={controller}"]), 5, interpret=interpret)
-        for controller in (FIREFLY, "firefly")
-    )
+    scenario = load_scenario("thesis", [*settings, f"robots.0.controller={FIREFLY}"])
+    simulation = Simulation(scenario, 5, interpret=interpret)
     for _ in range(2):
-        assert in_c._groups[0].memory["phase_ms"].tolist() == [0, 1200, 4900]
-        assert in_c.advance(50).memories[0].tobytes() == in_python.advance(50).memories[0].tobytes()
-        in_c.reset()
-        in_python.reset()
+        assert simulation._groups[0].memory["phase_ms"].tolist() == [0, 1200, 4900]
+        simulation.advance(50)
+        simulation.reset()
 
 
 def test_random_numbers_are_those_of_python(tmp_path):
-    firmware = write_firmware(
-        tmp_path / "mine.c", "memory->x = e_uniform(); memory->n = e_randint(1000);", memory="E_FLOAT(x) E_INT(n)"
-    )
-    bench = Bench(firmware, robots=3)
+    step = "memory->x = e_uniform(); memory->n = e_randint(1000);"
+    bench = Bench(write_firmware(tmp_path / "mine.c", step, memory="E_FLOAT(x) E_INT(n)"), robots=3)
     streams = bench.streams.copy()
     for _ in range(100):
         bench.control.step()
-        expected = [(uniform(stream), randint(stream, 1000)) for stream in streams]
-        assert bench.memory.tolist() == expected
+        assert bench.memory.tolist() == [(uniform(stream), randint(stream, 1000)) for stream in streams]
     assert (bench.streams == streams).all()
 
 
@@ -147,26 +124,17 @@ def test_a_robot_reads_its_own_sensors_and_sets_its_own_wheels_and_ring(interpre
     assert bench.actuators["ring_on"].tolist() == [0, 0]
 
 
-def test_a_robot_reads_pulses_and_sends_and_turns(tmp_path):
-    step = "memory->x = e_get_pulses() * 100 + e_get_message(7) + e_get_message(8);"
+def test_a_robot_reads_pulses_sends_and_turns_and_sets_leds_one_by_one_or_all(tmp_path):
+    step = "memory->x = e_get_pulses() * 100 + e_get_message(7) + e_get_message(8); memory->n += 1;"
     step += "e_set_message(memory->x); e_set_turn_rad(0.5 * e_get_pulses());"
-    bench = Bench(write_firmware(tmp_path / "mine.c", step), robots=2)
+    step += "if (memory->n == 1) e_set_led(8, 1); if (memory->n == 2) e_set_led(0, 0);"
+    step += "if (memory->n == 3) e_set_led(9, 2); if (memory->n == 4) e_led_clear(); e_set_body_led(1);"
+    bench = Bench(write_firmware(tmp_path / "mine.c", step, memory="E_FLOAT(x) E_INT(n)"), robots=2)
     bench.senses.pulses[:] = 0, 9
     bench.senses.messages[:, 7] = 3, 4
-    bench.control.step()
-    assert bench.actuators["send"].tolist() == [3, 904]
-    assert bench.actuators["turn_rad"].tolist() == [0, 4.5]
-
-
-def test_leds_are_set_one_by_one_or_all(tmp_path):
-    step = "memory->x += 1; if (memory->x == 1) e_set_led(8, 1); if (memory->x == 2) e_set_led(0, 0);"
-    step += "if (memory->x == 3) e_set_led(9, 2); if (memory->x == 4) e_led_clear(); e_set_body_led(1);"
-    bench = Bench(write_firmware(tmp_path / "mine.c", step))
-    rings = []
-    for _ in range(4):
+    for leds in (255, 254, 1, 0):
         bench.control.step()
-        rings.extend(bench.actuators["ring_on"].tolist())
-    assert rings == [255, 254, 1, 0]
+        assert bench.actuators[["send", "turn_rad", "ring_on"]].tolist() == [(3, 0, leds), (904, 4.5, leds)]
 
 
 def test_defaults_types_and_check_are_those_of_the_file(tmp_path):
@@ -179,33 +147,17 @@ def test_defaults_types_and_check_are_those_of_the_file(tmp_path):
         firmware.resolve({"gian": 1})
 
 
-def test_a_firmware_needs_neither_parameters_nor_memory(tmp_path):
-    (tmp_path / "mine.c").write_text(EMPTY_C)
-    firmware = find_controller(str(tmp_path / "mine.c"))
-    assert firmware.resolve({}) == {}
-    Bench(firmware, robots=2).control.step()
-
-
-def test_a_library_runs_as_its_source_does_and_an_edit_of_either_is_noticed(tmp_path):
+def test_a_library_runs_as_its_source_does_and_an_edit_of_either_or_of_what_it_includes_is_noticed(tmp_path):
     for number in (1, 2):
-        source = write_firmware(tmp_path / "mine.c", f"memory->x += {number};")
+        (tmp_path / "gain.h").write_text(f"#define GAIN {number}\n")
+        source = write_firmware(tmp_path / "mine.c", "memory->x += GAIN;", head='#include "gain.h"')
+        assert set(source.sources) == {tmp_path / "mine.c", tmp_path / "gain.h"}
         command = ["cc", *FLAGS, "-isystem", str(HEADERS), "-shared", "mine.c", "-o", "mine.so"]
         subprocess.run(command, cwd=tmp_path, check=True)
-        library = find_controller(str(tmp_path / "mine.so"))
-        for firmware in (source, library):
+        for firmware in (source, find_controller(str(tmp_path / "mine.so"))):
             bench = Bench(firmware)
             bench.control.step()
             assert bench.memory["x"].tolist() == [number]
-
-
-def test_a_file_that_it_includes_belongs_to_it(tmp_path):
-    for number in (1, 2):
-        (tmp_path / "gain.h").write_text(f"#define GAIN {number}\n")
-        firmware = write_firmware(tmp_path / "mine.c", "memory->x = GAIN;", head='#include "gain.h"')
-        assert set(firmware.sources) == {tmp_path / "mine.c", tmp_path / "gain.h"}
-        bench = Bench(firmware)
-        bench.control.step()
-        assert bench.memory["x"].tolist() == [number]
 
 
 # --- what is refused ------------------------------------------------------------------------------
@@ -218,11 +170,7 @@ def test_a_file_that_it_includes_belongs_to_it(tmp_path):
         ("e_set_lde(1, 1);", "", r"mine\.c:6:\d+: error: implicit declaration .*e_set_lde.*\n(?s:.*)e_set_led"),
         ("nowhere();", "void nowhere(void);", r"cannot compile it:\n(?s:.*)undefined reference to `nowhere'"),
         ("", '#include "nowhere.h"', r"mine\.c:4:\d+: fatal error: nowhere\.h: No such file"),
-        (
-            "count++;",
-            "int count;",
-            r"mine\.c:4: 'count' is a variable that all robots would share; make it a part of MEM",
-        ),
+        ("count++;", "int count;", r"mine\.c:4: 'count' is a variable that all robots would share; make it a part o"),
         ("static int n = 1; n++; e_set_led(n, 1);", "", r"mine\.c:6: 'n' is a variable that all robots would share"),
         ("e_set_led(rand(), 1);", "#include <stdlib.h>", r"mine\.c:6: rand\(\) is shared by all robots; use e_randint"),
     ],
@@ -232,24 +180,24 @@ def test_what_cannot_be_compiled_or_would_be_shared_is_refused_with_its_line(ste
         write_firmware(tmp_path / "mine.c", step, head=head)
 
 
-def test_tables_of_constants_are_no_shared_variables(tmp_path):
+def test_tables_of_constants_are_no_shared_variables_and_neither_list_is_needed(tmp_path):
     head = 'static const char *const NAMES[] = {"a", "b"}; static const double GAINS[] = {1, 2};'
     write_firmware(tmp_path / "mine.c", "e_set_led((unsigned)NAMES[e_get_red(1)][0], GAINS[1]);", head=head)
+    (tmp_path / "empty.c").write_text("#include <epuck.h>\nvoid start(void) {}\nvoid step(void) { {} }\n")
+    firmware = find_controller(str(tmp_path / "empty.c"))
+    assert firmware.resolve({}) == {}
+    Bench(firmware, robots=2).control.step()
 
 
-def test_a_name_that_a_record_cannot_have_is_refused(tmp_path):
-    with pytest.raises(ControllerError, match=r"mine\.c: PARAMETERS or MEMORY: 'size' is not a name"):
-        write_firmware(tmp_path / "mine.c", memory="E_INT(size)")
-
-
-def test_a_library_that_is_none_or_of_something_else_is_refused(tmp_path):
+def test_a_library_that_is_none_or_of_something_else_is_refused_and_a_name_that_a_record_cannot_have(tmp_path):
     (tmp_path / "other.c").write_text("int answer(void) { return 42; }\n")
     subprocess.run(["cc", "-shared", "-fPIC", "other.c", "-o", "other.so"], cwd=tmp_path, check=True)
-    (tmp_path / "empty.so").touch()
     (tmp_path / "text.so").write_bytes(b"no library")
-    for name, said in (("empty", ""), ("text", ""), ("other", ".*e_version")):
+    for name, said in (("text", ""), ("other", ".*e_version")):
         with pytest.raises(ControllerError, match=rf"{name}\.so: is no firmware, which includes <epuck\.h>: {said}"):
             find_controller(str(tmp_path / f"{name}.so"))
+    with pytest.raises(ControllerError, match=r"mine\.c: PARAMETERS or MEMORY: 'size' is not a name"):
+        write_firmware(tmp_path / "mine.c", memory="E_INT(size)")
 
 
 @pytest.mark.parametrize(
@@ -277,46 +225,35 @@ def test_a_library_whose_end_is_missing_is_refused_before_it_is_loaded(tmp_path)
             find_controller(str(tmp_path / "cut.so"))
 
 
-def test_a_library_that_was_damaged_in_the_cache_is_made_anew(tmp_path, monkeypatch):
-    monkeypatch.setattr(compiling, "cache_root", lambda **_: tmp_path / "cache")
-    write_firmware(tmp_path / "mine.c")
-    (kept,) = (tmp_path / "cache" / "firmware").glob("*.so")
-    contents = kept.read_bytes()
-    kept.unlink()  # the library is in use: its file may not change
-    kept.write_bytes(contents[:5000])
-    write_firmware(tmp_path / "mine.c")
-    assert kept.read_bytes() == contents
-
-
-@pytest.mark.parametrize("compiler", ["no-such-compiler", "no-such-compiler -m32"])
-def test_without_a_compiler_the_way_out_is_said(compiler, tmp_path, monkeypatch):
-    monkeypatch.setenv("CC", compiler)
-    with pytest.raises(
-        ControllerError, match=r"mine\.c: needs a C compiler, and no-such-compiler is not found; install"
-    ):
+def test_without_a_compiler_the_way_out_is_said(tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler -m32")
+    with pytest.raises(ControllerError, match=r"mine\.c: needs a C compiler, and no-such-compiler is not found; inst"):
         write_firmware(tmp_path / "mine.c")
 
 
 # --- the cache ------------------------------------------------------------------------------------
 
 
-def test_a_file_is_compiled_once_for_its_contents_and_again_by_another_compiler(tmp_path, monkeypatch):
+def test_a_file_is_compiled_once_for_its_contents_and_again_by_another_compiler_or_when_damaged(tmp_path, monkeypatch):
     monkeypatch.setattr(compiling, "cache_root", lambda **_: tmp_path / "cache")
     compiled = []
     run = compiling._run
     monkeypatch.setattr(compiling, "_run", lambda path, command: compiled.append("-c" in command) or run(path, command))
     for name in ("a", "b"):
         write_firmware(tmp_path / f"{name}.c")
+    (kept,) = (tmp_path / "cache" / "firmware").iterdir()
     assert sum(compiled) == 1
-    assert len(list((tmp_path / "cache" / "firmware").glob("*.so"))) == 1
-    (tmp_path / "bin").mkdir()
-    other = tmp_path / "bin" / "mycc"
+    contents = kept.read_bytes()
+    kept.unlink()  # the library is in use: its file may not change
+    kept.write_bytes(contents[:5000])
+    write_firmware(tmp_path / "a.c")
+    assert (kept.read_bytes(), sum(compiled)) == (contents, 2)
+    other = tmp_path / "mycc"
     other.write_text(f'#!/bin/sh\n[ "$1" = --version ] && echo mycc 1 && exit\nexec {shutil.which("cc")} "$@"\n')
     other.chmod(0o755)
     monkeypatch.setenv("CC", str(other))
-    write_firmware(tmp_path / "c.c")
-    assert sum(compiled) == 2
-    assert not list((tmp_path / "cache" / "firmware").glob("tmp*"))
+    write_firmware(tmp_path / "d.c")
+    assert sum(compiled) == 3
 
 
 def test_no_error_of_another_controller_is_taken_for_one_of_firmware(tmp_path):

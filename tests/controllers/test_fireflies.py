@@ -78,22 +78,13 @@ def switching(request) -> TestRobot:
     return TestRobot("switching", speed_cm_s=8, slow_cm_s=0.5, flashes_to_settle=3, interpret=request.param)
 
 
-def test_it_is_slow_after_flashes_in_its_window_and_fast_after_one_elsewhere(switching):
-    for flashes in range(6):
-        expected = 0.5 if flashes >= 3 else 8
-        switching.step()
-        assert (switching.left_cm_s, switching.right_cm_s) == (expected, expected)
-        flash_at(switching, IN_WINDOW_MS)
-    flash_at(switching, ELSEWHERE_MS)
-    assert switching.left_cm_s == switching.right_cm_s == 8
-
-
-def test_only_flashes_in_a_row_count(switching):
-    for phase_ms in (IN_WINDOW_MS, IN_WINDOW_MS, ELSEWHERE_MS, IN_WINDOW_MS, IN_WINDOW_MS):
+def test_it_is_slow_after_flashes_in_a_row_in_its_window_and_fast_after_one_elsewhere(switching):
+    for phase_ms, speed in (
+        *((IN_WINDOW_MS, 8), (IN_WINDOW_MS, 8), (ELSEWHERE_MS, 8)),
+        *((IN_WINDOW_MS, 8), (IN_WINDOW_MS, 8), (IN_WINDOW_MS, 0.5), (IN_WINDOW_MS, 0.5), (ELSEWHERE_MS, 8)),
+    ):
         flash_at(switching, phase_ms)
-    assert switching.left_cm_s == 8
-    flash_at(switching, IN_WINDOW_MS)
-    assert switching.left_cm_s == 0.5
+        assert (switching.left_cm_s, switching.right_cm_s) == (speed, speed)
 
 
 def test_a_flash_that_lasts_counts_once_and_one_that_makes_it_fire_is_in_its_window(switching):
@@ -109,33 +100,32 @@ def test_a_flash_that_lasts_counts_once_and_one_that_makes_it_fire_is_in_its_win
 
 # --- varied_firefly -------------------------------------------------------------------------------
 
-MEAN_CM_S, SPREAD = 2.0, 0.5
+VARIED = {"speed_cm_s": 2.0, "speed_spread": 0.5}
 
 
-def speed_of(robot: TestRobot) -> float:
-    robot.step()
-    assert robot.left_cm_s == robot.right_cm_s
-    return robot.left_cm_s
+def speeds_of(robot: TestRobot, steps: int) -> list[float]:
+    speeds = []
+    for _ in range(steps):
+        robot.step()
+        assert robot.left_cm_s == robot.right_cm_s
+        speeds.append(robot.left_cm_s)
+    return speeds
 
 
 def is_lognormal(speeds: list[float]) -> bool:
-    sd = math.sqrt(math.log(1 + SPREAD**2))
-    return stats.kstest(speeds, "lognorm", args=(sd, 0, MEAN_CM_S * math.exp(-(sd**2) / 2))).pvalue > UNLIKELY
+    sd = math.sqrt(math.log(1 + 0.5**2))
+    return stats.kstest(speeds, "lognorm", args=(sd, 0, 2.0 * math.exp(-(sd**2) / 2))).pvalue > UNLIKELY
 
 
 def test_robots_draw_lognormal_speeds_and_keep_them_and_without_spread_have_the_mean():
-    robots = [TestRobot("varied_firefly", speed_cm_s=MEAN_CM_S, speed_spread=SPREAD, seed=seed) for seed in range(300)]
-    speeds = [speed_of(robot) for robot in robots]
-    assert is_lognormal(speeds)
-    assert [speed_of(robot) for robot in robots[:10]] == speeds[:10]
-    assert speed_of(TestRobot("varied_firefly", speed_cm_s=MEAN_CM_S, speed_spread=0)) == MEAN_CM_S
+    speeds = [speeds_of(TestRobot("varied_firefly", VARIED, seed=seed), 2) for seed in range(300)]
+    assert is_lognormal([first for first, _ in speeds])
+    assert all(first == second for first, second in speeds)
+    assert speeds_of(TestRobot("varied_firefly", VARIED | {"speed_spread": 0}), 1) == [2.0]
 
 
 def test_a_robot_draws_a_new_speed_after_exponential_times():
-    robot = TestRobot(
-        "varied_firefly", speed_cm_s=MEAN_CM_S, speed_spread=SPREAD, new_speed_s=0.5, seed=1, interpret=False
-    )
-    speeds = [speed_of(robot) for _ in range(5000)]
+    speeds = speeds_of(TestRobot("varied_firefly", VARIED, new_speed_s=0.5, seed=1, interpret=False), 5000)
     changed = np.flatnonzero(np.diff(speeds))
     assert is_lognormal([speeds[step] for step in changed])
     expected = len(speeds) * (1 - math.exp(-0.1 / 0.5))
@@ -161,23 +151,14 @@ def test_it_drives_while_it_is_lit_and_stands_else(interpret):
     assert lit[1:5] == [True] * 4
 
 
-def moved(phases_ms, friction):
-    """Return how far the disc comes in an hour, cm, of robots with these phases, which nothing changes."""
-    changes = {"robots.0.memory": {"phase_ms": phases_ms}, "arena.movables.0.friction": friction}
-    overrides = [f"{key}={value}" for key, value in changes.items()]
-    overrides += ["robots.0.parameters.coupling=0.000001", "noise=off", "stop.max_cycles=30"]
-    return run_trial(simulate(load_scenario("pushing", overrides), 1)).measures["moved"]
-
-
 @pytest.mark.parametrize("needed", [1, 2, 3, 4])
 def test_a_disc_moves_at_the_flashes_of_as_many_as_it_takes(needed):
     """The claim of docs/open_questions.md: who flashes at once adds forces, who flashes at other times does not."""
-    friction = (needed - 0.5) * 0.5 / 9.81  # times 1 kg
-    for together in (1, 2, 3, 4):
-        phases_ms = [2500] * together + [1500, 500, 3500][: 4 - together]
-        found = moved(phases_ms, friction)
-        if together < needed:
-            assert found < 0.01 * CYCLES_PER_HOUR * LIT_S * 2
-        else:
-            # of 30 cycles, up to 14 are over before all have come as far as the disc
-            assert 0.4 < found / (CYCLES_PER_HOUR * LIT_S * 2) < 1
+    changes = {"arena.movables.0.friction": (needed - 0.5) * 0.5 / 9.81}  # times 1 kg
+    changes |= {"robots.0.parameters.coupling": 0.000001, "noise": "off", "stop.max_cycles": 30}
+    for together in {max(needed - 1, 1), needed}:
+        changes["robots.0.memory"] = {"phase_ms": [2500] * together + [1500, 500, 3500][: 4 - together]}
+        scenario = load_scenario("pushing", [f"{key}={value}" for key, value in changes.items()])
+        share = run_trial(simulate(scenario, 1)).measures["moved"] / (CYCLES_PER_HOUR * LIT_S * 2)
+        # of 30 cycles, up to 14 are over before all have come as far as the disc
+        assert 0.4 < share < 1 if together == needed else share < 0.01

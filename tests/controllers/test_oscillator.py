@@ -10,14 +10,10 @@ from hypothesis import strategies as st
 
 from epuck_sim.control.loader import find_controller
 from epuck_sim.testing import TestRobot
-from epuck_sim.util.seeds import robot_streams
-from tests.control.bench import MODES, Bench, exactly, function, sensors, settings
-
-ONE_STREAM = robot_streams(np.random.SeedSequence(1), 1)[0]
+from tests.control.bench import MODES, Bench, exactly, function, settings
 
 
 def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pixels=60, new=True, **parameters):
-    """Return phase and ring after one step from `phase_ms`."""
     robot = TestRobot("oscillator", parameters, pixels=pixels, step_ms=step_ms)
     robot.memory.phase_ms, robot.memory.flash_seen = phase_ms, seen
     robot.ring_on, robot.new_picture = ring_on, new
@@ -75,31 +71,10 @@ def test_with_a_delay_a_phase_of_tau_at_the_flash_fires_only_once_delta_is_added
     assert function("updated", "oscillator")(4062, settings("oscillator", coupling=0.25, delay_ms=62)) == (5062, False)
 
 
-@pytest.mark.parametrize("coupling", [0.1, 0.05, 0.3, 0.7, 0.123456, 1.0, 9.99])
-def test_an_update_is_truncated_to_whole_milliseconds_with_epsilon_as_written(coupling):
-    updated, parameters = function("updated", "oscillator"), settings("oscillator", coupling=coupling)
-    phases = [phase for phase in range(751, 5000) if (1 + exactly(coupling)) * phase <= 5000]
-    assert [updated(phase, parameters) for phase in phases] == [
-        (floor((1 + exactly(coupling)) * phase), False) for phase in phases
-    ]
-
-
 # --- sightings, and pictures that are not new -----------------------------------------------------
 
 
 ONCE = {"once_per_sighting": True}
-
-
-def phases_over(flashes, new_pictures=None, **parameters):
-    """Return the phase after each step from 1000 ms, with flashes in view as listed."""
-    robot = TestRobot("oscillator", parameters)
-    robot.memory.phase_ms = 1000
-    phases = []
-    for flash, new in zip(flashes, new_pictures or [1] * len(flashes), strict=True):
-        robot.camera, robot.new_picture = flash, new
-        robot.step()
-        phases.append(robot.memory.phase_ms)
-    return phases
 
 
 @given(phase=st.integers(0, 4999), ring=st.booleans())
@@ -118,25 +93,12 @@ def test_a_picture_that_is_not_new_acts_like_a_dark_one(phase, ring):
     ],
 )
 def test_each_new_picture_of_a_flash_updates_or_the_first_of_a_sighting_alone(flashes, new_pictures, given_, phases):
-    assert phases_over(flashes, new_pictures, **given_) == phases
-
-
-def test_what_was_taken_for_a_flash_is_what_the_last_picture_shows():
-    robot = TestRobot("oscillator", step_ms=25)
-    robot.memory.phase_ms = 100
-    seen = []
-    for red, robot.new_picture in ((1, True), (1, False), (0, True), (0, False)):
-        robot.camera = red
+    robot = TestRobot("oscillator", given_)
+    robot.memory.phase_ms, found = 1000, []
+    for robot.camera, robot.new_picture in zip(flashes, new_pictures or [1] * len(flashes), strict=True):
         robot.step()
-        seen.append(robot.memory.flash_seen)
-    assert seen == [1, 1, 0, 0]
-
-
-@given(phase=st.integers(0, 4999), coupling=st.integers(1, 10_000))
-def test_no_delay_makes_algorithm_2_algorithm_1(phase, coupling):
-    world = World(coupling=coupling / 1000)
-    assert algorithm_1(phase, False, True, world, phase_update_2) == algorithm_1(phase, False, True, world)
-    assert stepped(phase, flash=True, coupling=coupling / 1000) == algorithm_1(phase, False, True, world)
+        found.append(robot.memory.phase_ms)
+    assert found == phases
 
 
 # --- beside the thesis's own text -----------------------------------------------------------------
@@ -178,9 +140,10 @@ def phase_update_2(phi, ring, world):
     return phi, ring
 
 
-def algorithm_1(phi, ring, was_flash_detected, world, phase_update=phase_update_1):
-    """Algorithm 1."""
+def algorithm_1(phi, ring, was_flash_detected, world):
+    """Algorithm 1, with the update of Algorithm 2 where there is a delay."""
     phi = phi + world.dt
+    phase_update = phase_update_2 if world.delta else phase_update_1
     if phi > world.phi_ref and was_flash_detected:
         phi, ring = phase_update(phi, ring, world)
     if phi >= world.tau:
@@ -189,11 +152,6 @@ def algorithm_1(phi, ring, was_flash_detected, world, phase_update=phase_update_
     if phi > world.phi_led:
         ring = False
     return phi, ring
-
-
-def literal(world):
-    """Return the thesis's step: Algorithm 2's update where there is a delay, else Algorithm 1's."""
-    return lambda *state: algorithm_1(*state, world, phase_update_2 if world.delta else phase_update_1)
 
 
 @st.composite
@@ -224,8 +182,9 @@ def test_each_step_is_the_thesis_s_own(world, chance):
         flash, ring = chance.random() < 0.7, chance.random() < 0.5
         memory = SimpleNamespace(phase_ms=phase, flash_seen=0)
         actuators = SimpleNamespace(ring_on=ring)
-        step(sensors(world.dt, red=int(flash)), memory, actuators, parameters, ONE_STREAM)
-        assert (memory.phase_ms, actuators.ring_on) == literal(world)(phase, ring, flash), f"from {phase}, {flash}"
+        sensed = SimpleNamespace(step_ms=world.dt, camera=np.array([int(flash)]), new_picture=True)
+        step(sensed, memory, actuators, parameters, None)
+        assert (memory.phase_ms, actuators.ring_on) == algorithm_1(phase, ring, flash, world), f"from {phase}, {flash}"
 
 
 WORLDS = {
@@ -244,22 +203,15 @@ def test_long_sequences_are_the_thesis_s_own(name, interpret):
     world, robots, steps = WORLDS[name], 20, 250 if interpret else 2500
     bench = Bench("oscillator", world.parameters(), robots=robots, step_ms=world.dt, interpret=interpret)
     expected = [(int(phase), False) for phase in bench.memory["phase_ms"]]
-    thesis_step = literal(world)
     chance = np.random.default_rng(5)
     flash = np.zeros(robots, bool)
     for number in range(steps):
         flash ^= chance.random(robots) < np.where(flash, 0.25, 0.03)
         bench.senses.camera[:, 7] = flash
         bench.control.step()
-        expected = [thesis_step(*state, seen) for state, seen in zip(expected, flash, strict=True)]
+        expected = [algorithm_1(*state, seen, world) for state, seen in zip(expected, flash, strict=True)]
         found = list(zip(bench.memory["phase_ms"].tolist(), bench.actuators["ring_on"].tolist(), strict=True))
         assert found == expected, f"step {number}"
-
-
-def test_seconds_as_written_become_whole_milliseconds():
-    """Of 1.001 s, say, binary fractions alone would make 1000 ms."""
-    assert [function("whole_ms", "oscillator")(ms / 1000) for ms in range(20_000)] == list(range(20_000))
-    assert function("whole_ms", "oscillator")(0.7505) == 750
 
 
 # --- start ------------------------------------------------------------------------------
@@ -272,9 +224,13 @@ def test_phases_begin_uniform_over_all_whole_milliseconds_below_tau():
     assert ((counts - 1000) ** 2 / 1000).sum() < 43.8  # chi-square, 19 degrees of freedom, 0.1 %
 
 
-@given(millionths=st.integers(1, 10_000_000), phase=st.integers(1, 7_854_545))
-def test_every_coupling_of_whole_millionths_is_taken_as_written(millionths, phase):
+@given(millionths=st.integers(1, 10_000_000), phase=st.integers(1, 7_854_545), ms=st.integers(0, 20_000))
+def test_every_coupling_of_whole_millionths_and_seconds_of_whole_milliseconds_are_taken_as_written(
+    millionths, phase, ms
+):
+    """Of 1.001 s, say, binary fractions alone would make 1000 ms."""
     day = settings(
         "oscillator", coupling=millionths / 1e6, period_s=86_400.0, flash_fraction=0.0, refractory_fraction=0.0
     )
     assert function("updated", "oscillator")(phase, day) == (phase + phase * millionths // 1_000_000, False)
+    assert function("whole_ms", "oscillator")(ms / 1000) == ms

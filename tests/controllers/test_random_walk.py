@@ -1,7 +1,6 @@
 """`random_walk` goes straight ahead for runs of its distribution, and turns on the spot at their ends."""
 
 import math
-from itertools import islice
 
 import numpy as np
 import pytest
@@ -57,44 +56,29 @@ def test_runs_of_a_levy_walk_have_a_power_law():
 
 
 @MODES
-def test_it_avoids_what_is_near_and_then_goes_on_with_its_turn(interpret):
-    robot = TestRobot("random_walk", {"speed_cm_s": 5}, interpret=interpret)
+def test_it_avoids_what_is_near_and_then_goes_on_with_its_turn_by_its_own_wheels(interpret):
+    wheels = Wheels(limit_cm_s=1.0, base_cm=2.5)
+    robot = TestRobot("random_walk", {"speed_cm_s": 0.5}, interpret=interpret, wheels=wheels)
     robot.memory.turn_left_rad = 2.0
     robot.step()
-    assert (robot.left_cm_s, robot.right_cm_s) == (-12.8, 12.8)
+    assert (robot.left_cm_s, robot.right_cm_s) == (-1, 1)
     left = robot.memory.turn_left_rad
-    assert left == pytest.approx(2.0 - 2 * 12.8 / WHEEL_BASE_CM * STEP_S)
+    assert left == pytest.approx(2.0 - 2 * 1 / 2.5 * STEP_S)
     robot.distance_mm[7] = 10  # front-left: it turns right
     robot.step()
     assert robot.left_cm_s > 0 > robot.right_cm_s
     assert robot.memory.turn_left_rad == left
     robot.distance_mm[7] = 65535
-    robot.step(10)
-    assert robot.memory.turn_left_rad == 0
-    assert (robot.left_cm_s, robot.right_cm_s) == (5, 5)
-
-
-@MODES
-def test_a_robot_with_other_wheels_reckons_with_these(interpret):
-    wheels = Wheels(limit_cm_s=1.0, base_cm=2.5)
-    robot = TestRobot("random_walk", {"speed_cm_s": 1}, interpret=interpret, wheels=wheels)
-    robot.memory.turn_left_rad = 2.0
-    robot.step()
-    assert (robot.left_cm_s, robot.right_cm_s) == (-1, 1)
-    assert robot.memory.turn_left_rad == pytest.approx(2.0 - 2 * 1 / 2.5 * STEP_S)
-    robot.step(24)
+    robot.step(27)
     assert robot.memory.turn_left_rad == pytest.approx(0, abs=1e-12)
+    assert (robot.left_cm_s, robot.right_cm_s) == (0.5, 0.5)
 
 
-def test_robots_without_persistence_forget_their_direction_and_those_with_all_of_it_do_not():
-    def kept(persistence: float) -> float:
-        poses = [[x, y, 0.3] for x in range(500, 5000, 500) for y in range(500, 5000, 500)]
-        parameters = {"speed_cm_s": 1, "run_s": 3.0, "persistence": persistence}
-        group = {"poses": poses, "controller": "random_walk", "parameters": parameters}
-        arena = {"width_cm": 5000, "height_cm": 5000}
-        simulation = Simulation({"arena": arena, "noise": "off", "robots": [group]}, 2)
-        *_, last = islice(simulation, 300)
-        return float(np.cos(last.poses[:, 2] - 0.3).mean())
-
-    assert abs(kept(0.0)) < 4 / math.sqrt(2 * 81)
-    assert kept(1.0) == pytest.approx(1)
+@pytest.mark.parametrize(("persistence", "kept", "off"), [(0.0, 0, 4 / math.sqrt(2 * 81)), (1.0, 1, 1e-6)])
+def test_robots_without_persistence_forget_their_direction_and_those_with_all_of_it_do_not(persistence, kept, off):
+    poses = [[x, y, 0.3] for x in range(500, 5000, 500) for y in range(500, 5000, 500)]
+    parameters = {"speed_cm_s": 1, "run_s": 3.0, "persistence": persistence}
+    group = {"poses": poses, "controller": "random_walk", "parameters": parameters}
+    arena = {"width_cm": 5000, "height_cm": 5000}
+    last = Simulation({"arena": arena, "noise": "off", "robots": [group]}, 2).advance(300)
+    assert np.cos(last.poses[:, 2] - 0.3).mean() == pytest.approx(kept, abs=off)

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from epuck_sim.arena import make_arena, make_floor
-from epuck_sim.display.arena_svg import DARK, LIT, MOST_NUMBERED, draw_arena
+from epuck_sim.display.arena_svg import DARK, LIT, draw_arena
 from epuck_sim.display.html import element, table, to_html
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
@@ -36,12 +35,6 @@ def test_robots_lie_where_they_are_with_y_upwards() -> None:
     assert (second.find("line").get("x2"), second.find("line").get("y2")) == ("50", "31.3")
 
 
-def test_many_robots_have_no_numbers() -> None:
-    poses = np.zeros((MOST_NUMBERED, 3))
-    drawn = draw_arena(make_arena(60, 60, (), ()), poses, 1.0, np.zeros(MOST_NUMBERED, bool))
-    assert drawn.findall(".//text") == []
-
-
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
 def test_agents_are_shown_in_every_space(dimensions: int) -> None:
     simulation = ParticleSimulation({"model": "particles", "space": {"dimensions": dimensions}}, seed=1)
@@ -61,13 +54,6 @@ def test_showing_changes_no_outcome(name: str) -> None:
     assert watched._replace(wall_s=0) == run_trial(simulate(scenario, 3))._replace(wall_s=0)
 
 
-def test_a_simulation_says_how_far_it_is() -> None:
-    simulation = Simulation("thesis", seed=1)
-    assert "before its first step" in simulation._repr_html_()
-    simulation.advance(30)
-    assert "step 29, 2.9 s" in simulation._repr_html_()
-
-
 def test_text_is_escaped_wherever_it_stands() -> None:
     nasty = "<b>&\"'"
     html = to_html(element("p", nasty, element("i", nasty), nasty, title=nasty), table([nasty], [[nasty]]))
@@ -75,11 +61,6 @@ def test_text_is_escaped_wherever_it_stands() -> None:
     assert 'title="<b&gt;&amp;&quot;' in html  # in an attribute, only > and quotes end something
     assert "<b>" not in html
     assert nasty not in load_scenario({"name": nasty})._repr_html_()
-
-
-def test_robots_are_drawn_as_large_as_they_are() -> None:
-    drawn = fromstring("<div>" + Simulation("kilobots", seed=1)._repr_html_() + "</div>")
-    assert [each.get("r") for each in drawn.iterfind(".//{*}circle")] == ["1.65"] * 25
 
 
 NOBODY = np.empty((0, 3)), 3.7, np.empty(0, bool)

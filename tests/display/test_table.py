@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.display.html import to_html
-from epuck_sim.display.table import Row, Share, Table, cell_text, plain, shortest_endings
-from epuck_sim.estimate import UNDETERMINED, Estimate, significant
+from epuck_sim.display.table import Row, Share, Table, cell_text, shortest_endings
+from epuck_sim.estimate import Estimate, significant
 
 NUMBERS = st.floats(-1e6, 1e6) | st.floats(1e-6, 1e-3) | st.just(0.0)
 ESTIMATES = st.builds(
@@ -78,15 +78,6 @@ def test_an_interval_is_shown_as_wide_as_it_is(estimate: Estimate) -> None:
             assert float(shown) == pytest.approx(true, rel=0.00501, abs=0.051 * width)
 
 
-@given(st.floats(0.1, 10), st.floats(0, 1), st.floats(0, 1))
-def test_a_rising_function_of_an_estimate_has_its_ends(value: float, below: float, above: float) -> None:
-    made = Estimate(value, value - below, value + above, "mean", "cycles", 20, 0.1).apply(math.exp)
-    assert made.ends == tuple(map(math.exp, (value, value - below, value + above)))
-    assert made[3:] == ("mean", "cycles", 20, 0.1, "")
-    assert made.without_interval().value == made.value
-    assert not made.without_interval().has_interval
-
-
 # On a terminal
 
 
@@ -127,26 +118,16 @@ def test_columns_that_others_tell_are_named_above() -> None:
     assert text.splitlines()[2].split() == ["width_cm", "mean"]
 
 
-def test_points_that_only_count_are_left_out_where_there_is_no_room() -> None:
-    rows = [Row({"speed_cm_s": n + 0.5}, {"point": n, "mean": Estimate(n, n - 1, n + 1)}) for n in range(3)]
-    table = Table("T_sync", rows)
-    assert "point" in table.to_text(80).splitlines()[1]
-    assert "points 0 to 2, in order" in table.to_text(27)
-
-
 def test_a_table_that_is_too_wide_comes_in_parts_with_what_tells_rows_apart() -> None:
     names = [f"statistic {n}" for n in range(6)]
-    rows = [Row({"count": n}, dict.fromkeys(names, Estimate(n, n - 1.0, n + 1.0))) for n in (2, 3)]
+    cells = [{"point": n, **dict.fromkeys(names, Estimate(n, n - 1.0, n + 1.0))} for n in (2, 3)]
+    rows = [Row({"controller": f"/home/me/{each['point']}.py"}, each) for each in cells]
     text = Table("T_sync", rows).to_text(40)
+    assert "points 2 to 3, in order" in text
+    assert "home" not in text
     assert all(len(line) <= 40 for line in text.splitlines())
-    assert text.count("count") == 3
+    assert text.count("2.py") == text.count("controller") == 6
     assert text.count("2.0 [1.0, 3.0]") == 6
-
-
-def test_paths_are_shown_by_their_shortest_endings() -> None:
-    rows = [Row({"robots.0.controller": f"/home/me/{name}.py"}, {"mean": Estimate(1)}) for name in ("a", "b")]
-    assert "a.py" in Table("", rows).to_text(80)
-    assert "/home" not in Table("", rows).to_text(80)
 
 
 @given(st.lists(st.sampled_from(["a.b.c", "a.c", "x.b.c", "c", "a.b"]), min_size=1, unique=True))
@@ -176,12 +157,6 @@ def test_json_and_csv_have_every_number(table: Table) -> None:
                 assert record[key] == (number if known else None)
                 assert (line[key] == "") == (not known)
                 assert not known or float(line[key]) == pytest.approx(number, rel=1e-5)
-
-
-def test_results_are_plain_for_json() -> None:
-    found = plain({"a": [Estimate(1.0, 0.5, math.inf), math.nan], "b": (True, None, "x"), "c": Share(0.5)})
-    assert found == {"a": [{"value": 1.0, "low": 0.5, "high": None}, None], "b": [True, None, "x"], "c": 0.5}
-    assert plain(UNDETERMINED) == {"value": None, "low": None, "high": None}
 
 
 def test_pages_and_notebooks_have_the_cells_and_escape_what_they_hold() -> None:

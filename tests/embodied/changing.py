@@ -14,12 +14,10 @@ NOWHERE = np.zeros(0, np.int64)
 
 
 def swarm_of(simulation):
-    """Return what a simulation of robots knows of them."""
     return open_block(simulation._block)
 
 
 def steps_of(scenario, steps, seed=3):
-    """Return copies of what robots show in some steps, by field."""
     taken = [
         {name: np.array(getattr(step, name)) for name in SHOWN} for step in islice(Simulation(scenario, seed), steps)
     ]

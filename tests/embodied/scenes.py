@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from hypothesis import assume
+from hypothesis import assume, reject
 from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, clearance_cm, make_arena
@@ -42,52 +42,36 @@ SENSORS = np.array(
 """(8, 3) x cm, y cm, direction in degrees."""
 
 
-class Body(NamedTuple):
-    """A kind of robot; the e-puck by the facts."""
-
-    radius_cm: float = RADIUS_CM
-    forward_cm: float = RADIUS_CM
-    """How far ahead of the centre the camera is."""
-    sensors: FloatArray = SENSORS
-    """(n, 3) x cm, y cm, direction in degrees."""
-    spread_deg: float = 15
-    range_cm: float = 12
-    peak_counts: float = 3731
-    peak_cm: float = 0.3
-    width_cm2: float = 0.7
-
-    def kind(self) -> RobotKind:
-        """Return what a scenario says of it."""
-        return RobotKind(
-            radius_cm=self.radius_cm,
-            wheel_base_cm=self.radius_cm,
-            camera=CameraMount(forward_cm=self.forward_cm),
-            infrared=ProximitySection(
-                sensors=[tuple(row) for row in self.sensors.tolist()],
-                spread_deg=self.spread_deg,
-                range_cm=self.range_cm,
-                peak_counts=self.peak_counts,
-                peak_cm=self.peak_cm,
-                width_cm2=self.width_cm2,
-            ),
-        )
+def kind_of(
+    radius_cm=RADIUS_CM,
+    forward_cm=RADIUS_CM,
+    sensors=SENSORS,
+    spread_deg=15,
+    range_cm=12,
+    peak_counts=3731,
+    peak_cm=0.3,
+    width_cm2=0.7,
+) -> RobotKind:
+    """Return a kind of robot; the e-puck by the facts."""
+    response = {"range_cm": range_cm, "peak_counts": peak_counts, "peak_cm": peak_cm, "width_cm2": width_cm2}
+    infrared = ProximitySection(sensors=list(map(tuple, sensors.tolist())), spread_deg=spread_deg, **response)
+    camera = CameraMount(forward_cm=forward_cm)
+    return RobotKind(radius_cm=radius_cm, wheel_base_cm=radius_cm, camera=camera, infrared=infrared)
 
 
-E_PUCK = Body()
-SMALL = Body(1.65, 0.5, np.array([(1.5, 0.4, 10.0), (-1.0, -1.2, -140.0), (0.2, 1.6, 95.0)]), 25, 7, 900, 0.5, 1.5)
-LARGE = Body(6.0, 4.0, np.array([(5.5, 2.0, 20.0), (-5.9, 0.0, 180.0)]), 5, 21, 4500, 0.0, 3.0)
+E_PUCK = kind_of()
+SMALL = kind_of(1.65, 0.5, np.array([(1.5, 0.4, 10.0), (-1.0, -1.2, -140.0), (0.2, 1.6, 95.0)]), 25, 7, 900, 0.5, 1.5)
+LARGE = kind_of(6.0, 4.0, np.array([(5.5, 2.0, 20.0), (-5.9, 0.0, 180.0)]), 5, 21, 4500, 0.0, 3.0)
 BODIES = (E_PUCK, SMALL, LARGE)
 
 
 class Scene(NamedTuple):
-    """Robots in an arena."""
-
     poses: FloatArray
     """(robots, 3) x cm, y cm, heading rad."""
     lit: BoolArray
     """(robots,) whether each ring is on."""
     arena: Arena
-    body: Body = E_PUCK
+    body: RobotKind = E_PUCK
     """The kind whose sensors they have."""
     others_cm: FloatArray | None = None
     """(robots,) radius of each, where that is not the kind's."""
@@ -146,7 +130,7 @@ def block_of(
     noise_counts: float = 0.0,
 ) -> Block:
     """Return the robots of a scene, sorted into cells; those from `observer` on are the group."""
-    arena, kind, robots = scene.arena, scene.body.kind(), len(scene.poses)
+    arena, kind, robots = scene.arena, scene.body, len(scene.poses)
     kinds = [kind.model_copy(update={"radius_cm": radius}) for radius in scene.radii_cm.tolist()]
     lengths = {
         "robots": robots,
@@ -181,14 +165,12 @@ def sort_robots(block: ByteArray) -> None:
 
 
 def readings(scene: Scene, observer: int = 0) -> FloatArray:
-    """Return the noiseless infrared readings of the robots from `observer` on."""
     block = block_of(scene, observer=observer)
     sense_infrared(block.bytes, ADDRESSES, 0)
-    return block.swarm.robots.sensors.infrared[observer:, : len(scene.body.sensors)]
+    return block.swarm.robots.sensors.infrared[observer:, : len(scene.body.infrared.sensors)]
 
 
 def rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> IntArray:
-    """Return the rows of pixels of the robots from `observer` on."""
     block = block_of(scene, camera, observer)
     look(block.bytes, ADDRESSES, 0)
     return block.swarm.pixels.reshape(-1, camera.pixels)
@@ -221,7 +203,9 @@ def empty_arena(width_cm: float = 200.0, height_cm: float = 200.0) -> Arena:
 
 
 @st.composite
-def scenes(draw: st.DrawFn, robots: tuple[int, ...] = (1, 2, 3, 10, 60), bodies: tuple[Body, ...] = (E_PUCK,)) -> Scene:
+def scenes(
+    draw: st.DrawFn, robots: tuple[int, ...] = (1, 2, 3, 10, 60), bodies: tuple[RobotKind, ...] = (E_PUCK,)
+) -> Scene:
     """Robots that do not overlap, some in contact, in corners or at walls, among obstacles of every kind."""
     count = draw(st.sampled_from(robots))
     body = draw(st.sampled_from(bodies))
@@ -358,19 +342,20 @@ def _towards(angles: FloatArray) -> FloatArray:
 # --- the infrared sensors' twin ---------------------------------------------------------------------
 
 
-def slow_response(distance_cm: FloatArray, body: Body) -> FloatArray:
+def slow_response(distance_cm: FloatArray, of: ProximitySection) -> FloatArray:
     """F of the facts: level nearer than 0.3 cm, nothing beyond 12 cm."""
-    x0 = body.peak_cm
-    x = np.clip(distance_cm, x0, body.range_cm)
-    counts = body.peak_counts * (body.width_cm2 - x0**2) / (x**2 - 2 * x0 * x + body.width_cm2)
-    return np.where(distance_cm > body.range_cm, 0, counts)
+    x0 = of.peak_cm
+    x = np.clip(distance_cm, x0, of.range_cm)
+    counts = of.peak_counts * (of.width_cm2 - x0**2) / (x**2 - 2 * x0 * x + of.width_cm2)
+    return np.where(distance_cm > of.range_cm, 0, counts)
 
 
 def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
     """Return (robots, sensors) readings, and for which of them a ray runs along an edge."""
-    body, count = scene.body, len(scene.body.sensors)
+    infrared, sensors = scene.body.infrared, np.array(scene.body.infrared.sensors)
+    count = len(sensors)
     written, doubtful = np.empty((len(scene.poses), count)), np.empty((len(scene.poses), count), bool)
-    spread = np.array((-1, 0, 1)) * body.spread_deg
+    spread = np.array((-1, 0, 1)) * infrared.spread_deg
     bodies = _bodies(scene)
     right, top, out = scene.arena.width_cm, scene.arena.height_cm, 100  # out: that no ray slips through a corner
     walls = np.array(
@@ -383,22 +368,31 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
     )
     for robot, (x, y, heading) in enumerate(scene.poses):
         forward, left = _towards(heading), _towards(heading + math.pi / 2)
-        positions = (x, y) + body.sensors[:, :1] * forward + body.sensors[:, 1:2] * left
-        angles = heading + np.radians(body.sensors[:, 2:] + spread)
+        positions = (x, y) + sensors[:, :1] * forward + sensors[:, 1:2] * left
+        angles = heading + np.radians(sensors[:, 2:] + spread)
         rays = np.repeat(positions, 3, axis=0), _towards(angles.ravel())
         discs, by_disc = cast_on_discs(*rays, np.vstack([np.delete(bodies, robot, axis=0), scene.arena.circles]))
         flats, by_flat = cast_on_segments(*rays, np.vstack([walls, scene.arena.edges]))
         distance = np.hstack([discs, flats]).min(axis=1).reshape(count, 3)
-        foot = distance[:, 1] / math.cos(math.radians(body.spread_deg))
-        total = slow_response(distance, body).sum(axis=1) - 2 * slow_response(foot, body)
-        written[robot] = np.clip(total, 0, body.peak_counts)
+        foot = distance[:, 1] / math.cos(math.radians(infrared.spread_deg))
+        total = slow_response(distance, infrared).sum(axis=1) - 2 * slow_response(foot, infrared)
+        written[robot] = np.clip(total, 0, infrared.peak_counts)
         by_edge = (by_disc.any(axis=1) | by_flat.any(axis=1)).reshape(count, 3)
-        at_range = np.abs(np.column_stack([distance, foot]) - body.range_cm) < EDGE_CM
+        at_range = np.abs(np.column_stack([distance, foot]) - infrared.range_cm) < EDGE_CM
         doubtful[robot] = by_edge.any(axis=1) | at_range.any(axis=1)
     return written, doubtful
 
 
 # --- the camera's twin ------------------------------------------------------------------------------
+
+
+def covered(distance_cm: float, bearing: float, camera: CameraSettings, radius_cm: float = RADIUS_CM) -> list[int]:
+    """Return the row of a disc that nothing hides: pixels within asin(r / d) of its bearing, by the shorter way."""
+    off = np.abs(np.remainder(camera.angles() - bearing + math.pi, 2 * math.pi) - math.pi)
+    half_width = math.asin(radius_cm / distance_cm)
+    if (np.abs(off - half_width) < 1e-9).any():
+        reject()
+    return (off < half_width).astype(int).tolist()
 
 
 def slow_rows(scene: Scene, camera: CameraSettings, every: int = 1) -> tuple[BoolArray, BoolArray]:
@@ -408,19 +402,56 @@ def slow_rows(scene: Scene, camera: CameraSettings, every: int = 1) -> tuple[Boo
     outside = (camera.pixels - camera.central_pixels) // 2
     window = slice(outside, camera.pixels - outside)
     for row, (x, y, heading) in enumerate(scene.poses[::every]):
-        robot = row * every
+        others = np.arange(len(bodies)) != row * every
         directions = _towards(heading + camera.angles()[window])
-        rays = np.tile((x, y) + scene.body.forward_cm * _towards(heading), (len(directions), 1)), directions
-        lit = scene.lit & (np.arange(len(bodies)) != robot)
-        dark = ~scene.lit & (np.arange(len(bodies)) != robot)
-        reds, by_red = cast_on_discs(*rays, bodies[lit])
-        discs, by_disc = cast_on_discs(*rays, np.vstack([bodies[dark], scene.arena.circles]))
+        rays = np.tile((x, y) + scene.body.camera_forward_cm * _towards(heading), (len(directions), 1)), directions
+        reds, by_red = cast_on_discs(*rays, bodies[scene.lit & others])
+        discs, by_disc = cast_on_discs(*rays, np.vstack([bodies[~scene.lit & others], scene.arena.circles]))
         flats, by_flat = cast_on_segments(*rays, scene.arena.edges)
         red = reds.min(axis=1, initial=np.inf)
-        other = np.minimum(discs.min(axis=1, initial=np.inf), flats.min(axis=1, initial=np.inf))
-        written[row, window] = (red < np.inf) & (red <= other) & (red <= camera.range_cm)
-        by_edge = np.hstack([by_red, by_disc, by_flat]).any(axis=1)
+        other = np.hstack([discs, flats]).min(axis=1, initial=np.inf)
+        is_red = (red < np.inf) & (red <= other) & (red <= camera.range_cm)
         seen = np.where(red < np.inf, red, -1)
         ties = (np.abs(seen - other) < EDGE_CM) | (np.abs(seen - camera.range_cm) < EDGE_CM)
-        doubtful[row, window] = by_edge | ties
+        doubt = np.hstack([by_red, by_disc, by_flat, ties[:, None]]).any(axis=1)
+        if camera.reflection_range_cm > 0:
+            is_mirrored, more_doubt = _slow_images(scene, camera, rays, np.minimum(red, other))
+            is_red, doubt = is_red | is_mirrored, doubt | more_doubt
+        written[row, window], doubtful[row, window] = is_red, doubt
     return written, doubtful
+
+
+def _slow_images(scene, camera, rays, reach) -> tuple[BoolArray, BoolArray]:
+    """Return (rays,) whether a lit ring is seen in a wall, and where that is within rounding.
+
+    Everything is mirrored in each wall, and counts from there on, where nothing is met before: within (rays,) reach.
+    """
+    arena, lit, robots = scene.arena, scene.lit, len(scene.poses)
+    right, top = arena.width_cm, arena.height_cm
+    walls = np.array([(0, 0, 0, top), (right, 0, right, top), (0, 0, right, 0), (0, top, right, top)])
+    to_walls, by_wall = cast_on_segments(*rays, walls)
+    red, doubt = np.zeros(len(reach), bool), by_wall.any(axis=1)
+    for wall in range(4):
+        towards = to_walls[:, wall] < np.inf
+        doubt |= np.abs(np.where(towards, to_walls[:, wall], -1) - reach) < EDGE_CM
+        discs = np.vstack([_bodies(scene), arena.circles])
+        discs[:, :2] = _mirrored(discs[:, :2], wall, arena)
+        ends = [_mirrored(arena.edges[:, two], wall, arena) for two in (slice(0, 2), slice(2, 4))]
+        to_discs, by_disc = cast_on_discs(*rays, discs)
+        to_images, by_image = cast_on_segments(*rays, np.hstack(ends))
+        image = to_discs[:, :robots][:, lit].min(axis=1, initial=np.inf)
+        hidden_by = np.hstack([to_discs[:, :robots][:, ~lit], to_discs[:, robots:], to_images])
+        is_first = (image <= hidden_by.min(axis=1, initial=np.inf)) & (reach > to_walls[:, wall])
+        red |= towards & is_first & (image <= camera.reflection_range_cm) & (image < np.inf)
+        found = np.where(image < np.inf, image, -1)[:, None]
+        doubt |= towards & np.hstack([by_disc, by_image, np.abs(found - hidden_by) < EDGE_CM]).any(axis=1)
+        doubt |= towards & (np.abs(found[:, 0] - camera.reflection_range_cm) < EDGE_CM)
+    return red, doubt
+
+
+def _mirrored(places: FloatArray, wall: int, arena: Arena) -> FloatArray:
+    """Return (n, 2) places beyond the left, right, lower or upper wall."""
+    mirrored = places.copy()
+    axis, is_far = divmod(wall, 2)
+    mirrored[:, axis] = 2 * is_far * (arena.width_cm, arena.height_cm)[axis] - mirrored[:, axis]
+    return mirrored

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.embodied.cells import cells_needed
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
-from tests.embodied.scenes import Scene, block_of, empty_arena, scenes, sort_robots
+from tests.embodied.scenes import Scene, block_of, empty_arena, sort_robots
 
 REACH_CM = math.hypot(3.35, 1.05) + 12 + 3.7
 """Distance of two e-pucks at which an infrared ray of one can meet the other: sensors 0 and 7 are farthest out."""
@@ -27,37 +27,25 @@ def crowds(draw):
 
 
 def block_at(width, height, poses):
-    """Return robots at these poses, sorted into the cells of an arena of this size."""
     return block_of(Scene(np.array(poses), np.zeros(len(poses), bool), empty_arena(width, height)))
 
 
-def _cell(x, y, scene):
-    column = max(0, min(math.floor(x / scene.cell_width_cm), scene.columns - 1))
-    row = max(0, min(math.floor(y / scene.cell_height_cm), scene.rows - 1))
-    return row * scene.columns + column
-
-
 @given(crowds())
-def test_every_robot_is_in_the_cell_that_its_pose_says_by_number(crowd):
+def test_every_robot_is_in_the_cell_that_its_pose_says_by_number_and_nothing_is_left_of_an_earlier_sorting(crowd):
     width, height, poses = crowd
-    swarm = block_at(width, height, poses).swarm
+    block = block_at(width, height, [(height - y, width - x, 0) for x, y, _ in poses])
+    block.swarm.robots.x, block.swarm.robots.y, _ = np.array(poses).T
+    sort_robots(block.bytes)
+    swarm, scene = block.swarm, block.swarm.scene[0]
     twin = [[] for _ in range(len(swarm.cells) - 1)]
     for robot, (x, y, _) in enumerate(poses):
-        twin[_cell(x, y, swarm.scene[0])].append(robot)
+        column = max(0, min(math.floor(x / scene.cell_width_cm), scene.columns - 1))
+        row = max(0, min(math.floor(y / scene.cell_height_cm), scene.rows - 1))
+        twin[row * scene.columns + column].append(robot)
     bounds = zip(swarm.cells[:-1], swarm.cells[1:], strict=True)
     assert [swarm.members.robot[start:end].tolist() for start, end in bounds] == twin
     places = np.column_stack([swarm.members.x, swarm.members.y])
     np.testing.assert_array_equal(places, np.array(poses)[swarm.members.robot, :2])
-
-
-@given(crowds())
-def test_nothing_is_left_of_an_earlier_sorting(crowd):
-    width, height, poses = crowd
-    fresh, used = (block_at(width, height, each) for each in (poses, [(height - y, width - x, 0) for x, y, _ in poses]))
-    used.swarm.robots.x, used.swarm.robots.y, _ = np.array(poses).T
-    sort_robots(used.bytes)
-    assert used.swarm.cells.tolist() == fresh.swarm.cells.tolist()
-    assert used.swarm.members.tolist() == fresh.swarm.members.tolist()
 
 
 @given(sizes, sizes, st.integers(1, 500))
@@ -71,14 +59,3 @@ def test_cells_share_the_floor_and_are_no_narrower_than_infrared_reaches(width, 
 
 def test_a_large_arena_has_about_one_cell_a_robot():
     assert cells_needed(700.0, 700.0, 1000, cell_cm([EPUCK])) == pytest.approx(1000, rel=0.1)
-
-
-@given(scenes(robots=(2, 10, 60)))
-def test_robots_within_the_reach_of_infrared_are_in_neighbouring_cells(scene: Scene):
-    swarm = block_of(scene).swarm
-    place = np.empty((len(scene.poses), 2), int)
-    for cell in range(len(swarm.cells) - 1):
-        place[swarm.members.robot[swarm.cells[cell] : swarm.cells[cell + 1]]] = divmod(cell, swarm.scene[0].columns)
-    apart = np.hypot(*(scene.poses[:, None, :2] - scene.poses[None, :, :2]).T)
-    away = np.abs(place[:, None] - place[None]).max(axis=2)
-    assert (away[apart <= REACH_CM - 1e-9] <= 1).all()

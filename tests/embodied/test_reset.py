@@ -12,12 +12,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from tests.control.bench import with_step
-from tests.embodied.test_simulation import steps_of
-
-
-def bits(step):
-    """Return every bit of every array of a step."""
-    return [array.tobytes() for array in (np.array(step[:2]), *step[2:8], *step.memories)]
+from tests.embodied.test_simulation import bits, steps_of
 
 
 def following(simulation, steps=60):
@@ -37,23 +32,17 @@ UNLIKE = load_scenario(
 )
 
 
-def test_reset_keeps_the_seed_unless_another_is_given():
+def test_reset_keeps_the_seed_unless_another_is_given_and_a_refused_one_changes_nothing():
     simulation = Simulation("thesis", 4)
     first = following(simulation, 20)
     simulation.reset()
     assert following(simulation, 20) == first
+    with pytest.raises(ScenarioError, match="seed is -1; allowed"):
+        simulation.reset(-1)
+    assert (simulation.steps, simulation.seed) == (20, 4)
     simulation.reset(5)
     simulation.reset()
     assert simulation.seed == 5
-
-
-def test_a_refused_reset_changes_nothing():
-    simulation = Simulation({"robots": [{"count": 5}]}, 4)
-    next(simulation)
-    with pytest.raises(ScenarioError, match="seed is -1; allowed"):
-        simulation.reset(-1)
-    assert simulation.steps == 1
-    assert simulation.seed == 4
 
 
 def test_many_resets_in_crowds_leave_no_body_behind():
@@ -119,22 +108,17 @@ def test_copies_go_on_equal_to_the_bit_among_contacts_commands_and_changes(way, 
         assert drive(original, 60, np.random.default_rng(2)) == expected
 
 
-def test_a_snapshot_is_a_moment_which_later_steps_do_not_change():
+def test_a_snapshot_is_a_moment_which_later_steps_do_not_change_and_one_of_another_scenario_is_refused():
     simulation = Simulation(UNLIKE, 3)
     drive(simulation, 20, np.random.default_rng(1))
     snapshot = simulation.snapshot()
     assert "steps=20" in repr(snapshot)
     first = drive(simulation, 30, np.random.default_rng(2))
-    simulation.restore(snapshot)
-    assert drive(simulation, 30, np.random.default_rng(2)) == first
-
-
-def test_snapshots_of_other_scenarios_are_refused_and_nothing_is_lost():
-    simulation = Simulation("thesis", 3)
-    simulation.advance(5)
     with pytest.raises(ValueError, match="cannot be restored from Snapshot"):
         simulation.restore(Simulation("crowded", 3).snapshot())
-    assert simulation.steps == 5
+    assert simulation.steps == 50
+    simulation.restore(snapshot)
+    assert drive(simulation, 30, np.random.default_rng(2)) == first
 
 
 # --- changes on the way -----------------------------------------------------------------------------
@@ -173,20 +157,15 @@ def test_parameters_that_a_controller_does_not_take_are_refused(group, values, k
 
 def test_a_controller_that_raises_at_a_restart_is_named(tmp_path):
     path = tmp_path / "late.py"
-    text = with_step("pass").replace("    pass\n", "    x = 1 / (int(random[0] % 2))\n", 1)
-    path.write_text(text)
+    path.write_text(with_step("pass").replace("    pass\n", "    x = 1 / (int(random[0] % 2))\n", 1))
     scenario = load_scenario({"robots": [{"controller": str(path), "count": 1}]})
-
-    def started(seed):
+    is_good = {}
+    for seed in range(20):
         try:
-            return Simulation(scenario, seed)
+            simulation, is_good[seed] = Simulation(scenario, seed), True
         except ControllerError:
-            return None
-
-    tried = {seed: started(seed) for seed in range(20)}
-    good = next(seed for seed, simulation in tried.items() if simulation)
-    bad = next(seed for seed, simulation in tried.items() if not simulation)
-    simulation = tried[good]
+            is_good[seed] = False
+    good, bad = (next(seed for seed in is_good if is_good[seed] == wanted) for wanted in (True, False))
     with pytest.raises(ControllerError, match=rf"robot 0, step 0, seed {bad}: .*late.py"):
         simulation.reset(bad)
     simulation.reset(good)

@@ -6,14 +6,9 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from epuck_sim.arena import make_arena
 from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.environments.spaces import AgentSpaces
-from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
-from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld
 
 KILOBOT = load_scenario("kilobots").robot
 RADIO = {"kind": "radio"}
@@ -45,13 +40,6 @@ def test_a_robot_turns_on_the_spot_by_its_wheels_limit_and_distance(robot, limit
     np.testing.assert_allclose(step.poses[0], [25, 25, 2 * limit / base], rtol=0, atol=1e-9)  # in a second
 
 
-def test_a_kilobot_drives_on_the_circle_of_its_wheels():
-    step = drive([[25, 25, 0]], 0.5, 1.0).advance(101)
-    radius, angle = 2.5 / 2 * 1.5 / 0.5, 0.5 / 2.5 * 10
-    expected = 25 + radius * math.sin(angle), 25 + radius * (1 - math.cos(angle)), angle
-    np.testing.assert_allclose(step.poses[0], expected, rtol=0, atol=1e-9)
-
-
 # --- bodies -----------------------------------------------------------------------------------------
 
 
@@ -61,50 +49,6 @@ def test_two_robots_that_meet_head_on_stop_a_diameter_apart(robot, apart):
     assert step.poses[1, 0] - step.poses[0, 0] == pytest.approx(apart, abs=0.02)
     assert step.contacts.tolist() == [[0, 1]]
     assert step.poses[0, 0] + step.poses[1, 0] == pytest.approx(50)
-
-
-def test_a_kilobot_stops_with_its_body_at_the_wall_and_touches_it():
-    simulation = drive([[45, 25, 0]], 1, 1)
-    assert len(simulation.advance(1).contacts) == 0
-    step = simulation.advance(100)
-    assert step.poses[0, 0] == pytest.approx(50 - 1.65, abs=0.02)
-    assert step.contacts.tolist() == [[0, -1]]
-
-
-def moves_as_if_all_took_every_physics_step(arena, places, kinds, speed) -> None:
-    """Compare a crowd at random velocities with one in which every robot takes every physics step."""
-    random = np.random.default_rng(3)
-    grid = np.array([(x, y) for x in places for y in places], float)
-    poses = np.column_stack([grid, np.zeros(len(grid))])
-    fast, slow = (world(arena, poses, 0.0, 100, kinds) for world in (MovedWorld, FullSpaceWorld))
-    shares = []
-    for _ in range(60):
-        speeds = random.uniform(-speed, speed, (len(poses), 3))
-        for world in (fast, slow):
-            world.velocities[:] = speeds
-            world.advance(10)
-        np.testing.assert_allclose(fast.poses, slow.poses, rtol=0, atol=1e-9)
-        shares.append(fast.swarm.robots.may_touch.mean())
-    assert min(shares) < 1
-    assert max(shares) > 0.2
-
-
-def test_a_crowd_of_kilobots_moves_as_if_all_of_them_took_every_physics_step():
-    moves_as_if_all_took_every_physics_step(make_arena(31, 31, [], []), range(2, 30, 4), [KILOBOT], 1)
-
-
-def test_random_places_are_as_near_as_the_bodies_allow():
-    simulation = Simulation({"arena": FLOOR, "robot": "kilobot", "robots": [{"count": 100, "signal": RADIO}]}, 1)
-    places = next(simulation).poses[:, :2]
-    apart = np.hypot(*(places[:, None] - places[None]).T) + 100 * np.eye(100)
-    assert 3.3 - 1e-6 <= apart.min() < 7.4
-    assert places.min() >= 1.65 - 1e-6
-    assert places.max() <= 50 - 1.65 + 1e-6
-
-
-def test_a_mixed_crowd_moves_as_if_all_of_it_took_every_physics_step():
-    kinds = [RobotKind(radius_cm=5), KILOBOT, EPUCK]
-    moves_as_if_all_took_every_physics_step(make_arena(90, 90, [(45, 45, 1.0)], []), range(8, 90, 11), kinds, 4)
 
 
 # --- kinds that differ in a swarm ---------------------------------------------------------------------
@@ -169,27 +113,6 @@ def test_own_sensors_know_the_radius_of_the_robot_that_senses_and_of_others(tmp_
     groups = ("epuck", [[10, 25, 0]], 0, sensors), ("kilobot", [[30, 25, math.pi]], 0, sensors)
     sizes = mixed(*groups).advance(1).readings["sizes"]
     assert sizes == pytest.approx(np.array([[3.7, 1.65, 20 - 1.65], [1.65, 3.7, 20 - 3.7]]))
-
-
-def test_robots_that_come_find_room_for_their_own_body():
-    small = {"kind": "kilobot", "count": 1, "present": False, "signal": RADIO}
-    poses = [[x, y, 0] for x in (5, 15, 25, 35, 45) for y in (5, 15, 25, 35, 45)]
-    large = {"kind": {"radius_cm": 4.9}, "poses": poses, "controller": "constant"}
-    given = {"arena": FLOOR, "robots": [large, small], "schedule": [{"at_s": 1, "add": [25]}]}
-    step = Simulation(given, 1).advance(12)
-    gaps = np.hypot(*(step.poses[:25, :2] - step.poses[25, :2]).T) - 4.9 - 1.65
-    assert gaps.min() >= -1e-6
-    crowded = {**given, "robots": [large, {**small, "kind": {"radius_cm": 3.6}}]}
-    with pytest.raises(ScenarioError, match="no free place was found for robot 25"):
-        Simulation(crowded, 1).advance(12)
-
-
-def test_agents_have_the_wheels_and_sensors_of_their_kind():
-    groups = [{"count": 2, "controller": "external"}, {"kind": "kilobot", "count": 1, "controller": "external",
-               "signal": RADIO}]  # fmt: skip
-    spaces = AgentSpaces(Simulation({"robots": groups}, 1), discrete=True)
-    assert spaces.command(np.array([1, 1, 1])).wheels_cm_s.tolist() == [[12.8, 12.8], [12.8, 12.8], [1, 1]]
-    assert spaces.fields["infrared"].stop - spaces.fields["infrared"].start == 8
 
 
 # --- sensors ----------------------------------------------------------------------------------------

@@ -38,14 +38,17 @@ def kept(simulation, count):
     ]
 
 
+def bits(step):
+    """Return every bit of every array of a step, with types and shapes."""
+    arrays = [np.array([step.number, step.time_s]), *(each for each in step if isinstance(each, np.ndarray))]
+    return [(each.shape, each.dtype.str, each.tobytes()) for each in (*arrays, *step.memories)]
+
+
 def fingerprint(scenario, seed=7, interpret=False, steps=None):
     """Return a hash of every bit of every array of every step."""
-    simulation = Simulation(scenario, seed, interpret=interpret)
     hashed = hashlib.sha256()
-    for step in steps_of(simulation, steps or (300 if scenario in LONG else 60)):
-        arrays = [value for value in step if isinstance(value, np.ndarray)]
-        for array in (np.array([step.number, step.time_s]), *arrays, *step.memories):
-            hashed.update(f"{array.shape} {array.dtype.str}".encode() + array.tobytes())
+    for step in steps_of(Simulation(scenario, seed, interpret=interpret), steps or (300 if scenario in LONG else 60)):
+        hashed.update(repr(bits(step)).encode())
     return hashed.hexdigest()
 
 
@@ -87,19 +90,17 @@ def test_interpreted_controllers_make_the_same_trial_with_other_settings(given, 
     assert fingerprint(scenario, interpret=True, steps=steps) == fingerprint(scenario, steps=steps)
 
 
-def test_a_camera_before_a_lamp_is_red_all_over():
-    assert Simulation(MORE_RED_THAN_A_BYTE_COUNTS, 1).advance(3).camera[0].all()
-
-
 @pytest.mark.parametrize("arena", LONG)
 def test_another_seed_makes_another_trial(arena):
     assert fingerprint(arena, seed=8) != fingerprinted(arena)
 
 
 def test_the_seed_is_the_scenarios_own_unless_it_is_given():
-    scenario = load_scenario("thesis", ["seed=11"])
-    assert Simulation(scenario).seed == 11
-    assert fingerprint(scenario, None, steps=20) == fingerprint("thesis", 11, steps=20)
+    assert fingerprint(load_scenario("thesis", ["seed=11"]), None, steps=20) == fingerprint("thesis", 11, steps=20)
+    with pytest.raises(ScenarioError, match=r"pair: seed is -1; allowed: whole numbers from 0"):
+        Simulation("pair", -1)
+    with pytest.raises(ValueError, match="steps is 0; allowed: 1 and above"):
+        Simulation("pair").advance(0)
 
 
 def test_trials_that_run_by_turns_do_not_disturb_each_other():
@@ -112,8 +113,6 @@ def test_trials_that_run_by_turns_do_not_disturb_each_other():
 # --- controllers for these tests --------------------------------------------------------------------
 
 BLINK = with_step("actuators.ring_on = memory.x == 3\n    memory.x += 1")
-RACE = with_step("actuators.left_cm_s = -1e9\n    actuators.right_cm_s = float('inf')")
-
 REACT = """
 PARAMETERS = {"beat": 7}
 MEMORY = {"clock": int, "pixels": int}
@@ -145,7 +144,7 @@ MEMORY = {"taken": int}
 
 
 def start(memory, parameters, random):
-    if parameters.way == 3:
+    if parameters.way == 2:
         raise ValueError("not today")
 
 
@@ -155,10 +154,8 @@ def step(sensors, memory, actuators, parameters, random):
         if parameters.way == 0:
             raise ValueError("too near")
         if parameters.way == 1:
-            actuators.left_cm_s = math.nan
-        if parameters.way == 2:
             actuators.right_cm_s = math.nan
-    if parameters.way == 4:
+    if parameters.way == 3:
         actuators.left_cm_s = 1 / (50 - memory.taken)
 """
 
@@ -178,27 +175,19 @@ def controller(tmp_path):
 # --- all robots sense the same instant --------------------------------------------------------------
 
 
-@pytest.mark.parametrize("first", ["watchers", "blinker"])
-def test_a_ring_lit_in_one_step_is_seen_in_the_next_and_only_then(controller, first):
+def test_a_ring_lit_in_one_step_is_seen_in_the_next_and_only_then(controller):
     blinker = {"poses": [[50, 30, 0]], "controller": controller(BLINK)}
     watchers = {"poses": [[20, 30, 0], [50, 10, math.pi / 2]], "controller": "constant"}
-    groups = [watchers, blinker] if first == "watchers" else [blinker, watchers]
-    watching = [0, 1] if first == "watchers" else [1, 2]
-    steps = kept(Simulation({"robots": groups, "noise": "off"}, 0, interpret=True), 8)
-    assert [step.ring_on.any() for step in steps] == [number == 3 for number in range(8)]
-    for robot in watching:
-        assert [step.camera[robot].any() for step in steps] == [number == 4 for number in range(8)]
+    for groups, watching in (([watchers, blinker], [0, 1]), ([blinker, watchers], [1, 2])):
+        steps = kept(Simulation({"robots": groups, "noise": "off"}, 0, interpret=True), 8)
+        assert [step.ring_on.any() for step in steps] == [number == 3 for number in range(8)]
+        for robot in watching:
+            assert [step.camera[robot].any() for step in steps] == [number == 4 for number in range(8)]
 
 
-def test_wheels_commanded_in_one_step_move_the_body_before_the_next():
-    first, second = kept(Simulation("push"), 2)
-    np.testing.assert_array_equal(first.wheels_cm_s, [(12.8, 12.8), (0, 0)])
-    np.testing.assert_allclose(first.poses, [(20, 30, 0), (30, 30, 0)])
-    np.testing.assert_allclose(second.poses, [(21.28, 30, 0), (30, 30, 0)])
-
-
-def test_wheels_turn_at_their_limit_when_a_controller_commands_more(controller):
-    robot = {"poses": [[30, 30, 0]], "controller": controller(RACE)}
+def test_wheels_commanded_in_one_step_within_their_limit_move_the_body_before_the_next(controller):
+    race = with_step("actuators.left_cm_s = -1e9\n    actuators.right_cm_s = float('inf')")
+    robot = {"poses": [[30, 30, 0]], "controller": controller(race)}
     first, second = kept(Simulation({"robots": [robot], "noise": "off"}, 0, interpret=True), 2)
     np.testing.assert_array_equal(first.wheels_cm_s, [(-12.8, 12.8)])
     np.testing.assert_allclose(second.poses, [(30, 30, 2 * 12.8 / 5.1 * 0.1)])
@@ -238,7 +227,8 @@ def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(contr
 
 def test_groups_with_different_cameras_and_controllers_work_side_by_side(controller):
     wide = {"poses": [[50, 30, math.pi]], "controller": "constant", "camera": {"pixels": 100, "field_of_view_deg": 112}}
-    few = {"poses": [[30, 50, -math.pi / 2]], "parameters": {"speed_cm_s": 0}, "camera": {"pixels": 20}}
+    still = {"speed_cm_s": 0, "period_s": 2}
+    few = {"poses": [[30, 50, -math.pi / 2]], "parameters": still, "camera": {"pixels": 20}}
     blind = {"poses": [[10, 30, 0]], "controller": controller(REACT), "camera": {"pixels": 30, "range_cm": 5}}
     simulation = Simulation({"robots": [LAMP, wide, few, blind], "noise": "off"}, 1)
     _, step = kept(simulation, 2)
@@ -249,19 +239,8 @@ def test_groups_with_different_cameras_and_controllers_work_side_by_side(control
     assert not step.camera[2, 20:].any()
     assert step.memories[3]["pixels"] == 30  # a controller is shown the pixels of its own camera alone
     assert [np.isnan(phase) for phase in step.phase_ms] == [True, True, False, True]
-    np.testing.assert_array_equal(simulation.period_ms, [np.nan, np.nan, 5000, np.nan])
+    np.testing.assert_array_equal(simulation.period_ms, [np.nan, np.nan, 2000, np.nan])
     np.testing.assert_array_equal(step.flash_seen, [False, True, True, False])
-
-
-def test_each_group_has_its_own_parameters():
-    groups = [
-        {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 1, "period_s": 2.0}},
-        {"poses": [[20, 50, 0], [20, 10, 0]], "parameters": {"speed_cm_s": 3, "period_s": 7.5}},
-    ]
-    simulation = Simulation({"robots": groups, "noise": "off"}, 1)
-    np.testing.assert_array_equal(simulation.period_ms, [2000, 7500, 7500])
-    *_, step = steps_of(simulation, 11)
-    np.testing.assert_allclose(step.poses[:, 0], [21, 23, 23])
 
 
 # --- controllers that fail --------------------------------------------------------------------------
@@ -273,9 +252,8 @@ def test_each_group_has_its_own_parameters():
     [
         (0, 3, 3, "ValueError: too near"),
         (1, 3, 3, "wheel speed or a turn that is not a number"),
-        (2, 3, 3, "wheel speed or a turn that is not a number"),
-        (3, 2, 0, "ValueError: not today"),
-        (4, 2, 49, "(ZeroDivisionError|FloatingPointError)"),
+        (2, 2, 0, "ValueError: not today"),
+        (3, 2, 49, "(ZeroDivisionError|FloatingPointError)"),
     ],
 )
 def test_a_controller_that_fails_is_blamed_with_robot_step_and_seed(controller, way, robot, step, message, interpret):
@@ -294,29 +272,10 @@ def test_a_controller_that_fails_is_blamed_with_robot_step_and_seed(controller, 
 # --- steps ------------------------------------------------------------------------------------------
 
 
-def test_a_steps_arrays_have_the_documented_shapes_and_types():
-    groups = [{"count": 3}, {"count": 2, "controller": "constant", "camera": {"pixels": 21}}]
-    step = next(Simulation({"robots": groups}, 1))
-    documented = {
-        "poses": ((5, 3), np.float64),
-        "infrared": ((5, 8), np.float64),
-        "distance_mm": ((5, 8), np.int64),
-        "camera": ((5, 60), np.int64),
-        "wheels_cm_s": ((5, 2), np.float64),
-        "ring_on": ((5,), np.bool_),
-        "phase_ms": ((5,), np.float64),
-        "flash_seen": ((5,), np.bool_),
-    }
-    found = {name: (getattr(step, name).shape, getattr(step, name).dtype) for name in documented}
-    assert found == documented
-    assert [len(memory) for memory in step.memories] == [3, 2]
-
-
-@pytest.mark.parametrize("control_hz", [10, 25, 40])
-def test_steps_are_numbered_from_0_and_their_times_are_exact(control_hz):
-    simulation = Simulation(load_scenario("arc", [f"timing.control_hz={control_hz}", "timing.physics_hz=200"]))
-    assert simulation.step_s == 1 / control_hz
-    assert [(step.number, step.time_s) for step in steps_of(simulation, 50)] == [(n, n / control_hz) for n in range(50)]
+def test_steps_are_numbered_from_0_and_their_times_are_exact():
+    simulation = Simulation(load_scenario("arc", ["timing.control_hz=40", "timing.physics_hz=200"]))
+    assert simulation.step_s == 1 / 40
+    assert [(step.number, step.time_s) for step in steps_of(simulation, 50)] == [(n, n / 40) for n in range(50)]
 
 
 # --- several steps at once ------------------------------------------------------------------------------
@@ -326,18 +285,12 @@ def test_steps_are_numbered_from_0_and_their_times_are_exact(control_hz):
 @pytest.mark.parametrize("scenario", ["crowded", "physical", "push", *CHANGING])
 def test_steps_taken_at_once_are_the_steps_taken_one_by_one(scenario, interpret):
     arena = CHANGING.get(scenario, scenario)
-    expected = kept(Simulation(arena, 3), 84)
+    expected = [bits(step) for step in steps_of(Simulation(arena, 3), 84)]
     simulation = Simulation(arena, 3, interpret=interpret)
     for count in (1, 2, 15, 16, 17, 33):
         step = simulation.advance(count)
-        assert step.number == simulation.steps - 1
-        assert step.time_s == expected[step.number].time_s
-        for field, array in zip(step._fields, step, strict=True):
-            if isinstance(array, np.ndarray):
-                np.testing.assert_array_equal(array, getattr(expected[step.number], field), err_msg=field)
-        for memory, other in zip(step.memories, expected[step.number].memories, strict=True):
-            assert memory.tobytes() == other.tobytes()
-    assert simulation.steps == 84
+        assert bits(step) == expected[simulation.steps - 1]
+    assert step.number == 83
 
 
 @pytest.mark.parametrize("interpret", [False, True])
@@ -357,32 +310,19 @@ def test_steps_taken_at_once_end_where_the_reference_fires(reference, interpret)
     assert len(seen) > 2
 
 
-def test_no_step_and_a_negative_seed_are_refused():
-    with pytest.raises(ScenarioError, match=r"pair: seed is -1; allowed: whole numbers from 0"):
-        Simulation("pair", -1)
-    simulation = Simulation("thesis", 3)
-    with pytest.raises(ValueError, match="steps is 0; allowed: 1 and above"):
-        simulation.advance(0)
-    assert simulation.steps == 0
-
-
 # --- phases and flashes ---------------------------------------------------------------------------------
 
 
-def test_robots_that_are_no_oscillators_have_no_phase_and_judge_a_flash_by_any_red_pixel():
+def test_a_robot_judges_a_flash_by_any_red_pixel_unless_its_controller_does():
     simulation = Simulation("spotlight")
     first, second = kept(simulation, 2)
     assert np.isnan(simulation.period_ms).all()
     assert np.isnan(first.phase_ms).all()
-    assert not first.flash_seen.any()
     np.testing.assert_array_equal(second.flash_seen, second.camera.any(axis=1))
     assert second.flash_seen[0]
     assert not second.flash_seen.all()
-
-
-def test_a_controllers_own_judgement_of_a_flash_counts():
     watcher = {**WATCHER, "parameters": {"speed_cm_s": 0, "flash_pixels": 61}}
-    step = kept(Simulation({"robots": [watcher, LAMP], "noise": "off"}, 1), 2)[-1]
+    step = Simulation({"robots": [watcher, LAMP], "noise": "off"}, 1).advance(2)
     assert step.camera[0].any()
     assert not step.flash_seen[0]
 

@@ -13,8 +13,6 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import vary
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
-from epuck_sim.trial.model import run_trial
 from epuck_sim.util.rng import uniform
 from epuck_sim.util.seeds import robot_streams
 from tests.embodied.changing import NOWHERE
@@ -32,28 +30,6 @@ def block_of(robots, seed=4, step_ms=100):
     swarm.scene[0].step_ms, swarm.scene[0].step_s = step_ms, step_ms / 1000
     swarm.robots.variation_random = robot_streams(np.random.SeedSequence(seed), robots)
     return block
-
-
-# --- the physical experiments -----------------------------------------------------------------------
-
-
-def test_fig_4_7_sweeps_the_speeds_of_the_robots_of_physical():
-    def robots_and_room(scenario):
-        own = {"name", "description", "stop", "trials", "sweep", "quick", "figure"}
-        return {key: value for key, value in scenario.model_dump().items() if key not in own}
-
-    physical = load_scenario("physical")
-    for point in points(load_scenario("fig-4-7")):
-        speed = point.scenario.robots[0].parameters["speed_cm_s"]
-        same = load_scenario(physical, [f"robots.0.parameters.speed_cm_s={speed}"])
-        assert robots_and_room(point.scenario) == robots_and_room(same)
-    assert speed == physical.robots[0].parameters["speed_cm_s"]
-
-
-def test_imperfect_robots_synchronise_at_full_speed():
-    results = [run_trial(Simulation("physical", seed)) for seed in range(3)]
-    assert not any(result.censored for result in results)
-    assert max(result.cycles for result in results) < 100
 
 
 # --- factors ----------------------------------------------------------------------------------------
@@ -90,16 +66,9 @@ def test_no_millisecond_of_a_clock_is_lost_or_counted_twice(rates, step_ms):
         assert (np.abs(passed - own_ms) < 1).all()
         total += passed
     assert total.tolist() == [math.floor(1000 * each) for each in own_ms]
-
-
-def test_a_clock_that_is_right_always_counts_the_control_step():
-    block = block_of(1)
-    swarm = open_block(block)
-    swarm.robots.own_step_ms = 25.0
-    for step in (0, 1, 7, 10**6, 10**12):
-        swarm.scene[0].step = step
-        tick(block, NOWHERE, 0)
-        assert swarm.robots.sensors.step_ms.tolist() == [25]
+    swarm.robots.own_step_ms, swarm.scene[0].step = step_ms, 10**12  # a clock that is right, after very long
+    tick(block, NOWHERE, 0)
+    assert (swarm.robots.sensors.step_ms == step_ms).all()
 
 
 def test_phases_run_by_the_robots_own_clocks():
@@ -156,11 +125,3 @@ def test_a_robot_that_is_stuck_stands_still_with_its_wheels_turning_and_its_osci
     assert 0.2 < still.mean() < 0.7
     assert (np.abs(wheels[:-1])[still] > 0).mean() > 0.95
     assert (np.diff(phases, axis=0) != 0).all()
-
-
-def test_stuck_robots_change_nothing_before_the_first_is_stuck():
-    ideal, real = Simulation("thesis", 2), Simulation(load_scenario("thesis", ["stuck.per_hour=60"]), 2)
-    differ = [(one.poses != other.poses).any() for one, other, _ in zip(ideal, real, range(400), strict=False)]
-    first = differ.index(True)
-    assert first > 5
-    assert all(differ[first:])

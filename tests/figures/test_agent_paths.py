@@ -95,7 +95,3 @@ def test_an_agent_that_stands_still_stays_where_it_is() -> None:
     places = np.full((5, 2), 7, np.float32)
     path = agent_path(np.arange(5.0), places, np.zeros(5), 20.0, is_cyclic=False)
     np.testing.assert_array_equal(path, np.column_stack([np.arange(5.0), places]))
-
-
-def test_a_single_row_is_a_point() -> None:
-    assert agent_path(np.array([3.0]), np.ones((1, 2), np.float32), np.zeros(1), 20.0, is_cyclic=True).shape == (1, 3)

@@ -1,7 +1,6 @@
 """Claims about the files of figures: which are written, that they are whole and the same again, and what is refused."""
 
 import errno
-from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -43,11 +42,8 @@ def saved(tmp_path_factory) -> Path:
     """Return the stem of a figure's files."""
     stem = tmp_path_factory.mktemp("saved") / "fig"
     assert save_figure(Target(stem), draw, tables()) == [stem.with_name(f"fig{ending}") for ending in ENDINGS]
+    assert names(stem.parent) == sorted(f"fig{ending}" for ending in ENDINGS)
     return stem
-
-
-def test_nothing_but_the_pictures_and_the_tables_is_written(saved) -> None:
-    assert names(saved.parent) == sorted(f"fig{ending}" for ending in ENDINGS)
 
 
 def test_the_pictures_are_whole(saved) -> None:
@@ -70,16 +66,11 @@ def test_a_target_of_one_format_is_that_picture_alone_with_the_tables_beside_it(
     assert files[0].read_bytes().startswith(SIGNATURES[ending.lower()])
 
 
-def test_the_same_figure_gives_the_same_files_byte_for_byte(tmp_path, monkeypatch) -> None:
-    target = Target(tmp_path / "fig", (".png", ".svg", ".pdf"))
-    first = [file.read_bytes() for file in save_figure(target, draw, tables())]
-    monkeypatch.setattr("time.time", lambda: 2e9)
-    assert [file.read_bytes() for file in save_figure(target, draw, tables())] == first
-
-
-def test_another_figure_gives_other_files(tmp_path) -> None:
+def test_the_same_figure_gives_the_same_files_byte_for_byte_and_another_one_others(tmp_path, monkeypatch) -> None:
     target = Target(tmp_path / "fig", (".png", ".svg", ".pdf"))
     first = [file.read_bytes() for file in save_figure(target, draw, {".csv": tables()[".csv"]})]
+    monkeypatch.setattr("time.time", lambda: 2e9)
+    assert [file.read_bytes() for file in save_figure(target, draw, {".csv": tables()[".csv"]})] == first
     other = save_figure(target, lambda: draw("other"), {".csv": tables(2.5)[".csv"]})
     assert all(file.read_bytes() != before for file, before in zip(other, first, strict=True))
 
@@ -92,8 +83,6 @@ def test_another_figure_gives_other_files(tmp_path) -> None:
     [
         ("fig", "fig", (".png", ".svg")),
         ("runs/fig.png", "runs/fig", (".png",)),
-        ("fig.svg", "fig", (".svg",)),
-        ("fig.pdf", "fig", (".pdf",)),
         ("v0.5", "v0.5", (".png", ".svg")),
         ("a.b", "a.b", (".png", ".svg")),
         ("v0.5.png", "v0.5", (".png",)),
@@ -104,18 +93,10 @@ def test_a_target_is_a_stem_or_one_picture(given: str, stem: str, formats: tuple
     assert parse_target(Path(given)) == Target(Path(stem), formats)
 
 
-@pytest.mark.parametrize("ending", [".csv", ".jpg", ".jpeg", ".eps", ".ps", ".rrd", ".parquet", ".JPG", ".mp4"])
+@pytest.mark.parametrize("ending", [".csv", ".JPG", ".parquet"])
 def test_another_file_type_is_refused_with_what_is_allowed(ending: str) -> None:
     with pytest.raises(EpuckSimError, match=rf"fig{ending}: ends in '{ending}'; allowed: \.png, \.svg or \.pdf"):
         parse_target(Path(f"fig{ending}"))
-
-
-@pytest.mark.parametrize("stem", [".", "/", ".."])
-def test_a_stem_without_a_name_is_refused(monkeypatch, tmp_path, stem: str) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(EpuckSimError, match="is not a file's name"):
-        save_figure(Target(Path(stem)), draw, tables())
-    assert names(tmp_path) == []
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -127,15 +108,6 @@ def test_where_one_file_cannot_be_written_none_is_and_nothing_is_drawn(tmp_path,
     with pytest.raises(EpuckSimError, match=f"T{ending}: cannot be written: is a directory"):
         save_figure(Target(tmp_path / "T"), refuse, tables())
     assert names(tmp_path) == [f"T{ending}"]
-
-
-def test_where_drawing_fails_nothing_is_written(tmp_path) -> None:
-    def fail() -> Figure:
-        raise EpuckSimError("too many panels")
-
-    with pytest.raises(EpuckSimError, match="too many panels"):
-        save_figure(Target(tmp_path / "T"), fail, tables())
-    assert names(tmp_path) == []
 
 
 @pytest.mark.parametrize(
@@ -158,18 +130,6 @@ def test_where_writing_fails_older_files_stay_and_nothing_is_left_beside_them(
     with pytest.raises(raised):
         save_figure(Target(tmp_path / "T"), draw, tables())
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {f"T{end}": "older" for end in ENDINGS}
-
-
-def test_where_a_table_fails_the_older_one_stays(tmp_path) -> None:
-    def rows_that_fail() -> Iterator[tuple[int]]:
-        yield (1,)
-        raise KeyboardInterrupt
-
-    (tmp_path / "T.csv").write_text("older")
-    with pytest.raises(KeyboardInterrupt):
-        save_figure(Target(tmp_path / "T", ()), draw, {".csv": Table(("a",), rows_that_fail())})
-    assert (tmp_path / "T.csv").read_text() == "older"
-    assert names(tmp_path) == ["T.csv"]
 
 
 def test_text_is_text_in_every_format_that_has_any(tmp_path) -> None:

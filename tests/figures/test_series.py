@@ -7,9 +7,8 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.curves import Curves
 from epuck_sim.figures.forms.maps import Maps, choose_levels, read_maps
 from epuck_sim.figures.forms.series import MAX_LINES, Series
-from epuck_sim.figures.forms.violins import Violins, density, read_groups
+from epuck_sim.figures.forms.violins import Violins, read_violins
 from epuck_sim.figures.style import has_log_scale
-from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.statistics.curves import read_curves
 from epuck_sim.statistics.series import PointSeries, series_statistics
 from tests.figures.drawn import legend_texts
@@ -30,18 +29,6 @@ def test_a_line_is_the_mean_and_dashed_once_a_trial_has_ended():
     assert legend_texts(figure) == ["V = 1 cm/s", "V = 2 cm/s", "95 % interval", "some trials have ended"]
     assert (panel.get_xlabel(), panel.get_ylabel()) == ("cycle", "mine")
     assert Series(of="mine", points=[LONG, SHORT]).shows.endswith("; 6 trials a point")
-
-
-def test_the_legend_of_one_line_names_its_band_alone():
-    assert legend_texts(Series(of="mine", points=[LONG]).draw_figure()) == ["95 % interval"]
-
-
-@pytest.mark.parametrize(("width_cm", "expected"), [(None, 8.5), (12.0, 12)])
-def test_a_series_is_as_wide_as_a_column_or_as_asked_for(width_cm, expected):
-    width, _ = (
-        Series(of="mine", points=[LONG], settings=FigureSection(width_cm=width_cm)).draw_figure().get_size_inches()
-    )
-    assert width * 2.54 == pytest.approx(expected)
 
 
 def test_lines_that_no_one_could_tell_apart_are_refused():
@@ -84,7 +71,7 @@ SIGNED = measured(lambda _, random: random.normal())
 def test_a_measure_has_its_name_and_the_scale_that_fits_it(points, scale):
     curves = read_curves(points, SPEED)
     curve_panel = Curves(axis=SPEED, curves=curves, of=curves[0].of).draw_figure().axes[0]
-    violin_panel = Violins(axis=SPEED, groups=read_groups(points, SPEED), of="mine").draw_figure().axes[0]
+    violin_panel = Violins(axis=SPEED, curves=read_violins(points, SPEED), of="mine").draw_figure().axes[0]
     assert curve_panel.get_ylabel() == "mine"
     assert violin_panel.get_ylabel() == "mine"
     assert (curve_panel.get_yscale(), violin_panel.get_yscale()) == (scale, scale)
@@ -114,15 +101,8 @@ def test_points_without_a_value_are_crosses_above_all_others_and_hatched_in_maps
     assert "no trial has a value" in legend_texts(
         Maps(x=SPEED, y=COUNT, maps=read_maps(gaps, SPEED, COUNT), of="mine").draw_figure()
     )
-    violins = Violins(axis=SPEED, groups=read_groups(gaps, SPEED), of="mine").draw_figure()
+    violins = Violins(axis=SPEED, curves=read_violins(gaps, SPEED), of="mine").draw_figure()
     assert "undetermined: no trial has a value" in legend_texts(violins)
-
-
-def test_a_band_whose_end_is_not_reached_does_not_stretch_the_figure():
-    (curve, *_) = read_curves(SIGNED, SPEED)
-    open_ended = curve._replace(intervals=np.column_stack([curve.intervals[:, 0], np.full(len(curve.x), np.inf)]))
-    axes = Curves(axis=SPEED, curves=[open_ended], of="mine").draw_figure().axes[0]
-    assert -10 < axes.get_ylim()[0] < axes.get_ylim()[1] < 10
 
 
 @pytest.mark.parametrize("values", [[0.1, 0.32], [-5, 5], [3.0], [1e-9, 1.1e-9], [0, 1e6], [7, 7.0000001], [0.0]])
@@ -132,9 +112,3 @@ def test_linear_levels_hold_all_values(values):
     assert max(values) < levels[-1]
     assert 2 <= len(levels) <= 22
     assert np.diff(levels) == pytest.approx(levels[1] - levels[0])
-
-
-def test_densities_of_values_of_any_sign():
-    heights, found = density(np.array([-1.0, 0.0, 1.0]), of_logarithms=False)
-    assert (heights[0], heights[-1], found.max()) == (-1, 1, 1)
-    assert found == pytest.approx(found[::-1])

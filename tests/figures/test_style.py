@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from matplotlib import rc_context
 from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex, to_rgb
-from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.figures.films import BAR, FOUND, MARK, SYNC
@@ -69,14 +68,6 @@ def distance(one: str, other: str, vision: str) -> float:
     return float(np.linalg.norm(seen[0] - seen[1]))
 
 
-def test_these_measures_are_right() -> None:
-    assert contrast_with_white("black") == pytest.approx(21)
-    assert contrast_with_white("#767676") == pytest.approx(4.54, abs=0.01)
-    assert lab(linear("white")) == pytest.approx([100, 0, 0], abs=0.02)
-    assert lab(linear("red")) == pytest.approx([53.24, 80.09, 67.20], abs=0.05)
-    assert distance("#d62728", "#2ca02c", "deuteranopia") < distance("#d62728", "#2ca02c", "normal") / 2
-
-
 @pytest.mark.parametrize("colour", [*COLOURS, GREY, LINE])
 def test_lines_and_marks_have_contrast_on_white(colour: str) -> None:
     assert contrast_with_white(colour) >= MIN_CONTRAST
@@ -113,32 +104,6 @@ def test_any_text_is_shown_as_it_is(text: str) -> None:
     shown = typeset(text.replace("_", " "))
     assert not is_math_text(shown)
     assert shown.replace(r"\$", "$") == text.replace("_", " ")
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("T_sync and V_m", r"$T_\mathrm{sync}$ and $V_\mathrm{m}$"),
-        ("my_T_sync, T_synchrony", "my_T_sync, T_synchrony"),
-        ("T_sync for $5", r"$T_\mathrm{sync}$ for \$5"),
-    ],
-)
-def test_quantities_have_their_indices(text: str, expected: str) -> None:
-    assert typeset(text) == expected
-    figure = Figure()
-    figure.suptitle(typeset(text))
-    figure.draw_without_rendering()
-
-
-@pytest.mark.parametrize("width_cm", [8.5, 17.5])
-def test_a_long_title_is_within_the_figure(width_cm: float) -> None:
-    with rc_context(style()):
-        figure, _ = make_panels("T_sync of a swarm of many robots in a large arena " * 5, [""], ("x", "y"), width_cm)
-        figure.draw_without_rendering()
-    (title,) = figure.texts
-    box = title.get_window_extent()
-    assert box.x0 > 0
-    assert box.x1 < figure.bbox.x1
 
 
 @pytest.mark.parametrize("width_cm", [8.5, 17.5])

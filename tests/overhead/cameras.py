@@ -1,6 +1,6 @@
 """An arena with a camera above it, and what tests ask of its pictures."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,24 +18,24 @@ CLEAN = {"noise_levels": 0, "vignetting": 0, "bloom": 0, "blur_px": 0}
 ARENA = make_arena(60, 60, [(45, 45, 4)], [box_corners(15, 45, 8, 5, 0.4)])
 
 
-class Set(NamedTuple):
-    """A camera with its renderer."""
-
-    section: OverheadSection
-    camera: CameraModel
-    renderer: Renderer
-
-
-def make_set(arena: Arena = ARENA, seed: int = 0, **settings: Any) -> Set:
+def make_renderer(arena: Arena = ARENA, seed: int = 0, **settings: Any) -> tuple[CameraModel, Renderer]:
     """Place a camera with these settings above an arena."""
     section = OverheadSection(**settings)
     camera = overhead_camera(section, arena.width_cm, arena.height_cm)
-    return Set(section, camera, Renderer(section, camera, arena, seed))
+    return camera, Renderer(section, camera, arena, seed)
 
 
 def standing(*poses: tuple[float, float, float], lit: bool = True) -> list[ExposureSample]:
     """Return the one instant of an exposure in which robots stand still, with all rings on or off."""
     return [ExposureSample(np.array(poses, float).reshape(-1, 3), np.full(len(poses), lit))]
+
+
+def shot(
+    *poses: tuple[float, float, float], arena: Arena = ARENA, room: bool = False, lit: bool = True, **settings: Any
+) -> tuple[CameraModel, Picture]:
+    """Return a camera without faults but those given, and its picture of robots, in the dark or in a lit room."""
+    camera, renderer = make_renderer(arena, **CLEAN | settings)
+    return camera, renderer.render(standing(*poses, lit=lit), room_is_lit=room)
 
 
 def pixel_at(camera: CameraModel, x_cm: float, y_cm: float, z_cm: float = 0.0) -> tuple[int, int]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from epuck_sim import epuck
 from epuck_sim.overhead.camera import LOOKING_DOWN, WALL_HEIGHT_CM, CameraModel, overhead_camera, simple_lens
+from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.rings import RingFinder
 from epuck_sim.scenario.overhead import OverheadSection
 
@@ -60,6 +61,10 @@ def once_per_camera(function):
 
 
 finder_for = once_per_camera(RingFinder)
+
+
+def rings_in(camera, picture):
+    return finder_for(camera).find(ring_light(picture))
 
 
 @once_per_camera

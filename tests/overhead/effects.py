@@ -30,18 +30,6 @@ def whole(levels: np.ndarray) -> Picture:
     return np.ascontiguousarray(np.clip(np.round(levels), 0, 255).astype(np.uint8))
 
 
-def gamma(power: float) -> Effect:
-    return each(lambda levels: 255 * (levels / 255) ** power)
-
-
-def white_balance(red: float) -> Effect:
-    return each(lambda levels: levels * np.array([red, 1.0, 2 - red], np.float32))
-
-
-def bloom(strength: float, width_px: float = 8.0) -> Effect:
-    return each(lambda levels: levels + strength * cv2.GaussianBlur(levels, (0, 0), width_px))
-
-
 def gain(factor: float) -> Effect:
     """Return the effect of an exposure that was set in the dark: rings burn out, first to pink and then to white."""
 
@@ -51,10 +39,6 @@ def gain(factor: float) -> Effect:
         return factor * (levels + 0.6 * far + 0.3 * far.mean(axis=2, keepdims=True))
 
     return each(change)
-
-
-def noise_reduction(side_px: int) -> Effect:
-    return each(lambda levels: cv2.medianBlur(levels.astype(np.uint8), side_px | 1))
 
 
 def compression(quality: int) -> Effect:
@@ -67,18 +51,18 @@ def compression(quality: int) -> Effect:
 
 def lamp(radius: float, is_square: bool = False, at: tuple[float, float] = (0.5, 0.5)) -> Effect:
     """Return the effect of a light that always shines; radius: relative to the picture's height."""
+    generator = np.random.default_rng(2)  # a lamp on the mains, or a screen
 
     def change(levels: np.ndarray) -> np.ndarray:
         rows, columns = levels.shape[:2]
-        light, place, size = np.zeros_like(levels), (round(at[0] * columns), round(at[1] * rows)), round(radius * rows)
+        light, size = np.zeros_like(levels), round(radius * rows)
+        x, y = round(at[0] * columns), round(at[1] * rows)
         if is_square:
-            corners = [(x - size, y - size) for x, y in [place]] + [(place[0] + size, place[1] + size)]
-            cv2.rectangle(light, *corners, (255, 255, 255), -1)
+            cv2.rectangle(light, (x - size, y - size), (x + size, y + size), (255, 255, 255), -1)
         else:
-            cv2.circle(light, place, size, (255, 255, 255), -1)
+            cv2.circle(light, (x, y), size, (255, 255, 255), -1)
         return levels + generator.uniform(0.7, 1.3) * (light + 0.4 * cv2.GaussianBlur(light, (0, 0), 5.0))
 
-    generator = np.random.default_rng(2)  # a lamp on the mains, or a screen
     return each(change)
 
 
@@ -133,11 +117,14 @@ def dropped(share: float) -> Effect:
 
 
 KINDS: dict[str, tuple[Callable[..., Effect], tuple[Any, ...]]] = {
-    "gamma": (gamma, (0.5, 0.7, 1.6, 2.2)),
-    "white balance": (white_balance, (0.3, 0.6, 1.4)),
-    "bloom": (bloom, (0.5, 1.0, 2.0, 4.0)),
+    "gamma": (lambda power: each(lambda levels: 255 * (levels / 255) ** power), (0.5, 0.7, 1.6, 2.2)),
+    "white balance": (lambda red: each(lambda levels: levels * np.float32([red, 1, 2 - red])), (0.3, 0.6, 1.4)),
+    "bloom": (
+        lambda share: each(lambda levels: levels + share * cv2.GaussianBlur(levels, (0, 0), 8.0)),
+        (0.5, 1.0, 2.0, 4.0),
+    ),
     "burnt out": (gain, (3.0, 10.0, 20.0, 40.0)),
-    "noise reduction": (noise_reduction, (3, 5)),
+    "noise reduction": (lambda side: each(lambda levels: cv2.medianBlur(levels.astype(np.uint8), side)), (3, 5)),
     "compression": (compression, (10, 25, 50)),
     "lamp": (lamp, (0.03, 0.06, 0.1, 0.2)),
     "screen": (lambda radius: lamp(radius, True, (0.8, 0.3)), (0.04, 0.08, 0.12)),

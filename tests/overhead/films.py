@@ -15,7 +15,7 @@ import pytest
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, Timed, overhead_camera
+from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, overhead_camera
 from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.light import RingLight, is_lit
 from epuck_sim.overhead.render import ExposureSample, Renderer
@@ -142,7 +142,7 @@ def described(**overhead: Any) -> dict[str, Any]:
     return {"epuck_sim": "0", "arena_cm": [60, 60], "robots": 6, "period_s": 1.0, "overhead": section.model_dump()}
 
 
-def passed(timed: Iterable[Timed], duration_s: float | None) -> Iterable[Timed]:  # noqa: ARG001 - named by the protocol
+def passed(timed: Iterable[Any], _duration_s: float | None) -> Iterable[Any]:
     """Return the frames; a progress wrapper that shows nothing."""
     return timed
 
@@ -172,7 +172,7 @@ class Coded:
         self._lit: list[int] = []
         self._next = 0
 
-    def find_in(self, light: RingLight) -> list[Ring]:
+    def find(self, light: RingLight) -> list[Ring]:
         count = int(light.levels[0, 0])
         self._lit = self._lit[max(0, len(self._lit) - count) :]
         while len(self._lit) < count:

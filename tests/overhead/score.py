@@ -14,7 +14,6 @@ class Score(NamedTuple):
     """How well rings were found, in one frame or in many."""
 
     found: int = 0
-    """Rings reported where one was lit."""
     missed: int = 0
     """Rings that were lit for the whole exposure and are not reported."""
     false: int = 0
@@ -25,22 +24,15 @@ class Score(NamedTuple):
     """Sum of the squares of these distances."""
 
     def __add__(self, other: Self) -> "Score":  # type: ignore[override]
-        return Score(
-            self.found + other.found,
-            self.missed + other.missed,
-            self.false + other.false,
-            max(self.worst_cm, other.worst_cm),
-            self.squares_cm2 + other.squares_cm2,
-        )
+        found, missed, false, _, squares_cm2 = (one + two for one, two in zip(self, other, strict=True))
+        return Score(found, missed, false, max(self.worst_cm, other.worst_cm), squares_cm2)  # type: ignore[arg-type]
 
     @property
     def recall(self) -> float:
-        """Share of the lit rings that were found."""
         return self.found / max(1, self.found + self.missed)
 
     @property
     def precision(self) -> float:
-        """Share of the rings reported that were lit."""
         return self.found / max(1, self.found + self.false)
 
     @property

@@ -28,7 +28,7 @@ TS = Kind("ts", "libx264", "yuv420p", Fraction(1, 90_000))
 WEBM = Kind("webm", "libvpx", "yuv420p", Fraction(1, 1000))
 GIF = Kind("gif", "gif", "rgb8", Fraction(1, 100))
 AVI = Kind("avi", "mjpeg", "yuvj420p", Fraction(1, 15))
-AVI_OUT_OF_ORDER = Kind("avi", "libx264", "yuv420p", Fraction(1, 15))
+AVI_LATER = Kind("avi", "libx264", "yuv420p", Fraction(1, 15))
 BARE = Kind("h264", "libx264", "yuv420p", Fraction(1, 25))
 
 
@@ -71,7 +71,7 @@ def write_film(
     return path
 
 
-def write_packets(path: Path, stamps: Iterable[int]) -> Path:
+def write_packets(path: Path, stamps: Iterable[int], _: Kind) -> Path:
     """Write an MKV film whose time stamps, in ms, need not increase."""
     with av.open(path, "w") as container:
         stream = container.add_stream("mjpeg", rate=15)

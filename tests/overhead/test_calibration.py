@@ -24,6 +24,7 @@ from epuck_sim.overhead.camera_fit import CORNERS, RINGS
 from tests.overhead.films import PLACES, SMALL, described, even, flashing, make_camera, shoot
 
 SIDE = SMALL["width_px"]
+TOLD = TrackOptions()
 
 
 class Reel:
@@ -33,15 +34,16 @@ class Reel:
         self.asked = 0
         self._frames = frames
 
-    def frames(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[Frame]:
         for frame in self._frames:
             self.asked += 1
             yield frame
 
 
-def calibrated(film: Reel | Sequence[Frame], options: TrackOptions = TrackOptions(), *most: float) -> Geometry:  # noqa: B008
-    frames = film.frames() if isinstance(film, Reel) else iter(film)
-    return calibrate("reel", (SIDE, SIDE), frames, options, *most)
+def calibrated(film: Reel | Sequence[Frame], options: TrackOptions = TOLD, *most: float) -> Geometry:
+    geometry = calibrate("reel", (SIDE, SIDE), iter(film), options, *most)
+    assert geometry.knows_floor == (geometry.calibration != RINGS)
+    return geometry
 
 
 def plain(level: int, count: int) -> list[Frame]:
@@ -63,14 +65,9 @@ def worst_cm(found: CameraModel, **settings: Any) -> float:
     return float(np.linalg.norm(seen - PLACES, axis=1).max())
 
 
-def camera_and_origin(*film: Any) -> tuple[CameraModel, str]:
-    geometry = calibrated(*film)
-    assert geometry.knows_floor == (geometry.calibration != RINGS)
-    return geometry.camera, geometry.calibration
-
-
-def floor_corners(**settings: Any) -> FloatArray:
-    return make_camera(**settings).project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
+def floor_corners(**settings: Any) -> tuple[tuple[float, float], ...]:
+    corners: FloatArray = make_camera(**settings).project(60 * np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]))
+    return tuple((x, y) for x, y in corners.tolist())
 
 
 # --- options and metadata -----------------------------------------------------------------------------------
@@ -79,20 +76,12 @@ DESCRIBED = {"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 
 USER = TrackOptions((60, 50), 100.0, ((0, 0),) * 4, 2.0, 3, 99.0, 0.9)
 
 
-@pytest.mark.parametrize("name", TrackOptions._fields)
-def test_options_override_the_description(name: str) -> None:
-    options = TrackOptions()._replace(**{name: getattr(USER, name)})
-    expected = options._replace(
-        arena_cm=options.arena_cm or (90, 80), period_s=options.period_s or 4.0, robots=options.robots or 7
-    )
-    assert options.with_defaults(parse_metadata(DESCRIBED)) == expected
-    assert USER.with_defaults(parse_metadata(DESCRIBED)) == USER
-
-
-@pytest.mark.parametrize("description", [None, {}, {"epuck_sim": "0", "period_s": None, "robots": None}])
-def test_description_may_be_empty(description: dict[str, Any] | None) -> None:
-    assert TrackOptions().with_defaults(parse_metadata(description)) == TrackOptions()
-    assert USER.with_defaults(parse_metadata(description)) == USER
+def test_options_override_the_description() -> None:
+    told = parse_metadata(DESCRIBED)
+    assert TOLD.with_defaults(told) == TOLD._replace(arena_cm=(90, 80), period_s=4.0, robots=7)
+    for empty in (None, {}, {"epuck_sim": "0", "period_s": None, "robots": None}):
+        assert TOLD.with_defaults(parse_metadata(empty)) == TOLD
+    assert USER.with_defaults(told) == USER
 
 
 def test_described_geometry_is_that_of_the_scenario() -> None:
@@ -100,30 +89,27 @@ def test_described_geometry_is_that_of_the_scenario() -> None:
     found = described_geometry((SIDE, SIDE), TrackOptions(period_s=1.0, robots=3), told)
     assert found is not None
     assert (found.floor_cm, found.knows_floor) == ((60.0, 60.0), True)
-    found = found.camera
     expected = make_camera(height_cm=80.0, distortion=-0.1)
-    assert found[:3] == expected[:3]
-    assert (found.rotation == expected.rotation).all()
-    assert (found.position_cm == expected.position_cm).all()
+    assert found.camera[:3] == expected[:3]
+    assert (found.camera.rotation == expected.rotation).all()
+    assert (found.camera.position_cm == expected.position_cm).all()
 
 
 @pytest.mark.parametrize(
     ("size", "options", "description"),
     [
-        ((240, 240), TrackOptions(), None),
-        ((240, 240), TrackOptions(corners_px=((0, 0), (9, 0), (9, 9), (0, 9))), described()),
+        ((240, 240), TOLD, None),
+        ((240, 240), TrackOptions(corners_px=USER.corners_px), described()),
         ((240, 240), TrackOptions(arena_cm=(60, 60)), described()),
         ((240, 240), TrackOptions(height_cm=110.0), described()),
-        ((120, 120), TrackOptions(), described()),
-        ((240, 180), TrackOptions(), described()),
-        ((240, 240), TrackOptions(), {"epuck_sim": "9"}),
-        ((240, 240), TrackOptions(), {**described(), "arena_cm": 60}),
-        ((240, 240), TrackOptions(), {**described(), "arena_cm": [60, 60, 60]}),
-        ((240, 240), TrackOptions(), {**described(), "overhead": None}),
-        ((240, 240), TrackOptions(), {**described(), "overhead": {"tilt_deg": 3}}),
-        ((240, 240), TrackOptions(), {**described(), "overhead": {"width_px": "many"}}),
+        ((120, 120), TOLD, described()),
+        ((240, 180), TOLD, described()),
+        ((240, 240), TOLD, {"epuck_sim": "9"}),
+        ((240, 240), TOLD, {**described(), "arena_cm": 60}),
+        ((240, 240), TOLD, {**described(), "arena_cm": [60, 60, 60]}),
+        ((240, 240), TOLD, {**described(), "overhead": None}),
+        ((240, 240), TOLD, {**described(), "overhead": {"width_px": "many"}}),
     ],
-    ids=lambda value: "" if isinstance(value, dict | TrackOptions) else str(value),
 )
 def test_described_geometry_is_not_believed(
     size: tuple[int, int], options: TrackOptions, description: dict[str, Any] | None
@@ -136,33 +122,24 @@ def test_described_geometry_is_not_believed(
 
 def test_corners_that_are_given_need_no_ring() -> None:
     reel = Reel(film(0.1, lit_until_s=1))
-    corners = tuple((float(x), float(y)) for x, y in floor_corners(distortion=0.0))
-    found, origin = camera_and_origin(reel, TrackOptions(corners_px=corners))
-    assert origin == CORNERS
-    assert reel.asked == 3
-    assert worst_cm(found, distortion=0.0) <= 0.01
+    found = calibrated(reel, TrackOptions(corners_px=floor_corners(distortion=0.0)))
+    assert (found.calibration, reel.asked) == (CORNERS, 3)
+    assert worst_cm(found.camera, distortion=0.0) <= 0.01
 
 
 def test_floor_of_another_size_and_height_is_that_of_the_corners_given() -> None:
     corners = ((20.0, 200.0), (220.0, 200.0), (220.0, 100.0), (20.0, 100.0))
-    found, _ = camera_and_origin(Reel([]), TrackOptions(arena_cm=(120.0, 60.0), height_cm=150.0, corners_px=corners))
+    found = calibrated([], TrackOptions(arena_cm=(120.0, 60.0), height_cm=150.0, corners_px=corners)).camera
     floor = np.array([(0, 0), (120, 0), (120, 60), (0, 60)])
     assert found.back_project(np.array(corners), 0.0) == pytest.approx(floor, abs=1e-3)
     assert found.position_cm[2] == pytest.approx(150, rel=1e-2)
 
 
-def test_lit_beginning_gives_the_floor() -> None:
-    reel = Reel(film(1, lit_until_s=0.3))
-    found, origin = camera_and_origin(reel, TrackOptions())
-    assert origin == LIGHT
-    assert worst_cm(found) <= 0.3
-
-
-def test_floor_is_looked_for_in_a_beginning_with_a_hand_in_it() -> None:
-    frames = plain(120, 9) + film(1, lit_until_s=0.3)
-    found, origin = camera_and_origin(frames)
-    assert origin == LIGHT
-    assert worst_cm(found) <= 0.3
+@pytest.mark.parametrize("hand", [0, 9], ids=["at once", "behind a hand"])
+def test_lit_beginning_gives_the_floor(hand: int) -> None:
+    found = calibrated(plain(120, hand) + film(1, lit_until_s=0.3))
+    assert found.calibration == LIGHT
+    assert worst_cm(found.camera) <= 0.3
 
 
 def test_bands_of_light_that_move_are_no_floor() -> None:
@@ -170,31 +147,27 @@ def test_bands_of_light_that_move_are_no_floor() -> None:
     for number, frame in enumerate(bands):
         frame.picture[: 60 + 3 * number] = frame.picture[150 + 2 * number :] = 90
         frame.picture[:, :8] = frame.picture[:, -8:] = 90
-    found, origin = camera_and_origin(bands + film(1.2))
-    assert origin == RINGS
-    assert worst_cm(found) <= 1.0
+    found = calibrated(bands + film(1.2))
+    assert found.calibration == RINGS
+    assert worst_cm(found.camera) <= 1.0
 
 
 def test_corners_of_a_camera_that_sees_the_floor_from_aside_are_refused() -> None:
     line = ((5.0, 100.0), (235.0, 100.0), (235.0, 124.1), (5.0, 124.1))
     with pytest.raises(FilmError, match=r"the camera is tilted by .* degrees; allowed: up to 75"):
-        calibrated(Reel(film(1.2)), TrackOptions(corners_px=line))
+        calibrated(film(1.2), TrackOptions(corners_px=line))
 
 
-@pytest.mark.parametrize(
-    "lit", [5, LIT_FRAMES, *(pytest.param(lit, marks=pytest.mark.slow) for lit in (LIT_FRAMES + 5, 3 * LIT_FRAMES))]
-)
+@pytest.mark.parametrize("lit", [5, LIT_FRAMES, pytest.param(3 * LIT_FRAMES, marks=pytest.mark.slow)])
 def test_rings_give_the_camera_if_the_beginning_shows_no_floor(lit: int) -> None:
-    found, origin = camera_and_origin(plain(120, lit) + film(1.2))
-    assert origin == RINGS
-    assert worst_cm(found) <= 1.0
+    found = calibrated(plain(120, lit) + film(1.2))
+    assert found.calibration == RINGS
+    assert worst_cm(found.camera) <= 1.0
 
 
 def test_a_long_lit_beginning_leaves_the_frames_in_which_rings_are_studied() -> None:
-    corners = tuple(map(tuple, make_camera().project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)]))))
-    options = TrackOptions(corners_px=corners)
-    after = calibrated(Reel(plain(120, 90) + film(1.2)), options, 30)
-    at_once = calibrated(Reel(film(1.2)), options, 30)
+    options = TrackOptions(corners_px=floor_corners())
+    after, at_once = (calibrated(plain(120, lit) + film(1.2), options, 30) for lit in (90, 0))
     assert after.ring_light == at_once.ring_light > 0
     assert after.error_cm == pytest.approx(at_once.error_cm)
     waited = Reel(plain(120, 90) + film(1.2))
@@ -204,29 +177,29 @@ def test_a_long_lit_beginning_leaves_the_frames_in_which_rings_are_studied() -> 
 
 @pytest.mark.parametrize("settings", [{}, {"height_cm": 150.0}, {"field_of_view_deg": 45.0}, {"distortion": 0.0}])
 def test_rings_of_a_dark_film_give_its_scale(settings: dict[str, float]) -> None:
-    found, origin = camera_and_origin(film(1.2, robots=5, **settings))
-    assert origin == RINGS
-    assert worst_cm(found, **settings) <= 1.0
+    found = calibrated(film(1.2, robots=5, **settings))
+    assert found.calibration == RINGS
+    assert worst_cm(found.camera, **settings) <= 1.0
 
 
 def test_height_and_arena_are_those_that_are_known() -> None:
-    found, _ = camera_and_origin(Reel(film(1.2)), TrackOptions(arena_cm=(80.0, 40.0), height_cm=95.0))
-    assert found.position_cm.tolist() == [40, 20, 95]
+    found = calibrated(film(1.2), TrackOptions(arena_cm=(80.0, 40.0), height_cm=95.0))
+    assert found.camera.position_cm.tolist() == [40, 20, 95]
 
 
-@pytest.mark.parametrize("dark", [0, 1, pytest.param(29, marks=pytest.mark.slow), 150])
+@pytest.mark.parametrize("dark", [0, 1, 150])
 def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
     flash = film(0.55)[-1:]
     assert flash[0].picture[..., 0].max() > 200
     reel = Reel(plain(0, dark) + flash + plain(0, 1000))
-    assert calibrated(reel, TrackOptions()).calibration == RINGS
+    assert calibrated(reel).calibration == RINGS
     assert reel.asked <= (dark + STUDIED_FRAMES + 3 if dark else 1001)  # in the first, it might be a lamp
 
 
 @pytest.mark.parametrize(
     "frames",
-    [[], plain(0, 1), plain(0, 100), plain(120, 100), plain(120, 40) + plain(3, 40), film(0.4, lit_until_s=0)],
-    ids=["none", "one", "dark", "lit", "lit, then dark", "before the first flash"],
+    [[], plain(0, 1), plain(120, 100), plain(120, 40) + plain(3, 40), film(0.4, lit_until_s=0)],
+    ids=["none", "one", "lit", "lit, then dark", "before the first flash"],
 )
 def test_film_without_light_is_refused(frames: list[Frame]) -> None:
     with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .*--corners"):

@@ -43,24 +43,16 @@ def read(path: Path) -> list[tuple[float, int]]:
 
 
 @SEARCH
-@given(flips=FLIPS)
-def test_changed_bytes_of_a_film_end_in_no_traceback(film: Path, kind: Kind, tmp_path, flips) -> None:
-    damaged = bytearray(film.read_bytes())
+@given(flips=FLIPS, share=st.floats(0, 1, exclude_max=True))
+def test_a_film_that_is_changed_or_cut_off_ends_in_no_traceback(film: Path, kind: Kind, tmp_path, flips, share) -> None:
+    whole, path = film.read_bytes(), tmp_path / f"f.{kind.ending}"
+    damaged = bytearray(whole)
     for place, change in flips:
         damaged[int(place * len(damaged))] ^= change
-    path = tmp_path / f"f.{kind.ending}"
     path.write_bytes(damaged)
     times = [time_s for time_s, _ in read(path)]
     assert times == sorted(set(times))
 
-
-@SEARCH
-@given(share=st.floats(0, 1, exclude_max=True))
-def test_of_a_film_that_is_cut_off_what_comes_before_the_last_picture_is_right(
-    film: Path, kind: Kind, tmp_path, share: float
-) -> None:
-    path = tmp_path / f"f.{kind.ending}"
-    whole = film.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
     interval_s = float(ticks_between(kind) * kind.tick_s)
     for time_s, number in read(path)[:-1]:  # the last one may be half a picture

@@ -70,8 +70,9 @@ def test_robots_that_are_mixed_up_tell_nothing_of_their_differences() -> None:
 def test_coupled_robots_whose_cycles_are_hardly_ever_their_own_do_not_tell_the_period() -> None:
     track = track_of(0, 4.0, 0.0, 0.4, 0.0)
     generator = np.random.default_rng(0)
-    early = [flash._replace(onset_s=flash.onset_s - generator.uniform(0, 0.8)) for flash in track.flashes]
-    fitted = fit_film(track._replace(flashes=tuple(sorted(early))), find_robots(track))
+    early = [flash._replace(onset_s=flash.onset_s - generator.uniform(0, 1.2)) for flash in track.flashes]
+    track = track._replace(flashes=tuple(sorted(early)))
+    fitted = fit_film(track, find_robots(track))
     assert "robots.0.parameters.period_s" not in fitted
     assert "spread.clock_rate" not in fitted
 
@@ -104,13 +105,3 @@ def test_values_that_are_all_the_same_have_a_mean() -> None:
         mean, _ = fit_uniform(np.full(4, value), np.zeros(4))
         assert mean is not None
         assert mean.value == pytest.approx(value, abs=1e-6)
-
-
-def test_uneven_frames_of_a_short_film_tell_no_rate() -> None:
-    track = track_of(0, 4.0, 0.0, 0.4, 0.0)
-    robots = find_robots(track)
-    assert "overhead.frames_per_s" not in fit_film(track._replace(times_s=np.array([0.0, 0.01, 1.0])), robots)
-
-
-def test_few_robots_tell_nothing() -> None:
-    assert fit_uniform(np.array([1.0, 2.0]), np.array([0.1, 0.1])) == (None, None)

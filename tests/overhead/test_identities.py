@@ -2,17 +2,17 @@
 
 import math
 from itertools import permutations
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import csr_array
 
 from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.overhead.flashes import Flash, FlashTable
 from epuck_sim.overhead.identities import (
     SURE,
-    FlashTable,
     Habits,
     _certainties,
     _link,
@@ -86,12 +86,8 @@ def test_a_robot_too_far_away_is_another_one() -> None:
 
 
 def test_no_flashes_are_of_no_robots() -> None:
-    found = link_flashes(
-        FlashTable(np.empty(0), np.empty(0), np.empty((0, 2)), np.empty((0, 2)), np.empty(0)), PERIOD_S, FLOOR_CM
-    )
-    assert (found.robots, found.unsure) == (0, 0)
-    alone = FlashTable(np.array([1.0]), np.array([1.4]), np.array([[30.0, 30.0]]), np.zeros((1, 2)), np.ones(1))
-    assert link_flashes(alone, PERIOD_S, FLOOR_CM).robot.tolist() == [0]
+    assert link_flashes(FlashTable.of(()), PERIOD_S, FLOOR_CM)[::3] == (pytest.approx(np.empty(0)), 0)
+    assert link_flashes(table((1, 30, 30, 0, 0)), PERIOD_S, FLOOR_CM).robot.tolist() == [0]
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -106,45 +102,32 @@ def test_a_long_film_is_linked_in_parts_as_whole(seed: int) -> None:
     assert all(len(set(found.robot[whose == robot])) == 1 for robot in range(6))
 
 
-class Fixed(NamedTuple):
-    """Costs of links from all flashes to some."""
-
-    targets: IntArray
-    table: FloatArray
-
-    def of(self, sources: IntArray) -> tuple[IntArray, FloatArray]:
-        return self.targets, self.table[sources]
-
-
-@given(st.lists(st.lists(st.floats(-5, 2), min_size=4, max_size=4), min_size=1, max_size=4))
+@given(st.lists(st.lists(st.floats(-5, 0), min_size=4, max_size=4), min_size=1, max_size=4))
 def test_links_cost_least(costs: list[list[float]]) -> None:
-    table = np.minimum(np.array(costs), 0.0)
-    links = _link(np.arange(float(len(table))), Fixed(np.arange(4) + 7, table), 10.0)  # type: ignore[arg-type]
-    total = sum(table[row, target - 7] for row, target in enumerate(links) if target >= 0)
-    least = min(
-        sum(table[row, target] for row, target in enumerate(each)) for each in permutations(range(4), len(table))
-    )
+    rows, flashes = len(costs), len(costs) + 4
+    table = np.zeros((flashes, flashes))
+    table[:rows, rows:] = costs
+    parts, links = (_link(np.arange(float(flashes)), csr_array(table), block_s) for block_s in (2.0, 20.0))
+    total = sum(table[source, target] for source, target in enumerate(links) if target >= 0)
+    least = min(sum(costs[row][target] for row, target in enumerate(each)) for each in permutations(range(4), rows))
     assert total == pytest.approx(least)
-    taken = [target for target in links if target >= 0]
-    assert len(set(taken)) == len(taken)
+    for taken in (parts[parts >= 0].tolist(), links[links >= 0].tolist()):
+        assert len(set(taken)) == len(taken)
 
 
 def test_a_flash_that_follows_one_long_before_or_after_is_no_alternative() -> None:
     links, onset_s = np.array([2, 3, -1, -1]), np.array([0.0, 5.0, 6.0, 7.0])
-    costs = Fixed(np.array([2, 3]), np.array([[-5.0, -5.0], [0.0, -5.0], [0.0, 0.0], [0.0, 0.0]]))
-    certainty = _certainties(links, costs, onset_s, 1.0)  # type: ignore[arg-type]
+    costs = csr_array(([-5.0, -5.0, -5.0], ([0, 0, 1], [2, 3, 3])), shape=(4, 4))
+    certainty = _certainties(links, costs, onset_s, 1.0)
     assert certainty == pytest.approx([np.nan, np.nan, 1 / (1 + np.exp(-5)), 1 / (1 + np.exp(-5))], nan_ok=True)
 
 
 # --- ways from flash to flash -----------------------------------------------------------------------
 
-FLOOR_CM = (60.0, 60.0)
-
 
 def table(*rows: tuple[float, float, float, float, float]) -> FlashTable:
     """Return flashes with an onset, a place and a velocity each."""
-    columns = np.array(rows)
-    return FlashTable(columns[:, 0], columns[:, 0] + 0.4, columns[:, 1:3], columns[:, 3:5], columns[:, 0])
+    return FlashTable.of([Flash(at, at + 0.4, x, y, at, *velocity) for at, x, y, *velocity in rows])
 
 
 def test_a_straight_way_is_where_it_leads() -> None:

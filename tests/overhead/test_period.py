@@ -1,7 +1,6 @@
 """Claims about the estimates of period and flash, and about the threshold of Appendix C."""
 
 import math
-from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
@@ -25,11 +24,6 @@ FLASH = 0.375
 SPREAD = np.array([0, 0, 0.05, 0.1, 0.1, 0.13, 0.2, 0.2, 0.2, 0.25])
 
 
-@pytest.fixture
-def random() -> np.random.Generator:
-    return np.random.default_rng(7)
-
-
 # --- the period -------------------------------------------------------------------------------------
 
 
@@ -41,14 +35,14 @@ def test_the_period_of_a_synchronised_minute_is_right_to_half_a_percent(period, 
     assert estimate_period_s(times, counts) == pytest.approx(period, rel=0.005)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_uneven_and_dropped_frames_do_not_change_the_period(seed):
     times = uneven(frames(60, 15.4), np.random.default_rng(seed), dropped=0.1)
     counts = counted(steady(SPREAD + 1, PERIOD, 60), FLASH, times)
     assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.005)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_robots_that_never_meet_show_their_period_too(seed):
     phases = np.random.default_rng(seed).uniform(0, PERIOD, 10)
     times = frames(60, 15.4)
@@ -64,14 +58,7 @@ def test_clusters_that_share_a_period_do_not_make_it_a_part_of_it(clusters):
     assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.01)
 
 
-@pytest.mark.parametrize("minutes", [1, 5, 60])
-def test_a_long_film_shows_the_period_and_no_multiple_of_it(minutes):
-    times = frames(60 * minutes, 15.0)
-    counts = counted(steady(SPREAD, 4.77, 60 * minutes), FLASH, times)
-    assert estimate_period_s(times, counts) == pytest.approx(4.77, rel=0.002)
-
-
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_shortened_cycles_before_synchrony_do_not_shorten_the_period(seed):
     random = np.random.default_rng(seed)
     cycles = np.where(random.random((12, 10)) < 0.7, random.uniform(3.3, 5, (12, 10)), PERIOD)
@@ -82,14 +69,7 @@ def test_shortened_cycles_before_synchrony_do_not_shorten_the_period(seed):
     assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.005)
 
 
-def test_rings_that_are_missed_or_seen_where_none_is_do_not_change_the_period(random):
-    times = frames(60, 15.4)
-    true = counted(steady(SPREAD, PERIOD, 60), FLASH, times)
-    counts = random.binomial(true, 0.97) + (random.random(len(times)) < 0.02)
-    assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.005)
-
-
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(5))
 def test_flashes_at_random_have_no_period(seed):
     random = np.random.default_rng(seed)
     times = frames(60, 15.4)
@@ -119,14 +99,6 @@ def test_whatever_is_counted_the_estimates_are_none_or_within_the_film(film):
         assert estimate is None or 0 < estimate < times[-1] - times[0]
 
 
-def test_frames_that_come_twice_change_no_estimate():
-    times = frames(60, 15.4)
-    counts = counted(steady(SPREAD, PERIOD, 60), FLASH, times)
-    twice = np.repeat(times, 2), np.repeat(counts, 2)
-    assert estimate_period_s(*twice) == estimate_period_s(times, counts)
-    assert estimate_flash_s(*twice) == estimate_flash_s(times, counts)
-
-
 events = st.lists(st.tuples(st.integers(0, 40), st.integers(1, 3)), max_size=12).map(sorted)
 
 
@@ -148,7 +120,7 @@ def test_the_flash_of_rings_that_go_on_together_is_right_to_a_frame(flash, rate)
     assert estimate_flash_s(times, counts) == pytest.approx(flash, abs=1 / rate)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(4))
 def test_the_flash_is_not_longer_where_one_goes_on_as_another_goes_off(seed):
     random = np.random.default_rng(seed)
     times = frames(60, 15.4)
@@ -156,12 +128,6 @@ def test_the_flash_is_not_longer_where_one_goes_on_as_another_goes_off(seed):
     by_light = counts.mean() * 60 / np.maximum(np.diff(counts), 0).sum()
     assert by_light > 1.08 * FLASH
     assert estimate_flash_s(times, counts) == pytest.approx(FLASH, abs=0.6 / 15.4)
-
-
-def test_rings_that_are_missed_now_and_then_do_not_change_the_flash(random):
-    times = frames(120, 15.4)
-    true = counted(steady(np.zeros(10), PERIOD, 120), FLASH, times)
-    assert estimate_flash_s(times, random.binomial(true, 0.98)) == pytest.approx(FLASH, abs=0.6 / 15.4)
 
 
 # --- Appendix C -------------------------------------------------------------------------------------
@@ -172,42 +138,7 @@ def test_half_early_and_half_late_by_sigma_a_have_that_order_parameter():
         sigma_s = firing_spread_s(PERIOD, r)
         assert order_parameter(np.array([sigma_s, PERIOD - sigma_s]), PERIOD) == pytest.approx(r)
     assert firing_spread_s(PERIOD) == pytest.approx(0.25, abs=0.005)  # the thesis's figure
-    assert firing_spread_s(PERIOD) * 15.5 == pytest.approx(3.8, abs=0.15)
-
-
-def half_and_half(robots, sigma, flash):
-    """Return (robots, 2) frames of Fig. C.1b: half are lit from -sigma on, the others until sigma."""
-    begins = np.repeat([-sigma, sigma + 1 - flash], robots // 2)
-    return np.column_stack([begins, begins + flash])
-
-
-def spread_frames(onsets, flash):
-    """Return the histogram's spread, in frames, of rings that go on in some frames, as a film shows it."""
-    period, middle = 75, 40
-    times = np.arange(2.0 * period)
-    counts = sum(((times >= middle + onset) & (times < middle + onset + flash)).astype(int) for onset in onsets)
-    (evaluation,) = evaluate(times, counts, period, 0.0)
-    return evaluation.spread_s
-
-
-@pytest.mark.parametrize("robots", [2, 4, 10, 50])
-def test_the_discrete_bound_is_the_root_of_6_frames_for_every_even_number_of_robots(robots):
-    by_formula = math.sqrt(2 / (5 * robots) * (robots / 2 * (4**2 + 3**2 + 2**2 + 1**2)))
-    assert by_formula == pytest.approx(math.sqrt(6))
-    assert spread_frames(half_and_half(robots, 4, 5)[:, 0], 5) == pytest.approx(math.sqrt(6))
-
-
-@pytest.mark.parametrize("robots", [2, 4, 6])
-def test_no_flashes_within_sigma_a_are_wider_than_half_early_and_half_late(robots):
-    widths = [spread_frames(onsets, 5) for onsets in combinations_with_replacement(range(-4, 1), robots)]
-    assert max(widths) == pytest.approx(math.sqrt(6))
-    assert np.isclose(widths, math.sqrt(6)).sum() == 1
-
-
-def test_the_threshold_at_the_settings_of_the_experiments_is_two_frames():
-    threshold_s = spread_threshold_s(PERIOD, 0.075 * PERIOD)
-    assert threshold_s == pytest.approx(0.126, abs=0.001)
-    assert threshold_s * 15.5 == pytest.approx(2, abs=0.06)
+    assert spread_threshold_s(PERIOD, 0.075 * PERIOD) * 15.5 == pytest.approx(2, abs=0.06)
 
 
 @pytest.mark.parametrize("flash_s", [0.05, 0.2, FLASH])

@@ -8,17 +8,17 @@ import pytest
 from scipy import ndimage
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera import Frame, Geometry, simple_lens
+from epuck_sim.overhead.camera import Frame, Geometry
 from epuck_sim.overhead.light import Background, LightMeter, is_lit, ring_light
 from epuck_sim.overhead.rings import MAX_CELLS_PER_PIXEL, MAX_REACH_HEIGHTS, fit_ring, rectified_view
 from tests.overhead.drawn_rings import (
     APART_CM,
     CLEAN,
     USUAL,
-    finder_for,
     honeycomb_cell,
     matched,
     ring_picture,
+    rings_in,
     room_picture,
     scattered,
     straight_camera,
@@ -33,8 +33,9 @@ NOISY = USUAL._replace(noise=10.0, jpeg=True)
 
 def found(camera, centres, look=USUAL, **more):
     """Return the rings found in a picture, after the check that they are the true ones."""
-    rings = finder_for(camera).find(ring_picture(camera, centres, look, **more))
+    rings = rings_in(camera, ring_picture(camera, centres, look, **more))
     assert matched(rings, centres) == len(rings) == len(centres)
+    assert [ring.x_px for ring in rings] == sorted(ring.x_px for ring in rings)
     return rings
 
 
@@ -54,22 +55,11 @@ def test_places_a_ring_anywhere(size, k1):
         assert ring.radius_px == pytest.approx(math.hypot(*(side - middle)), rel=0.06)  # distorted: no circle
 
 
-@pytest.mark.parametrize("noise", [0.0, 2.0, 10.0])
-@pytest.mark.parametrize("size", SIZES)
-def test_places_it_in_noise(size, noise):
-    camera = straight_camera(*size)
-    (ring,) = found(camera, [(12.0, 41.0)], USUAL._replace(noise=noise))
-    assert math.hypot(ring.x_cm - 12.0, ring.y_cm - 41.0) < 0.06
-
-
-@pytest.mark.parametrize("share", [0.2, 0.3, 0.5, 0.8])
-def test_finds_one_that_was_lit_for_a_part_of_the_exposure(share):
-    found(straight_camera(), [(20.0, 20.0), (20.0, 20.0 + APART_CM), (45.0, 30.0)], share=[1.0, share, share])
-
-
-def test_misses_a_sliver_of_one():
+@pytest.mark.parametrize("share", [0.2, 0.5])
+def test_finds_one_that_was_lit_for_a_part_of_the_exposure_but_no_sliver(share):
     camera = straight_camera()
-    assert finder_for(camera).find(ring_picture(camera, [(20.0, 20.0)], share=[0.01])) == []
+    found(camera, [(20.0, 20.0), (20.0, 20.0 + APART_CM), (45.0, 30.0)], share=[1.0, share, share])
+    assert rings_in(camera, ring_picture(camera, [(20.0, 20.0)], share=[0.01])) == []
 
 
 @pytest.mark.parametrize("look", [
@@ -81,17 +71,8 @@ def test_misses_a_sliver_of_one():
     USUAL._replace(peak=6.0),
 ])  # fmt: skip
 def test_survives_another_exposure(look):
-    centres = [*honeycomb_cell(), (30.0, 30.0), (50.0, 12.0)]
-    found(straight_camera(), centres, look)
+    found(straight_camera(), [*honeycomb_cell(), (30.0, 30.0), (50.0, 12.0)], look)
     found(straight_camera(), honeycomb_cell(), look)
-
-
-@pytest.mark.parametrize("scale", [0.92, 1.05])
-def test_survives_a_scale_that_is_wrong(scale):
-    camera = straight_camera()
-    picture = ring_picture(camera, honeycomb_cell())
-    other = camera._replace(lens=simple_lens(480, 480, camera.lens.focal_px * scale, -0.05))
-    assert len(finder_for(other).find(picture)) == 6
 
 
 def test_sees_it_askew():
@@ -101,12 +82,11 @@ def test_sees_it_askew():
 # --- no ring --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("noise", [0.0, 2.0, 10.0])
 @pytest.mark.parametrize("room", [0.0, 130.0])
-def test_finds_nothing_where_nothing_shines(noise, room):
+def test_finds_nothing_where_nothing_shines(room):
     camera = straight_camera(240, 240)
-    for seed in range(3):
-        assert finder_for(camera).find(ring_picture(camera, [], USUAL._replace(noise=noise), seed, room=room)) == []
+    for seed, noise in enumerate((0.0, 2.0, 10.0)):
+        assert rings_in(camera, ring_picture(camera, [], USUAL._replace(noise=noise), seed, room=room)) == []
 
 
 def test_a_lamp_a_disc_a_stripe_and_half_a_ring_are_none():
@@ -117,9 +97,9 @@ def test_a_lamp_a_disc_a_stripe_and_half_a_ring_are_none():
     cv2.circle(picture, (240, 100), 50, (255, 90, 90), 7)
     cv2.rectangle(picture, (50, 300), (450, 310), (255, 90, 90), -1)
     cv2.ellipse(picture, (240, 400), (25, 25), 0, 0, 200, (255, 90, 90), 7)
-    assert finder_for(camera).find(picture) == []
+    assert rings_in(camera, picture) == []
     cv2.ellipse(picture, (240, 400), (25, 25), 0, 0, 360, (255, 90, 90), 7)
-    assert len(finder_for(camera).find(picture)) == 1
+    assert len(rings_in(camera, picture)) == 1
 
 
 # --- rings that touch -----------------------------------------------------------------------------
@@ -153,24 +133,16 @@ def test_chains_and_honeycombs(size, look):
 def test_counts_random_swarms(place, look, pictures):
     true = good = claimed = 0
     camera = straight_camera()
-    finder = finder_for(camera)
     for seed in range(pictures):
         generator = np.random.default_rng(seed)
         centres = place(10, generator)
         lit = centres[generator.random(10) < generator.choice([0.2, 0.5, 0.8, 1.0])]
-        rings = finder.find(ring_picture(camera, lit, look, seed))
+        rings = rings_in(camera, ring_picture(camera, lit, look, seed))
         good += matched(rings, lit)
         true, claimed = true + len(lit), claimed + len(rings)
     assert true > 5 * pictures
     assert good / true >= 0.99
     assert good / claimed >= 0.99
-
-
-def test_counts_a_crowd():
-    camera = straight_camera(side_cm=120.0)  # 3.8 pixels a centimetre
-    centres = touching(80, np.random.default_rng(1), 120.0)
-    rings = finder_for(camera).find(ring_picture(camera, centres))
-    assert matched(rings, centres) == len(rings) == 80
 
 
 # --- a lit room -----------------------------------------------------------------------------------
@@ -189,7 +161,7 @@ def test_grey_things_are_no_rings():
     camera = straight_camera(240, 240)
     picture = room_picture(camera, scattered(8, np.random.default_rng(0)))
     cv2.circle(picture, (120, 120), 13, (255, 255, 255), 3)
-    assert finder_for(camera).find(picture) == []
+    assert rings_in(camera, picture) == []
 
 
 def test_whether_the_room_is_lit():
@@ -209,19 +181,6 @@ def test_light_is_bright_or_coloured():
 
 
 # --- how it is done -------------------------------------------------------------------------------
-
-
-def test_the_same_picture_gives_the_same_rings_from_left_to_right():
-    camera = straight_camera()
-    picture = ring_picture(camera, scattered(10, np.random.default_rng(4)), NOISY)
-    rings = finder_for(camera).find(picture)
-    assert rings == finder_for(camera).find(picture)
-    assert [ring.x_px for ring in rings] == sorted(ring.x_px for ring in rings)
-
-
-def test_refuses_a_picture_of_another_size():
-    with pytest.raises(ValueError, match="480, 480"):
-        finder_for(straight_camera()).find(np.zeros((240, 240, 3), np.uint8))
 
 
 @pytest.mark.parametrize("camera", [straight_camera(240, 240, k1=-0.1), tilted_camera(15.0, 30.0, k1=0.05)])
@@ -247,11 +206,6 @@ def test_the_view_of_a_camera_that_sees_the_horizon_is_bounded():
     assert rows * columns <= 1.1 * MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px
 
 
-def test_a_picture_of_a_webcam_in_full_size():
-    camera = straight_camera(1920, 1080)
-    found(camera, [*honeycomb_cell(), (30.0, 30.0), (3.7, 56.3)], NOISY)
-
-
 def test_a_fit_finds_the_centre_from_a_centimetre_off():
     cells = 6
     y, x = np.mgrid[0:120, 0:120] / cells
@@ -260,7 +214,7 @@ def test_a_fit_finds_the_centre_from_a_centimetre_off():
         fit = fit_ring(light.astype(np.uint8), cells, (9.3 + dx) * cells, (10.4 + dy) * cells, 40)
         assert fit is not None
         assert (fit.column / cells, fit.row / cells) == pytest.approx((9.3, 10.4), abs=0.02)
-        assert fit.covered.all()
+        assert fit.covered == 1
         assert fit.misfit_cm < 0.02
     assert fit_ring(light.astype(np.uint8), cells, 60 * cells, 60 * cells, 40) is None
 

@@ -8,51 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import FloatArray
-from tests.overhead.score import WITHIN_CM, Score, compare
+from tests.overhead.score import WITHIN_CM, compare
 
 NONE = np.empty((0, 2))
 TWO = np.array([[10.0, 10.0], [20.0, 10.0]])
-
-
-def test_all_found() -> None:
-    score = compare(np.add(TWO[::-1], (0.3, -0.4)), TWO, NONE)
-    assert score == pytest.approx(Score(found=2, missed=0, false=0, worst_cm=0.5, squares_cm2=0.5))
-    assert (score.recall, score.precision, score.rms_cm) == pytest.approx((1, 1, 0.5))
-
-
-@pytest.mark.parametrize(
-    ("reported", "lit", "flickering", "score"),
-    [
-        (NONE, NONE, NONE, Score()),
-        (NONE, TWO, NONE, Score(missed=2)),
-        (NONE, NONE, TWO, Score()),
-        (TWO, NONE, NONE, Score(false=2)),
-        (TWO, TWO[:1], NONE, Score(found=1, false=1)),
-        (TWO[:1], TWO, NONE, Score(found=1, missed=1)),
-        (TWO, NONE, TWO, Score(found=2)),
-        (TWO, TWO[:1], TWO[1:], Score(found=2)),
-        (np.add(TWO, (2.0, 0.0)), TWO, NONE, Score(missed=2, false=2)),
-        (TWO[[0, 0]], TWO[:1], NONE, Score(found=1, false=1)),
-        (TWO[:1], TWO[[0, 0]], NONE, Score(found=2)),
-    ],
-)
-def test_score_counted_by_hand(reported: FloatArray, lit: FloatArray, flickering: FloatArray, score: Score) -> None:
-    assert compare(reported, lit, flickering) == score
-
-
-def test_no_rings_have_no_shape_to_agree_on() -> None:
-    assert compare(np.array([]), np.array([]), np.array([])) == Score()
-    assert compare(np.array([]), TWO, np.array([])) == Score(missed=2)
-
-
-def test_scores_of_frames_add_up() -> None:
-    total = sum([Score(3, 1, 0, 0.1, 0.02), Score(1, 0, 4, 0.3, 0.14), Score()], Score())
-    assert total == pytest.approx(Score(4, 1, 4, 0.3, 0.16))
-    assert (total.recall, total.precision, total.rms_cm) == pytest.approx((0.8, 0.5, 0.2))
-
-
-def test_nothing_to_find_is_no_division_by_zero() -> None:
-    assert (Score().recall, Score().precision, Score().rms_cm) == (0, 0, 0)
 
 
 @given(

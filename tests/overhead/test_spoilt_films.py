@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from docs.figures.overhead_confidence import examine
+from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.floor import find_corners
+from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.rings import DISC_LIGHT, RingFinder
 from tests.overhead.drawn_rings import room_picture, straight_camera
 from tests.overhead.effects import KINDS, padded
@@ -40,17 +42,8 @@ def test_the_edge_of_padding_is_no_floor() -> None:
     wide[:, 40:-40] = picture
     assert find_corners(wide) is not None
     grey = np.full((480, 480, 3), 145, np.uint8)
-    (frame,) = (whole for whole in padded(0.1, 0.05)([Still(grey)]))
+    (frame,) = padded(0.1, 0.05)([Frame(0.0, grey)])
     assert find_corners(frame.picture) is None
-
-
-class Still:
-    """A frame at the beginning of a film."""
-
-    time_s = 0.0
-
-    def __init__(self, picture: np.ndarray) -> None:
-        self.picture = picture
 
 
 def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() -> None:
@@ -60,8 +53,8 @@ def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() 
     px_per_cm = 480 / 65
     for x_px, y_px in camera.project(np.column_stack([places, np.full(4, 4.0)])):
         cv2.circle(picture, (round(x_px), round(y_px)), round(5.0 * px_per_cm), (255, 255, 255), -1)
-    rings = RingFinder(camera, sees_discs=True).find(picture)
+    rings = RingFinder(camera, sees_discs=True).find(ring_light(picture))
     found = np.array(sorted((ring.x_cm, ring.y_cm) for ring in rings))
     assert found == pytest.approx(np.array(sorted(map(tuple, places))), abs=0.5)
     assert {ring.light for ring in rings} == {DISC_LIGHT}
-    assert RingFinder(camera).find(picture) == []
+    assert RingFinder(camera).find(ring_light(picture)) == []

@@ -7,7 +7,7 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera import Frame, overhead_camera
+from epuck_sim.overhead.camera import overhead_camera
 from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.overhead.robots import find_robots, flash_columns, summary, trace_columns
@@ -51,19 +51,6 @@ def test_tags_are_read_where_robots_are(in_the_light: bool, lit: tuple[int, ...]
         assert math.remainder(tag.heading_rad - heading, math.tau) == pytest.approx(0, abs=0.06)
 
 
-def test_in_the_dark_there_is_nothing_to_read() -> None:
-    camera, picture = shown(in_the_light=False)
-    assert TagReader(camera, "4X4_50").read(picture) == []
-
-
-def test_robots_that_are_not_there_and_those_beyond_the_dictionary_have_no_tag() -> None:
-    gone = POSES.copy()
-    gone[1] = np.nan
-    camera, picture = shown(gone)
-    assert [tag.number for tag in TagReader(camera, "4X4_50").read(picture)] == [0, 2, 3]
-    assert shown(np.vstack([np.full((50, 3), np.nan), POSES]))[1].shape == picture.shape
-
-
 def test_the_pattern_has_white_around_it() -> None:
     pattern = tag_pattern("4X4_50", 3, 4)
     assert pattern.shape == (28, 28)
@@ -77,10 +64,10 @@ def test_the_pattern_has_white_around_it() -> None:
 def test_tags_of_a_film_are_gathered() -> None:
     camera, picture = shown()
     reader = TagReader(camera, "4X4_50")
-    reader.add(Frame(0.0, picture))
+    reader.add(0.0, reader.read(picture))
     reader.restart()
-    for frame in (Frame(1.0, picture), Frame(2.0, np.zeros_like(picture)), Frame(3.0, picture)):
-        reader.add(frame)
+    for time_s, shown_then in ((1.0, picture), (2.0, np.zeros_like(picture)), (3.0, picture)):
+        reader.add(time_s, reader.read(shown_then))
     readings = reader.readings
     assert readings.time_s.tolist() == [1] * 4 + [3] * 4
     assert readings.number.tolist() == [0, 1, 2, 3] * 2
@@ -149,22 +136,6 @@ def test_a_tag_that_is_seen_twice_is_said_and_left_out() -> None:
     assert robots.poses is not None
     assert np.isnan(robots.poses[:19, 0]).all()
     assert robots.poses[30, 0, 0] == pytest.approx(8)
-
-
-def test_a_film_in_which_each_tag_is_seen_twice_is_refused() -> None:
-    double = Readings(*(np.concatenate([column, column]) for column in read()))
-    with pytest.raises(FilmError, match="no tag is read, or all are seen twice"):
-        find_robots(track((1.0, 5.0))._replace(tags=double))
-
-
-def test_a_tagged_robot_that_never_flashes_has_places_and_no_phase() -> None:
-    tracked = track((1.0, 5.0), (2.0, 5.0))
-    robots = find_robots(tracked._replace(tags=read()))
-    assert summary(tracked, robots)["by"] == "tags"
-    trace = trace_columns(tracked, robots)
-    dark = trace["robot"] == 7
-    assert trace["x_cm"][dark] == pytest.approx(15 + TIMES)
-    assert np.isnan(trace["phase_ms"][dark]).all()
 
 
 def test_unknown_seldom_and_missing_tags_are_said() -> None:

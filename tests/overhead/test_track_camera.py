@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import EpuckSimError, FilmError, PortError
-from epuck_sim.overhead.calibration import LIGHT, TrackOptions
+from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.camera_fit import RINGS
 from epuck_sim.overhead.film import FilmWriter, open_film
@@ -106,21 +106,6 @@ def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Fra
     assert (frames_in(seen), frames_in(record)) == (track.frames, camera.given)
 
 
-def test_camera_needs_no_frame_of_the_dark_if_it_saw_the_floor(plug: Plug) -> None:
-    times_s = even(5)
-    plug(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
-    track = watch(TrackOptions(threshold_ms=50.0))
-    assert track.calibration == LIGHT
-    assert track.start_s == pytest.approx(1)
-    assert track.histogram_s == pytest.approx(2.55, abs=1e-3)
-
-
-def test_threshold_of_a_camera_is_the_one_that_is_known(plug: Plug, reel: list[Frame]) -> None:
-    plug(reel)
-    track = watch(TrackOptions(threshold_ms=1.0))
-    assert (track.threshold_ms, track.histogram_s) == (1.0, None)
-
-
 def test_synchrony_that_is_not_believed_is_told_and_filmed_on(plug: Plug, reel: list[Frame]) -> None:
     camera, told = plug(reel), []
     track = watch(TrackOptions(robots=12, threshold_ms=50.0), told.append)
@@ -130,14 +115,21 @@ def test_synchrony_that_is_not_believed_is_told_and_filmed_on(plug: Plug, reel: 
     assert told[0].startswith("not yet believed to be synchronised: ")
 
 
-def test_ctrl_c_gives_what_is_known_so_far(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
-    plug(reel[:70])
-    track = watch(TrackOptions(corners_px=CORNERS_PX), rings=tmp_path / "r.csv", annotate=tmp_path / "s.mp4")
-    assert track.histogram_s is None
-    assert track.frames == 70
+@pytest.mark.parametrize("end", [KeyboardInterrupt(), FilmError("camera 7 delivers no pictures")], ids=repr)
+def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(
+    plug: Plug, reel: list[Frame], tmp_path: Path, end: BaseException
+) -> None:
+    camera = plug(reel[:70], end)
+    camera.warnings.append("camera 7 dropped out from 0.1 to 0.2 s")
+    table, seen = tmp_path / "rings.csv", tmp_path / "seen.mp4"
+    track = watch(TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), rings=table, annotate=seen)
+    assert not camera.is_open
+    assert (track.threshold_ms, track.histogram_s, track.frames) == (1.0, None, 70)
     assert track.counts.tolist() == LIT[:70].sum(axis=1).tolist()
-    assert len(read_rings(tmp_path / "r.csv")) == LIT[:70].sum()
-    assert frames_in(tmp_path / "s.mp4") == 70
+    assert len(read_rings(table)) == LIT[:70].sum()
+    assert frames_in(seen) == 70
+    ends = [str(end)] if isinstance(end, FilmError) else []
+    assert track.warnings == ("camera 7 dropped out from 0.1 to 0.2 s", *ends)
 
 
 def test_ctrl_c_before_the_calibration_leaves_the_film(plug: Plug, tmp_path: Path) -> None:
@@ -149,46 +141,25 @@ def test_ctrl_c_before_the_calibration_leaves_the_film(plug: Plug, tmp_path: Pat
     assert frames_in(tmp_path / "raw.mp4") == 30
 
 
-def test_camera_that_fails_for_good_is_tracked_until_then(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
-    camera = plug(reel[:70], FilmError("camera 7 delivers no pictures"))
-    camera.warnings.append("camera 7 dropped out from 0.1 to 0.2 s")
-    track = watch(TrackOptions(corners_px=CORNERS_PX), rings=tmp_path / "rings.csv")
-    assert track.warnings == ("camera 7 dropped out from 0.1 to 0.2 s", "camera 7 delivers no pictures")
-    assert track.frames == 70
-    assert not camera.is_open
-    assert len(read_rings(tmp_path / "rings.csv")) == LIT[:70].sum()
-
-
-def test_a_film_that_cannot_be_written_ends_it_and_leaves_the_table(
-    plug: Plug, reel: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def write(*_: Any) -> None:
-        raise FilmError("no space left")
-
-    camera = plug(reel)
-    monkeypatch.setattr(FilmWriter, "write", write)
-    with pytest.raises(FilmError, match="no space left"):
-        watch(TrackOptions(corners_px=CORNERS_PX), rings=tmp_path / "rings.csv", annotate=tmp_path / "seen.mp4")
-    assert not camera.is_open
-    assert (tmp_path / "rings.csv").read_text().startswith("time_s,")
-
-
-def test_a_record_that_cannot_be_written_is_no_camera_that_drops_out(
-    plug: Plug, reel: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("output", "from_s"), [("annotate", -1.0), ("record", 2.0)])
+def test_a_film_that_cannot_be_written_ends_it_and_leaves_what_is_written(
+    plug: Plug, reel: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, output: str, from_s: float
 ) -> None:
     whole = FilmWriter.write
 
     def write(writer: FilmWriter, frame: Frame) -> None:
-        if frame.time_s > 2:
+        if frame.time_s > from_s:
             raise FilmError("no space left")
         whole(writer, frame)
 
     camera = plug(reel)
     monkeypatch.setattr(FilmWriter, "write", write)
     with pytest.raises(FilmError, match="no space left"):
-        watch(TrackOptions(corners_px=CORNERS_PX), record=tmp_path / "raw.mp4")
+        watch(TrackOptions(corners_px=CORNERS_PX), rings=tmp_path / "rings.csv", **{output: tmp_path / "film.mp4"})
     assert not camera.is_open
-    assert frames_in(tmp_path / "raw.mp4") > 10
+    assert (tmp_path / "rings.csv").read_text().startswith("time_s,")
+    if from_s > 0:
+        assert frames_in(tmp_path / "film.mp4") > 10
 
 
 def test_a_page_is_gone_if_the_film_cannot_be_begun(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
@@ -197,11 +168,6 @@ def test_a_page_is_gone_if_the_film_cannot_be_begun(plug: Plug, reel: list[Frame
     with pytest.raises(EpuckSimError):
         watch(TrackOptions(corners_px=CORNERS_PX), port=port, record=tmp_path / "none" / "raw.mp4")
     check_port(port)
-
-
-def test_a_camera_whose_period_is_not_known_is_refused() -> None:
-    with pytest.raises(FilmError, match="camera 7: the period of the oscillators is not known"):
-        track_camera(7, TrackOptions(), Watching(), passed, print)
 
 
 KILLED = """
@@ -273,29 +239,25 @@ def read_pictures(address: str, number: int) -> list[np.ndarray]:
     return pictures
 
 
-def test_a_page_shows_the_newest_picture() -> None:
-    red = np.full((40, 60, 3), (200, 0, 0), np.uint8)
+def test_a_page_shows_this_machine_alone_the_newest_picture_until_it_ends() -> None:
+    red, before = np.full((40, 60, 3), (200, 0, 0), np.uint8), threading.active_count()
     with live_page("camera <7>", 0) as page:
-        with urllib.request.urlopen(page.address, timeout=20) as answer:
+        here = page.address.replace("127.0.0.1", "localhost").split("/")[2]
+        named = urllib.request.Request(page.address, headers={"Host": here})
+        with urllib.request.urlopen(named, timeout=20) as answer:
             assert "<title>camera &lt;7&gt;</title>" in answer.read().decode()
-        showing = threading.Timer(0.2, page.show, [red])
-        showing.start()
-        (shown,) = read_pictures(page.address, 1)
-        showing.join()
-    assert shown.shape == red.shape
-    assert np.abs(shown[:, :, ::-1].astype(int) - red).max() < 10
-
-
-def test_a_page_answers_this_machine_alone_and_lets_go_of_readers_in_the_end() -> None:
-    before = threading.active_count()
-    with live_page("one", 0) as page:
         for path in ("", "film"):
             strange = urllib.request.Request(page.address + path, headers={"Host": "rebound.example"})
             with pytest.raises(urllib.error.HTTPError, match="403"):
                 urllib.request.urlopen(strange, timeout=20)
-        here = page.address.replace("127.0.0.1", "localhost").split("/")[2]
-        named = urllib.request.Request(page.address, headers={"Host": here})
-        assert urllib.request.urlopen(named, timeout=20).status == 200
+        showing = threading.Timer(0.2, page.show, [red])
+        showing.start()
+        (shown,) = read_pictures(page.address, 1)
+        showing.join()
+        port = int(here.split(":")[1])
+        with pytest.raises(PortError, match=rf"port {port} cannot be used: .*; give another"), live_page("two", port):
+            pass
+        page.jpeg = b""
         reader = urllib.request.urlopen(page.address + "film", timeout=20)
         assert threading.active_count() > before
     with reader:
@@ -304,10 +266,5 @@ def test_a_page_answers_this_machine_alone_and_lets_go_of_readers_in_the_end() -
         if "process_request_thread" in thread.name:
             thread.join(20)
     assert threading.active_count() == before
-
-
-def test_a_port_that_is_taken_is_refused() -> None:
-    with live_page("one", 0) as page:
-        port = int(page.address.split(":")[2].strip("/"))
-        with pytest.raises(PortError, match=rf"port {port} cannot be used: .*; give another"), live_page("two", port):
-            pass
+    assert shown.shape == red.shape
+    assert np.abs(shown[:, :, ::-1].astype(int) - red).max() < 10

@@ -3,9 +3,17 @@
 import numpy as np
 import pytest
 
-from epuck_sim.overhead.flashes import CountedRings, Flash, FlashLinker, count_lit, count_places, join_broken
+from epuck_sim.overhead.flashes import (
+    CountedRings,
+    Flash,
+    FlashLinker,
+    FlashTable,
+    count_lit,
+    count_places,
+    join_broken,
+)
 from epuck_sim.overhead.rings import Ring
-from epuck_sim.overhead.synchrony import evaluate
+from epuck_sim.overhead.synchrony import evaluate, first_synchronised
 from epuck_sim.overhead.verdict import (
     Evidence,
     count_images,
@@ -13,7 +21,6 @@ from epuck_sim.overhead.verdict import (
     light_of_no_ring,
     may_be_half_a_period,
     objections,
-    recurs_after_two,
 )
 from tests.overhead.counts import counted
 from tests.overhead.films import make_geometry
@@ -22,34 +29,39 @@ TIMES = np.arange(240) / 30
 ONSETS = np.array([*(0.1 + np.arange(3)[:, None] + np.arange(4) / 5).ravel(), *np.repeat(3.5 + np.arange(4), 4)])
 
 
+def flash(onset_s: float, x_cm: float, lasts_s: float = 0.1) -> Flash:
+    return Flash(onset_s, onset_s + lasts_s, x_cm, 20.0, 50.0)
+
+
+def evidence(onsets=ONSETS, *, flash_s: float = 0.1, apart_cm: float = 12.0, **changes) -> Evidence:
+    """Return that of four robots of a period of 1 s that flash together from 3.5 s on."""
+    flashes = tuple(flash(onset, 10.0 + apart_cm * (k % 4), flash_s) for k, onset in enumerate(onsets))
+    return seen(Evidence(COUNTED, 0, 1.0, 0.05, None, 4, True)._replace(**changes), flashes, flash_s)
+
+
 COUNTED = CountedRings(240, 0.0, TIMES, np.zeros(240, int), np.zeros(240, int), (), 0, (), make_geometry())
 
 
-def evidence(**changes) -> Evidence:
-    """Return that of four robots of a period of 1 s that flash together from 3.5 s on."""
-    flashes = tuple(Flash(onset, onset + 0.1, 10.0 + 12 * (k % 4), 20.0, 50.0) for k, onset in enumerate(ONSETS))
-    counts = counted(ONSETS, 0.1, TIMES)
-    known = Evidence(TIMES, counts, 100 * counts, flashes, 1.0, 0.05, 0.0, 4, True)
-    return known._replace(**changes)
-
-
-def sync_of(given: Evidence):
-    found = evaluate(given.times_s, given.counts, given.period_s, given.start_s)
-    return next((each for each in found if each.spread_s <= given.threshold_s), None)
+def seen(known: Evidence, flashes: tuple[Flash, ...], flash_s: float = 0.1, area=None) -> Evidence:
+    """Return evidence with other flashes, and an area of 100 px for each of them or another one."""
+    counts = counted(np.array([each.onset_s for each in flashes]), flash_s, TIMES)
+    rings = known.counted._replace(counts=counts, areas_px=100 * counts if area is None else area, flashes=flashes)
+    sync = first_synchronised(evaluate(TIMES, counts, known.period_s, 0.0), known.threshold_s)
+    return known._replace(counted=rings, sync=sync)
 
 
 def test_nothing_is_objected_to_what_adds_up() -> None:
-    assert sync_of(evidence()).time_s == pytest.approx(3.55)
-    assert objections(evidence(), sync_of(evidence())) == []
-    assert objections(evidence(robots=None), sync_of(evidence())) == []
+    sync = evidence().sync
+    assert sync is not None
+    assert sync.time_s == pytest.approx(3.55)
+    assert objections(evidence()) == []
+    assert objections(evidence(robots=None)) == []
 
 
 @pytest.mark.parametrize(("cycle_s", "is_odd"), [(0.7, False), (0.54, False), (0.5, True), (1.7, True)])
 def test_coupling_shortens_cycles_and_nothing_lengthens_them_by_much(cycle_s: float, is_odd: bool) -> None:
     onsets = np.sort((cycle_s * (np.arange(8 / cycle_s)[:, None] + np.arange(4) / 4)).ravel())
-    flashes = tuple(Flash(onset, onset + 0.05, 10.0 + 12 * (k % 4), 20.0, 50.0) for k, onset in enumerate(onsets))
-    counts = counted(onsets, 0.05, TIMES)
-    found = objections(evidence(flashes=flashes, counts=counts, area=100 * counts), None)
+    found = objections(evidence(onsets, flash_s=0.05)._replace(sync=None))
     assert [reason[-41:] for reason in found] == ["flashes per period, but there are 4 robots"[-41:]] * is_odd
 
 
@@ -57,91 +69,87 @@ def test_coupling_shortens_cycles_and_nothing_lengthens_them_by_much(cycle_s: fl
     ("robots", "why"), [(3, "4 rings were lit at once"), (9, "flashes per period, but there are 9")]
 )
 def test_other_numbers_of_robots_are_objected(robots: int, why: str) -> None:
-    (reason,) = objections(evidence(robots=robots), sync_of(evidence()))
+    (reason,) = objections(evidence(robots=robots))
     assert why in reason
 
 
-def test_light_that_is_together_before_the_rings_is_objected() -> None:
-    early = counted(np.repeat(0.5 + np.arange(8), 4), 0.1, TIMES)
-    (reason,) = objections(evidence(area=100 * early), sync_of(evidence()))
-    assert reason.startswith("the total light is synchronised at 0.6 s")
-
-
-def test_light_that_is_spread_where_rings_are_together_is_objected() -> None:
-    spread = counted((0.1 + np.arange(8)[:, None] + np.arange(4) / 5).ravel(), 0.1, TIMES)
-    (reason,) = objections(evidence(area=100 * spread), sync_of(evidence()))
-    assert reason.startswith("the total light is spread by")
-
-
-def test_light_of_a_lamp_is_no_objection() -> None:
-    assert objections(evidence(area=evidence().area + 5000), sync_of(evidence())) == []
+@pytest.mark.parametrize(
+    ("onsets", "reason"),
+    [
+        (np.repeat(0.5 + np.arange(8), 4), "the total light is synchronised at 0.6 s"),
+        (0.1 + np.arange(8)[:, None] + np.arange(4) / 5, "the total light is spread by"),
+    ],
+)
+def test_light_that_is_together_or_spread_where_rings_are_not_is_objected(onsets, reason: str) -> None:
+    given = evidence()
+    (found,) = objections(seen(given, given.counted.flashes, area=100 * counted(onsets, 0.1, TIMES)))
+    assert found.startswith(reason)
+    assert objections(seen(given, given.counted.flashes, area=given.counted.areas_px + 5000)) == []  # a lamp
 
 
 @pytest.mark.parametrize("turns", [1, 2])
 def test_places_that_flash_in_turn_are_noticed(turns: int) -> None:
-    places = [Flash(0.5 * k, 0.5 * k + 0.1, 10.0 + 25 * (k % turns), 20.0, 50.0) for k in range(20)]
-    assert recurs_after_two(places, 0.5) == (turns == 2)
+    places = tuple(flash(0.5 * k, 10.0 + 25 * (k % turns)) for k in range(16))
+    given = seen(evidence(robots=None, period_is_given=False, period_s=0.5), places, area=0 * TIMES)
+    found = [reason[:39] for reason in objections(given)]
+    assert found == ["places flash again after two periods of"] * (turns == 2)
 
 
 @pytest.mark.parametrize(("moves_cm", "known", "doubted"), [(9, {}, True), (3, {}, False), (9, {"robots": 1}, False)])
 def test_the_double_period_is_doubted_where_robots_move_too_far_to_tell(
     moves_cm: float, known: dict[str, int], doubted: bool
 ) -> None:
-    flashes = tuple(Flash(0.5 + k, 0.6 + k, float(moves_cm * k), 20.0, 50.0) for k in range(12))
-    given = evidence(flashes=flashes, robots=None, period_is_given=False)._replace(**known)
+    flashes = tuple(flash(0.5 + k, float(moves_cm * k)) for k in range(8))
+    given = seen(evidence(robots=None, period_is_given=False), flashes)._replace(**known)
     assert may_be_half_a_period(given) == doubted
     assert not may_be_half_a_period(given._replace(period_is_given=True))
 
 
 def test_two_groups_in_turn_are_no_swarm_in_step_from_the_beginning() -> None:
     onsets = 0.55 + np.repeat(np.arange(8), 3)
-    flashes = tuple(Flash(at, at + 0.1, 20.0 + 12 * at + 2 * (k % 3), 20.0, 50.0) for k, at in enumerate(onsets))
-    counts = counted(onsets, 0.1, TIMES)
-    given = evidence(flashes=flashes, counts=counts, area=100 * counts, robots=None, period_is_given=False)
-    (reason,) = objections(given, sync_of(given))
+    flashes = tuple(flash(at, 20.0 + 12 * at + 2 * (k % 3)) for k, at in enumerate(onsets))
+    given = seen(evidence(robots=None, period_is_given=False), flashes)
+    (reason,) = objections(given)
     assert "2 s are the period and two groups flash in turn" in reason
-    assert objections(given._replace(robots=3), sync_of(given)) == []
+    assert objections(given._replace(robots=3)) == []
 
 
 @pytest.mark.parametrize(("every", "is_doubted"), [(1, False), (5, True)])
 def test_flashes_that_are_missed_before_synchrony_are_doubted(every: int, is_doubted: bool) -> None:
-    flashes = tuple(flash for k, flash in enumerate(evidence().flashes) if flash.onset_s > 3 or every == 1 or k % every)
-    counts = counted(np.array([flash.onset_s for flash in flashes]), 0.1, TIMES)
-    given = evidence(flashes=flashes, counts=counts)
-    found = doubts(COUNTED._replace(times_s=TIMES, counts=counts), given, sync_of(given), 0)
-    assert any("some are missed" in doubt for doubt in found) == is_doubted
+    onsets = [onset for k, onset in enumerate(ONSETS) if onset > 3 or every == 1 or k % every]
+    assert any("some are missed" in doubt for doubt in doubts(evidence(onsets))) == is_doubted
 
 
 @pytest.mark.parametrize(("size", "is_doubted"), [(1.0, False), (1.05, False), (0.88, True), (1.12, True)])
 def test_rings_that_are_too_large_by_the_corners_are_doubted(size: float, is_doubted: bool) -> None:
     given = evidence()
-    found = doubts(COUNTED._replace(geometry=make_geometry()._replace(ring_size=size)), given, sync_of(given), 0)
-    assert any("times as large as they are" in doubt for doubt in found) == is_doubted
+    sized = given.counted._replace(geometry=make_geometry()._replace(ring_size=size))
+    assert any("times as large as they are" in doubt for doubt in doubts(given._replace(counted=sized))) == is_doubted
 
 
 def test_a_number_of_robots_that_varies_is_doubted() -> None:
-    flashes = tuple(flash for k, flash in enumerate(evidence().flashes) if k not in {14, 17, 22})
-    given = evidence(flashes=flashes, robots=None)
-    (doubt,) = doubts(COUNTED, given, sync_of(given), 0)
+    (doubt,) = doubts(evidence(np.delete(ONSETS, [14, 17, 22]), robots=None))
     assert doubt.startswith("3 to 4 flashes are seen in a period of the synchronised swarm")
-    assert doubts(COUNTED, evidence(robots=None), sync_of(given), 0) == []
+    assert doubts(evidence(robots=None)) == []
 
 
 def test_light_of_no_ring_is_measured_and_doubted() -> None:
     given = evidence()
-    assert light_of_no_ring(given) == pytest.approx(0, abs=1e-9)
-    cut = np.where(np.arange(len(TIMES)) % 3 == 0, 0, given.counts)
-    assert light_of_no_ring(given._replace(counts=cut)) == pytest.approx(1 / 3, abs=0.1)
-    assert light_of_no_ring(given._replace(counts=0 * given.counts)) == 0
-    assert any("is of no ring" in doubt for doubt in doubts(COUNTED, given._replace(counts=cut), sync_of(given), 0))
+    counts, area = given.counted.counts, given.counted.areas_px
+    assert light_of_no_ring(area, counts) == pytest.approx(0, abs=1e-9)
+    cut = np.where(np.arange(len(TIMES)) % 3 == 0, 0, counts)
+    assert light_of_no_ring(area, cut) == pytest.approx(1 / 3, abs=0.1)
+    assert light_of_no_ring(area, 0 * counts) == 0
+    found = doubts(given._replace(counted=given.counted._replace(counts=cut)))
+    assert any("is of no ring" in doubt for doubt in found)
 
 
 def test_mirror_images_are_counted() -> None:
     random = np.random.default_rng(0)
     robots = [Flash(t, t + 0.3, *random.uniform(5, 55, 2), 80.0) for t in np.sort(random.uniform(0, 60, 30))]
-    images = [flash._replace(x_cm=-flash.x_cm, light=40.0) for flash in robots[::2]]
-    assert count_images(robots) == 0
-    assert count_images(sorted(robots + images)) == len(images)
+    images = [robot._replace(x_cm=-robot.x_cm, light=40.0) for robot in robots[::2]]
+    assert count_images(FlashTable.of(robots)) == 0
+    assert count_images(FlashTable.of(sorted(robots + images))) == len(images)
 
 
 def ring(x_cm: float, light: float = 9.0) -> Ring:

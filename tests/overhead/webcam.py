@@ -6,11 +6,11 @@ lens as narrow, wide and very wide blurs, multiplied by an exposure and clipped 
 """
 
 import math
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from epuck_sim.overhead.camera import Frame
 
@@ -47,35 +47,21 @@ class Webcam(NamedTuple):
         width, height = (round(side * factor / 2) * 2 for side in self.size_px)
         return self._replace(size_px=(width, height), focal_px=self.focal_px * width / self.size_px[0])
 
-    @property
-    def matrix(self):
-        width, height = self.size_px
-        return np.array([[self.focal_px, 0, (width - 1) / 2], [0, self.focal_px, (height - 1) / 2], [0, 0, 1]])
-
-    def pose(self, arena_cm):
-        """Return OpenCV's rotation and shift of a camera aimed at the arena's middle; y is up in the picture."""
-        tilt, turn = math.radians(self.tilt_deg), math.radians(self.turn_deg)
-        down = np.diag([1.0, -1.0, -1.0])
-        lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
-        spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
-        rotation = lean @ down @ spin
-        eye = np.array([arena_cm[0] / 2, arena_cm[1] / 2, 0.0]) + rotation[2] * self.above_cm / rotation[2, 2]
-        return cv2.Rodrigues(rotation)[0], -rotation @ eye
-
     def project(self, points_cm, arena_cm):
-        """Return (n, 2) px: where (n, 3) points are seen."""
+        """Return (n, 2) px: where (n, 3) points are seen by a camera aimed at the arena's middle; y is up."""
+        lean, spin = (Rotation.from_euler(*turn, degrees=True) for turn in (("x", self.tilt_deg), ("z", self.turn_deg)))
+        rotation = lean.as_matrix() @ np.diag([1.0, -1.0, -1.0]) @ spin.as_matrix()
+        eye = np.array([arena_cm[0] / 2, arena_cm[1] / 2, 0.0]) + rotation[2] * self.above_cm / rotation[2, 2]
+        (width, height), focal = self.size_px, self.focal_px
+        matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+        show, k1 = (cv2.fisheye.projectPoints, 0.0) if self.is_fisheye else (cv2.projectPoints, self.k1)
         points = np.ascontiguousarray(points_cm, float).reshape(-1, 1, 3)
-        turn, shift = self.pose(arena_cm)
-        if self.is_fisheye:
-            seen, _ = cv2.fisheye.projectPoints(points, turn, shift, self.matrix, np.zeros(4))
-        else:
-            seen, _ = cv2.projectPoints(points, turn, shift, self.matrix, np.array([self.k1, 0.0, 0.0, 0.0]))
+        seen, _ = show(points, cv2.Rodrigues(rotation)[0], -rotation @ eye, matrix, np.array([k1, 0.0, 0.0, 0.0]))
         return seen.reshape(-1, 2)
 
     def floor_px(self, arena_cm):
         """Return (4, 2) px: the floor's corners."""
-        (width, height) = arena_cm
-        return self.project([(0, 0, 0), (width, 0, 0), (width, height, 0), (0, height, 0)], arena_cm)
+        return self.project(np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) * (*arena_cm, 0), arena_cm)
 
 
 class Swarm(NamedTuple):
@@ -133,6 +119,9 @@ class Extra(NamedTuple):
     onsets_s: tuple[float, ...] = ()
     flash_s: float = math.inf
 
+    def is_on(self, time_s):
+        return not self.onsets_s or any(0 <= time_s - onset < self.flash_s for onset in self.onsets_s)
+
 
 def picture(camera, lit_cm, headings, arena_cm, generator, dark_cm=()):
     """Return (rows, columns, 3) levels: rings lit at (n, 2) cm, and robots that are seen in the light of the room."""
@@ -159,15 +148,15 @@ def picture(camera, lit_cm, headings, arena_cm, generator, dark_cm=()):
 
 def _light(camera, lit_cm, headings, arena_cm):
     """Return (rows, columns) light of rings and of their images in the walls, as levels of red."""
-    sources = [(place, heading, 1.0) for place, heading in zip(lit_cm, headings, strict=True)]
+    rings = list(zip(lit_cm, headings, strict=True))
+    sources = [(place, heading, 1.0) for place, heading in rings]
     if camera.gloss:
-        for axis in (0, 1):
-            for wall in (0.0, arena_cm[axis]):
-                for place, heading in zip(lit_cm, headings, strict=True):
-                    image = np.array(place)
-                    image[axis] = 2 * wall - place[axis]
-                    if abs(image[axis] - wall) < 12.0:
-                        sources.append((image, -heading, camera.gloss))
+        for axis, wall in ((0, 0.0), (0, arena_cm[0]), (1, 0.0), (1, arena_cm[1])):
+            for place, heading in rings:
+                image = np.array(place)
+                image[axis] = 2 * wall - place[axis]
+                if abs(image[axis] - wall) < 12.0:
+                    sources.append((image, -heading, camera.gloss))
     width, height = camera.size_px
     points, band = (np.zeros((height, width), np.float32) for _ in range(2))
     for place, heading, strength in sources:
@@ -194,15 +183,14 @@ def _splat(target, seen, amount):
     rows, columns = target.shape
     whole = np.floor(seen).astype(int)
     part = seen - whole
-    for right in (0, 1):
-        for below in (0, 1):
-            column, row = whole[:, 0] + right, whole[:, 1] + below
-            share = np.abs(1 - right - part[:, 0]) * np.abs(1 - below - part[:, 1])
-            is_in = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
-            np.add.at(target, (row[is_in], column[is_in]), amount * share[is_in])
+    for right, below in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        column, row = whole[:, 0] + right, whole[:, 1] + below
+        share = np.abs(1 - right - part[:, 0]) * np.abs(1 - below - part[:, 1])
+        is_in = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+        np.add.at(target, (row[is_in], column[is_in]), amount * share[is_in])
 
 
-def shoot(camera, robots, frames_per_s=15.0, extras=(), dropped=0.0):
+def shoot(camera, robots, frames_per_s=15.0, extras=()):
     """Yield each frame with what is true of it: (n, 2) cm lit inside the arena."""
     generator = np.random.default_rng(robots.seed)
     end_s = float(robots.onsets_s.max()) + 2 * robots.flash_s
@@ -210,33 +198,20 @@ def shoot(camera, robots, frames_per_s=15.0, extras=(), dropped=0.0):
         time_s = number / frames_per_s
         places, headings = robots.places_cm(time_s)
         lit = robots.is_lit(time_s)
-        others = [extra.place_cm for extra in extras if _is_on(extra, time_s)]
+        others = [extra.place_cm for extra in extras if extra.is_on(time_s)]
         shown = np.vstack([places[lit], np.reshape(others, (-1, 2))])
         turned = np.append(headings[lit], np.zeros(len(others)))
         shot = picture(camera, shown, turned, robots.arena_cm, generator, places)
-        if generator.random() >= dropped:
-            yield Frame(time_s, shot), places[lit]
-
-
-def _is_on(extra, time_s):
-    return not extra.onsets_s or any(0 <= time_s - onset < extra.flash_s for onset in extra.onsets_s)
-
-
-def frames_of(shots) -> Iterator[Frame]:
-    """Yield the frames without their truth."""
-    for frame, _ in shots:
-        yield frame
+        generator.random()  # films that tables count were made with this draw
+        yield Frame(time_s, shot), places[lit]
 
 
 GOOD = Webcam()
-POINTS = Webcam(exposure=0.45, band=0.0, glare=0.01, noise=3.0)
-PINK = Webcam(exposure=4.0, glare=0.25)
-WHITE = Webcam(exposure=9.0, glare=0.25, noise=4.0)
 KINDS = {
     "good": GOOD,
-    "points": POINTS,
-    "burnt out, pink": PINK,
-    "burnt out, white": WHITE,
+    "points": Webcam(exposure=0.45, band=0.0, glare=0.01, noise=3.0),
+    "burnt out, pink": Webcam(exposure=4.0, glare=0.25),
+    "burnt out, white": Webcam(exposure=9.0, glare=0.25, noise=4.0),
     "orange": Webcam(colour=(1.0, 0.5, 0.06), exposure=1.6),
     "glossy walls": Webcam(focal_px=680.0, gloss=0.5, exposure=1.5),
     "fisheye": Webcam(above_cm=38.0, focal_px=320.0, is_fisheye=True),

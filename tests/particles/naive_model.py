@@ -90,10 +90,6 @@ class NaiveModel:
             self.left_of_runs[agent] -= cycles
         self.time += cycles
 
-    def run_to(self, time: float) -> None:
-        """Let time pass up to a time before the next event."""
-        self.advance(time - self.time)
-
     # --- motion (3.1, 5.1.2, D) ----------------------------------------------------------------------
 
     def wall_hit(self, agent: int) -> tuple[float, int, bool]:

@@ -185,63 +185,43 @@ speeds = st.sampled_from(
     ]
 )
 
-
-@st.composite
-def walks(draw: st.DrawFn, period_s: float) -> dict[str, Any]:
-    """Return a walk, straight more often than not, with runs from a tenth of a period to ten."""
-    walk = draw(
-        st.sampled_from(
-            [
-                {"kind": "straight"},
-                {"kind": "straight"},
-                {"kind": "brownian"},
-                {"kind": "correlated", "persistence": 0.7},
-                {"kind": "correlated", "persistence": 1.0},
-                {"kind": "levy", "exponent": 1.3},
-                {"kind": "levy", "exponent": 3.0},
-            ]
-        )
-    )
-    return walk if walk["kind"] == "straight" else {**walk, "run_s": period_s * draw(st.sampled_from([0.1, 1.0, 10.0]))}
-
-
-REORIENTATIONS = (
-    [],
-    [],
-    ["emitting"],
-    ["receiving"],
-    ["arriving"],
-    ["emitting", "receiving"],
-    ["receiving", "arriving"],
-    ["emitting", "arriving"],
+RANDOM_WALKS = (
+    {"kind": "brownian"},
+    {"kind": "correlated", "persistence": 0.7},
+    {"kind": "correlated", "persistence": 1.0},
+    {"kind": "levy", "exponent": 1.3},
+    {"kind": "levy", "exponent": 3.0},
 )
 
 
 @st.composite
-def any_sections(
-    draw: st.DrawFn, kind: str, most_agents: int = 7, fewest_agents: int = 2, **fixed: Any
-) -> dict[str, Any]:
-    """Return the sections of any scenario with this kind of neighbourhood; `fixed` sections are not drawn."""
-    agents = draw(st.integers(fewest_agents, most_agents))
+def walks(draw: st.DrawFn, period_s: float) -> dict[str, Any]:
+    """Return a walk, straight more often than not, with runs from a tenth of a period to ten."""
+    if draw(st.booleans()):
+        return {"kind": "straight"}
+    return {**draw(st.sampled_from(RANDOM_WALKS)), "run_s": period_s * draw(st.sampled_from([0.1, 1.0, 10.0]))}
+
+
+PULSES = st.lists(st.sampled_from(["emitting", "receiving", "arriving"]), max_size=2, unique=True)
+
+
+@st.composite
+def any_sections(draw: st.DrawFn, kind: str, most_agents: int = 7) -> dict[str, Any]:
+    """Return the sections of any scenario with this kind of neighbourhood."""
+    agents = draw(st.integers(2, most_agents))
     side_cm = draw(st.sampled_from([1.0, 17.0, 100.0]))
     period_s = draw(st.sampled_from([1.0, 0.3, 4.0]))
     speed, walk = draw(speeds), draw(walks(period_s))
     is_redrawn = bool(speed) and walk["kind"] != "straight" and draw(st.booleans())
     pace = draw(st.sampled_from([0.0, 0.003, 0.03, 0.3, 1.1, 4.0]))  # sides in a cycle
-    sections = {
+    motion = {"speed_cm_s": pace * side_cm / period_s, **speed, "walk": walk, "speed_per_run": is_redrawn}
+    return {
         "space": {
             "dimensions": draw(st.integers(1, 3)),
             "side_cm": side_cm,
             "boundary": draw(st.sampled_from(["bounded", "bounded", "cyclic", "mirrored"])),
         },
-        "agents": {
-            "count": agents,
-            "speed_cm_s": pace * side_cm / period_s,
-            "reorient_on": draw(st.sampled_from(REORIENTATIONS)),
-            **speed,
-            "walk": walk,
-            "speed_per_run": is_redrawn,
-        },
+        "agents": {"count": agents, "reorient_on": draw(PULSES), **motion},
         "neighbourhood": draw(neighbourhoods(kind, agents, side_cm)),
         "response": draw(responses),
         "clocks": {"period_s": period_s, "jitter": draw(st.sampled_from([0.0, 0.0, 1e-3, 0.2]))},
@@ -251,4 +231,3 @@ def any_sections(
             "order_parameter": draw(st.sampled_from([None, 0.3, 0.9, 1 - 1e-9])),
         },
     }
-    return {**sections, **fixed}

@@ -28,32 +28,28 @@ def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **key
     )
 
 
-def without_cells(swarm: ParticleSimulation) -> ParticleSimulation:
-    assert swarm._arrays.scene.cells > 0
-    return search_all(swarm)
+def assert_same(rule, *space_and_speed, cycles=(1, 3, 6)) -> None:
+    in_cells, all_pairs = (swarm_of(*space_and_speed, neighbourhood=rule) for _ in range(2))
+    assert all_pairs._arrays.scene.cells > 0
+    search_all(all_pairs)
+    for cycle in cycles:
+        for swarm in (in_cells, all_pairs):
+            swarm.run(cycle)
+        assert in_cells.firings == all_pairs.firings > 0
+        assert in_cells.phases().tolist() == all_pairs.phases().tolist()
+        assert in_cells.positions().tolist() == all_pairs.positions().tolist()
 
 
 @pytest.mark.parametrize("speed", [0, 0.3, 5, 200])
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
 @pytest.mark.parametrize("neighbourhood", NEIGHBOURHOODS)
 def test_trials_with_and_without_cells_are_the_same_to_the_bit(neighbourhood, boundary, speed) -> None:
-    rule = {"neighbourhood": NEIGHBOURHOODS[neighbourhood]}
-    in_cells, all_pairs = swarm_of(speed, 2, boundary, **rule), without_cells(swarm_of(speed, 2, boundary, **rule))
-    for cycles in (1, 3, 6):
-        for swarm in (in_cells, all_pairs):
-            swarm.run(cycles)
-        assert in_cells.firings == all_pairs.firings > 0
-        assert in_cells.phases().tolist() == all_pairs.phases().tolist()
-        assert in_cells.positions().tolist() == all_pairs.positions().tolist()
+    assert_same(NEIGHBOURHOODS[neighbourhood], speed, 2, boundary)
 
 
 @pytest.mark.parametrize("dimensions", [1, 3])
 def test_trials_in_a_segment_and_a_cube_are_the_same_with_and_without_cells(dimensions: int) -> None:
-    rule = {"neighbourhood": {"kind": "range", "radius_cm": 9}, "response": {"refractory": 0.2}}
-    in_cells, all_pairs = swarm_of(3, dimensions, **rule), without_cells(swarm_of(3, dimensions, **rule))
-    for swarm in (in_cells, all_pairs):
-        swarm.run(8)
-    assert in_cells.phases().tolist() == all_pairs.phases().tolist()
+    assert_same({"kind": "range", "radius_cm": 9}, 3, dimensions, cycles=(8,))
 
 
 @pytest.mark.parametrize(("dimensions", "cells"), [(1, 33), (2, 20), (2, 1), (3, 5)])

@@ -13,7 +13,6 @@ from epuck_sim.particles.oscillators import (
     earliest_firing,
     firing_now,
     max_phase_offset,
-    phase_at,
     set_next_firing,
 )
 from epuck_sim.particles.swarm import SCENE, Oscillators
@@ -29,10 +28,13 @@ def start_oscillators(phases, periods, *, has_parts=False):
     return Oscillators(np.zeros(1, SCENE)[0], (1 - phases) * periods, periods, *levels)
 
 
-def test_oscillators_fire_when_their_phase_reaches_1():
-    slower = start_oscillators(np.array([0.25]), np.array([1.5]))
-    assert phase_at(slower, 0, 0.0) == pytest.approx(0.25)
-    assert phase_at(slower, 0, slower.next_firing[0]) == 1
+def check_earliest(oscillators, found):
+    """Return the earliest time, and who fires then, after a look at all."""
+    earliest = earliest_firing(oscillators)
+    assert earliest == oscillators.next_firing.min()
+    firing = found[: firing_now(oscillators, earliest, found)].tolist()
+    assert firing == np.flatnonzero(oscillators.next_firing <= earliest + SIMULTANEITY_CYCLES).tolist()
+    return earliest, firing
 
 
 instants = st.floats(0, 2) | st.sampled_from([0.5, 0.5 + 3e-13, 0.5 + 9e-13, 1.5])
@@ -46,10 +48,7 @@ def test_the_earliest_is_the_earliest_of_all_after_any_changes(has_parts, given_
     for number, time, asks in [*changes, (0, 0.5, True)]:
         set_next_firing(oscillators, number % agents, time)
         if asks:
-            earliest = earliest_firing(oscillators)
-            assert earliest == oscillators.next_firing.min()
-            firing = found[: firing_now(oscillators, earliest, found)].tolist()
-            assert firing == np.flatnonzero(oscillators.next_firing <= earliest + SIMULTANEITY_CYCLES).tolist()
+            check_earliest(oscillators, found)
 
 
 @pytest.mark.parametrize("agents", [BRANCHES**2 + 1, BRANCHES**3 - 1, 2 * BRANCHES**3 + 5])
@@ -58,10 +57,7 @@ def test_the_earliest_of_many_are_found_in_whatever_part_they_are(agents):
     oscillators = start_oscillators(random.random(agents), np.ones(agents), has_parts=True)
     found = np.zeros(agents + 1, np.int64)
     for _ in range(300):
-        earliest = earliest_firing(oscillators)
-        assert earliest == oscillators.next_firing.min()
-        firing = found[: firing_now(oscillators, earliest, found)].tolist()
-        assert firing == np.flatnonzero(oscillators.next_firing <= earliest + SIMULTANEITY_CYCLES).tolist()
+        earliest, firing = check_earliest(oscillators, found)
         for agent in firing:
             set_next_firing(oscillators, agent, earliest + 1)
         shifted = random.integers(agents, size=random.integers(6))
@@ -95,21 +91,18 @@ def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter
         assert swarm.time_s == pytest.approx((cycle + 0.375) * period_s, rel=1e-15)
 
 
-def test_without_jitter_phases_keep_their_distances_to_the_last_digit():
-    swarm = make_simulation(4, agents={"count": 5}, response={"coupling": 0})
-    swarm.run(2)
-    due = np.sort(swarm._arrays.next_firing - swarm._arrays.scene.now)
-    swarm.run(100_002)
-    assert (np.sort(swarm._arrays.next_firing - swarm._arrays.scene.now) == due).all()
-
-
-def test_merged_oscillators_stay_merged():
-    swarm = make_simulation(1, agents={"count": 20}, neighbourhood={"kind": "all"})
-    swarm.run(300)
-    instants, firings = swarm.instants, swarm.firings
-    swarm.run(100_300)
-    assert (swarm.instants - instants, swarm.firings - firings) == (100_000, 2_000_000)
-    assert swarm.order_parameter == 1
+def test_merged_oscillators_stay_merged_and_others_keep_their_distances_to_the_last_digit():
+    free = make_simulation(4, agents={"count": 5}, response={"coupling": 0})
+    merged = make_simulation(1, agents={"count": 20}, neighbourhood={"kind": "all"})
+    free.run(2)
+    merged.run(300)
+    due = np.sort(free._arrays.next_firing - free._arrays.scene.now)
+    instants, firings = merged.instants, merged.firings
+    free.run(100_002)
+    merged.run(100_300)
+    assert (np.sort(free._arrays.next_firing - free._arrays.scene.now) == due).all()
+    assert (merged.instants - instants, merged.firings - firings) == (100_000, 2_000_000)
+    assert merged.order_parameter == 1
 
 
 # --- when the order parameter is measured ------------------------------------------------------------
@@ -137,9 +130,3 @@ def test_a_phase_beyond_max_phase_offset_keeps_the_order_below_the_threshold(age
         phases[-1] = near + 2e-7 + share * (0.5 - near)
         phases[1:-1] = phases[-1] / 2  # which is best
         assert abs(np.exp(2j * np.pi * phases).mean()) < threshold
-
-
-def test_max_phase_offset_rejects_no_phase_where_all_may_pass():
-    assert max_phase_offset(10, 0.5) == 1.0
-    assert max_phase_offset(2, 1e-9) > 0.4999
-    assert max_phase_offset(100_000, 0.9) == 1.0

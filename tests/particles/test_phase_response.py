@@ -59,29 +59,20 @@ def test_the_multiplicative_curve_drives_two_apart_exactly_below_one_over_two_pl
         assert change == pytest.approx(0, abs=1e-4)
 
 
-def test_a_refractory_period_takes_the_harm_of_the_multiplicative_curve_away():
-    assert (order_change(Response(MULTIPLICATIVE, 0.1, 0.4), PHASES) < -1e-9).any()
-    assert (order_change(Response(MULTIPLICATIVE, 0.1, 1 / 2.1), PHASES) >= -1e-12).all()
-
-
-@given(st.sampled_from([1, 2]), unit, st.floats(0, 0.499), unit)
-def test_delay_advance_curves_never_drive_two_apart(curve, kappa, refractory, phase):
-    assert order_change(Response(curve, kappa, refractory), [phase])[0] >= -1e-12
-
-
 @given(st.sampled_from([0, 1, 2]), unit, st.floats(0, 0.499), unit)
 def test_the_change_is_that_of_the_complex_order_parameter_of_two(curve, coupling, refractory, phase):
     def order(other):
         return abs(1 + np.exp(2j * math.pi * other)) / 2  # of the one that fires, at 1 or 0, and the other
 
     response = Response(curve, coupling, refractory)
+    assert curve == MULTIPLICATIVE or order_change(response, [phase])[0] >= -1e-12  # delay and advance drive none apart
     expected = order(phase_after_pulse(response, phase)) - order(phase)
     assert order_change(response, [phase])[0] == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("shape", [(), (12,), (3, 4), (2, 1, 6), (0,)])
-def test_shapes_are_kept_whether_or_not_an_array_is_a_block(shape):
-    phases = np.linspace(0.1, 0.9, math.prod(shape)).reshape(shape).T
+def test_shapes_are_kept_whether_or_not_an_array_is_a_block():
     response = Response(MULTIPLICATIVE, 0.1, 0.0)
-    assert phase_shift(response, phases).shape == order_change(response, phases).shape == phases.shape
-    assert phase_shift(response, phases) == pytest.approx(0.1 * phases)
+    for shape in ((), (3, 4), (0,)):
+        phases = np.linspace(0.1, 0.9, math.prod(shape)).reshape(shape).T
+        assert phase_shift(response, phases) == pytest.approx(0.1 * phases)
+        assert order_change(response, phases).shape == phases.shape

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.particles import twin
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.particles.twin import simulate_with_twin
+from epuck_sim.particles.twin import make_twin, simulate_with_twin
 from epuck_sim.scenario.loader import load_scenario
 from tests.particles.simulations import KINDS, any_sections, make_simulation, scenario
 
@@ -23,20 +22,6 @@ def displaced(by):
 
 def compare(seed=0, times=MIDDLES, **sections):
     return simulate_with_twin(load_scenario(scenario(**sections)), seed, times)
-
-
-@pytest.fixture
-def pairs(monkeypatch):
-    """Return a list that receives the two simulations: the disturbed one, and its twin."""
-    made = []
-
-    class Kept(ParticleSimulation):
-        def __init__(self, *given):
-            super().__init__(*given)
-            made.append(self)
-
-    monkeypatch.setattr(twin, "ParticleSimulation", Kept)
-    return made
 
 
 # --- the deviation ----------------------------------------------------------------------------------
@@ -62,14 +47,11 @@ def test_an_uncoupled_displaced_agent_deviates_by_the_displacement_for_ever(disp
     assert not found.deviation[:, 1:].any()
 
 
-def test_with_all_coupled_a_small_displacement_makes_all_early_from_the_first_firing_on():
-    found = compare(times=np.arange(0.5, 20), start=displaced(2**-10), neighbourhood={"kind": "all"})
-    assert found.deviation[0].tolist() == [2**-10] + [0] * 19
-    np.testing.assert_allclose(found.deviation[1:], 2**-10, rtol=1e-11)
-    np.testing.assert_allclose(found.order_parameter[1:], 1, atol=1e-12)
-
-
 def test_the_deviation_spreads_to_agents_that_were_not_displaced():
+    everybody = compare(times=np.arange(0.5, 20), start=displaced(2**-10), neighbourhood={"kind": "all"})
+    assert everybody.deviation[0].tolist() == [2**-10] + [0] * 19
+    np.testing.assert_allclose(everybody.deviation[1:], 2**-10, rtol=1e-11)  # all are early from the first firing on
+    np.testing.assert_allclose(everybody.order_parameter[1:], 1, atol=1e-12)
     found = compare(times=np.arange(0.5, 200), start=displaced(0.01), agents={"count": 20, "speed_cm_s": 30}, seed=3)
     deviate = np.count_nonzero(found.deviation > 1e-9, axis=1)
     assert deviate[0] == 1
@@ -115,32 +97,25 @@ def test_a_trial_continues_beyond_synchrony():
 # --- the twin ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
-@pytest.mark.parametrize("dimensions", [1, 2, 3])
-def test_the_twin_is_where_the_other_is_and_goes_where_it_goes(pairs, boundary, dimensions):
-    agents = {"count": 6, "speed_cm_s": 90, "speed_distribution": "uniform", "speed_spread": 0.5}
-    space = {"boundary": boundary, "dimensions": dimensions}
-    found = compare(9, start=displaced(0.1), clocks={"jitter": 0.1}, agents=agents, space=space)
-    disturbed, twin = pairs
-    assert found.deviation.max() > 0.1
-    assert disturbed.time_s == twin.time_s == MIDDLES[-1]
-    np.testing.assert_array_equal(disturbed.positions(), twin.positions())
-    np.testing.assert_array_equal(disturbed.headings(), twin.headings())
-    assert disturbed.speeds_cm_s.tolist() == twin.speeds_cm_s.tolist()
-
-
-def test_the_twin_has_nominal_periods_and_no_displaced_agent(pairs):
-    compare(9, np.array([0.0]), start=displaced(0.1), clocks={"jitter": 0.1, "period_s": 3.0})
-    disturbed, twin = pairs
-    assert (disturbed.seed, twin.seed) == (9, 9)
-    assert len(set(disturbed.periods_s.tolist())) == 20
-    assert set(twin.periods_s.tolist()) == {3.0}
-    assert disturbed.phases().tolist() == [pytest.approx(0.1)] + [0.0] * 19
+@pytest.mark.parametrize(("reorient_on", "moves_alike"), [([], True), (["receiving"], False)])
+def test_the_twin_has_nominal_periods_no_displaced_agent_and_moves_alike_unless_pulses_turn(reorient_on, moves_alike):
+    given = scenario(
+        start=displaced(0.1),
+        clocks={"jitter": 0.1, "period_s": 3.0},
+        agents={
+            "count": 6,
+            "speed_cm_s": 30,
+            "speed_distribution": "uniform",
+            "speed_spread": 0.5,
+            "reorient_on": reorient_on,
+        },
+    )
+    disturbed, twin = ParticleSimulation(given, 9), make_twin(load_scenario(given), 9)
+    assert (twin.seed, set(twin.periods_s.tolist()), len(set(disturbed.periods_s.tolist()))) == (9, {3.0}, 6)
+    assert disturbed.phases().tolist() == [pytest.approx(0.1)] + [0.0] * 5
     assert not twin.phases().any()
-
-
-def test_the_twin_moves_differently_if_agents_reorient_on_pulses(pairs):
-    agents = {"count": 6, "speed_cm_s": 30, "reorient_on": ["receiving"]}
-    compare(9, start=displaced(0.1), agents=agents)
-    disturbed, twin = pairs
-    assert np.abs(disturbed.positions() - twin.positions()).max() > 1
+    for swarm in (disturbed, twin):
+        swarm.run_to(60)
+    for moving in ("positions", "headings"):
+        apart = np.abs(getattr(disturbed, moving)() - getattr(twin, moving)()).max()
+        assert (apart < 1e-9) == moves_alike

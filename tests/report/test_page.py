@@ -93,11 +93,9 @@ def figures_of(html: str) -> list[str]:
 @pytest.mark.parametrize(
     ("grid", "figures"),
     [
-        ({}, []),
         ({"noise": ["on", "off"]}, []),
         ({SPEED: SPEEDS}, ["curves-T-sync", "violins-T-sync"]),
         ({SPEED: SPEEDS, COUNT: [5, 10]}, ["curves-T-sync", "map-T-sync", "violins-T-sync"]),
-        ({SPEED: SPEEDS, "noise": ["on", "off"]}, ["curves-T-sync", "violins-T-sync"]),
     ],
 )
 def test_figures_fit_the_axes(tmp_path, grid, figures) -> None:
@@ -118,15 +116,6 @@ def test_figures_are_vectors_with_words_and_nothing_in_them_is_taken_for_a_part_
         assert said in words
     assert re.findall(r'(?:src|href)="(?!#|data:)|<script|<style(?! *>\n:root)', html) == []
     assert '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; ' in html
-
-
-def test_without_results_there_is_no_figure(tmp_path) -> None:
-    store(tmp_path / "failed", sweep({SPEED: SPEEDS}, trials=2), lambda _: ended([]), failed=2)
-    html = page_of(tmp_path / "failed")
-    assert "No trial has a result yet." in html
-    assert "Failed trials: 2" in html
-    assert "<figure" not in html
-    assert len(html) < 20_000
 
 
 def test_names_and_messages_stay_text(tmp_path, monkeypatch) -> None:
@@ -161,17 +150,6 @@ def test_series_and_measures_of_agents(tmp_path) -> None:
     assert figures_of(html)[-3:] == ["curves-near-walls", "violins-near-walls", "series-order-parameter"]
 
 
-def test_without_oscillators_nothing_speaks_of_synchrony(tmp_path) -> None:
-    scenario = load_scenario(
-        {"name": "still", "robots": [{"controller": "constant", "count": 2}], "stop": {"max_cycles": 2}},
-        measures=["near_walls"],
-    )
-    run_sweep(scenario, tmp_path / "run")
-    html = page_of(tmp_path / "run")
-    assert "T_sync" not in " ".join(Page(html).text)
-    assert 'id="of-near_walls"' in html
-
-
 @needs_browser
 def test_it_is_legible_in_the_dark_and_a_figure_is_seen_on_narrow_screens(tmp_path) -> None:
     store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=20), lambda p: weibull(p, 50, 20))
@@ -179,13 +157,9 @@ def test_it_is_legible_in_the_dark_and_a_figure_is_seen_on_narrow_screens(tmp_pa
     for is_dark, width, paper in ((False, 400, 255), (True, 1400, 0x14)):
         seen = picture(tmp_path / "page.html", tmp_path / f"profile{width}", is_dark=is_dark, size=f"{width},2000")
         assert seen[-1, 2, 0] == paper
-        assert (abs(seen - hex_to_rgb(COLOURS[0])).max(axis=-1) < 10).sum() > 100
+        assert (abs(seen - tuple(bytes.fromhex(COLOURS[0][1:]))).max(axis=-1) < 10).sum() > 100
         assert seen.min() < 30
         assert seen.max() > 225
-
-
-def hex_to_rgb(colour: str) -> tuple[int, ...]:
-    return tuple(bytes.fromhex(colour[1:]))
 
 
 def test_pages_are_written_whole_and_mistakes_are_said(tmp_path) -> None:

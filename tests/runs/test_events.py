@@ -17,6 +17,7 @@ from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from tests.runs.test_store import DEMO, fill
+from tests.sweep.pool_here import pool_here
 
 SCENARIO = {
     "trials": 4,
@@ -30,9 +31,9 @@ SEED = 4111783006597517648
 """With which the first point of `DEMO` was resampled before there were signals, faults and schedules."""
 
 
-def run(folder, workers=1, **changes):
+def run(folder, pool=pool_here, **changes):
     given = {key: value for key, value in {**SCENARIO, **changes}.items() if value is not None}
-    run_sweep(load_scenario(given), folder, partial(local_pool, workers))
+    run_sweep(load_scenario(given), folder, pool)
 
 
 def stored(folder):
@@ -65,12 +66,13 @@ SWARM = {
 }
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-@pytest.mark.parametrize("changes", [{}, SWARM], ids=["robots", "agents"])
-def test_events_are_equal_after_a_resume_with_any_number_of_workers(workers, changes, tmp_path):
+@pytest.mark.parametrize(
+    ("changes", "pool"), [({}, partial(local_pool, 2)), (SWARM, pool_here)], ids=["robots", "agents"]
+)
+def test_events_are_equal_after_a_resume_with_any_workers(changes, pool, tmp_path):
     run(tmp_path / "whole", **changes)
     run(tmp_path / "parted", **changes, trials=1)
-    run(tmp_path / "parted", workers, **changes)
+    run(tmp_path / "parted", pool, **changes)
     assert all(events for (events,) in stored(tmp_path / "whole"))
     assert stored(tmp_path / "parted") == stored(tmp_path / "whole")
 

@@ -1,25 +1,22 @@
 """The exported table: every result once, in order, under the right names and types, exact, and never half of it."""
 
 import csv
-import errno
 import json
 import math
 import random
 from pathlib import Path
-from typing import BinaryIO
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from epuck_sim.errors import EpuckSimError, StoreError
-from epuck_sim.runs import export as export_module
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.export import export
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
-from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, WIDTH, fill, outcome, scenario_of
+from tests.runs.test_store import COUNT, DEMO, SPEED, WIDTH, fill, outcome, scenario_of
 
 RESULT = {
     "seed": pa.int64(),
@@ -53,18 +50,6 @@ def csv_of(folder: Path) -> list[dict[str, str]]:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return tmp_path / "run"
-
-
-def test_columns_are_the_axes_then_the_result_then_its_making(folder) -> None:
-    fill(folder)
-    table = parquet_of(folder)
-    expected = [COUNT, SPEED, *RESULT, *MAKING]
-    assert table.column_names == expected
-    assert list(csv_of(folder)[0]) == expected
-    kinds = {**RESULT, **dict.fromkeys(MAKING, pa.string())}
-    assert {name: table.schema.field(name).type for name in kinds} == kinds
-    assert table.schema.field(COUNT).type == pa.int64()
-    assert table.schema.field(SPEED).type == pa.float64()
 
 
 def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folder) -> None:
@@ -107,20 +92,6 @@ def test_floats_are_read_back_exactly(folder) -> None:
         assert [repr(float(row[name])) for row in rows] == list(map(repr, expected))
 
 
-def test_a_float_axis_is_read_back_exactly(folder) -> None:
-    speeds = [0.067, 1 / 3, 12.799999999999999]
-    fill(folder, scenario_of({"grid": {SPEED: speeds}}, trials=1))
-    assert parquet_of(folder)[SPEED].to_pylist() == speeds
-    assert [float(row[SPEED]) for row in csv_of(folder)] == speeds
-
-
-def test_seeds_are_read_back_exactly(folder) -> None:
-    found = fill(folder)
-    expected = [point.seed(trial) for point in found for trial in range(3)]
-    assert parquet_of(folder)["seed"].to_pylist() == expected
-    assert [int(row["seed"]) for row in csv_of(folder)] == expected
-
-
 def test_a_censored_trial_has_no_time_of_synchrony(folder) -> None:
     found = points(DEMO)
     with Store(folder, DEMO, found) as store:
@@ -131,13 +102,6 @@ def test_a_censored_trial_has_no_time_of_synchrony(folder) -> None:
     assert table["censored"].to_pylist() == [False, True]
     assert table["cycles"].to_pylist() == [0, 9]
     assert [(row["t_sync_cycles"], row["censored"]) for row in csv_of(folder)] == [("0", "false"), ("", "true")]
-
-
-def test_columns_keep_their_types_where_all_trials_are_censored(folder) -> None:
-    fill(folder, t_sync_cycles=None, censored=True, order_parameter=None)
-    table = parquet_of(folder)
-    assert {name: table.schema.field(name).type for name in RESULT} == RESULT
-    assert table["t_sync_cycles"].null_count == table["order_parameter"].null_count == table.num_rows == 12
 
 
 def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -> None:
@@ -161,11 +125,6 @@ def test_failed_trials_are_left_out_and_counted(folder, tmp_path) -> None:
     assert export(folder, tmp_path / "some.csv") == 2
     table = parquet_of(folder)
     assert list(zip(table["point"].to_pylist(), table["trial"].to_pylist(), strict=True)) == [(0, 0), (3, 2)]
-
-
-def test_where_none_has_failed_none_is_counted(folder, tmp_path) -> None:
-    fill(folder)
-    assert export(folder, tmp_path / "all.parquet") == 0
 
 
 def exported_axis(folder: Path, key: str, values: list) -> list:
@@ -203,45 +162,10 @@ def test_where_some_axis_values_are_text_all_are(folder) -> None:
     assert column.to_pylist()[1:] == ["on", '{"wheel_speed": 0.5}']
 
 
-def test_a_structured_axis_value_is_json(folder) -> None:
-    ring = {"shape": "circle", "x_cm": 30, "y_cm": 30.5, "radius_cm": 3}
-    column = exported_axis(folder, "arena.obstacles", [[ring], []])
-    assert [json.loads(value) for value in column] == [[ring], []]
-
-
-def test_true_and_false_on_an_axis_stay_apart(folder) -> None:
-    sweep = {"grid": {"robots.0.parameters.ring_on": [True, False]}}
-    fill(folder, scenario_of(sweep, robots=[{"controller": "constant"}], trials=1))
-    assert parquet_of(folder)["robots.0.parameters.ring_on"].to_pylist() == [True, False]
-
-
 def test_values_are_under_their_own_keys_however_the_points_list_them(folder) -> None:
     fill(folder, scenario_of({"points": [{COUNT: 2, WIDTH: 50}, {WIDTH: 60, COUNT: 3}]}, trials=1))
     table = parquet_of(folder)
     assert (table[COUNT].to_pylist(), table[WIDTH].to_pylist()) == ([2, 3], [50, 60])
-
-
-def test_a_scenario_without_a_sweep_has_no_axes(folder) -> None:
-    fill(folder, scenario_of(None))
-    assert parquet_of(folder).column_names == [*RESULT, *MAKING]
-
-
-def test_after_the_sweep_has_grown_rows_are_in_its_new_order(folder) -> None:
-    fill(folder, scenario_of({"grid": {COUNT: [2, 3]}}, trials=1))
-    fill(folder, scenario_of({"grid": {COUNT: [4, 3, 2]}}, trials=2))
-    table = parquet_of(folder)
-    assert table[COUNT].to_pylist() == [4, 4, 3, 3, 2, 2]
-    assert table["point"].to_pylist() == [0, 0, 1, 1, 2, 2]
-    assert table["trial"].to_pylist() == [0, 1] * 3
-
-
-def test_a_run_at_work_can_be_exported(folder) -> None:
-    found = points(DEMO)
-    with Store(folder, DEMO, found) as store:
-        store.add([outcome(found[0], 0)])
-        assert parquet_of(folder).num_rows == 1
-        store.add([outcome(found[0], 1)])
-        assert parquet_of(folder).num_rows == 2
 
 
 # Mistakes
@@ -255,55 +179,3 @@ def test_a_file_of_another_format_is_refused(folder, tmp_path, name: str) -> Non
         export(folder, target)
     assert str(caught.value) == f"{target}: unknown format {target.suffix!r}; allowed: .parquet or .csv"
     assert not target.exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "reason"), [("gone/results.csv", "there is no directory"), ("dir.csv", "is a directory")]
-)
-def test_a_path_that_cannot_be_written_is_refused(folder, tmp_path, name: str, reason: str) -> None:
-    fill(folder)
-    (tmp_path / "dir.csv").mkdir()
-    with pytest.raises(EpuckSimError, match=f"cannot be written: {reason}"):
-        export(folder, tmp_path / name)
-
-
-@pytest.mark.parametrize("name", ["gone", "empty", "file"])
-def test_what_is_no_run_folder_is_refused(tmp_path, name: str) -> None:
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "file").write_text("mine")
-    with pytest.raises(StoreError, match=f"{name}: is not a run folder: there is no {DATABASE} in it"):
-        export(tmp_path / name, tmp_path / "results.csv")
-    assert not (tmp_path / "results.csv").exists()
-
-
-@pytest.mark.parametrize("name", ["results.csv", "results.parquet"])
-@pytest.mark.parametrize(
-    ("problem", "raised", "message"),
-    [
-        (OSError(errno.ENOSPC, "No space left on device"), EpuckSimError, "cannot be written: No space left on device"),
-        (KeyboardInterrupt(), KeyboardInterrupt, None),
-    ],
-    ids=["full disk", "Ctrl-C"],
-)
-def test_where_writing_fails_the_older_file_stays_and_nothing_is_left_beside_it(
-    tmp_path, monkeypatch, name: str, problem: BaseException, raised: type[BaseException], message: str | None
-) -> None:
-    fill(tmp_path / "run")
-    target = tmp_path / name
-    target.write_text("older")
-
-    def write_half(_: pa.Table, part: BinaryIO) -> None:
-        part.write(b"half")
-        raise problem
-
-    monkeypatch.setitem(export_module.WRITERS, target.suffix, write_half)
-    with pytest.raises(raised, match=message):
-        export(tmp_path / "run", target)
-    assert target.read_text() == "older"
-    assert {path.name for path in tmp_path.iterdir()} == {"run", name}
-
-
-def test_an_older_file_is_replaced(folder) -> None:
-    folder.with_name("results.csv").write_text("older")
-    fill(folder)
-    assert len(csv_of(folder)) == 12

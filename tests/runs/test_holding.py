@@ -58,10 +58,10 @@ def test_a_sweep_ends_when_its_folder_is_no_longer_there_and_leaves_alone_what_i
 # Without locks
 
 
-@pytest.fixture(params=["ENOSYS", "ENOLCK", "EOPNOTSUPP", "EIO"])
+@pytest.fixture
 def _no_locks(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     def fail(*_: object) -> None:
-        raise OSError(getattr(errno, request.param), "no locks")
+        raise OSError(getattr(request, "param", errno.ENOSYS), "no locks")
 
     monkeypatch.setattr(fcntl, "flock", fail)
     monkeypatch.setattr(fcntl, "lockf", fail)
@@ -74,6 +74,7 @@ def lease_of_another(folder: Path, name: str, age_s: float) -> None:
     os.utime(folder / HOLDER, (time.time() - age_s,) * 2)
 
 
+@pytest.mark.parametrize("_no_locks", [errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.EIO], indirect=True)
 @pytest.mark.usefixtures("_no_locks")
 def test_without_locks_a_folder_is_held_by_a_lease_and_is_free_afterwards(tmp_path: Path) -> None:
     with Store(tmp_path, DEMO, points(DEMO)) as store:
@@ -89,7 +90,6 @@ def test_without_locks_a_folder_is_held_by_a_lease_and_is_free_afterwards(tmp_pa
     assert set(contents(tmp_path)) == FILES
 
 
-@pytest.mark.parametrize("_no_locks", ["ENOSYS"], indirect=True)
 @pytest.mark.usefixtures("_no_locks")
 @pytest.mark.parametrize(
     ("process", "age_s", "is_free"),
@@ -115,7 +115,6 @@ def test_a_lease_ends_when_it_is_not_renewed_or_its_process_is_gone(
     fill(tmp_path)
 
 
-@pytest.mark.parametrize("_no_locks", ["ENOSYS"], indirect=True)
 @pytest.mark.usefixtures("_no_locks")
 def test_who_lost_the_lease_stores_nothing_more_and_leaves_the_new_one_alone(tmp_path: Path) -> None:
     found = points(DEMO)
@@ -130,7 +129,6 @@ def test_who_lost_the_lease_stores_nothing_more_and_leaves_the_new_one_alone(tmp
     assert [row["trial"] for row in stored(tmp_path)] == [0]
 
 
-@pytest.mark.parametrize("_no_locks", ["ENOSYS"], indirect=True)
 @pytest.mark.usefixtures("_no_locks")
 def test_a_lease_is_renewed_while_its_process_is_at_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(folders, "RENEW_S", 0.01)
@@ -149,7 +147,6 @@ def test_a_lock_is_not_taken_over(tmp_path: Path) -> None:
         assert f"{own_name()} is at work on it" in refused(tmp_path, DEMO)
 
 
-@pytest.mark.parametrize("_no_locks", ["ENOSYS"], indirect=True)
 @pytest.mark.usefixtures("_no_locks", "sweeps_run_here")
 def test_a_command_takes_over_with_a_word(tmp_path: Path) -> None:
     arguments = ["run", str(short_sweep(tmp_path, 1)), "--out", str(tmp_path / "run")]

@@ -1,7 +1,6 @@
 """What run folders keep of measures: values to the bit, and never those of two different measures."""
 
 import json
-from functools import partial
 from pathlib import Path
 
 import pyarrow as pa
@@ -11,13 +10,9 @@ import pytest
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
-from epuck_sim.sweep.executors import local_pool
-from epuck_sim.sweep.run import run_sweep
-from epuck_sim.trial.model import run_trial, simulate
 from tests.measures.files import COUNTER, write
 from tests.runs.made_folders import rows
 from tests.runs.test_store import outcome
@@ -118,30 +113,3 @@ def test_a_folder_is_refused_to_other_measures(folder, mine):
 
 
 # --- sweeps ---------------------------------------------------------------------------------------
-
-
-def test_workers_resumption_and_repetition_give_equal_values(folder, mine):
-    mapping = {
-        "name": "demo",
-        "model": "particles",
-        "trials": 4,
-        "stop": {"max_cycles": 20},
-        "measures": ["order_parameter", f"{mine}:Counter"],
-        "sweep": {"grid": {"agents.count": [5, 10]}},
-    }
-    run_sweep({**mapping, "trials": 2}, folder, partial(local_pool, 1))
-    run_sweep(mapping, folder, partial(local_pool, 2))
-    for point, stored in zip(points(mapping), read_points(folder, "order_parameter"), strict=True):
-        again = [run_trial(simulate(point.scenario, point.seed(trial))) for trial in range(4)]
-        assert stored.measured == tuple(result.measures["order_parameter"] for result in again)
-        assert stored.times.tolist() == [len(series) for series in stored.measured]
-
-
-def test_a_measure_that_raises_fails_its_trial_alone(folder, tmp_path):
-    path = write(tmp_path / "bad.py", "def bad(simulation):\n    return 1 / (simulation.scenario.agents.count - 5)\n")
-    mapping = {"model": "particles", "stop": {"max_cycles": 2}, "measures": [str(path)]}
-    run_sweep({**mapping, "sweep": {"grid": {"agents.count": [5, 6]}}}, folder, partial(local_pool, 1))
-    status = read_status(folder)
-    assert (status.stored, len(status.failed)) == (1, 1)
-    assert status.failed[0].error.endswith(f"{path}:2: ZeroDivisionError: division by zero")
-    assert [point.measured for point in read_points(folder, "bad")] == [(), (1.0,)]

@@ -7,7 +7,6 @@ from random import Random
 import pytest
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs import store
 from epuck_sim.runs.export import export
 from epuck_sim.runs.share import Share, merge_folders
 from epuck_sim.runs.status import read_status
@@ -159,18 +158,6 @@ def test_a_folder_stays_with_its_share(tmp_path) -> None:
     fill(tmp_path / "whole", MANY)
     with pytest.raises(StoreError, match="is for the whole sweep, --share is 2/2"):
         Store(tmp_path / "whole", MANY, points(MANY), Share(2, 2))
-
-
-def test_a_folder_is_for_its_share_from_its_first_moment(tmp_path, monkeypatch) -> None:
-    """A command may be killed between the appearance of the database and its first commit."""
-    with monkeypatch.context() as killed:
-        killed.setattr(store, "write_sources", lambda *_: 1 / 0)
-        with pytest.raises(ZeroDivisionError):
-            Store(tmp_path, MANY, points(MANY), Share(1, 2))
-    assert read_status(tmp_path).share == "1/2"
-    fill_share(tmp_path, Share(1, 2))
-    status = read_status(tmp_path)
-    assert status.stored == status.trials
 
 
 def test_the_status_of_many_shares_says_what_is_missing(tmp_path) -> None:

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epuck_sim.errors import StoreError
 from epuck_sim.runs import database, export, reader, status
 from epuck_sim.runs.compatibility import stored_point
-from epuck_sim.runs.database import ENTER_POINT, new_database
+from epuck_sim.runs.database import ENTER_POINT
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import Failure, Status, TrialsByOrigin, read_status
 from epuck_sim.runs.store import Store
@@ -60,13 +59,6 @@ def test_after_the_sweep_has_grown_points_are_read_in_its_new_order(tmp_path) ->
     assert read[0].times.tolist() == [2000, 2001, 2002]
 
 
-def test_a_scenario_without_a_sweep_is_read_as_one_point(tmp_path) -> None:
-    fill(tmp_path, scenario_of(None))
-    (read,) = read_points(tmp_path)
-    assert (read.number, read.axes, read.scenario) == (0, {}, scenario_of(None))
-    assert read.times.tolist() == [0, 1, 2]
-
-
 def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found) as store:
@@ -88,12 +80,6 @@ def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -
         versions=[TrialsByOrigin(**MADE_BY, trials=4)],
         at_work=None,
     )
-
-
-def test_the_status_of_a_folder_without_trials_is_that_none_is_stored(tmp_path) -> None:
-    with Store(tmp_path, DEMO, points(DEMO)):
-        pass
-    assert read_status(tmp_path) == Status("demo", 4, 12, 0, 0, [], 0.0, [], None)
 
 
 def test_the_status_tells_trials_apart_by_the_versions_and_hosts_that_made_them(tmp_path) -> None:
@@ -199,32 +185,3 @@ def test_a_database_is_checked_once_however_often_it_is_read_and_written(tmp_pat
     (tmp_path / "run" / DATABASE).touch()
     read(tmp_path / "run")
     assert len(checked) == 2
-
-
-@pytest.mark.parametrize("read", [read_points, read_status])
-def test_reading_leaves_what_a_run_has_left_as_it_was(tmp_path, read) -> None:
-    fill(tmp_path)
-    before = contents(tmp_path)
-    read(tmp_path)
-    assert contents(tmp_path) == before
-
-
-@pytest.mark.parametrize("name", ["gone", "empty", "file", "file/deeper"])
-@pytest.mark.parametrize("read", [read_points, read_status])
-def test_what_is_no_run_folder_is_refused(tmp_path, read, name: str) -> None:
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "file").write_text("mine")
-    with pytest.raises(StoreError) as caught:
-        read(tmp_path / name)
-    assert str(caught.value) == f"{tmp_path / name}: is not a run folder: there is no {DATABASE} in it"
-    assert {path.name for path in tmp_path.iterdir()} == {"empty", "file"}
-    assert list((tmp_path / "empty").iterdir()) == []
-
-
-def test_a_database_has_its_points_as_soon_as_it_is_there(tmp_path) -> None:
-    rows = [stored_point(point) for point in points(DEMO)]
-    with new_database(tmp_path / DATABASE, [COUNT, SPEED], rows):
-        assert not (tmp_path / DATABASE).exists()
-    status = read_status(tmp_path)
-    assert (status.points, status.trials, status.stored) == (len(rows), DEMO.trials * len(rows), 0)
-    assert [point.number for point in read_points(tmp_path)] == [point.number for point in points(DEMO)]

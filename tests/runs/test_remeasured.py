@@ -1,9 +1,7 @@
 """Measures that are added to a run folder: stored trials are simulated again for them, and must be the same."""
 
-import json
 import sqlite3
 from contextlib import closing
-from functools import partial
 
 import pytest
 
@@ -11,14 +9,14 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import StoredResult, difference
-from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call, called
 from tests.measures.files import COUNTER, write
 from tests.runs.made_folders import edit
+from tests.sweep.pool_here import pool_here
 
-FAILING = "def failing(simulation):\n    return 1 / (simulation.scenario.agents.count - 5)\n"
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
 
 @pytest.fixture
@@ -42,8 +40,8 @@ def sweep(*measures, trials=3, **stop):
     }
 
 
-def run(folder, scenario, workers=1):
-    return run_sweep(scenario, folder, partial(local_pool, workers))
+def run(folder, scenario):
+    return run_sweep(scenario, folder, pool_here)
 
 
 def everything(folder):
@@ -57,7 +55,7 @@ def everything(folder):
 def test_stored_trials_get_the_added_measures_and_keep_their_results(folder, mine, tmp_path):
     run(folder, sweep("near_walls", trials=2))
     before = everything(folder)
-    progress = run(folder, sweep("near_walls", mine, "order_parameter", trials=3), workers=2)
+    progress = run(folder, sweep("near_walls", mine, "order_parameter", trials=3))
     assert (progress.stored, progress.failed, progress.ended) == (6, 0, 6)
     run(tmp_path / "anew", sweep("near_walls", mine, "order_parameter", trials=3))
     assert everything(folder) == everything(tmp_path / "anew")
@@ -84,7 +82,7 @@ def test_a_run_that_was_stopped_goes_on(folder, mine):
             raise Stopped
 
     with pytest.raises(Stopped):
-        run_sweep(sweep("near_walls", mine), folder, partial(local_pool, 1), stop)
+        run_sweep(sweep("near_walls", mine), folder, pool_here, stop)
     status = read_status(folder)
     assert (status.stored, status.unmeasured, status.failed) == (6, 4, [])
     assert "4 of these results lack measures that were added" in called("status", folder)
@@ -114,24 +112,9 @@ def test_a_trial_that_is_no_longer_the_same_is_reported_and_stays_as_it_is(folde
     kept = [row for row in everything(folder) if row["trial"] == 1]
     assert [{**row, "measuring_error": None} for row in kept] == [row for row in before if row["trial"] == 1]
     assert [point.measured for point in read_points(folder, "Counter")] == [(6.0, None, 6.0)] * 2
-    result = call("run", folder, "--workers", 1)
+    result = call("run", folder)
     assert result.exit_code == 1
     assert "2 trials failed; run again to retry them" in result.stderr
-
-
-def test_an_added_measure_that_raises_costs_no_stored_result_and_is_tried_again(folder, tmp_path):
-    run(folder, sweep("near_walls"))
-    before = everything(folder)
-    path = write(tmp_path / "bad.py", FAILING)
-    progress = run(folder, sweep("near_walls", str(path)))
-    assert (progress.stored, progress.failed) == (3, 3)
-    status = read_status(folder)
-    assert (status.stored, len(status.failed), status.unmeasured) == (6, 3, 3)
-    assert status.failed[0].error.endswith("bad.py:2: ZeroDivisionError: division by zero")
-    assert [len(point.times) for point in read_points(folder, "near_walls")] == [3, 3]
-    for row, old in zip(everything(folder), before, strict=True):
-        assert json.loads(row["measured"])["near_walls"] == json.loads(old["measured"])["near_walls"]
-    assert run(folder, sweep("near_walls", str(path))).ended == 3
 
 
 def stored(**changes):

@@ -1,7 +1,6 @@
 """Claims about results as a DataFrame: a row for each trial, with its axes, its end and its measure."""
 
 import math
-import subprocess
 import sys
 
 import pytest
@@ -46,19 +45,7 @@ def test_trials_without_t_sync_are_neither_censored_nor_not() -> None:
     assert points._repr_html_().count("<td>-</td>") == 4
 
 
-def test_a_folder_knows_the_measure_that_was_asked_for(tmp_path) -> None:
-    assert read_points(store(tmp_path / "run", SCENARIO, law)).of is None
-    assert SweepTrials(point._replace(of="order") for point in in_memory(SCENARIO, law)).of == "order"
-
-
 def test_without_pandas_it_says_what_is_missing(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(EpuckSimError, match="to_pandas needs pandas, which is not installed: pip install pandas"):
         SweepTrials(in_memory(SCENARIO, law)).to_pandas()
-
-
-def test_reading_results_does_not_load_pandas() -> None:
-    script = "import sys, epuck_sim.runs.reader; print('pandas' in sys.modules)"
-    assert (
-        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout == "False\n"
-    )

@@ -13,7 +13,6 @@ from scipy import stats
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.statistics.comparison import (
     LOG_RANK,
-    PERMUTATION,
     Comparison,
     Samples,
     compare,
@@ -111,26 +110,6 @@ def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
         match_points([one, other], ["one", "other"], [[0]])
 
 
-@pytest.mark.parametrize(
-    ("key", "values", "message"),
-    [
-        (
-            "arena.widht_cm",
-            [1, 2],
-            f"--axis: unknown 'arena.widht_cm', did you mean '{WIDTH}'?; axes: {WIDTH}, {SPEED}",
-        ),
-        (WIDTH, [40], f"{WIDTH} is given 1 values; allowed: two or more, all different"),
-        (WIDTH, [40, 40.0, 60], f"{WIDTH} is given 2 values; allowed: two or more, all different"),
-        (WIDTH, [40, 70], f"{WIDTH} is never 70; its values: 40, 60"),
-    ],
-)
-def test_an_axis_that_cannot_be_compared_is_refused(key: str, values: list, message: str) -> None:
-    made = in_memory(sweep({WIDTH: [40, 60], SPEED: [1]}), lambda _: ended([5]))
-    with pytest.raises(EpuckSimError) as caught:
-        match_values(made, key, values)
-    assert message in str(caught.value)
-
-
 def test_sweeps_of_other_axes_or_without_a_common_point_are_refused() -> None:
     made, other, apart = (
         in_memory(sweep({key: values}), lambda _: ended([5]))
@@ -226,12 +205,6 @@ def test_what_is_permuted_is_the_contrast_over_its_error(first, second) -> None:
         assert len(one.differences) == 4
 
 
-def test_the_order_of_the_trials_does_not_matter() -> None:
-    first, second = drawn(50, 30, 1), drawn(60, 30, 2)
-    turned = first._replace(values=first.values[::-1])
-    np.testing.assert_array_equal(permuted(pair_up(first, second), 3), permuted(pair_up(turned, second), 3))
-
-
 @pytest.mark.parametrize("limit", [math.inf, 60])
 def test_chance_alone_is_significant_as_rarely_as_it_should_be(limit: float) -> None:
     p_values = []
@@ -251,13 +224,6 @@ def test_far_in_the_tail_chance_is_as_rare_as_it_should_be() -> None:
     assert 0.002 < np.mean(np.array(ours) <= 0.005) < 0.0085  # 0.005 with four standard deviations
 
 
-def test_a_ratio_is_tested_as_if_the_second_sample_were_that_much_shorter() -> None:
-    first, second = drawn(50, 12, 1), drawn(80, 15, 2)
-    shorter = second._replace(values=second.values / 1.7)
-    expected = permuted(pair_up(first, shorter), 5)
-    np.testing.assert_allclose(permuted(pair_up(first, second), 5, ratio=1.7), expected, rtol=1e-9)
-
-
 @pytest.mark.parametrize(("values", "p"), [([7] * 6, 1), ([9] * 6, 1 / 462)])
 def test_samples_without_spread_differ_if_their_values_do(values, p: float) -> None:
     found = share_as_large(permuted(pair_up(measured([7] * 5), measured(values)), 0, of_logarithms=False))
@@ -274,30 +240,6 @@ def test_intervals_of_the_difference_and_the_ratio_hold_the_truth_as_often_as_th
 
 
 # All points together
-
-
-def test_over_all_points_the_ratio_is_found_and_chance_is_unlikely() -> None:
-    found = compared(*both(lambda speed, which: (1.5 if which else 1) * 40 / speed, 60))
-    assert found.test == PERMUTATION
-    assert found.compared == found.averaged == 5
-    assert found.ratio.low < 1.5 < found.ratio.high < 1.4 * found.ratio.low
-    assert found.p_value == pytest.approx(1 / 5000)
-    assert found.p_value <= min(point.p_value for point in found.points)
-    ratios = [point.ratio.value for point in found.points]
-    assert found.ratio.value == pytest.approx(math.exp(np.mean(np.log(ratios))))
-
-
-def test_differences_of_both_signs_are_no_difference_over_all() -> None:
-    found = compared(*both(lambda speed, which: 40 * (3 ** (which * (1 if speed < 1.5 else -1.5))), 60))
-    assert max(point.p_value for point in found.points) < 0.01
-    assert found.p_value > 0.01
-
-
-def test_equal_trials_do_not_differ() -> None:
-    made, _ = both(lambda *_: 50)
-    found = compared(made, made)
-    assert {point.difference.value for point in found.points} == {0}
-    assert {point.p_value for point in found.points} == {found.p_value} == {1}
 
 
 def test_points_with_few_trials_have_values_and_no_interval_or_p_and_do_not_count() -> None:
@@ -361,18 +303,3 @@ def test_p_values_are_corrected_for_all_points_and_pairs() -> None:
     smallest = min(points, key=lambda point: point.p_value)
     assert smallest.p_holm == pytest.approx(min(1, 6 * smallest.p_value))
     assert min(each.p_holm for each in found) == pytest.approx(3 * min(each.p_value for each in found))
-
-
-def test_a_pair_of_several_is_compared_as_if_it_were_alone() -> None:
-    several = compare(match_values(three(), COUNT, [2, 4, 8]))[1]
-    (alone,) = compare(match_values(three(), COUNT, [2, 8]))
-    for one, other in zip(several.points, alone.points, strict=True):
-        assert one._replace(p_holm=0) == other._replace(p_holm=0)
-    assert several.ratio == alone.ratio
-
-
-def test_a_third_folder_may_lack_points() -> None:
-    first, second = both(lambda *_: 50)
-    third = in_memory(sweep({SPEED: SPEEDS[:2]}), lambda point: weibull(point, 50, trials=20))
-    found = compare(folders(first, second, third))
-    assert [(len(each.points), each.left_out) for each in found] == [(5, 0), (2, 3), (2, 3)]

@@ -1,19 +1,15 @@
 """Claims about curves: which points make one, in which order, against which axis, and what distinguishes them."""
 
-import math
 from collections.abc import Collection
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis, distinguishing_axes
 from epuck_sim.scenario.points import points
-from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.curves import read_curves
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import summarize
@@ -21,12 +17,10 @@ from tests.runs.made_folders import (
     COUNT,
     COUPLING,
     HEIGHT,
-    PIXELS,
     SECONDS,
     SPEED,
     SPEEDS,
     WIDTH,
-    censored,
     ended,
     in_memory,
     of_point,
@@ -57,13 +51,6 @@ def rows_of(*rows: dict, empty: Collection[int] = ()) -> list[PointTrials]:
 # Curves
 
 
-def test_there_is_a_curve_for_each_combination_of_the_other_axes_in_the_order_of_the_sweep() -> None:
-    curves = read_curves(with_axes({"grid": {COUPLING: [0.2, 0.1], SPEED: SPEEDS, COUNT: [5, 3]}}), SPEED)
-    expected = [(0.2, 5), (0.2, 3), (0.1, 5), (0.1, 3)]
-    assert [curve.axes for curve in curves] == [{COUPLING: epsilon, COUNT: n} for epsilon, n in expected]
-    assert all(curve.x.tolist() == SPEEDS for curve in curves)
-
-
 def test_the_numbers_of_a_curve_are_those_of_the_summary() -> None:
     scenario = sweep({SPEED: SPEEDS, COUPLING: [0.1, 0.2]}, trials=60, stop={"max_cycles": 60})
     made = in_memory(scenario, lambda point: weibull(point, 30))
@@ -81,17 +68,6 @@ def test_the_numbers_of_a_curve_are_those_of_the_summary() -> None:
         assert curve.resampled.shape == (1000, 5)
 
 
-def test_a_curve_is_sorted_by_x_even_if_the_sweep_is_not() -> None:
-    shuffled = [2.0, 0.5, 5.0, 0.2, 1.0]
-    scenario = sweep({SPEED: shuffled, COUPLING: [0.1, 0.2]})
-    made = in_memory(scenario, lambda point: ended([10 * point.axes[SPEED]] * 3))
-    for curve in read_curves(made, SPEED):
-        assert curve.x.tolist() == SPEEDS
-        assert curve.values.tolist() == [10 * speed for speed in SPEEDS]
-        assert np.isnan(curve.intervals).all()
-        np.testing.assert_array_equal(curve.resampled, np.tile(10 * np.array(SPEEDS), (1000, 1)))
-
-
 def test_the_statistic_of_a_point_has_the_name_that_its_censoring_makes() -> None:
     def law(point):
         return ended([5, 6, 7], [True, True, point.axes[SPEED] > 1])
@@ -104,34 +80,6 @@ def test_the_statistic_of_a_point_has_the_name_that_its_censoring_makes() -> Non
         ["median", "median"],
         ["Weibull mean", "Weibull mean"],
     ]
-
-
-def test_a_mean_is_undetermined_where_all_trials_are_censored_and_so_is_its_interval() -> None:
-    def law(point):
-        return censored(point, 20) if point.axes[SPEED] < 0.3 else weibull(point, 30)
-
-    (curve,) = read_curves(in_memory(sweep({SPEED: SPEEDS}, trials=20), law), SPEED)
-    assert np.isnan(curve.values).tolist() == [True, False, False, False, False]
-    assert np.isnan(curve.intervals[0]).all()
-    assert curve.censored[0] == 1
-    assert np.isinf(curve.resampled[:, 0]).all()
-    assert np.isfinite(curve.resampled[:, 1:]).all()
-
-
-def test_the_resamples_of_the_points_are_independent() -> None:
-    scenario = sweep({SPEED: SPEEDS, COUPLING: [0.1, 0.2]})
-    trials = weibull(points(scenario)[0], 30)
-    made = in_memory(scenario, lambda _: trials)
-    resampled = np.hstack([curve.resampled for curve in read_curves(made, SPEED)])
-    correlations = np.corrcoef(resampled.T)[np.triu_indices(10, 1)]
-    assert np.abs(correlations).max() < 4 / math.sqrt(1000)
-
-
-def test_a_curve_has_the_scenario_of_its_first_point() -> None:
-    made = with_axes({"grid": {COUPLING: [0.1, 0.2], SPEED: [2, 1]}})
-    for curve, first in zip(read_curves(made, SPEED), (made[1], made[3]), strict=True):
-        assert isinstance(curve.scenario, Scenario)
-        assert curve.scenario == first.scenario
 
 
 @given(
@@ -191,43 +139,6 @@ def test_the_axis_is_the_speed_or_else_the_one_with_most_numbers(grid: dict, exp
     assert choose_axis(axes_of(with_axes({"grid": grid}))) == expected
 
 
-@pytest.mark.parametrize("wanted", [COUNT, COUPLING, SPEED])
-def test_the_axis_wanted_is_taken(wanted: str) -> None:
-    assert choose_axis(axes_of(with_axes({"grid": {COUNT: [2, 3], COUPLING: [0.1], SPEED: [1, 2]}})), wanted) == wanted
-
-
-@pytest.mark.parametrize(
-    ("wanted", "message"),
-    [
-        ("robots.0.parameters.sped_cm_s", f"did you mean '{SPEED}'"),
-        ("", "unknown ''"),
-        (METRIC, METRIC),
-    ],
-)
-def test_an_axis_wanted_that_has_no_numbers_or_is_none_is_refused(wanted: str, message: str) -> None:
-    made = with_axes({"grid": {METRIC: ["complex", "reference"], SPEED: [1, 2], COUNT: [2]}})
-    with pytest.raises(EpuckSimError) as caught:
-        choose_axis(axes_of(made), wanted)
-    assert str(caught.value).startswith("--x: ")
-    assert message in str(caught.value)
-    assert str(caught.value).endswith(f"axes with numbers: {SPEED}, {COUNT}")
-
-
-@pytest.mark.parametrize("scenario_sweep", [None, {"grid": {METRIC: ["complex", "reference"]}}])
-def test_where_no_axis_has_numbers_that_is_said(scenario_sweep: dict | None) -> None:
-    made = with_axes(scenario_sweep)
-    with pytest.raises(EpuckSimError, match="no axis with numbers"):
-        choose_axis(axes_of(made))
-    with pytest.raises(EpuckSimError, match="axes with numbers: none"):
-        choose_axis(axes_of(made), SPEED)
-
-
-def test_messages_name_what_requests_the_axis() -> None:
-    made = with_axes({"grid": {SPEED: [1, 2]}})
-    with pytest.raises(EpuckSimError, match=r"^run: figure\.x: unknown 'speed'"):
-        choose_axis(axes_of(made), "speed", "run: figure.x")
-
-
 # The second axis
 
 
@@ -254,56 +165,7 @@ def test_axes_that_go_along_count_as_one_and_those_with_x_as_none() -> None:
     assert choose_second_axis(axes_of(made), HEIGHT) == SPEED
 
 
-@pytest.mark.parametrize("wanted", [COUPLING, COUNT])
-def test_the_second_axis_wanted_is_taken_even_if_it_has_one_value(wanted: str) -> None:
-    made = with_axes({"grid": {COUNT: [2], COUPLING: [0.1, 0.2], WIDTH: [40, 60], SPEED: [1, 2]}})
-    assert choose_second_axis(axes_of(made), SPEED, wanted) == wanted
-
-
-def test_where_there_are_several_to_choose_from_or_none_that_is_said() -> None:
-    made = with_axes({"grid": {COUNT: [2, 3], COUPLING: [0.1, 0.2], SPEED: [1, 2]}})
-    with pytest.raises(
-        EpuckSimError, match=f"a map needs a second axis, beside {SPEED}: give --y one of {COUNT}, {COUPLING}$"
-    ):
-        choose_second_axis(axes_of(made), SPEED)
-    with pytest.raises(EpuckSimError, match="there is no other axis whose numbers differ"):
-        choose_second_axis(axes_of(with_axes({"grid": {METRIC: ["complex", "reference"], SPEED: [1, 2]}})), SPEED)
-
-
-@pytest.mark.parametrize(
-    ("wanted", "message"),
-    [
-        (SPEED, f"--y: {SPEED} varies together with {SPEED}"),
-        (PIXELS, f"--y: {PIXELS} varies together with {SPEED}, the horizontal axis; give --y one of {COUNT}"),
-        (METRIC, f"--y: unknown '{METRIC}'"),
-        ("robots.0.cuont", f"did you mean '{COUNT}'?"),
-    ],
-)
-def test_a_second_axis_that_is_none_is_refused(wanted: str, message: str) -> None:
-    grid = {COUNT: [2, 3], METRIC: ["complex", "reference"]}
-    made = with_axes({"zip": {SPEED: [1, 2], PIXELS: [4, 8]}, "grid": grid})
-    with pytest.raises(EpuckSimError) as caught:
-        choose_second_axis(axes_of(made), SPEED, wanted)
-    assert message in str(caught.value)
-
-
 # What distinguishes curves
-
-
-@pytest.mark.parametrize(
-    ("rows", "expected"),
-    [
-        ([{WIDTH: 40, HEIGHT: 40}, {WIDTH: 60, HEIGHT: 60}], [{WIDTH: 40}, {WIDTH: 60}]),
-        ([{WIDTH: 40, HEIGHT: 80}, {WIDTH: 60, HEIGHT: 70}], [{WIDTH: 40}, {WIDTH: 60}]),
-        ([{COUNT: 5, PIXELS: 4}, {COUNT: 5, PIXELS: 8}], [{PIXELS: 4}, {PIXELS: 8}]),
-        ([{WIDTH: 40, HEIGHT: 40}, {WIDTH: 60, HEIGHT: 60}, {WIDTH: 60, HEIGHT: 70}], None),
-        ([{COUNT: 5, PIXELS: 4}], [{}]),
-        ([{}], [{}]),
-        ([{"noise": "off"}, {"noise": {"wheel_speed": 0.5}}], None),
-    ],
-)
-def test_axes_that_are_constant_or_go_along_with_others_are_dropped(rows: list, expected: list | None) -> None:
-    assert distinguishing_axes(rows) == (rows if expected is None else expected)
 
 
 def partition(values: list) -> frozenset:

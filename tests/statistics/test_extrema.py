@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.statistics import extrema
 from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.extrema import (
     GRID_POINTS,
@@ -28,6 +27,10 @@ GRID_STEP = (X[-1] - X[0]) / (GRID_POINTS - 1)
 # the base case of the thesis, measured by 1000 trials a point
 BASE_SPEEDS = np.array([0.05, 0.083, 0.137, 0.227, 0.376, 0.622, 1.029, 1.704, 2.821, 4.67, 7.732, 12.8])
 BASE_MEANS = np.array([110.8, 78.0, 58.5, 52.5, 52.3, 56.7, 61.4, 56.6, 42.1, 32.2, 25.3, 22.0])
+
+
+def base_case(speeds):
+    return np.interp(np.log10(speeds), np.log10(BASE_SPEEDS), np.log(BASE_MEANS))
 
 
 def cubic(x, low=-0.5, peak=0.3, steepness=2.0):
@@ -59,11 +62,8 @@ def share_found(logs, count, curves, speeds=SPEEDS):
     return np.mean([find_minimum_and_peak(speeds, *trials(logs, count, seed)).is_found for seed in range(curves)])
 
 
-# --- closed forms -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("low", "peak"), [(-0.5, 0.3), (-0.8, 0.0), (-0.2, 0.6), (-0.1, 0.2)])
-@pytest.mark.parametrize("steepness", [0.5, 2.0, 5.0])
+@pytest.mark.parametrize(("low", "peak"), [(-0.5, 0.3), (-0.1, 0.2)])
+@pytest.mark.parametrize("steepness", [0.5, 5.0])
 def test_a_cubics_extremes_are_found_where_they_are(low, peak, steepness):
     pair = find_minimum_and_peak(SPEEDS, *certain(cubic(X, low, peak, steepness)))
     assert np.log10([pair.v_m, pair.v_p]) == pytest.approx([low, peak], abs=1.5 * GRID_STEP)
@@ -88,37 +88,6 @@ def test_a_parabola_in_logs_is_smoothed_to_itself_whatever_the_noise(coefficient
     assert np.log(curve.means) == pytest.approx(np.polyval(coefficients, np.log10(curve.speeds)), abs=1e-6)
 
 
-def test_smoothing_takes_most_of_the_noise_away():
-    curves = [smooth_curve(SPEEDS, *trials(cubic(X), 200, seed)) for seed in range(40)]
-    errors = [np.log(curve.means) - cubic(np.log10(curve.speeds)) for curve in curves]
-    assert np.std(errors) < 0.7 * 0.75 / math.sqrt(200)
-
-
-def test_the_resamples_are_smoothed_as_the_curve_is():
-    _, resampled = trials(cubic(X), 30, 1)
-    curve = smooth_curve(SPEEDS, resampled[7], resampled)
-    assert curve.resampled[7] == pytest.approx(curve.means)
-    assert curve.resampled.shape == (len(resampled), GRID_POINTS)
-
-
-def test_points_count_by_their_certainty():
-    logs = cubic(X)
-    means, resampled = trials(logs, 200, 3)
-    means[8] *= 1.5
-    unsure = resampled.copy()
-    unsure[:, 8] = means[8] * (resampled[:, 8] / resampled[:, 8].mean()) ** 10
-    resampled[:, 8] *= 1.5
-
-    def error(of_point):
-        curve = smooth_curve(SPEEDS, means, of_point)
-        return abs(np.interp(X[8], np.log10(curve.speeds), np.log(curve.means)) - logs[8])
-
-    assert error(unsure) < 0.3 * error(resampled)
-
-
-# --- units ------------------------------------------------------------------------------------------
-
-
 @given(st.floats(0.01, 100), st.floats(0.01, 100), st.integers(0, 99))
 @settings(max_examples=25)
 def test_the_pair_moves_with_the_units_of_time_and_speed(cycles, speed, seed):
@@ -130,9 +99,6 @@ def test_the_pair_moves_with_the_units_of_time_and_speed(cycles, speed, seed):
     assert scaled.intervals == pytest.approx(units[:, None] * pair.intervals)
     assert scaled.resampled == pytest.approx(units * pair.resampled, nan_ok=True)
     assert (scaled.rise, scaled.p_value) == pytest.approx((pair.rise, pair.p_value), abs=1e-9)
-
-
-# --- what is undetermined ---------------------------------------------------------------------------
 
 
 def assert_same(pair, other):
@@ -159,12 +125,6 @@ def test_a_few_undetermined_resamples_count_as_the_longest(missing):
     assert_same(find_minimum_and_peak(SPEEDS, means, resampled), full)
 
 
-def test_robots_that_stand_still_have_no_place_on_a_log_axis():
-    means, resampled = trials(cubic(X), 200, 4)
-    without = find_minimum_and_peak(SPEEDS[1:], means[1:], resampled[:, 1:])
-    assert_same(find_minimum_and_peak(np.concatenate([[0.0], SPEEDS[1:]]), means, resampled), without)
-
-
 @pytest.mark.parametrize("determined", [0, MIN_SPEEDS - 1, MIN_SPEEDS])
 def test_a_pair_takes_six_determined_speeds(determined):
     means, resampled = certain(cubic(X))
@@ -172,9 +132,6 @@ def test_a_pair_takes_six_determined_speeds(determined):
     is_none = determined < 6
     assert (find_minimum_and_peak(SPEEDS, means, resampled) is None) == is_none
     assert (smooth_curve(SPEEDS, means, resampled) is None) == is_none
-
-
-# --- when there is a pair ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("logs", [-X, -(X**3), X, 0.3 * X**2, -0.3 * X**2])
@@ -188,12 +145,14 @@ def test_a_certain_curve_without_both_extremes_has_no_pair(logs):
 PLATEAU = 4 - 1.6 * np.minimum(X + 0.5, 0) - 1.3 * np.maximum(X - 0.3, 0)
 
 
+@pytest.mark.parametrize("curves", [40, pytest.param(100, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    ("count", "curves"), [(200, 40), *(pytest.param(count, 100, marks=pytest.mark.slow) for count in (30, 200))]
+    "logs",
+    [PLATEAU, 4 - 0.8 * X, np.full(20, 4.0), 4 + 0.5 * X**2, base_case(np.minimum(SPEEDS, 1.029))],
+    ids=["plateau", "power law", "flat", "rises", "never falls again"],
 )
-@pytest.mark.parametrize("logs", [PLATEAU, 4 - 0.8 * X, np.full(20, 4.0)], ids=["plateau", "power law", "flat"])
-def test_noise_on_a_falling_curve_is_rarely_taken_for_a_pair(logs, count, curves):
-    assert share_found(logs, count, curves) <= 2 * SIGNIFICANCE  # 100 curves: 5 % are within it but for one seed in 80
+def test_noise_is_rarely_taken_for_a_pair(logs, curves):
+    assert share_found(logs, 200, curves) <= 2 * SIGNIFICANCE  # 100 curves: 5 % are within it but for one seed in 80
 
 
 @pytest.mark.parametrize(("kept", "is_found"), [(1.0, True), (0.96, True), (0.94, False), (0.5, False)])
@@ -203,28 +162,6 @@ def test_a_pair_that_noise_would_undo_is_none(kept, is_found):
     lost = pair.resampled.copy()
     lost[round(kept * len(lost)) :] = np.nan
     assert pair._replace(resampled=lost).is_found == is_found
-
-
-def base_case(speeds):
-    return np.interp(np.log10(speeds), np.log10(BASE_SPEEDS), np.log(BASE_MEANS))
-
-
-NEVER_FALLS_AGAIN = base_case(np.minimum(SPEEDS, 1.029))
-RISES_FROM_THE_START = base_case(np.maximum(SPEEDS, 0.3))
-
-
-@pytest.mark.parametrize("curves", [40, pytest.param(100, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "logs",
-    [
-        NEVER_FALLS_AGAIN,
-        pytest.param(RISES_FROM_THE_START, marks=pytest.mark.slow),
-        4 + 0.5 * X**2,
-        pytest.param(4 - 0.5 * X**2, marks=pytest.mark.slow),
-    ],
-)
-def test_a_rise_is_no_pair_without_a_fall_before_it_and_after_it(logs, curves):
-    assert share_found(logs, 200, curves) <= 2 * SIGNIFICANCE
 
 
 @pytest.mark.parametrize(
@@ -253,23 +190,6 @@ def test_intervals_are_percentiles_of_the_resamples_that_have_a_pair():
     assert (slow < fast).all()
 
 
-def test_uncertain_means_count_less_in_the_falling_curve_that_fits_best(monkeypatch):
-    seen, fit = [], extrema.isotonic_regression
-
-    def spy(logs, *, weights=None, increasing):
-        seen.append(weights)
-        return fit(logs, weights=weights, increasing=increasing)
-
-    monkeypatch.setattr(extrema, "isotonic_regression", spy)
-    means, resampled = trials(cubic(X), 200, 3)
-    resampled[:, 7] = means[7] * np.exp(3 * (np.log(resampled[:, 7]) - np.log(means[7])))
-    find_minimum_and_peak(SPEEDS, means, resampled)
-    (weights,) = seen
-    variances = np.log(resampled).var(axis=0)
-    np.testing.assert_allclose(weights * variances, weights[0] * variances[0], rtol=0.02)
-    assert weights.argmin() == 7
-
-
 # Where they are looked for
 
 
@@ -278,14 +198,7 @@ def curve_of(law, speeds=MANY_SPEEDS, trials: int = 60, **changes) -> Curve:
     return curve
 
 
-def test_where_all_is_well_the_pair_is_that_of_the_curve() -> None:
-    curve = curve_of(bumpy)
-    found, reason = search_extrema(curve)
-    assert reason == ""
-    assert_same(found, find_minimum_and_peak(curve.x, curve.values, curve.resampled))
-
-
-@pytest.mark.parametrize("trials", [1, 2, 3, 5, MIN_TRIALS - 1])
+@pytest.mark.parametrize("trials", [1, MIN_TRIALS - 1])
 def test_with_few_trials_there_is_no_p_value_and_it_is_said_how_many_are_the_least(trials: int) -> None:
     found, reason = search_extrema(curve_of(bumpy, trials=trials))
     assert found is None
@@ -313,22 +226,9 @@ def half_censored():
     return ended([20, 30] * 15 + [50] * 30, [True] * 30 + [False] * 30)
 
 
-def test_slow_speeds_half_of_whose_trials_are_censored_are_left_out() -> None:
-    curve = curve_of(lambda point: half_censored() if point.number < 3 else bumpy(point))
-    found, reason = search_extrema(curve)
-    assert reason == ""
-    assert_same(found, find_minimum_and_peak(curve.x[3:], curve.values[3:], curve.resampled[:, 3:]))
-
-
 def test_between_other_speeds_they_may_hide_a_peak() -> None:
     found, reason = search_extrema(curve_of(lambda point: half_censored() if 5 <= point.number <= 7 else bumpy(point)))
     assert found is None
     assert reason == (
         "half of the trials or more are censored from V = 0.5 to 1.3 cm/s, where a peak may be: raise stop.max_cycles"
     )
-
-
-def test_a_curve_that_is_no_longer_known_to_resamples_is_none() -> None:
-    curve = curve_of(bumpy)
-    lost = curve._replace(resampled=np.full(curve.resampled.shape, math.inf))
-    assert search_extrema(lost) == (None, "at fewer than 6 speeds T_sync is known well enough")

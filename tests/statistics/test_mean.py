@@ -12,7 +12,7 @@ from epuck_sim.estimate import MIN_TRIALS
 from epuck_sim.statistics.mean import estimate_mean, resample_means
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
-from epuck_sim.statistics.statistic import estimate, resample
+from epuck_sim.statistics.statistic import estimate
 
 LAWS = {
     "Weibull, 1.35": lambda random, n: random.weibull(1.35, n),
@@ -68,33 +68,12 @@ def test_values_cut_at_one_limit_have_the_mean_and_the_error_of_the_sample_that_
         assert high == pytest.approx(min(mean * math.exp(reach), limit))
 
 
-@given(values_of_trials, st.floats(0.01, 100))
-def test_intervals_move_with_the_unit(values, unit) -> None:
-    given_values = cut(np.array(values), max(values) / 2)
-    scaled = cut(unit * np.array(values), unit * max(values) / 2)
-    for statistic in (Statistic.MEAN, Statistic.MEDIAN):
-        one, other = estimate(given_values, statistic).ends, estimate(scaled, statistic).ends
-        assert np.array(other) == pytest.approx(unit * np.array(one), nan_ok=True)
-
-
-def test_trials_censored_before_the_limit_are_followed_as_far_as_the_longest() -> None:
-    mean = estimate_mean(measured([10, 20, 40, 50, 50], [True, False, True, True, False], limit=1000)).value
-    assert mean == pytest.approx(10 + 30 * 0.8 + 10 * 0.8 * 2 / 3)
-
-
 @pytest.mark.parametrize("statistic", Statistic)
 @pytest.mark.parametrize("trials", [1, 4])
 def test_few_trials_have_an_estimate_and_no_interval(statistic: Statistic, trials: int) -> None:
     found = estimate(measured([30, 40, 60, 75][:trials]), statistic)
     assert not found.has_interval
     assert 30 <= found.value <= 75
-
-
-@pytest.mark.parametrize("statistic", Statistic)
-def test_where_all_trials_are_censored_every_statistic_is_undetermined(statistic: Statistic) -> None:
-    nothing = measured([50] * 9, [False] * 9, 50)
-    assert np.isnan(estimate(nothing, statistic).ends).all()
-    assert np.isinf(resample(nothing, statistic)).all()
 
 
 @pytest.mark.parametrize("limit", [math.inf, 120])
@@ -115,16 +94,9 @@ def test_resamples_are_widened_as_the_variance_of_few_trials_about_their_own_mea
     assert below_0 == pytest.approx([-math.sqrt(2), 0, math.sqrt(2)])
 
 
-def test_resamples_do_not_depend_on_the_order_of_the_trials_but_on_the_seed() -> None:
-    made = drawn("exponential", 30, 1)
-    turned = made._replace(values=made.values[::-1])
-    np.testing.assert_array_equal(resample_means(made, 50), resample_means(turned, 50))
-    assert not np.isin(resample_means(made, 50), resample_means(made._replace(seed=2), 50)).any()
-
-
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("censored", [0, 0.3, 0.6])
-@pytest.mark.parametrize("trials", [5, 10, 20, 200])
+@pytest.mark.parametrize("censored", [0, 0.5])
+@pytest.mark.parametrize("trials", [5, 20, 200])
 def test_intervals_hold_the_truth_as_often_as_docs_statistics_says(law: str, censored: float, trials: int) -> None:
     """Of 300 samples; the worst of 10,000 samples is 88.5 % (Weibull 0.7, 8 trials), and 300 scatter by 1.8 %."""
     many = drawn(law, 200_000, 99).values

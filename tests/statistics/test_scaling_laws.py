@@ -44,9 +44,6 @@ def held(estimate, truth):
     return estimate.low <= truth <= estimate.high
 
 
-# --- power laws -------------------------------------------------------------------------------------
-
-
 def test_the_laws_are_those_of_the_thesis():
     base, other = {"epsilon": 0.1, "L": 60, "N": 10, "tau": 5}, {"epsilon": 0.2, "L": 90, "N": 12, "tau": 4}
 
@@ -74,43 +71,6 @@ def test_a_power_law_without_noise_is_recovered(quantity, exponents, prefactor):
     assert fit.prefactor.ends == pytest.approx((prefactor,) * 3, rel=1e-8)
 
 
-@given(st.floats(0.01, 100), st.sampled_from(["epsilon", "L", "tau"]))
-def test_the_unit_of_a_parameter_changes_the_prefactor_alone(unit, name):
-    law = ROBOTS["V_m"]
-    values, resampled = noisy(lawful(law, 0.1, thesis(law)), 0.1, 1)
-    fit = fit_power_law(law, PARAMETERS, values, resampled)
-    scaled = fit_power_law(law, PARAMETERS | {name: unit * PARAMETERS[name]}, values, resampled)
-    for parameter, estimate in fit.exponents.items():
-        assert scaled.exponents[parameter].ends == pytest.approx(estimate.ends, abs=1e-9)
-    assert scaled.prefactor.value == pytest.approx(fit.prefactor.value * unit ** -fit.exponents[name].value)
-    assert scaled.misfit == pytest.approx(fit.misfit)
-
-
-def test_parameters_that_do_not_vary_among_the_known_curves_are_left_out():
-    law = ROBOTS["V_p"]
-    values = lawful(law, 2.0, thesis(law))
-    resampled = np.tile(values, (20, 1))
-    values[[5, 6]] = np.nan  # the curves at other N
-    fit = fit_power_law(law, PARAMETERS, values, resampled)
-    assert list(fit.exponents) == ["epsilon", "L", "tau"]
-    assert fit.prefactor.value == pytest.approx(2 * 10**-0.5)
-
-
-def test_curves_count_by_their_certainty():
-    law = ROBOTS["V_m"]
-    spread = np.full(CURVES, 0.01)
-    values, resampled = noisy(lawful(law, 0.1, thesis(law)), spread, 2)
-    spread[4] = 0.5
-    values[4] *= 1.5
-    unsure = resampled.copy()
-    unsure[:, 4] = noisy(values, spread, 3)[1][:, 4]
-    resampled[:, 4] *= 1.5
-    as_sure = fit_power_law(law, PARAMETERS, values, resampled).exponents["L"].value
-    weighted = fit_power_law(law, PARAMETERS, values, unsure).exponents["L"].value
-    assert abs(weighted - 1) < 0.1
-    assert abs(as_sure - 1) > 0.3
-
-
 @pytest.mark.parametrize("quantity", ["V_m", "T_p"])
 def test_the_intervals_hold_the_truth_as_often_as_they_say_and_the_misfit_is_about_1(quantity):
     law = ROBOTS[quantity]
@@ -135,19 +95,6 @@ def test_nothing_is_left_for_a_misfit_where_curves_are_as_many_as_unknowns():
     assert math.isnan(fit_power_law(law, sizes, *noisy(np.array([1.0, 2.0]), 0.1, 5)).misfit)
 
 
-# --- gaps -------------------------------------------------------------------------------------------
-
-
-def test_curves_of_which_nothing_is_known_are_left_out():
-    law = ROBOTS["V_m"]
-    values, resampled = noisy(lawful(law, 0.1, thesis(law)), 0.1, 6)
-    left = {name: array[2:] for name, array in PARAMETERS.items()}
-    without = fit_power_law(law, left, values[2:], resampled[:, 2:])
-    values[0] = np.nan
-    resampled[1:, 1] = np.nan
-    assert fit_power_law(law, PARAMETERS, values, resampled) == without
-
-
 def test_gaps_in_the_resamples_cost_no_certainty():
     law = ROBOTS["V_m"]
     values, resampled = noisy(lawful(law, 0.1, thesis(law)), 0.1, 7, 2000)
@@ -158,9 +105,6 @@ def test_gaps_in_the_resamples_cost_no_certainty():
         width = estimate.high - estimate.low
         assert gappy.exponents[name].high - gappy.exponents[name].low == pytest.approx(width, rel=0.1)
     assert np.isnan(resampled).any()  # the caller's are as they were
-
-
-# --- what is undetermined ----------------------------------------------------------------------------
 
 
 def test_too_few_curves_are_refused():
@@ -181,18 +125,6 @@ def test_parameters_that_vary_together_are_refused(unit):
         fit_offset_law({"L": np.full(4, unit), "N": np.full(4, 9), "tau": np.full(4, 5.0)}, *noisy(np.ones(4), 0.1, 0))
 
 
-def test_no_curve_is_too_few():
-    nothing = np.full(CURVES, np.nan)
-    with pytest.raises(ValueError, match="no curve is known"):
-        fit_power_law(ROBOTS["V_m"], PARAMETERS, nothing, np.ones((9, CURVES)))
-    with pytest.raises(ValueError, match="no curve is known"):
-        fit_offset_law(PARAMETERS, nothing, np.ones((9, CURVES)))
-    with pytest.raises(ValueError, match="no curve is known"):
-        compare_laws(ROBOTS, PARAMETERS, {"V_m": Quantity(nothing, np.ones((9, CURVES)))})
-
-
-# --- the offset law ---------------------------------------------------------------------------------
-
 TERM = PARAMETERS["L"] * np.exp(PARAMETERS["N"]) / PARAMETERS["tau"] ** 2
 
 
@@ -205,34 +137,10 @@ def test_an_offset_law_without_noise_is_recovered(factor, offset):
     assert fit.r_squared == pytest.approx(1)
 
 
-def test_large_swarms_do_not_swamp_the_offset():
-    parameters = PARAMETERS | {"N": np.array([10, 10, 10, 10, 10, 5, 30, 10, 10])}
-    term = PARAMETERS["L"] * np.exp(parameters["N"]) / PARAMETERS["tau"] ** 2
-    values = 1e-12 * term + 40
-    fit = fit_offset_law(parameters, values, np.tile(values, (20, 1)))
-    assert (fit.factor.value, fit.offset.value) == pytest.approx((1e-12, 40))
-
-
 def test_the_intervals_of_an_offset_law_hold_the_truth_as_often_as_they_say():
     fits = [fit_offset_law(PARAMETERS, *noisy(1e-3 * TERM + 40, 0.05, seed)) for seed in range(200)]
     assert 0.88 <= np.mean([held(fit.factor, 1e-3) for fit in fits]) <= 0.99
     assert 0.88 <= np.mean([held(fit.offset, 40) for fit in fits]) <= 0.99
-
-
-def test_curves_count_by_their_certainty_in_an_offset_law():
-    values, resampled = noisy(1e-3 * TERM + 40, 0.05, 9)
-    values[6] *= 3  # at the largest N
-    resampled[:, 6] = values[6] * noisy(np.ones(CURVES), 1.0, 10)[1][:, 6]
-    assert fit_offset_law(PARAMETERS, values, resampled).offset.value == pytest.approx(40, rel=0.1)
-
-
-def test_r_squared_is_the_share_explained():
-    against = fit_offset_law(PARAMETERS, *noisy(np.full(CURVES, 40.0), 0.1, 8))
-    assert 0 <= against.r_squared < 0.5
-    assert 0.9 < fit_offset_law(PARAMETERS, *noisy(1e-2 * TERM + 40, 0.05, 8)).r_squared < 1
-
-
-# --- the table --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("model", LAWS)

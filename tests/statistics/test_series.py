@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import array_shapes, arrays
 
 from epuck_sim.errors import StoreError
 from epuck_sim.estimate import UNDETERMINED
 from epuck_sim.runs.reader import read_points
 from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.series import as_arrays, series_statistics, summarize_series
+from epuck_sim.statistics.series import series_statistics, summarize_series
 from epuck_sim.statistics.statistic import estimate_median
 from tests.runs.made_folders import SPEED, store_measured, sweep
 
@@ -53,31 +52,12 @@ def test_the_order_of_the_trials_makes_no_difference_to_the_bit(series, random):
         assert ours.tobytes() == theirs.tobytes()
 
 
-@given(arrays(float, array_shapes(min_dims=2, max_dims=2, max_side=30), elements=st.floats(-1e6, 1e6)))
-def test_of_series_of_one_length_they_are_numpys(values):
-    found = series_statistics(list(values))
-    assert found.mean[:, 0] == pytest.approx(values.mean(axis=0), rel=1e-9, abs=1e-6)
-    assert found.median[:, 0] == pytest.approx(np.median(values, axis=0))
-    assert (found.trials == len(values)).all()
-
-
 def test_five_hundred_trials_of_a_hundred_cycles_are_quick_and_cover_the_mean():
     random = np.random.default_rng(1)
     drawn = random.exponential(2.0, (500, 20, 100))
     covered = [series_statistics(list(sample)).mean for sample in drawn]
     share = np.mean([(mean[:, 1] <= 2) & (mean[:, 2] >= 2) for mean in covered])
     assert 0.9 < share < 0.97
-
-
-@pytest.mark.parametrize("series", [[], [np.zeros(0)], [np.zeros(0), np.zeros(0)]])
-def test_without_any_cycle_there_are_none(series):
-    found = series_statistics(series)
-    assert [len(each) for each in found] == [0] * 5
-
-
-def test_undetermined_and_truth_values_become_numbers():
-    assert as_arrays([[True, None, False], None, []])[0].tolist() == pytest.approx([1, math.nan, 0], nan_ok=True)
-    assert len(as_arrays([[True], None, []])) == 2
 
 
 def test_series_of_a_folder(tmp_path):

@@ -88,10 +88,6 @@ def test_shares_lie_in_their_intervals_and_these_between_0_and_1(trials, data):
         assert found.low < found.high  # though all trials may have one value
 
 
-def test_differences_of_few_trials_have_no_interval():
-    assert not share_difference(truths(1, 4), truths(3, 30)).has_interval
-
-
 def test_the_statistic_of_truth_values_is_their_share():
     assert estimate(truths(3, 10), Statistic.MEAN).ends == estimate_share(truths(3, 10)).ends
     with pytest.raises(EpuckSimError, match="truth values have no median; allowed: mean"):

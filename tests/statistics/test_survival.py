@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from lifelines import KaplanMeierFitter, WeibullFitter
-from lifelines.utils import median_survival_times, restricted_mean_survival_time
+from lifelines import KaplanMeierFitter
+from lifelines.utils import median_survival_times
 from scipy.optimize import curve_fit
 from scipy.stats import CensoredData, ecdf
 
@@ -29,7 +29,6 @@ whole_cycles = st.integers(1, 12) | st.integers(0, 10**7)
 trials = st.lists(st.tuples(whole_cycles, st.booleans()), min_size=1, max_size=40).map(
     lambda pairs: (np.array([t for t, _ in pairs], float), np.array([o for _, o in pairs]))
 )
-uncensored = st.lists(whole_cycles, min_size=1, max_size=40).map(lambda times: np.array(times, float))
 
 
 def restricted_mean(times, observed, horizon):
@@ -64,9 +63,6 @@ def messy_trials(seed, n=80):
     return np.minimum(times, limits).astype(float), times <= limits
 
 
-# --- the Kaplan-Meier estimate ----------------------------------------------------------------------
-
-
 @given(trials)
 def test_the_estimate_is_appendix_a_done_trial_by_trial(given_trials):
     times, survival = kaplan_meier(*given_trials)
@@ -75,7 +71,7 @@ def test_the_estimate_is_appendix_a_done_trial_by_trial(given_trials):
     assert survival == pytest.approx([float(r) for r in expected.values()], abs=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_estimate_is_lifelines_and_scipys(seed):
     times, observed = messy_trials(seed)
     assert len(np.unique(times)) < len(times)
@@ -88,14 +84,6 @@ def test_the_estimate_is_lifelines_and_scipys(seed):
     assert survival == pytest.approx(scipys.evaluate(moments), abs=1e-12)
 
 
-def test_without_an_event_the_estimate_is_empty():
-    times, survival = kaplan_meier([3, 4], [False, False])
-    assert (len(times), len(survival)) == (0, 0)
-
-
-# --- median and restricted mean ---------------------------------------------------------------------
-
-
 @given(trials)
 def test_the_median_is_halfway_from_the_time_when_half_of_the_trials_are_left_to_that_when_fewer_are(given_trials):
     curve = dict(appendix_a(*given_trials)).items()
@@ -106,14 +94,13 @@ def test_the_median_is_halfway_from_the_time_when_half_of_the_trials_are_left_to
     assert lower <= median <= upper
 
 
-@pytest.mark.parametrize("level", [0.5, 0.9, 0.95, 0.99])
 @pytest.mark.parametrize("seed", range(6))
-def test_the_median_and_its_interval_are_lifelines(seed, level):
+def test_the_median_and_its_interval_are_lifelines(seed):
     times, observed = messy_trials(seed, n=[21, 41, 81][seed % 3])
     with np.errstate():
-        fitter = KaplanMeierFitter(alpha=1 - level).fit(times, observed)
+        fitter = KaplanMeierFitter().fit(times, observed)
         interval = median_survival_times(fitter.confidence_interval_).to_numpy().ravel()
-    assert median_time(times, observed, level) == pytest.approx((fitter.median_survival_time_, *interval))
+    assert median_time(times, observed) == pytest.approx((fitter.median_survival_time_, *interval))
 
 
 @pytest.mark.parametrize("n", range(2, 200, 2))
@@ -134,25 +121,6 @@ def test_the_restricted_mean_is_the_sum_of_what_is_left_in_each_cycle(given_tria
     curve = appendix_a(times, observed)
     left = [min([r for time, r in curve if time <= cycle], default=1) for cycle in range(horizon)]
     assert restricted_mean(times, observed, horizon) == pytest.approx(float(sum(left)), rel=1e-12)
-
-
-@given(uncensored)
-def test_without_censoring_the_restricted_mean_up_to_the_longest_trial_is_the_sample_mean(times):
-    everything = np.ones(len(times), bool)
-    for horizon in (times.max(), 2 * times.max()):
-        assert restricted_mean(times, everything, horizon) == pytest.approx(times.mean(), rel=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("horizon", [1, 17.5, 40])
-def test_the_restricted_mean_is_lifelines(seed, horizon):
-    times, observed = messy_trials(seed)
-    with np.errstate():
-        theirs = restricted_mean_survival_time(KaplanMeierFitter().fit(times, observed), t=horizon)
-    assert restricted_mean(times, observed, horizon) == pytest.approx(theirs, rel=1e-9)
-
-
-# --- the fit ----------------------------------------------------------------------------------------
 
 
 def squares(scale, shape, times, observed):
@@ -176,27 +144,6 @@ def test_the_fit_is_scipys_on_every_uncensored_trials_point(censored, shape, who
     precise = {"ftol": 1e-14, "xtol": 1e-14, "gtol": 1e-14}
     logs, _ = curve_fit(cdf, time, 1 - r, p0=(math.log(50), math.log(shape)), **precise)
     assert fit_weibull(times, observed) == pytest.approx(np.exp(logs), rel=1e-5)
-
-
-@pytest.mark.parametrize("shape", [0.7, 1.2, 4])
-@pytest.mark.parametrize("censored", [0, 0.3])
-def test_of_many_trials_least_squares_and_lifelines_maximum_likelihood_have_one_mean(shape, censored):
-    # of these 20,000 trials the two means differ by 0.03 to 0.12 %, and theirs from the true one by 0.2 to 1.8 %
-    times, observed = weibull_trials(2, 20_000, 50, shape, censored)
-    with np.errstate():
-        theirs = WeibullFitter().fit(times, observed)
-    mean = Weibull(theirs.lambda_, theirs.rho_).mean
-    assert weibull_mean(times, observed) == pytest.approx(mean, rel=0.003)
-    assert mean == pytest.approx(50 * math.gamma(1 + 1 / shape), rel=0.03)
-
-
-@pytest.mark.parametrize(("scale", "shape"), [(50, 1.2), (3e6, 0.3), (1, 40), (1e-3, 2)])
-def test_the_fit_finds_the_distribution_whose_quantiles_the_times_are(scale, shape):
-    n = 100
-    times = scale * (-np.log1p(-(np.arange(n) + 1) / (n + 1))) ** (1 / shape)
-    fit = fit_weibull(times, np.ones(n, bool))
-    assert fit.scale == pytest.approx(scale, rel=0.03 / shape)
-    assert fit.shape == pytest.approx(shape, rel=0.05)
 
 
 @given(st.integers(1, 10**7), st.integers(1, 10**6), st.integers(1, 9), st.integers(2, 9), st.integers(0, 9))
@@ -253,31 +200,6 @@ def test_there_is_a_fit_just_if_two_event_times_leave_some_trials(given_trials):
 
 
 @pytest.mark.parametrize(
-    ("times", "observed"),
-    [
-        ([7], [True]),
-        ([7], [False]),
-        ([7, 7, 7], [True, True, True]),
-        ([7, 7, 9], [True, True, False]),
-        ([7, 9], [False, False]),
-        ([7, 9], [True, True]),
-        ([7, 7, 7, 9], [True, True, True, True]),
-        ([0, 7, 9], [True, True, False]),
-    ],
-)
-def test_one_point_above_r_0_has_no_fit(times, observed):
-    assert fit_weibull(times, observed) is None
-
-
-def test_trials_of_0_cycles_count_but_are_not_fitted():
-    fit = fit_weibull([0, 0, 10, 20, 30], [True, True, True, True, False])
-    assert 1 - np.exp(-((np.array([10, 20]) / fit.scale) ** fit.shape)) == pytest.approx([0.6, 0.8])
-
-
-# --- the mean ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
     ("shape", "factor"),
     [(1, 1), (2, math.sqrt(math.pi) / 2), (0.5, 2), (1e9, 1), (0.01, 9.33262e157), (0.001, math.inf)],
 )
@@ -292,41 +214,6 @@ def test_the_mean_is_determined_with_a_tenth_of_the_trials_uncensored_and_not_wi
     assert math.isfinite(weibull_mean(times, np.arange(n) < tens))
     assert math.isnan(weibull_mean(times, np.arange(n) < tens - 1))
     assert math.isnan(weibull_mean(np.append(times, tens), np.arange(n + 1) < tens))
-
-
-@pytest.mark.parametrize("time", [0, 1, 7, 10**7])
-@pytest.mark.parametrize("n", [1, 2, 30])
-def test_if_all_trials_end_at_one_time_it_is_the_mean_unless_any_is_censored(time, n):
-    times = np.full(n, float(time))
-    assert weibull_mean(times, np.ones(n, bool)) == time
-    assert math.isnan(weibull_mean(times, np.arange(n) > 0))
-
-
-@given(trials, st.sampled_from([0.001, 0.5, 3.0, 4096.0]))
-def test_means_and_medians_scale_with_the_times(given_trials, factor):
-    times, observed = given_trials
-    assert median_time(factor * times, observed) == pytest.approx(factor * np.array(median_time(times, observed)))
-    area = restricted_mean(times, observed, 20)
-    assert restricted_mean(factor * times, observed, factor * 20) == pytest.approx(factor * area, nan_ok=True)
-    mean, scaled = weibull_mean(times, observed), weibull_mean(factor * times, observed)
-    assert scaled == pytest.approx(factor * mean, rel=1e-4, nan_ok=True)
-
-
-@given(trials, st.randoms(use_true_random=False))
-def test_the_order_of_the_trials_does_not_matter(given_trials, random):
-    times, observed = given_trials
-    order = random.sample(range(len(times)), len(times))
-    for statistic in (
-        kaplan_meier,
-        fit_weibull,
-        weibull_mean,
-        median_time,
-        lambda t, o: weibull_resamples(t, o, 5),
-    ):
-        np.testing.assert_equal(statistic(times[order], observed[order]), statistic(times, observed))
-
-
-# --- the bootstrap ----------------------------------------------------------------------------------
 
 
 def means_one_by_one(times, observed, resamples, seed):
@@ -361,14 +248,6 @@ def test_resamples_that_little_resemble_the_sample_are_fitted_as_well(times, cen
     np.testing.assert_allclose(weibull_resamples(*given_trials, 200), expected, rtol=1e-5)
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_seed_others():
-    times, observed = weibull_trials(5, censored=0.3)
-    means = weibull_resamples(times, observed, 300, seed=8)
-    assert means.shape == (300,)
-    assert means.tobytes() == weibull_resamples(times, observed, 300, seed=8).tobytes()
-    assert not np.isin(means, weibull_resamples(times, observed, 300, seed=9)).any()
-
-
 @pytest.mark.parametrize(
     ("times", "observed", "expected"),
     [
@@ -399,45 +278,29 @@ THOUSAND = np.arange(1000.0)
 
 
 @pytest.mark.parametrize(
-    ("means", "level", "interval"),
+    ("means", "interval"),
     [
-        (THOUSAND[::-1], 0.95, (24, 975)),
-        (THOUSAND[::-1], 0.5, (249, 750)),
-        ([5], 0.95, (5, 5)),
-        (np.where(THOUSAND < 976, THOUSAND, math.inf), 0.95, (24, 975)),
-        (np.where(THOUSAND < 975, THOUSAND, math.inf), 0.95, (24, math.inf)),
-        (np.full(10, math.inf), 0.95, (math.inf, math.inf)),
-        ([math.nan, 3, 1, math.nan, 2], 0.95, (1, 3)),
-        ([math.nan], 0.95, (math.nan, math.nan)),
+        (THOUSAND[::-1], (24, 975)),
+        (np.where(THOUSAND < 976, THOUSAND, math.inf), (24, 975)),
+        (np.where(THOUSAND < 975, THOUSAND, math.inf), (24, math.inf)),
+        ([math.nan, 3, 1, math.nan, 2], (1, 3)),
+        ([math.nan], (math.nan, math.nan)),
     ],
 )
-def test_an_interval_lies_between_two_of_the_means_that_are_numbers(means, level, interval):
-    np.testing.assert_equal(confidence_interval(means, level), interval)
-
-
-# --- known distributions ----------------------------------------------------------------------------
-#
-# Trials of alpha = 50 and gamma = 1.2, n = 200: mean 47.03 and median 36.84 cycles. Measured on 2,000 samples with 200
-# resamples each, in % of the true value (mean's standard error: 0.14, 0.2, 1.0; coverage's: 0.5):
-#
-#   censored  rounded up    bias of the mean (its spread)    coverage    bias of the median    coverage
-#       0 %           no      -0.7 (6.4)                         94.2       -0.5                   95.9
-#       0 %          yes       0.0 (6.4)                         94.8        0.9                   95.6
-#      30 %           no      -0.1 (8.5)                         94.3       -0.5                   95.9
-#      80 %           no      12.2 (45.7); its median 1.3        95.8       undetermined
-#      95 %           no      undetermined in 99.8 % of samples             undetermined
+def test_an_interval_lies_between_two_of_the_means_that_are_numbers(means, interval):
+    np.testing.assert_equal(confidence_interval(np.array(means)), interval)
 
 
 @pytest.mark.parametrize(
     ("censored", "whole", "bias", "spread"),
     [
-        pytest.param(0, False, -0.007, 0.064, marks=pytest.mark.slow),
         (0, True, 0.0, 0.064),
         pytest.param(0.3, False, -0.001, 0.085, marks=pytest.mark.slow),
         (0.8, False, 0.122, 0.457),
     ],
 )
-def test_the_mean_of_known_distributions_and_its_interval_are_as_in_the_table(censored, whole, bias, spread):
+def test_the_mean_of_known_distributions_and_its_interval_are_as_measured(censored, whole, bias, spread):
+    """Trials of alpha = 50 and gamma = 1.2, n = 200; measured on 2,000 samples with 200 resamples each."""
     truth, samples = 50 * math.gamma(1 + 1 / 1.2), 400
     means, covered = np.empty(samples), np.empty(samples, bool)
     for k in range(samples):
@@ -450,57 +313,6 @@ def test_the_mean_of_known_distributions_and_its_interval_are_as_in_the_table(ce
     assert means.std() / truth == pytest.approx(spread, rel=0.3)
     assert np.median(means) / truth == pytest.approx(1, abs=4 * error)
     assert 0.91 <= covered.mean() <= 0.99
-
-
-@pytest.mark.parametrize("censored", [0, 0.3])
-def test_the_median_of_known_distributions_and_its_interval_are_as_in_the_table(censored):
-    truth = 50 * math.log(2) ** (1 / 1.2)
-    medians, lower, upper = np.transpose([median_time(*weibull_trials([7, k], censored=censored)) for k in range(500)])
-    assert medians.mean() / truth - 1 == pytest.approx(-0.005, abs=0.015)
-    assert 0.92 <= ((lower <= truth) & (truth <= upper)).mean() <= 0.98
-
-
-def test_with_80_percent_censored_the_median_is_undetermined_and_with_95_the_mean_is_too():
-    most = [weibull_trials([8, k], censored=0.8) for k in range(300)]
-    nearly_all = [weibull_trials([9, k], censored=0.95) for k in range(300)]
-    assert all(median_time(*sample)[0] == math.inf for sample in most)
-    assert not any(math.isnan(weibull_mean(*sample)) for sample in most)
-    assert np.mean([math.isnan(weibull_mean(*sample)) for sample in nearly_all]) > 0.98
-    # of a sample that is just determined, most resamples are not
-    assert (
-        confidence_interval(weibull_resamples(np.minimum(np.arange(200) + 1, 21), np.arange(200) < 20))[1] == math.inf
-    )
-
-
-# --- what is refused --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("times", "observed", "reason"),
-    [
-        ([1, 2], [True], r"\(2,\) and \(1,\)"),
-        ([[1, 2]], [[True, True]], r"\(1, 2\)"),
-        (1, True, r"\(\)"),
-        ([], [], "no trials"),
-        ([1, -1], [True, True], "negative"),
-        ([1, math.nan], [True, True], "finite"),
-        ([1, math.inf], [True, False], "finite"),
-    ],
-)
-@pytest.mark.parametrize(
-    "statistic",
-    [
-        kaplan_meier,
-        fit_weibull,
-        weibull_mean,
-        weibull_resamples,
-        median_time,
-        lambda t, o: restricted_mean(t, o, 1),
-    ],
-)
-def test_what_are_no_trials_is_refused_with_the_reason(statistic, times, observed, reason):
-    with pytest.raises(ValueError, match=reason):
-        statistic(times, observed)
 
 
 def test_resamples_of_very_many_trials_are_drawn_by_kind_and_vary_as_those_drawn_one_by_one():

@@ -31,15 +31,6 @@ def test_the_peak_of_a_parabola_is_found_and_there_is_no_minimum():
     assert find_minimum(fit) is None or not find_minimum(fit).is_found
 
 
-def test_a_minimum_is_the_peak_of_the_inverse():
-    logs = 2 - (LOG_X - 0.3) ** 2
-    one, other = find_minimum(curve(-logs)), find_peak(curve(logs))
-    assert one.is_found
-    assert one.place.value == pytest.approx(other.place.value, rel=0.1)
-    assert one.value.low < one.value.value < one.value.high
-    assert one.value.value == pytest.approx(np.e**-2, rel=0.02)
-
-
 def test_a_curve_with_both_has_both():
     logs = -4 * (LOG_X**3 / 3 - 0.15 * LOG_X**2 - 0.18 * LOG_X)  # minimum at 10 ** -0.3, peak at 10 ** 0.6
     fit = curve(logs)
@@ -115,12 +106,6 @@ def test_where_it_makes_no_sense_it_says_why(law, trials, said, tmp_path):
     (fit,) = fit_measure(folder_of(tmp_path, law, trials=trials), "near_walls")
     assert (fit.minimum, fit.peak) == (None, None)
     assert said in fit.reason
-
-
-def test_few_values_of_the_axis_are_too_few(tmp_path):
-    folder = folder_of(tmp_path, bump, **{COUPLING: [0.1, 0.2]})
-    fits = fit_measure(folder, "near_walls", COUPLING)
-    assert {fit.reason for fit in fits} == {"2 positive values of the axis; a minimum and a peak take 6"}
 
 
 def test_what_cannot_be_fitted_at_all_is_refused(tmp_path):

@@ -7,6 +7,7 @@ from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.worker import LIMIT_VARIABLE, out_of_time
 from epuck_sim.trial.model import simulate
 from tests.cli.commands import called
+from tests.runs.test_store import fill, refused
 from tests.sweep.pool_here import pool_here
 from tests.sweep.short_sweeps import begin, errors, stored
 from tests.tools import needs_compiler
@@ -128,10 +129,7 @@ def test_a_slow_trial_ends_itself_without_its_worker_and_may_be_run_with_another
 
 @needs_compiler
 def test_a_run_folder_refuses_firmware_that_has_changed(tmp_path) -> None:
-    path, folder = write_sweep(tmp_path, "memory->fate = 1;"), tmp_path / "run"
-    assert begin(path, "--out", folder, "--workers", 1, folder=tmp_path).wait(120) == 0
+    path = write_sweep(tmp_path, "memory->fate = 1;")
+    fill(tmp_path / "run", load_scenario(path))
     write_sweep(tmp_path, "memory->fate = 2;")
-    run = begin(path, "--out", folder, folder=tmp_path)
-    _, err = run.communicate(timeout=120)
-    assert run.returncode == 2
-    assert "robots.0.controller: 'fate.c with digest " in err
+    assert "robots.0.controller: 'fate.c with digest " in refused(tmp_path / "run", load_scenario(path))

@@ -1,12 +1,10 @@
 """Claims about pilots: each point is timed once, in random order, until time is up."""
 
-import time
-
 import pytest
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.points import Point, points
 from epuck_sim.sweep import pilot
 from epuck_sim.sweep.pilot import time_trials
 
@@ -28,21 +26,23 @@ def test_every_point_is_timed_once_if_there_is_time_and_no_trial_is_cut() -> Non
 )
 def test_a_trial_that_takes_longer_is_cut(scenario: str, coupling: str) -> None:
     found = points(load_scenario(scenario, [coupling, "stop.max_cycles=1000000000"]))
-    begin = time.perf_counter()
-    (timed,) = time_trials(found, 0.3)
+    (timed,) = time_trials(found, 0.3)  # the trial itself would take years
     assert timed.is_cut
-    assert 0.3 <= timed.wall_s < 2
-    assert time.perf_counter() - begin < 20
+    assert timed.wall_s >= 0.3
 
 
-def test_what_compiling_takes_is_not_counted(monkeypatch) -> None:
-    calls: list[float] = []
-    monkeypatch.setattr(
-        pilot, "_time_trial", lambda point, budget_s: calls.append(budget_s) or pilot.TimedTrial(point, 1, False)
-    )
-    time_trials(made(), 5)
-    assert calls[0] == 0
-    assert all(4 < budget_s <= 5 for budget_s in calls[1:])
+def test_what_compiling_takes_is_not_counted_and_each_trial_may_take_what_is_left(monkeypatch) -> None:
+    now, budgets = [0.0], []
+
+    def time_trial(point: Point, budget_s: float) -> pilot.TimedTrial:
+        budgets.append(budget_s)
+        now[0] += 2
+        return pilot.TimedTrial(point.number, 2, False)
+
+    monkeypatch.setattr(pilot.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(pilot, "_time_trial", time_trial)
+    assert len(time_trials(made(), 5)) == 3
+    assert budgets == [0, 5, 3, 1]
 
 
 def test_a_trial_that_fails_is_reported(tmp_path) -> None:

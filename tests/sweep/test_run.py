@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.runs.records import FinishedTrials, SweepProgress, Task
+from epuck_sim.runs.records import FinishedTrials, SweepProgress
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.executors import local_pool
@@ -24,6 +24,7 @@ from epuck_sim.trial.model import run_trial
 from epuck_sim.util.messages import counted
 from tests.processes import processes_marked, wait_until
 from tests.runs.made_folders import edit
+from tests.sweep.pool_here import pool_here
 from tests.sweep.short_sweeps import begin, errors, short_sweep, stored, table
 
 TRIALS = 30
@@ -35,17 +36,16 @@ def uninterrupted(tmp_path_factory) -> list[tuple]:
     """Return the table that every run of the short sweep must give: of one worker, never stopped."""
     folder = tmp_path_factory.mktemp("uninterrupted")
     scenario = load_scenario(short_sweep(folder, TRIALS))
-    run_sweep(scenario, folder / "run", partial(local_pool, 1))
+    run_sweep(scenario, folder / "run", pool_here)
     rows = table(folder / "run")
     assert len(rows) == POINTS * TRIALS
     return rows
 
 
-@pytest.mark.parametrize("workers", [2, 4])
-def test_more_workers_give_the_same_table_bit_for_bit(tmp_path, uninterrupted, workers: int) -> None:
+def test_more_workers_give_the_same_table_bit_for_bit(tmp_path, uninterrupted) -> None:
     scenario = load_scenario(short_sweep(tmp_path, TRIALS))
     tallies: list[SweepProgress] = []
-    run_sweep(scenario, tmp_path / "run", partial(local_pool, workers), tallies.append)
+    run_sweep(scenario, tmp_path / "run", partial(local_pool, 3), tallies.append)
     assert table(tmp_path / "run") == uninterrupted
     assert [tally.ended for tally in tallies] == list(range(POINTS * TRIALS + 1))
     assert tallies[-1].stored == tallies[-1].trials == POINTS * TRIALS
@@ -67,18 +67,18 @@ def test_a_row_is_what_its_trial_gives_alone(tmp_path, uninterrupted) -> None:
 def test_added_trials_and_points_leave_the_others_as_they_were(tmp_path, uninterrupted) -> None:
     path = short_sweep(tmp_path, TRIALS)
     fewer = load_scenario(path, ["trials=11"], ["robots.0.parameters.speed_cm_s=12,4"])
-    run_sweep(fewer, tmp_path / "run", partial(local_pool, 2))
+    run_sweep(fewer, tmp_path / "run", pool_here)
     first = table(tmp_path / "run")
     assert len(first) == 2 * 2 * 11
     assert set(first) < set(uninterrupted)
-    tally = run_sweep(load_scenario(path), tmp_path / "run", partial(local_pool, 2))
+    tally = run_sweep(load_scenario(path), tmp_path / "run", pool_here)
     assert tally.ended == POINTS * TRIALS - len(first)
     assert table(tmp_path / "run") == uninterrupted
 
 
 def test_nothing_is_left_to_do_when_all_is_stored(tmp_path) -> None:
     scenario = load_scenario(short_sweep(tmp_path, 1))
-    run_sweep(scenario, tmp_path / "run", partial(local_pool, 1))
+    run_sweep(scenario, tmp_path / "run", pool_here)
 
     def no_pool():
         raise AssertionError("a pool was opened")
@@ -91,14 +91,6 @@ def test_trial_0_of_all_points_comes_first(tmp_path) -> None:
     tasks = [*missing_tasks(places, FinishedTrials([(2, [0]), (0, [2])]), interpret=False)]
     assert [(task.trial, task.point) for task in tasks] == sorted((task.trial, task.point) for task in tasks)
     assert len(tasks) == POINTS * 3 - 2
-
-
-def test_no_task_is_made_before_its_trial_is_due(monkeypatch) -> None:
-    made = []
-    monkeypatch.setattr("epuck_sim.sweep.run.Task", lambda *given: made.append(given) or Task(*given))
-    found = points(load_scenario("thesis", ["trials=10000000"]))
-    assert next(missing_tasks(found, FinishedTrials([(0, [0])]), interpret=False)).trial == 1
-    assert len(made) == 1
 
 
 def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> None:
@@ -248,9 +240,10 @@ def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
     assert resident_kb() <= 1.02 * before
 
 
+@pytest.mark.usefixtures("sweeps_run_here")
 def test_other_versions_that_made_trials_are_reported(tmp_path) -> None:
     path, folder = short_sweep(tmp_path, 2), tmp_path / "run"
-    run_sweep(load_scenario(path), folder, partial(local_pool, 1))
+    run_sweep(load_scenario(path), folder, pool_here)
     quiet = CliRunner().invoke(app, ["run", str(folder)])
     assert (quiet.exit_code, "note: " in quiet.stderr) == (0, False)
     edit(folder, "UPDATE trials SET pymunk = '6.0' WHERE trial = 1")

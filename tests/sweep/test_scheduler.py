@@ -139,11 +139,6 @@ def test_a_queue_counts_what_waits_and_hands_out_what_was_lost_first_and_alone()
     assert not waiting
 
 
-def test_a_queue_with_fewer_tasks_than_announced_ends() -> None:
-    waiting = TaskQueue([task(0)], 3)
-    assert [each.trial for each in chain.from_iterable(schedule(waiting, [], opened(set(), 2)))] == [0]
-
-
 @pytest.mark.parametrize(
     ("raised", "message"),
     [
@@ -154,10 +149,6 @@ def test_a_queue_with_fewer_tasks_than_announced_ends() -> None:
 def test_a_cluster_that_cannot_run_trials_ends_the_run_and_no_trial_is_blamed(raised, message: str) -> None:
     with pytest.raises(ClusterError, match=message):
         list(schedule(queue(2), [task(0)], opened(set(), 2, raised)))
-
-
-def test_the_first_chunks_hold_one_trial_as_nobody_knows_how_long_they_take() -> None:
-    assert ChunkSizer().chunk(1000, 4) == 1
 
 
 def test_a_chunk_is_half_a_second_of_work() -> None:

@@ -90,16 +90,25 @@ def test_an_error_of_the_controller_names_file_and_line(tmp_path, interpret):
         TestRobot("nowhere.py")
 
 
-def test_random_numbers_follow_from_the_seed():
+def test_random_numbers_follow_from_the_seed_and_firmware_in_c_is_tested_likewise():
     phases = [TestRobot("oscillator", seed=seed).memory.phase_ms for seed in (1, 1, 2)]
     assert phases[0] == phases[1] != phases[2]
-
-
-def test_firmware_in_c_is_tested_likewise():
     robot = TestRobot(Path(__file__).parents[1] / "controllers" / "firmware" / "firefly.c", speed_cm_s=3)
     robot.memory.phase_ms = 4950
     robot.step()
     assert (robot.ring_on, robot.memory.phase_ms, robot.left_cm_s) == (True, 0, 3.0)
+
+
+RADIO = "actuators.send = sensors.pulses + sensors.messages[1]; actuators.turn_rad = 0.5 * sensors.pulses"
+
+
+@MODES
+def test_a_robot_hears_pulses_sends_and_turns(interpret, tmp_path):
+    write_controller(tmp_path / "radio.py", with_step(RADIO))
+    robot = TestRobot(tmp_path / "radio.py", interpret=interpret)
+    robot.pulses, robot.messages = 2, [0, 40, 0, 0, 0, 0, 0, 0]
+    robot.step()
+    assert (robot.send, robot.turn_rad) == (42, 1.0)
 
 
 # --- scenes ---------------------------------------------------------------------------------------
@@ -151,24 +160,3 @@ def test_the_plugin_is_named_in_the_package_and_loads_nothing_heavy():
     program = f"import sys, {name}; print({{'numba', 'numpy', 'pymunk', 'scipy'}} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert run.stdout == "set()\n"
-
-
-RADIO = """
-PARAMETERS = {}
-MEMORY = {}
-
-def start(memory, parameters, random): ...
-
-def step(sensors, memory, actuators, parameters, random):
-    actuators.send = sensors.pulses + sensors.messages[1]
-    actuators.turn_rad = 0.5 * sensors.pulses
-"""
-
-
-@MODES
-def test_a_robot_hears_pulses_sends_and_turns(interpret: bool, tmp_path: Path) -> None:
-    (tmp_path / "radio.py").write_text(RADIO)
-    robot = TestRobot(tmp_path / "radio.py", interpret=interpret)
-    robot.pulses, robot.messages = 2, [0, 40, 0, 0, 0, 0, 0, 0]
-    robot.step()
-    assert (robot.send, robot.turn_rad) == (42, 1.0)

@@ -86,12 +86,6 @@ def test_radio_reaches_whoever_is_in_range_through_bodies() -> None:
     assert measure_graphs(take_snapshots(near, 20)).reciprocity.value == 1
 
 
-def test_random_receivers_are_k_others() -> None:
-    links = take_snapshots(load_scenario("particles", ["neighbourhood={kind: random, k: 3}"]), 5)
-    assert (links.sum(2) == 3).all()
-    assert not links[:, np.arange(20), np.arange(20)].any()
-
-
 @pytest.mark.parametrize("name", ["particles", "thesis"])
 def test_the_faster_swarms_move_the_more_links_change_and_the_fewest_where_they_stand(name: str) -> None:
     changed = changed_links(load_scenario(name), [0.0, 0.2, 1.0, 5.0], 20)

@@ -9,7 +9,7 @@ from epuck_sim import ParticleSimulation, load_scenario, run_trial
 from epuck_sim.estimate import Estimate
 from epuck_sim.particles.phase_response import Response
 from epuck_sim.theory.limits import Limit, find_limit
-from epuck_sim.theory.pair import measure_pair, return_map
+from epuck_sim.theory.pair import measure_pair
 from epuck_sim.theory.regime import Course, find_rise, judge, time_at
 from epuck_sim.theory.snapshots import take_snapshots
 
@@ -54,13 +54,6 @@ def test_what_no_link_joins_never_ends_and_no_snapshot_is_no_limit() -> None:
     assert found.ended.value == 0
     assert math.isnan(found.cycles.value)
     assert math.isnan(find_limit(MULTIPLICATIVE, THRESHOLD, apart[:0], math.inf).cycles.value)
-
-
-def test_the_return_map_has_its_fixed_point_where_the_thesis_has_it() -> None:
-    fixed = 1 / 2.1
-    assert return_map(MULTIPLICATIVE, np.array([fixed])) == pytest.approx(fixed)
-    slope = (return_map(MULTIPLICATIVE, np.array([fixed + 1e-6]))[0] - fixed) / 1e-6
-    assert slope == pytest.approx(1.1**2, rel=1e-4)
 
 
 def test_pairs_grow_and_meet_as_their_curve_says() -> None:

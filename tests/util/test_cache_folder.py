@@ -26,11 +26,11 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_without_a_cache_folder_there_is_one_of_the_user_among_temporary_files(temporary: Path) -> None:
-    folder = cache_root()
-    assert folder == temporary / f"epuck-sim-{USER}"
-    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-    cache_root.cache_clear()
-    assert cache_root() == folder
+    for _ in range(2):
+        folder = cache_root()
+        assert folder == temporary / f"epuck-sim-{USER}"
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+        cache_root.cache_clear()
 
 
 @pytest.mark.parametrize("kind", ["open to all", "link", "of another user"])

@@ -75,17 +75,10 @@ def test_directions_and_distances_of_points_are_within_two_units(y, x):
         assert ulps("hypot", x, y) < 2
 
 
-def test_a_great_many_random_arguments_are_within_one_unit():
-    random = np.random.default_rng(1)
-    for function, low, high in [("sin", -7, 7), ("cos", -7, 7), ("tan", -2, 2), ("exp", -3, 1), ("log", 0, 1)]:
-        assert max(ulps(function, number) for number in random.uniform(low, high, 2000)) < 0.85
-
-
 @pytest.mark.parametrize(
     ("function", "argument", "result"),
     [
         *((function, argument, math.nan) for function in ("sin", "cos", "tan") for argument in (math.inf, -math.inf)),
-        *((function, math.nan, math.nan) for function in FUNCTIONS),
         *((function, -0.0, -0.0) for function in ("sin", "atan", "expm1")),
         ("cos", 0.0, 1.0),
         ("atan", math.inf, math.pi / 2),
@@ -120,15 +113,10 @@ def test_directions_along_axes_and_diagonals_are_python_s(y, x):
 # --- alike everywhere --------------------------------------------------------------------------------
 
 
-@given(st.sampled_from(FUNCTIONS), st.one_of(angles, numbers, st.just(math.nan)))
-def test_compiled_functions_are_those_of_python_to_the_bit(function, number):
-    assert bits(getattr(kernels, function)(number)) == bits(getattr(elementary, function)(number))
-
-
-@given(st.floats(), st.floats())
-def test_compiled_functions_of_two_numbers_are_those_of_python_to_the_bit(y, x):
-    assert bits(kernels.atan2(y, x)) == bits(elementary.atan2(y, x))
-    assert bits(kernels.hypot(y, x)) == bits(elementary.hypot(y, x))
+@given(st.sampled_from(FUNCTIONS), st.one_of(angles, numbers, st.just(math.nan)), st.floats())
+def test_compiled_functions_are_those_of_python_to_the_bit(function, number, other):
+    for name, given_ in ((function, (number,)), ("atan2", (number, other)), ("hypot", (number, other))):
+        assert bits(getattr(kernels, name)(*given_)) == bits(getattr(elementary, name)(*given_))
 
 
 def arguments():

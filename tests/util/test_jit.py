@@ -8,9 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from functools import lru_cache
-from importlib import import_module
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +17,7 @@ from numba import njit
 
 from epuck_sim.util import jit, machine
 from epuck_sim.util.cache_folder import UNUSED_S, remove_unused
-from epuck_sim.util.jit import PACKAGE, Kernel, digest, is_cache, kernel_digest, kernel_files
+from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_files
 from epuck_sim.util.native import unlikely
 
 MARK = "epuck_sim.util.jit import"
@@ -27,32 +25,11 @@ MARK = "epuck_sim.util.jit import"
 # --- what the digest covers ---------------------------------------------------------------------------
 
 
-@lru_cache
-def definitions(file: Path) -> dict[str, list[ast.AST]]:
-    """Return what defines each name at a file's top level."""
-    found: dict[str, list[ast.AST]] = {}
-    for node in ast.parse(file.read_text()).body:
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            names = [alias.asname or alias.name for alias in node.names]
-        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            names = [node.name]
-        else:
-            stored = [each for each in ast.walk(node) if isinstance(each, ast.Name)]
-            names = [each.id for each in stored if isinstance(each.ctx, ast.Store)]
-        for name in names:
-            found.setdefault(name, []).append(node)
-    return found
+BOUND = {"run_group", "run_sensor", "shift_at"}
+"""Functions that are compiled with users' files."""
 
-
-def without_annotations(node: ast.AST) -> Iterator[ast.AST]:
-    """Yield a node and all inside it but annotations, which are not compiled."""
-    yield node
-    for field, value in ast.iter_fields(node):
-        if field in ("annotation", "returns"):
-            continue
-        for each in value if isinstance(value, list) else [value]:
-            if isinstance(each, ast.AST):
-                yield from without_annotations(each)
+FREE = {PACKAGE / "util" / name for name in ("jit.py", "cache_folder.py", "machine.py")} | {PACKAGE / "arrays.py"}
+"""`jit` itself, and where it keeps compiled code, are no values of a kernel."""
 
 
 def file_of(module: str) -> Path:
@@ -60,92 +37,81 @@ def file_of(module: str) -> Path:
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-def sources_of(file: Path, name: str, seen: set[tuple[Path, str]]) -> None:
-    """Add to `seen` where in the package `name` gets its value from, and what that depends on."""
-    if (file, name) in seen or name not in definitions(file):
-        return
-    seen.add((file, name))
-    for node in definitions(file)[name]:
-        if isinstance(node, ast.ImportFrom):
-            if (node.module or "").startswith("epuck_sim"):
-                (alias,) = (each for each in node.names if (each.asname or each.name) == name)
+def is_kernel(node: ast.FunctionDef) -> bool:
+    return node.name in BOUND or any(isinstance(each, ast.Name) and "jit" in each.id for each in node.decorator_list)
+
+
+def read_names(definition: ast.AST) -> set[str]:
+    """Return the names of the module that a definition reads but in annotations, which are not compiled."""
+    names, own = set(), set()
+    body = definition.body if isinstance(definition, ast.FunctionDef) else [definition]
+    for each in (inner for node in body for inner in ast.walk(node)):
+        if isinstance(each, ast.AnnAssign):
+            each.annotation = ast.Constant(0)
+        if isinstance(each, ast.Name):
+            (names if isinstance(each.ctx, ast.Load) else own).add(each.id)
+    if isinstance(definition, ast.FunctionDef):
+        return names - own - {each.arg for each in definition.args.args}
+    return names
+
+
+def sources_of(file: Path, roots: Callable[[ast.FunctionDef], bool] = is_kernel) -> dict[str, Path]:
+    """Return in which files of the package begins what some functions of a file refer to, directly or not, by name."""
+    imported: dict[str, Path] = {}
+    made_from: dict[str, ast.AST] = {}
+    todo: list[str] = []
+    for node in ast.parse(file.read_text()).body:
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("epuck_sim"):
+            for alias in node.names:
                 as_module = file_of(f"{node.module}.{alias.name}")
-                if as_module.exists():  # any of its names may be meant
-                    for each in definitions(as_module):
-                        sources_of(as_module, each, seen)
-                else:
-                    sources_of(file_of(node.module), alias.name, seen)
-        elif not isinstance(node, ast.Import):
-            for inner in without_annotations(node):
-                if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Load):
-                    sources_of(file, inner.id, seen)
-
-
-def room_of(file: Path) -> str:
-    return file.relative_to(PACKAGE).parts[0]
-
-
-def kernels() -> dict[str, set[tuple[Path, str]]]:
-    """Return, for each room, the file and name of every compiled function of the package."""
-    runner = PACKAGE / "embodied" / "controllers.py"
-    found = {"embodied": {(runner, "run_group")}}  # compiled with each controller
-    for file in PACKAGE.rglob("*.py"):
-        if MARK in file.read_text() or "njit" in file.read_text():
-            module = import_module(".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts))
-            for value in vars(module).values():
-                if isinstance(value, Kernel):
-                    code = value.function.__code__
-                    kernel = Path(code.co_filename), code.co_name
-                    found.setdefault(room_of(kernel[0]), set()).add(kernel)
-    return found
+                imported[alias.asname or alias.name] = as_module if as_module.exists() else file_of(node.module or "")
+        elif isinstance(node, ast.FunctionDef):
+            made_from[node.name] = node
+            todo += [node.name] * roots(node)
+        elif not isinstance(node, ast.ClassDef):
+            stored = [
+                each.id for each in ast.walk(node) if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)
+            ]
+            made_from |= dict.fromkeys(stored, node)
+    seen: set[str] = set()
+    while todo:
+        name = todo.pop()
+        if name not in seen:
+            seen.add(name)
+            todo.extend(read_names(made_from[name]) if name in made_from else ())
+    return {name: imported[name] for name in seen & imported.keys()}
 
 
 def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_covers() -> None:
-    rooms = kernels()
-    assert sum(map(len, rooms.values())) > 50
-    for room, functions in rooms.items():
-        seen: set[tuple[Path, str]] = set()
-        for file, name in functions:
-            assert name in definitions(file)
-            sources_of(file, name, seen)
-        covered = set(kernel_files(room))
-        outside = {f"{file.relative_to(PACKAGE)}: {name}" for file, name in seen if file not in covered}
-        # `jit` itself, and where it keeps compiled code, is no value of a kernel
-        free = ("util/jit.py", "util/cache_folder.py", "util/machine.py", "arrays.py")
-        assert {each for each in outside if not each.startswith(free)} == set(), room
+    rooms = {path.relative_to(PACKAGE).parts[0] for path in PACKAGE.rglob("*.py") if MARK in path.read_text()}
+    assert len(rooms) > 5
+    for room in rooms:
+        covered, found = set(kernel_files(room)), 0
+        for file in covered:
+            sources = sources_of(file)
+            found += len(sources)
+            assert {name for name, source in sources.items() if source not in covered | FREE} == set(), file
+        assert found
 
 
 def test_the_check_above_finds_a_constant_in_a_file_that_is_not_covered() -> None:
-    seen: set[tuple[Path, str]] = set()
-    sources_of(PACKAGE / "runs" / "share.py", "merge_folders", seen)
-    assert (PACKAGE / "runs" / "folder.py", "DATABASE") in seen
-    assert PACKAGE / "runs" / "folder.py" not in kernel_files("embodied")
+    found = sources_of(PACKAGE / "runs" / "share.py", lambda node: node.name == "merge_folders")
+    assert found["DATABASE"] == PACKAGE / "runs" / "folder.py"
+    assert found["DATABASE"] not in kernel_files("embodied")
 
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A copy of the package's sources."""
     return Path(shutil.copytree(PACKAGE, tmp_path / "epuck_sim", ignore=shutil.ignore_patterns("__pycache__")))
 
 
 ROOMS = ("embodied", "particles")
 
 
-def test_the_digest_is_of_the_contents_not_of_the_folder(package: Path) -> None:
-    for room in ROOMS:
-        assert kernel_digest(room, package) == kernel_digest(room)
-
-
-@pytest.mark.parametrize("file", ["errors.py", "trial/result.py", "cli/app.py", "scenario/scenario.py"])
-def test_an_edit_of_a_file_without_kernels_leaves_compiled_code_as_it_is(package: Path, file: str) -> None:
-    (package / file).write_text('"""Another docstring."""\n')
-    for room in ROOMS:
-        assert kernel_digest(room, package) == kernel_digest(room)
-
-
 @pytest.mark.parametrize(
     ("file", "rooms"),
     [
+        *((file, []) for file in ("errors.py", "trial/result.py", "cli/app.py", "scenario/scenario.py")),
         ("epuck.py", ROOMS),
         ("util/rng.py", ROOMS),
         ("util/native.py", ROOMS),
@@ -155,7 +121,7 @@ def test_an_edit_of_a_file_without_kernels_leaves_compiled_code_as_it_is(package
         ("particles/events.py", ["particles"]),
     ],
 )
-def test_an_edit_of_kernels_or_constants_compiles_the_rooms_anew_that_use_them(package: Path, file: str, rooms) -> None:
+def test_an_edit_compiles_the_rooms_anew_that_use_what_was_edited(package: Path, file: str, rooms) -> None:
     with (package / file).open("a") as source:
         source.write("\nMORE = 1\n")
     assert [room for room in ROOMS if kernel_digest(room, package) != kernel_digest(room)] == list(rooms)
@@ -195,15 +161,13 @@ def test_a_cache_that_was_not_used_for_a_month_is_removed_but_nothing_that_may_b
 
 
 def test_another_user_s_cache_a_link_and_a_file_stay(tmp_path, monkeypatch) -> None:
-    elsewhere = make_cache(tmp_path / "elsewhere", OLD)
-    root = tmp_path / "root"
+    elsewhere, root = make_cache(tmp_path / "elsewhere", OLD), tmp_path / "root"
     root.mkdir()
     (root / "0123456789abcde1").symlink_to(elsewhere)
     (root / "0123456789abcde2").write_text("a file")
-    os.utime(root / "0123456789abcde2", (0, 0))
-    os.utime(root / "0123456789abcde1", (0, 0), follow_symlinks=False)
+    for path in root.iterdir():
+        os.utime(path, (0, 0), follow_symlinks=False)
     remove_unused(root.iterdir(), is_cache)
-    assert len(list(root.iterdir())) == 2
     make_cache(root / "0123456789abcde3", OLD)
     monkeypatch.setattr(machine, "USER", os.getuid() + 1)
     remove_unused(root.iterdir(), is_cache)
@@ -222,7 +186,6 @@ print(compiled(1), sum(compiled.stats.cache_hits.values()))
 
 
 def in_processes(cache: Path, program: Path, count: int) -> list[str]:
-    """Return what some processes print that run the program at the same time, with a cache."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(PACKAGE.parent)}
     running = [
         subprocess.Popen([sys.executable, program], env=environment, stdout=subprocess.PIPE, text=True)
@@ -245,56 +208,56 @@ def test_a_cache_in_use_is_marked_so_and_old_ones_go_when_a_new_one_is_made(tmp_
     assert old.exists()  # nothing was compiled: there was no need to look
 
 
-def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monkeypatch) -> None:
+@pytest.fixture
+def compiled(tmp_path, monkeypatch):
+    """Return a function that compiles one into a cache, an empty folder at first."""
     monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path)
 
-    def plus_two(value: int) -> int:
-        return value + 2
+    def compile_one() -> Any:
+        def plus_two(value: int) -> int:
+            return value + 2
 
-    compiled = jit.compile_cached(plus_two, "0123456789abcdef", careful=False)
+        return jit.compile_cached(plus_two, "0123456789abcdef", careful=False)
+
+    return compile_one
+
+
+def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, compiled) -> None:
+    plus_two = compiled()
     os.utime(tmp_path / "0123456789abcdef", (0, 0))
     remove_unused(tmp_path.iterdir(), is_cache)
     assert list(tmp_path.iterdir()) == []
-    assert compiled(1) == 3
+    assert plus_two(1) == 3
     assert list(tmp_path.rglob("*.nbi")) != []
 
 
-def test_files_of_the_cache_that_were_damaged_are_compiled_anew_and_healed(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path)
-
+def test_files_of_the_cache_that_were_damaged_are_compiled_anew_and_healed(tmp_path, compiled) -> None:
     def is_from_cache() -> bool:
-        def plus_four(value: int) -> int:
-            return value + 4
-
-        compiled: Any = jit.compile_cached(plus_four, "0123456789abcdef", careful=False)
-        assert compiled(1) == 5
-        return sum(compiled.stats.cache_hits.values()) == 1
+        plus_two = compiled()
+        assert plus_two(1) == 3
+        return sum(plus_two.stats.cache_hits.values()) == 1
 
     assert [is_from_cache(), is_from_cache()] == [False, True]
     index, code = sorted(tmp_path.rglob("*.nb*"), key=lambda path: path.suffix, reverse=True)
     assert (index.suffix, code.suffix) == (".nbi", ".nbc")
     generator = random.Random(4)
-    for file in [index, code] * 20:
+    for file in [index, code] * 6:
         contents = file.read_bytes()
         place = generator.randrange(len(contents))
         flipped = contents[:place] + bytes([contents[place] ^ 4]) + contents[place + 1 :]
-        file.write_bytes(generator.choice([contents[:place], flipped, b""]))
-        assert [is_from_cache(), is_from_cache()] == [False, True]
+        for damaged in (contents[:place], flipped, b""):
+            file.write_bytes(damaged)
+            assert [is_from_cache(), is_from_cache()] == [False, True]
 
 
-def test_a_cache_that_gets_full_costs_a_warning_not_the_run(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path)
-
-    def plus_three(value: int) -> int:
-        return value + 3
-
+def test_a_cache_that_gets_full_costs_a_warning_not_the_run(tmp_path, monkeypatch, compiled) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.EDQUOT, "Disk quota exceeded")
 
-    compiled = jit.compile_cached(plus_three, "0123456789abcdef", careful=False)
+    plus_two = compiled()
     monkeypatch.setattr("numba.core.caching.os.replace", full)
     with pytest.warns(UserWarning, match=rf"{tmp_path}: compiled code cannot be kept here.*: Disk quota exceeded"):
-        assert compiled(1) == 4
+        assert plus_two(1) == 3
 
 
 # --- how kernels are compiled -------------------------------------------------------------------------

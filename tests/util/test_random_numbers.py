@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from epuck_sim.util.rng import next_word, randint, uniform
@@ -58,20 +58,14 @@ def test_next_word_is_xoshiro256pp_from_every_state(state):
         assert random.tolist() == list(state)
 
 
-@given(state=STATES)
-def test_uniform_is_the_word_s_upper_53_bits(state):
-    assert uniform(stream(*state)) == (xoshiro256pp(state)[0] >> 11) / 2**53
-
-
-@pytest.mark.parametrize("limit", [1, 2, 25, 5000, 86_400_000, 2**31 - 1, 2**31])
-def test_uniform_reaches_0_and_never_1_and_randint_0_and_the_last_number_below_its_limit(limit):
-    assert (uniform(stream(*ZERO)), uniform(stream(*LARGEST))) == (0, 1 - 2**-53)
-    assert (randint(stream(*ZERO), limit), randint(stream(*LARGEST), limit)) == (0, limit - 1)
-
-
 @given(state=STATES, limit=st.integers(1, 2**31))
-def test_randint_stays_in_its_range(state, limit):
-    assert 0 <= randint(stream(*state), limit) < limit
+@example(ZERO, 2**31)
+@example(LARGEST, 2**31 - 1)
+@example(LARGEST, 86_400_000)
+def test_uniform_is_the_word_s_upper_53_bits_and_randint_a_share_of_its_range(state, limit):
+    share = (xoshiro256pp(state)[0] >> 11) / 2**53
+    assert uniform(stream(*state)) == share < 1
+    assert randint(stream(*state), limit) == int(share * limit) < limit
 
 
 @pytest.mark.parametrize(("limit", "quantile"), [(2, 10.8), (3, 13.8), (10, 27.9), (25, 51.2), (100, 148.2)], ids=str)
@@ -83,30 +77,20 @@ def test_randint_is_uniform(limit, quantile):
     assert ((counts - expected) ** 2 / expected).sum() < quantile
 
 
-MASTERS = st.integers(0, 2**53) | st.integers(0, 10**100)
-
-
-@given(master=MASTERS)
-def test_trial_0_has_the_master_seed_itself(master):
+@given(master=st.integers(0, 2**53) | st.integers(0, 10**100), trial=st.integers(1, 10**7))
+def test_trial_0_has_the_master_seed_itself_and_others_have_seeds_of_at_most_53_bits(master, trial):
     assert trial_seed(master, 0) == master
-
-
-@given(master=MASTERS, trial=st.integers(1, 10**7))
-def test_a_derived_seed_has_at_most_53_bits_and_is_always_the_same(master, trial):
     seed = trial_seed(master, trial)
     assert type(seed) is int
     assert 0 <= seed < 2**53
     assert seed == trial_seed(master, trial)
 
 
-def test_seeds_use_all_53_bits():
-    assert max(trial_seed(0, trial) for trial in range(1, 100)) > 2**52
-
-
-def test_seeds_are_distinct_over_trials_and_masters():
+def test_seeds_use_all_53_bits_and_are_distinct_over_trials_and_masters():
     masters = [*range(20), 2**32, 2**53, 2**64, 10**100]
     seeds = [trial_seed(master, trial) for master in masters for trial in range(200)]
     assert len(set(seeds)) == len(seeds)
+    assert max(seeds[1:200]) > 2**52
 
 
 @given(seed=st.integers(0, 10**30), few=st.integers(0, 20), more=st.integers(0, 20))

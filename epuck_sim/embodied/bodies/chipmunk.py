@@ -73,9 +73,8 @@ END = FIRST + len(FUNCTIONS)
 def move_bodies(swarm: Swarm, addresses: IntArray) -> None:
     """Move all bodies for a control step.
 
-    Only robots that may touch something are in Chipmunk's space, but for what `contacts` moves as it would be
-    moved there; the others move in straight lines. Where nobody is in the space, no physics step is taken. Robots are
-    sorted into cells before and after.
+    Chipmunk moves robots that may touch something, but for those that `contacts` moves as it would; others move in
+    straight lines. Where nobody is in the space, no physics step is taken. Cells are right before and after.
     """
     robots = swarm.robots
     fastest_cm_s = find_contact_candidates(swarm)
@@ -116,8 +115,7 @@ def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: fl
 def _bring_in(swarm: Swarm, addresses: IntArray, candidates: int, inside: int, fastest_cm_s: float, past: int) -> int:
     """Bring into the space whom robots may touch that have come too far, and those that have been brought in before.
 
-    The list has the robots that are `inside` the space, those that were candidates first; return how many are inside
-    then. `past`: number of physics steps since the control step began.
+    The list begins with `candidates` robots, then has who was brought in, `inside` in all; returns its new length.
     """
     first, path_cm = swarm.scene[0].bodies, fastest_cm_s * past * swarm.scene[0].physics_s + PUSHED_CM
     index = 0
@@ -164,7 +162,7 @@ def _leave(swarm: Swarm, addresses: IntArray, number: int) -> None:
 
 @jit_no_alloc
 def step(block: ByteArray, addresses: IntArray) -> None:
-    """Move all bodies of a block for a control step; see `move_bodies`."""
+    """Move all bodies of a block for a control step."""
     move_bodies(swarm_at(block), addresses)
 
 
@@ -173,10 +171,7 @@ def step(block: ByteArray, addresses: IntArray) -> None:
 
 @jit_no_alloc
 def place(block: ByteArray, addresses: IntArray) -> None:
-    """Make the space anew, with all robots at rest where they are, and out of it: the world is as good as new.
-
-    A space is never used for a second trial (viblo/pymunk#181).
-    """
+    """Make the space anew (never used twice: viblo/pymunk#181), with all robots at rest where they are, out of it."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
     surfaces = addresses[scene.surfaces : scene.surfaces + scene.surface_count]
@@ -213,10 +208,7 @@ def sort_robots(block: ByteArray) -> None:
 
 @jit_no_alloc
 def _rest(swarm: Swarm, addresses: IntArray, number: int) -> None:
-    """Set a body to rest as a new one, out of the space: from its last place, contacts would be found in another order.
-
-    Blocks that were overwritten may not know that it is in the space.
-    """
+    """Set a body to rest as a new one, out of the space: its last place would change the order of contacts."""
     body, robot = addresses[swarm.scene[0].bodies + 2 * number], swarm.robots[number]
     if pointer_from_c(addresses[_SPACE_OF], body) != 0:
         _leave(swarm, addresses, number)
@@ -271,35 +263,8 @@ def take_from_space(space: int, things: Iterable[Thing]) -> None:
                 remove(pointer, _struct(thing))
 
 
-def forget(space: int, bodies: Bodies) -> None:
-    """Take movables and all joints out of the space at an address, and have them be as new, where movables begin.
-
-    Old ones know their last contacts and impulses.
-    """
-    pointer, nowhere = ffi.cast("cpSpace *", int(space)), (0.0, 0.0)
-    joints = [(bodies.ground, body, joint) for (body, _), joint in zip(bodies.movables, bodies.holds, strict=True)]
-    joints += [(drive, body, joint) for (drive, joint), (body, _) in zip(bodies.drives, bodies.robots, strict=False)]
-    for one, other, joint in joints:
-        struct, force = joint._constraint, joint.max_force
-        lib.cpSpaceRemoveConstraint(pointer, struct)
-        lib.cpPivotJointInit(ffi.cast("cpPivotJoint *", struct), one._body, other._body, nowhere, nowhere)
-        lib.cpConstraintSetMaxBias(struct, 0.0)
-        lib.cpConstraintSetMaxForce(struct, force)
-    for drive, _ in bodies.drives:
-        lib.cpBodySetVelocity(drive._body, nowhere)
-    for (body, shape), start in zip(bodies.movables, bodies.starts, strict=True):
-        lib.cpSpaceRemoveShape(pointer, shape._shape)
-        lib.cpSpaceRemoveBody(pointer, body._body)
-        lib.cpBodySetVelocity(body._body, nowhere)
-        lib.cpBodyUpdatePosition(body._body, 0.0)  # see `_rest`
-        lib.cpBodySetPosition(body._body, start)
-
-
 def free_space(addresses: IntArray, bodies: Bodies) -> None:
-    """Free the space, if there is one, and take out first what may be in it.
-
-    pymunk's objects free their structs themselves, and would otherwise ask for a space that is gone.
-    """
+    """Free the space, if there is one, but take out first what pymunk's objects free themselves."""
     if addresses[SPACE]:
         take_from_space(addresses[SPACE], [bodies.ground, *bodies.listed, *bodies.pushed])
         lib.cpSpaceFree(ffi.cast("cpSpace *", int(addresses[SPACE])))
@@ -308,12 +273,7 @@ def free_space(addresses: IntArray, bodies: Bodies) -> None:
 
 @cache
 def function_addresses() -> list[int]:
-    """Return the addresses of Chipmunk's functions, as they stand from `FIRST` up to `END`.
-
-    Raises:
-        AttributeError: This pymunk has no such function.
-        TypeError: This pymunk's function is of another kind than compiled code takes it for.
-    """
+    """Return the addresses of Chipmunk's functions; AttributeError or TypeError if this pymunk's are others."""
     functions = {name: ffi.addressof(lib, name) for name in FUNCTIONS}
     for name, function in functions.items():
         if ffi.typeof(function) is not ffi.typeof(FUNCTIONS[name]):
@@ -323,10 +283,7 @@ def function_addresses() -> list[int]:
 
 @jit_no_alloc
 def try_calls(addresses: IntArray, things: IntArray, moved: FloatArray) -> None:
-    """Move a disc against a wall with each kind of call, and write its x, y and angle to moved, (3,).
-
-    Things are a wall's body and shape, and a disc's.
-    """
+    """Move a disc against a wall, things (body, shape) of each, with all kinds of calls; moved: (3,) x, y, angle."""
     space, disc = pointer_from_c(addresses[_NEW_SPACE]), things[2]
     call_c(addresses[_SET_SLOP], space, SLOP_CM)
     call_c(addresses[_SET_BIAS], space, 0.0)

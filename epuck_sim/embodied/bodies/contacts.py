@@ -62,13 +62,7 @@ def wall_touch_cm(radius_cm: float) -> float:
 
 @jit_no_alloc
 def find_contact_candidates(swarm: Swarm) -> float:
-    """Find the robots that may touch a wall, an obstacle or another robot in a control step, see the module.
-
-    Writes `may_touch`, `partner` and scratch numbers; robots are sorted into cells by where they are.
-
-    Returns:
-        The speed of the fastest robot, cm/s.
-    """
+    """Write who may touch something in a control step, and their partners; return the fastest speed, cm/s."""
     scene, robots, reached = swarm.scene[0], swarm.robots, swarm.numbers
     time_s = scene.physics_steps * scene.physics_s
     fastest = 0.0
@@ -177,10 +171,7 @@ def _closest(dx: float, dy: float, vx: float, vy: float, time_s: float) -> float
 
 @jit_inline
 def _reach_others(swarm: Swarm, number: int, reach_cm: float, found: int) -> int:
-    """Add to the scratch numbers the robots within reach of one that may be pushed; return how many are in them.
-
-    If there is only one, it is the robot's partner.
-    """
+    """List who is within reach of one that may be pushed, its partner if alone; return the list's length."""
     robot = swarm.robots[number]
     near = cells_around(robot.x, robot.y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
@@ -213,16 +204,12 @@ class Motion(NamedTuple):
     other_y: float
     other_vx: float
     other_vy: float
-    is_exact: bool
-    """Whether Chipmunk would have moved them there, and would have nothing left to correct."""
+    is_exact: bool  # whether Chipmunk would have moved them there, and would have nothing left to correct
 
 
 @jit_no_alloc
 def lone_motion(swarm: Swarm, number: int, steps: int, reach_cm: float) -> Motion:
-    """Return where some physics steps take a robot and its partner.
-
-    Neither may come farther than `reach_cm`, or else touches what nobody has looked for.
-    """
+    """Return where some physics steps take a robot and its partner, who may not come farther than `reach_cm`."""
     scene, robot = swarm.scene[0], swarm.robots[number]
     if robot.partner != number:
         return _push(robot, swarm.robots[robot.partner], steps, scene.physics_s, reach_cm)
@@ -312,9 +299,8 @@ def list_candidates(swarm: Swarm) -> int:
 def add_reached(swarm: Swarm, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
     """Add robots to the list of candidates that were none, but may touch a robot at (x, y) in the next physics step.
 
-    They are moved to where they are now, `past` physics steps after the control step began. `approach_cm_s` is the
-    speed with which another robot may come nearer, but for contacts; `found` the length of the list, see
-    `list_candidates`, whose new length is returned.
+    They are moved to where they are `past` physics steps after the control step began. Another robot may come nearer
+    with `approach_cm_s`, but for contacts; returns the length of the list, `found` before.
     """
     largest_cm, time_s = swarm.scene[0].largest_cm, past * swarm.scene[0].physics_s
     reach_cm = touch_cm(largest_cm, largest_cm) + approach_cm_s * swarm.scene[0].physics_s + PUSHED_CM

@@ -14,11 +14,7 @@ from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 @jit_no_alloc
 def apply_commands(swarm: Swarm) -> int:
-    """Carry out what the robots' actuators command; return the first with a speed or turn that is no number, or -1.
-
-    Writes wheels, within their limit, turns, rings, and the velocities with which bodies move. Robots after the one
-    that is returned keep theirs.
-    """
+    """Carry out wheels, turns and rings as commanded; return the first robot whose command is no number, or -1."""
     scene = swarm.scene[0]
     for number in range(len(swarm.robots)):
         robot = swarm.robots[number]
@@ -39,8 +35,7 @@ def apply_commands(swarm: Swarm) -> int:
 def _drive(robot: Any, scene: Any) -> None:
     """Write the velocities that take a robot to the end of its arc in a control step.
 
-    A number of 0 as noise makes a wheel's speed 1 - slip times itself, 1 makes it 1 + slip times (Enki). A turn on the
-    spot changes the arc at once; the body turns while it moves, which makes no difference to a disc.
+    A noise of 0 makes a wheel's speed 1 - slip times itself, 1 makes it 1 + slip times (Enki). Turns come first.
     """
     slip, noise, gain = scene.slip, robot.wheel_noise, robot.wheel_gain
     left = robot.left_cm_s * (1.0 + slip * (2.0 * noise[0] - 1.0)) * gain[0]

@@ -84,19 +84,19 @@ def public_way(block: ByteArray) -> SimpleNamespace:
 
 @jit_no_alloc
 def find_candidates(block: ByteArray) -> float:
-    """Find the robots of a block that may touch something; return the speed of the fastest, cm/s."""
+    """Do what `contacts.find_contact_candidates` does, with a block."""
     return find_contact_candidates(swarm_at(block))
 
 
 @jit_no_alloc
 def add_robots_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
-    """Find further robots of a block that may touch one; see `contacts.add_reached`."""
+    """Do what `contacts.add_reached` does, with a block."""
     return add_reached(swarm_at(block), found, x, y, approach_cm_s, past)
 
 
 @jit_no_alloc
 def move_robots(block: ByteArray) -> None:
-    """Move the robots of a block that are no candidates."""
+    """Do what `contacts.move_others` does, with a block."""
     move_others(swarm_at(block))
 
 

@@ -13,7 +13,6 @@ follow their wheels one physics step late. Forces take a few steps to balance, i
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import pymunk
 
@@ -38,18 +37,11 @@ _ROBOTS = 1
 Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
 
 
-class Disc(NamedTuple):
-    """The body of a robot or a movable, and its shape."""
+Disc = tuple[pymunk.Body, pymunk.Shape]
+"""The body of a robot or a movable, and its shape."""
 
-    body: pymunk.Body
-    shape: pymunk.Shape
-
-
-class Drive(NamedTuple):
-    """What drives a robot where there are movables: a body with the commanded velocity, and its joint with it."""
-
-    body: pymunk.Body
-    joint: pymunk.Constraint
+Drive = tuple[pymunk.Body, pymunk.Constraint]
+"""What drives a robot where there are movables: a body with the commanded velocity, and its joint with it."""
 
 
 @dataclass
@@ -106,14 +98,14 @@ def make_bodies(arena: Arena, kinds: Sequence[RobotKind], contact: ContactSectio
         holds.append(_limited_joint(ground, body, floor_friction * GRAVITY_CM_S2 * mass_g))
     for body, _ in discs if movables else ():
         drive = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        drives.append(Drive(drive, _limited_joint(drive, body, DYNES_PER_NEWTON * contact.drive_force_n)))
+        drives.append((drive, _limited_joint(drive, body, DYNES_PER_NEWTON * contact.drive_force_n)))
     return Bodies(ground, make_surfaces(ground, arena, friction), discs, movables, starts, holds, drives)
 
 
 def _disc(body: pymunk.Body, radius_cm: float, friction: float) -> Disc:
     shape = pymunk.Circle(body, radius_cm + MARGIN_CM)
     shape.friction = math.sqrt(friction)
-    return Disc(body, shape)
+    return body, shape
 
 
 def _limited_joint(one: pymunk.Body, other: pymunk.Body, force: float) -> pymunk.Constraint:
@@ -130,10 +122,7 @@ def count_surfaces(arena: Arena) -> int:
 
 
 def make_surfaces(ground: pymunk.Body, arena: Arena, friction: float) -> list[pymunk.Shape]:
-    """Return shapes of the ground: four slabs around the floor that overlap at the corners, and obstacles.
-
-    Friction is the coefficient between any two bodies that touch.
-    """
+    """Return shapes of the ground: four slabs around the floor that overlap at the corners, and obstacles."""
     width, height, out = arena.width_cm, arena.height_cm, WALL_CM
     slabs = [
         (-out, -out, 0, height + out),

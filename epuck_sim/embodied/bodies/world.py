@@ -63,10 +63,7 @@ class World:
         return head + [way.address(each) for each in bodies.listed] + [0] * room
 
     def use(self, block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
-        """Work on a block, the first one or one that is like it, from now on; the space is freed with the world.
-
-        Its addresses begin with what `addresses` returns; where the bodies are in them is written to the block.
-        """
+        """Work from now on with a block, and with addresses that begin with `addresses`; `weakref` frees the space."""
         self._block, self._swarm = block, swarm
         self._way: Any = public_way(block) if self.is_public else chipmunk
         used = self._addresses[SPACE] if self._finalizer else 0
@@ -88,25 +85,22 @@ class World:
         self._finalizer = weakref.finalize(self, self._way.free_space, self._addresses, self._bodies)
 
     def place(self) -> None:
-        """Begin a trial in the first arena, which the block is in, with robots at rest where it says: all is as new.
-
-        Movables are where they begin.
-        """
+        """Begin a trial in the first arena, with robots at rest where the block says and movables where they begin."""
         if self._arena is not self._arenas[0]:
             self._surround(self._arenas[0])
-        if self._addresses[SPACE] != 0 and self.is_public:
+        if self._addresses[SPACE] != 0 and (self.is_public or self._bodies.movables):
             self._renew()
-        elif self._addresses[SPACE] != 0 and self._bodies.movables:
-            chipmunk.forget(self._addresses[SPACE], self._bodies)
         self._way.place(self._block, self._addresses)
         if self._bodies.movables:
             self._way.add_to_space(self._addresses[SPACE], self._bodies.pushed)
 
     def _renew(self) -> None:
-        """Make all bodies anew where Python moves them: old ones know their last contacts, and joints impulses."""
+        """Make all bodies anew: old ones know their last contacts, and joints impulses."""
+        self._way.free_space(self._addresses, self._bodies)
         self._bodies = self._make_bodies()
-        self._addresses[SPACE], self._addresses[GROUND] = 0, self._bodies.ground
-        self._addresses[chipmunk.END :][: len(self._bodies.listed)] = self._bodies.listed
+        self._addresses[SPACE], self._addresses[GROUND] = 0, self._way.address(self._bodies.ground)
+        listed = [self._way.address(each) for each in self._bodies.listed]
+        self._addresses[chipmunk.END :][: len(listed)] = listed
         self._free_with_world()
 
     def step(self) -> None:
@@ -114,10 +108,7 @@ class World:
         self._way.step(self._block, self._addresses)
 
     def change_arena(self, arena: Arena) -> None:
-        """Put other walls and obstacles around all bodies where they are, in a block that is in that arena already.
-
-        Places of movables are written to the block.
-        """
+        """Put other walls and obstacles around all bodies where they are; the block is in that arena already."""
         self._surround(arena)
         self._put_movables(np.array([body.position for body, _ in self._bodies.movables]).reshape(-1, 2))
         chipmunk.sort_robots(self._block)

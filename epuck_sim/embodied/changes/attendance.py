@@ -31,8 +31,6 @@ from epuck_sim.util.jit import jit_no_alloc
 if TYPE_CHECKING:  # it imports pymunk, which readers of recordings do without
     from epuck_sim.embodied.bodies.world import World
 
-_WORD = 2**64
-
 
 def parked_poses(robots: IntArray) -> FloatArray:
     """Return (n, 3) cm, cm, rad: where robots of these numbers are parked."""
@@ -42,8 +40,7 @@ def parked_poses(robots: IntArray) -> FloatArray:
 
 def parked(poses: FloatArray) -> FloatArray:
     """Return (..., robots, 3) poses of steps with robots parked that are not in the arena, for whom they are NaN."""
-    outside = np.broadcast_to(parked_poses(np.arange(poses.shape[-2])), poses.shape)
-    return np.where(np.isnan(poses), outside, poses)
+    return np.where(np.isnan(poses), parked_poses(np.arange(poses.shape[-2])), poses)
 
 
 @jit_no_alloc
@@ -101,16 +98,14 @@ def put_in(
     sequence: np.random.SeedSequence,
     origin: str,
 ) -> None:
-    """Put robots into the arena that are not in it, as the scenario says what they remember; their controllers start.
+    """Put absent robots into the arena; their controllers start, and they remember what the scenario says.
 
-    Poses are cm, cm, rad; free places are drawn from the sequence, for all robots in turn, if they are None.
-
-    Raises:
-        ScenarioError: There is no free place, or a pose that is given is not free; the message begins with `origin`.
-        RobotError: A controller raises at its start.
+    Poses are cm, cm, rad; if they are None, free places are drawn from the sequence. Errors begin with `origin`.
     """
     swarm = open_block(block)
-    _seed_places(swarm, sequence)
+    numbers = np.random.PCG64(sequence).state["state"]  # of numpy's `default_rng`; see `util.generators.seed_pcg64`
+    words = [half for name in ("state", "inc") for half in divmod(numbers[name], 2**64)]
+    swarm.scene[0].placement_random = np.array([*words, 0, 0, 1], np.uint64)
     for number, robot in enumerate(robots):
         record = swarm.robots[robot]
         if record.present:
@@ -129,13 +124,6 @@ def put_in(
         for name, value in scenario.robots[group].memory.items():
             controllers[group].memory[name][member] = value if np.ndim(value) == 0 else value[member]
         forget_signals(swarm, robot)
-
-
-def _seed_places(swarm: Swarm, sequence: np.random.SeedSequence) -> None:
-    """Set the generator of places to numpy's `default_rng(sequence)`; see `util.generators.seed_pcg64`."""
-    numbers = np.random.PCG64(sequence).state["state"]
-    words = [half for name in ("state", "inc") for half in divmod(numbers[name], _WORD)]
-    swarm.scene[0].placement_random = np.array([*words, 0, 0, 1], np.uint64)
 
 
 def _check_free(swarm: Swarm, robot: int, pose: Sequence[float], origin: str) -> None:

@@ -26,12 +26,11 @@ from epuck_sim.util.native import array_at
 from epuck_sim.util.rng import next_word, share_of, uniform
 from epuck_sim.util.seeds import robot_streams
 
-RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5)
-CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART, SENSOR_DEAD = range(5, 11)
-"""Numbers of the kinds of faults: those in `scenario.changes.FAULTS`, in order."""
-
 KINDS = tuple(FAULTS)
 """Names of the kinds, by their numbers."""
+
+RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5)
+CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART, SENSOR_DEAD = range(5, 11)
 
 LOGGED_STEPS = 16
 """Control steps of which the log has room for all changes: after no more of them, `take_events` is to be called."""
@@ -58,22 +57,18 @@ def set_faults(swarm: Swarm, scenario: EmbodiedScenario) -> None:
             fault.strength = getattr(section, key, fault.strength)
         if isinstance(section, SensorDead):
             fault.sensor = scenario.sensor_names.index(section.sensor)
-        fault.nearer_cm, fault.farther_cm = _missed_cm(section)
+        nearer, farther = (getattr(section, key, None) for key in ("nearer_than_cm", "farther_than_cm"))
+        at_any = math.inf if farther is None else 0.0  # distance, unless one is given
+        fault.nearer_cm, fault.farther_cm = _or(nearer, at_any), _or(farther, math.inf)
         fault.begin_ms = math.inf if section.scheduled else _in_ms(section.at_s or 0.0)
-        fault.end_ms = _in_ms(_or_infinity(section.until_s))
+        fault.end_ms = _in_ms(_or(section.until_s, math.inf))
         fault.mean_free_ms = 3.6e6 / section.per_hour if section.per_hour else 0.0
-        fault.mean_faulty_ms = 1000 * _or_infinity(section.mean_s)
+        fault.mean_faulty_ms = 1000 * _or(section.mean_s, math.inf)
     swarm.scene[0].hides_flashes = any(section.changes == "flashes" for section in scenario.faults)
 
 
-def _missed_cm(section: FaultSection) -> tuple[float, float]:
-    """Return the distances below which, and above which, flashes are missed: at any, if none is given."""
-    nearer, farther = (getattr(section, key, None) for key in ("nearer_than_cm", "farther_than_cm"))
-    return (math.inf if farther is None else 0.0) if nearer is None else nearer, _or_infinity(farther)
-
-
-def _or_infinity(given: float | None) -> float:
-    return math.inf if given is None else given
+def _or(given: float | None, default: float) -> float:
+    return default if given is None else given
 
 
 def _in_ms(time_s: float) -> float:
@@ -201,19 +196,16 @@ def has_fault(robot: Any, kind: int) -> bool:
 def take_events(swarm: Swarm) -> list[TrialEvent]:
     """Return what has begun and ended since the last call, one event for all robots in which a fault did so at once."""
     scene = swarm.scene[0]
-    changes = sorted(swarm.log[: scene.changes].tolist(), key=lambda each: (each[0], each[1], each[3], each[2]))
+    order = ("time_ms", "fault", "begins", "robot")
+    changes = np.sort(swarm.log[: scene.changes], order=order)[list(order)].tolist()
     scene.changes = 0
     events = []
-    for (time_ms, fault, begins), several in groupby(changes, lambda each: (each[0], each[1], each[3])):
-        robots = tuple(robot for _, _, robot, _ in several)
-        what = _what(int(swarm.faults[fault].kind), begins=begins)
+    for (time_ms, fault, begins), several in groupby(changes, lambda each: each[:3]):
+        kind = KINDS[swarm.faults[fault].kind]
+        what = kind if kind == "restart" else f"{kind} {'begins' if begins else 'ends'}"
+        robots = tuple(robot for *_, robot in several)
         events.append(TrialEvent(int(time_ms) // int(scene.step_ms), time_ms / 1000, f"faults.{fault}", what, robots))
     return events
-
-
-def _what(kind: int, *, begins: bool) -> str:
-    name = KINDS[kind]
-    return name if kind == RESTART else f"{name} {'begins' if begins else 'ends'}"
 
 
 # --- what they change -------------------------------------------------------------------------------
@@ -310,10 +302,7 @@ def fail_actuators(block: ByteArray, _addresses: IntArray, _number: int) -> None
 
 @jit_no_alloc
 def hide_flashes(block: ByteArray, _addresses: IntArray, robot: int) -> None:
-    """Write which lit rings faults do not keep a robot from seeing: 1 for each, 0 for others, one for each robot.
-
-    They are the second part of the scratch numbers, see `Swarm.numbers`.
-    """
+    """Write to the scratch numbers which lit rings faults do not keep a robot from seeing: 1 for each, 0 for others."""
     swarm = swarm_at(block)
     robots = len(swarm.robots)
     is_blind = has_fault(swarm.robots[robot], CAMERA_BLIND)

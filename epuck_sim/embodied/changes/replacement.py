@@ -5,7 +5,7 @@ if the new controller is refused, the trial goes on there.
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +15,7 @@ from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import load_controller
 from epuck_sim.embodied.controllers import GroupControllers
-from epuck_sim.embodied.swarm import Swarm, open_block
+from epuck_sim.embodied.swarm import DTYPES, open_block
 from epuck_sim.errors import ControllerError, EpuckSimError
 from epuck_sim.scenario.robots import resolve_parameters
 from epuck_sim.user_files import Value
@@ -49,14 +49,9 @@ def check_alike(old: Controller, new: Controller) -> None:
         raise ControllerError(f"{new.path}: has become {now} (phase_ms in MEMORY, period_s in PARAMETERS): run again")
 
 
-def parameters_for(
-    new: Controller, old: Controller, values: Mapping[str, Value], step_ms: int, origin: str
-) -> dict[str, Value]:
-    """Return the parameters of a new controller: the old ones, values, where it has them and they are no old defaults.
-
-    Raises:
-        ScenarioError: The new controller does not take them; the message begins with `origin`.
-    """
+def parameters_for(new: Controller, old: Controller, record: np.void, step_ms: int, origin: str) -> dict[str, Value]:
+    """Return the parameters of a new controller: the old ones, where it has them and they are no old defaults."""
+    values = old.parameter_values(record)
     given = {name: value for name, value in values.items() if name in new.parameters and value != old.parameters[name]}
     return resolve_parameters(new, given, step_ms, origin)
 
@@ -72,13 +67,10 @@ def replace_controller(
     """Have a swarm go on in a new block, in which a group has another controller; the old block stays as it is.
 
     Fields of memory whose names and types agree are kept, others begin as `start` sets them. The new controller runs
-    once on what robots sense now, so that one that raises at once is refused; what that changes is set back.
-
-    Raises:
-        RobotError: The new controller raises.
-        ControllerError: It sets what is not a number.
+    once on what robots sense now, so that one that raises, or sets what is not a number, is refused at once; what that
+    changes is set back.
     """
-    move(old_block, block, number)
+    _move(old_block, block, number)
     new.parameters[:] = new.controller.parameter_record(parameters)
     actuators = open_block(block).robots.actuators[new.robots]
     fields, old_fields = new.controller.memory, old.controller.memory
@@ -100,12 +92,10 @@ def replace_controller(
     return Replaced(kept, started)
 
 
-def move(old_block: ByteArray, block: ByteArray, replaced: int) -> None:
+def _move(old_block: ByteArray, block: ByteArray, replaced: int) -> None:
     """Copy a swarm to another block: all but memories and parameters of the group whose controller is replaced."""
     old, new = open_block(old_block), open_block(block)
-    for name in Swarm._fields:
-        if name == "bytes":
-            continue
+    for name in DTYPES.keys() - {"bytes"}:
         array, before = getattr(new, name), getattr(old, name).copy()
         for field in _PLACES.get(name, ()):
             before[field] = array[field]
@@ -119,10 +109,10 @@ def move(old_block: ByteArray, block: ByteArray, replaced: int) -> None:
 # --- files that are saved ------------------------------------------------------------------------------
 
 LOOK_S = 0.25
-"""Time between two looks at the files, in seconds."""
+"""Time between two looks at the files, s."""
 
 SETTLED_S = 0.1
-"""Time since a file was last written, in seconds, from which on it is taken as saved completely."""
+"""Time since a file was last written from which on it is taken as saved completely, s."""
 
 SOURCES = {".py": (".py",), ".c": (".c", ".h"), ".so": (".so",)}
 """By the ending of a controller's file: endings of the files beside it from which it may be made."""
@@ -166,14 +156,11 @@ class ControllerFiles:
             self._announce(f"{error}; the old one goes on")
             return
         self._stamps[path] = _stamps(new)
+        kept, started = replaced[0]
+        memory = f"memory: {comma_list(list(started))} started anew" if started else "memory is kept"
+        and_kept = f", {comma_list(list(kept))} kept" if kept and started else ""
         at = f"{path.name}: robots go on with the new one from step {self._simulation.steps}"
-        self._announce(f"{at}; {_of_memory(replaced[0].kept, replaced[0].started)}")
-
-
-def _of_memory(kept: Sequence[str], started: Sequence[str]) -> str:
-    if not started:
-        return "memory is kept"
-    return f"memory: {comma_list(list(started))} started anew" + (f", {comma_list(list(kept))} kept" if kept else "")
+        self._announce(f"{at}; {memory}{and_kept}")
 
 
 def _stamps(controller: Controller) -> dict[Path, int]:

@@ -28,10 +28,7 @@ def timed_entries(schedule: Sequence[RobotScheduleEntry], step_ms: int) -> Timed
 
 
 def check_bodies_outside(swarm: Swarm, origin: str) -> None:
-    """Raise ScenarioError if a robot or a movable is in a wall or an obstacle, or beyond the walls, of a new arena.
-
-    The message begins with `origin`: what changes the arena, and when.
-    """
+    """Raise ScenarioError, which begins with `origin`, if a robot or a movable is in a wall or an obstacle."""
     scene, robots = swarm.scene[0], swarm.robots
     bodies = [(f"robot {robot}", robots[robot], robots[robot].radius_cm) for robot in np.flatnonzero(robots.present)]
     movables = swarm.circles[scene.first_movable : scene.circles]
@@ -51,10 +48,7 @@ def displace_phases(
     displacement: RobotDisplacement,
     sequence: np.random.SeedSequence,
 ) -> None:
-    """Displace the phases of oscillators, and command their rings dark.
-
-    Random phases are drawn from the sequence for all robots, whoever is displaced.
-    """
+    """Displace phases, and command rings dark; random ones are drawn for all robots, whoever is displaced."""
     robots = np.arange(len(swarm.robots))
     drawn = np.random.Generator(np.random.SFC64(sequence)).random(len(robots))
     is_displaced = np.isin(robots, robots if displacement.robots is None else displacement.robots)

@@ -84,28 +84,20 @@ def half_view_rad(section: CameraSection) -> float:
 class Eye(NamedTuple):
     """A camera at work."""
 
-    robot: int
-    """Number of the robot that has it, which it does not see."""
-    x: float
-    """cm."""
-    y: float
-    """cm."""
-    cos: float
-    """Cosine of the robot's heading."""
+    robot: int  # number of the robot that has it, which it does not see
+    x: float  # cm
+    y: float  # cm
+    cos: float  # cosine of the robot's heading
     sin: float
 
 
 class Picture(NamedTuple):
     """What a camera sees so far."""
 
-    rays: Any
-    """(pixels,) RAY: where pixels look."""
-    labels: IntArray
-    """(robots,) what a pixel that shows the robot becomes."""
-    row: IntArray
-    """(pixels,) label of the nearest surface."""
-    depth: FloatArray
-    """(pixels,) distance in cm within which a surface would be nearer; -inf where nothing can change the pixel."""
+    rays: Any  # (pixels,) RAY: where pixels look
+    labels: IntArray  # (robots,) what a pixel that shows the robot becomes
+    row: IntArray  # (pixels,) label of the nearest surface
+    depth: FloatArray  # (pixels,) cm within which a surface would be nearer; -inf where nothing can change the pixel
 
 
 @jit_no_alloc
@@ -127,11 +119,7 @@ def look(block: ByteArray, addresses: IntArray, number: int) -> None:
 
 @jit_inline
 def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
-    """Write what a camera sees to (pixels,) zeros: the label of the robot that a pixel shows, within range.
-
-    Robots are sorted into cells, have labels, and of those that have one, more than 0 of them, there is a list: see
-    `find_lit`.
-    """
+    """Write to (pixels,) zeros the label of the robot that each pixel shows; robots have cells, see also `find_lit`."""
     camera = group.camera
     eye = eye_of(swarm.robots[robot], robot, camera)
     robots = len(swarm.robots)
@@ -171,10 +159,7 @@ def view_between(camera: Any, eye: Eye, rays: Any, left: int, right: int, larges
 
 @jit_inline
 def see_lit(swarm: Swarm, lit: int, camera: Any, eye: Eye, picture: Picture) -> bool:
-    """Write the robots in the list to a picture, as if there were no others; return whether any shows.
-
-    Pixels that show none remain 0, whatever other robots hide.
-    """
+    """Write the listed robots to a picture as if there were no others, and close the rest; return whether any shows."""
     view = view_between(camera, eye, picture.rays, camera.first, camera.end - 1, swarm.scene[0].largest_cm)
     any_lit = False
     for place in range(lit):
@@ -209,10 +194,7 @@ def see_sectors(swarm: Swarm, camera: Any, eye: Eye, picture: Picture) -> None:
 
 @jit_inline
 def _see_sector(swarm: Swarm, camera: Any, eye: Eye, left: int, right: int, picture: Picture) -> None:
-    """Write all robots to the pixels from `left` to `right`.
-
-    Strips of cells are visited from near to far, until all remaining robots must be hidden.
-    """
+    """Write all robots to pixels, strip by strip from near to far, until all remaining ones must be hidden."""
     scene = swarm.scene[0]
     view = view_between(camera, eye, picture.rays, left, right, scene.largest_cm)
     strips = make_strips(view, scene)
@@ -246,11 +228,7 @@ def _see_sector(swarm: Swarm, camera: Any, eye: Eye, left: int, right: int, pict
 def add_robot(
     dx: float, dy: float, radius: float, label: int, camera: Any, eye: Eye, left: int, right: int, picture: Picture
 ) -> bool:
-    """Write the label of a robot at (dx, dy) from the camera to the pixels that it is nearest in so far.
-
-    Returns:
-        Whether any pixel from `left` to `right` now shows it, and its label is not 0.
-    """
+    """Write a label where a robot at (dx, dy) from the camera is nearest so far; return whether it shows, lit."""
     ahead, aside = dx * eye.cos + dy * eye.sin, dy * eye.cos - dx * eye.sin
     row, depth, rays = picture.row, picture.depth, picture.rays
     distance = math.sqrt(ahead * ahead + aside * aside)
@@ -304,10 +282,8 @@ def hide_behind_obstacles(swarm: Swarm, camera: Any, eye: Eye, picture: Picture)
 class WallsInView(NamedTuple):
     """The walls that a camera's pixels look at."""
 
-    numbers: IntArray
-    """(pixels,) wall at which the pixel's ray leaves the arena: 0 to 3 for left, right, lower, upper."""
-    distances_cm: FloatArray
-    """(pixels,) distance along the ray; below 0 if a robot that pushes holds its camera beyond the wall."""
+    numbers: IntArray  # (pixels,) wall at which the pixel's ray leaves the arena: 0 to 3 for left, right, lower, upper
+    distances_cm: FloatArray  # (pixels,) along the ray; below 0 if a robot that pushes holds its camera beyond the wall
 
 
 @jit_no_alloc
@@ -390,11 +366,7 @@ def mirrored_in(wall: int, eye: Eye, scene: Any) -> Eye:
 
 @jit_inline
 def begin_image(wall: int, walls: WallsInView, camera: Any, picture: Picture, image: Picture) -> bool:
-    """Empty the picture that the camera's mirror image in a wall takes; its first pixel is the camera's last.
-
-    Returns:
-        Whether any pixel may show an image: it looks at the wall, which is within range, and is not red yet.
-    """
+    """Empty the picture of the camera's mirror image, right to left; return whether any pixel may show something."""
     last = len(picture.row) - 1
     any_open = False
     for pixel in range(camera.first, camera.end):
@@ -408,11 +380,7 @@ def begin_image(wall: int, walls: WallsInView, camera: Any, picture: Picture, im
 
 @jit_inline
 def add_image(image: Picture, walls: WallsInView, camera: Any, picture: Picture) -> bool:
-    """Write the lit rings in a mirrored picture to the camera's own; its depth there is the distance of the wall.
-
-    Returns:
-        Whether there are any.
-    """
+    """Write mirrored lit rings to the camera's picture, as far as the wall; return whether there are any."""
     last = len(picture.row) - 1
     any_lit = False
     for pixel in range(camera.first, camera.end):
@@ -439,10 +407,7 @@ def begin_pictures(block: ByteArray, number: int) -> None:
 
 @jit_no_alloc
 def take_pictures(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
-    """Take the pictures of this control step of what a group has in view, and deliver those that arrive in it.
-
-    It follows `look` where cameras do not take a picture in each control step.
-    """
+    """Take what is in view as the pictures of this control step, and deliver those that arrive; it follows `look`."""
     swarm = swarm_at(block)
     group, step = swarm.groups[number], swarm.scene[0].step
     interval, latency = group.camera.interval, group.camera.latency

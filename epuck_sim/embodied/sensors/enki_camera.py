@@ -19,14 +19,11 @@ class _Look(NamedTuple):
 
     receiver: int
     sender: int
-    x: float
-    """Where the camera is, cm."""
+    x: float  # where the camera is, cm
     y: float
-    dx: float
-    """From there to the other's centre, cm."""
+    dx: float  # from there to the other's centre, cm
     dy: float
-    square: float
-    """Square of that distance."""
+    square: float  # square of that distance
 
 
 @jit_inline

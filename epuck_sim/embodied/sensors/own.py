@@ -178,10 +178,7 @@ def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
 
 @lru_cache
 def completion(sensors: tuple[Sensor, ...]) -> Any:
-    """Return a kernel (sensors, block, swarm, first, member) that adds a group's further readings to `Sensors`.
-
-    The first of its sensors in files of their own has index `first` in `Swarm.senses`.
-    """
+    """Return a kernel that adds to `Sensors` readings of a group's own sensors, from `first` on in `Swarm.senses`."""
     if not sensors:
         return _as_they_are
     known: dict[str, Any] = {

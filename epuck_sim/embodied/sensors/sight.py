@@ -71,49 +71,33 @@ class FieldOfView(NamedTuple):
     x: float
     y: float
     left_x: float
-    left_y: float
-    """Direction of the leftmost ray, with `left_x`: a unit vector."""
+    left_y: float  # direction of the leftmost ray, with `left_x`: a unit vector
     right_x: float
-    right_y: float
-    """Direction of the rightmost ray, with `right_x`: a unit vector."""
-    wide: bool
-    """Whether the two rays are half a turn apart or more; then nothing is ruled out."""
-    reach_cm: float
-    """Radius of the largest robot that may be seen, and `SLACK_CM`."""
+    right_y: float  # direction of the rightmost ray, with `right_x`: a unit vector
+    wide: bool  # whether the two rays are half a turn apart or more; then nothing is ruled out
+    reach_cm: float  # radius of the largest robot that may be seen, and `SLACK_CM`
 
 
 class Strips(NamedTuple):
     """Columns or rows of cells, whichever lie more across a view; numbered as in the cell list."""
 
-    are_columns: bool
-    """Whether the strips are columns; else they are rows."""
-    first: int
-    """Nearest strip in which the centre of a robot that is seen may be."""
-    step: int
-    """1 or -1: from a strip to the next one ahead."""
-    total: int
-    """Number of strips in the arena."""
-    width_cm: float
-    """Width of a strip."""
-    ahead_cm: float
-    """How far ahead of the camera the near side of strip 0 is, at right angles to the strips."""
+    are_columns: bool  # whether the strips are columns; else they are rows
+    first: int  # nearest strip in which the centre of a robot that is seen may be
+    step: int  # 1 or -1: from a strip to the next one ahead
+    total: int  # number of strips in the arena
+    width_cm: float  # width of a strip
+    ahead_cm: float  # how far ahead of the camera the near side of strip 0 is, at right angles to the strips
 
 
 class Wedge(NamedTuple):
     """Where along the strips the centres of robots that reach into a view may be: between two lines."""
 
-    low: float
-    """Slope of the line below: towards larger x (or y), along the strips, for each cm ahead."""
-    low_cm: float
-    """Where the line below meets the camera's strip line, seen from the camera."""
-    high: float
-    """Slope of the line above."""
-    high_cm: float
-    """Where the line above meets the camera's strip line, seen from the camera."""
-    stretch: float
-    """Length of the view's shortest ray for each cm ahead, at least 1."""
-    reach_cm: float
-    """That of the view."""
+    low: float  # slope of the line below: towards larger x (or y), along the strips, for each cm ahead
+    low_cm: float  # where the line below meets the camera's strip line, seen from the camera
+    high: float  # slope of the line above
+    high_cm: float  # where the line above meets the camera's strip line, seen from the camera
+    stretch: float  # length of the view's shortest ray for each cm ahead, at least 1
+    reach_cm: float  # that of the view
 
 
 @jit_inline
@@ -156,12 +140,7 @@ def make_wedge(view: FieldOfView, strips: Strips) -> Wedge:
 
 @jit_inline
 def cells_in_strip(view: FieldOfView, wedge: Wedge, strips: Strips, strip: int, scene: Any) -> tuple[int, int, int]:
-    """Return the cells of a strip in which robots that reach into the view may be.
-
-    Returns:
-        The first cell, and how many spans of how many cells with consecutive numbers there are. A span begins one row
-        of cells after the previous one.
-    """
+    """Return the first cell of a strip where seen robots may be, the number of cells upwards, and sideways."""
     near = strips.ahead_cm + strips.step * strip * strips.width_cm
     far = near + strips.width_cm
     near = max(near, -view.reach_cm)
@@ -216,10 +195,7 @@ def fast_atan2(ahead: float, aside: float) -> float:
 
 @jit_inline
 def find_lit(robots: Any, numbers: IntArray) -> int:
-    """Label the robots whose rings are lit with 1, others with 0, and list the lit; return how many there are.
-
-    Labels and list are written to the swarm's scratch numbers.
-    """
+    """Label the robots whose rings are lit with 1, others with 0, and list the lit; return how many there are."""
     found = 0
     for robot in range(len(robots)):
         numbers[len(robots) + robot] = 0

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import MIN_TRIALS
-from epuck_sim.figures.forms.form import Choices, Form, draw_trials
+from epuck_sim.figures.forms.form import Choices, Form, draw_trials, names_of
 from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
 from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.style import (
@@ -27,14 +27,12 @@ from epuck_sim.figures.style import (
 )
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
-from epuck_sim.statistics.curves import Curve, group_by_other_axes, read_curves
+from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.extrema import MIN_SPEEDS, ExtremaSearch, SpeedExtrema, search_extrema
-from epuck_sim.statistics.measured import Measured, measure
 from epuck_sim.statistics.names import Statistic
 
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
-"""Columns after the axes in a table of curves: number of trials, share of censored ones, what the estimate is,
-and cycles."""
+"""Columns after the axes in a table of curves: number of trials, share of censored ones, what is estimated, cycles."""
 
 EXTREMA_COLUMNS = tuple(f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high"))
 """Columns of the minimum and the peak in the table of extrema, cm/s and cycles."""
@@ -46,8 +44,6 @@ CROSS_ROW = 0.045
 """Height of a row of crosses at the upper edge of a panel, one for each curve that has any, as a share of the panel."""
 
 NOT_A_SPEED = ExtremaSearch(None, "the axis is no speed")
-
-NOT_T_SYNC = ExtremaSearch(None, "those of a measure are printed by fit")
 
 
 @dataclass(kw_only=True)
@@ -62,39 +58,27 @@ class Curves(Form):
     name = "curves"
     takes = ("x", "panels", "statistic", "scale", "points", "theory")
 
-    axis: str
-    """Dotted key of the horizontal axis."""
+    axis: str  # dotted key of the horizontal axis
     curves: Sequence[Curve]
-    """The curves, at least one."""
     split_by: str | None = None
     """Dotted key of the axis that has a panel for each of its values; None for one panel."""
-    trials: Sequence[Sequence[Measured]] = ()
-    """The trials at each point of each curve, if they are to be drawn."""
-    others: list[FloatArray] = field(default_factory=list)
-    """Further values for which panels have room."""
+    others: list[FloatArray] = field(default_factory=list)  # further values for which panels have room
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        """Estimate a curve for each combination of the other axes.
-
-        Raises:
-            EpuckSimError: There is no such axis, no T_sync, or the measure is a series.
-        """
         rows = [point.axes for point in points]
         axis = choose_axis(rows, *choices.axis("x"))
         split_by, origin = choices.axis("panels", taken=axis)
         curves = read_curves(points, axis, Statistic(choices.section.statistic))
         check_panels(rows, axis, split_by, origin)
-        groups = group_by_other_axes(points, axis) if choices.section.points else []
-        trials = [[measure(point) for point in group] for _, group in groups]
-        return cls(axis=axis, curves=curves, split_by=split_by, trials=trials)
+        return cls(axis=axis, curves=curves, split_by=split_by)
 
     @cached_property
     def searches(self) -> Sequence[ExtremaSearch]:
-        """Minimum and peak of each curve of T_sync against speed."""
-        if self.of is not None:
-            return [NOT_T_SYNC] * len(self.curves)
-        return [search_extrema(curve) if self.axis.endswith(SPEED) else NOT_A_SPEED for curve in self.curves]
+        """Minimum and peak of each curve of T_sync against speed; none of a measure."""
+        if self.of is not None or not self.axis.endswith(SPEED):
+            return [NOT_A_SPEED] * len(self.curves)
+        return [search_extrema(curve) for curve in self.curves]
 
     @property
     def titles(self) -> Sequence[str]:
@@ -103,11 +87,8 @@ class Curves(Form):
     @property
     def _heads(self) -> list[str]:
         """Title of the panel of each curve."""
-        key = self.split_by
-        if key is None:
-            return [""] * len(self.curves)
-        rows = short_files([{key: curve.axes[key]} for curve in self.curves])
-        return [format_axis_values(row, self._keys, self.settings.labels) for row in rows]
+        rows = [{self.split_by: curve.axes[self.split_by]} if self.split_by else {} for curve in self.curves]
+        return [format_axis_values(row, self._keys, self.settings.labels) for row in short_files(rows)]
 
     @property
     def _keys(self) -> tuple[str, ...]:
@@ -115,14 +96,13 @@ class Curves(Form):
 
     @property
     def labels(self) -> Sequence[str]:
-        names = [name for curve in self.curves for name in curve.names]
-        return self.label_of(self.axis, self._keys), statistic_label(names, self.quantity)
+        return self.label_of(self.axis, self._keys), statistic_label(names_of(self.curves), self.quantity)
 
     @property
     def shows(self) -> str:
-        names = " or ".join(dict.fromkeys(name for curve in self.curves for name in curve.names))
-        what = f"{names.capitalize()} of {self.quantity} against {self.labels[0]}, with 95 % intervals"
-        return f"{what}; {count_trials(np.concatenate([curve.trials for curve in self.curves]).tolist())}"
+        names = " or ".join(names_of(self.curves)).capitalize()
+        trials = count_trials(np.concatenate([curve.trials for curve in self.curves]).tolist())
+        return f"{names} of {self.quantity} against {self.labels[0]}, with 95 % intervals; {trials}"
 
     @property
     def tables(self) -> Mapping[str, Table]:
@@ -138,33 +118,33 @@ class Curves(Form):
         """Why there are no bands or marks, where there cannot be any."""
         searched = zip(self.curves, self.searches, strict=True)
         many = (search.reason for curve, search in searched if len(curve.x) >= MIN_SPEEDS)  # few are plain to see
-        reasons = [each for each in dict.fromkeys(many) if each not in ("", NOT_A_SPEED.reason, NOT_T_SYNC.reason)]
+        reasons = [each for each in dict.fromkeys(many) if each not in ("", NOT_A_SPEED.reason)]
         notes = [f"no minimum and peak are looked for: {reason}" for reason in reasons]
         if any((curve.trials < MIN_TRIALS).any() for curve in self.curves):
             notes.insert(0, f"no bands where a point has fewer than {MIN_TRIALS} trials")
         return notes
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        labels, own_panels = self._curve_labels(), self.panels_of(panels)
+        labels, looks = self._curve_labels(), self.looks
         highest, beyond = self._ends()
         x, values = (np.concatenate([getattr(curve, name) for curve in self.curves]) for name in ("x", "values"))
         is_log = has_log_scale(self.of, values, self.settings.scale)
-        names = list(dict.fromkeys(labels))
-        looks = dict(zip(labels, self.looks, strict=True))
         for panel in panels:
             make_logarithmic(panel, *["y"] * is_log, *["x"] * is_logarithmic(self.axis, x))
-        for name, look in looks.items():
+        named = dict(zip(labels, looks, strict=True))
+        for name, look in named.items():
             if name:
                 panels[0].plot([], [], marker=look.marker, color=look.colour, label=typeset(name))
-        with_crosses = {label for curve, label in zip(self.curves, labels, strict=True) if np.isnan(curve.values).any()}
-        crossed = [name for name in names if name in with_crosses]
-        for panel, curve, search, label in zip(own_panels, self.curves, self.searches, labels, strict=True):
+        hidden = {label for curve, label in zip(self.curves, labels, strict=True) if np.isnan(curve.values).any()}
+        crossed = [name for name in named if name in hidden]
+        each = zip(self.panels_of(panels), self.curves, self.searches, labels, looks, strict=True)
+        for panel, curve, search, label, look in each:
             row = crossed.index(label) if label in crossed else 0
-            _draw_curve(panel, curve, search.extrema, looks[label], 1 - CROSS_ROW * (row + 0.8), beyond)
-        for panel, curve, trials, label in zip(own_panels, self.curves, self.trials, labels, strict=False):
-            places = shifted(curve.x, names.index(label), len(names), panel.get_xscale() == "log")
-            for place, measured in zip(places, trials, strict=True):
-                draw_trials(panel, float(place), measured, looks[label].colour)
+            _draw_curve(panel, curve, search.extrema, look, 1 - CROSS_ROW * (row + 0.8), beyond)
+            if self.settings.points:
+                places = shifted(curve.x, [*named].index(label), len(named), panel.get_xscale() == "log")
+                for place, measured in zip(places.tolist(), curve.measured, strict=True):
+                    draw_trials(panel, place, measured, look.colour)
         self._label_marks(panels[0])
         for panel in panels:
             if self.of is None:
@@ -185,16 +165,12 @@ class Curves(Form):
 
     def _curve_labels(self) -> list[str]:
         rows = short_files(distinguishing_axes([curve.axes for curve in self.curves]))
-        return [
-            format_axis_values(
-                {key: row[key] for key in row if key != self.split_by}, (self.axis, *row), self.settings.labels
-            )
-            for row in rows
-        ]
+        own = [{key: value for key, value in row.items() if key != self.split_by} for row in rows]
+        return [format_axis_values(row, (self.axis, *rows[0]), self.settings.labels) for row in own]
 
     def _ends(self) -> tuple[float, float]:
         """Return the highest value, -inf without any, and how far up bands are drawn whose end is not reached."""
-        dots = [measured.values for trials in self.trials for measured in trials]
+        dots = [each.values for curve in self.curves for each in curve.measured if self.settings.points]
         values = np.concatenate([curve.values for curve in self.curves] + dots + self.others)
         known = values[np.isfinite(values)]
         if self.of is not None:
@@ -206,14 +182,14 @@ class Curves(Form):
 
     def _label_marks(self, panel: Axes) -> None:
         """Add an empty mark with a label for each kind that is drawn."""
-        known = [~np.isnan(curve.values) for curve in self.curves]
-        if any(np.isfinite(curve.intervals[seen, 0]).any() for curve, seen in zip(self.curves, known, strict=True)):
+        is_known = ~np.isnan(np.concatenate([curve.values for curve in self.curves]))
+        if np.isfinite(np.concatenate([curve.intervals[:, 0] for curve in self.curves])[is_known]).any():
             panel.fill_between([], [], color=GREY, alpha=BAND, linewidth=0, label="95 % interval")
         if any(map(is_base_case, self.curves)):
             panel.plot([], [], "--", color=GREY, label="base case")
-        if any((curve.censored[seen] > 0).any() for curve, seen in zip(self.curves, known, strict=True)):
+        if (np.concatenate([curve.censored for curve in self.curves])[is_known] > 0).any():
             panel.plot([], [], "o", color=GREY, markerfacecolor="white", label="some trials censored")
-        if not all(seen.all() for seen in known):
+        if not is_known.all():
             panel.plot([], [], "x", color=GREY, label=undetermined_label(self.of))
         if any(search.extrema is not None and search.extrema.is_found for search in self.searches):
             for marker, label in (("v", "local minimum V_m"), ("^", "peak V_p")):

@@ -16,6 +16,7 @@ from epuck_sim.figures.saving import Table
 from epuck_sim.figures.style import finish, make_panels, style, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection
+from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.measured import Measured, measure
 
 MAX_DOTS = 1000
@@ -28,20 +29,12 @@ class Choices:
 
     section: FigureSection
     """The scenario's section `figure`, with the options that are given in place of its own values."""
-    given: Collection[str] = ()
-    """Keys of the section that are given as options."""
-    folder: str = ""
-    """The run folder, as messages name it."""
-    prefix: str = ""
-    """What the names of options begin with in messages: `--` on the command line."""
+    given: Collection[str] = ()  # keys of the section that are given as options
+    folder: str = ""  # the run folder, as messages name it
+    prefix: str = ""  # what the names of options begin with in messages: `--` on the command line
 
     def axis(self, name: str, taken: str | None = None) -> tuple[str | None, str]:
-        """Return the key that is asked for as an axis, or None, and what messages call this choice.
-
-        Args:
-            name: Key of the section.
-            taken: Another axis of the figure; a section that names it for this one, too, names none.
-        """
+        """Return the axis that a key of the section asks for, if not `taken`, and what messages call this choice."""
         key = getattr(self.section, name)
         if name in self.given:
             return key, f"{self.prefix}{name}"
@@ -52,30 +45,19 @@ class Choices:
 class Form(ABC):
     """A way to draw a sweep, with what it shows."""
 
-    name: ClassVar[str]
-    """What `--form` calls it."""
-    takes: ClassVar[tuple[str, ...]] = ()
-    """Keys of the section `figure` that not all forms take."""
-    shape: ClassVar[float] = 0.72
-    """Height of a panel over its width."""
+    name: ClassVar[str]  # what `--form` calls it
+    takes: ClassVar[tuple[str, ...]] = ()  # keys of the section `figure` that not all forms take
+    shape: ClassVar[float] = 0.72  # height of a panel over its width
 
-    of: str | None = None
-    """Name of the measure; None for T_sync."""
+    of: str | None = None  # name of the measure; None for T_sync
     unit: str = ""
-    """Unit of the measure; empty if it has none."""
-    ran: str = ""
-    """What was run, as captions say it."""
+    ran: str = ""  # what was run, as captions say it
     settings: FigureSection = field(default_factory=FigureSection)
-    """Everything else that is asked of the figure."""
 
     @classmethod
     @abstractmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        """Return what is to be drawn of points of a sweep.
-
-        Raises:
-            EpuckSimError: The form does not fit the sweep, or it would be blank.
-        """
+        """Return what is to be drawn; raise EpuckSimError if the form does not fit the sweep, or would be blank."""
 
     @property
     def titles(self) -> Sequence[str]:
@@ -121,11 +103,7 @@ class Form(ABC):
         return figure
 
     def draw_on(self, panels: Sequence[Axes]) -> None:
-        """Draw into given Axes, and label them.
-
-        Raises:
-            EpuckSimError: They are fewer or more than the form has panels.
-        """
+        """Draw into given Axes, and label them; raise EpuckSimError if they are not as many as the form has panels."""
         if len(panels) != len(self.titles):
             raise EpuckSimError(
                 f"the figure has {len(self.titles)} panels, but ax is {len(panels)} Axes: give as many, or points with "
@@ -150,6 +128,11 @@ class Form(ABC):
     def labels_of(self, rows: Sequence[Mapping[str, Any]], among: Collection[str] = ()) -> list[str]:
         """Return a label for each row of axis values, with what distinguishes it from the others."""
         return distinguishing_labels(rows, among, self.settings.labels)
+
+
+def names_of(curves: Sequence[Curve]) -> list[str]:
+    """Return the names of the statistics of curves, each once."""
+    return list(dict.fromkeys(name for curve in curves for name in curve.names))
 
 
 def draw_trials(panel: Axes, x: float, measured: Measured, colour: str) -> None:

@@ -15,12 +15,11 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.curves import curves_table
-from epuck_sim.figures.forms.form import Choices, Form, check_has_values
+from epuck_sim.figures.forms.form import Choices, Form, check_has_values, names_of
 from epuck_sim.figures.labels import statistic_label
 from epuck_sim.figures.saving import Table
 from epuck_sim.figures.style import (
-    BAR,
-    BAR_ASPECT,
+    add_colour_bar,
     count_trials,
     format_tick,
     has_log_scale,
@@ -40,11 +39,8 @@ COLOURS = colormaps["viridis"]
 MIN_CONTOUR_VALUES = 3
 """Fewest values of x and of y in every panel with which contours are drawn between the points."""
 
-GREY = "0.88"
-"""Colour of cells where half of the trials or more are censored."""
-
-MAX_LEVELS = 20
-"""Largest number of levels of colour; more of them are hard to distinguish."""
+GREY = "0.88"  # colour of cells where half of the trials or more are censored
+MAX_LEVELS = 20  # largest number of levels of colour; more of them are hard to distinguish
 
 LOG_STEPS = (0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 1.0)
 """Distances from one level to the next, in decades; the smallest that needs at most `MAX_LEVELS` is taken."""
@@ -53,18 +49,12 @@ LOG_STEPS = (0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 1.0)
 class Map(NamedTuple):
     """A statistic of T_sync, in cycles, or of a measure, at the points of two axes; the grid may have holes."""
 
-    axes: dict[str, Any]
-    """Values of the other axes."""
-    x: FloatArray
-    """(nx,) values of the horizontal axis, ascending."""
-    y: FloatArray
-    """(ny,) values of the vertical axis, ascending."""
-    values: FloatArray
-    """(ny, nx) the statistic; NaN where half of the trials or more are censored, and where there are none."""
-    is_tried: BoolArray
-    """(ny, nx) whether there are trials."""
-    rows: list[Curve]
-    """The same points as curves over x, one for each y, which is the last of its axes."""
+    axes: dict[str, Any]  # values of the other axes
+    x: FloatArray  # (nx,) ascending
+    y: FloatArray  # (ny,) ascending
+    values: FloatArray  # (ny, nx) NaN where half of the trials or more are censored, and where there are none
+    is_tried: BoolArray  # (ny, nx) whether there are trials
+    rows: list[Curve]  # the same points as curves over x, one for each y, which is the last of its axes
 
 
 @dataclass(kw_only=True)
@@ -81,19 +71,11 @@ class Maps(Form):
     takes = ("x", "y", "statistic", "scale")
 
     x: str
-    """Dotted key of the horizontal axis."""
     y: str
-    """Dotted key of the vertical axis."""
     maps: Sequence[Map]
-    """The map of each panel, at least one."""
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        """Estimate a map for each combination of the other axes, in the order of the sweep.
-
-        Raises:
-            EpuckSimError: There are no such axes, no trial has a value, or the statistic is none for maps.
-        """
         check_has_values(points, cls.name)
         statistic = Statistic(choices.section.statistic)
         if statistic == Statistic.WEIBULL_MEAN:
@@ -124,39 +106,45 @@ class Maps(Form):
 
     @property
     def shows(self) -> str:
-        names = " or ".join(dict.fromkeys(name for row in self._rows for name in row.names))
+        names = " or ".join(names_of(self._rows)).capitalize()
         trials = count_trials(np.concatenate([row.trials for row in self._rows]).tolist())
-        return f"{names.capitalize()} of {self.quantity} over {self.labels[0]} and {self.labels[1]}; {trials}"
+        return f"{names} of {self.quantity} over {self.labels[0]} and {self.labels[1]}; {trials}"
 
     @property
     def tables(self) -> Mapping[str, Table]:
-        """The points, with the columns of a table of curves."""
         return {".csv": curves_table(self.x, self._rows)}
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        scales = [
-            is_logarithmic(key, np.concatenate([getattr(each, name) for each in self.maps]))
-            for name, key in (("x", self.x), ("y", self.y))
-        ]
+        x, y = (np.concatenate([getattr(each, name) for each in self.maps]) for name in "xy")
+        scales = is_logarithmic(self.x, x), is_logarithmic(self.y, y)
         has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in self.maps)
         values = np.concatenate([each.values.ravel() for each in self.maps])
         is_log = has_log_scale(self.of, values, self.settings.scale)
         levels = choose_levels(values, is_log=is_log)
-        for panel, each in zip(panels, self.maps, strict=True):
+        # panels end at the outermost points, or at the edges of their cells where there are no contours
+        edges = [
+            [_edges(getattr(each, name), log) for each in self.maps] for name, log in zip("xy", scales, strict=True)
+        ]
+        ends = {
+            f"{name}lim": (np.min(reach), np.max(reach))
+            for name, reach in zip("xy", (x, y) if has_contours else map(np.concatenate, edges), strict=True)
+        }
+        for panel, each, *cells in zip(panels, self.maps, *edges, strict=True):
             make_logarithmic(panel, *(name for name, chosen in zip("xy", scales, strict=True) if chosen))
-            shown = each._replace(values=np.log10(each.values)) if is_log else each
-            _draw_map(panel, shown, levels, scales, has_contours)
-        self._set_limits(panels, scales, has_contours)
-        names = [name for row in self._rows for name in row.names]
-        _add_colour_bar(panels, levels, typeset(statistic_label(names, self.quantity)), is_log=is_log)
-
-    def _set_limits(self, panels: Sequence[Axes], scales: Sequence[bool], has_contours: bool) -> None:
-        """End the panels at the outermost points, or at the edges of their cells where there are no contours."""
-        for name, is_log in zip("xy", scales, strict=True):
-            values = [getattr(each, name) for each in self.maps]
-            ends = np.concatenate(values if has_contours else [_edges(each, is_log) for each in values])
-            for panel in panels:
-                panel.set(**{f"{name}lim": (ends.min(), ends.max())})
+            shown = np.ma.masked_invalid(np.log10(each.values) if is_log else each.values)
+            _draw_cells(panel, each, shown, levels, cells)
+            if has_contours:
+                _draw_contours(panel, each, shown, levels, scales)
+        for panel in panels:
+            panel.set(**ends)
+        label = typeset(statistic_label(names_of(self._rows), self.quantity))
+        colours = ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS)
+        bar = add_colour_bar(panels, colours, label=label, spacing="proportional")
+        if is_log:
+            plain = is_plain(10 ** levels[0], 10 ** levels[-1])
+            logs = _log_ticks(levels)
+            bar.set_ticks(logs, labels=[format_tick(float(f"{10**each:.3g}"), plain=plain) for each in logs])
+        bar.ax.minorticks_off()
 
 
 def read_maps(points: Sequence[PointTrials], x: str, y: str, statistic: Statistic = Statistic.MEAN) -> list[Map]:
@@ -179,30 +167,24 @@ def _map(points: Sequence[PointTrials], x: str, y: str, others: dict[str, Any], 
     return Map(others, xs, np.array([row.axes[y] for row in rows], np.float64), values, is_tried, rows)
 
 
-def _draw_map(panel: Axes, each: Map, levels: FloatArray, scales: Sequence[bool], has_contours: bool) -> None:
+def _draw_cells(panel: Axes, each: Map, values: Any, levels: FloatArray, edges: Sequence[FloatArray]) -> None:
     norm = BoundaryNorm(levels, COLOURS.N)
-    values = np.ma.masked_invalid(each.values)
-    edges = [_edges(places, is_log) for places, is_log in zip((each.x, each.y), scales, strict=True)]
     panel.pcolormesh(*edges, values, cmap=COLOURS, norm=norm, edgecolors="face", linewidth=0.2)
     is_undetermined = each.is_tried & np.isnan(each.values)
     if is_undetermined.any():
         grey = np.ma.masked_where(~is_undetermined, np.zeros(each.values.shape))
-        cells = panel.pcolor(
-            *edges, grey, cmap=ListedColormap([GREY]), edgecolor="0.55", linewidth=0, antialiased=False
-        )
+        looks: Any = {"edgecolor": "0.55", "linewidth": 0, "antialiased": False}
+        cells = panel.pcolor(*edges, grey, cmap=ListedColormap([GREY]), **looks)
         reason = "half of the trials or more are censored" if each.rows[0].of is None else "no trial has a value"
         cells.set(hatch="////", label=reason)
         cells.update_scalarmappable()  # or the legend would have another colour
-    if has_contours:
-        # in the coordinates of the page, where a contour between two points of a logarithmic axis belongs
-        scaled = [_scaled(values, is_log) for values, is_log in zip((each.x, each.y), scales, strict=True)]
-        on_page = panel.transLimits + panel.transAxes
-        panel.contourf(*scaled, values, levels=levels, cmap=COLOURS, norm=norm, corner_mask=False, transform=on_page)
 
 
-def _scaled(values: FloatArray, is_log: bool) -> FloatArray:
-    """Return values, (n,), in proportion to their places on the page."""
-    return np.log10(values) if is_log else values
+def _draw_contours(panel: Axes, each: Map, values: Any, levels: FloatArray, scales: Sequence[bool]) -> None:
+    # in the coordinates of the page, where a contour between two points of a logarithmic axis belongs
+    places = [np.log10(axis) if is_log else axis for axis, is_log in zip((each.x, each.y), scales, strict=True)]
+    looks: Any = {"cmap": COLOURS, "norm": BoundaryNorm(levels, COLOURS.N), "levels": levels}
+    panel.contourf(*places, values, corner_mask=False, transform=panel.transLimits + panel.transAxes, **looks)
 
 
 def _edges(values: FloatArray, is_log: bool) -> FloatArray:
@@ -211,7 +193,7 @@ def _edges(values: FloatArray, is_log: bool) -> FloatArray:
     >>> _edges(np.array([1.0, 2.0, 4.0]), False), _edges(np.array([1.0, 100.0]), True)
     (array([0.5, 1.5, 3. , 5. ]), array([1.e-01, 1.e+01, 1.e+03]))
     """
-    places = _scaled(values, is_log)
+    places = np.log10(values) if is_log else values
     gaps = np.diff(places) if len(places) > 1 else np.ones(1)
     inner = places[:-1] + gaps[: len(places) - 1] / 2
     edges = np.concatenate([[places[0] - gaps[0] / 2], inner, [places[-1] + gaps[-1] / 2]])
@@ -234,25 +216,6 @@ def choose_levels(values: FloatArray, *, is_log: bool) -> FloatArray:
             break
     levels: FloatArray = np.arange(first, last + 1, dtype=np.float64) * step
     return np.round(levels, 9) if is_log else levels
-
-
-def _add_colour_bar(panels: Sequence[Axes], levels: FloatArray, label: str, *, is_log: bool) -> None:
-    """Add a colour bar beside panels; if levels are logarithms, their powers of ten are its numbers."""
-    figure = panels[0].get_figure()
-    assert figure is not None
-    bar = figure.colorbar(
-        ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS),
-        ax=list(panels),
-        label=label,
-        spacing="proportional",
-        fraction=BAR,
-        aspect=BAR_ASPECT,
-    )
-    if is_log:
-        plain = is_plain(10 ** levels[0], 10 ** levels[-1])
-        logs = _log_ticks(levels)
-        bar.set_ticks(logs, labels=[format_tick(float(f"{10**each:.3g}"), plain=plain) for each in logs])
-    bar.ax.minorticks_off()
 
 
 def _log_ticks(levels: FloatArray) -> list[float]:

@@ -15,7 +15,6 @@ from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.style import (
     BAND,
     GREY,
-    Look,
     choose_looks,
     count_trials,
     draw_course,
@@ -29,8 +28,7 @@ from epuck_sim.statistics.series import PointSeries, summarize_series
 COLUMNS = ("cycle", "trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
 """Columns after the axes in the table: number of trials that reach the cycle, and of those with a value there."""
 
-MAX_LINES = 20
-"""Largest number of lines; more of them are hard to distinguish."""
+MAX_LINES = 20  # largest number of lines; more of them are hard to distinguish
 
 
 @dataclass(kw_only=True)
@@ -41,11 +39,9 @@ class Series(Form):
     takes = ("scale",)
 
     points: Sequence[PointSeries]
-    """Its series at each point, at least one."""
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        """Return the series of each point; raise EpuckSimError if the measure is no series, or they are too many."""
         return cls(points=summarize_series(points))
 
     def __post_init__(self) -> None:
@@ -78,25 +74,22 @@ class Series(Form):
 
     def draw(self, panels: Sequence[Axes]) -> None:
         (panel,) = panels
-        labels = self.labels_of([point.axes for point in self.points])
-        looks = choose_looks(len(self.points))
-        for place, (point, label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
-            _draw_line(panel, point, look, typeset(label), place)
+        labels, looks = self.labels_of([point.axes for point in self.points]), choose_looks(len(self.points))
+        has_bands = has_ended = False
+        for place, ((_, series), label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
+            mean, low, high = series.mean.T
+            complete = int(np.count_nonzero(series.trials == series.trials[0]))
+            panel.fill_between(series.cycles, low, high, color=look.colour, alpha=BAND, linewidth=0)
+            draw_course(panel, series.cycles[:complete], mean[:complete], place, look, typeset(label))
+            if complete < len(mean):
+                panel.plot(series.cycles[complete - 1 :], mean[complete - 1 :], "--", color=look.colour)
+            has_bands |= bool(np.isfinite(low).any())
+            has_ended |= complete < len(mean)
         means = np.concatenate([point.statistics.mean[:, 0] for point in self.points])
         if self.settings.scale == "log" and has_log_scale(self.of, means, "log"):
             make_logarithmic(panel, "y")
         panel.xaxis.set_major_locator(MaxNLocator(integer=True))
-        if any(np.isfinite(point.statistics.mean[:, 1]).any() for point in self.points):
+        if has_bands:
             panel.fill_between([], [], color=GREY, alpha=BAND, linewidth=0, label="95 % interval")
-        if any((point.statistics.trials < point.statistics.trials[0]).any() for point in self.points):
+        if has_ended:
             panel.plot([], [], "--", color=GREY, label="some trials have ended")
-
-
-def _draw_line(panel: Axes, point: PointSeries, look: Look, label: str, place: int) -> None:
-    series = point.statistics
-    mean, low, high = series.mean.T
-    complete = int(np.count_nonzero(series.trials == series.trials[0]))
-    panel.fill_between(series.cycles, low, high, color=look.colour, alpha=BAND, linewidth=0)
-    draw_course(panel, series.cycles[:complete], mean[:complete], place, look, label)
-    if complete < len(mean):
-        panel.plot(series.cycles[complete - 1 :], mean[complete - 1 :], "--", color=look.colour)

@@ -18,38 +18,27 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.theory.predict import Prediction, predict_speeds
 
-AXES = ("agents.speed_cm_s", "robots.0.parameters.speed_cm_s")
-"""Axes whose speed predictions know."""
-
-MOST_CURVES = 12
-"""Largest number of curves that are predicted: each takes about a second."""
-
-SPEEDS = 60
-"""Number of speeds at which a curve is predicted."""
+AXES = ("agents.speed_cm_s", "robots.0.parameters.speed_cm_s")  # axes whose speed predictions know
+MOST_CURVES = 12  # largest number of curves that are predicted: each takes about a second
+SPEEDS = 60  # number of speeds at which a curve is predicted
 
 DASHES: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7, "zorder": 1.5}
 """Looks of predictions, which lie under what trials say."""
 
-PLACE: dict[str, Any] = {"markerfacecolor": "white", "markersize": 5, "linewidth": 0.7}
-"""Looks of V_m and V_p."""
-
-EDGE = 0.04
-"""Length of the marks of the limits at the edges of a panel, as a share of its width."""
+PLACE: dict[str, Any] = {"markerfacecolor": "white", "markersize": 5, "linewidth": 0.7}  # looks of V_m and V_p
+EDGE = 0.04  # length of the marks of the limits at the edges of a panel, as a share of its width
 
 CAPTION = (
     "dashed is T_sync as predict has it from who hears whom, without a trial: its course, at the left edge that of "
     "swarms that stand, at the right one that of the fastest; hollow triangles are V_m and V_p, with their uncertainty"
 )
-"""What captions say of predictions."""
 
 
 class Predicted(NamedTuple):
     """Prediction of a curve."""
 
-    speeds: FloatArray
-    """(S,) cm/s, ascending."""
-    at: list[Prediction]
-    """(S,) predictions."""
+    speeds: FloatArray  # (S,) cm/s, ascending
+    at: list[Prediction]  # (S,) predictions
 
     @property
     def times(self) -> FloatArray:
@@ -58,11 +47,7 @@ class Predicted(NamedTuple):
 
 
 def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
-    """Return predictions of curves of T_sync.
-
-    Raises:
-        EpuckSimError: The axis is no speed, there are too many curves, or nothing can be predicted of a swarm.
-    """
+    """Return predictions of curves of T_sync; raise EpuckSimError if the axis or a swarm is none of theirs."""
     if curves[0].of is not None or axis not in AXES:
         raise EpuckSimError(f"predictions are of T_sync against {' or '.join(AXES)}, but this is against {axis}")
     if len(curves) > MOST_CURVES:
@@ -79,18 +64,12 @@ def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
 class PredictedCurves(Curves):
     """Curves with their predictions."""
 
-    predicted: Sequence[Predicted] = ()
-    """That of each curve; none where there cannot be any."""
-    reason: str = ""
-    """Why there are none, though the scenario asks for them."""
+    predicted: Sequence[Predicted] = ()  # that of each curve; none where there cannot be any
+    reason: str = ""  # why there are none, though the scenario asks for them
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        """Estimate and predict a curve for each combination of the other axes.
-
-        Raises:
-            EpuckSimError: As for curves; and an option asks for predictions where there are none.
-        """
+        """Estimate and predict curves; raise EpuckSimError where an option asks for what cannot be predicted."""
         form = super().read(points, choices)
         try:
             form.predicted = predict_curves(form.axis, form.curves)
@@ -104,10 +83,7 @@ class PredictedCurves(Curves):
     @property
     def tables(self) -> Mapping[str, Table]:
         """The tables of the curves; and a row for each, with its verdict, V_m and V_p, and T_sync in both limits."""
-        rows = [
-            (curve.axes, _row(each.at[0]))
-            for curve, each in zip(self.curves, self.predicted, strict=bool(self.predicted))
-        ]
+        rows = [(curve.axes, _row(each.at[0])) for curve, each in zip(self.curves, self.predicted, strict=False)]
         return {**super().tables, **({"-theory.csv": tabulate(rows)} if rows else {})}
 
     @property

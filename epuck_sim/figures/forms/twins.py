@@ -14,8 +14,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.style import (
-    BAR,
-    BAR_ASPECT,
+    add_colour_bar,
     choose_looks,
     count_trials,
     draw_course,
@@ -28,11 +27,8 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import require_model
 
-MAX_MOMENTS = 400
-"""Largest number of moments of a course; those of a longer one are farther and farther apart."""
-
-MAX_CYCLES = 20_000
-"""Largest number of cycles of a perturbation that are shown."""
+MAX_MOMENTS = 400  # largest number of moments of a course; those of a longer one are farther and farther apart
+MAX_CYCLES = 20_000  # largest number of cycles of a perturbation that are shown
 
 MIN_DEVIATION, MAX_DEVIATION = 1e-4, 0.5
 """Deviation in cycles whose colour smaller ones have, too, and the largest of two phases."""
@@ -44,14 +40,10 @@ class Course(NamedTuple):
     axes: dict[str, Any]
     is_displaced: bool
     """Whether an agent was displaced at the beginning; otherwise deviations only show that clocks differ."""
-    cycle: FloatArray
-    """(moments,) periods since the beginning."""
-    order_parameter: FloatArray
-    """(moments,) order parameter, mean of all trials."""
-    deviation: FloatArray
-    """(moments,) deviation from the twin in cycles, mean of all agents and trials."""
+    cycle: FloatArray  # (moments,) periods since the beginning
+    order_parameter: FloatArray  # (moments,) mean of all trials
+    deviation: FloatArray  # (moments,) deviation from the twin in cycles, mean of all agents and trials
     trials: int
-    """Number of trials."""
 
 
 @dataclass(kw_only=True)
@@ -65,14 +57,10 @@ class Courses(Form):
     shape = 0.5
 
     courses: Sequence[Course]
-    """The courses, at least one."""
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        """Simulate the trials of each point again; raise ScenarioError for a model other than particles."""
-        scenarios = map(_require_particles, points)
-        courses = [_course(*each) for each in zip(points, scenarios, strict=True) if len(each[0].times)]
-        return cls(courses=courses)
+        return cls(courses=[_course(point) for point in _of_particles(points)])
 
     @property
     def titles(self) -> Sequence[str]:
@@ -84,45 +72,36 @@ class Courses(Form):
 
     @property
     def shows(self) -> str:
-        what = (
-            "Order parameter" if len(self.titles) == 1 else "Order parameter, and deviation from an undisturbed twin,"
-        )
-        return f"{what} over time; means of {count_trials([course.trials for course in self.courses])}"
+        deviation = ", and deviation from an undisturbed twin," if len(self.titles) > 1 else ""
+        trials = count_trials([course.trials for course in self.courses])
+        return f"Order parameter{deviation} over time; means of {trials}"
 
     @property
     def tables(self) -> Mapping[str, Table]:
         """A row for each moment of each course."""
-        return {
-            ".csv": tabulate(
-                (each.axes, {"cycle": each.cycle, "order_parameter": each.order_parameter, "deviation": each.deviation})
-                for each in self.courses
-            )
-        }
+        names = ("cycle", "order_parameter", "deviation")
+        columns = ((each.axes, {name: getattr(each, name) for name in names}) for each in self.courses)
+        return {".csv": tabulate(columns)}
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        labels = [typeset(label) for label in self.labels_of([course.axes for course in self.courses])]
-        deviations = [np.where(course.deviation > 0, course.deviation, np.nan) for course in self.courses]
-        self._draw_lines(panels[0], [course.order_parameter for course in self.courses], labels)
+        labels = self.labels_of([course.axes for course in self.courses])
+        is_long = any(course.cycle[-1] > MAX_MOMENTS for course in self.courses)
+        for is_below, panel in enumerate(panels):
+            each = zip(self.courses, labels, choose_looks(len(labels)), strict=True)
+            for place, (course, label, look) in enumerate(each):
+                deviation = np.where(course.deviation > 0, course.deviation, np.nan)
+                values, named = (deviation, "_") if is_below else (course.order_parameter, typeset(label))
+                draw_course(panel, course.cycle, values, place, look, named)
+            make_logarithmic(panel, *["x"] * is_long, *["y"] * is_below)
         panels[0].set_ylim(-0.03, 1.03)
-        for panel in panels[1:]:
-            self._draw_lines(panel, deviations, ["_"] * len(labels))  # they are named above
-            make_logarithmic(panel, "y")
-
-    def _draw_lines(self, panel: Axes, values: Sequence[FloatArray], labels: Sequence[str]) -> None:
-        for place, (course, look) in enumerate(zip(self.courses, choose_looks(len(self.courses)), strict=True)):
-            draw_course(panel, course.cycle, values[place], place, look, labels[place])
-        if any(course.cycle[-1] > MAX_MOMENTS for course in self.courses):
-            make_logarithmic(panel, "x")
 
 
 class Deviations(NamedTuple):
     """Deviations in one trial of a point of a sweep."""
 
     axes: dict[str, Any]
-    cycle: FloatArray
-    """(moments,) periods since the beginning."""
-    deviation: FloatArray
-    """(moments, agents) deviation from the twin, cycles."""
+    cycle: FloatArray  # (moments,) periods since the beginning
+    deviation: FloatArray  # (moments, agents) deviation from the twin, cycles
 
 
 @dataclass(kw_only=True)
@@ -135,24 +114,16 @@ class Perturbation(Form):
     name = "perturbation"
 
     shown: Sequence[Deviations]
-    """The deviations of each panel, at least one."""
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        """Simulate the first trial of each point that has any.
-
-        Raises:
-            ScenarioError: The model is another than particles.
-            EpuckSimError: Nothing can deviate.
-        """
-        scenarios = [_require_particles(point) for point in points]
-        if not any(each.start.displacement > 0 or each.clocks.jitter > 0 for each in scenarios):
+        tried = _of_particles(points)
+        if not any(scenario.start.displacement > 0 or scenario.clocks.jitter > 0 for _, scenario in tried):
             raise EpuckSimError(
                 "nothing deviates from the undisturbed twin, because start.displacement and clocks.jitter are 0, so "
                 "that --form perturbation would be blank; --form course shows the order parameter"
             )
-        shown = [_deviations(*each) for each in zip(points, scenarios, strict=True) if each[0].seeds]
-        return cls(shown=shown)
+        return cls(shown=[_deviations(point) for point in tried])
 
     @property
     def titles(self) -> Sequence[str]:
@@ -184,11 +155,8 @@ class Perturbation(Form):
             places = np.arange(moments + 1), np.arange(agents + 1) - 0.5
             panel.yaxis.set_major_locator(MaxNLocator(integer=True))
             shown = np.ma.masked_equal(each.deviation.T, 0)
-            panel.pcolormesh(*places, shown, norm=norm, cmap="viridis", rasterized=True)
-        figure = panels[0].get_figure()
-        assert figure is not None
-        mesh, label = panels[0].collections[0], "|Δϕ| (cycles)"
-        bar = figure.colorbar(mesh, ax=list(panels), label=label, extend="min", fraction=BAR, aspect=BAR_ASPECT)
+            mesh = panel.pcolormesh(*places, shown, norm=norm, cmap="viridis", rasterized=True)
+        bar = add_colour_bar(panels, mesh, label="|Δϕ| (cycles)", extend="min")
         powers = [10.0**exponent for exponent in range(-4, 0)]
         bar.set_ticks(powers, labels=[format_tick(power, plain=False) for power in powers])
 
@@ -204,11 +172,15 @@ def choose_moments(cycles: int) -> FloatArray:
     return np.unique(np.geomspace(1, cycles, MAX_MOMENTS).astype(int)) - 0.5
 
 
-def _require_particles(point: PointTrials) -> ParticleScenario:
-    return require_model(point.scenario, ParticleScenario, "the forms perturbation and course need model: particles")
+def _of_particles(points: Sequence[PointTrials]) -> list[tuple[PointTrials, ParticleScenario]]:
+    """Return the points that have trials, each with its scenario; raise ScenarioError for another model."""
+    needs = "the forms perturbation and course need model: particles"
+    scenarios = [require_model(point.scenario, ParticleScenario, needs) for point in points]
+    return [each for each in zip(points, scenarios, strict=True) if each[0].seeds]
 
 
-def _course(point: PointTrials, scenario: ParticleScenario) -> Course:
+def _course(tried: tuple[PointTrials, ParticleScenario]) -> Course:
+    point, scenario = tried
     cycle = choose_moments(scenario.stop.max_cycles)
     times = cycle * scenario.clocks.period_s
     comparisons = [simulate_with_twin(scenario, seed, times) for seed in point.seeds]
@@ -222,7 +194,8 @@ def _course(point: PointTrials, scenario: ParticleScenario) -> Course:
     )
 
 
-def _deviations(point: PointTrials, scenario: ParticleScenario) -> Deviations:
+def _deviations(tried: tuple[PointTrials, ParticleScenario]) -> Deviations:
+    point, scenario = tried
     cycle = np.arange(0.5, min(scenario.stop.max_cycles, MAX_CYCLES))
     comparison = simulate_with_twin(scenario, point.seeds[0], cycle * scenario.clocks.period_s)
     return Deviations(point.axes, cycle, comparison.deviation)

@@ -13,17 +13,14 @@ MOVABLES = [(30, 60, 6, 500, 0.1), (42.5, 60, 6, 300, 0.2)]
 
 
 @pytest.fixture
-def _of_another_version(monkeypatch):
-    """Have this pymunk's `cpSpaceStep` be other than expected."""
-    monkeypatch.setitem(chipmunk.FUNCTIONS, "cpSpaceStep", "void(*)(cpSpace *)")
-    forget()
-    yield
+def patches(monkeypatch):
+    """Have it tried again whether compiled code can call Chipmunk, when something was changed, and afterwards."""
+    yield monkeypatch
     monkeypatch.undo()
     forget()
 
 
 def forget():
-    """Have it tried again whether compiled code can call Chipmunk."""
     chipmunk.function_addresses.cache_clear()
     public_space.reason_for_public_way.cache_clear()
 
@@ -46,43 +43,36 @@ def ways(arena, poses, velocities, friction=0.0):
 
 
 def crowd(seed, movables=()):
-    """Return an arena with obstacles, poses of robots and some velocities."""
     random = np.random.default_rng(seed)
     poses = [[x, y, random.uniform(-3, 3)] for x in range(5, 76, 10) for y in (5, 32, 75)]
     velocities = random.uniform(-9, 9, (4, len(poses), 3)) * random.choice([0, 1], (4, len(poses), 1))
     return make_arena(80, 80, *OBSTACLES, movables), np.array(poses), velocities
 
 
-def scenes():
-    """Return arenas, poses, velocities and coefficients of friction."""
+def test_outcomes_are_equal_to_the_bit(patches):
     arena, poses, velocities = squeeze(10)
-    return [(*crowd(1), 0.0), (*crowd(2), 0.5), (*crowd(3, MOVABLES), 0.3), (arena, poses, velocities[None], 0.0)]
-
-
-def test_outcomes_are_equal_to_the_bit(request):
-    compiled = [ways(*scene) for scene in scenes()]
-    request.getfixturevalue("_of_another_version")
+    scenes = [(*crowd(1), 0.0), (*crowd(2), 0.5), (*crowd(3, MOVABLES), 0.3), (arena, poses, velocities[None], 0.0)]
+    compiled = [ways(*scene) for scene in scenes]
+    patches.setitem(chipmunk.FUNCTIONS, "cpSpaceStep", "void(*)(cpSpace *)")
+    forget()
     with pytest.warns(UserWarning, match=r"pymunk .* numba .*cpSpaceStep is .*, not .*; install pymunk 7\.3"):
-        public = [ways(*scene) for scene in scenes()]
+        public = [ways(*scene) for scene in scenes]
     for one, other in zip(compiled, public, strict=True):
         assert (one[0], other[0]) == (False, True)
         for compiled_way, public_way in zip(one[1:], other[1:], strict=True):
             np.testing.assert_array_equal(compiled_way, public_way)
 
 
-@pytest.mark.parametrize("lacks", ["function", "private module", "processor", "same outcome"])
-def test_what_is_other_than_expected_is_found_and_named(monkeypatch, lacks):
-    if lacks == "function":
-        monkeypatch.setitem(chipmunk.FUNCTIONS, "cpSpaceFly", "void(*)(cpSpace *)")
-    elif lacks == "private module":
-        monkeypatch.setattr(chipmunk, "ffi", None)
-    elif lacks == "processor":
-        monkeypatch.setattr(public_space.platform, "machine", lambda: "vax")
-    else:
-        monkeypatch.setitem(public_space._FUNCTIONS, "cpBodyGetAngle", lambda _: 0.5)
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (lambda to: to.setitem(chipmunk.FUNCTIONS, "cpSpaceFly", "void(*)(cpSpace *)"), "cpSpaceFly"),
+        (lambda to: to.setattr(chipmunk, "ffi", None), "addressof"),
+        (lambda to: to.setattr(public_space.platform, "machine", lambda: "vax"), "vax"),
+        (lambda to: to.setitem(public_space._FUNCTIONS, "cpBodyGetAngle", lambda _: 0.5), "elsewhere"),
+    ],
+)
+def test_what_is_other_than_expected_is_found_and_named(patches, change, named):
+    change(patches)
     forget()
-    named = {"function": "cpSpaceFly", "private module": "addressof", "processor": "vax", "same outcome": "elsewhere"}
-    assert named[lacks] in public_space.reason_for_public_way()
-    monkeypatch.undo()
-    forget()
-    assert not public_space.reason_for_public_way()
+    assert named in public_space.reason_for_public_way()

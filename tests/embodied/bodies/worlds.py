@@ -83,8 +83,6 @@ class MovedWorld:
 
 
 class FullSpaceWorld:
-    """A world in which every robot takes every physics step."""
-
     def __init__(
         self,
         arena: Arena,
@@ -110,6 +108,14 @@ class FullSpaceWorld:
         for _ in range(steps):
             self._space.step(self._step_s)
         self.poses[:] = [(*body.position, body.angle) for body, _ in self._bodies.robots]
+
+
+def advanced(worlds, velocities, steps: int = 10):
+    """Move worlds by some physics steps with the same velocities, and return them."""
+    for world in worlds:
+        world.velocities[:] = velocities
+        world.advance(steps)
+    return worlds
 
 
 def overlap_cm(positions: FloatArray) -> float:

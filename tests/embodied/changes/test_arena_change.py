@@ -26,20 +26,20 @@ def test_an_arena_that_is_changed_at_once_is_as_one_that_was_so_from_the_start(s
 
 
 def test_robots_pass_a_wall_once_it_is_lifted_and_stay_within_walls_that_come():
-    entry = {"at_s": 10, "set": {"arena.width_cm": 90, "arena.obstacles": []}}
-    poses = steps_of({**GATED, "schedule": [entry]}, 600, 1)["poses"]
-    assert poses[:100, :, 0].max() < 26
-    assert poses[100:, :, 0].max() > 70
-    contacts = [list(map(tuple, step.contacts)) for step in take(Simulation({**GATED, "schedule": [entry]}, 1), 600)]
-    simulation = Simulation({**GATED, "schedule": [entry]}, 1)
+    simulation = Simulation(
+        {**GATED, "schedule": [{"at_s": 10, "set": {"arena.width_cm": 90, "arena.obstacles": []}}]}, 1
+    )
+    farthest = []
     for number, step in enumerate(take(simulation, 600)):
-        walls = np.array([0, 0, 60 if number < 100 else 90, 60])
         x, y = step.poses[:, 0], step.poses[:, 1]
-        gaps = np.column_stack([x, y, walls[2] - x, walls[3] - y]).min(axis=1)
+        farthest.append(x.max())
+        gaps = np.column_stack([x, y, (60 if number < 100 else 90) - x, 60 - y]).min(axis=1)
         if number < 100:
             gaps = np.minimum(gaps, np.abs(29 - x))
-        touching = {robot for robot, other in contacts[number] if other == -1}
+        touching = {robot for robot, other in step.contacts.tolist() if other == -1}
         assert touching == set(np.flatnonzero(gaps <= 3.7 + 0.16).tolist())
+    assert max(farthest[:100]) < 26
+    assert max(farthest[100:]) > 70
 
 
 def take(simulation, steps):

@@ -1,7 +1,6 @@
 """Claims about cameras with a pace and a latency of their own: which picture a controller has, and since when."""
 
 import math
-from itertools import islice
 
 import numpy as np
 import pytest
@@ -18,12 +17,11 @@ from epuck_sim.util.seeds import robot_streams
 
 @st.composite
 def paces(draw):
-    """Intervals and latencies in control steps."""
     interval = draw(st.sampled_from([1.0, 1.5, 40 / 15, 5.0, 12.5, 40.0]) | st.floats(1, 50))
     return interval, interval * draw(st.sampled_from([0.0, 0.4, 1.0]) | st.floats(0, 1))
 
 
-def filmed(interval, latency, steps, robots=1, seed=4):
+def filmed(interval, latency, steps, robots, seed):
     """Return (steps, robots) the step whose picture each controller has, -1 for none, and whether it is new."""
     pixels = 3 * robots
     block, addresses = make_block({"robots": robots, "groups": 1, "pixels": 3 * pixels}), np.zeros(3, np.int64)
@@ -43,9 +41,8 @@ def filmed(interval, latency, steps, robots=1, seed=4):
     return shown, is_new
 
 
-def slow_twin(interval, latency, steps, robots, robot, seed=4):
+def slow_twin(interval, latency, steps, stream):
     """Return what `filmed` does of a robot, from the list of all its pictures: when taken, when there."""
-    stream = robot_streams(np.random.SeedSequence(seed), robots)[robot]
     first = interval * uniform(stream)
     instants = [first + number * interval for number in range(steps + 1)]
     pictures = [(math.floor(instant), math.floor(instant + latency * uniform(stream))) for instant in instants]
@@ -58,14 +55,10 @@ def slow_twin(interval, latency, steps, robots, robot, seed=4):
 @example((1.0, 0.0), 1)
 @example((1.0, 1.0), 2)
 def test_each_step_shows_the_last_picture_that_has_arrived(pace, seed):
-    shown, is_new = filmed(*pace, steps=200, robots=3, seed=seed)
-    for robot in range(3):
-        expected, expected_new = slow_twin(*pace, 200, 3, robot, seed)
-        assert shown[:, robot].tolist() == expected
-        assert is_new[:, robot].tolist() == expected_new
+    shown, is_new = filmed(*pace, 200, 3, seed)
+    for robot, stream in enumerate(robot_streams(np.random.SeedSequence(seed), 3)):
+        assert (shown[:, robot].tolist(), is_new[:, robot].tolist()) == slow_twin(*pace, 200, stream)
 
-
-# --- in a simulation --------------------------------------------------------------------------------
 
 COUNT_PICTURES = """
 PARAMETERS = {}
@@ -87,34 +80,20 @@ def step(sensors, memory, actuators, parameters, random):
 """
 
 
-def counting(tmp_path, **camera):
-    """Return a scenario whose controllers count their pictures."""
-    path = tmp_path / "count.py"
-    path.write_text(COUNT_PICTURES)
-    timing = {"control_hz": 40, "physics_hz": 120}
-    return load_scenario({"robots": [{"count": 6, "controller": str(path), "camera": camera}], "timing": timing})
-
-
 @pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
-def test_controllers_have_so_many_pictures_a_second(interpret, tmp_path):
-    scenario = counting(tmp_path, frames_per_s=8, latency_ms=50)
-    *_, step = islice(Simulation(scenario, 1, interpret=interpret), 400)
-    np.testing.assert_allclose(step.memories[0]["pictures"], 80, atol=1)
-
-
-def test_what_a_step_shows_is_what_the_controller_has(tmp_path):
-    scenario = counting(tmp_path, frames_per_s=8, latency_ms=50)
+def test_controllers_of_each_group_have_so_many_pictures_a_second_and_steps_show_them(interpret, tmp_path):
+    (tmp_path / "count.py").write_text(COUNT_PICTURES)
+    cameras = {"pixels": 20, "frames_per_s": 8, "latency_ms": 50}, {"pixels": 60}
+    groups = [{"count": 6, "controller": str(tmp_path / "count.py"), "camera": camera} for camera in cameras]
+    scenario = {"robots": groups, "timing": {"control_hz": 40, "physics_hz": 120}}
     seen = []
-    for step, _ in zip(Simulation(scenario, 1), range(300), strict=False):
-        np.testing.assert_array_equal(step.camera.sum(axis=1), step.memories[0]["red"])
-        seen.append(step.camera.copy())
-    changes = np.diff(seen, axis=0).any(axis=2).sum(axis=0)
-    assert 0 < changes.max() <= 61
-
-
-def test_without_frames_per_s_every_step_has_a_new_picture(tmp_path):
-    for step, _ in zip(Simulation(counting(tmp_path), 1), range(50), strict=False):
-        assert (step.memories[0]["pictures"] == step.number + 1).all()
+    for _, step in zip(range(400), Simulation(scenario, 1, interpret=interpret), strict=False):
+        assert not step.camera[:6, 20:].any()
+        np.testing.assert_array_equal(step.camera.sum(axis=1), np.concatenate([each["red"] for each in step.memories]))
+        seen.append(step.camera[:6].copy())
+    np.testing.assert_allclose(step.memories[0]["pictures"], 80, atol=1)
+    assert (step.memories[1]["pictures"] == 400).all()
+    assert 0 < np.diff(seen, axis=0).any(axis=2).sum(axis=0).max() <= 81
 
 
 def test_a_picture_in_every_step_is_as_good_as_no_pace():
@@ -123,13 +102,3 @@ def test_a_picture_in_every_step_is_as_good_as_no_pace():
         assert one.poses.tobytes() == other.poses.tobytes()
         assert one.memories[0].tobytes() == other.memories[0].tobytes()
         assert one.camera.tobytes() == other.camera.tobytes()
-
-
-def test_a_group_s_cameras_are_its_own(tmp_path):
-    slow = counting(tmp_path, pixels=20, frames_per_s=2).robots[0].model_dump()
-    fast = {**slow, "camera": {"pixels": 60}}
-    timing = {"control_hz": 40, "physics_hz": 120}
-    for _, step in zip(range(80), Simulation({"robots": [slow, fast], "timing": timing}, 1), strict=False):
-        assert not step.camera[:6, 20:].any()
-    np.testing.assert_allclose(step.memories[0]["pictures"], 4, atol=1)
-    assert (step.memories[1]["pictures"] == 80).all()

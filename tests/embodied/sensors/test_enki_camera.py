@@ -8,10 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.robots import EnkiCameraSignal
 from tests.embodied.scenes import BODIES, EDGE_CM, Scene, empty_arena, scenes
-from tests.embodied.sensors.test_flash_cone import pairs
+from tests.embodied.sensors.test_flash_cone import lit_pair, pairs
 
 RAYS = 3600
 ANGLES = np.arange(RAYS) * 2 * math.pi / RAYS
@@ -54,7 +53,9 @@ def slow_camera(scene: Scene, section: EnkiCameraSignal, occlusion: bool) -> tup
     discs = np.vstack([np.column_stack([scene.poses[:, :2], scene.radii_cm]), scene.arena.circles])
     reach = math.inf if section.range_cm is None else section.range_cm
     for one, (centre_x, centre_y, heading) in enumerate(scene.poses):
-        x, y = np.array([centre_x, centre_y]) + scene.body.forward_cm * np.array([math.cos(heading), math.sin(heading)])
+        x, y = np.array([centre_x, centre_y]) + scene.body.camera_forward_cm * np.array(
+            [math.cos(heading), math.sin(heading)]
+        )
         away = np.hypot(discs[:, 0] - x, discs[:, 1] - y)
         covers = offsets(np.arctan2(discs[:, 1] - y, discs[:, 0] - x)) <= np.arctan(discs[:, 2] / away)
         edge_depths = depths(x, y, scene.arena.edges)
@@ -81,26 +82,15 @@ def test_a_robot_is_seen_if_a_ray_of_a_fan_meets_it_first(scene, section, occlus
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "occlusion", "seen"),
-    [
-        (40, 53, True, True),  # the third covers a part of the second
-        (40, 51, True, False),  # and all of it
-        (40, 51, False, True),
-    ],
+    ("aside", "occlusion", "seen"), [(3, True, True), (1, True, False), (1, False, True)], ids=["part", "all", "none"]
 )
-def test_a_ring_is_hidden_only_where_all_of_it_is(x, y, occlusion, seen):
-    scene = Scene(np.array([[20.0, 50, 0], [60, 50, 0], [x, y, 0]]), np.ones(3, bool), empty_arena())
+def test_a_ring_is_hidden_only_where_all_of_it_is(aside, occlusion, seen):
+    scene = Scene(np.array([[20.0, 50, 0], [60, 50, 0], [40, 50 + aside, 0]]), np.ones(3, bool), empty_arena())
     found = pairs(scene, EnkiCameraSignal(kind="enki_camera"), occlusion)
     assert found[0].tolist() == [False, seen, True]
 
 
 @pytest.mark.parametrize(("apart_cm", "seen"), [(28.69, 1), (28.71, 0)])
 def test_the_range_is_that_from_the_robots_centre_to_the_others_rim(apart_cm, seen):
-    robots = {
-        "poses": [[20, 50, 0], [20 + apart_cm, 50, 0]],
-        "signal": {"kind": "enki_camera", "range_cm": 25, "angle_deg": 100},
-        "controller": "constant",
-        "parameters": {"ring_on": True},
-    }
-    simulation = Simulation({"arena": {"width_cm": 100, "height_cm": 100}, "robots": [robots], "noise": "off"})
+    simulation = lit_pair({"kind": "enki_camera", "range_cm": 25, "angle_deg": 100}, apart_cm)
     assert simulation.advance(2).camera.tolist() == [[seen], [0]]

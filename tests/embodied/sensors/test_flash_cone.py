@@ -1,13 +1,14 @@
 """Claims about the ideal sensor of flashes: its cone, and what hides a ring, against a slow twin."""
 
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from epuck_sim.arrays import BoolArray, ByteArray, FloatArray
+from epuck_sim.arrays import BoolArray, ByteArray
 from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, perceives, set_cone
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import swarm_at
@@ -16,11 +17,12 @@ from epuck_sim.util.jit import jit_no_alloc
 from tests.embodied.scenes import (
     ADDRESSES,
     EDGE_CM,
-    RADIUS_CM,
     Block,
     CameraSettings,
     Scene,
     block_of,
+    cast_on_discs,
+    cast_on_segments,
     scenes,
 )
 
@@ -33,10 +35,9 @@ sections = st.builds(
 
 
 def with_cone(scene: Scene, section: ConeSection, occlusion: bool, observer: int = 0) -> Block:
-    """Return the robots of a scene; those from `observer` on have the ideal sensor."""
     block = block_of(scene, CameraSettings(1, 56.0, 1), observer)
     cone = block.swarm.groups[0].cone
-    set_cone(cone, section, scene.body.forward_cm)
+    set_cone(cone, section, scene.body.camera_forward_cm)
     cone.occlusion = occlusion
     return block
 
@@ -75,41 +76,18 @@ def slow_hidden(scene: Scene) -> tuple[BoolArray, BoolArray]:
     """Return (robots, robots) whether something is between the two, and whether rounding may reverse that."""
     robots = len(scene.poses)
     hidden, doubtful = np.zeros((2, robots, robots), bool)
-    bodies = np.column_stack([scene.poses[:, :2], np.full(robots, RADIUS_CM)])
-    for one in range(robots):
-        for other in range(one):
-            start, end = scene.poses[one, :2], scene.poses[other, :2]
-            discs = np.vstack([np.delete(bodies, [one, other], axis=0), scene.arena.circles])
-            gaps = gaps_to_line(start, end, discs)
-            crossed, nearly = crossings(start, end, scene.arena.edges)
-            hidden[one, other] = hidden[other, one] = (gaps < 0).any() or crossed.any()
-            doubtful[one, other] = doubtful[other, one] = (np.abs(gaps) < EDGE_CM).any() or nearly.any()
+    bodies = np.column_stack([scene.poses[:, :2], scene.radii_cm])
+    for one, other in permutations(range(robots), 2):
+        way = bodies[other, :2] - bodies[one, :2]
+        length = np.hypot(*way)
+        ray = bodies[[one], :2], way[None] / length
+        discs = np.vstack([np.delete(bodies, [one, other], axis=0), scene.arena.circles])
+        to_discs, by_disc = cast_on_discs(*ray, discs)
+        to_edges, by_edge = cast_on_segments(*ray, scene.arena.edges)
+        depths = np.hstack([to_discs, to_edges])
+        hidden[one, other] = (depths < length).any()
+        doubtful[one, other] = np.hstack([by_disc, by_edge, np.abs(depths - length) < EDGE_CM]).any()
     return hidden, doubtful
-
-
-def gaps_to_line(start: FloatArray, end: FloatArray, discs: FloatArray) -> FloatArray:
-    """Return cm between (discs, 3) discs and the line between two points, negative where they meet."""
-    length = np.hypot(*(end - start))
-    along = (end - start) / length
-    offset = discs[:, :2] - start
-    ahead = offset @ along
-    beside = np.abs(offset[:, 0] * along[1] - offset[:, 1] * along[0])
-    beyond = np.minimum(np.hypot(*offset.T), np.hypot(*(discs[:, :2] - end).T))
-    return np.where((ahead > 0) & (ahead < length), beside, beyond) - discs[:, 2]
-
-
-def crossings(start: FloatArray, end: FloatArray, edges: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Return (edges,) whether the line between two points crosses each edge, and whether rounding may reverse that."""
-    crossed, nearly = np.zeros((2, len(edges)), bool)
-    for number, edge in enumerate(edges):
-        matrix = np.column_stack([end - start, edge[:2] - edge[2:]])
-        if abs(np.linalg.det(matrix)) < 1e-9:
-            nearly[number] = True
-            continue
-        shares = np.linalg.solve(matrix, edge[:2] - start)
-        crossed[number] = ((shares >= 0) & (shares <= 1)).all()
-        nearly[number] = (np.minimum(np.abs(shares), np.abs(shares - 1)) < 1e-9).any()
-    return crossed, nearly
 
 
 @given(scenes(robots=(1, 2, 10)), sections)
@@ -135,19 +113,13 @@ def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, 
     np.testing.assert_array_equal(block.swarm.pixels, expected)
 
 
-def lit_pair(signal: dict, first: list[float], second: list[float]) -> Simulation:
-    """Return two robots that stand still with lit rings."""
+def lit_pair(signal: dict, apart_cm: float) -> Simulation:
     controller = {"controller": "constant", "parameters": {"ring_on": True}}
-    return Simulation(
-        {
-            "arena": {"width_cm": 100, "height_cm": 100},
-            "robots": [{"poses": [first, second], "signal": signal, **controller}],
-        }
-    )
+    robots = {"poses": [[20, 50, 0], [20 + apart_cm, 50, 0]], "signal": signal, **controller}
+    return Simulation({"arena": {"width_cm": 100, "height_cm": 100}, "robots": [robots], "noise": "off"})
 
 
 @pytest.mark.parametrize(("range_cm", "seen"), [(40, 1), (39.9, 0)])
 def test_a_swarm_with_an_ideal_sensor_has_a_picture_of_one_pixel(range_cm, seen):
-    simulation = lit_pair({"kind": "cone", "range_cm": range_cm, "angle_deg": 60}, [20, 50, 0], [60, 50, 0])
-    assert simulation.advance(1).camera.tolist() == [[0], [0]]
-    assert simulation.advance(1).camera.tolist() == [[seen], [0]]
+    simulation = lit_pair({"kind": "cone", "range_cm": range_cm, "angle_deg": 60}, 40)
+    assert [simulation.advance(1).camera.tolist() for _ in range(2)] == [[[0], [0]], [[seen], [0]]]

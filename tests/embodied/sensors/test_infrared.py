@@ -33,22 +33,20 @@ from tests.embodied.scenes import (
 )
 
 NOTHING_MM = 65535
-SPREAD = math.radians(15)
 E_PUCKS = np.zeros(1, INFRARED).view(np.recarray)[0]
 """The e-puck's sensors."""
 
 set_infrared(E_PUCKS, EPUCK, InfraredSection(), 0.0)
 
-sensors = pytest.mark.parametrize("sensor", range(8))
 distances = st.floats(0.3, 12)
 
 
-def _f(x):
+def f(x):
     """F of the facts, from 0.3 cm to 12 cm."""
     return 3731 * (0.7 - 0.3**2) / (x**2 - 2 * 0.3 * x + 0.7)
 
 
-def _facing(sensor, x, y, direction):
+def facing(sensor, x, y, direction):
     """Return the pose that puts a sensor at (x, y) and lets it look in a direction."""
     ahead, aside, degrees = SENSORS[sensor]
     heading = direction - math.radians(degrees)
@@ -56,12 +54,7 @@ def _facing(sensor, x, y, direction):
     return x - ahead * cos + aside * sin, y - ahead * sin - aside * cos, heading
 
 
-def _readings(poses, arena):
-    return readings(Scene(np.array(poses), np.zeros(len(poses), bool), arena))
-
-
-def _sensed(poses, arena, by_table=False, noise_counts=0.0, noise=0.0, gain=1.0):
-    """Return readings and distances, of robots' (robots, 8) gains and noise."""
+def sensed(poses, arena, by_table=False, noise_counts=0.0, noise=0.0, gain=1.0):
     scene = Scene(np.array(poses), np.zeros(len(poses), bool), arena)
     infrared = InfraredSection(distance="firmware_table" if by_table else "inverse_response")
     block = block_of(scene, infrared=infrared, noise_counts=noise_counts)
@@ -83,46 +76,25 @@ def distance_mm(reading):
 
 
 @given(distances)
-def test_the_response_is_that_of_the_facts(distance):
-    assert response(distance) == pytest.approx(_f(distance), rel=1e-12)
+@example(0.3)
+@example(12.0)
+def test_the_response_is_that_of_the_facts_and_a_distance_comes_back_from_it_in_whole_mm(distance):
+    assert response(distance) == pytest.approx(f(distance), rel=1e-12)
+    assert distance_mm(response(distance)) in {int(10 * distance - 1e-6), int(10 * distance + 1e-6)}
 
 
 def test_the_response_peaks_nearer_than_3_mm_and_ends_after_12_cm():
     assert response(0.0) == response(0.3) == 3731.0
-    assert response(12.0) > 16
     assert response(math.nextafter(12.0, 13.0)) == response(math.inf) == 0.0
+    assert distance_mm(5000.0) == 3
 
 
-@given(distances)
-@example(0.3)
-@example(12.0)
-def test_a_distance_comes_back_from_its_response_in_whole_mm(distance):
-    assert distance_mm(response(distance)) in {int(10 * distance - 1e-6), int(10 * distance + 1e-6)}
-
-
-@given(st.floats(16.56, 3731))
-def test_a_reading_lies_between_the_responses_at_its_mm_and_at_the_next(reading):
-    found = distance_mm(reading)
-    assert _f((found + 1) / 10) - 1e-6 <= reading <= _f(found / 10) + 1e-6
-
-
-def test_the_largest_reading_is_3_mm_and_the_least_12_cm():
-    assert distance_mm(3731.0) == 3
-    assert 119 <= distance_mm(response(12.0)) <= 120
-
-
-@pytest.mark.parametrize(
-    ("reading", "mm"), [(4095, 0), (3756, 3), (3591, 10), (558, 25), (133, 50), (58, 75), (29, 100)]
-)
-def test_the_firmware_s_table_holds_at_its_entries(reading, mm):
-    assert firmware_table_mm(float(reading)) == mm
-
-
-@given(st.floats(29, 4095))
+@given(st.floats(29, 4095) | st.sampled_from([29.0, 58.0, 133.0, 558.0, 3591.0, 3756.0, 4095.0]))
 def test_the_firmware_s_table_is_linear_between_its_entries(reading):
     counts, mm = [29, 58, 133, 558, 3591, 3756, 4095], [100, 75, 50, 25, 10, 3, 0]
     between = np.interp(reading, counts, mm)
     assert firmware_table_mm(reading) in {int(between - 1e-6), int(between + 1e-6)}
+    assert reading not in counts or firmware_table_mm(reading) == between
 
 
 def test_the_firmware_s_table_ends_at_29_counts():
@@ -133,44 +105,31 @@ def test_the_firmware_s_table_ends_at_29_counts():
 # --- closed forms -----------------------------------------------------------------------------------
 
 
-@sensors
-@pytest.mark.parametrize("distance", [0.2, 0.3, 1.0, 5.0, 11.5, 11.9])
-def test_a_wall_straight_ahead_reads_what_the_centre_ray_alone_would(sensor, distance):
-    for direction in np.radians([0, 90, 180, 270]):
-        at = 50 + (50 - distance) * np.array([math.cos(direction), math.sin(direction)])
-        reading = _readings([_facing(sensor, *at, direction)], empty_arena(100, 100))[0, sensor]
-        assert reading == pytest.approx(_f(max(distance, 0.3)), rel=1e-9)
-
-
-def test_a_wall_at_exactly_12_cm_is_in_range_and_a_hair_further_is_not():
-    at_range, beyond = (_sensed([(50.0, y, 0.0)], empty_arena(100, 30.6)) for y in (15.3, 15.3 - 1e-9))
-    assert (at_range[0][0, 5], beyond[0][0, 5]) == (response(12.0), 0.0)
-    assert at_range[1][0, 5] in {119, 120}
-    assert beyond[1][0, 5] == NOTHING_MM
+@pytest.mark.parametrize("distance", [0.2, 0.3, 1.0, 5.0, 11.9])
+def test_a_wall_straight_ahead_reads_what_the_centre_ray_alone_would(distance):
+    for sensor in range(8):
+        for direction in np.radians([0, 90, 180, 270]):
+            at = 50 + (50 - distance) * np.array([math.cos(direction), math.sin(direction)])
+            reading = sensed([facing(sensor, *at, direction)], empty_arena(100, 100))[0][0, sensor]
+            assert reading == pytest.approx(f(max(distance, 0.3)), rel=1e-9)
 
 
 @pytest.mark.parametrize("by_table", [False, True])
-def test_nothing_in_range_reads_nothing(by_table):
-    counts, mm = _sensed([(50, 50, 1.0), (50, 75, 2.0)], empty_arena(100, 100), by_table)
-    assert (counts == 0).all()
-    assert (mm == NOTHING_MM).all()
+def test_a_wall_at_exactly_12_cm_is_in_range_and_a_hair_further_is_not(by_table):
+    at_range, beyond = (sensed([(50.0, y, 0.0)], empty_arena(100, 30.6), by_table) for y in (15.3, 15.3 - 1e-9))
+    assert at_range[0][0, 5] == response(12.0) > 16
+    assert at_range[1][0, 5] in ({NOTHING_MM} if by_table else {119, 120})
+    assert (beyond[0][0, 5], beyond[1][0, 5]) == (0.0, NOTHING_MM)
 
 
-def test_a_reading_is_never_more_than_the_peak():
+def test_a_reading_is_neither_more_than_the_peak_nor_negative():
     # two posts, one on each side ray of sensor 0 and none on its centre ray: twice the peak, but for the clamp
-    x, y, heading = _facing(0, 50, 50, 0.0)
-    posts = [(50 + 0.4 * math.cos(SPREAD), 50 + side * 0.4 * math.sin(SPREAD), 0.1) for side in (-1, 1)]
-    assert _readings([(x, y, heading)], make_arena(100, 100, posts, []))[0, 0] == 3731.0
-
-
-def test_a_reading_is_never_negative():
+    pose, spread = facing(0, 50, 50, 0.0), math.radians(15)
+    posts = [(50 + 0.4 * math.cos(spread), 50 + side * 0.4 * math.sin(spread), 0.1) for side in (-1, 1)]
+    assert sensed([pose], make_arena(100, 100, posts, []))[0][0, 0] == 3731.0
     # a post on the centre ray alone, where the correction takes off more than the ray puts on
-    assert 3731.0 > _f(5.0) < 2 * _f(5.0 / math.cos(SPREAD))
-    arena = make_arena(100, 100, [(55.5, 50, 0.5)], [])
-    assert _readings([_facing(0, 50, 50, 0.0)], arena)[0, 0] == 0.0
-
-
-# --- noise ------------------------------------------------------------------------------------------
+    assert f(5.0) < 2 * f(5.0 / math.cos(spread))
+    assert sensed([pose], make_arena(100, 100, [(55.5, 50, 0.5)], []))[0][0, 0] == 0.0
 
 
 @settings(max_examples=50)
@@ -178,7 +137,7 @@ def test_a_reading_is_never_negative():
 def test_readings_are_amplified_and_noisy_within_0_and_the_peak_and_distances_are_theirs(scene, seed, noise, by_table):
     random = np.random.default_rng(seed)
     gain, normal = random.uniform(0.5, 1.5, (len(scene.poses), 8)), random.standard_normal((len(scene.poses), 8))
-    counts, mm = _sensed(scene.poses, scene.arena, by_table, noise, normal, gain)
+    counts, mm = sensed(scene.poses, scene.arena, by_table, noise, normal, gain)
     np.testing.assert_array_equal(counts, np.clip(readings(scene) * gain + noise * normal, 0, 3731))
     for reading, found in zip(counts.ravel(), mm.ravel(), strict=True):
         if by_table or reading >= response(12.0):
@@ -209,19 +168,14 @@ def test_readings_are_those_of_the_slow_twin():
 
 @settings(max_examples=40)
 @given(scenes(), st.integers(0, 2**32 - 1))
-def test_readings_do_not_depend_on_the_order_of_robots(scene, seed):
+def test_readings_depend_neither_on_the_order_of_robots_nor_on_their_group(scene, seed):
+    every, observer = readings(scene), len(scene.poses) // 2
     order = np.random.default_rng(seed).permutation(len(scene.poses))
-    shuffled = scene._replace(poses=scene.poses[order])
-    np.testing.assert_array_equal(readings(shuffled), readings(scene)[order])
-
-
-@given(scenes())
-def test_the_robots_from_a_number_on_read_what_they_do_among_all(scene):
-    observer = len(scene.poses) // 2
-    np.testing.assert_array_equal(readings(scene, observer), readings(scene)[observer:])
+    np.testing.assert_array_equal(readings(scene._replace(poses=scene.poses[order])), every[order])
+    np.testing.assert_array_equal(readings(scene, observer), every[observer:])
 
 
 def test_the_constants_are_those_of_the_facts():
-    np.testing.assert_array_equal(epuck.INFRARED_POSITIONS_CM, SENSORS[:, :2])
-    np.testing.assert_array_equal(epuck.INFRARED_DIRECTIONS_DEG, SENSORS[:, 2])
+    found = np.column_stack([epuck.INFRARED_POSITIONS_CM, epuck.INFRARED_DIRECTIONS_DEG])
+    np.testing.assert_array_equal(found, SENSORS)
     assert epuck.INFRARED_RANGE_CM == 12

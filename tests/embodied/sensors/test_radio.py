@@ -1,7 +1,5 @@
 """Claims about radio pulses: who receives which, when, and what is lost."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -24,7 +22,6 @@ def step(sensors, memory, actuators, parameters, random):
         memory.heard[place] = sensors.messages[place]
     memory.steps += 1
 """
-NEVER = 10**6
 
 
 @pytest.fixture
@@ -32,40 +29,32 @@ def swarm(tmp_path):
     """Return a function that makes groups of one robot each, on a line 20 cm apart."""
     (tmp_path / "sender.py").write_text(SENDER)
 
-    def make(*parameters: dict[str, Any], interpret: bool = False, seed: int = 1, **signal: Any) -> Simulation:
-        groups = [
-            {
-                "poses": [[10 + 20 * place, 20, 0]],
-                "controller": str(tmp_path / "sender.py"),
-                "parameters": given,
-                "signal": {"kind": "radio", **signal},
-            }
-            for place, given in enumerate(parameters)
-        ]
+    def make(*parameters, interpret=False, **signal):
+        robot = {"controller": str(tmp_path / "sender.py"), "signal": {"kind": "radio", **signal}}
+        poses = [[[10 + 20 * place, 20, 0]] for place in range(len(parameters))]
+        groups = [robot | {"poses": at, "parameters": given} for at, given in zip(poses, parameters, strict=True)]
         arena = {"width_cm": 20 * len(parameters) + 20, "height_cm": 40}
-        return Simulation({"arena": arena, "robots": groups}, seed, interpret=interpret)
+        return Simulation({"arena": arena, "robots": groups}, 1, interpret=interpret)
 
     return make
 
 
-def pulses(simulation: Simulation, steps: int) -> list[list[int]]:
-    """Return for each step how many pulses each robot's controller has heard."""
+def pulses(simulation, steps):
     return [[int(memory["pulses"][0]) for memory in simulation.advance(1).memories] for _ in range(steps)]
 
 
-LISTEN = {"first": NEVER}
+SEND, LISTEN = {}, {"first": 10**6}
 
 
 @pytest.mark.parametrize("interpret", [False, True])
 @pytest.mark.parametrize(("latency_ms", "late"), [(0, 1), (1, 2), (100, 2), (250, 4)])
 def test_a_pulse_arrives_once_in_the_step_after_it_was_sent_or_later_by_the_latency(swarm, latency_ms, late, interpret):
-    heard = pulses(swarm({}, LISTEN, latency_ms=latency_ms, interpret=interpret), 10)
-    assert [step for step, (_, listener) in enumerate(heard) if listener] == [3 + late]
-    assert not any(sender for sender, _ in heard)
+    heard = pulses(swarm(SEND, LISTEN, latency_ms=latency_ms, interpret=interpret), 10)
+    assert heard == [[0, int(step == 3 + late)] for step in range(10)]
 
 
 def test_a_message_arrives_with_its_pulse_and_a_flash_without_one(swarm):
-    simulation = swarm({"message": 77}, {}, LISTEN)
+    simulation = swarm({"message": 77}, SEND, LISTEN)
     simulation.advance(4)
     step = simulation.advance(1)
     heard = step.memories[2]
@@ -75,23 +64,20 @@ def test_a_message_arrives_with_its_pulse_and_a_flash_without_one(swarm):
     assert simulation.advance(1).memories[2]["heard"][0].tolist() == [0] * 8
 
 
-def test_pulses_pass_through_bodies_and_end_at_the_range(swarm):
-    assert pulses(swarm({}, LISTEN, LISTEN, LISTEN, range_cm=40), 5)[4] == [0, 1, 1, 0]
-
-
-def test_a_cone_of_emission_sends_ahead_only(swarm):
-    assert pulses(swarm(LISTEN, {}, LISTEN, angle_deg=90, of="emission"), 5)[4] == [0, 0, 1]
-    assert pulses(swarm(LISTEN, {}, LISTEN, angle_deg=90), 5)[4] == [1, 0, 0]
-
-
-@pytest.mark.parametrize(("collisions", "heard"), [(False, [1, 1, 2]), (True, [1, 1, 0])])
-def test_pulses_that_collide_are_received_by_nobody_who_hears_both(swarm, collisions, heard):
-    assert pulses(swarm({}, {}, LISTEN, collisions=collisions), 5)[4] == heard
-
-
-@pytest.mark.parametrize(("half_duplex", "heard"), [(False, [1, 1, 2]), (True, [0, 0, 2])])
-def test_who_sends_is_deaf_with_half_duplex(swarm, half_duplex, heard):
-    assert pulses(swarm({}, {}, LISTEN, half_duplex=half_duplex), 5)[4] == heard
+@pytest.mark.parametrize(
+    ("robots", "signal", "heard"),
+    [
+        # pulses pass through bodies, and end at the range
+        ([SEND, LISTEN, LISTEN, LISTEN], {"range_cm": 40}, [0, 1, 1, 0]),
+        ([LISTEN, SEND, LISTEN], {"angle_deg": 90, "of": "emission"}, [0, 0, 1]),
+        ([LISTEN, SEND, LISTEN], {"angle_deg": 90}, [1, 0, 0]),
+        *(([SEND, SEND, LISTEN], {"collisions": collide}, [1, 1, 0 if collide else 2]) for collide in (False, True)),
+        *(([SEND, SEND, LISTEN], {"half_duplex": deaf}, [0, 0, 2] if deaf else [1, 1, 2]) for deaf in (False, True)),
+        *(([SEND, LISTEN], {"loss": loss}, [0, 1 - loss]) for loss in (0, 1)),
+    ],
+)
+def test_who_hears_a_pulse_of_the_step_before(swarm, robots, signal, heard):
+    assert pulses(swarm(*robots, **signal), 5)[4] == heard
 
 
 def test_pulses_are_lost_one_by_one_with_the_given_probability(swarm):
@@ -102,8 +88,3 @@ def test_pulses_are_lost_one_by_one_with_the_given_probability(swarm):
     assert totals[0] == 0
     assert (np.abs(totals[1:] - 0.7 * sent) < 4 * np.sqrt(0.21 * sent)).all()
     assert totals[1] != totals[2]
-
-
-def test_nothing_is_lost_or_everything_at_the_ends(swarm):
-    assert pulses(swarm({}, LISTEN, loss=0), 5)[4] == [0, 1]
-    assert pulses(swarm({}, LISTEN, loss=1), 5)[4] == [0, 0]

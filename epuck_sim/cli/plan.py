@@ -1,0 +1,93 @@
+"""How long a sweep will take, and how `plan` says it."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim.cli.options import read_scenario
+from epuck_sim.cli.tables import describe_at_limit, show
+from epuck_sim.display.html import in_words
+from epuck_sim.estimate import Estimate
+from epuck_sim.runs.share import WHOLE, Share
+from epuck_sim.runs.status import PointAtLimit, read_status, read_wall_times
+from epuck_sim.scenario.loader import RUN_SCENARIO
+from epuck_sim.scenario.points import Point
+from epuck_sim.statistics.mean import estimate_mean
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.planning import TrialPlan
+from epuck_sim.sweep.pilot import time_trials
+from epuck_sim.util.messages import counted
+
+
+class Duration(NamedTuple):
+    """How long a sweep will take."""
+
+    points: int
+    trials: int
+    """Trials at each point."""
+    left: int
+    """Number of trials that are still to be run."""
+    workers: int
+    compute_s: Estimate
+    """Computing time of these trials together."""
+    timed: int
+    """Number of trials from which this follows."""
+    is_cut: bool
+    """Whether the last of these was cut: then it takes longer."""
+    at_limit: Sequence[PointAtLimit] = ()
+    """Points whose trials, of these, have all reached their limit."""
+
+
+def duration_of_folder(folder: Path, trials: int | None, workers: int, *, trusted: bool) -> Duration:
+    """Return how long the rest of a run folder's sweep, or of so many trials a point, will take."""
+    stored, status = read_wall_times(folder), read_status(folder)
+    share = Share.parse(status.share) if status.share else WHOLE
+    wanted = trials or read_scenario(folder / RUN_SCENARIO, trusted=trusted).trials
+    times = [time for of_point in stored.values() for time in of_point]
+    left = {number: max(0, len(share.trials(number, wanted)) - len(of_point)) for number, of_point in stored.items()}
+    compute_s = sum(left[number] * np.mean(of_point or times or [0.0]) for number, of_point in stored.items())
+    seconds, count = Estimate(float(compute_s)), sum(left.values())
+    return Duration(len(stored), wanted, count, workers, seconds, len(times), False, status.at_limit)
+
+
+def duration_of_scenario(points: Sequence[Point], wanted: int, budget_s: float, workers: int) -> Duration:
+    """Return how long so many trials at each point will take, from some that are run now, in a wall time."""
+    timed, count = time_trials(points, budget_s), wanted * len(points)
+    times = np.array([each.wall_s for each in timed])
+    estimate = estimate_mean(Measured(times, np.ones(len(times), bool), math.inf, 0))
+    compute = estimate.apply(lambda seconds: count * seconds)
+    is_cut = any(each.is_cut for each in timed)
+    at_limit = [PointAtLimit(each.point, points[each.point].axes, 1) for each in timed if each.is_censored]
+    return Duration(len(points), wanted, count, workers, compute, len(times), is_cut, at_limit)
+
+
+def print_plan(name: str, duration: Duration, plan: TrialPlan | None, *, as_json: bool) -> None:
+    """Print how long a sweep will take on stdout, and of a run folder how many trials show a difference."""
+    wall_s = duration.compute_s.apply(lambda seconds: seconds / duration.workers)
+    if as_json:
+        found = {"duration": {**duration._asdict(), "wall_s": wall_s.value}}
+        show([], {**plan._asdict(), **found} if plan else found, as_json=True)
+        return
+    if plan:
+        show([plan.table(name)], None, as_json=False)
+    total = f"{name}: {counted(duration.points, 'point')}, {counted(duration.trials, 'trial')} each"
+    if not duration.left:
+        print(f"{total}: all are stored.")
+    elif not duration.timed:
+        print(f"{total}: {duration.left} are left; none has been timed.")
+    else:
+        computing, with_workers = (_in_words(each, duration.is_cut) for each in (duration.compute_s, wall_s))
+        workers = counted(duration.workers, "worker")
+        print(f"{total}: {duration.left} are left: {computing} of computing, {with_workers} with {workers}.")
+        cut = "; the last was cut, so that it is more" if duration.is_cut else ""
+        print(f"That follows from {counted(duration.timed, 'trial')}{cut}.")
+    for line in describe_at_limit(duration.at_limit):
+        print(line)
+
+
+def _in_words(estimate: Estimate, is_cut: bool) -> str:
+    value, low, high = map(in_words, estimate.ends)
+    return f"{'more than ' * is_cut}{value}" + f" ({low} to {high})" * estimate.has_interval
