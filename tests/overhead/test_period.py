@@ -84,13 +84,6 @@ def test_a_film_of_too_few_periods_has_no_estimate():
     assert estimate_period_s(times, counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)) is not None
 
 
-@pytest.mark.parametrize("estimate", [estimate_period_s, estimate_flash_s])
-@pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 500])
-@pytest.mark.parametrize("lit", [0, 2])
-def test_films_in_which_nothing_flashes_have_no_estimate(estimate, count, lit):
-    assert estimate(np.arange(count) / 15, np.full(count, lit)) is None
-
-
 @given(st.lists(st.tuples(st.sampled_from([0, 1, 1, 1, 2, 40]), st.integers(0, 3)), max_size=60))
 def test_whatever_is_counted_the_estimates_are_none_or_within_the_film(film):
     times = np.cumsum([step for step, _ in film], dtype=float) / 15
