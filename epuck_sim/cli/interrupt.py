@@ -120,9 +120,9 @@ class Watchdog:
                 time.sleep(0.02)
             unheard = 0 if self._reacted_s >= since_s else unheard + len(requests)
             if unheard > 1 or (unheard and requests != [signal.SIGINT]):
-                _end("ended in the middle of compiled code")
+                _end("ended where Ctrl-C is not heard")
             if unheard:
-                _say("compiled code does not react to Ctrl-C; press it again to end at once")
+                _say("Ctrl-C is not heard in compiled code and some libraries; press it again to end at once")
 
 
 def _signal_main_thread(number: int) -> None:
