@@ -122,7 +122,7 @@ class Watchdog:
             if unheard > 1 or (unheard and requests != [signal.SIGINT]):
                 _end("ended where Ctrl-C is not heard")
             if unheard:
-                _say("Ctrl-C is not heard in compiled code and some libraries; press it again to end at once")
+                _say("Ctrl-C is not heard in here; press it again to end at once")
 
 
 def _signal_main_thread(number: int) -> None:
