@@ -33,15 +33,15 @@ def exit_on_error() -> Iterator[None]:
     """Turn a user's mistake into one message and exit code 2, Ctrl-C and leaving the debugger into exit code 130."""
     try:
         yield
+    except (KeyboardInterrupt, BdbQuit) as interrupt:
+        typer.echo("interrupted", err=True)
+        raise typer.Exit(130) from interrupt
     except Exception as error:
         if (message := _message(error)) is None:
             raise
         if _is_open(sys.stderr):
             typer.echo(f"error: {message}", err=True)
         raise typer.Exit(2) from error
-    except (KeyboardInterrupt, BdbQuit) as interrupt:
-        typer.echo("interrupted", err=True)
-        raise typer.Exit(130) from interrupt
 
 
 def _message(error: Exception) -> str | None:
