@@ -91,16 +91,10 @@ def make_arena(
     floor: Floor | None = None,
     lamps: Sequence[Sequence[float]] = (),
 ) -> Arena:
-    """Return the arena with the given obstacles, movables, floor and lamps.
+    """Return the arena with the given obstacles, movables, floor and lamps; the floor is white by default.
 
-    Args:
-        width_cm: Length along x.
-        height_cm: Length along y.
-        circles: Centre x, centre y and radius in cm of each round obstacle.
-        polygons: (v, 2) cm: corners of each convex obstacle, counter-clockwise.
-        movables: Centre x, centre y and radius in cm, mass in g, and coefficient of friction of each movable.
-        floor: The floor; white by default.
-        lamps: x, y and height in cm, and strength, of each lamp.
+    Lengths are in cm: round obstacles are (x, y, radius) each, convex ones (v, 2) corners counter-clockwise, movables
+    (x, y, radius, mass in g, friction), and lamps (x, y, height, strength).
     """
     pushed = np.array(movables, float).reshape(-1, 5)
     return Arena(
@@ -124,13 +118,10 @@ def _edges(polygons: Iterable[FloatArray]) -> FloatArray:
 def make_floor(
     brightness: float, patches: Sequence[tuple[float, Sequence[float] | FloatArray]], picture: ByteArray | None = None
 ) -> Floor:
-    """Return the floor with the given patches.
+    """Return the floor with patches, later ones on top, and a picture of (rows, columns) levels, if any.
 
-    Args:
-        brightness: Brightness where there is no patch, from 0 to 1.
-        patches: Brightness of each patch, and its shape in cm: centre x, centre y and radius of a disc; or (v, 2)
-            corners of a convex polygon, counter-clockwise. Later ones lie on top.
-        picture: (rows, columns) levels instead of the brightness; see `Floor.picture`.
+    A patch has a brightness from 0 to 1, and a shape in cm: (x, y, radius) of a disc, or (v, 2) corners of a convex
+    polygon, counter-clockwise.
     """
     records = np.zeros(len(patches), PATCH)
     polygons: list[FloatArray] = []
@@ -158,12 +149,9 @@ def clearance_cm(arena: Arena, x_cm: float, y_cm: float) -> float:
 
 
 def brightness_at(arena: Arena, x_cm: npt.ArrayLike, y_cm: npt.ArrayLike) -> FloatArray:
-    """Return the brightness of the floor at points, from 0, black, to 1, white.
+    """Return the brightness of the floor at points, (...) cm, from 0, black, to 1, white.
 
-    Args:
-        arena: The arena.
-        x_cm: (...) x of the points; beyond the walls, a picture is continued by its outermost pixels.
-        y_cm: (...) y of the points.
+    Beyond the walls, a picture is continued by its outermost pixels.
     """
     points = np.stack(np.broadcast_arrays(np.asarray(x_cm, float), np.asarray(y_cm, float)), axis=-1)
     floor = arena.floor
@@ -184,17 +172,12 @@ def brightness_at(arena: Arena, x_cm: npt.ArrayLike, y_cm: npt.ArrayLike) -> Flo
 
 
 def light_at(arena: Arena, x_cm: npt.ArrayLike, y_cm: npt.ArrayLike) -> FloatArray:
-    """Return the light of all lamps on the floor at points; a lamp of strength 1 gives 1 right below it.
+    """Return the light of all lamps on the floor at points, (...) cm; a lamp of strength 1 gives 1 right below it.
 
     A lamp is a point that shines alike in all directions. At the distance r, its light falls with the square of r, and
     a level floor gets the share cos(a) = h / r of it, where h is the lamp's height and a the angle from the vertical.
     With the distance d on the floor, the light is proportional to h / (h^2 + d^2)^(3/2), and to 1 / h^2 right below:
     the strength times (h^2 / (h^2 + d^2))^(3/2). Nothing casts a shadow.
-
-    Args:
-        arena: The arena.
-        x_cm: (...) x of the points.
-        y_cm: (...) y of the points.
     """
     x, y, height, strength = arena.lamps.T
     square = (np.asarray(x_cm, float)[..., None] - x) ** 2 + (np.asarray(y_cm, float)[..., None] - y) ** 2
@@ -203,12 +186,7 @@ def light_at(arena: Arena, x_cm: npt.ArrayLike, y_cm: npt.ArrayLike) -> FloatArr
 
 
 def floor_levels(arena: Arena, side_px: int) -> ByteArray:
-    """Return (rows, columns) levels of the floor from above, 0 for black and 255 for white, the largest y first.
-
-    Args:
-        arena: The arena.
-        side_px: Columns or rows along the longer wall.
-    """
+    """Return (rows, columns) levels of the floor from above, 0 for black and 255 for white, the largest y first."""
     scale = side_px / max(arena.width_cm, arena.height_cm)
     columns, rows = (max(1, round(scale * side)) for side in (arena.width_cm, arena.height_cm))
     x = (np.arange(columns) + 0.5) * arena.width_cm / columns

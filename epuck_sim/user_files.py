@@ -84,15 +84,7 @@ class Kind:
     """How a file is given, for messages."""
 
     def locate(self, name: str, folder: Path | None = None) -> Place:
-        """Return where something comes from.
-
-        Args:
-            name: The name of what is shipped, or of what an installed package offers; or the path of a file.
-            folder: Where a relative path begins; if there is no such file, it begins at the working directory.
-
-        Raises:
-            EpuckSimError: There is no such thing, or two of one name; the error is that of the kind.
-        """
+        """Return where something comes from."""
         if not self.is_path(name):
             return self.named(name)
         folders = dict.fromkeys([folder or Path(), Path()])
@@ -113,11 +105,7 @@ class Kind:
         return next((place for place in known if place.path == path), Place(str(path), path))
 
     def named(self, name: str) -> Place:
-        """Return where something comes from that is shipped, or offered by an installed package.
-
-        Raises:
-            EpuckSimError: There is no such thing, or two of one name; the error is that of the kind.
-        """
+        """Return where something comes from that is shipped, or offered by an installed package."""
         places = self.offers.get(name, [])
         if len(places) == 1:
             return places[0]
@@ -132,11 +120,7 @@ class Kind:
 
     @cached_property
     def offers(self) -> Mapping[str, Sequence[Place]]:
-        """What is shipped or offered by installed packages under each name: several where a name is taken twice.
-
-        Warns:
-            UserWarning: An entry point names a module that has no file.
-        """
+        """What is shipped or offered by installed packages under each name: several where a name is taken twice."""
         found = {name: [Place(name, path, OWN_PACKAGE)] for name, path in self.shipped().items()}
         for point in installed().select(group=self.group):
             package = getattr(point.dist, "name", None) or "a package without a name"
@@ -228,11 +212,7 @@ class PythonFile(NamedTuple):
         return self.error(f"{where}: {said}")
 
     def parameters(self) -> dict[str, Value]:
-        """Return the parameters and their defaults, as `PARAMETERS` gives them; none if it is not there.
-
-        Raises:
-            EpuckSimError: It is no mapping of names to numbers and truth values.
-        """
+        """Return the parameters and their defaults, as `PARAMETERS` gives them; none if it is not there."""
         given = self.parts.get("PARAMETERS", {})
         if not isinstance(given, dict):
             said = f"PARAMETERS is {short_repr(given)}; allowed: a mapping of names to default values"
@@ -256,11 +236,7 @@ class PythonFile(NamedTuple):
         return check
 
     def record_type(self, part: str) -> np.dtype[Any]:
-        """Return the record type whose fields a mapping of the file declares, see `record_type`.
-
-        Raises:
-            EpuckSimError: It does not declare any.
-        """
+        """Return the record type whose fields a mapping of the file declares, see `record_type`."""
         try:
             return record_type(self.parts[part])
         except (TypeError, ValueError) as error:
@@ -272,14 +248,6 @@ def load_python_file(place: Place, error: type[EpuckSimError], more_folders: Seq
 
     It has copies of its own of the files that it imports: two files of one name in two folders are never mistaken for
     each other, an edit is noticed, and what it does depends on files alone.
-
-    Args:
-        place: The file.
-        error: What to raise for it.
-        more_folders: Files that it may import by name lie beside it, or else in these folders.
-
-    Raises:
-        EpuckSimError: The file raises; the error is the one given, with the line.
     """
     path = place.path
     assert path is not None
@@ -363,16 +331,7 @@ def line_of_definition(name: str, source: bytes) -> int:
 
 
 def with_defaults(owner: str, given: Mapping[str, object], defaults: Mapping[str, _Parameter]) -> dict[str, _Parameter]:
-    """Return every parameter with its given value, converted to its default's type, or its default.
-
-    Args:
-        owner: Name of what has these parameters.
-        given: Values by the names of parameters.
-        defaults: Every parameter's default.
-
-    Raises:
-        ValueError: A name is unknown, or a value cannot be converted; the message says what is allowed.
-    """
+    """Return every parameter with its given value, converted to its default's type, or its default."""
     for name in given:
         if name not in defaults:
             raise ValueError(f"{did_you_mean(name, dict(defaults))}; {owner} has {comma_list(defaults)}")
@@ -380,11 +339,7 @@ def with_defaults(owner: str, given: Mapping[str, object], defaults: Mapping[str
 
 
 def typed(name: str, given: object, default: _Parameter) -> _Parameter:
-    """Return `given` converted to the default's type.
-
-    Raises:
-        ValueError: That would change its value; the message names the parameter and what is allowed.
-    """
+    """Return `given` converted to the default's type."""
     kind, allowed = next((kind, allowed) for kind, allowed in _ALLOWED.items() if isinstance(default, kind))
     if kind in (bool, str) or isinstance(given, bool) or not isinstance(given, int | float):
         fits = kind in (bool, str) and isinstance(given, kind)
@@ -398,11 +353,7 @@ def typed(name: str, given: object, default: _Parameter) -> _Parameter:
 def run_check(
     check: Callable[[SimpleNamespace], object] | None, values: Mapping[str, object], sources: Collection[Path]
 ) -> None:
-    """Call the function `check(parameters)`, if there is one, of a file that is made from `sources`.
-
-    Raises:
-        ValueError: It raises; the message is that of its own ValueError, or says where there was another error.
-    """
+    """Call the function `check(parameters)`, if there is one, of a file that is made from `sources`."""
     if check is None:
         return
     try:
@@ -420,9 +371,6 @@ def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:
 
     Args:
         fields: Name -> type or (type, shape).
-
-    Raises:
-        ValueError: A record cannot have this name, or a type is not int, float or bool.
     """
     columns: list[tuple[Any, ...]] = []
     for name, field in fields.items():

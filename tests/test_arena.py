@@ -84,11 +84,6 @@ def test_the_edges_of_polygons_run_from_corner_to_corner_and_close():
     np.testing.assert_array_equal(edges[4:, 2:], np.roll(triangle, -1, axis=0))
 
 
-def test_an_arena_without_obstacles_has_arrays_of_the_documented_shapes():
-    arena = make_arena(100, 40, [], [])
-    assert (arena.circles.shape, arena.edges.shape, arena.polygons) == ((0, 3), (0, 4), ())
-
-
 # --- floor and lamps --------------------------------------------------------------------------------
 
 LADDER = np.array([(0, 51, 102), (153, 204, 255)], np.uint8)

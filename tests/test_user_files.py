@@ -13,14 +13,13 @@ from epuck_sim import user_files
 from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments.rewards import REWARD, find_reward
-from epuck_sim.errors import ControllerError, CurveError, EpuckSimError, ScenarioError
+from epuck_sim.errors import ControllerError, CurveError, ScenarioError
 from epuck_sim.measures.loader import MEASURE, find_measure
 from epuck_sim.runs.compatibility import own_files
 from epuck_sim.scenario.loader import SCENARIO, load_scenario
 from epuck_sim.scenario.particles import CURVE, find_curve
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robot_kind import ROBOT
-from epuck_sim.user_files import Kind
 from tests.cli.commands import call, called, refused
 from tests.control.bench import EMPTY
 
@@ -242,16 +241,3 @@ def test_an_unknown_name_is_answered_with_the_nearest_and_what_is_installed(site
 def test_a_file_without_a_reward_is_refused(text, said, tmp_path):
     with pytest.raises(ScenarioError, match=said):
         find_reward(str(write(tmp_path / "mine.py", text)))
-
-
-def test_an_unknown_reward_is_refused_with_what_there_is():
-    with pytest.raises(ScenarioError, match=r"did you mean 'synchrony'\?; rewards: synchrony, aggreg"):
-        find_reward("synchrone")
-
-
-def test_a_kind_is_one_value():
-    """As large as sensors and robots need."""
-    kind = Kind("robot", EpuckSimError, (".yaml",), "epuck_sim.robots", lambda: {"epuck": Path("epuck.yaml")})
-    assert kind.locate("epuck") == ("epuck", Path("epuck.yaml"), "epuck-sim")
-    with pytest.raises(EpuckSimError, match=r"^no robot file 'mine\.yaml' in "):
-        kind.locate("mine.yaml")

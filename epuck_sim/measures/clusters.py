@@ -1,12 +1,11 @@
 """Clusters of phases: oscillators that fire in groups before all fire as one."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.measures.common import Series, phases_at
+from epuck_sim.measures.common import Series, allowed, phases_at
 
 
 def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
@@ -39,16 +38,12 @@ class _Clusters(Series):
         super().__init__(simulation)
         self._gap = gap
 
-    @staticmethod
-    def check(parameters: SimpleNamespace) -> None:
-        if not 0 <= parameters.gap < 0.5:
-            raise ValueError(f"gap is {parameters.gap:g}; allowed: 0 up to 0.5, in cycles")
+    check = staticmethod(allowed(gap=(lambda gap: 0 <= gap < 0.5, "0 up to 0.5, in cycles")))
 
     def cycle(self, event: Any, _: Any) -> None:
         self.take(cluster_numbers(phases_at(self._simulation, event), self._gap))
 
     def take(self, numbers: IntArray) -> None:
-        """Measure the clusters of a cycle; see `cluster_numbers`."""
         raise NotImplementedError
 
 

@@ -1,6 +1,6 @@
-"""What shipped measures share: a series over cycles, choices, and phases and positions whatever the model."""
+"""What shipped measures share: series, shares, allowed parameters, and phases and positions whatever the model."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,13 +21,41 @@ class Series:
         return self._series
 
 
-def one_of(**choices: Iterable[str]) -> Callable[[SimpleNamespace], None]:
-    """Return a measure's `check`, which raises ValueError for a parameter that is none of its choices."""
+class Share:
+    """A measure that counts a part and a whole."""
+
+    def __init__(self, simulation: Any) -> None:
+        self._simulation = simulation
+        self._part, self._whole = 0, 0
+
+    def value(self) -> float | None:
+        """Return the part's share of the whole; None where there is no whole."""
+        return self._part / self._whole if self._whole else None
+
+
+Rule = tuple[Callable[[Any], bool], str]
+"""Whether a parameter is allowed, and what is."""
+
+
+def one_of(choices: Collection[str]) -> Rule:
+    """Return the rule of a parameter that is one of some words."""
+    return choices.__contains__, ", ".join(choices)
+
+
+def up_to(most: int, least: int = 1) -> Rule:
+    """Return the rule of a whole number that has a limit."""
+    return lambda number: least <= number <= most, f"{least} to {most}"
+
+
+def allowed(**rules: Rule) -> Callable[[SimpleNamespace], None]:
+    """Return a measure's `check`, which raises ValueError for a parameter against its rule."""
 
     def check(parameters: SimpleNamespace) -> None:
-        for name, allowed in choices.items():
-            if getattr(parameters, name) not in allowed:
-                raise ValueError(f"{name} is {getattr(parameters, name)!r}; allowed: {', '.join(allowed)}")
+        for name, (is_allowed, words) in rules.items():
+            value = getattr(parameters, name)
+            if not is_allowed(value):
+                shown = f"{value:g}" if isinstance(value, float) else repr(value)
+                raise ValueError(f"{name} is {shown}; allowed: {words}")
 
     return check
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray
-from epuck_sim.measures.common import Series, one_of
+from epuck_sim.measures.common import Series, allowed, one_of
 from epuck_sim.particles.links import SHIFTS_ONLY
 
 RULES = ("naming_game", "voter")
@@ -37,7 +37,7 @@ class _Talk(Series):
         self._agreed: int | None = None  # the cycle in which all agree
         self._cycles = 0
 
-    check = staticmethod(one_of(rule=RULES))
+    check = staticmethod(allowed(rule=one_of(RULES)))
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
@@ -69,7 +69,9 @@ class _Talk(Series):
                 # the reference fires in a stretch's last step
                 self._note(state.cycles if step + 1 == len(stretch.poses) else self._cycles)
             if self._speakers:  # what is seen in a step is what was lit in the one before
-                self._fall_silent([speaker for speaker in self._speakers if not stretch.ring_on[step, speaker]])
+                for speaker in [speaker for speaker in self._speakers if not stretch.ring_on[step, speaker]]:
+                    self._heard[speaker] = False
+                    del self._speakers[speaker]
         self._cycles = state.cycles
 
     def _hear_flashes(self, sightings: list[list[int]]) -> None:
@@ -79,11 +81,6 @@ class _Talk(Series):
                     self._speakers[speaker] = self.say(speaker)
                 self._heard[speaker, hearer] = True
                 self.hear(hearer, self._speakers[speaker])
-
-    def _fall_silent(self, speakers: list[int]) -> None:
-        for speaker in speakers:
-            self._heard[speaker] = False
-            del self._speakers[speaker]
 
     def _note(self, cycles: int) -> None:
         if self._agreed is None and self.words == 1:

@@ -5,28 +5,23 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, IntArray
+from epuck_sim.measures.common import Share
 
 
-class FlashesSeen:
+class FlashesSeen(Share):
     """Mean number of flashes that a robot sees in a cycle; one seen for several steps counts once (robots)."""
 
     MODELS = ("embodied",)
 
     def __init__(self, simulation: Any) -> None:
-        robots = len(simulation.period_ms)
-        self._is_seen = np.zeros(robots, np.bool_)
-        self._count = 0
-        self._cycles = 0
+        super().__init__(simulation)
+        self._is_seen = np.zeros(len(simulation.period_ms), np.bool_)
 
     def step(self, step: Any, state: Any) -> None:
         is_seen = step.flash_seen
-        self._count += int(np.count_nonzero(is_seen & ~self._is_seen))
+        self._part += int(np.count_nonzero(is_seen & ~self._is_seen))
         self._is_seen = is_seen
-        self._cycles = state.cycles
-
-    def value(self) -> float | None:
-        """Return the mean; None without a cycle."""
-        return self._count / (len(self._is_seen) * self._cycles) if self._cycles else None
+        self._whole = len(is_seen) * state.cycles
 
 
 class _FlashViews:

@@ -78,12 +78,7 @@ class Measure:
         return STRETCH_METHOD if in_place else method
 
     def check_model(self, model: str, event_method: str) -> None:
-        """Raise ValueError if it cannot measure trials of a model.
-
-        Args:
-            model: Name of the model.
-            event_method: Name of the method that trials of this model tell of every event.
-        """
+        """Raise ValueError if it cannot measure trials of a model."""
         models = getattr(self.make, "MODELS", None)
         if models is not None:
             if model not in models:
@@ -103,22 +98,14 @@ class Measure:
             check(scenario, SimpleNamespace(**parameters))
 
     def resolve(self, given: Mapping[str, object]) -> dict[str, Parameter]:
-        """Return every parameter with its given value or its default.
-
-        Raises:
-            ValueError: A name or value is not allowed; the message says what is.
-        """
+        """Return every parameter with its given value or its default."""
         values = with_defaults(self.name, given, self.parameters)
         run_check(getattr(self.make, "check", None), values, self.sources)
         return values
 
 
 def default_parameters(make: Callable[..., Any]) -> dict[str, Parameter]:
-    """Return the parameters of a class or function, all that it takes after the simulation, and their defaults.
-
-    Raises:
-        ValueError: It does not take a simulation, or a parameter has no default that is a number, a bool or text.
-    """
+    """Return the parameters of a class or function, all that it takes after the simulation, and their defaults."""
     try:
         first, *others = inspect.signature(make).parameters.values()
     except (TypeError, ValueError):

@@ -7,13 +7,12 @@ lit in one of the cycle's steps. A link is one number: the sender times the popu
 
 from collections import deque
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.measures.common import Series, one_of
+from epuck_sim.measures.common import Series, allowed, one_of
 
 
 class Links(Series):
@@ -143,7 +142,7 @@ class Degree(Links):
         self._direction = direction
         self._reduce = STATISTICS[statistic]
 
-    check = staticmethod(one_of(direction=DIRECTIONS, statistic=STATISTICS))
+    check = staticmethod(allowed(direction=one_of(DIRECTIONS), statistic=one_of(STATISTICS)))
 
     def take(self, links: IntArray) -> None:
         self._series.append(float(self._reduce(degrees(links, self._population, self._direction))))
@@ -156,7 +155,7 @@ class Isolated(Links):
         super().__init__(simulation)
         self._direction = direction
 
-    check = staticmethod(one_of(direction=DIRECTIONS))
+    check = staticmethod(allowed(direction=one_of(DIRECTIONS)))
 
     def take(self, links: IntArray) -> None:
         self._series.append(float((degrees(links, self._population, self._direction) == 0).mean()))
@@ -170,11 +169,7 @@ class _Components(Links):
         self._connection = connection
         self._last: deque[IntArray] = deque(maxlen=cycles)
 
-    @staticmethod
-    def check(parameters: SimpleNamespace) -> None:
-        one_of(connection=CONNECTIONS)(parameters)
-        if parameters.cycles < 1:
-            raise ValueError(f"cycles is {parameters.cycles}; allowed: 1 and above")
+    check = staticmethod(allowed(connection=one_of(CONNECTIONS), cycles=(lambda cycles: cycles >= 1, "1 and above")))
 
     def take(self, links: IntArray) -> None:
         self._last.append(links)
@@ -215,7 +210,7 @@ class SpanningTime(Links):
         self._cycles = 0
         self._spanning: int | None = None
 
-    check = staticmethod(one_of(connection=CONNECTIONS))
+    check = staticmethod(allowed(connection=one_of(CONNECTIONS)))
 
     def take(self, links: IntArray) -> None:
         self._cycles += 1

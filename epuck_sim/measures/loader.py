@@ -40,16 +40,7 @@ MEASURE = Kind(
 
 
 def find_measure(name: str, folder: Path | None = None) -> Measure:
-    """Return a measure.
-
-    Args:
-        name: The name of a shipped measure, or of one that an installed package offers; or FILE.py:NAME, or FILE.py,
-            for a class or function in a file.
-        folder: Where a relative path begins; if there is no such file, it begins at the working directory.
-
-    Raises:
-        MeasureError: There is no such measure, or it is none.
-    """
+    """Return a measure."""
     file, _, member = name.rpartition(":") if ":" in name and not name.endswith(".py") else (name, "", "")
     place = MEASURE.locate(file, folder)
     if place.path is not None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.step import check_field, memory_values
-from epuck_sim.measures.common import one_of
+from epuck_sim.measures.common import allowed, one_of
 
 TAKEN = ("final", "mean", "series")
 
@@ -24,7 +24,7 @@ class Memory:
         self._name, self._robot, self._take = name, robot, take
         self._series: list[float | None] = []
 
-    check = staticmethod(one_of(take=TAKEN))
+    check = staticmethod(allowed(take=one_of(TAKEN)))
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:

@@ -1,13 +1,12 @@
 """How far robots and agents get, how long they keep their way, and how often they are near walls."""
 
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.measures.common import Series, positions_at, sides_at, sides_cm
+from epuck_sim.measures.common import Series, Share, allowed, positions_at, sides_at, sides_cm, up_to
 
 
 class MeanSquaredDisplacement(Series):
@@ -31,28 +30,20 @@ class MeanSquaredDisplacement(Series):
         self._series.append(float(((positions - self._start) ** 2).sum(axis=1).mean()))
 
 
-class NearWalls:
+class NearWalls(Share):
     """Mean share of robots or agents whose centres are at most `within_cm` from an outer wall, over the cycles."""
 
     def __init__(self, simulation: Any, *, within_cm: float = 5.0) -> None:
-        self._simulation = simulation
+        super().__init__(simulation)
         self._within_cm = within_cm
-        self._near, self._seen = 0, 0
 
-    @staticmethod
-    def check(parameters: SimpleNamespace) -> None:
-        if parameters.within_cm <= 0:
-            raise ValueError(f"within_cm is {parameters.within_cm:g}; allowed: above 0")
+    check = staticmethod(allowed(within_cm=(lambda within_cm: within_cm > 0, "above 0")))
 
     def cycle(self, event: Any, _: Any) -> None:
         positions = positions_at(self._simulation, event)
         distances = np.minimum(positions, sides_at(self._simulation, event) - positions).min(axis=1)
-        self._near += int(np.count_nonzero(distances <= self._within_cm))
-        self._seen += len(positions)
-
-    def value(self) -> float | None:
-        """Return the share; None without a cycle."""
-        return self._near / self._seen if self._seen else None
+        self._part += int(np.count_nonzero(distances <= self._within_cm))
+        self._whole += len(positions)
 
 
 class MeanSpeed:
@@ -98,10 +89,7 @@ class VelocityCorrelationTime:
         self._sums, self._terms = np.zeros(lags + 1), np.zeros(lags + 1)
         self._place: FloatArray | None = None
 
-    @staticmethod
-    def check(parameters: SimpleNamespace) -> None:
-        if not 1 <= parameters.lags <= 100_000:
-            raise ValueError(f"lags is {parameters.lags}; allowed: 1 to 100000")
+    check = staticmethod(allowed(lags=up_to(100_000)))
 
     def stretch(self, stretch: Any, _: Any) -> None:
         places = stretch.poses[:, :, :2]
@@ -168,10 +156,7 @@ class _Map:
         self._cell_cm = np.array(sides_cm(simulation)) / cells
         self._counts: IntArray = np.zeros(cells ** len(self._shape), np.int64)
 
-    @staticmethod
-    def check(parameters: SimpleNamespace) -> None:
-        if not 1 <= parameters.cells <= MOST_CELLS:
-            raise ValueError(f"cells is {parameters.cells}; allowed: 1 to {MOST_CELLS}")
+    check = staticmethod(allowed(cells=up_to(MOST_CELLS)))
 
     def cycle(self, event: Any, _: Any) -> None:
         """Count who is in which cell; those on an edge belong to the cell beyond it, or to the last."""
@@ -232,7 +217,7 @@ class Moved:
         return SECONDS_PER_HOUR * self._path_cm / seconds if seconds > 0 else None
 
 
-class Avoiding:
+class Avoiding(Share):
     """Share of time in which a robot turns: its wheels are commanded different speeds (robots).
 
     With the shipped motion algorithm (Appendix B), which drives straight ahead else, this is the time in avoidance.
@@ -240,36 +225,21 @@ class Avoiding:
 
     MODELS = ("embodied",)
 
-    def __init__(self, simulation: Any) -> None:  # noqa: ARG002 every measure takes the simulation
-        self._turning, self._seen = 0, 0
-
     def stretch(self, stretch: Any, _: Any) -> None:
         left, right = stretch.wheels_cm_s[..., 0], stretch.wheels_cm_s[..., 1]
-        self._turning += int(np.count_nonzero(left != right))
-        self._seen += left.size
-
-    def value(self) -> float | None:
-        """Return the share; None without a step."""
-        return self._turning / self._seen if self._seen else None
+        self._part += int(np.count_nonzero(left != right))
+        self._whole += left.size
 
 
-class InContact:
+class InContact(Share):
     """Share of time in which a robot touches another, a wall or an obstacle (robots)."""
 
     MODELS = ("embodied",)
 
-    def __init__(self, simulation: Any) -> None:
-        self._robots = len(simulation.period_ms)
-        self._touching, self._steps = 0, 0
-
     def stretch(self, stretch: Any, _: Any) -> None:
         step, robot, other = stretch.contacts.T
-        touching = np.zeros((len(stretch.poses), self._robots), np.bool_)
+        touching = np.zeros(stretch.poses.shape[:2], np.bool_)
         touching[step, robot] = True
         touching[step[other >= 0], other[other >= 0]] = True
-        self._touching += int(np.count_nonzero(touching))
-        self._steps += len(touching)
-
-    def value(self) -> float | None:
-        """Return the share; None without a step."""
-        return self._touching / (self._robots * self._steps) if self._steps else None
+        self._part += int(np.count_nonzero(touching))
+        self._whole += touching.size

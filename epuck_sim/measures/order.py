@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
-from epuck_sim.measures.common import Series
+from epuck_sim.measures.common import Series, Share, allowed
 
 
 class OrderParameter(Series):
@@ -52,40 +52,29 @@ class ThresholdCycles:
         return list(self._cycles)
 
 
-class _AfterThreshold:
-    """What both measures of later cycles share: how many there are, and in how many order is below the threshold."""
+class BelowThreshold(Share):
+    """Share of the cycles after the order parameter first reached `threshold` in which it is below it."""
 
-    def __init__(self, simulation: Any, *, threshold: float = 0.95) -> None:  # noqa: ARG002
+    def __init__(self, simulation: Any, *, threshold: float = 0.95) -> None:
+        super().__init__(simulation)
         self._threshold = threshold
         self._is_reached = False
-        self._later, self._below = 0, 0
 
-    @staticmethod
-    def check(parameters: SimpleNamespace) -> None:
-        if not 0 < parameters.threshold <= 1:
-            raise ValueError(f"threshold is {parameters.threshold:g}; allowed: above 0 and up to 1")
+    check = staticmethod(allowed(threshold=(lambda threshold: 0 < threshold <= 1, "above 0 and up to 1")))
 
     def cycle(self, _: Any, state: Any) -> None:
         order = state.order_parameter
         if order is None:
             return
         if self._is_reached:
-            self._later += 1
-            self._below += order < self._threshold
+            self._whole += 1
+            self._part += order < self._threshold
         self._is_reached = self._is_reached or order >= self._threshold
 
 
-class BelowThreshold(_AfterThreshold):
-    """Share of the cycles after the order parameter first reached `threshold` in which it is below it."""
-
-    def value(self) -> float | None:
-        """Return the share; None if the threshold was not reached, or at the last cycle only."""
-        return self._below / self._later if self._later else None
-
-
-class StaysAbove(_AfterThreshold):
+class StaysAbove(BelowThreshold):
     """Whether the order parameter is never below `threshold` again after it first reached it."""
 
     def value(self) -> bool | None:
         """Return whether it is; None if the threshold was not reached, or at the last cycle only."""
-        return not self._below if self._later else None
+        return not self._part if self._whole else None

@@ -2,16 +2,19 @@
 
 import math
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.elementary import log
+from epuck_sim.measures.common import Rule, allowed
 
 SMALLEST, LARGEST = 1e-12, 0.1
 """Deviations, in cycles, between which a perturbation grows or shrinks freely: above rounding, far below a cycle."""
+
+
+DISPLACEMENT: Rule = (lambda displacement: 0 <= displacement < 0.5, "0 up to 0.5, in cycles")
 
 
 class _Twin:
@@ -32,10 +35,7 @@ class _Twin:
         self._twin = make_twin(simulation.scenario, simulation.seed, displacement)
         self._deviations: list[float] = []
 
-    @staticmethod
-    def check(parameters: SimpleNamespace) -> None:
-        if not 0 <= parameters.displacement < 0.5:
-            raise ValueError(f"displacement is {parameters.displacement:g}; allowed: 0 up to 0.5, in cycles")
+    check = staticmethod(allowed(displacement=DISPLACEMENT))
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
@@ -87,11 +87,12 @@ class PerturbationTransient(_Twin):
         super().__init__(simulation, displacement=displacement)
         self._tolerance = tolerance
 
-    @staticmethod
-    def check(parameters: SimpleNamespace) -> None:
-        _Twin.check(parameters)
-        if not 0 < parameters.tolerance < 0.5:
-            raise ValueError(f"tolerance is {parameters.tolerance:g}; allowed: above 0 up to 0.5, in cycles")
+    check = staticmethod(
+        allowed(
+            displacement=DISPLACEMENT,
+            tolerance=(lambda tolerance: 0 < tolerance < 0.5, "above 0 up to 0.5, in cycles"),
+        )
+    )
 
     def value(self) -> int | None:
         """Return the number of cycles after which none is beyond it; None if the last one is."""

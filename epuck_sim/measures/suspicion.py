@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.measures.common import allowed
 from epuck_sim.util.jit import jit
 
 HALF_A_MILLISECOND = 0.0005
@@ -35,10 +36,7 @@ class _Suspicion:
         self._faults: IntArray = np.zeros(robots, np.int64)  # that keep a robot from flashing, at present
         self._events = 0
 
-    @staticmethod
-    def check(parameters: Any) -> None:
-        if parameters.cycles <= 0:
-            raise ValueError(f"cycles is {parameters.cycles:g}; allowed: above 0")
+    check = staticmethod(allowed(cycles=(lambda cycles: cycles > 0, "above 0")))
 
     def stretch(self, stretch: Any, _: Any) -> None:
         views, sightings, steps = stretch.views, stretch.sightings, np.arange(len(stretch.poses) + 1)
@@ -47,7 +45,10 @@ class _Suspicion:
         step = 0
         while step < len(stretch.poses):
             # who is suspected already when a fault begins is found in its first step, which is watched by itself
-            last = step + 1 if self._note_faults(stretch.first + step) else self._next_fault(stretch)
+            last = step + 1
+            if not self._note_faults(stretch.first + step):  # up to the next fault
+                later = (event.step - stretch.first for event in self._simulation.events[self._events :])
+                last = int(min([*later, len(stretch.poses)]))
             # fmt: off
             end = watch(
                 self._dark_s, self._suspects, begun, self._patience_s, self._step_s,
@@ -56,11 +57,6 @@ class _Suspicion:
             # fmt: on
             self.take(begun, (stretch.first + end - 1) * self._simulation.step_s, end - step)
             step = end
-
-    def _next_fault(self, stretch: Any) -> int:
-        """Return the step of a stretch before which the next fault begins or ends, or the step after its last."""
-        events = self._simulation.events[self._events :]
-        return int(min([*(event.step - stretch.first for event in events), len(stretch.poses)]))
 
     def _note_faults(self, step: int) -> bool:
         """Return whether faults begin or end in a step."""
@@ -73,13 +69,7 @@ class _Suspicion:
         return bool(events)
 
     def take(self, begun: BoolArray, time_s: float, steps: int) -> None:
-        """Take note of some steps, in the last of which suspicions begin.
-
-        Args:
-            begun: (robots, robots) by whom of whom.
-            time_s: Time of the last of the steps.
-            steps: Their number.
-        """
+        """Take note of steps up to a time, and of (robots, robots) suspicions that begin in the last of them."""
         raise NotImplementedError
 
 
@@ -97,23 +87,11 @@ def watch(
     first: int,
     end: int,
 ) -> int:
-    """Have robots watch those in their view, up to a step in which a suspicion begins or the step before `end`.
+    """Have robots watch those in their view, from step `first` to one in which a suspicion begins or that before `end`.
 
-    Args:
-        dark_s: (robots, robots) s for which each has had each in view without a flash; changed.
-        suspects: (robots, robots) who suspects whom; changed.
-        begun: (robots, robots) whose suspicion of whom begins in the last of the steps; written.
-        patience_s: (robots, 1) s after which each suspects.
-        step_s: Length of a step.
-        views: (views, 3) step, robot that looks, and robot in its view.
-        view_ends: (steps + 1,) rows of `views` from which on each step's are.
-        sightings: (sightings, 3) the same of lit rings.
-        sighting_ends: (steps + 1,) rows of `sightings`.
-        first: The first of the steps.
-        end: The step after the last.
-
-    Returns:
-        The step after the last of the steps.
+    Changes the time, (robots, robots) s, for which each has had each in view without a flash, who suspects whom, and
+    whose suspicion of whom begins in the last of the steps; patience is (robots, 1) s. Views and sightings are those
+    of a `Stretch`, with (steps + 1,) rows from which on each step's are. Returns the step after the last of the steps.
     """
     begun[:] = False
     robots = len(dark_s)

@@ -30,7 +30,7 @@ from epuck_sim.particles.schedule import (
 )
 from epuck_sim.particles.swarm import Arrays
 from epuck_sim.scenario.changes import TrialEvent
-from epuck_sim.scenario.loader import agents_with, load_scenario
+from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.util.generators import seed_words
@@ -271,7 +271,7 @@ class ParticleSimulation:
         """
         section, source = self.scenario.schedule[entry], f"schedule.{entry}"
         if section.set:
-            self._change(agents_with(self._present, section.set, f"{self.scenario.name}: {source}.set"))
+            self._change(self._present.with_set(section.set, f"{self.scenario.name}: {source}.set"))
         if section.displace is not None:
             sequence = np.random.SeedSequence(self.seed, spawn_key=(SCHEDULE_SEED, entry))
             displace_phases(self._observe(), section.displace, sequence)

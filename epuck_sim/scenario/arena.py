@@ -154,7 +154,7 @@ class ArenaSection(ConfigModel):
     """What light sensors see."""
 
     @model_validator(mode="after")
-    def _check_obstacles_inside(self) -> "ArenaSection":
+    def _check_places(self) -> "ArenaSection":
         arena = self._build_solids()
         extents = [(circle[:2] - circle[2], circle[:2] + circle[2]) for circle in arena.circles]
         extents += [(corners.min(axis=0), corners.max(axis=0)) for corners in arena.polygons]
@@ -164,10 +164,6 @@ class ArenaSection(ConfigModel):
                     f"an obstacle or movable reaches from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) cm, "
                     f"beyond the walls of the {self.width_cm:g} x {self.height_cm:g} cm arena"
                 )
-        return self
-
-    @model_validator(mode="after")
-    def _check_movables_free(self) -> "ArenaSection":
         for number, movable in enumerate(self.movables):
             others = self.model_copy(update={"movables": self.movables[:number]})._build_solids()
             gap_cm = clearance_cm(others, movable.x_cm, movable.y_cm) - movable.radius_cm
@@ -176,10 +172,6 @@ class ArenaSection(ConfigModel):
                     f"movables.{number} overlaps an obstacle or an earlier movable by {-gap_cm:.3g} cm; allowed: they "
                     "may touch"
                 )
-        return self
-
-    @model_validator(mode="after")
-    def _check_patches_and_lamps_inside(self) -> "ArenaSection":
         outlines = [np.atleast_2d(_outline(patch))[:, :2] for patch in self.floor.patches]
         centres = {f"floor.patches.{number}": outline.mean(axis=0) for number, outline in enumerate(outlines)}
         centres |= {f"lamps.{number}": np.array([lamp.x_cm, lamp.y_cm]) for number, lamp in enumerate(self.lamps)}
@@ -203,14 +195,6 @@ class ArenaSection(ConfigModel):
         movables = [(m.x_cm, m.y_cm, m.radius_cm, 1000 * m.mass_kg, m.friction) for m in self.movables]
         return make_arena(self.width_cm, self.height_cm, circles, polygons, movables)
 
-    def with_picture_found(self, origin: str, folder: Path | None) -> "ArenaSection":
-        """Return the section with the path of its floor's picture; see `find_picture`."""
-        if self.floor.picture is None:
-            return self
-        with refused_at(f"{origin}: arena.floor.picture"):
-            found = find_picture(self.floor.picture, folder)
-        return self.model_copy(update={"floor": self.floor.model_copy(update={"picture": found})})
-
 
 def _outline(shape: Circle | Box | Polygon) -> FloatArray:
     """Return (3,) cm, centre x, centre y and radius of a disc, or (v, 2) cm, the corners of another shape."""
@@ -222,11 +206,7 @@ def _outline(shape: Circle | Box | Polygon) -> FloatArray:
 
 
 def find_picture(name: str, folder: Path | None = None) -> str:
-    """Return the path of a file with a picture.
-
-    Raises:
-        ValueError: There is no such file, or it holds no picture that is allowed.
-    """
+    """Return the path of a file with a picture."""
     paths = dict.fromkeys((place / name).absolute() for place in (folder or Path(), Path()))
     for path in paths:
         try:

@@ -71,9 +71,6 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -
 
     A speed with a single value is chosen only where every axis has a single value. `origin` is the option or key that
     requests one.
-
-    Raises:
-        EpuckSimError: The requested axis, or every axis, is without numbers.
     """
     numbers = _numeric_axes(rows)
     if requested is not None:
@@ -84,11 +81,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -
 
 
 def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin: str = "--y") -> str:
-    """Choose the vertical axis of a map, beside `x`: the requested one, or the only other one whose numbers differ.
-
-    Raises:
-        EpuckSimError: There is no such axis, there are several to choose from, or it is tied one-to-one to `x`.
-    """
+    """Choose the vertical axis of a map, beside `x`: the requested one, or the only other one whose numbers differ."""
     numbers = _numeric_axes(rows)
     others: list[str] = []
     for key, values in numbers.items():
@@ -112,11 +105,7 @@ def check_panels(rows: Rows, x: str, panels: str | None, origin: str = "--panels
 
 
 def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
-    """Check that what a scenario's section `figure` names are axes of its sweep.
-
-    Raises:
-        EpuckSimError: A key is no axis, has no numbers, or is tied to that of another direction.
-    """
+    """Check that what a scenario's section `figure` names are axes of its sweep."""
     if figure.x is None and figure.y is None and figure.panels is None and not figure.base_case:
         return
     x = choose_axis(rows, figure.x, "figure.x")
@@ -195,13 +184,6 @@ def with_ranges(key: str, values: Any) -> Any:
 
     The values of a range are even in the logarithm where figures would draw them so, unless it says otherwise. They
     have six digits; its ends are as they are given.
-
-    Args:
-        key: Dotted key of the axis.
-        values: A list, or a single range; anything else is returned as it is.
-
-    Raises:
-        ValueError: A range is malformed.
 
     >>> with_ranges("agents.speed_cm_s", "0.1:10:3"), with_ranges("agents.count", [2, "5:15:3"])
     ([0.1, 1.0, 10.0], [2, 5, 10, 15])

@@ -6,6 +6,7 @@ that of the scenario's file, and then in the working directory.
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
@@ -33,6 +34,11 @@ class ConfigModel(BaseModel):
 
     later_keys: ClassVar[tuple[str, ...]] = ()
     """Keys that came later; seeds of resamples leave out their defaults, so that earlier folders keep their numbers."""
+
+    @classmethod
+    def keys_in_files(cls, values: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:  # noqa: ARG003
+        """Return the keys that files, which these values name, give to fields of the section: names of parameters."""
+        return {}
 
     def later_defaults(self) -> dict[str, Any]:
         """Return the later keys that have their defaults, of all sections in this one, as pydantic's `exclude`."""
@@ -111,13 +117,33 @@ def tagged(section: type[ConfigModel]) -> tuple[str, tuple[str, ...]]:
     return "", ()
 
 
-def class_of(classes: Sequence[type[ConfigModel]], value: Any) -> type[ConfigModel]:
-    """Return the class of a section that a value of its key `kind` or `shape` names, or the first one."""
-    for each in classes:
-        tag, values = tagged(each)
-        if isinstance(value, Mapping) and value.get(tag) in values:
-            return each
-    return classes[0]
+def keys_of(section: type[ConfigModel], given: Any, folder: Path | None) -> Iterator[str]:
+    """Yield the dotted keys of a section with these values, and of all in it."""
+    given = given if isinstance(given, Mapping) else {}
+    values = {
+        name: field.get_default(call_default_factory=True) if given.get(name) is None else given[name]
+        for name, field in section.model_fields.items()
+    }
+    own = section.keys_in_files(values, folder)
+    for name, value in values.items():
+        yield name
+        classes = section_classes(section.model_fields[name].annotation)
+        found = () if value is None else _keys_in(classes, value, folder)
+        yield from (f"{name}.{key}" for key in dict.fromkeys([*found, *own.get(name, ())]))
+
+
+def _keys_in(classes: Sequence[type[ConfigModel]], value: Any, folder: Path | None) -> Iterator[str]:
+    if isinstance(value, ConfigModel):
+        classes, value = [type(value)], vars(value)
+    if isinstance(value, Mapping) and classes:
+        named = (each for each in classes if value.get(tagged(each)[0]) in tagged(each)[1])
+        yield from keys_of(next(named, classes[0]), value, folder)
+    elif isinstance(value, Mapping) or (classes and isinstance(value, list | tuple)):
+        for name, each in value.items() if isinstance(value, Mapping) else enumerate(value):
+            yield str(name)
+            yield from (f"{name}.{key}" for key in _keys_in(classes, each, folder))
+    elif classes:
+        yield from keys_of(classes[0], value, folder)
 
 
 def ends_in(key: str, ending: str) -> bool:
@@ -127,11 +153,6 @@ def ends_in(key: str, ending: str) -> bool:
 
 def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
     """Return the phrase for an unknown key, with the known one that was probably meant.
-
-    Args:
-        name: The unknown key.
-        known: Keys of the section in which it is.
-        keys: All keys that begin with that section's; at the top of a scenario, all.
 
     >>> guess("speed", ["seed"], ["seed", "agents.speed_cm_s"])
     "unknown 'speed', did you mean speed_cm_s (agents.speed_cm_s)?"
@@ -179,12 +200,7 @@ def describe_problem(kind: type[ConfigModel], origin: str, detail: ErrorDetails,
 def _place(
     location: Sequence[str], kind: type[ConfigModel]
 ) -> tuple[list[str], list[type[ConfigModel]], list[type[ConfigModel]], int]:
-    """Return where an error is, given with the tags that pydantic adds inside a section of several classes.
-
-    Returns:
-        The key's parts; the class of the section around the last of them, as a list that is empty if there is none; the
-        classes of the last section on the way that is one of several, and which part of the key it is.
-    """
+    """Return where an error is, given with the tags that pydantic adds inside a section of several classes."""
     path: list[str] = []
     here, around, union, union_at = [kind], [kind], list[type[ConfigModel]](), -1
     for part in location:

@@ -1,8 +1,8 @@
 """What may fail in robots while a trial runs (thesis 4.4), and what changes: the sections `faults` and `schedule`."""
 
 import re
-from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar, get_args
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -11,19 +11,28 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.robot_kind import sensor_parameters
 from epuck_sim.scenario.robots import RobotGroup, members, resolve_parameters
-from epuck_sim.scenario.stop import Awaited, Condition
+from epuck_sim.scenario.stop import Condition
 from epuck_sim.util.messages import comma_list
 
-_WHOM = ("robots", "share", "count")
-_WHEN = ("at_s", "until_s", "per_hour", "mean_s")
+FAULTS = {
+    "ring_dead": "ring",
+    "ring_stuck_on": "ring",
+    "oscillator_frozen": "phase",
+    "clock_drift": "clock",
+    "clock_jitter": "clock",
+    "camera_blind": "flashes",
+    "camera_misses": "flashes",
+    "infrared_dead": "infrared",
+    "wheels_dead": "wheels",
+    "restart": "phase",
+    "sensor_dead": "sensor",
+}
+"""The reading, the actuator or the clock that a fault changes, by its kind: `flashes` are what brings these to a robot,
+its camera or its ideal sensor, and a `phase` is that of an oscillator."""
 
 
 class FaultSection(ConfigModel):
     """A fault: in which robots, from when to when."""
-
-    changes: ClassVar[str]
-    """The reading, the actuator or the clock that it changes: `flashes` are what brings these to a robot, its camera or
-    its ideal sensor, and a `phase` is that of an oscillator."""
 
     kind: str
     robots: tuple[Annotated[WholeNumber, Field(ge=0)], ...] | None = None
@@ -45,14 +54,14 @@ class FaultSection(ConfigModel):
 
     @model_validator(mode="after")
     def _check_whom_and_when(self) -> Self:
-        whom = [key for key in _WHOM if getattr(self, key) is not None]
+        whom = [key for key in ("robots", "share", "count") if getattr(self, key) is not None]
         if len(whom) > 1:
             raise ValueError(
-                f"{whom[0]} and {whom[1]} are given; give one of {', '.join(_WHOM)}, or none for all robots"
+                f"{whom[0]} and {whom[1]} are given; give one of robots, share, count, or none for all robots"
             )
         if self.robots is not None and (not self.robots or len(set(self.robots)) < len(self.robots)):
             raise ValueError(f"robots is {list(self.robots)}; allowed: one number or more, each once")
-        when = [key for key in _WHEN if getattr(self, key) is not None]
+        when = [key for key in ("at_s", "until_s", "per_hour", "mean_s") if getattr(self, key) is not None]
         if self.scheduled and when:
             raise ValueError(f"scheduled is true and {when[0]} is given; leave one of them out")
         if self.mean_s is not None and self.per_hour is None:
@@ -61,43 +70,28 @@ class FaultSection(ConfigModel):
             raise ValueError(f"until_s is {self.until_s:g}; allowed: above at_s, which is {self.at_s or 0:g}")
         return self
 
-    def check_robots(self, robot_count: int) -> None:
-        """Raise ValueError, with a message that begins with the key, unless a swarm has enough robots."""
-        if self.robots is not None and max(self.robots) >= robot_count:
-            raise ValueError(f"robots is {list(self.robots)}; allowed: 0 to {robot_count - 1}")
-        if self.count is not None and self.count > robot_count:
-            raise ValueError(f"count is {self.count}; allowed: 1 to {robot_count}")
+    @property
+    def changes(self) -> str:
+        """What it changes, see `FAULTS`."""
+        return FAULTS[self.kind]
 
     def may_befall(self, robots: range) -> bool:
         """Return whether any robot of these numbers may have it."""
         return self.robots is None or any(robot in robots for robot in self.robots)
 
 
-class RingDead(FaultSection):
-    """The ring stays dark."""
+class Failure(FaultSection):
+    """A part of the robot fails as a whole."""
 
-    changes: ClassVar[str] = "ring"
-    kind: Literal["ring_dead"]
-
-
-class RingStuckOn(FaultSection):
-    """The ring stays lit."""
-
-    changes: ClassVar[str] = "ring"
-    kind: Literal["ring_stuck_on"]
-
-
-class OscillatorFrozen(FaultSection):
-    """The phase, and with it the ring, stay as they are; the robot moves on."""
-
-    changes: ClassVar[str] = "phase"
-    kind: Literal["oscillator_frozen"]
+    kind: Literal["ring_dead", "ring_stuck_on", "oscillator_frozen", "camera_blind", "infrared_dead", "wheels_dead"]
+    """`ring_dead`: the ring stays dark; `ring_stuck_on`: it stays lit; `oscillator_frozen`: the phase, and with it the
+    ring, stay as they are, and the robot moves on; `camera_blind`: the camera sees no flash; `infrared_dead`: the
+    proximity sensors read 0, as if nothing were in range; `wheels_dead`: the robot stands still."""
 
 
 class ClockDrift(FaultSection):
     """The robot's clock runs fast or slow (thesis 4.4)."""
 
-    changes: ClassVar[str] = "clock"
     kind: Literal["clock_drift"]
     rate: Annotated[Number, Field(ge=0.1, le=10)]
     """Factor of the clock's rate: 1.01 runs 1 % fast."""
@@ -106,23 +100,14 @@ class ClockDrift(FaultSection):
 class ClockJitter(FaultSection):
     """The robot's clock runs unevenly (thesis 4.4)."""
 
-    changes: ClassVar[str] = "clock"
     kind: Literal["clock_jitter"]
     jitter: Annotated[Number, Field(gt=0, le=1)]
     """Half-width of the uniform factor around 1 by which each control step is longer by the robot's clock."""
 
 
-class CameraBlind(FaultSection):
-    """The camera sees no flash."""
-
-    changes: ClassVar[str] = "flashes"
-    kind: Literal["camera_blind"]
-
-
 class CameraMisses(FaultSection):
     """The camera misses some flashes, each as a whole (thesis 4.4)."""
 
-    changes: ClassVar[str] = "flashes"
     kind: Literal["camera_misses"]
     missed: Annotated[Number, Field(gt=0, le=1)]
     """Probability with which a flash is missed, drawn for each flash, sender and receiver."""
@@ -132,24 +117,9 @@ class CameraMisses(FaultSection):
     """Only flashes of robots farther than this are missed, or of those `nearer_than_cm`."""
 
 
-class InfraredDead(FaultSection):
-    """The proximity sensors read 0, as if nothing were in range."""
-
-    changes: ClassVar[str] = "infrared"
-    kind: Literal["infrared_dead"]
-
-
-class WheelsDead(FaultSection):
-    """The robot stands still, whatever it commands."""
-
-    changes: ClassVar[str] = "wheels"
-    kind: Literal["wheels_dead"]
-
-
 class SensorDead(FaultSection):
     """A sensor in a file of its own reads 0."""
 
-    changes: ClassVar[str] = "sensor"
     kind: Literal["sensor_dead"]
     sensor: str
     """Its name in `sensors`."""
@@ -158,7 +128,6 @@ class SensorDead(FaultSection):
 class Restart(FaultSection):
     """The oscillator starts anew at a random phase, with a dark ring; it takes no time."""
 
-    changes: ClassVar[str] = "phase"
     kind: Literal["restart"]
 
     @model_validator(mode="after")
@@ -169,43 +138,26 @@ class Restart(FaultSection):
 
 
 AnyFault = Annotated[
-    RingDead
-    | RingStuckOn
-    | OscillatorFrozen
-    | ClockDrift
-    | ClockJitter
-    | CameraBlind
-    | CameraMisses
-    | InfraredDead
-    | WheelsDead
-    | Restart
-    | SensorDead,
-    Field(discriminator="kind"),
+    Failure | ClockDrift | ClockJitter | CameraMisses | Restart | SensorDead, Field(discriminator="kind")
 ]
-
-FAULTS: dict[str, type[FaultSection]] = {
-    get_args(each.model_fields["kind"].annotation)[0]: each for each in get_args(get_args(AnyFault)[0])
-}
-"""Faults by their kind."""
 
 
 def check_faults(faults: Sequence[FaultSection], groups: Sequence[RobotGroup]) -> None:
-    """Raise ValueError unless robots can have these faults; `groups`: the scenario's groups of robots."""
+    """Raise ValueError unless the robots of some groups can have these faults."""
     robot_count = sum(group.count for group in groups)
     for number, fault in enumerate(faults):
-        try:
-            fault.check_robots(robot_count)
-        except ValueError as error:
-            raise ValueError(f"faults.{number}.{error}") from error
+        where = f"faults.{number}"
+        if fault.robots is not None and max(fault.robots) >= robot_count:
+            raise ValueError(f"{where}.robots is {list(fault.robots)}; allowed: 0 to {robot_count - 1}")
+        if fault.count is not None and fault.count > robot_count:
+            raise ValueError(f"{where}.count is {fault.count}; allowed: 1 to {robot_count}")
         if isinstance(fault, SensorDead) and not any(fault.sensor in group.sensors for group in groups):
             own = comma_list(dict.fromkeys(name for group in groups for name in group.sensors))
-            raise ValueError(
-                f"faults.{number}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}"
-            )
+            raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")
         for place, group, robots in members(groups):
             if fault.changes == "flashes" and group.signal.kind == "radio" and fault.may_befall(robots):
                 raise ValueError(
-                    f"faults.{number}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
+                    f"{where}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
                     "give robots, the numbers of others, or robots.*.signal.loss"
                 )
 
@@ -213,25 +165,17 @@ def check_faults(faults: Sequence[FaultSection], groups: Sequence[RobotGroup]) -
 def check_oscillators(
     faults: Sequence[FaultSection], groups: Sequence[RobotGroup], swept: Sequence[str], origin: str
 ) -> None:
-    """Raise ScenarioError if a fault of oscillators may befall robots that are none.
-
-    Nothing is known yet of groups whose controller is `swept`, a key of an axis.
-    """
-    for number, fault in enumerate(faults):
-        for place, group, robots in members(groups):
-            known = f"robots.{place}.controller" not in swept
-            if fault.changes == "phase" and fault.may_befall(robots) and known:
-                controller = find_controller(group.controller)
-                if not controller.is_oscillator:
-                    raise ScenarioError(
-                        f"{origin}: faults.{number}: kind is {fault.kind!r}, but robots.{place} are no oscillators: "
-                        f"their controller is {controller.name}; give robots, the numbers of others"
-                    )
-
-
-_AT = ("at_s", "at_cycle", "when")
-
-_Moment = TypeVar("_Moment")
+    """Raise ScenarioError if a fault of oscillators may befall robots that are none; nothing is known of swept ones."""
+    for place, group, robots in members(groups):
+        concerned = [n for n, fault in enumerate(faults) if fault.changes == "phase" and fault.may_befall(robots)]
+        if not concerned or f"robots.{place}.controller" in swept:
+            continue
+        controller = find_controller(group.controller)
+        if not controller.is_oscillator:
+            raise ScenarioError(
+                f"{origin}: faults.{concerned[0]}: kind is {faults[concerned[0]].kind!r}, but robots.{place} are no "
+                f"oscillators: their controller is {controller.name}; give robots, the numbers of others"
+            )
 
 
 class TrialEvent(NamedTuple):
@@ -249,25 +193,39 @@ class TrialEvent(NamedTuple):
     """Numbers of the robots in which a fault began or ended; none for a schedule."""
 
 
+Members = tuple[Annotated[WholeNumber, Field(ge=0)], ...]
+"""Numbers of robots or agents, or of faults."""
+
+
 class Displacement(ConfigModel):
     """A displacement of phases."""
-
-    whose: ClassVar[str]
-    """Key of the numbers of those whose phases are displaced."""
 
     by_cycles: Number | Literal["random"]
     """What is added to each phase, in cycles; or `random`, for phases drawn uniformly instead."""
 
-    @property
-    def members(self) -> tuple[int, ...] | None:
-        """Numbers of the robots or agents whose phases are displaced; None for all."""
-        members: tuple[int, ...] | None = getattr(self, self.whose)
-        return members
-
     def __str__(self) -> str:
         """Return the displacement in words."""
-        whose = "all phases" if self.members is None else f"phases of {', '.join(map(str, self.members))}"
+        (members,) = (value for key, value in self if key != "by_cycles")
+        whose = "all phases" if members is None else f"phases of {_listed(members)}"
         return f"{whose} {self.by_cycles if isinstance(self.by_cycles, str) else f'by {self.by_cycles:g} cycles'}"
+
+
+class AgentDisplacement(Displacement):
+    """A displacement of phases of agents."""
+
+    agents: Members | None = None
+    """Numbers of the agents; all by default."""
+
+
+class RobotDisplacement(Displacement):
+    """A displacement of phases of robots; rings of the displaced are commanded dark."""
+
+    robots: Members | None = None
+    """Numbers of the robots; all by default."""
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers))
 
 
 class ScheduleEntry(ConfigModel):
@@ -275,6 +233,10 @@ class ScheduleEntry(ConfigModel):
 
     changing: ClassVar[tuple[str, ...]] = ("set", "displace")
     """Keys of what changes."""
+    settable: ClassVar[re.Pattern[str]]
+    """Dotted keys that may be set."""
+    in_short: ClassVar[str]
+    """What may change, for messages."""
 
     at_s: Annotated[Number, Field(ge=0, le=1e9)] | None = None
     """Time of the first control step in which the changes act; of point agents, of the changes."""
@@ -292,20 +254,18 @@ class ScheduleEntry(ConfigModel):
 
     @model_validator(mode="after")
     def _check_moment_and_changes(self) -> Self:
-        if sum(getattr(self, key) is not None for key in _AT) != 1:
-            raise ValueError(f"give one of {', '.join(_AT)}, the moment of the changes")
+        if sum(moment is not None for moment in (self.at_s, self.at_cycle, self.when)) != 1:
+            raise ValueError("give one of at_s, at_cycle, when, the moment of the changes")
         if not any(getattr(self, key) for key in self.changing):
             raise ValueError(f"nothing changes; give one or more of {', '.join(self.changing)}")
         if self.for_cycles is not None and self.when is None:
             raise ValueError(f"for_cycles is {self.for_cycles}; allowed: with when")
         for key in self.set:
-            self.check_key(key)
+            if not self.settable.fullmatch(key):
+                raise ValueError(f"set: {key} cannot change during a trial; allowed: {self.in_short}")
+            if re.fullmatch(r"robots\.\d+\.parameters\.period_s", key):
+                raise ValueError(f"set: {key} cannot change during a trial: cycles and order parameter are told by it")
         return self
-
-    @staticmethod
-    def check_key(key: str) -> None:
-        """Raise ValueError for a key that cannot change during a trial."""
-        raise NotImplementedError
 
     @property
     def what(self) -> str:
@@ -316,6 +276,22 @@ class ScheduleEntry(ConfigModel):
         """Return each of the changes in words."""
         changes = [f"{key}: {value}" for key, value in self.set.items()]
         return changes if self.displace is None else [*changes, str(self.displace)]
+
+    def numbers(self) -> dict[str, Sequence[int]]:
+        """Return the numbers of robots or agents that it names, by key."""
+        return {f"displace.{key}": value or () for key, value in self.displace or () if key != "by_cycles"}
+
+
+def check_numbers(schedule: Sequence[ScheduleEntry], population: int) -> None:
+    """Raise ValueError if a schedule names robots or agents that there are not."""
+    for place, entry in enumerate(schedule):
+        for key, numbers in entry.numbers().items():
+            for number in numbers:
+                if number >= population:
+                    raise ValueError(f"schedule.{place}.{key}: is {number}; allowed: 0 to {population - 1}")
+
+
+_Moment = TypeVar("_Moment")
 
 
 class TimedEntries(Generic[_Moment]):
@@ -347,81 +323,23 @@ def condition_key(entry: int) -> str:
     return f"schedule.{entry}.when"
 
 
-def conditions_in(schedule: Sequence[ScheduleEntry]) -> dict[str, Awaited]:
-    """Return the conditions for which entries of a schedule wait, by their dotted keys."""
-    return {
-        condition_key(number): Awaited(entry.when, entry.for_cycles)
-        for number, entry in enumerate(schedule)
-        if entry.when is not None
-    }
-
-
-AGENT_KEYS = (
-    "agents.speed_cm_s",
-    "neighbourhood.k",
-    "neighbourhood.radius_cm",
-    "neighbourhood.angle_deg",
-    "response.coupling",
-    "response.refractory",
-)
-"""Keys that a schedule may set, besides parameters of the response curve."""
-
-CURVE_PARAMETER = re.compile(r"response\.parameters\.\w+")
-"""A key of a parameter of the response curve."""
-
-
-class AgentDisplacement(Displacement):
-    """A displacement of phases of agents."""
-
-    whose: ClassVar[str] = "agents"
-    agents: tuple[Annotated[WholeNumber, Field(ge=0)], ...] | None = None
-    """Numbers of the agents; all by default."""
-
-
 class AgentScheduleEntry(ScheduleEntry):
     """Changes at one moment of a trial of point agents."""
 
+    settable: ClassVar[re.Pattern[str]] = re.compile(
+        r"agents\.speed_cm_s|neighbourhood\.(k|radius_cm|angle_deg)|response\.(coupling|refractory|parameters\.\w+)"
+    )
+    in_short: ClassVar[str] = (
+        "agents.speed_cm_s, neighbourhood.k, neighbourhood.radius_cm, neighbourhood.angle_deg, response.coupling, "
+        "response.refractory, response.parameters.NAME; besides, displace phases"
+    )
+
     displace: AgentDisplacement | None = None
 
-    @staticmethod
-    def check_key(key: str) -> None:
-        """Raise ValueError for a key that cannot change during a trial."""
-        if key not in AGENT_KEYS and CURVE_PARAMETER.fullmatch(key) is None:
-            raise ValueError(
-                f"set: {key} cannot change during a trial; allowed: "
-                f"{comma_list([*AGENT_KEYS, 'response.parameters.NAME'])}; besides, displace phases"
-            )
 
-
-def check_agents(schedule: Sequence[AgentScheduleEntry], agents: int, *, speed_per_run: bool) -> None:
-    """Raise ValueError if a schedule displaces phases of agents that there are not, or sets speeds that runs draw."""
-    for number, entry in enumerate(schedule):
-        if speed_per_run and "agents.speed_cm_s" in entry.set:
-            raise ValueError(
-                f"schedule.{number}.set: agents.speed_cm_s cannot change where agents.speed_per_run is true, "
-                "as each run draws its speed; leave one of them out"
-            )
-        for agent in (entry.displace and entry.displace.agents) or ():
-            if agent >= agents:
-                raise ValueError(f"schedule.{number}.displace.agents: is {agent}; allowed: 0 to {agents - 1}")
-
-
-PARAMETER = re.compile(r"robots\.(\d+)\.parameters\.(\w+)")
-"""A key of a controller that a schedule may set."""
-
-SENSOR = re.compile(r"robots\.(\d+)\.sensors\.(\w+)\.(\w+)")
-"""A key of a sensor in a file of its own that a schedule may set."""
-
-ARENA = re.compile(r"arena\.(width_cm|height_cm|obstacles)")
-"""A key of the arena that a schedule may set."""
-
-
-class RobotDisplacement(Displacement):
-    """A displacement of phases of robots; rings of the displaced are commanded dark."""
-
-    whose: ClassVar[str] = "robots"
-    robots: tuple[Annotated[WholeNumber, Field(ge=0)], ...] | None = None
-    """Numbers of the robots; all by default."""
+_PARAMETER = r"robots\.(\d+)\.parameters\.(\w+)"
+_SENSOR = r"robots\.(\d+)\.sensors\.(\w+)\.(\w+)"
+_ARENA = r"arena\.(width_cm|height_cm|obstacles)"
 
 
 class RobotScheduleEntry(ScheduleEntry):
@@ -429,16 +347,20 @@ class RobotScheduleEntry(ScheduleEntry):
 
     changing: ClassVar[tuple[str, ...]] = ("set", "displace", "begin", "end", "remove", "add")
     later_keys: ClassVar[tuple[str, ...]] = ("remove", "add", "poses")
+    settable: ClassVar[re.Pattern[str]] = re.compile(f"{_PARAMETER}|{_SENSOR}|{_ARENA}")
+    in_short: ClassVar[str] = (
+        "robots.NUMBER.parameters.NAME, robots.NUMBER.sensors.SENSOR.NAME, arena.width_cm, arena.height_cm and "
+        "arena.obstacles; besides, displace phases, begin and end faults, and remove and add robots"
+    )
 
     displace: RobotDisplacement | None = None
-    """A displacement of phases."""
-    begin: tuple[Annotated[WholeNumber, Field(ge=0)], ...] = ()
+    begin: Members = ()
     """Numbers of the faults that begin."""
-    end: tuple[Annotated[WholeNumber, Field(ge=0)], ...] = ()
+    end: Members = ()
     """Numbers of the faults that end."""
-    remove: tuple[Annotated[WholeNumber, Field(ge=0)], ...] = ()
+    remove: Members = ()
     """Numbers of the robots that leave the arena."""
-    add: tuple[Annotated[WholeNumber, Field(ge=0)], ...] = ()
+    add: Members = ()
     """Numbers of the robots that come into the arena, with controllers that start."""
     poses: tuple[tuple[Number, Number, Number], ...] | None = None
     """With `add`, `x_cm, y_cm, heading_rad` of each robot; by default they come to random free places."""
@@ -454,52 +376,40 @@ class RobotScheduleEntry(ScheduleEntry):
             raise ValueError(f"add is {list(self.add)}; allowed: each robot once")
         return self
 
-    @staticmethod
-    def check_key(key: str) -> None:
-        """Raise ValueError for a key that cannot change during a trial."""
-        if ARENA.fullmatch(key) or SENSOR.fullmatch(key):
-            return
-        if PARAMETER.fullmatch(key) is None:
-            raise ValueError(
-                f"set: {key} cannot change during a trial; allowed: robots.NUMBER.parameters.NAME, "
-                "robots.NUMBER.sensors.SENSOR.NAME, arena.width_cm, "
-                "arena.height_cm and arena.obstacles; besides, displace phases, begin and end faults, "
-                "and remove and add robots"
-            )
-        if key.endswith(".period_s"):
-            raise ValueError(f"set: {key} cannot change during a trial: cycles and order parameter are told by it")
-
     def in_words(self) -> list[str]:
         """Return each of the changes in words."""
         begin = [f"faults.{number} begins" for number in self.begin]
         ended = [f"faults.{number} ends" for number in self.end]
-        moved = [
-            f"{verb} {', '.join(map(str, robots))}"
-            for verb, robots in (("removes", self.remove), ("adds", self.add))
-            if robots
-        ]
-        return [*super().in_words(), *begin, *ended, *moved]
+        moved = (("removes", self.remove), ("adds", self.add))
+        return [*super().in_words(), *begin, *ended, *(f"{verb} {_listed(robots)}" for verb, robots in moved if robots)]
+
+    def numbers(self) -> dict[str, Sequence[int]]:
+        """Return the numbers of robots that it names, by key."""
+        return {**super().numbers(), "remove": self.remove, "add": self.add}
+
+    def _set_by(self, pattern: str) -> Iterator[tuple[re.Match[str], Any]]:
+        """Yield the new values whose keys match a pattern, with the matches."""
+        for key, value in self.set.items():
+            if found := re.fullmatch(pattern, key):
+                yield found, value
 
     def parameters(self) -> dict[int, dict[str, Any]]:
         """Return the new values of parameters by name, for each group by its number."""
         values: dict[int, dict[str, Any]] = {}
-        for key, value in self.set.items():
-            if found := PARAMETER.fullmatch(key):
-                values.setdefault(int(found[1]), {})[found[2]] = value
+        for found, value in self._set_by(_PARAMETER):
+            values.setdefault(int(found[1]), {})[found[2]] = value
         return values
 
     def sensor_parameters(self) -> dict[tuple[int, str], dict[str, Any]]:
         """Return the new values of parameters by name, for each sensor by its group's number and its name."""
         values: dict[tuple[int, str], dict[str, Any]] = {}
-        for key, value in self.set.items():
-            if found := SENSOR.fullmatch(key):
-                values.setdefault((int(found[1]), found[2]), {})[found[3]] = value
+        for found, value in self._set_by(_SENSOR):
+            values.setdefault((int(found[1]), found[2]), {})[found[3]] = value
         return values
 
     def arena_values(self) -> dict[str, Any]:
         """Return the new values of the arena's keys, by their names in the section."""
-        found = {key: ARENA.fullmatch(key) for key in self.set}
-        return {match[1]: self.set[key] for key, match in found.items() if match}
+        return {found[1]: value for found, value in self._set_by(_ARENA)}
 
 
 def check_schedule(
@@ -509,17 +419,12 @@ def check_schedule(
     reference: int,
 ) -> None:
     """Raise ValueError if a schedule names groups, robots or faults that there are not, or removes the reference."""
-    robot_count = sum(group.count for group in groups)
+    check_numbers(schedule, sum(group.count for group in groups))
     for number, entry in enumerate(schedule):
         origin = f"schedule.{number}"
         for group in (*entry.parameters(), *(group for group, _ in entry.sensor_parameters())):
             if group >= len(groups):
                 raise ValueError(f"{origin}.set: robots.{group} is no group; allowed: robots.0 to {len(groups) - 1}")
-        named = {"displace.robots": (entry.displace and entry.displace.robots) or (), "remove": entry.remove}
-        for key, robots in {**named, "add": entry.add}.items():
-            for robot in robots:
-                if robot >= robot_count:
-                    raise ValueError(f"{origin}.{key}: is {robot}; allowed: 0 to {robot_count - 1}")
         if reference in entry.remove:
             raise ValueError(
                 f"{origin}.remove: {reference} is the reference, whose firings are counted, and stays; remove others, "

@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from epuck_sim.control.loader import find_controller, find_sensor
+from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import ArenaSection, find_picture
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
 from epuck_sim.scenario.changes import (
@@ -287,13 +288,48 @@ class EmbodiedScenario(Scenario):
         check_oscillators(self.faults, robots, swept, origin)
         check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
         sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
-        arena = self.arena.with_picture_found(origin, folder)
-        stop = self.stop if self._may_have_t_sync(robots, swept) else self.stop.limited(self._changes_until_s)
+        arena = self.arena
+        if arena.floor.picture is not None:
+            with refused_at(f"{origin}: arena.floor.picture"):
+                floor = {"picture": find_picture(arena.floor.picture, folder)}
+            arena = arena.model_copy(update={"floor": arena.floor.model_copy(update=floor)})
+        stop = self.stop
+        if not self._may_have_t_sync(robots, swept):
+            stop = stop.limited(max((each.at_s or 0.0 for each in (*self.schedule, *self.faults)), default=0.0))
         resolved = self.model_copy(update={"robots": robots, "sweep": sweep, "arena": arena, "stop": stop})
         resolved = super(EmbodiedScenario, resolved).resolved(origin, folder)
         if self.members_change:
             check_measures_of_present(resolved.measures, origin)
+        if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in swept):
+            resolved._check_arenas(f"{origin}: schedule")
         return resolved
+
+    def _check_arenas(self, origin: str) -> None:
+        """Raise ScenarioError for an arena that an entry of the schedule makes and that is not allowed.
+
+        All entries that change the arena set the same keys, so that each makes an arena that is known beforehand,
+        whatever entries come before it. A picture of a floor is stretched between walls that do not move.
+        """
+        entries = arena_entries(self)
+        for number in entries:
+            values, first = (self.schedule[each].arena_values() for each in (number, entries[0]))
+            keys = [", ".join(f"arena.{name}" for name in sorted(each)) for each in (values, first)]
+            if keys[0] != keys[1]:
+                raise ScenarioError(
+                    f"{origin}.{number}.set: sets {keys[0]}, and {origin}.{entries[0]}.set sets {keys[1]}; "
+                    "give all entries that change the arena the same keys of it"
+                )
+            if self.arena.floor.picture is not None and values.keys() - {"obstacles"}:
+                raise ScenarioError(
+                    f"{origin}.{number}.set: sets {keys[0]}, and arena.floor.picture is stretched between the walls; "
+                    "give patches instead, or set arena.obstacles alone"
+                )
+            robots = [
+                {"count": group.count, "kind": kind.model_dump(), "signal": {"kind": "cone"}}  # which all robots have
+                for group, kind in zip(self.robots, self.group_kinds, strict=True)
+            ]
+            arena = {**self.arena.model_dump(exclude=STAYING), **values}
+            self.validated({"arena": arena, "robots": robots}, f"{origin}.{number}.set")
 
     def _may_have_t_sync(self, robots: Sequence[RobotGroup], swept: Sequence[str]) -> bool:
         """Return whether the reference is an oscillator, or may be one at a point of a sweep."""
@@ -301,10 +337,6 @@ class EmbodiedScenario(Scenario):
         if {"robots", f"robots.{place}", f"robots.{place}.controller"} & set(swept):
             return True
         return find_controller(robots[place].controller).is_oscillator
-
-    @property
-    def _changes_until_s(self) -> float:
-        return max((change.at_s or 0.0 for change in (*self.schedule, *self.faults)), default=0.0)
 
 
 def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:

@@ -1,39 +1,22 @@
-"""The keys of a scenario, dotted: all that it has, the endings of them that people type, and new values of them."""
+"""Keys of a scenario as people type them, dotted, whole or their endings; and new values of them."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from epuck_sim.control.loader import find_controller, find_sensor
-from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import with_ranges
-from epuck_sim.scenario.base import ConfigModel, class_of, ends_in, section_classes
-from epuck_sim.scenario.particles import ResponseSection, find_curve
-from epuck_sim.scenario.robot_kind import FILE, are_groups, without_brought_sensors
-from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.base import ends_in, refused_at
+from epuck_sim.scenario.robot_kind import are_groups, without_brought_sensors
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.messages import short_repr
-
-NOT_TYPED = ("sweep", "measures")
-"""Sections of which no ending is taken: their keys are those of others, or names of measures."""
-
-
-def all_keys(kind: type[ConfigModel], given: Mapping[str, Any], folder: Path | None = None) -> list[str]:
-    """Return every dotted key of a scenario of class `kind`, of sections, too: those first on which trials depend."""
-    found = [key for key in _keys_of(kind, given, folder) if key.partition(".")[0] not in NOT_TYPED]
-    return sorted(found, key=lambda key: key.partition(".")[0] in WITHOUT_EFFECT)
 
 
 def full_keys(ending: str, keys: Sequence[str], where: str) -> list[str]:
     """Return the keys that a key, or an ending of one, stands for: one, or that of each group of robots; none is found.
 
     Endings of keys on which trials depend are taken before those of sections as `overhead` and `figure`.
-
-    Raises:
-        ScenarioError: It is the ending of several keys.
     """
     if ending in keys:
         return [ending]
@@ -44,80 +27,32 @@ def full_keys(ending: str, keys: Sequence[str], where: str) -> list[str]:
     return found
 
 
-def _keys_of(section: type[ConfigModel], given: Any, folder: Path | None) -> Iterator[str]:
-    given = given if isinstance(given, Mapping) else {}
-    own = _named_in_files(section, given, folder)
-    for name, field in section.model_fields.items():
-        value = given.get(name)
-        if value is None:
-            value = field.get_default(call_default_factory=True)
-        yield name
-        found = () if value is None else _keys_in(section_classes(field.annotation), value, folder)
-        yield from (f"{name}.{key}" for key in dict.fromkeys([*found, *own.get(name, ())]))
-
-
-def _keys_in(classes: Sequence[type[ConfigModel]], value: Any, folder: Path | None) -> Iterator[str]:
-    if isinstance(value, ConfigModel):
-        classes, value = [type(value)], vars(value)
-    if classes and isinstance(value, list | tuple):
-        for number, each in enumerate(value):
-            yield str(number)
-            yield from (f"{number}.{key}" for key in _keys_in(classes, each, folder))
-    elif classes:
-        yield from _keys_of(class_of(classes, value), value, folder)
-    elif isinstance(value, Mapping):
-        for name, each in value.items():
-            yield str(name)
-            yield from (f"{name}.{key}" for key in _keys_in([], each, folder))
-
-
-def _named_in_files(
-    section: type[ConfigModel], given: Mapping[str, Any], folder: Path | None
-) -> dict[str, Sequence[str]]:
-    """Return the keys of parts of a section that files name: parameters, and what controllers remember."""
-    names: dict[str, Sequence[str]] = {}
-    if issubclass(section, RobotGroup):
-        sensors = given.get("sensors")
-        files = {name: each[FILE] for name, each in sensors.items()} if isinstance(sensors, Mapping) else {}
-        with suppress(EpuckSimError):  # what is wrong with files is said when the scenario is validated
-            found = {name: find_sensor(file, folder).parameters for name, file in files.items()}
-            names["sensors"] = [f"{name}.{parameter}" for name, each in found.items() for parameter in each]
-        with suppress(EpuckSimError):
-            controller = find_controller(_name(given, section, "controller"), folder)
-            names |= {"parameters": list(controller.parameters), "memory": list(controller.memory.names or ())}
-    elif issubclass(section, ResponseSection):
-        with suppress(EpuckSimError):
-            names["parameters"] = list(find_curve(_name(given, section, "curve"), folder).parameters)
-    return names
-
-
-def _name(given: Mapping[str, Any], section: type[ConfigModel], key: str) -> str:
-    name = given.get(key)
-    return name if isinstance(name, str) else str(section.model_fields[key].default)
-
-
 MAX_PARTS = 20
 """Largest number of parts of a dotted key; those of scenarios have up to six."""
 
 
-def parse_setting(setting: str) -> tuple[str, Any]:
-    """Return the key and the value of a change given as `key=value`.
+def parse_setting(setting: str, option: str = "--set") -> tuple[str, Any]:
+    """Return the key and the value of a change given as `key=value`."""
+    key, text = _parted(setting, option, "key=value, such as max_cycles=100")
+    return key, parse_yaml(text, f"{option} {setting}")
 
-    Raises:
-        ScenarioError: It is given in another way.
-    """
-    key, equals, text = setting.partition("=")
+
+def parse_axis(axis: str, option: str) -> tuple[str, list[Any]]:
+    """Return the dotted key and the values of an axis given as `key=value,value,...`."""
+    key, text = _parted(axis, option, "key=value,value,..., such as count=5,10,20, or as key=FROM:TO:NUMBER")
+    values: list[Any] = parse_yaml(f"[{text}]", f"{option} {axis}")
+    return key, values
+
+
+def _parted(given: str, option: str, form: str) -> tuple[str, str]:
+    key, equals, text = given.partition("=")
     if not equals or not key:
-        raise ScenarioError(f"--set {setting}: give it as key=value, such as max_cycles=100")
-    return key, parse_yaml(text, f"--set {setting}")
+        raise ScenarioError(f"{option} {given}: give it as {form}")
+    return key, text
 
 
 def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> dict[str, Any]:
-    """Return the mapping `given` with `value` at a dotted key.
-
-    Raises:
-        ScenarioError: The key leads nowhere; the message begins with `origin`.
-    """
+    """Return the mapping `given` with `value` at a dotted key."""
     if re.fullmatch(r"robot\.kind|robots\.\d+\.kind\.kind", key):
         raise ScenarioError(
             f"{origin}: another kind of robot has other values in all keys; give {key.removesuffix('.kind')}={value} "
@@ -169,11 +104,7 @@ def without_quick(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def quick_version(given: Mapping[str, Any], origin: str) -> dict[str, Any]:
-    """Return a file's scenario in its quick version.
-
-    Raises:
-        ScenarioError: There is no quick version, or it is not a mapping.
-    """
+    """Return a file's scenario in its quick version."""
     changes = given.get(QUICK)
     if changes is None:
         raise ScenarioError(f"{origin}: has no quick version; leave --quick out")
@@ -199,9 +130,6 @@ def add_measures(given: Mapping[str, Any], names: Sequence[str], origin: str) ->
     """Return the mapping `given` with more measures after those that it has; parameters of any can then be set.
 
     A name that is there already is not added: a command that was killed may be given again.
-
-    Raises:
-        ScenarioError: The scenario's own measures are no list; the message begins with `origin`.
     """
     own = given.get("measures") or []
     if not isinstance(own, list | tuple):
@@ -214,9 +142,6 @@ def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any
     """Return a scenario's keys with one more axis in the grid of its sweep, whose values may be ranges.
 
     Several keys have the same value at each point: they are rows of the sweep's `points`.
-
-    Raises:
-        ScenarioError: The scenario's own sweep is malformed, or a range is.
     """
     sweep = given.get("sweep") or {}
     grid = sweep.get("grid", {}) if isinstance(sweep, Mapping) else None
@@ -224,27 +149,10 @@ def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any
         raise ScenarioError(f"{option}: the scenario's own sweep is {short_repr(sweep)}; allowed: a mapping")
     if len(keys) == 1:
         return {**given, "sweep": {**sweep, "grid": {**grid, keys[0]: values}}}
-    try:
+    with refused_at(option):
         together = [dict.fromkeys(keys, value) for value in with_ranges(keys[0], values)]
-    except ValueError as error:
-        raise ScenarioError(f"{option}: {error}") from error
     rows = [{**row, **added} for row in sweep.get("points") or [{}] for added in together]
     return {**given, "sweep": {**sweep, "points": rows}}
-
-
-def parse_axis(axis: str, option: str) -> tuple[str, list[Any]]:
-    """Return the dotted key and the values of an axis given as `key=value,value,...`.
-
-    Raises:
-        ScenarioError: The axis is malformed; the message begins with the option and the axis.
-    """
-    key, equals, text = axis.partition("=")
-    if not equals or not key:
-        raise ScenarioError(
-            f"{option} {axis}: give it as key=value,value,..., such as count=5,10,20, or as key=FROM:TO:NUMBER"
-        )
-    values: list[Any] = parse_yaml(f"[{text}]", f"{option} {axis}")
-    return key, values
 
 
 def note_changes(given: Mapping[str, Any], settings: Sequence[str], axes: Sequence[str]) -> dict[str, Any]:

@@ -6,16 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, overload
 
-from pydantic import ValidationError
-
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.base import describe_problem
-from epuck_sim.scenario.embodied import STAYING, EmbodiedScenario
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.keys import (
     QUICK,
     add_axis,
     add_measures,
-    all_keys,
     full_keys,
     note_changes,
     parse_axis,
@@ -25,8 +21,8 @@ from epuck_sim.scenario.keys import (
     set_value,
     without_quick,
 )
-from epuck_sim.scenario.particles import ParticleScenario, StartSection, resolve_response
-from epuck_sim.scenario.robot_kind import spread, with_robots
+from epuck_sim.scenario.particles import ParticleScenario, StartSection
+from epuck_sim.scenario.robot_kind import with_robots
 from epuck_sim.scenario.robots import replace_controllers
 from epuck_sim.scenario.scenario import AnyScenario, Scenario
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
@@ -39,106 +35,25 @@ SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "part
 
 
 def validate(given: Mapping[str, Any], origin: str) -> Scenario:
-    """Return the scenario, of the class that its key `model` names.
-
-    Raises:
-        ScenarioError: It fails validation; each line of the message begins with `origin`.
-    """
+    """Return the scenario, of the class that its key `model` names; each line of a refusal begins with `origin`."""
     _reject_surrogates(given, origin)
     model = given.get("model", "embodied")
     if not isinstance(model, str) or model not in SCENARIO_TYPES:
         raise ScenarioError(
             f"{origin}: model: is {short_repr(model)}; allowed: {' or '.join(map(repr, SCENARIO_TYPES))}"
         )
-    kind = SCENARIO_TYPES[model]
-    try:
-        return kind.model_validate(given)
-    except ValidationError as error:
-        keys = all_keys(kind, given)
-        raise ScenarioError("\n".join(describe_problem(kind, origin, each, keys) for each in error.errors())) from error
+    return SCENARIO_TYPES[model].validated(given, origin)
 
 
 def _reject_surrogates(value: Any, origin: str, *path: str) -> None:
     """Raise ScenarioError for a text that is not Unicode, which no file and no database would take."""
-    if isinstance(value, Mapping):
-        for key, part in value.items():
-            _reject_surrogates(key, origin, *path)
-            _reject_surrogates(part, origin, *path, str(key))
-    elif isinstance(value, list | tuple):
-        for number, part in enumerate(value):
-            _reject_surrogates(part, origin, *path, str(number))
-    elif isinstance(value, str) and storable(value) != value:
+    parts = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list | tuple) else ()
+    for key, part in parts:
+        _reject_surrogates(key, origin, *path)
+        _reject_surrogates(part, origin, *path, str(key))
+    if isinstance(value, str) and storable(value) != value:
         where = storable(": ".join([origin, *([".".join(path)] if path else [])]))
         raise ScenarioError(f"{where}: is {short_repr(value)}; allowed: text in Unicode")
-
-
-CHANGING = ("agents", "neighbourhood", "response")
-"""Sections that a schedule may change."""
-
-_CHECKED = {"model", "space", "clocks", *CHANGING}
-"""Sections by which new values are checked."""
-
-
-def check_changes(scenario: ParticleScenario, origin: str) -> None:
-    """Raise ScenarioError for a new value, set by an entry of a schedule, that is not allowed.
-
-    No entry can make a value wrong that another one sets: each key is checked by what stays as it is.
-    """
-    for number, entry in enumerate(scenario.schedule):
-        if entry.set:
-            agents_with(scenario, entry.set, f"{origin}.{number}.set")
-
-
-def agents_with(scenario: ParticleScenario, values: Mapping[str, Any], origin: str) -> ParticleScenario:
-    """Return a scenario, resolved, with new values of dotted keys of the sections in `CHANGING`.
-
-    Raises:
-        ScenarioError: A value is not allowed.
-    """
-    given = scenario.model_dump(include=_CHECKED)
-    for key, value in values.items():
-        given = set_value(given, key, value, origin)
-    checked = validate(given, origin)
-    assert isinstance(checked, ParticleScenario)
-    changed = {section: getattr(checked, section) for section in CHANGING}
-    changed["response"] = resolve_response(checked.response, f"{origin}: response")
-    return scenario.model_copy(update=changed)
-
-
-def check_arenas(scenario: EmbodiedScenario, origin: str) -> None:
-    """Raise ScenarioError for an arena that an entry of a schedule makes and that is not allowed.
-
-    All entries that change the arena set the same keys, so that each makes an arena that is known beforehand, whatever
-    entries come before it. A picture of a floor is stretched between walls that do not move.
-    """
-    first: tuple[int, set[str]] | None = None
-    for number, entry in enumerate(scenario.schedule):
-        values = entry.arena_values()
-        if not values:
-            continue
-        first = first or (number, set(values))
-        if set(values) != first[1]:
-            raise ScenarioError(
-                f"{origin}.{number}.set: sets {_listed(values)}, and {origin}.{first[0]}.set sets {_listed(first[1])}; "
-                "give all entries that change the arena the same keys of it"
-            )
-        if scenario.arena.floor.picture is not None and values.keys() - {"obstacles"}:
-            raise ScenarioError(
-                f"{origin}.{number}.set: sets {_listed(values)}, and arena.floor.picture is stretched between the "
-                "walls; give patches instead, or set arena.obstacles alone"
-            )
-        given = {
-            "arena": {**scenario.arena.model_dump(exclude=STAYING), **values},
-            "robots": [
-                {"count": group.count, "kind": kind.model_dump(), "signal": {"kind": "cone"}}  # which all robots have
-                for group, kind in zip(scenario.robots, scenario.group_kinds, strict=True)
-            ],
-        }
-        validate(given, f"{origin}.{number}.set")
-
-
-def _listed(names: Mapping[str, Any] | set[str]) -> str:
-    return ", ".join(f"arena.{name}" for name in sorted(names))
 
 
 def _shipped() -> dict[str, Path]:
@@ -261,31 +176,15 @@ def from_keys(given: Mapping[str, Any], origin: str, folder: Path | None = None)
 
 
 def complete(scenario: AnyScenario, origin: str, folder: Path | None = None) -> AnyScenario:
-    """Return a scenario with everything filled in that lies in other files; what its schedule sets is checked.
-
-    Raises:
-        ScenarioError: A file is missing, or does not fit the scenario, or a value that is set later is not allowed.
-    """
+    """Return a scenario with everything filled in that lies in other files; what its schedule sets is checked."""
     found = scenario.resolved(origin, folder)
-    if isinstance(found, EmbodiedScenario):
-        if not any(f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in found.swept):
-            check_arenas(found, f"{origin}: schedule")
-        return found
-    if not isinstance(found, ParticleScenario):
-        return found
-    if found.schedule and not set(found.swept) & {"response", "response.curve", "neighbourhood", "neighbourhood.kind"}:
-        check_changes(found, f"{origin}: schedule")
-    if found.start.like is not None:
+    if isinstance(found, ParticleScenario) and found.start.like is not None:
         return found.model_copy(update={"start": resolve_like(found, f"{origin}: start.like", folder)})
     return found
 
 
 def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -> AnyScenario:
-    """Return a scenario with new values of dotted keys, which its description tells.
-
-    Raises:
-        ScenarioError: A value is not allowed; the message begins with `origin`.
-    """
+    """Return a scenario with new values of dotted keys, which its description tells."""
     given = scenario.model_dump(mode="json")
     for key, value in values.items():
         given = set_value(given, key, value, origin)
@@ -300,7 +199,7 @@ def _full_keys(given: Mapping[str, Any], typed: str, where: str, origin: str, fo
     kind = SCENARIO_TYPES.get(model) if isinstance(model, str) else None
     if kind is None or typed.partition(".")[0] in (*kind.model_fields, "sensors"):
         return [typed]
-    found = full_keys(typed, all_keys(kind, _expanded(given, origin, folder), folder), where)
+    found = full_keys(typed, kind.all_keys(_expanded(given, origin, folder), folder), where)
     if len(found) > 1:
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
     return found or [typed]
@@ -319,10 +218,7 @@ def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) 
 
 def _expanded(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
     """Return a scenario's keys with the paths of its robots' files, and with sensors by name in each group."""
-    if given.get("model", "embodied") != "embodied":
-        return dict(given)
-    found, sensors = with_robots(given, origin, folder)
-    return spread(found, sensors, origin)
+    return with_robots(given, origin, folder) if given.get("model", "embodied") == "embodied" else dict(given)
 
 
 def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str, Path | None]:
@@ -351,11 +247,7 @@ def _choose_version(given: Mapping[str, Any], origin: str, *, quick: bool) -> di
 
 
 def find_scenario(name: str) -> Path:
-    """Return the file of a shipped scenario, the file `name`, the scenario of a run folder, or an installed package's.
-
-    Raises:
-        ScenarioError: There is none, or two of one name.
-    """
+    """Return the file of a scenario: a shipped one, a file, that of a run folder, or an installed package's."""
     shipped = SCENARIO.shipped()
     path = None if name in shipped else _given_file(Path(name), name)
     if path is None:
@@ -388,11 +280,7 @@ def write_scenario(scenario: Scenario) -> str:
 
 
 def robots_like(name: str, origin: str) -> EmbodiedScenario:
-    """Return the scenario of robots of a name or file; of a sweep, what is swept is as it is without.
-
-    Raises:
-        ScenarioError: There is none, or it is of another model.
-    """
+    """Return the scenario of robots of a name or file; of a sweep, what is swept is as it is without."""
     scenario = load_scenario(name)
     if not isinstance(scenario, EmbodiedScenario):
         raise ScenarioError(f"{origin}: {name} is of model: {scenario.model}; allowed: a scenario of robots")
@@ -400,11 +288,7 @@ def robots_like(name: str, origin: str) -> EmbodiedScenario:
 
 
 def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -> StartSection:
-    """Return the start of agents with the path of its scenario of robots, if that is a user's.
-
-    Raises:
-        ScenarioError: There is no such scenario of robots, or agents cannot start like its robots.
-    """
+    """Return the start of agents with the path of its scenario of robots, if that is a user's."""
     like = scenario.start.like
     assert like is not None
     if folder is not None and (folder / like).is_file():

@@ -11,7 +11,8 @@ def phase_shift(phase, coupling, parameters):    the shift, at phases from above
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -20,9 +21,10 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, PlainValidator, model_validator
 
-from epuck_sim.errors import CurveError
+from epuck_sim.errors import CurveError, EpuckSimError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
-from epuck_sim.scenario.changes import AgentScheduleEntry, check_agents
+from epuck_sim.scenario.changes import AgentScheduleEntry, check_numbers
+from epuck_sim.scenario.keys import set_value
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.stop import StopSection
 from epuck_sim.user_files import Kind, Place, Value, kept, line_of_error, load_python_file, with_defaults
@@ -64,11 +66,7 @@ class Curve:
     """The module made from each of these files."""
 
     def resolve(self, given: Mapping[str, object]) -> dict[str, Value]:
-        """Return every parameter with its given value or its default.
-
-        Raises:
-            ValueError: A name or value is not allowed; the message says what is.
-        """
+        """Return every parameter with its given value or its default."""
         values = with_defaults(self.name, given, self.parameters)
         if self.phase_shift is None:
             for name, value in values.items():
@@ -78,11 +76,7 @@ class Curve:
         return values
 
     def check_shifts(self, coupling: float, parameters: Mapping[str, Value]) -> None:
-        """Call a user's function at phases from 0 to 1.
-
-        Raises:
-            CurveError: It raises, or what it returns is no finite number.
-        """
+        """Call a user's function at phases from 0 to 1."""
         for step in range(TRIED_PHASES + 1) if self.phase_shift else ():
             assert self.phase_shift is not None
             phase = step / TRIED_PHASES
@@ -109,15 +103,7 @@ CURVE = Kind(
 
 
 def find_curve(name: str, folder: Path | None = None) -> Curve:
-    """Return a response curve.
-
-    Args:
-        name: The name of a shipped curve, or of one that an installed package offers, or the path of a file.
-        folder: Where a relative path begins; if there is no such file, it begins at the working directory.
-
-    Raises:
-        CurveError: There is no such curve, or the file does not define one.
-    """
+    """Return a response curve."""
     place = CURVE.locate(name, folder)
     return _SHIPPED_CURVES[name] if place.path is None else _load(place)
 
@@ -147,6 +133,13 @@ class ResponseSection(ConfigModel):
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The curve's further parameters by name; those that are left out have the curve's defaults."""
 
+    @classmethod
+    def keys_in_files(cls, values: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:
+        """Return the names of the curve's parameters."""
+        with suppress(EpuckSimError):
+            return {"parameters": list(find_curve(str(values["curve"]), folder).parameters)}
+        return {}
+
     @model_validator(mode="after")
     def _check_coupling(self) -> "ResponseSection":
         if self.curve in UP_TO_1 and self.coupling > 1:
@@ -155,11 +148,7 @@ class ResponseSection(ConfigModel):
 
 
 def resolve_response(response: ResponseSection, origin: str, folder: Path | None = None) -> ResponseSection:
-    """Return a response with the path of its curve, if that is a user's, and with all parameters.
-
-    Raises:
-        ScenarioError: There is no such curve, or it does not take these parameters.
-    """
+    """Return a response with the path of its curve, if that is a user's, and with all parameters."""
     with refused_at(f"{origin}.curve"):
         curve = find_curve(response.curve, folder)
     with refused_at(origin):
@@ -353,13 +342,9 @@ class StartSection(ConfigModel):
                     raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: a vector that is not 0")
 
     @model_validator(mode="after")
-    def _check_like(self) -> "StartSection":
+    def _check_start(self) -> "StartSection":
         if self.like is not None and self != StartSection.model_construct(like=self.like):
             raise ValueError(f"like is {self.like!r}; leave out all other keys of start, which it decides")
-        return self
-
-    @model_validator(mode="after")
-    def _check_displacement(self) -> "StartSection":
         if self.displacement and self.phases != "synchronised":
             raise ValueError(
                 f"displacement is {self.displacement:g} and phases is {self.phases!r}; allowed: 0, or phases: "
@@ -464,7 +449,13 @@ class ParticleScenario(Scenario):
         self.start.check_fits(others + 1, self.space.dimensions, self.space.side_cm)
         if self.stop.reference > others:
             raise ValueError(f"stop.reference is {self.stop.reference}; allowed: 0 to {others}")
-        check_agents(self.schedule, self.agents.count, speed_per_run=self.agents.speed_per_run)
+        for number, entry in enumerate(self.schedule):
+            if self.agents.speed_per_run and "agents.speed_cm_s" in entry.set:
+                raise ValueError(
+                    f"schedule.{number}.set: agents.speed_cm_s cannot change where agents.speed_per_run is true, "
+                    "as each run draws its speed; leave one of them out"
+                )
+        check_numbers(self.schedule, self.agents.count)
         return self
 
     @property
@@ -495,14 +486,31 @@ class ParticleScenario(Scenario):
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with the response curve, measures and their parameters; see `Scenario.resolved`."""
+        swept = set(self.swept)
         response = self.response  # its curve, hence its parameters, may be known at each point only
-        if not {"response", "response.curve"} & set(self.swept):
+        if not {"response", "response.curve"} & swept:
             response = resolve_response(response, f"{origin}: response", folder)
         sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
-        resolved = super().resolved(origin, folder)
-        if response is self.response and sweep is None:
-            return resolved  # a copy would take a tenth of the time of a short trial
-        return resolved.model_copy(update={"response": response, "sweep": sweep})
+        found = super().resolved(origin, folder)
+        if response is not self.response or sweep is not None:  # a copy takes a tenth of the time of a short trial
+            found = found.model_copy(update={"response": response, "sweep": sweep})
+        if not {"response", "response.curve", "neighbourhood", "neighbourhood.kind"} & swept:
+            # no entry can make a value wrong that another one sets: each key is checked by what stays as it is
+            for number, entry in enumerate(found.schedule):
+                if entry.set:
+                    found.with_set(entry.set, f"{origin}: schedule.{number}.set")
+        return found
+
+    def with_set(self, values: Mapping[str, Any], origin: str) -> Self:
+        """Return the scenario, resolved, with new values of dotted keys that a schedule may set."""
+        changing = ("agents", "neighbourhood", "response")
+        given = self.model_dump(include={"model", "space", "clocks", *changing})
+        for key, value in values.items():
+            given = set_value(given, key, value, origin)
+        checked = self.validated(given, origin)
+        changed = {section: getattr(checked, section) for section in changing}
+        changed["response"] = resolve_response(checked.response, f"{origin}: response")
+        return self.model_copy(update=changed)
 
 
 def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:

@@ -54,8 +54,8 @@ def points(scenario: Scenario | str | Path | Mapping[str, Any]) -> tuple[Point, 
     base = loaded.model_copy(update={"sweep": None}).model_dump(mode="json")
     rows = loaded.sweep.rows()
     names = _short_names(rows)
-    base_of = share_parameters(base, rows)
-    found = tuple(_point(number, row, base_of(number), names) for number, row in enumerate(rows))
+    bases = share_parameters(base, rows)
+    found = tuple(_point(number, row, bases[number], names) for number, row in enumerate(rows))
     first: dict[str, int] = {}
     for point in found:
         if point.key in first:

@@ -32,11 +32,7 @@ _ALLOWED = "allowed: a list of files, such as [ground.py, {light.py: {range_cm: 
 
 
 def by_name(given: Any) -> dict[str, dict[str, Any]]:
-    """Return a group's sensors by their names, each with its file and its parameters.
-
-    Raises:
-        ValueError: They are given in another way, or two have one name.
-    """
+    """Return a group's sensors by their names, each with its file and its parameters."""
     if isinstance(given, Mapping):
         items = [(str(name), {FILE: each} if isinstance(each, str) else each) for name, each in given.items()]
     elif isinstance(given, list | tuple):
@@ -64,54 +60,6 @@ def _from_list(each: Any) -> tuple[str, Any]:
     return Path(file).stem, {FILE: file, **(parameters or {})}
 
 
-def beside(given: Any, folder: Path) -> dict[str, dict[str, Any]]:
-    """Return sensors by their names, with the paths of those files that lie in a folder.
-
-    Raises:
-        ScenarioError: They are given in another way than a scenario gives them.
-    """
-    named = _named(given, f"{folder}: sensors")
-    for sensor in named.values():
-        if (folder / sensor[FILE]).is_file():
-            sensor[FILE] = str(folder / sensor[FILE])
-    return named
-
-
-def spread(given: Mapping[str, Any], of_robots: Sequence[Any], origin: str) -> dict[str, Any]:
-    """Return a scenario's keys with the sensors of all robots in each group, and with names for those of each.
-
-    Args:
-        given: The keys; `sensors` stands for all groups that have no sensors of their own.
-        of_robots: Sensors that come with each group's robots; those that are given take their place.
-        origin: Begins every message.
-
-    Raises:
-        ScenarioError: They are given in another way, or for all robots where each group has its own.
-    """
-    others, groups = {key: value for key, value in given.items() if key != "sensors"}, given.get("robots") or [{}]
-    for_all = given.get("sensors")
-    if not are_groups(groups):
-        return others
-    has_own = ["sensors" in group for group in groups]
-    if for_all is not None and all(has_own):
-        raise ScenarioError(f"{origin}: sensors: each group of robots has sensors of its own; leave sensors out")
-    if not for_all and not any(of_robots) and not any(has_own):
-        return others
-    named = []
-    for number, (group, of_robot) in enumerate(zip(groups, of_robots, strict=True)):
-        where, sensors = f"{origin}: sensors", of_robot if for_all is None else for_all
-        if "sensors" in group:
-            where, sensors = f"{origin}: robots.{number}.sensors", group["sensors"] or {}
-        named.append({**group, "sensors": _named(sensors, where)})
-    return {**others, "robots": named}
-
-
-def _named(given: Any, where: str) -> dict[str, dict[str, Any]]:
-    """Do what `by_name` does; raise ScenarioError, with where they are given."""
-    with refused_at(where):
-        return by_name(given)
-
-
 def are_groups(given: Any) -> bool:
     """Return whether what is given as `robots` is a list of sections; else it is refused when it is validated."""
     return isinstance(given, list | tuple) and all(isinstance(group, Mapping) for group in given)
@@ -135,11 +83,7 @@ def check_readings(groups: Sequence[Mapping[str, Mapping[str, Any]]], origin: st
 def sensor_parameters(
     sensors: Mapping[str, Mapping[str, Any]], name: str, values: Mapping[str, Any], origin: str
 ) -> dict[str, Value]:
-    """Return all parameters of one of a group's sensors, some of which have new values.
-
-    Raises:
-        ScenarioError: There is no such sensor, or it does not take these values.
-    """
+    """Return all parameters of one of a group's sensors, some of which have new values."""
     if name not in sensors:
         raise ScenarioError(
             f"{origin}: {did_you_mean(name, sensors)}; sensors in files of their own: {comma_list(sensors)}"
@@ -152,11 +96,7 @@ def sensor_parameters(
 def resolve_sensors(
     sensors: Mapping[str, Mapping[str, Any]], origin: str, folder: Path | None
 ) -> tuple[dict[str, dict[str, Any]], tuple[str, ...]]:
-    """Return sensors with their files' paths and with all parameters, and the names of their readings.
-
-    Raises:
-        ScenarioError: There is no such sensor, it does not take these parameters, or two have a reading of one name.
-    """
+    """Return sensors with their files' paths and with all parameters, and the names of their readings."""
     resolved: dict[str, dict[str, Any]] = {}
     told: dict[str, str] = {}
     for name, given in sensors.items():
@@ -207,15 +147,7 @@ class RobotFile(NamedTuple):
 
 
 def find_robot(name: str, folder: Path | None = None) -> RobotFile:
-    """Return a robot: a shipped one, an installed package's, or the one in a file.
-
-    Args:
-        name: A name, or the path of a file, which ends in .yaml.
-        folder: Where a relative path begins; if there is no such file, it begins at the working directory.
-
-    Raises:
-        ScenarioError: There is no such robot, or its file is no mapping of keys to values.
-    """
+    """Return a robot: a shipped one, an installed package's, or the one in a file."""
     return _load(ROBOT.locate(name, folder))
 
 
@@ -229,7 +161,12 @@ def _load(place: Place) -> RobotFile:
         raise ScenarioError(f"{place.path}: kind: a robot's file has none; what it leaves out is the e-puck's")
     keys = {key: value for key, value in given.items() if key not in ("description", "sensors")}
     _check_values(keys, place.path)
-    sensors = beside(given.get("sensors") or [], place.path.parent)
+    folder = place.path.parent
+    with refused_at(f"{folder}: sensors"):
+        sensors = by_name(given.get("sensors") or [])
+    for sensor in sensors.values():
+        if (folder / sensor[FILE]).is_file():
+            sensor[FILE] = str(folder / sensor[FILE])
     return RobotFile(place.name, keys, sensors, {place.path: place.path.read_bytes()})
 
 
@@ -248,28 +185,34 @@ def _check_values(keys: Mapping[str, Any], path: Path) -> None:
         ) from error
 
 
-def with_robots(given: Mapping[str, Any], origin: str, folder: Path | None) -> tuple[dict[str, Any], list[Any]]:
-    """Return a scenario's keys with the paths of its robots' files, and the sensors that each group's robots bring.
+def with_robots(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
+    """Return a scenario's keys with the paths of its robots' files, and with sensors by name in each group.
 
-    Raises:
-        ScenarioError: There is no such robot.
+    A group's sensors are its own; or else those given for all groups, by `sensors`; or else those of its robots.
     """
-    robot, brought = _located(given.get("robot"), f"{origin}: robot.kind", folder)
+    robot, of_robot = _located(given.get("robot"), f"{origin}: robot.kind", folder)
     found = {**given, "robot": robot} if "robot" in given else dict(given)
-    groups = given.get("robots")
-    if not groups or not are_groups(groups):
-        return found, [brought]
-    kinds = [
-        (None, brought)
-        if group.get("kind") is None
-        else _located(group["kind"], f"{origin}: robots.{number}.kind", folder)
-        for number, group in enumerate(groups)
-    ]
-    if any(kind for kind, _ in kinds):
-        found["robots"] = [
-            {**group, "kind": kind} if kind else group for group, (kind, _) in zip(groups, kinds, strict=True)
-        ]
-    return found, [sensors for _, sensors in kinds]
+    for_all, groups = found.pop("sensors", None), given.get("robots") or [{}]
+    if not are_groups(groups):
+        return found
+    groups = [dict(group) for group in groups]
+    sensors = [(f"{origin}: sensors", of_robot if for_all is None else for_all)] * len(groups)
+    has_own = ["sensors" in group for group in groups]
+    for number, group in enumerate(groups):
+        if group.get("kind") is not None:
+            group["kind"], brought = _located(group["kind"], f"{origin}: robots.{number}.kind", folder)
+            if for_all is None:
+                sensors[number] = f"{origin}: sensors", brought
+        if has_own[number]:
+            sensors[number] = f"{origin}: robots.{number}.sensors", group["sensors"] or {}
+    if for_all is not None and all(has_own):
+        raise ScenarioError(f"{origin}: sensors: each group of robots has sensors of its own; leave sensors out")
+    if any(has_own) or any(each for _, each in sensors):
+        for group, (where, each) in zip(groups, sensors, strict=True):
+            with refused_at(where):
+                group["sensors"] = by_name(each)
+        return {**found, "robots": groups}
+    return {**found, "robots": groups} if given.get("robots") else found
 
 
 def _located(robot: Any, where: str, folder: Path | None) -> tuple[Any, Mapping[str, Any]]:

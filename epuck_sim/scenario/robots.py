@@ -3,7 +3,8 @@
 import math
 import warnings
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -11,13 +12,13 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from epuck_sim.control.interface import Controller
-from epuck_sim.control.loader import find_controller
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.control.names import check_sensed
 from epuck_sim.epuck import GRID_SPACING_CM
-from epuck_sim.errors import ScenarioError
+from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
-from epuck_sim.scenario.robot_kind import RobotKind, are_groups, by_name, resolve_sensors
+from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, by_name, resolve_sensors
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -101,26 +102,18 @@ class CameraSection(ConfigModel):
     """Largest delay of a picture; each picture reaches the controller after a delay drawn uniformly from 0 to this."""
 
     @model_validator(mode="after")
-    def _check_centred(self) -> "CameraSection":
+    def _check_picture(self) -> "CameraSection":
         central = self.pixels if self.central_pixels is None else self.central_pixels
         if central > self.pixels or (self.pixels - central) % 2:
             raise ValueError(
                 f"central_pixels is {central}; allowed: {2 - self.pixels % 2} to {self.pixels} in steps of "
                 f"2, so that they lie in the middle of {self.pixels} pixels"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_reflections(self) -> "CameraSection":
         if self.range_cm is not None and self.reflection_range_cm > self.range_cm:
             raise ValueError(
                 f"reflection_range_cm is {self.reflection_range_cm:g}; allowed: 0 to range_cm, which is "
                 f"{self.range_cm:g}: no mirror image is seen farther than the ring itself"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_latency(self) -> "CameraSection":
         if self.frames_per_s is None and self.latency_ms > 0:
             raise ValueError(
                 f"latency_ms is {self.latency_ms:g}, frames_per_s is null; give frames_per_s, or leave latency_ms out"
@@ -172,6 +165,20 @@ class RobotGroup(ConfigModel):
     sensors: Annotated[dict[str, dict[str, Any]], BeforeValidator(by_name)] = Field(default_factory=dict)
     """Sensors in files of their own, each with its parameters: `[ground.py, {light.py: {range_cm: 30}}]`."""
 
+    @classmethod
+    def keys_in_files(cls, values: Mapping[str, Any], folder: Path | None) -> dict[str, Sequence[str]]:
+        """Return the names of parameters of controller and sensors, and of what the controller remembers."""
+        names: dict[str, Sequence[str]] = {}
+        sensors = values["sensors"]
+        files = {name: each[FILE] for name, each in sensors.items()} if isinstance(sensors, Mapping) else {}
+        with suppress(EpuckSimError):  # what is wrong with files is said when the scenario is validated
+            found = {name: find_sensor(file, folder).parameters for name, file in files.items()}
+            names["sensors"] = [f"{name}.{parameter}" for name, each in found.items() for parameter in each]
+        with suppress(EpuckSimError):
+            known = find_controller(str(values["controller"]), folder)
+            names |= {"parameters": list(known.parameters), "memory": list(known.memory.names or ())}
+        return names
+
     @model_validator(mode="before")
     @classmethod
     def _count_poses(cls, given: Any) -> Any:
@@ -182,17 +189,13 @@ class RobotGroup(ConfigModel):
         return given
 
     @model_validator(mode="after")
-    def _check_poses(self) -> "RobotGroup":
+    def _check_poses_and_signal(self) -> "RobotGroup":
         if self.poses is None and self.placement == "poses":
             raise ValueError("placement is 'poses' but there are none; give poses: [[x_cm, y_cm, heading_rad], ...]")
         if self.poses is not None and self.placement != "poses":
             raise ValueError(f"placement is {self.placement!r} and poses are given; leave one of them out")
         if self.poses is not None and len(self.poses) != self.count:
             raise ValueError(f"count is {self.count} but there are {len(self.poses)} poses; leave count out")
-        return self
-
-    @model_validator(mode="after")
-    def _check_signal(self) -> "RobotGroup":
         if self.signal.kind != "camera" and self.camera != CameraSection():
             raise ValueError(
                 f"signal.kind is {self.signal.kind!r} and a camera is given; leave the camera out, or choose camera"
@@ -227,14 +230,7 @@ STEP_CM = 0.13
 def check_robots(
     kinds: Sequence[RobotKind], groups: Sequence[RobotGroup], arena: ArenaSection, physics_hz: int
 ) -> None:
-    """Raise ValueError if robots do not fit into the arena, are too fast, or lack what a group needs.
-
-    Args:
-        kinds: What kind of robots each group has.
-        groups: The groups of robots.
-        arena: The arena.
-        physics_hz: Physics steps in a second.
-    """
+    """Raise ValueError if robots do not fit into the arena, are too fast, or lack what a group needs."""
     _check_room(kinds, [group.count for group in groups], arena)
     for number, (kind, group) in enumerate(zip(kinds, groups, strict=True)):
         if kind.wheel_limit_cm_s > STEP_CM * physics_hz:
@@ -273,12 +269,7 @@ def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaS
 
 
 def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | None) -> RobotGroup:
-    """Return the group with the path of its controller, if that is a user's, and with all parameters.
-
-    Raises:
-        ScenarioError: There is no such controller, or it does not take these parameters, or its oscillator's period is
-            not longer than a control step, `step_ms`.
-    """
+    """Return the group with the path of its controller, if that is a user's, and with all parameters."""
     sensors, readings = resolve_sensors(group.sensors, origin, folder)
     with refused_at(f"{origin}.controller"):
         controller = find_controller(group.controller, folder)
@@ -326,14 +317,7 @@ def _check_memory(controller: Controller, name: str, given: Any, robots: int, pa
 
 
 def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dict[str, Any]:
-    """Return a scenario's keys in which all robots have another controller, with what it knows of theirs.
-
-    Raises:
-        ScenarioError: There is no such controller, or there are no robots to have it.
-
-    Warns:
-        UserWarning: Parameters or memory have been left out.
-    """
+    """Return a scenario's keys in which all robots have another controller, with what it knows of theirs."""
     if given.get("model", "embodied") != "embodied":
         raise ScenarioError(f"{origin}: --controller {name}: model is {given['model']}; controllers run on robots")
     groups = given.get("robots", [{}])
@@ -349,34 +333,24 @@ def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dic
         if unknown:
             kind = "memory" if section == "memory" else "parameters" if len(unknown) > 1 else "the parameter"
             warnings.warn(f"{origin}: {controller.name} lacks {kind} {', '.join(unknown)}: left out", stacklevel=3)
-    changes = {"controller": controller.stored_name}
-    return {**given, "robots": [{**_without(group, lacking), **changes} for group in groups]}
+    return {**given, "robots": [{**_without(group, lacking), "controller": controller.stored_name} for group in groups]}
 
 
-def share_parameters(given: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> Callable[[int], dict[str, Any]]:
-    """Return a function that gives, by its number, a point's scenario before its axes are set to the values in its row.
+def share_parameters(given: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the scenario of each point before its axes are set to the values in its row.
 
     Where the controller of a group is an axis, each of its controllers gets those of the group's parameters and memory
     that it has. One that none of them has stays, and is refused with the point.
     """
-    swept = [number for number in range(len(given.get("robots", ()))) if f"robots.{number}.controller" in rows[0]]
-    own = {
-        number: [_own_names(find_controller(str(row[f"robots.{number}.controller"]))) for row in rows]
-        for number in swept
-    }
-    of_any = {
-        number: {section: set().union(*(names[section] for names in own[number])) for section in own[number][0]}
-        for number in swept
-    }
-
-    def of_point(point: int) -> dict[str, Any]:
-        groups = list(given.get("robots", ()))
-        for number in swept:
-            lacking = {section: of_any[number][section] - names for section, names in own[number][point].items()}
-            groups[number] = _without(groups[number], lacking)
-        return {**given, "robots": groups} if swept else dict(given)
-
-    return of_point
+    bases = [list(given.get("robots", ())) for _ in rows]
+    for number, group in enumerate(given.get("robots", ())):
+        key = f"robots.{number}.controller"
+        if key in rows[0]:
+            own = [_own_names(find_controller(str(row[key]))) for row in rows]
+            of_any = {section: set().union(*(names[section] for names in own)) for section in own[0]}
+            for base, names in zip(bases, own, strict=True):
+                base[number] = _without(group, {section: of_any[section] - names[section] for section in names})
+    return [{**given, "robots": base} if base else dict(given) for base in bases]
 
 
 def _own_names(controller: Controller) -> dict[str, set[str]]:

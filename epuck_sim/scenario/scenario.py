@@ -1,16 +1,16 @@
 """The scenario: what those of all models have in common. Validated and immutable."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 from pathlib import Path
-from typing import Annotated, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
-from epuck_sim.scenario.changes import conditions_in
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, describe_problem, keys_of
+from epuck_sim.scenario.changes import condition_key
 from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
 from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.util.messages import counted
@@ -47,6 +47,26 @@ class Scenario(ConfigModel):
     sweep: SweepAxes | None = None
     figure: FigureSection = FigureSection()
 
+    @classmethod
+    def all_keys(cls, given: Mapping[str, Any], folder: Path | None = None) -> list[str]:
+        """Return every dotted key that may be typed of a scenario, those first on which trials depend.
+
+        Keys of sections are among them; those of `sweep` and `measures` are others', or names of measures.
+        """
+        sections = {key: key.partition(".")[0] for key in keys_of(cls, given, folder)}
+        typed = (key for key, section in sections.items() if section not in ("sweep", "measures"))
+        return sorted(typed, key=lambda key: sections[key] in WITHOUT_EFFECT)
+
+    @classmethod
+    def validated(cls, given: Mapping[str, Any], origin: str) -> Self:
+        """Return the scenario with these keys; each line of what refuses them begins with `origin`."""
+        try:
+            return cls.model_validate(given)
+        except ValidationError as error:
+            keys = cls.all_keys(given)
+            problems = (describe_problem(cls, origin, each, keys) for each in error.errors())
+            raise ScenarioError("\n".join(problems)) from error
+
     @property
     def population(self) -> int:
         """Number of robots or agents."""
@@ -75,8 +95,11 @@ class Scenario(ConfigModel):
     @property
     def conditions(self) -> dict[str, Awaited]:
         """Conditions that trials wait for, by their dotted keys: that of their end, and those of a schedule."""
-        end = {} if self.stop.when is None else {STOP: Awaited(self.stop.when)}
-        return {**end, **conditions_in(getattr(self, "schedule", ()))}
+        awaited = {STOP: Awaited(self.stop.when)} if self.stop.when else {}
+        for number, entry in enumerate(getattr(self, "schedule", ())):
+            if entry.when is not None:
+                awaited[condition_key(number)] = Awaited(entry.when, entry.for_cycles)
+        return awaited
 
     @property
     def has_events(self) -> bool:
@@ -94,11 +117,7 @@ class Scenario(ConfigModel):
         return ()
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
-        """Return the scenario with everything filled in that lies in other files.
-
-        Raises:
-            ScenarioError: A file is missing, or does not fit the scenario.
-        """
+        """Return the scenario with everything filled in that lies in other files."""
         measures = resolve_measures(self, origin, folder)
         for key, awaited in self.conditions.items():
             check_condition(awaited.condition.measure, measures, self.event_method, f"{origin}: {key}")
@@ -136,23 +155,14 @@ AnyScenario = TypeVar("AnyScenario", bound=Scenario)
 
 
 def require_model(scenario: Scenario, kind: type[AnyScenario], why: str, origin: str | None = None) -> AnyScenario:
-    """Return `scenario`, which must be of class `kind`.
-
-    Raises:
-        ScenarioError: It is of another class; the message begins with `origin`, or else the scenario's name, and ends
-            with `why`.
-    """
+    """Return `scenario`, which must be of class `kind`."""
     if not isinstance(scenario, kind):
         raise ScenarioError(f"{origin or scenario.name}: model is {scenario.model!r}; {why}")
     return scenario
 
 
 def seed_of_trial(scenario: Scenario, seed: int | None) -> int:
-    """Return the seed with which to simulate one trial: `seed`, or the scenario's own if that is None.
-
-    Raises:
-        ScenarioError: The scenario holds a sweep, which is not one trial, or the seed is negative.
-    """
+    """Return the seed with which to simulate one trial: `seed`, or the scenario's own if that is None."""
     if scenario.sweep is not None:
         raise ScenarioError(f"{scenario.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`")
     chosen = scenario.seed if seed is None else seed

@@ -1,5 +1,6 @@
 """When a trial ends, and what is measured in it."""
 
+import operator
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,6 +17,10 @@ from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 CONDITION = re.compile(r"\s*(\w+)\s*(>=|<=|>|<)\s*([-+.\w]+)\s*")
 """A condition as text: a measure, a relation and a number."""
+
+
+RELATIONS = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
+"""Functions by the relations that a condition may have."""
 
 
 class Condition(ConfigModel):
@@ -40,9 +45,7 @@ class Condition(ConfigModel):
 
     def holds(self, value: float) -> bool:
         """Return whether a value of the measure satisfies the condition."""
-        if self.relation in (">", ">="):
-            return value > self.value or (value == self.value and self.relation == ">=")
-        return value < self.value or (value == self.value and self.relation == "<=")
+        return bool(RELATIONS[self.relation](value, self.value))
 
     def __str__(self) -> str:
         """Return the condition as text."""
@@ -143,17 +146,7 @@ class MeasureSection(ConfigModel):
 
 
 def resolve_measures(scenario: Any, origin: str, folder: Path | None) -> tuple[MeasureSection, ...]:
-    """Return a scenario's measures with the paths of those that are users', and with all parameters.
-
-    Args:
-        scenario: The scenario (`scenario.Scenario`), with everything else filled in.
-        origin: Begins every error message.
-        folder: Files are looked for here first, then in the working directory.
-
-    Raises:
-        ScenarioError: There is no such measure, it cannot measure this model or does not take these parameters, or two
-            have one name.
-    """
+    """Return a scenario's measures with the paths of those that are users', and with all parameters."""
     resolved: dict[str, MeasureSection] = {}
     for number, section in enumerate(scenario.measures):
         with refused_at(f"{origin}: measures.{number}"):
@@ -191,12 +184,6 @@ def check_condition(name: str, measures: Sequence[MeasureSection], event_method:
     """Raise ScenarioError unless a measure that a condition is on can be looked at while a trial runs.
 
     The order parameter can, whether it is among the measures or not: every trial measures it.
-
-    Args:
-        name: Name of the measure.
-        measures: The scenario's measures, as `resolve_measures` returns them.
-        event_method: Name of the method that trials of this model tell of every event.
-        origin: Begins the error message.
     """
     found = {measure.name: measure for measure in (section.find() for section in measures)}
     if name == ORDER_PARAMETER and name not in found:

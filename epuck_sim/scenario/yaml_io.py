@@ -36,11 +36,7 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), list(_first))
 
 
-def _whole_number(_: _Loader, node: yaml.ScalarNode) -> int:
-    return int(node.value)  # 010 is ten, as it reads
-
-
-_Loader.add_constructor("tag:yaml.org,2002:int", _whole_number)
+_Loader.add_constructor("tag:yaml.org,2002:int", lambda _, node: int(node.value))  # 010 is ten, as it reads
 
 
 class _Dumper(yaml.SafeDumper):
@@ -61,11 +57,7 @@ def write_yaml(value: Any) -> str:
 
 
 def read_yaml(path: Path) -> Any:
-    """Return the contents of a YAML file.
-
-    Raises:
-        ScenarioError: The file cannot be read, or is no YAML.
-    """
+    """Return the contents of a YAML file."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise ScenarioError(f"{path}: is larger than {MAX_BYTES / 1e6:g} MB; a scenario is a few kB of YAML")
@@ -91,11 +83,7 @@ def line_of_key(path: Path, key: str) -> int:
 
 
 def parse_yaml(text: str, source: str) -> Any:
-    """Return the contents of a YAML text.
-
-    Raises:
-        ScenarioError: The text is no YAML; the message begins with `source`.
-    """
+    """Return the contents of a YAML text."""
     try:
         loader = _Loader(text)
         loader.name = source

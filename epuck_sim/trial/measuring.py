@@ -80,15 +80,11 @@ class WaitingEntries:
         """Have those carried out whose moment has come; to be called between two events."""
         if not self._waiting:
             return
-        for number in [number for number in self._waiting if self._has_come(number, state)]:
-            self._carry_out(number)
-            del self._waiting[number]
-
-    def _has_come(self, number: int, state: TrialState) -> bool:
-        at_cycle = self._waiting[number].at_cycle
-        if at_cycle is not None:
-            return state.cycles >= at_cycle
-        return self._conditions.has_held(condition_key(number))
+        for number, entry in list(self._waiting.items()):
+            by_cycle = entry.at_cycle is not None and state.cycles >= entry.at_cycle
+            if by_cycle or (entry.when is not None and self._conditions.has_held(condition_key(number))):
+                self._carry_out(number)
+                del self._waiting[number]
 
 
 class Measuring(NamedTuple):
@@ -109,11 +105,7 @@ class Measuring(NamedTuple):
 
 
 def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
-    """Make the measures of a scenario, of which a fresh simulation, with a seed, is about to run.
-
-    Raises:
-        MeasureError: A measure is not found any more, or raises.
-    """
+    """Make the measures of a scenario, of which a fresh simulation, with a seed, is about to run."""
     at_events: list[Observer] = []
     at_cycles: list[Observer] = []
     final: dict[str, Callable[[], Value]] = {}
@@ -137,16 +129,13 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
                 observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
         at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
     if ORDER_PARAMETER not in final:
-        at_cycles.extend(_look_at_order(watch) for watch in conditions.on(ORDER_PARAMETER))  # every trial measures it
+        watches = conditions.on(ORDER_PARAMETER)  # which every trial measures
+        at_cycles.extend((lambda _, state, look=each.look: look(state.order_parameter)) for each in watches)
     return Measuring(at_events, at_cycles, final, conditions)
 
 
 def _look(watch: ConditionWatch, value: Callable[[], Value]) -> Observer:
     return lambda *_: watch.look(value())
-
-
-def _look_at_order(watch: ConditionWatch) -> Observer:
-    return lambda _, state: watch.look(state.order_parameter)
 
 
 def _checked(
@@ -177,9 +166,6 @@ def _call(measure: Measure, origin: str, function: Callable[..., Any], *given: A
 
 def as_value(given: Any) -> Value:
     """Return what a measure has returned as a plain number, truth value or None, or as a list of them.
-
-    Raises:
-        ValueError: It is something else; the message goes on after "its value".
 
     >>> as_value(np.float64(0.5)), as_value(np.array([1, 2])), as_value(math.nan), as_value([True, None])
     (0.5, [1, 2], None, [True, None])

@@ -5,12 +5,11 @@ appears under its name only when it is complete; its metadata holds the scenario
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
-from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -31,23 +30,7 @@ CHUNK_ROWS = 20_000
 """Number of rows that are gathered in memory before they are written, about 4 MB."""
 
 
-class _Column(NamedTuple):
-    """Values of robots in a control step, as a column of the table."""
-
-    dtype: type[np.generic]
-    values: Callable[[Step], npt.ArrayLike]
-    shape: tuple[int, ...] = ()
-    """Shape of each value."""
-
-    @property
-    def arrow_type(self) -> Any:
-        single = pa.from_numpy_dtype(self.dtype)
-        return pa.list_(single, *self.shape) if self.shape else single
-
-    def arrow(self, values: npt.NDArray[Any]) -> Any:
-        """Return values of all steps; NaN, the phase of a robot without an oscillator, becomes null."""
-        column = pa.array(values.ravel(), from_pandas=True)
-        return pa.FixedSizeListArray.from_arrays(column, *self.shape) if self.shape else column
+POSE, WHEELS = ("x_cm", "y_cm", "heading_rad"), ("left_cm_s", "right_cm_s")
 
 
 class Trace:
@@ -84,15 +67,12 @@ class Trace:
         self._path = path.resolve()
         self._robots = scenario.robot_count
         check_fields(scenario, memory)
-        self._columns = _columns(scenario.camera_pixels, memory, reading_fields(scenario))
-        self._steps = max(1, CHUNK_ROWS // self._robots)
-        self._values = {
-            name: np.zeros((self._steps, self._robots, *column.shape), column.dtype)
-            for name, column in self._columns.items()
-        }
+        self._fields = {name: name for name in reading_fields(scenario)} | {f"memory.{name}": name for name in memory}
+        rows = max(1, CHUNK_ROWS // self._robots), self._robots
+        self._rows = np.zeros(rows, _row_type(scenario.camera_pixels, self._fields))
         self._filled = 0
         self._relations: dict[str, list[list[int]]] = {"sees": [], "touches": []} if relations else {}
-        fields = [(name, column.arrow_type) for name, column in self._columns.items()]
+        fields = [(name, _arrow_type(self._rows.dtype[name])) for name in self._rows.dtype.names or ()]
         lists = [(name, pa.list_(pa.int32())) for name in self._relations]
         metadata = {"scenario": write_scenario(scenario), "seed": str(seed), "versions": json.dumps(versions())}
         self._schema = pa.schema([*fields, *lists], metadata)
@@ -106,17 +86,30 @@ class Trace:
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
         """Take note of a step."""
-        for name, column in self._columns.items():
-            self._values[name][self._filled] = column.values(step)
+        columns = {
+            "time_s": step.time_s,
+            "robot": np.arange(self._robots),
+            **dict(zip(POSE, step.poses.T, strict=True)),
+            **dict(zip(WHEELS, step.wheels_cm_s.T, strict=True)),
+            **{name: getattr(step, name) for name in ("ring_on", "phase_ms", "flash_seen", "camera")},
+            **{f"distance_mm_{sensor}": step.distance_mm[:, sensor] for sensor in range(SENSORS)},
+            **{f"infrared_{sensor}": step.infrared[:, sensor] for sensor in range(SENSORS)},
+            **{name: field_values(step, field) for name, field in self._fields.items()},
+        }
+        for name, values in columns.items():
+            self._rows[name][self._filled] = values
         if self._relations:
             self._relations["sees"] += _listed(step.sightings, self._robots)
-            self._relations["touches"] += _listed(both_ways(step.contacts), self._robots)
+            contacts = step.contacts  # those of two robots are to be listed for each of them
+            both_ways = np.concatenate([contacts, contacts[contacts[:, 1] >= 0, ::-1]])
+            self._relations["touches"] += _listed(both_ways, self._robots)
         self._filled += 1
-        if self._filled == self._steps:
+        if self._filled == len(self._rows):
             self._write()
 
     def _write(self) -> None:
-        arrays = {name: column.arrow(self._values[name][: self._filled]) for name, column in self._columns.items()}
+        rows = self._rows[: self._filled]
+        arrays = {name: _arrow_array(rows[name]) for name in rows.dtype.names or ()}
         for name, lists in self._relations.items():
             arrays[name] = pa.array(lists, pa.list_(pa.int32()))
             lists.clear()
@@ -138,12 +131,6 @@ class Trace:
                 publish(self._part, self._path)
 
 
-def both_ways(contacts: IntArray) -> IntArray:
-    """Return contacts, (contacts, 2), with those of two robots listed for each of them."""
-    between = contacts[contacts[:, 1] >= 0]
-    return np.concatenate([contacts, between[:, ::-1]])
-
-
 def _listed(pairs: IntArray, robots: int) -> list[list[int]]:
     """Return, for each robot, the second numbers of the pairs that it begins, ascending."""
     lists: list[list[int]] = [[] for _ in range(robots)]
@@ -152,28 +139,28 @@ def _listed(pairs: IntArray, robots: int) -> list[list[int]]:
     return lists
 
 
-def _columns(pixels: int, memory: Sequence[str], readings: Sequence[str]) -> dict[str, _Column]:
-    """Return the columns of a table that has a row for each robot and control step."""
-    number, whole = np.float64, np.int32
-    return {
-        "time_s": _Column(number, attrgetter("time_s")),
-        "robot": _Column(whole, lambda step: np.arange(len(step.poses))),
-        **{name: _part("poses", axis, number) for axis, name in enumerate(("x_cm", "y_cm", "heading_rad"))},
-        **{name: _part("wheels_cm_s", wheel, number) for wheel, name in enumerate(("left_cm_s", "right_cm_s"))},
-        "ring_on": _Column(np.bool_, attrgetter("ring_on")),
-        "phase_ms": _Column(number, attrgetter("phase_ms")),
-        "flash_seen": _Column(np.bool_, attrgetter("flash_seen")),
-        **{f"distance_mm_{sensor}": _part("distance_mm", sensor, whole) for sensor in range(SENSORS)},
-        **{f"infrared_{sensor}": _part("infrared", sensor, number) for sensor in range(SENSORS)},
-        "camera": _Column(np.uint8, attrgetter("camera"), (pixels,)),
-        **{name: _field(name) for name in readings},
-        **{f"memory.{name}": _field(name) for name in memory},
-    }
+def _row_type(pixels: int, fields: Iterable[str]) -> np.dtype[np.void]:
+    """Return the record of a robot in a control step."""
+    return np.dtype(
+        [
+            ("time_s", np.float64),
+            ("robot", np.int32),
+            *((name, np.float64) for name in (*POSE, *WHEELS)),
+            *[("ring_on", np.bool_), ("phase_ms", np.float64), ("flash_seen", np.bool_)],
+            *((f"distance_mm_{sensor}", np.int32) for sensor in range(SENSORS)),
+            *((f"infrared_{sensor}", np.float64) for sensor in range(SENSORS)),
+            ("camera", np.uint8, (pixels,)),
+            *((name, np.float64) for name in fields),
+        ]
+    )
 
 
-def _part(field: str, index: int, dtype: type[np.generic]) -> _Column:
-    return _Column(dtype, lambda step: getattr(step, field)[:, index])
+def _arrow_type(field: np.dtype[Any]) -> Any:
+    single = pa.from_numpy_dtype(field.base)
+    return pa.list_(single, *field.shape) if field.shape else single
 
 
-def _field(field: str) -> _Column:
-    return _Column(np.float64, lambda step: field_values(step, field))
+def _arrow_array(values: npt.NDArray[Any]) -> Any:
+    """Return (steps, robots, ...) values as a column; NaN, the phase of a robot without an oscillator, becomes null."""
+    column = pa.array(values.ravel(), from_pandas=True)
+    return pa.FixedSizeListArray.from_arrays(column, values.shape[2]) if values.ndim > 2 else column

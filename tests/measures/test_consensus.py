@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from epuck_sim.errors import MeasureError, ScenarioError
 from epuck_sim.measures.consensus import STREAM, Words
-from epuck_sim.scenario.loader import load_scenario
 from tests.measures.test_shipped import AGENTS, ROBOTS, run
 
 FEW = {**AGENTS, "agents": {"count": 12, "speed_cm_s": 20.0}}
@@ -30,12 +28,9 @@ def test_who_does_not_know_a_word_learns_it_and_who_does_forgets_all_others():
     assert known(words, 1) == {0, 1, 2}
     words.hear(1, 0)
     assert (known(words, 1), known(words, 0), words.words) == ({0}, {0}, 2)
-
-
-def test_a_voter_takes_over_what_it_hears():
-    words = listeners(3, "voter")
-    words.hear(1, 2)
-    assert (known(words, 1), known(words, 2)) == ({2}, {2})
+    voters = listeners(3, "voter")
+    voters.hear(1, 2)
+    assert (known(voters, 1), known(voters, 2)) == ({2}, {2})
 
 
 def test_a_known_word_is_said_and_each_is_as_likely():
@@ -130,15 +125,3 @@ def test_nobody_agrees_who_hears_nobody():
     alone["neighbourhood"] = {"kind": "cone_of_vision", "angle_deg": 1, "radius_cm": 0.001}
     _, agreed = run("consensus", **alone)
     assert agreed is None
-
-
-@pytest.mark.parametrize(
-    ("measure", "sections", "message"),
-    [
-        ({"words": {"rule": "majority"}}, AGENTS, "rule is 'majority'; allowed: naming_game, voter"),
-        ("consensus", {**AGENTS, "agents": {"count": 50}}, "agents.count is 50; allowed with words: below 50"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(measure, sections, message):
-    with pytest.raises((MeasureError, ScenarioError), match=message):
-        load_scenario({"measures": [measure], **sections})

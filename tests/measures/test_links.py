@@ -1,6 +1,5 @@
 """Measures of links: each against the graph as a set of pairs."""
 
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -67,30 +66,22 @@ def test_components_are_those_who_reach_each_other(pairs, connection):
 
 @MODELS
 @pytest.mark.parametrize("direction", ["in", "out", "both"])
-@pytest.mark.parametrize("statistic", ["mean", "smallest", "largest", "sd"])
-def test_degrees_count_links(sections, watch, population, direction, statistic):
+@pytest.mark.parametrize("statistic", ["mean", "smallest", "largest", "sd", "isolated"])
+def test_degrees_count_links_and_the_isolated_have_none(sections, watch, population, direction, statistic):
     observer, seen = watch()
-    _, series = run({"degree": {"direction": direction, "statistic": statistic}}, observer, **sections)
+    measure = {"degree": {"direction": direction, "statistic": statistic}}
+    if statistic == "isolated":
+        measure = {"isolated": {"direction": direction}}
+    _, series = run(measure, observer, **sections)
     expected = []
     for links in seen:
         ends = [end for a, b in links for end in {"out": [a], "in": [b], "both": [a, b]}[direction]]
         counts = [ends.count(one) for one in range(population)]
-        reduce = {"mean": np.mean, "smallest": min, "largest": max, "sd": np.std}[statistic]
-        expected.append(float(reduce(counts)))
+        reduce = {"mean": np.mean, "smallest": min, "largest": max, "sd": np.std}.get(statistic)
+        expected.append(float(reduce(counts) if reduce else counts.count(0) / population))
     assert series == pytest.approx(expected)
     assert len(series) == CYCLES
-    assert max(series) > 0
-
-
-@MODELS
-@pytest.mark.parametrize("direction", ["in", "out", "both"])
-def test_the_isolated_have_no_links(sections, watch, population, direction):
-    observer, seen = watch()
-    _, series = run({"isolated": {"direction": direction}}, observer, **sections)
-    place = {"out": [0], "in": [1], "both": [0, 1]}[direction]
-    expected = [1 - len({link[end] for link in links for end in place}) / population for links in seen]
-    assert series == pytest.approx(expected)
-    assert min(series) < 1
+    assert max(series) > 0 or statistic in ("smallest", "isolated")
 
 
 @MODELS
@@ -146,22 +137,6 @@ def test_cones_of_emission_and_of_vision_change_as_many_links():
     assert max(rates[0][1:]) > 0
 
 
-def test_a_lone_link_of_resting_agents_never_ends():
-    sections = {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}
-    assert run("link_life", **sections)[1] is None
-    assert run("spanning_time", **sections)[1] is None
-
-
-def test_more_links_than_there_was_room_for_are_all_found():
-    """Forty agents in range of each other have 39 links each."""
-    sections = {
-        **AGENTS,
-        "agents": {"count": 40, "speed_cm_s": 1},
-        "neighbourhood": {"kind": "range", "radius_cm": 150},
-    }
-    assert run("degree", **sections)[1] == [39.0] * CYCLES
-
-
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
 def test_links_are_found_by_cells_as_without(boundary):
     sections = {"model": "particles", "agents": {"count": 450, "speed_cm_s": 5}, "space": {"boundary": boundary}}
@@ -171,11 +146,3 @@ def test_links_are_found_by_cells_as_without(boundary):
         simulation, _ = run("degree", observer, **sections, neighbourhood=rule, stop=stop)
         codes = sorted(sender * 450 + receiver for sender, receiver in seen[-1])
         assert simulation.neighbour_links().tolist() == codes
-
-
-def test_asking_for_links_changes_nothing():
-    plain, _ = run("order_parameter", **AGENTS)
-    asked, _ = run("degree", **AGENTS)
-    assert plain.phases().tobytes() == asked.phases().tobytes()
-    assert plain.positions().tobytes() == asked.positions().tobytes()
-    assert not math.isnan(plain.order_parameter)

@@ -50,13 +50,6 @@ def test_a_field_that_is_an_array_is_refused(tmp_path):
         load_scenario({"robots": [{"controller": f"{tmp_path}/mine.py"}], "measures": [{"memory": {"name": "last"}}]})
 
 
-def test_controllers_that_are_swept_are_not_known_yet():
-    swept = {"sweep": {"grid": {"robots.0.controller": ["firefly", "constant"]}}}
-    scenario = load_scenario({**swept, "measures": ["memory"]})
-    with pytest.raises(ScenarioError, match="unknown 'phase_ms'"):
-        points(scenario)
-
-
 def test_one_measure_may_be_there_twice_under_two_names():
     measures = [{"memory": {"as": "phase"}}, {"memory": {"name": "rotation_time", "as": "turning"}}, "memory"]
     scenario = load_scenario({"measures": measures})

@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import MeasureError, ScenarioError
 from epuck_sim.measures.clusters import cluster_numbers, surviving_clusters
-from epuck_sim.measures.flashes import FlashesMissed, FlashesRepeated
-from epuck_sim.measures.links import changed_share
 from epuck_sim.measures.loader import find_measure
 from epuck_sim.measures.motion import Moved, correlation_time
 from epuck_sim.measures.order import BelowThreshold, StaysAbove, ThresholdCycles
@@ -74,6 +72,84 @@ def test_the_order_parameter_is_that_of_the_phases_at_each_cycle(sections, metri
     assert series == pytest.approx([float(METRICS[metric](each, 1.0)) for each in seen], abs=1e-12)
 
 
+# --- what is not there, and parameters ------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("measure", "sections", "value"),
+    [
+        *(
+            (name, {"robots": [{"controller": "obstacle_avoidance"}]}, value)
+            for name, value in (
+                ("cluster_count", [0] * CYCLES),
+                ("largest_cluster", [None] * CYCLES),
+                ("threshold_cycles", [None] * 5),
+                ("below_threshold", None),
+                ("stays_above", None),
+            )
+        ),
+        ("cluster_life", {**AGENTS, "response": {"coupling": 0}}, None),
+        ("neighbour_change", {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}, [None] + [0.0] * (CYCLES - 1)),
+        ("link_life", {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}, None),
+        ("spanning_time", {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}, None),
+        # forty agents in range of each other have more links than there was room for at first
+        (
+            "degree",
+            {**AGENTS, "agents": {"count": 40, "speed_cm_s": 1}, "neighbourhood": {"kind": "range", "radius_cm": 150}},
+            [39.0] * CYCLES,
+        ),
+        ("velocity_correlation_time", {**AGENTS, "space": {"side_cm": 1e6}}, None),
+        ("coverage", {"stop": {"max_time_s": 1}}, None),
+        ("density", {"stop": {"max_time_s": 1}}, []),
+        ("near_walls", {"stop": {"max_time_s": 1}}, None),
+        ("mean_speed", {"stop": {"max_time_s": 0.1}}, None),
+    ],
+)
+def test_what_there_is_not_is_none_and_what_stays_is_the_same(measure, sections, value):
+    assert run(measure, **sections)[1] == value
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "said"),
+    [
+        ("degree", {"direction": "up"}, "direction is 'up'; allowed: in, out, both"),
+        ("degree", {"statistic": "mode"}, "statistic is 'mode'; allowed: mean, smallest, largest, sd"),
+        ("component_count", {"cycles": 0}, "cycles is 0; allowed: 1 and above"),
+        ("spanning_time", {"connection": "loose"}, "connection is 'loose'; allowed: weak, strong"),
+        ("threshold_cycles", {"thresholds": "0.5 2"}, "thresholds is '0.5 2'; allowed: numbers above 0"),
+        ("below_threshold", {"threshold": 0}, "threshold is 0; allowed: above 0 and up to 1"),
+        ("coverage", {"cells": 0}, "cells is 0; allowed: 1 to 1000000"),
+        ("velocity_correlation_time", {"lags": 0}, "lags is 0; allowed: 1 to 100000"),
+        ("perturbation", {"displacement": 0.5}, "displacement is 0.5; allowed: 0 up to 0.5, in cycles"),
+        ("perturbation_transient", {"tolerance": 0}, "tolerance is 0; allowed: above 0 up to 0.5"),
+        ("near_walls", {"within_cm": 0}, "within_cm is 0; allowed: above 0"),
+        ("cluster_count", {"gap": 0.5}, "gap is 0.5; allowed: 0 up to 0.5, in cycles"),
+        ("consensus", {"rule": "all"}, "rule is 'all'; allowed: naming_game, voter"),
+        ("memory", {"take": "all"}, "take is 'all'; allowed: final, mean, series"),
+        ("false_alarms", {"cycles": 0}, "cycles is 0; allowed: above 0"),
+    ],
+)
+def test_parameters_that_make_no_sense_are_refused(name, given, said):
+    with pytest.raises(ValueError, match=said):
+        find_measure(name).resolve(given)
+
+
+@pytest.mark.parametrize(
+    ("measure", "sections", "said"),
+    [
+        ("mean_squared_displacement", {**AGENTS, "space": {"boundary": "cyclic"}}, "needs walls; in a cyclic space"),
+        ("perturbation", AGENTS, "a perturbation is measured where there is one"),
+        ("moved", {}, r"needs arena\.movables"),
+        ("consensus", {**AGENTS, "agents": {"count": 50}}, "agents.count is 50; allowed with words: below 50"),
+        ({"coverage": {"cells": 1001}}, AGENTS, "cells is 1001, along each of 2 axes; allowed: 1000000 in all"),
+        ({"memory": {"robot": 10}}, ROBOTS, "robot is 10; allowed: 0 to 9, or -1 for all"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(measure, sections, said):
+    with pytest.raises((MeasureError, ScenarioError), match=said):
+        run(measure, **sections)
+
+
 # --- clusters -------------------------------------------------------------------------------------
 
 
@@ -111,12 +187,6 @@ def test_clusters_are_found_at_each_cycle(measure, sections):
     expected = [len(each) if measure == "cluster_count" else max(each) / sum(each) for each in sizes]
     assert series == expected
     assert len(set(series)) > 1
-
-
-def test_robots_without_oscillators_have_no_clusters():
-    robots = [{"controller": "obstacle_avoidance"}]
-    assert run("cluster_count", robots=robots)[1] == [0] * CYCLES
-    assert run("largest_cluster", robots=robots)[1] == [None] * CYCLES
 
 
 # --- neighbours -----------------------------------------------------------------------------------
@@ -171,17 +241,6 @@ def test_neighbour_change_compares_the_links_of_successive_cycles(rule, boundary
     assert (max(expected) > 0) == (rule["kind"] != "all")
 
 
-def test_neighbours_of_resting_agents_do_not_change():
-    sections = {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}
-    assert run("neighbour_change", **sections)[1] == [None] + [0.0] * (CYCLES - 1)
-
-
-def test_no_links_have_no_share_that_changed():
-    empty = np.zeros(0, np.int64)
-    assert changed_share(empty, empty) is None
-    assert changed_share(empty, np.array([1])) == 1.0
-
-
 # --- motion ---------------------------------------------------------------------------------------
 
 
@@ -202,11 +261,6 @@ def test_far_from_walls_agents_move_in_straight_lines():
     assert series == pytest.approx([(2.0 * cycle) ** 2 for cycle in range(CYCLES)], rel=1e-6)
 
 
-def test_in_a_cyclic_space_there_is_no_displacement():
-    with pytest.raises(MeasureError, match="mean_squared_displacement needs walls"):
-        run("mean_squared_displacement", **AGENTS, space={"boundary": "cyclic"})
-
-
 @pytest.mark.parametrize("sections", [AGENTS, ROBOTS], ids=["agents", "robots"])
 def test_the_share_near_walls_is_counted_at_each_cycle(sections):
     observer, seen = at_cycles(positions)
@@ -217,22 +271,6 @@ def test_the_share_near_walls_is_counted_at_each_cycle(sections):
     ]
     assert value == sum(near) / len(near)
     assert 0 < value < 1
-
-
-# --- flashes --------------------------------------------------------------------------------------
-
-
-def test_flashes_are_counted_when_they_come_into_view():
-    seen = []
-    _, value = run("flashes_seen", lambda step, *_: seen.append(step.flash_seen.tolist()), **ROBOTS)
-    began = 0
-    for robot in range(10):
-        before = False
-        for step in seen:
-            began += step[robot] and not before
-            before = step[robot]
-    assert value == began / (10 * CYCLES)
-    assert value > 0
 
 
 # --- thresholds -----------------------------------------------------------------------------------
@@ -264,12 +302,6 @@ def test_later_cycles_are_those_after_the_threshold_is_reached(series):
     assert told(StaysAbove(None, threshold=0.8), series) == (not any(below) if later else None)
 
 
-def test_robots_without_oscillators_pass_no_thresholds():
-    robots = [{"controller": "obstacle_avoidance"}]
-    assert run("threshold_cycles", robots=robots)[1] == [None] * 5
-    assert run("below_threshold", robots=robots)[1] is None
-
-
 def test_a_trial_with_further_cycles_says_whether_it_stays_above():
     sections = {"stop": {"further_cycles": 30, "max_cycles": 500}}
     assert run("stays_above", seed=1, **sections)[1] == (run("below_threshold", seed=1, **sections)[1] == 0)
@@ -292,11 +324,6 @@ def test_a_cluster_lives_on_in_one_with_more_than_half_of_both(numbers):
     assert surviving_clusters(before, after) == (lived, gone)
 
 
-def test_clusters_of_uncoupled_oscillators_never_end():
-    assert run("cluster_life", **{**AGENTS, "response": {"coupling": 0}})[1] is None
-    assert run({"cluster_life": {"gap": 0.05}}, **AGENTS)[1] >= 1
-
-
 # --- motion and places ----------------------------------------------------------------------------
 
 
@@ -314,20 +341,11 @@ def test_the_map_counts_positions_at_cycles(measure, sections):
     assert value == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("dimensions", [1, 3])
-def test_maps_have_as_many_axes_as_the_space(dimensions):
-    _, value = run({"density": {"cells": 3}}, **AGENTS, space={"dimensions": dimensions})
-    assert len(value) == 3**dimensions
-    assert sum(value) == pytest.approx(1)
-
-
 def test_velocities_are_correlated_until_they_turn():
     decay = np.exp(-np.arange(50) / 8)
     assert correlation_time(decay, 0.5) == pytest.approx(4.0)
     assert correlation_time(np.ones(5), 1.0) is None
     assert correlation_time(np.zeros(5), 1.0) is None
-    far = {**AGENTS, "space": {"side_cm": 1e6}}
-    assert run("velocity_correlation_time", **far)[1] is None
 
 
 @pytest.mark.parametrize("sections", [AGENTS, ROBOTS], ids=["agents", "robots"])
@@ -378,28 +396,11 @@ def test_time_in_avoidance_and_in_contact_is_counted_in_steps():
 # --- flashes --------------------------------------------------------------------------------------
 
 
-def test_a_flash_is_missed_seen_or_seen_again():
-    """Robot 0 flashes for three steps; robot 1 sees two of them, robot 2 one, and robot 3 none."""
-    rings = [[], [0], [0], [0], [], []]
-    sightings = [[], [], [(1, 0)], [(1, 0)], [(2, 0)], []]
-    simulation = SimpleNamespace(period_ms=np.full(4, 5000.0))
-    missed, repeated = FlashesMissed(simulation), FlashesRepeated(simulation)
-    assert (missed.value(), repeated.value()) == (None, None)
-    stretch = SimpleNamespace(
-        poses=np.zeros((6, 4, 3)),
-        ring_on=np.array([np.isin(np.arange(4), lit) for lit in rings]),
-        sightings=np.array([(step, *each) for step, seen in enumerate(sightings) for each in seen]),
-    )
-    missed.stretch(stretch, None)
-    repeated.stretch(stretch, None)
-    assert missed.value() == pytest.approx(1 / 3)
-    assert repeated.value() == pytest.approx(1 / 2)
-
-
 def test_flashes_of_others_are_counted_one_by_one():
-    rings, sightings = [], []
+    rings, sightings, in_view = [], [], []
 
     def observer(step, *_):
+        in_view.append(step.flash_seen.tolist())
         rings.append(step.ring_on.copy())
         sightings.append({(looks, lit) for looks, lit in step.sightings.tolist()})
 
@@ -423,6 +424,9 @@ def test_flashes_of_others_are_counted_one_by_one():
     assert repeated == pytest.approx(np.mean([number > 1 for number in views if number]))
     assert 0 < missed < 1
     assert flashes > CYCLES
+    before = [[False] * 10, *in_view]
+    began = sum(step[robot] and not last[robot] for last, step in pairwise(before) for robot in range(10))
+    assert run("flashes_seen", **ROBOTS)[1] == began / (10 * CYCLES) > 0
 
 
 # --- perturbations --------------------------------------------------------------------------------
@@ -456,16 +460,6 @@ def test_growth_is_told_where_a_deviation_is_neither_rounding_nor_large():
     assert mean_with_interval([1.0]) == [1.0, None, None]
 
 
-def test_a_twin_may_be_displaced_itself():
-    uncoupled = {**AGENTS, "response": {"coupling": 0}}
-    _, series = run({"perturbation": {"displacement": 1e-6}}, **uncoupled)
-    assert series == pytest.approx([1e-6] * CYCLES, rel=1e-6)
-    assert run({"perturbation_transient": {"displacement": 1e-3, "tolerance": 1e-2}}, **uncoupled)[1] == 0
-    assert run({"perturbation_transient": {"displacement": 1e-1, "tolerance": 1e-2}}, **uncoupled)[1] is None
-    with pytest.raises(MeasureError, match="a perturbation is measured where there is one"):
-        run("perturbation", **AGENTS)
-
-
 def test_an_agent_is_displaced_before_anything_has_happened():
     simulation = ParticleSimulation(load_scenario(AGENTS), 3)
     before = simulation.phases()
@@ -476,43 +470,15 @@ def test_an_agent_is_displaced_before_anything_has_happened():
         simulation.displace(2, 0.01)
 
 
-# --- parameters -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("name", "given", "said"),
-    [
-        ("degree", {"direction": "up"}, "direction is 'up'; allowed: in, out, both"),
-        ("degree", {"statistic": "mode"}, "statistic is 'mode'; allowed: mean, smallest, largest, sd"),
-        ("component_count", {"cycles": 0}, "cycles is 0; allowed: 1 and above"),
-        ("spanning_time", {"connection": "loose"}, "connection is 'loose'; allowed: weak, strong"),
-        ("threshold_cycles", {"thresholds": "0.5 2"}, "thresholds is '0.5 2'; allowed: numbers above 0"),
-        ("below_threshold", {"threshold": 0}, "threshold is 0; allowed: above 0 and up to 1"),
-        ("coverage", {"cells": 0}, "cells is 0; allowed: 1 to 1000000"),
-        ("velocity_correlation_time", {"lags": 0}, "lags is 0; allowed: 1 to 100000"),
-        ("perturbation", {"displacement": 0.5}, "displacement is 0.5; allowed: 0 up to 0.5, in cycles"),
-        ("perturbation_transient", {"tolerance": 0}, "tolerance is 0; allowed: above 0 up to 0.5"),
-        ("near_walls", {"within_cm": 0}, "within_cm is 0; allowed: above 0"),
-        ("cluster_count", {"gap": 0.5}, "gap is 0.5; allowed: 0 up to 0.5, in cycles"),
-        ("largest_cluster", {"gap": -0.1}, "gap is -0.1; allowed: 0 up to 0.5, in cycles"),
-        ("consensus", {"rule": "all"}, "rule is 'all'; allowed: naming_game, voter"),
-        ("memory", {"take": "all"}, "take is 'all'; allowed: final, mean, series"),
-    ],
-)
-def test_parameters_that_make_no_sense_are_refused(name, given, said):
-    with pytest.raises(ValueError, match=said):
-        find_measure(name).resolve(given)
+def test_a_twin_may_be_displaced_itself():
+    uncoupled = {**AGENTS, "response": {"coupling": 0}}
+    _, series = run({"perturbation": {"displacement": 1e-6}}, **uncoupled)
+    assert series == pytest.approx([1e-6] * CYCLES, rel=1e-6)
+    assert run({"perturbation_transient": {"displacement": 1e-3, "tolerance": 1e-2}}, **uncoupled)[1] == 0
+    assert run({"perturbation_transient": {"displacement": 1e-1, "tolerance": 1e-2}}, **uncoupled)[1] is None
 
 
 # --- mean speed -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("left", "right", "speed"), [(5, 5, 5), (5, -5, 0), (6, 0, 3)])
-def test_the_mean_speed_of_robots_is_that_of_their_wheels(left, right, speed):
-    group = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"left_cm_s": left, "right_cm_s": right}}
-    stop = {"max_time_s": 3, "order_parameter": None}
-    _, found = run("mean_speed", noise="off", robots=[group], stop=stop)
-    assert found == pytest.approx(speed, rel=0.01, abs=1e-9)  # a chord is shorter than its arc
 
 
 def test_the_mean_speed_of_robots_is_that_of_their_places():
@@ -530,14 +496,8 @@ def moved(times_s, places):
     return measure.value()
 
 
-def test_it_is_the_mean_path_in_an_hour():
+def test_the_distance_that_movables_move_is_the_mean_path_in_an_hour():
+    assert moved([4], [[(1, 1)]]) is None
     there_and_back = [[(0, 0), (9, 9)], [(3, 4), (9, 9)], [(0, 0), (9, 9)]]
     assert moved([10, 15, 20], there_and_back) == pytest.approx((10 + 0) / 2 * 360)
     assert moved([5, 3605], [[(0, 0)], [(0, 7)]]) == pytest.approx(7)
-
-
-def test_it_needs_two_cycles_and_something_to_move():
-    assert moved([], []) is None
-    assert moved([4], [[(1, 1)]]) is None
-    with pytest.raises((MeasureError, ScenarioError), match=r"needs arena\.movables"):
-        load_scenario({"measures": ["moved"]})

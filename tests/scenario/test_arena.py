@@ -42,12 +42,6 @@ def test_floors_and_lamps_are_built_as_given():
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
 
 
-def test_scenarios_without_them_keep_the_seeds_of_their_resamples():
-    later = load_scenario("thesis").later_defaults()["arena"]
-    assert {"floor", "lamps"} <= later.keys()
-    assert scenario_with(lamps=[LAMP]).later_defaults()["arena"].keys() == {"movables", "floor"}
-
-
 def test_a_picture_is_found_beside_the_scenario_and_read_again_when_it_changes(ground, monkeypatch):
     scenario = load_scenario(ground.with_name("on_it.yaml"))
     assert scenario.arena.floor.picture == str(ground)
@@ -62,30 +56,20 @@ def test_a_picture_is_found_beside_the_scenario_and_read_again_when_it_changes(g
         scenario.arena.build()
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (b"", "is no picture that can be read; give a PNG, say"),
-        (b"a letter", "is no picture that can be read"),
-        (cv2.imencode(".png", np.eye(90, dtype=np.uint8))[1].tobytes()[:99], "is no picture that can be read"),
-        (
-            cv2.imencode(".png", np.zeros((1, LONGEST_SIDE + 1), np.uint8))[1].tobytes(),
-            "is a picture of 4001 x 1 pixels; allowed: up to 4000 x 4000",
-        ),
-    ],
-    ids=["empty", "text", "cut off", "too wide"],
-)
-def test_pictures_that_cannot_be_read_are_refused_with_file_and_key(ground, content, said):
-    ground.write_bytes(content)
+def test_pictures_that_cannot_be_read_are_refused_with_file_and_key(ground):
     file = ground.with_name("on_it.yaml")
-    with pytest.raises(ScenarioError, match="^" + f"{file}: arena.floor.picture: {ground} {said}"):
-        load_scenario(file)
-
-
-@pytest.mark.parametrize("name", ["absent.png", "n" * 300 + ".png", ".", "a\0b.png"])
-def test_a_picture_that_is_not_there_is_refused_with_its_key(name):
-    with pytest.raises(ScenarioError, match=r"^scenario: arena\.floor\.picture: "):
-        scenario_with(floor={"picture": name})
+    cut_off = cv2.imencode(".png", np.eye(90, dtype=np.uint8))[1].tobytes()[:99]
+    too_wide = cv2.imencode(".png", np.zeros((1, LONGEST_SIDE + 1), np.uint8))[1].tobytes()
+    for content in (b"", b"a letter", cut_off, too_wide):
+        ground.write_bytes(content)
+        said = (
+            "a picture of 4001 x 1 pixels; allowed: up to 4000 x 4000" if content == too_wide else "no picture that can"
+        )
+        with pytest.raises(ScenarioError, match=f"^{file}: arena.floor.picture: {ground} is {said}"):
+            load_scenario(file)
+    for name in ("absent.png", "n" * 300 + ".png", ".", "a\0b.png"):
+        with pytest.raises(ScenarioError, match=r"^scenario: arena\.floor\.picture: "):
+            scenario_with(floor={"picture": name})
 
 
 def test_pictures_may_be_the_axis_of_a_sweep_and_are_known_by_their_names(ground):
@@ -112,9 +96,8 @@ def test_floor_and_lamps_stay_where_a_schedule_moves_walls(ground):
     load_scenario({**pictured, "schedule": [{"at_s": 1, "set": {"arena.obstacles": []}}]})
     with pytest.raises(ScenarioError, match=r"schedule\.0\.set: sets arena\.height_cm, and arena\.floor\.picture is"):
         load_scenario({**pictured, "schedule": narrow})
-    for key, value in (("arena.floor.brightness", 0), ("arena.lamps", [])):
-        with pytest.raises(ScenarioError, match=f"set: {key} cannot change during a trial"):
-            load_scenario({"schedule": [{"at_s": 1, "set": {key: value}}]})
+    with pytest.raises(ScenarioError, match=r"set: arena\.lamps cannot change during a trial"):
+        load_scenario({"schedule": [{"at_s": 1, "set": {"arena.lamps": []}}]})
 
 
 def test_opencv_is_imported_for_a_picture_alone(ground):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import with_ranges
-from epuck_sim.scenario.keys import all_keys, full_keys
+from epuck_sim.scenario.keys import full_keys
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
@@ -30,17 +30,16 @@ PLACES = {
 }
 
 
-def flat(value, prefix="") -> list[str]:
-    """Return the dotted keys of nested mappings and lists: what a scenario's own dump has."""
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    return [key for name, each in items for key in (f"{prefix}{name}", *flat(each, f"{prefix}{name}."))]
+KEYS = {
+    name: scenario.all_keys(scenario.model_dump(mode="json"))
+    for name in ("thesis", "particles", "obstacles")
+    for scenario in [load_scenario(name)]
+}
 
 
 @pytest.mark.parametrize(("name", "typed"), [(name, typed) for name, each in PLACES.items() for typed in each])
 def test_an_ending_stands_for_the_key_on_which_trials_depend(name: str, typed: str) -> None:
-    scenario = load_scenario(name)
-    keys = all_keys(type(scenario), scenario.model_dump(mode="json"))
-    assert full_keys(typed, keys, "x") == [PLACES[name][typed]]
+    assert full_keys(typed, KEYS[name], "x") == [PLACES[name][typed]]
 
 
 @given(st.data())
@@ -57,13 +56,6 @@ def test_every_ending_of_a_key_stands_for_it_or_is_refused_with_it_among_the_can
         other.partition(".")[0] not in WITHOUT_EFFECT for other in found
     )
     assert key in found or is_second or ending in keys
-
-
-KEYS = {
-    name: all_keys(type(scenario), scenario.model_dump(mode="json"))
-    for name in ("thesis", "particles", "obstacles")
-    for scenario in [load_scenario(name)]
-}
 
 
 def test_an_ending_sets_what_its_key_sets_and_is_described_by_it() -> None:

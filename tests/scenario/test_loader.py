@@ -1,117 +1,99 @@
-"""Scenarios: what is read, what is refused and in which words, and that what is written is read again."""
+"""Scenarios: what is read, that what is written is read again, and quick versions."""
 
+import subprocess
+import sys
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
+from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.scenario import robots
+from epuck_sim.scenario.changes import FAULTS
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.keys import set_value
-from epuck_sim.scenario.loader import load_scenario, validate
+from epuck_sim.scenario.keys import quick_version, set_value, without_quick
+from epuck_sim.scenario.loader import load_scenario, validate, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.points import points
+from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.yaml_io import parse_yaml
+from tests.cli.commands import call, refused
+
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
 
-def test_an_empty_mapping_is_the_base_case_of_the_thesis() -> None:
+def test_an_empty_mapping_is_the_base_case_of_chapter_4() -> None:
     scenario = load_scenario({})
-    shipped = load_scenario("thesis")
-    assert scenario == shipped.model_copy(update={"description": ""})
+    assert scenario == load_scenario("thesis").model_copy(update={"description": ""})
     assert scenario.robots[0].parameters["speed_cm_s"] == 12.8
     assert (scenario.stop.order_parameter, scenario.stop.max_cycles) == (0.95, 10_000)
 
 
-def test_a_file_without_a_name_is_called_after_itself(tmp_path) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_text("trials: 3")
-    assert load_scenario(path).name == "mine"
-    assert load_scenario(str(path)).trials == 3
+def test_a_model_alone_is_the_base_case_of_chapter_5() -> None:
+    scenario = load_scenario({"model": "particles"})
+    assert isinstance(scenario, ParticleScenario)
+    assert (scenario.agents.count, scenario.space.side_cm, scenario.space.dimensions) == (20, 100, 2)
+    assert (scenario.space.boundary, scenario.neighbourhood.kind, scenario.neighbourhood.k) == ("bounded", "nearest", 1)
+    response = scenario.response
+    assert (response.curve, response.coupling, response.refractory) == ("multiplicative", 0.1, 0)
+    assert (scenario.clocks.period_s, scenario.clocks.jitter, scenario.start.phases) == (1, 0, "random")
+    assert (scenario.stop.metric, scenario.stop.reference, scenario.stop.order_parameter) == ("complex", 0, 1 - 1e-9)
 
 
-def test_poses_take_the_place_of_count_and_placement() -> None:
-    scenario = load_scenario({"robots": [{"poses": [[10, 10, 0], [30, 30, 1]]}]})
-    assert (scenario.robots[0].count, scenario.robots[0].placement) == (2, "poses")
-
-
-def test_noise_is_off_and_on_by_a_word() -> None:
-    off = load_scenario({"noise": "off"}).noise
-    assert (off.wheel_speed, off.infrared_counts) == (0, 0)
-    assert load_scenario({"noise": "on"}).noise == load_scenario({}).noise
+def test_a_file_is_read_with_what_lies_beside_it_and_is_called_after_itself(tmp_path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "PARAMETERS = {'pace': 2.0}\nMEMORY = {}\n"
+        "def start(memory, parameters, random): pass\n"
+        "def step(sensors, memory, actuators, parameters, random): actuators.left_cm_s = parameters.pace\n"
+    )
+    (tmp_path / "scene.yaml").write_text("robots: [{controller: mine.py, count: 1}]")
+    scenario = load_scenario(tmp_path / "scene.yaml")
+    assert scenario == load_scenario(str(tmp_path / "scene.yaml"))
+    group = scenario.robots[0]
+    assert (scenario.name, group.controller, group.parameters) == ("scene", str(tmp_path / "mine.py"), {"pace": 2.0})
 
 
 @pytest.mark.parametrize(
     ("setting", "read"),
     [
-        ("robots.0.parameters.speed_cm_s=1.0", lambda s: s.robots[0].parameters["speed_cm_s"] == 1.0),
         ("robots.0.parameters.period_s=8", lambda s: s.robots[0].parameters["period_s"] == 8.0),
         ("arena.width_cm=1e2", lambda s: s.arena.width_cm == 100.0),
         ("stop.metric=reference", lambda s: s.stop.metric == "reference"),
-        ("noise=off", lambda s: s.noise.wheel_speed == 0),
-        ("robots.0.poses=[[10, 10, 0]]", None),
+        ("noise=off", lambda s: (s.noise.wheel_speed, s.noise.infrared_counts) == (0, 0)),
+        ("noise=on", lambda s: s.noise == load_scenario({}).noise),
+        ("robots=[{poses: [[10, 10, 0], [30, 30, 1]]}]", lambda s: s.robots[0].count == 2),
         ("seed=123456789012345678901234567890", lambda s: s.seed == 123456789012345678901234567890),
     ],
 )
 def test_set_changes_one_value(setting: str, read) -> None:
-    if read is None:
-        with pytest.raises(ScenarioError, match="poses are given"):
-            load_scenario("thesis", [setting])
-    else:
-        assert read(load_scenario("thesis", [setting]))
-        assert read(load_scenario({}, [setting]))
+    assert read(load_scenario("thesis", [setting]))
+    assert read(load_scenario({}, [setting]))
 
 
 def test_later_settings_win_and_the_original_stays() -> None:
     given = {"trials": 1}
     assert set_value(set_value(given, "trials", 2, "x"), "trials", 3, "x")["trials"] == 3
     assert given == {"trials": 1}
-    assert load_scenario(load_scenario("pair"), ["trials=7"]).trials == 7
+    assert load_scenario(load_scenario("pair"), ["trials=7", "trials=8"]).trials == 8
 
 
-def test_all_mistakes_are_named_at_once() -> None:
+def test_all_mistakes_are_named_at_once_each_with_the_origin() -> None:
     with pytest.raises(ScenarioError) as caught:
-        load_scenario({"seed": -1, "trials": 0})
-    assert str(caught.value).count("\n") == 1
+        validate({"model": "particles", "seed": -1, "agents": {"count": 0}, "robots": []}, "here")
+    lines = str(caught.value).splitlines()
+    assert [line[:6] for line in lines] == ["here: "] * 3
 
 
-def test_a_scenario_that_is_not_there_is_named_with_the_nearest_one() -> None:
-    with pytest.raises(ScenarioError, match=r"unknown 'thesi', did you mean 'thesis'\?; scenarios: thesis, "):
-        load_scenario("thesi")
+def test_a_file_that_is_not_there_is_named() -> None:
     with pytest.raises(ScenarioError, match=r"gone\.yaml: there is no such file"):
         load_scenario("gone.yaml")
-
-
-def test_a_controller_is_looked_for_beside_the_scenario(tmp_path) -> None:
-    (tmp_path / "mine.py").write_text(
-        "PARAMETERS = {'pace': 2.0}\nMEMORY = {}\n"
-        "def start(memory, parameters, random): pass\n"
-        "def step(sensors, memory, actuators, parameters, random): actuators.left_cm_s = parameters.pace\n"
-    )
-    path = tmp_path / "scene.yaml"
-    path.write_text("robots: [{controller: mine.py, count: 1}]")
-    group = load_scenario(path).robots[0]
-    assert group.controller == str(tmp_path / "mine.py")
-    assert group.parameters == {"pace": 2.0}
-
-
-JUNK = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda children: st.lists(children, max_size=3) | st.dictionaries(st.text(max_size=5), children, max_size=3),
-    max_leaves=8,
-)
-
-
-@given(
-    st.dictionaries(
-        st.sampled_from([*EmbodiedScenario.model_fields, *ParticleScenario.model_fields, "other"]), JUNK, max_size=4
-    )
-)
-def test_junk_is_refused_or_read_but_never_ends_in_a_traceback(given: dict) -> None:
-    with suppress(ScenarioError):
-        assert isinstance(load_scenario(given), Scenario)
-
-
-# The description
+    with pytest.raises(ScenarioError, match=r"settings is 'a=1'; allowed: a list of such texts"):
+        load_scenario({}, "a=1")
 
 
 @pytest.mark.parametrize(
@@ -123,60 +105,261 @@ def test_junk_is_refused_or_read_but_never_ends_in_a_traceback(given: dict) -> N
     ],
 )
 def test_a_description_is_followed_by_the_changes_that_may_have_made_it_untrue(settings, axes, notes: str) -> None:
-    shipped = load_scenario("thesis").description
-    assert shipped != ""
-    assert load_scenario("thesis", settings, axes).description == shipped + notes
+    assert load_scenario("thesis", settings, axes).description == load_scenario("thesis").description + notes
+    assert load_scenario("thesis", [*settings, "description=mine"], axes).description == "mine"
+    assert load_scenario({}, settings, axes).description == ""
 
 
-def test_a_description_that_is_given_stays_as_it_is() -> None:
-    assert load_scenario("thesis", ["robots.0.count=5", "description=mine"]).description == "mine"
+# --- written and read again, and what is just allowed -------------------------------------------------
+
+STILL = {"robots.0.parameters.speed_cm_s": 0}
+NEEDED = {"clock_drift": {"rate": 1.1}, "clock_jitter": {"jitter": 0.1}, "camera_misses": {"missed": 0.5}}
+ROBOTS = [
+    *({"faults": [{"kind": kind, "count": 2, "per_hour": 3, **NEEDED.get(kind, {})}]} for kind in [*FAULTS][:-1]),
+    {
+        "robots": [{"count": 3, "controller": "constant"}, {"count": 3}],
+        "stop": {"reference_robot": 3},
+        "faults": [{"kind": "restart", "robots": [3, 5]}],
+    },
+    {
+        "faults": [{"kind": "ring_dead", "scheduled": True}],
+        "schedule": [
+            {"when": "order_parameter >= 0.9", "for_cycles": 3, "set": STILL, "begin": [0]},
+            {"at_s": 3, "displace": {"by_cycles": "random"}, "end": [0]},
+        ],
+    },
+    *({"name": name} for name in ("1e3", "08")),
+]
+AGENTS = [
+    *(
+        {"neighbourhood": rule}
+        for rule in (
+            *({"kind": "nearest", "k": 19}, {"kind": "range", "radius_cm": 5}, {"kind": "all"}),
+            *({"kind": "cone_of_vision", "angle_deg": 360}, {"kind": "random", "k": 19}),
+            {"kind": "cone_of_emission", "angle_deg": 0.1, "radius_cm": 1e6},
+        )
+    ),
+    {
+        "schedule": [
+            {"when": "order_parameter >= 0.9", "for_cycles": 3, "set": {"response.coupling": 1}},
+            {"at_s": 3, "displace": {"by_cycles": "random", "agents": [2]}},
+        ]
+    },
+    {"response": {"curve": "sine", "coupling": 1, "refractory": 0.499}},
+    {"response": {"coupling": 5}},
+    {"response": {"curve": "mirollo_strogatz", "parameters": {"dissipation": 100}}},
+    {"response": {"curve": "piecewise_linear", "coupling": 9, "parameters": {"knee": 1, "early_slope": -1000}}},
+    {"start": {"phases": [0, 1], "positions_cm": [[0, 100], [5.5, 0]]}, "agents": {"count": 2}},
+    {"start": {"headings": [[-1]]}, "agents": {"count": 1}, "space": {"dimensions": 1, "boundary": "mirrored"}},
+    {"agents": {"speed_cm_s": 1e5, "reorient_on": ["receiving", "emitting"]}},
+    {"agents": {"speed_cm_s": 0, "reorient_on": ["arriving"]}},
+    {"agents": {"speed_distribution": "uniform", "speed_spread": 1}},
+    {"agents": {"speed_distribution": "lognormal", "speed_spread": 2}},
+    {"agents": {"speed_distribution": "two_speeds", "fast_share": 0.1, "fast_ratio": 10}},
+    {"agents": {"walk": {"kind": "brownian", "run_s": 0.001}}},
+    {"agents": {"walk": {"kind": "correlated", "run_s": 1e6, "persistence": 1}}},
+    {"agents": {"walk": {"kind": "levy", "run_s": 1, "exponent": 1.0001}}},
+    {"start": {"phases": "synchronised", "displacement": 0.999}},
+    {"stop": {"order_parameter": 1}, "clocks": {"jitter": 0.2, "period_s": 1e-3}},
+]
 
 
-def test_a_scenario_without_a_description_gets_none() -> None:
-    assert load_scenario({}, ["robots.0.count=5"]).description == ""
+@pytest.mark.parametrize("sections", [*ROBOTS, *({"model": "particles", **each} for each in AGENTS)], ids=str)
+def test_what_is_just_allowed_is_read_simulated_written_and_read_again(sections) -> None:
+    scenario = load_scenario(sections)
+    (ParticleSimulation if scenario.model == "particles" else Simulation)(scenario, 1)
+    assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
 
 
-PYDANTIC_S_WORDS = (
-    "input",
-    "Input",
-    "valid ",
-    "should",
-    "Field",
-    "dictionary",
-    "tuple",
-    "another kind",
-    "instance",
-    "<",
+def test_changes_are_checked_at_each_point_of_a_sweep() -> None:
+    sweep = load_scenario({"faults": [{"kind": "ring_dead", "share": 0.1}]}, axes=["faults.0.share=0.1,0.5"])
+    assert [point.scenario.faults[0].share for point in points(sweep)] == [0.1, 0.5]
+    rules = [{"kind": "nearest", "k": 2}, {"kind": "all"}]
+    given = {"model": "particles", "schedule": [{"at_s": 1, "set": {"neighbourhood.k": 4}}]}
+    with pytest.raises(ScenarioError, match=r"point 1 .*schedule\.0\.set: neighbourhood\.k: unknown 'k'"):
+        points(load_scenario({**given, "sweep": {"grid": {"neighbourhood": rules}}}))
+
+
+@pytest.mark.parametrize(
+    ("rule", "count", "said"),
+    [
+        ({"kind": "all", "k": 3}, 20, "did you mean 'k'"),
+        ({"kind": "range", "radius_cm": 3, "k": 2}, 20, "did you mean 'k'"),
+        ({"kind": "nearest", "k": 2}, 1, "1 to 0"),
+    ],
 )
+def test_a_key_of_another_kind_is_not_suggested_again_and_no_interval_is_empty(rule, count, said) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario({"model": "particles", "neighbourhood": rule, "agents": {"count": count}})
+    assert said not in str(caught.value)
 
 
 LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just("9" * 5000)
-NESTED = st.recursive(
+JUNK = st.recursive(
     LEAVES,
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3) | st.integers(), inner, max_size=2),
     max_leaves=6,
 )
-SECTIONS = sorted({*EmbodiedScenario.model_fields, *ParticleScenario.model_fields} - {"name", "description", "model"})
-KEYS = sorted(
-    {
-        key
-        for kind in (EmbodiedScenario, ParticleScenario)
-        for field in kind.model_fields.values()
-        for key in getattr(type(field.default), "model_fields", ())
-    }
-)
+MODELS = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
+SECTIONS = sorted({*EmbodiedScenario.model_fields, *ParticleScenario.model_fields} - {"model"})
+DEFAULTS = [field.default for kind in MODELS.values() for field in kind.model_fields.values()]
+KEYS = sorted({key for default in DEFAULTS for key in getattr(type(default), "model_fields", ())})
+OF_PYDANTIC = ["input", "Input", "valid ", "should", "Field", "dictionary", "tuple", "another kind", "instance", "<"]
 
 
 @settings(max_examples=300)
 @given(
-    model=st.sampled_from(["embodied", "particles"]),
-    section=st.sampled_from(SECTIONS),
-    value=NESTED | st.dictionaries(st.sampled_from(KEYS), NESTED, min_size=1, max_size=3),
+    model=st.sampled_from([*MODELS]),
+    section=st.sampled_from([*SECTIONS, "other"]),
+    value=JUNK | st.dictionaries(st.sampled_from(KEYS), JUNK, min_size=1, max_size=3),
 )
-def test_no_message_shows_words_of_the_library_that_checks(model: str, section: str, value) -> None:
+def test_junk_is_read_or_refused_in_words_that_are_not_the_library_s(model: str, section: str, value) -> None:
+    with suppress(ScenarioError):
+        assert isinstance(load_scenario({"model": model, section: value}), Scenario)
     try:
         validate({"model": model, section: value}, "x")
     except ScenarioError as error:
-        for line in str(error).splitlines():
-            allowed = line.rpartition("; allowed: ")[2] if "; allowed: " in line else ""
-            assert not any(word in allowed for word in PYDANTIC_S_WORDS), line
+        if section not in ("name", "description"):
+            for line in str(error).splitlines():
+                allowed = line.rpartition("; allowed: ")[2] if "; allowed: " in line else ""
+                assert not any(word in allowed for word in OF_PYDANTIC), line
+
+
+# --- as Python objects --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("source", "short"),
+    [
+        ("particles", "ParticleScenario(name='particles', model='particles', population=20)"),
+        ("fig-4-2a", "EmbodiedScenario(name='fig-4-2a', model='embodied', population=10, points=100)"),
+    ],
+)
+def test_a_scenario_is_shown_on_one_line(source: str, short: str) -> None:
+    scenario = load_scenario(source)
+    assert repr(scenario) == str(scenario) == f"{scenario}" == short
+
+
+def test_what_a_user_has_changed_in_a_copy_is_completed_and_checked_when_it_is_simulated() -> None:
+    loaded = load_scenario("thesis")
+    copy = loaded.model_copy(update={"robots": (RobotGroup(count=2, controller="oscillator"),)})
+    expected = load_scenario({"robots": [{"count": 2, "controller": "oscillator"}]}).robots
+    assert Simulation(copy, seed=0).scenario.robots == expected
+    for group, said in (
+        (RobotGroup(controller="fierfly"), r"thesis: robots\.0\.controller: unknown 'fierfly'"),
+        (RobotGroup(parameters={"period_s": 0.01}), r"thesis: robots\.0\.parameters: period_s is 0.01"),
+    ):
+        with pytest.raises(ScenarioError, match=said):
+            Simulation(loaded.model_copy(update={"robots": (group,)}))
+
+
+def test_a_loaded_scenario_is_completed_without_a_look_into_folders(monkeypatch) -> None:
+    thesis, agents = load_scenario("thesis"), load_scenario("particles")
+    monkeypatch.setattr(Path, "glob", None)
+    assert load_scenario(thesis) == thesis
+    monkeypatch.setattr(robots, "find_controller", None)
+    assert load_scenario(agents) is agents
+
+
+def test_a_simulation_needs_its_model_a_seed_and_one_point_of_a_sweep() -> None:
+    swept = {"sweep": {"grid": {"trial_timeout_s": [1, 2]}}}
+    for kind, model, other in ((ParticleSimulation, "particles", {}), (Simulation, "embodied", {"model": "particles"})):
+        with pytest.raises(ScenarioError, match=r"is a sweep; simulate one of its points"):
+            kind({"model": model, **swept})
+        with pytest.raises(ScenarioError, match=f"needs model: {model}"):
+            kind(other)
+        with pytest.raises(ScenarioError, match="seed is -1; allowed: whole numbers from 0"):
+            kind({"model": model}, -1)
+
+
+TYPED = """
+from typing import assert_type
+
+from epuck_sim import EmbodiedScenario, ParticleScenario, Scenario, Simulation, load_scenario
+
+loaded = load_scenario("thesis")
+assert_type(loaded, EmbodiedScenario | ParticleScenario)
+if loaded.model == "embodied":
+    assert_type(loaded, EmbodiedScenario)
+else:
+    assert_type(loaded.agents.count, int)
+
+
+def smaller(scenario: EmbodiedScenario, other: Scenario) -> float:
+    assert_type(load_scenario(scenario, ["arena.width_cm=50"]), EmbodiedScenario)
+    assert_type(load_scenario(other), Scenario)
+    return load_scenario(scenario).arena.width_cm
+
+
+print(smaller(EmbodiedScenario(), loaded), Simulation(loaded).scenario.arena.width_cm)
+"""
+
+
+def test_type_checkers_know_the_class_that_is_loaded(tmp_path) -> None:
+    (tmp_path / "typed.py").write_text(TYPED)
+    mypy = [sys.executable, "-m", "mypy", "--strict", str(tmp_path / "typed.py")]
+    # where mypy's settings and its cache are
+    checked = subprocess.run(mypy, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+
+
+# --- quick versions -----------------------------------------------------------------------------------
+
+TINY = """
+name: tiny
+model: particles
+agents: {count: 5, speed_cm_s: 30}
+stop: {max_cycles: 40}
+trials: 3
+sweep: {grid: {agents.speed_cm_s: [3, 30, 90]}}
+quick:
+  trials: 2
+  stop: {max_cycles: 20}
+  sweep: {grid: {agents.speed_cm_s: [3, 90]}}
+"""
+FULL = {"trials": 100, "stop": {"max_cycles": 1000}, "sweep": {"grid": {"a": [1, 2, 3], "b": [4, 5]}}}
+
+
+@pytest.mark.parametrize(
+    ("quick", "changed"),
+    [
+        ({}, {}),
+        ({"trials": 5}, {"trials": 5}),
+        ({"stop": {"order_parameter": None}}, {"stop": {"max_cycles": 1000, "order_parameter": None}}),
+        ({"sweep": {"grid": {"a": [1]}}}, {"sweep": {"grid": {"a": [1], "b": [4, 5]}}}),
+        ({"sweep": {"zip": {"c": [1]}}}, {"sweep": {"grid": {"a": [1, 2, 3], "b": [4, 5]}, "zip": {"c": [1]}}}),
+        ({"stop": None}, {"stop": None}),
+        ({"trials": {"x": 1}}, {"trials": {"x": 1}}),
+        ({"figure": {"form": "map"}}, {"figure": {"form": "map"}}),
+    ],
+)
+def test_sections_are_merged_key_by_key_and_everything_else_is_replaced(quick: dict, changed: dict) -> None:
+    given = {**FULL, "quick": quick}
+    assert quick_version(given, "here") == {**FULL, **changed}
+    assert given == {**FULL, "quick": quick}
+    assert without_quick(given) == FULL
+
+
+def test_settings_and_axes_count_beside_the_quick_version_which_is_forgotten_then() -> None:
+    given = {"model": "particles", "trials": 9, "quick": {"trials": 2, "stop": {"max_cycles": 5}}}
+    assert load_scenario(given) == load_scenario({"model": "particles", "trials": 9})
+    scenario = load_scenario(given, ["trials=4"], ["agents.count=3,4"], quick=True)
+    assert (scenario.trials, scenario.stop.max_cycles) == (4, 5)
+    assert scenario.sweep.rows() == [{"agents.count": 3}, {"agents.count": 4}]
+    with pytest.raises(ScenarioError, match="particles: has no quick version"):
+        load_scenario(scenario, quick=True)
+
+
+def test_run_runs_the_quick_version_and_its_folder_holds_that_alone(tmp_path) -> None:
+    tiny, folder = tmp_path / "tiny.yaml", tmp_path / "run"
+    tiny.write_text(TINY)
+    quick = load_scenario(tiny, quick=True)
+    one = call("run", tiny, "--quick", "--point", 1, "--trial", 1, "--json")
+    assert f'"seed": {points(quick)[1].seed(1)},' in one.stdout
+    result = call("run", tiny, "--quick", "--out", folder, "--workers", 1)
+    assert result.exit_code == 0, result.stderr
+    assert "tiny: 2 points, 4 of 4 trials have a result" in result.stdout
+    assert (folder / "scenario.yaml").read_text() == write_scenario(quick)
+    assert load_scenario(folder) == quick
+    assert refused("run", folder, "--quick").endswith("scenario.yaml: has no quick version; leave --quick out\n")
+    assert "stop.max_cycles: 20 in the folder, 40 now" in call("run", tiny, "--out", folder).stderr

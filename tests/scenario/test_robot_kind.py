@@ -24,14 +24,6 @@ def test_robots_are_e_pucks_unless_a_scenario_says_otherwise() -> None:
     assert robot.ray_reach_cm == pytest.approx(math.hypot(3.35, 1.05) + 12)
 
 
-def test_a_kilobot_has_neither_infrared_sensors_nor_a_camera() -> None:
-    robot = load_scenario({"robot": "kilobot", "robots": RADIO}).robot
-    assert (robot.radius_cm, robot.height_cm, robot.mass_g) == (1.65, 3.4, 24)
-    assert robot.wheels == (1, 2.5)
-    assert (robot.infrared, robot.camera) == (None, None)
-    assert cell_cm([robot]) >= 2 * robot.radius_cm
-
-
 def test_keys_that_are_given_change_a_kind_and_the_others_stay() -> None:
     given = {"kind": "kilobot", "mass_g": 10, "camera": {}, "infrared": {"sensors": [[1.5, 0, 0]], "range_cm": 3}}
     robot = load_scenario({"robot": given}).robot
@@ -41,12 +33,6 @@ def test_keys_that_are_given_change_a_kind_and_the_others_stay() -> None:
     assert (robot.infrared.range_cm, robot.infrared.peak_counts) == (3, epuck.INFRARED_PEAK_COUNTS)
     changed = load_scenario({"robot": {"wheel_base_cm": 6}}).robot
     assert changed == EPUCK.model_copy(update={"wheel_base_cm": 6})
-
-
-@pytest.mark.parametrize("robot", ["epuck", "kilobot", {"kind": "kilobot", "radius_cm": 2}, {"infrared": None}])
-def test_a_scenario_that_is_written_and_read_again_has_the_same_robots(robot) -> None:
-    scenario = load_scenario({"robot": robot, "robots": RADIO})
-    assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
 
 
 def test_groups_have_kinds_of_their_own_or_that_of_all(tmp_path) -> None:
@@ -74,16 +60,17 @@ def test_each_kind_brings_its_own_sensors_unless_its_group_has_others() -> None:
 
 
 def test_a_swept_kind_has_the_values_of_its_own() -> None:
-    given = {"robots": RADIO, "sweep": {"grid": {"robot": ["epuck", "kilobot", {"kind": "kilobot", "radius_cm": 2}]}}}
-    robots = [point.scenario.robot for point in points(given)]
-    assert [robot.radius_cm for robot in robots] == [3.7, 1.65, 2]
-    assert [robot.wheel_limit_cm_s for robot in robots] == [12.8, 1, 1]
-
-
-def test_a_single_key_of_the_robots_is_swept() -> None:
-    found = points({"robot": "kilobot", "robots": RADIO, "sweep": {"grid": {"robot.wheel_limit_cm_s": [0.5, 2]}}})
-    assert [point.scenario.robot.wheel_limit_cm_s for point in found] == [0.5, 2]
-    assert {point.scenario.robot.radius_cm for point in found} == {1.65}
+    given = {"robots": RADIO, "timing": {"physics_hz": 200}}
+    kinds = ["epuck", "kilobot", {"kind": "kilobot", "radius_cm": 2}, {"wheel_limit_cm_s": 20}]
+    robots = [point.scenario.robot for point in points({**given, "sweep": {"grid": {"robot": kinds}}})]
+    assert [robot.radius_cm for robot in robots] == [3.7, 1.65, 2, 3.7]
+    assert [robot.wheel_limit_cm_s for robot in robots] == [12.8, 1, 1, 20]
+    assert (robots[1].infrared, robots[1].camera, cell_cm([robots[1]]) >= 3.3) == (None, None, True)
+    speeds = points({"robot": "kilobot", **given, "sweep": {"grid": {"robot.wheel_limit_cm_s": [0.5, 2]}}})
+    assert [(each.scenario.robot.wheel_limit_cm_s, each.scenario.robot.mass_g) for each in speeds] == [
+        (0.5, 24),
+        (2, 24),
+    ]
 
 
 def test_numbers_of_resamples_of_folders_without_the_section_stay() -> None:
@@ -116,11 +103,6 @@ def test_a_pogobot_tells_how_bright_it_is_on_three_sides() -> None:
     group = {"poses": [[20, 20, math.pi]], "controller": "external", "signal": {"kind": "radio"}}
     light = Simulation({**given, "robots": [group]}, 1).advance(1).readings["light"][0]
     assert light[0] > light[1] == pytest.approx(light[2])
-
-
-def test_faster_wheels_are_allowed_with_more_physics_steps() -> None:
-    given = {"robot": {"wheel_limit_cm_s": 20}, "timing": {"physics_hz": 200}}
-    assert load_scenario(given).robot.wheel_limit_cm_s == 20
 
 
 def test_the_kind_is_changed_with_the_whole_section() -> None:

@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
 from epuck_sim.scenario.axes import check_figure_axes
-from epuck_sim.scenario.keys import all_keys
 from epuck_sim.scenario.loader import SCENARIO, complete, load_scenario, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import points
@@ -51,7 +50,7 @@ def test_a_shipped_scenario_is_checked_written_and_read_again_and_its_figure_is_
     found = points(scenario)
     assert points(load_scenario(written)) == found
     assert len(found) == (scenario.sweep.point_count if scenario.sweep else 1)
-    keys = set(all_keys(type(scenario), written))
+    keys = set(scenario.all_keys(written))
     assert {key for key in flat(written) if not re.match(r"sweep|measures|robots\.\d+\.poses\.", key)} <= keys
     for point in found:
         assert (point.scenario.sweep, point.scenario.name) == (None, scenario.name)

@@ -4,12 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.stop import Condition
 from epuck_sim.scenario.yaml_io import parse_yaml
-from tests.measures.files import COUNTER, TELLTALE, write
+from tests.measures.files import COUNTER, write
 
 MODELS = ["embodied", "particles"]
 NEAR = {"measure": "near_walls", "relation": "<", "value": 0.25}
@@ -29,12 +28,6 @@ def test_a_condition_is_read_from_text_or_a_mapping_and_written_again(model, wri
     assert load_scenario(parse_yaml(write_scenario(found), "again")) == found
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_without_a_condition_trials_end_with_synchrony(model):
-    assert scenario(model).stop.order_parameter is not None
-    assert scenario(model, order_parameter=None, max_time_s=3).stop.max_time_s == 3
-
-
 def test_the_value_of_a_condition_and_the_whole_of_it_can_be_swept():
     base = {"measures": ["near_walls"], "stop": {"when": "near_walls < 0.25"}}
     found = points(load_scenario(base, axes=["stop.when.value=0.1,0.2"]))
@@ -49,12 +42,6 @@ def test_a_condition_holds_as_python_says(relation, value, limit):
     assert condition.holds(value) == eval(f"{value} {relation} {limit}")
 
 
-def test_a_condition_on_a_measure_of_ones_own(tmp_path):
-    path = write(tmp_path / "mine.py", COUNTER)
-    found = load_scenario({"measures": [str(path)], "stop": {"when": "Counter >= 3"}})
-    assert found.stop.when.measure == "Counter"
-
-
 def named(scenario) -> list[tuple[str, dict]]:
     return [(section.measure, section.parameters) for section in scenario.measures]
 
@@ -63,50 +50,26 @@ def named(scenario) -> list[tuple[str, dict]]:
 def test_names_and_mappings_are_read_and_written_again(model, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = write(tmp_path / "mine.py", COUNTER)
-    given = ["order_parameter", {"mine.py": {"offset": 3}}]
-    scenario = load_scenario({"model": model, "measures": given})
+    given = ["order_parameter", {"mine.py": {"offset": 3}}, {"near_walls": None}]
+    scenario = load_scenario({"model": model, "measures": given, "stop": {"when": "Counter >= 3"}})
+    assert load_scenario({"model": model, "measures": scenario.measures}).measures == scenario.measures
     parameters = {"weight": 1.0, "offset": 3, "loud": False, "label": "all"}
-    assert named(scenario) == [("order_parameter", {}), (f"{path}:Counter", parameters)]
+    assert named(scenario) == [
+        *(("order_parameter", {}), (f"{path}:Counter", parameters), ("near_walls", {"within_cm": 5.0}))
+    ]
     monkeypatch.chdir("/")
     assert load_scenario(parse_yaml(write_scenario(scenario), "again")) == scenario
     assert load_scenario(scenario) == scenario
-
-
-def test_a_mapping_without_parameters_is_a_name():
-    assert named(load_scenario({"measures": [{"order_parameter": None}]})) == [("order_parameter", {})]
-
-
-def test_a_section_made_in_python_is_taken_as_it_is():
-    measures = load_scenario({"measures": ["order_parameter"]}).measures
-    assert load_scenario({"model": "particles", "measures": measures}).measures == measures
-
-
-def test_files_are_found_beside_the_scenario(tmp_path):
-    write(tmp_path / "mine.py", COUNTER)
-    file = write(tmp_path / "scene.yaml", "measures: [mine.py]\n")
-    assert named(load_scenario(file))[0][0] == f"{tmp_path}/mine.py:Counter"
 
 
 def test_measures_of_the_command_come_after_those_of_the_file_and_take_settings(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "mine.py", COUNTER)
     write(tmp_path / "scene.yaml", "measures: [order_parameter]\n")
+    swept = load_scenario(
+        "scene.yaml", axes=["measures.1={mine.py: {offset: 1}},{mine.py: {offset: 2}}"], measures=["mine.py"]
+    )
+    assert [point.scenario.measures[1].parameters["offset"] for point in points(swept)] == [1, 2]
     scenario = load_scenario("scene.yaml", ["measures.1={mine.py: {offset: 2}}"], measures=["mine.py"])
     assert [name.rpartition("/")[2] for name, _ in named(scenario)] == ["order_parameter", "mine.py:Counter"]
     assert scenario.measures[1].parameters["offset"] == 2
-
-
-def test_a_parameter_can_be_swept(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write(tmp_path / "mine.py", COUNTER)
-    sweep = load_scenario(
-        "thesis", axes=["measures.0={mine.py: {offset: 1}},{mine.py: {offset: 2}}"], measures=["mine.py"]
-    )
-    assert [point.scenario.measures[0].parameters["offset"] for point in points(sweep)] == [1, 2]
-
-
-def test_a_measure_that_the_model_does_not_suit_is_refused(tmp_path):
-    write(tmp_path / "mine.py", TELLTALE.replace("def step", "def other"))
-    load_scenario({"model": "particles", "measures": [f"{tmp_path}/mine.py"]})
-    with pytest.raises(ScenarioError, match=r"measures\.0: Telltale asks for every event of point agents"):
-        load_scenario({"measures": [f"{tmp_path}/mine.py"]})

@@ -3,37 +3,14 @@
 import pytest
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario import yaml_io
 from epuck_sim.scenario.yaml_io import MAX_BYTES, parse_yaml, read_yaml
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("1e-3", 0.001),
-        ("1E3", 1000.0),
-        (".5", 0.5),
-        ("-2.", -2.0),
-        ("12", 12),
-        ("010", 10),
-        ("+3", 3),
-        ("true", True),
-        ("False", False),
-        ("no", "no"),
-        ("off", "off"),
-        ("12:30", "12:30"),
-        ("0x10", "0x10"),
-        ("null", None),
-        ("~", None),
-        ("", None),
-        ("[1, 2.5, a]", [1, 2.5, "a"]),
-        ("{a: {b: 1}}", {"a": {"b": 1}}),
-    ],
-)
-def test_plain_words_and_numbers_mean_what_they_look_like(text: str, value: object) -> None:
-    result = parse_yaml(text, "here")
-    assert result == value
-    assert type(result) is type(value)
+def test_plain_words_and_numbers_mean_what_they_look_like() -> None:
+    text = "[1e-3, 1E3, .5, -2., 12, 010, +3, true, False, no, off, 12:30, 0x10, null, ~, a, [2.5], {b: 1}]"
+    values = [0.001, 1000.0, 0.5, -2.0, 12, 10, 3, True, False, "no", "off", "12:30", "0x10", None, None, "a"]
+    assert repr(parse_yaml(text, "here")) == repr([*values, [2.5], {"b": 1}])
+    assert parse_yaml("", "here") is None
 
 
 def test_aliases_and_merge_keys_work() -> None:
@@ -41,35 +18,16 @@ def test_aliases_and_merge_keys_work() -> None:
     assert parse_yaml(text, "here")["other"] == {"x": 1, "y": 3}
 
 
-def bomb(depth: int = 12, width: int = 9) -> str:
-    lines = ["a0: &a0 [lol]"]
-    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * width)}]" for k in range(1, depth)]
-    return "\n".join(lines)
-
-
-def test_the_size_of_a_bomb_is_found_without_unfolding_it(monkeypatch) -> None:
-    looked_at = []
-    check = yaml_io._check_keys_differ
-    monkeypatch.setattr(yaml_io, "_check_keys_differ", lambda *node: looked_at.append(node) or check(*node))
-    monkeypatch.setattr(yaml_io._Loader, "construct_document", None)
-    with pytest.raises(ScenarioError, match="expands to more than"):
-        parse_yaml("\n".join([bomb(), "b: {c: 1}", "d: {e: 2}"]), "here.yaml")
-    assert len(looked_at) == 3  # each mapping of the file once: the whole and two inside it
-
-
-def test_a_hundred_megabytes_are_refused_unread(tmp_path) -> None:
-    path = tmp_path / "huge.yaml"
-    with path.open("wb") as file:
-        file.truncate(100 * MAX_BYTES)
-    with pytest.raises(ScenarioError, match="larger than 1 MB"):
-        read_yaml(path)
-
-
 def test_files_that_cannot_be_read_are_named(tmp_path) -> None:
     with pytest.raises(ScenarioError, match=r"gone\.yaml: cannot be read: No such file"):
         read_yaml(tmp_path / "gone.yaml")
     with pytest.raises(ScenarioError, match="cannot be read: Is a directory"):
         read_yaml(tmp_path)
+    path = tmp_path / "huge.yaml"
+    with path.open("wb") as file:
+        file.truncate(100 * MAX_BYTES)
+    with pytest.raises(ScenarioError, match="larger than 1 MB"):
+        read_yaml(path)
     path = tmp_path / "latin.yaml"
     path.write_bytes(b"name: caf\xe9")
     with pytest.raises(ScenarioError, match="is not UTF-8 text"):

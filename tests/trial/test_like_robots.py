@@ -33,6 +33,10 @@ def test_agents_start_where_the_robots_of_a_trial_with_the_same_seed_do(seed):
 
 def test_trials_differ_in_their_starts_and_sweeps_keep_the_key():
     scenario = load_scenario(AGENTS)
+    with pytest.raises(ScenarioError, match=r"give a ParticleSimulation start_like\(robots, seed\)"):
+        ParticleSimulation(AGENTS, 1)
+    with pytest.raises(ScenarioError, match="some robots have no phase"):
+        start_like({"robots": [{"controller": "constant"}]}, 1)
     one, other = (simulate(scenario, seed).positions() for seed in (1, 2))
     assert (one != other).any()
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
@@ -52,10 +56,3 @@ def test_files_of_robots_are_found_beside_the_scenario(tmp_path):
         simulate(scenario, 1).positions().tolist()
         == Simulation(str(tmp_path / "robots.yaml"), 1).last_step.poses[:, :2].tolist()
     )
-
-
-def test_a_simulation_of_its_own_is_told_what_to_give():
-    with pytest.raises(ScenarioError, match=r"give a ParticleSimulation start_like\(robots, seed\)"):
-        ParticleSimulation(AGENTS, 1)
-    with pytest.raises(ScenarioError, match="some robots have no phase"):
-        start_like({"robots": [{"controller": "constant"}]}, 1)

@@ -39,18 +39,12 @@ def without_measures(result):
 
 
 @pytest.mark.parametrize("scenario", MODELS)
-def test_a_measure_is_told_of_each_cycle_of_the_trial_and_changes_nothing(scenario, tmp_path):
-    write(tmp_path / "mine.py", COUNTER)
-    plain = measured(scenario, [])
-    assert plain.measures == {}
-    result = measured(scenario, [f"{tmp_path}/mine.py"])
-    assert result.measures == {"Counter": float(plain.cycles)}
-    assert without_measures(result) == without_measures(plain)
-
-
-@pytest.mark.parametrize("scenario", MODELS)
 def test_cycles_are_the_same_whether_or_not_every_event_is_seen(scenario, tmp_path):
     cycles, steps = write(tmp_path / "cycles.py", CYCLES), write(tmp_path / "steps.py", TELLTALE)
+    count = write(tmp_path / "count.py", COUNTER)
+    plain, counted = measured(scenario, []), measured(scenario, [str(count)])
+    assert (plain.measures, counted.measures) == ({}, {"Counter": float(plain.cycles)})
+    assert without_measures(counted) == without_measures(plain)
     fast = measured(scenario, [str(cycles)])
     slow = measured(scenario, [str(cycles), str(steps)])
     watched = measured(scenario, [str(cycles)], observers=[onlooking])
@@ -129,37 +123,21 @@ def test_a_measure_that_raises_fails_the_trial_with_file_and_line(scenario, at, 
 
 
 @pytest.mark.parametrize(
-    ("returned", "said"),
+    ("given", "said"),
     [
-        ("'much'", "its value is 'much', a str; allowed: a number, true or false, None, or a list of them"),
-        ("{}", "its value is {}, a dict; allowed: "),
-        ("[[1]]", r"its value is \[1\], a list; allowed: "),
-        ("float('inf')", "its value is inf; allowed: finite numbers, and None where it is undetermined"),
-        ("2**63", "allowed: numbers below"),
-        ("10**400", r"its value is 10+\.\.\.; allowed: numbers below"),
+        ("much", "is 'much', a str; allowed: a number, true or false, None, or a list of them"),
+        ([[1]], r"is \[1\], a list; allowed: "),
+        (float("inf"), "is inf; allowed: finite numbers, and None where it is undetermined"),
+        (2**63, "allowed: numbers below"),
     ],
 )
-def test_a_value_of_another_kind_fails_the_trial(returned, said, tmp_path):
-    path = write(tmp_path / "mine.py", f"def mine(simulation): return {returned}")
-    with pytest.raises(MeasureError, match=f"measure mine, seed 3: {path}:mine: .*{said}"):
-        measured("thesis", [str(path)])
-
-
-@pytest.mark.parametrize(
-    ("given", "value"),
-    [
+def test_a_value_of_another_kind_is_refused(given, said):
+    with pytest.raises(ValueError, match=said):
+        as_value(given)
+    for one, value in (
         (np.float32(0.5), 0.5),
-        (np.int64(3), 3),
         (np.bool_(True), True),
-        (None, None),
-        (np.nan, None),
         (np.array([1.0, np.nan]), [1.0, None]),
-        (np.array([True]), [True]),
-        ((1, 2.5), [1, 2.5]),
-        ([], []),
-    ],
-)
-def test_values_become_plain(given, value):
-    found = as_value(given)
-    assert found == value
-    assert type(found) is type(value)
+        ((), []),
+    ):
+        assert repr(as_value(one)) == repr(value)

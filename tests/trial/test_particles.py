@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial import particles
 from epuck_sim.trial.model import run_trial
-from tests.particles.simulations import KINDS, any_sections, as_set, make_resting, make_simulation, scenario
+from tests.particles.simulations import KINDS, any_sections, as_set, make_resting, make_simulation
 from tests.processes import start
 
 THRESHOLD = 1 - 1e-9
@@ -62,24 +61,6 @@ def test_the_order_of_two_is_a_cosine(metric, apart):
     assert swarm.order_parameter == pytest.approx(expected, abs=1e-12)
 
 
-def test_nothing_is_measured_before_the_reference_has_fired():
-    swarm = make_resting([0.1, 0.9])
-    assert swarm.order_parameter is None
-    next(swarm)
-    assert (swarm.order_parameter, swarm.cycles, swarm.instants) == (None, 0, 1)
-
-
-@pytest.mark.parametrize("stop", [{"order_parameter": None}, {"order_parameter": THRESHOLD}])
-@pytest.mark.parametrize("times_s", [(0.1, 0.3, 0.51, 0.9, 1.0), (0.6,)])
-def test_at_later_times_the_order_parameter_is_that_of_the_references_last_firing(times_s, stop):
-    """It fires at 0.1 s, and at no other of these times; agent 1 fires at 0.5 s."""
-    swarm = make_resting([0.9, 0.5, 0.3], response={"coupling": 0}, stop=stop)
-    for time_s in times_s:
-        swarm.run_to(time_s)
-        assert swarm.cycles == 1
-        assert swarm.order_parameter == pytest.approx(of_phases("complex", [0, 0.6, 0.4]))
-
-
 def test_the_order_parameter_at_any_time_is_the_one_reported_event_by_event():
     swarm, by_event = (
         make_simulation(1, response={"coupling": 0}, clocks={"jitter": 0.2}, agents={"count": 5}) for _ in range(2)
@@ -111,11 +92,6 @@ def test_t_sync_counts_the_references_firings_from_1_the_last_one_too():
         assert result.order_parameter == 1
 
 
-def test_all_at_one_phase_are_synchronised_at_the_first_firing():
-    result = run_trial(make_simulation(start={"phases": "synchronised"}, stop={"order_parameter": THRESHOLD}))
-    assert (result.t_sync_cycles, result.simulated_s) == (1, 1.0)
-
-
 @pytest.mark.parametrize(("threshold", "synchronised"), [(0.8, True), (0.82, False)])
 def test_synchronised_is_the_threshold_reached(threshold, synchronised):
     swarm = make_resting([0.9, 0.7], response={"coupling": 0}, stop={"order_parameter": threshold, "max_cycles": 3})
@@ -134,15 +110,6 @@ def test_many_whose_order_parameter_is_1_are_synchronised_at_a_threshold_of_1():
     )
     swarm.run(1)
     assert swarm.is_synchronised == (swarm.order_parameter >= 1.0)
-
-
-def test_only_a_firing_of_the_reference_ends_a_trial():
-    stop = {"order_parameter": THRESHOLD, "reference": 2}
-    near = {"neighbourhood": {"kind": "range", "radius_cm": 5}, "stop": stop}
-    swarm = make_resting([0.5, 0.45, 0.2], [[1.0], [2.0], [50.0]], **near)
-    event = next(swarm)
-    assert as_set(event.fired) == {0, 1}
-    assert (swarm.cycles, swarm.is_synchronised) == (0, False)
 
 
 # --- the end of a trial -----------------------------------------------------------------------------
@@ -178,12 +145,6 @@ def test_one_agent_alone_is_never_synchronised(kind, metric):
     assert result.order_parameter == 1
 
 
-def test_without_a_threshold_a_trial_lasts_max_cycles():
-    given = scenario(start={"phases": "synchronised"}, stop={"order_parameter": None, "max_cycles": 50})
-    result = run_trial(ParticleSimulation(given))
-    assert (result.censored, result.cycles, result.order_parameter) == (None, 50, 1)
-
-
 def silenced(**stop):
     """Return a swarm whose reference, in the middle, is set back to 0 by three others and never fires.
 
@@ -199,14 +160,10 @@ def silenced(**stop):
     )
 
 
-def test_a_trial_whose_reference_never_fires_lasts_twice_max_cycles():
-    result = run_trial(silenced(max_cycles=20))
-    assert (result.censored, result.cycles, result.order_parameter) == (True, 0, None)
-    assert result.simulated_s == pytest.approx(40, abs=1.01)
-
-
-def test_a_trial_whose_reference_never_fires_is_the_same_with_observers_and_at_any_pace(monkeypatch):
+def test_a_trial_whose_reference_never_fires_lasts_twice_max_cycles_observed_or_not_at_any_pace(monkeypatch):
     alone = run_trial(silenced(max_cycles=20))
+    assert (alone.censored, alone.cycles, alone.order_parameter) == (True, 0, None)
+    assert alone.simulated_s == pytest.approx(40, abs=1.01)
     watched = run_trial(silenced(max_cycles=20), [lambda _event, _swarm: None])
     monkeypatch.setattr(particles, "SLICE_S", 0.0)
     slowly = run_trial(silenced(max_cycles=20))
@@ -235,19 +192,6 @@ def test_a_trial_is_the_same_with_observers_and_at_any_pace(data, seed, kind):
     assert sum(fired > 0 for _, fired in seen) == alone.steps
     assert seen[-1][0] == shown[-1] == alone.cycles
     assert sum(fired for _, fired in seen) == plain.firings
-
-
-def test_a_trial_needs_a_fresh_swarm():
-    swarm = make_simulation()
-    swarm.run(1)
-    with pytest.raises(ValueError, match=r"needs a fresh simulation; in this one agents fired at \d+ instants"):
-        run_trial(swarm)
-
-
-def test_a_result_tells_scenario_and_seed():
-    result = run_trial(ParticleSimulation(scenario(stop={"max_cycles": 2}), 17))
-    assert (result.scenario, result.seed) == ("test", 17)
-    assert result.wall_s >= 0
 
 
 LARGE = """

@@ -1,13 +1,8 @@
 """Claims about schedules of trials: entries that wait for cycles or for the order parameter."""
 
-import copy
-import json
-
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording import Level
@@ -110,35 +105,6 @@ def test_a_condition_on_a_measure_of_steps_acts_in_the_next_one_or_after_firings
     assert holds[0] > 60
 
 
-def test_trials_end_by_the_order_parameter_without_its_being_among_the_measures():
-    listed, alone = (
-        run_trial(Simulation({"stop": {"when": "order_parameter >= 0.6", "max_cycles": 60}, "measures": measures}, 1))
-        for measures in (["order_parameter"], [])
-    )
-    assert listed._replace(measures={}, wall_s=0) == alone._replace(wall_s=0)
-    assert alone.order_parameter >= 0.6
-    assert alone.cycles < 60
-
-
-def test_a_copy_of_a_simulation_knows_what_a_trial_has_changed():
-    scenario = load_scenario({"schedule": SCHEDULE[:2], "stop": STOP})
-    simulation = Simulation(scenario, 4)
-    run_trial(simulation)
-    made = copy.deepcopy(simulation)
-    assert made.events == simulation.events
-    assert made.advance(50).phase_ms.tolist() == simulation.advance(50).phase_ms.tolist()
-
-
-def test_json_tells_what_was_carried_out(tmp_path):
-    path = tmp_path / "stops.yaml"
-    stop = "stop: {max_cycles: 2, order_parameter: null}"
-    path.write_text(f"schedule: [{{at_s: 2, set: {{robots.0.parameters.speed_cm_s: 0}}}}]\n{stop}\n")
-    result = CliRunner().invoke(app, ["run", str(path), "--json"])
-    assert json.loads(result.stdout)["events"] == [
-        {"step": 20, "time_s": 2.0, "source": "schedule.0", "what": "robots.0.parameters.speed_cm_s: 0", "robots": []}
-    ]
-
-
 # --- point agents -----------------------------------------------------------------------------------
 
 CHANGES = [
@@ -177,16 +143,6 @@ def test_a_displacement_may_bring_a_firing_before_the_end_of_a_trial():
         result = run_trial(ParticleSimulation(scenario), observers)
         assert (result.steps, result.simulated_s, len(result.events)) == (1, 0.55, 1)
     assert seen == [[], [1]]
-
-
-def test_a_change_at_the_end_of_a_trial_is_made_and_one_after_synchrony_is_not():
-    given = {"model": "particles", "start": {"phases": "synchronised"}}
-    schedule = [{"at_s": at_s, "displace": {"by_cycles": 0.5}} for at_s in (0.5, 0.8)]
-    stop = {"order_parameter": None, "max_time_s": 0.8}
-    both = run_trial(ParticleSimulation({**given, "schedule": schedule, "stop": stop}))
-    assert [event.time_s for event in both.events] == [0.5, 0.8]
-    early = run_trial(ParticleSimulation({**given, "schedule": [{"at_s": 1, "displace": {"by_cycles": 0.5}}]}))
-    assert (early.t_sync_cycles, early.events) == (1, ())
 
 
 def test_a_condition_on_a_measure_of_events_changes_a_swarm_at_the_event(tmp_path):

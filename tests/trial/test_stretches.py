@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from epuck_sim.embodied.history import MOST_STEPS
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.measures.loader import SHIPPED, find_measure
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
@@ -56,23 +55,3 @@ def test_they_find_what_they_find_step_by_step(case: str) -> None:
 def test_interpreted_controllers_make_the_same_stretches() -> None:
     compiled, interpreted = values("faults"), values("faults", interpret=True)
     assert compiled.measures == interpreted.measures
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_a_stretch_has_the_arrays_and_relations_of_its_steps(case: str) -> None:
-    scenario = load_scenario({**BASE, **CASES[case]})
-    one, other = Simulation(scenario, 5), Simulation(scenario, 5)
-    while one.steps < 150:
-        stretch = one.stretch(200)
-        assert 1 <= len(stretch.poses) <= MOST_STEPS
-        assert stretch.first == one.steps - len(stretch.poses)
-        for place in range(len(stretch.poses)):
-            step = next(other)
-            assert step.number == stretch.first + place
-            np.testing.assert_array_equal(stretch.poses[place], step.poses)
-            np.testing.assert_array_equal(stretch.wheels_cm_s[place], step.wheels_cm_s)
-            np.testing.assert_array_equal(stretch.ring_on[place], step.ring_on)
-            for found, expected in ((stretch.sightings, step.sightings), (stretch.contacts, step.contacts)):
-                own = found[found[:, 0] == place, 1:]
-                assert sorted(own.tolist()) == sorted(expected.tolist())
-    assert one.last_step.poses.tobytes() == other.last_step.poses.tobytes()

@@ -1,6 +1,5 @@
 """Claims about a third model of thirty lines: it is read, run, swept, stored and summarised as the others."""
 
-import json
 import multiprocessing
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,7 +17,6 @@ from epuck_sim.scenario.stop import StopSection
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.trial.model import MODELS, Model, register_model, simulate
 from epuck_sim.trial.result import TrialResult
-from tests.cli.commands import called
 
 
 class DiceScenario(Scenario):
@@ -102,11 +100,3 @@ def test_it_is_swept_by_worker_processes_stored_and_summarised(tmp_path: Path) -
         assert results.observed.tolist() == [not result.censored for result in expected]
     slow, fast = summarize(stored)
     assert slow.estimates["mean"].value > 2 * fast.estimates["mean"].value
-
-
-def test_the_command_knows_it_too(tmp_path: Path) -> None:
-    file = tmp_path / "dice.yaml"
-    file.write_text(json.dumps({"model": "dice", "trials": 3}))
-    printed = [json.loads(line) for line in called("run", file, "--json").splitlines()]
-    assert [row["scenario"] for row in printed] == ["dice"] * 3
-    assert "chance: 0.2" in called("check", file)
