@@ -58,6 +58,12 @@ def test_clusters_that_share_a_period_do_not_make_it_a_part_of_it(clusters):
     assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.01)
 
 
+def test_a_long_film_shows_the_period_and_no_multiple_of_it_to_a_hundredth_of_a_frame():
+    times = frames(300, 15.0)
+    counts = counted(steady(SPREAD, 4.77, 300), FLASH, times)
+    assert estimate_period_s(times, counts) == pytest.approx(4.77, abs=0.01 / 15)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_shortened_cycles_before_synchrony_do_not_shorten_the_period(seed):
     random = np.random.default_rng(seed)
