@@ -585,7 +585,7 @@ def test_flashes_and_firings_of_made_up_steps(story: tuple[BoolArray, FloatArray
     buffer, batches, counted = RobotBuffer(scenario, Level.SUMMARY, size), [], []
     for number, (ring_on, phase_ms) in enumerate(zip(rings, phases, strict=True)):
         memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
-        seen = (np.empty((0, 2)), np.ones(len(ring_on), bool), None, (memory,), (), None)
+        seen = (np.empty((0, 2)), np.ones(len(ring_on), bool), None, (memory,), (), None, {})
         step = Step(number, number / 10, *[np.empty(0)] * 5, ring_on, ring_on, *seen)
         cycles = watch.cycles
         watch.look(step)

@@ -70,7 +70,8 @@ def step(number, rings, phase_ms):
     """Return a step in which these rings are lit and oscillators have these phases."""
     memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
     nothing, lit = np.empty(0), np.array(rings, bool)
-    return Step(number, 0.0, *[nothing] * 5, lit, lit, nothing, np.ones(len(lit), bool), None, (memory,), (), None)
+    present = np.ones(len(lit), bool)
+    return Step(number, 0.0, *[nothing] * 5, lit, lit, nothing, present, None, (memory,), (), None, {})
 
 
 def shown(watched, rings, phase_ms=(0, 0)):
