@@ -124,6 +124,10 @@ class Driven:
         theme = {"name": "prefers-color-scheme", "value": "dark" if is_dark else "light"}
         self._call("Emulation.setEmulatedMedia", features=[theme])
 
+    def leave(self) -> None:
+        """Leave the page, which would draw itself for ever."""
+        self._call("Page.navigate", url="about:blank")
+
     def close(self) -> None:
         self._process.terminate()
         self._process.wait(20)
