@@ -19,7 +19,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, PlainValidator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from epuck_sim.errors import CurveError, EpuckSimError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
@@ -313,7 +313,7 @@ class StartSection(ConfigModel):
 
     later_keys: ClassVar[tuple[str, ...]] = ("positions_cm", "headings", "like")
 
-    phases: Annotated[Literal["random", "synchronised"] | tuple[float, ...], PlainValidator(_check_phases)] = "random"
+    phases: Annotated[Literal["random", "synchronised"] | tuple[float, ...], BeforeValidator(_check_phases)] = "random"
     """`random`: uniform over the period; `synchronised`: all 0; or a list with a phase, 0 to 1, for each agent."""
     displacement: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     """Phase of agent 0, where all others start at 0 (5.4.1)."""

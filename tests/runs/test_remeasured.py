@@ -2,6 +2,7 @@
 
 import sqlite3
 from contextlib import closing
+from functools import partial
 
 import pytest
 
@@ -9,6 +10,7 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import StoredResult, difference
+from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call, called
@@ -82,7 +84,7 @@ def test_a_run_that_was_stopped_goes_on(folder, mine):
             raise Stopped
 
     with pytest.raises(Stopped):
-        run_sweep(sweep("near_walls", mine), folder, pool_here, stop)
+        run_sweep(sweep("near_walls", mine), folder, partial(local_pool, 1), stop)
     status = read_status(folder)
     assert (status.stored, status.unmeasured, status.failed) == (6, 4, [])
     assert "4 of these results lack measures that were added" in called("status", folder)
