@@ -99,7 +99,7 @@ def file(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def trials(file, tmp_path_factory) -> dict[str, Recorded]:
     folder = tmp_path_factory.mktemp("mixed")
-    made = {name: recorded(folder / name, scenario) for name, scenario in (("mixed", MIXED), ("long", LONG))}
+    made = {name: recorded(folder / f"{name}.rrd", scenario) for name, scenario in (("mixed", MIXED), ("long", LONG))}
     return {"thesis": read_recording(file), **made}
 
 

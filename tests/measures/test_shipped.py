@@ -99,9 +99,9 @@ def test_the_order_parameter_is_that_of_the_phases_at_each_cycle(sections, metri
             [39.0] * CYCLES,
         ),
         ("velocity_correlation_time", {**AGENTS, "space": {"side_cm": 1e6}}, None),
-        ("coverage", {"stop": {"max_time_s": 1}}, None),
-        ("density", {"stop": {"max_time_s": 1}}, []),
-        ("near_walls", {"stop": {"max_time_s": 1}}, None),
+        ("coverage", {"stop": {"max_time_s": 0.1}}, None),
+        ("density", {"stop": {"max_time_s": 0.1}}, []),
+        ("near_walls", {"stop": {"max_time_s": 0.1}}, None),
         ("mean_speed", {"stop": {"max_time_s": 0.1}}, None),
     ],
 )

@@ -100,6 +100,9 @@ ROWS = {
     "new": Row("new scenario mine", "mine.yaml", text),
 }
 
+DEAR = ("plot", "report", "film")
+"""Commands that take seconds, and write their file as others do; `make torture` has them."""
+
 DIE, TORN = -1, -2
 FAULTS = {"kill": DIE, "torn write": TORN, "disk full": errno.ENOSPC, "EIO": errno.EIO}
 
@@ -234,7 +237,9 @@ def main(folder: Path, wanted: int, *names: str) -> None:
 
 @needs_compiler
 @pytest.mark.skipif(sys.platform != "linux", reason="libraries are preloaded in another way")
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(each, marks=pytest.mark.slow) if each in DEAR else each for each in ROWS]
+)
 def test_a_command_whose_writing_fails_loses_nothing_says_so_and_goes_on(tmp_path, name: str) -> None:
     library = tmp_path / "torture.so"
     subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", library, SOURCE, "-ldl"], check=True)
