@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, print_stderr, reject_first
+from epuck_sim.cli.errors import print_stderr, reject_first
 from epuck_sim.cli.options import (
     WEB_PORT,
     JsonOption,
@@ -118,11 +118,10 @@ def film(
     ] = None,
 ) -> None:
     """Film a recorded trial with the webcam above the arena: lit rings in the dark, or everything in a lit room."""
-    with exit_on_error():
-        from epuck_sim.cli.progress import progress_bar
-        from epuck_sim.overhead.filming import film_recording
+    from epuck_sim.cli.progress import progress_bar
+    from epuck_sim.overhead.filming import film_recording
 
-        film_recording(recording, settings or (), to, progress_bar("filming"), lens)
+    film_recording(recording, settings or (), to, progress_bar("filming"), lens)
 
 
 @films.command()
@@ -138,26 +137,25 @@ def calibrate(
     fisheye: Annotated[bool, typer.Option("--fisheye", help="A fisheye lens, wider than about 120 degrees.")] = False,
 ) -> None:
     """Calibrate the lens of a camera from a film of a checkerboard or ChArUco board."""
-    with exit_on_error():
-        from epuck_sim.cli.progress import progress_bar
-        from epuck_sim.overhead.film import open_film
-        from epuck_sim.overhead.lens import (
-            APART_S,
-            Board,
-            calibrate_lens,
-            check_lens_target,
-            find_views,
-            save_lens,
-        )
+    from epuck_sim.cli.progress import progress_bar
+    from epuck_sim.overhead.film import open_film
+    from epuck_sim.overhead.lens import (
+        APART_S,
+        Board,
+        calibrate_lens,
+        check_lens_target,
+        find_views,
+        save_lens,
+    )
 
-        squares = Board("charuco" if charuco else "checkerboard", *parse_board(board))
-        check_lens_target(to)
-        with open_film(film) as reader:
-            frames = progress_bar("calibrating")(reader.frames(), reader.duration_s)
-            views = find_views(frames, squares, 0.0 if reader.is_pictures else APART_S)
-            lens = calibrate_lens(film, views, (reader.width_px, reader.height_px), fisheye)
-        save_lens(to, lens)
-        typer.echo(f"{to}: focal length {lens.focal_px:.1f} px, from {lens.views} views, error {lens.error_px:.2f} px")
+    squares = Board("charuco" if charuco else "checkerboard", *parse_board(board))
+    check_lens_target(to)
+    with open_film(film) as reader:
+        frames = progress_bar("calibrating")(reader.frames(), reader.duration_s)
+        views = find_views(frames, squares, 0.0 if reader.is_pictures else APART_S)
+        lens = calibrate_lens(film, views, (reader.width_px, reader.height_px), fisheye)
+    save_lens(to, lens)
+    typer.echo(f"{to}: focal length {lens.focal_px:.1f} px, from {lens.views} views, error {lens.error_px:.2f} px")
 
 
 @films.command()
@@ -239,66 +237,65 @@ def track(
     ] = None,
 ) -> None:
     """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""
-    with exit_on_error():
-        reject_first(
-            ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
-            (end is not None and end <= start, "--end-s is not after --start-s"),
-            (
-                camera is not None and any((start, end, fps, tags)),
-                "--camera excludes --start-s, --end-s, --fps, --tags",
-            ),
-            (camera is None and (web or record is not None), "--web and --record are for --camera"),
-            (port is not None and not web, "--port is for --web"),
-            (
-                camera is not None and period is None,
-                "--camera needs --period-s, because the period cannot be estimated while the camera films",
-            ),
-        )
-        from epuck_sim.cli.progress import progress_bar
-        from epuck_sim.cli.tables import print_track, print_track_json
-        from epuck_sim.overhead.live import Watching, track_camera
-        from epuck_sim.overhead.robots import find_robots, save_robots
-        from epuck_sim.overhead.track import annotate_film, snapshot, track_film
-        from epuck_sim.util.machine import check_port
+    reject_first(
+        ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
+        (end is not None and end <= start, "--end-s is not after --start-s"),
+        (
+            camera is not None and any((start, end, fps, tags)),
+            "--camera excludes --start-s, --end-s, --fps, --tags",
+        ),
+        (camera is None and (web or record is not None), "--web and --record are for --camera"),
+        (port is not None and not web, "--port is for --web"),
+        (
+            camera is not None and period is None,
+            "--camera needs --period-s, because the period cannot be estimated while the camera films",
+        ),
+    )
+    from epuck_sim.cli.progress import progress_bar
+    from epuck_sim.cli.tables import print_track, print_track_json
+    from epuck_sim.overhead.live import Watching, track_camera
+    from epuck_sim.overhead.robots import find_robots, save_robots
+    from epuck_sim.overhead.track import annotate_film, snapshot, track_film
+    from epuck_sim.util.machine import check_port
 
-        options = scene_options(arena, height, corners, period, robots, tags)._replace(
-            threshold_ms=threshold,
-            order_parameter=order,
-            start_s=start,
-            end_s=math.inf if end is None else end,
-            fps=fps,
-        )
-        tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
-        outputs = {
-            "--plot": (plot, [".png"]),
-            "--rings": (rings, [".csv"]),
-            **{option: (path, [".csv", ".parquet"]) for option, path in tables.items()},
-            "--annotate": (annotate, [".mp4"]),
-            "--record": (record, [".mp4"]),
-        }
-        inputs = {} if film is None else {"the film": film}
-        check_outputs(inputs, outputs, {} if plot is None else {"--plot": [plot, plot.with_suffix(".csv")]})
-        if web:
-            check_port(port or WEB_PORT)
-        if camera is not None and period is not None:
-            watching = Watching(record, rings, annotate, (port or WEB_PORT) if web else None)
-            tracked = track_camera(camera, options, watching, progress_bar("tracking"), print_stderr, lens)
-        else:
-            assert film is not None  # otherwise it was refused above
-            tracked = track_film(film, options, rings, progress_bar("tracking"), lens)
-        robots_found = None
-        if tags is not None or any(tables.values()):
-            robots_found = find_robots(tracked)
-        print_doubts(tracked, robots_found)
-        (print_track_json if as_json else print_track)(tracked, robots_found)
-        if robots_found is not None:
-            save_robots(tracked, robots_found, flashes, trace, pairs)
-        if annotate is not None and camera is None:
-            annotate_film(tracked, annotate, progress_bar("annotating"))
-        if plot is not None:
-            from epuck_sim.figures.films import save_track_figure
+    options = scene_options(arena, height, corners, period, robots, tags)._replace(
+        threshold_ms=threshold,
+        order_parameter=order,
+        start_s=start,
+        end_s=math.inf if end is None else end,
+        fps=fps,
+    )
+    tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
+    outputs = {
+        "--plot": (plot, [".png"]),
+        "--rings": (rings, [".csv"]),
+        **{option: (path, [".csv", ".parquet"]) for option, path in tables.items()},
+        "--annotate": (annotate, [".mp4"]),
+        "--record": (record, [".mp4"]),
+    }
+    inputs = {} if film is None else {"the film": film}
+    check_outputs(inputs, outputs, {} if plot is None else {"--plot": [plot, plot.with_suffix(".csv")]})
+    if web:
+        check_port(port or WEB_PORT)
+    if camera is not None and period is not None:
+        watching = Watching(record, rings, annotate, (port or WEB_PORT) if web else None)
+        tracked = track_camera(camera, options, watching, progress_bar("tracking"), print_stderr, lens)
+    else:
+        assert film is not None  # otherwise it was refused above
+        tracked = track_film(film, options, rings, progress_bar("tracking"), lens)
+    robots_found = None
+    if tags is not None or any(tables.values()):
+        robots_found = find_robots(tracked)
+    print_doubts(tracked, robots_found)
+    (print_track_json if as_json else print_track)(tracked, robots_found)
+    if robots_found is not None:
+        save_robots(tracked, robots_found, flashes, trace, pairs)
+    if annotate is not None and camera is None:
+        annotate_film(tracked, annotate, progress_bar("annotating"))
+    if plot is not None:
+        from epuck_sim.figures.films import save_track_figure
 
-            save_track_figure(plot, tracked, snapshot(tracked) if camera is None else None)
+        save_track_figure(plot, tracked, snapshot(tracked) if camera is None else None)
 
 
 @films.command("compare-film")
@@ -328,49 +325,48 @@ def compare_film(
     ] = None,
 ) -> None:
     """Print what FILM has of T_sync, flashes, speeds and clocks, beside the distributions in simulated trials."""
-    with exit_on_error():
-        from epuck_sim.cli.progress import progress_bar, trials_bar
-        from epuck_sim.cli.tables import print_comparison, print_comparison_json
-        from epuck_sim.overhead import compare
-        from epuck_sim.overhead.robots import find_robots
-        from epuck_sim.overhead.track import track_film
-        from epuck_sim.scenario.embodied import EmbodiedScenario
-        from epuck_sim.scenario.scenario import require_model
+    from epuck_sim.cli.progress import progress_bar, trials_bar
+    from epuck_sim.cli.tables import print_comparison, print_comparison_json
+    from epuck_sim.overhead import compare
+    from epuck_sim.overhead.robots import find_robots
+    from epuck_sim.overhead.track import track_film
+    from epuck_sim.scenario.embodied import EmbodiedScenario
+    from epuck_sim.scenario.scenario import require_model
 
-        loaded = require_model(read_scenario(scenario, settings), EmbodiedScenario, "films are of robots")
-        options = scene_options(arena, height, corners, period, robots, tags)
-        files = {}
-        if plot is not None:
-            from epuck_sim.figures.saving import check_files, parse_target
+    loaded = require_model(read_scenario(scenario, settings), EmbodiedScenario, "films are of robots")
+    options = scene_options(arena, height, corners, period, robots, tags)
+    files = {}
+    if plot is not None:
+        from epuck_sim.figures.saving import check_files, parse_target
 
-            stem, formats = parse_target(plot)
-            files["--plot"] = check_files(stem, (*formats, ".csv"))
-        check_outputs(
-            {"the film": film, "SCENARIO": scenario},
-            {"--plot": (plot, None), "--fit": (fit, [".yaml", ".yml"])},
-            files,
+        stem, formats = parse_target(plot)
+        files["--plot"] = check_files(stem, (*formats, ".csv"))
+    check_outputs(
+        {"the film": film, "SCENARIO": scenario},
+        {"--plot": (plot, None), "--fit": (fit, [".yaml", ".yml"])},
+        files,
+    )
+    if fit is not None:
+        compare.check_one_group(loaded)
+    simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
+    track = track_film(film, options, None, progress_bar("tracking"), lens, simulated_cm)
+    found = find_robots(track)
+    floor_cm = track.geometry.floor_cm
+    print_doubts(track, found)
+    if floor_cm != simulated_cm:
+        print_stderr(
+            f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
+            f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they are the same, check --arena-cm or SCENARIO"
         )
-        if fit is not None:
-            compare.check_one_group(loaded)
-        simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
-        track = track_film(film, options, None, progress_bar("tracking"), lens, simulated_cm)
-        found = find_robots(track)
-        floor_cm = track.geometry.floor_cm
-        print_doubts(track, found)
-        if floor_cm != simulated_cm:
-            print_stderr(
-                f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
-                f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they are the same, check --arena-cm or SCENARIO"
-            )
-        rows = compare.compare_film(track, found, loaded, trials, trials_bar(trials))
-        fitted = compare.fitted_values(loaded, track, found)
-        (print_comparison_json if as_json else print_comparison)(film, loaded.name, rows, fitted)
-        if plot is not None:
-            from epuck_sim.figures.films import save_comparison_figure
+    rows = compare.compare_film(track, found, loaded, trials, trials_bar(trials))
+    fitted = compare.fitted_values(loaded, track, found)
+    (print_comparison_json if as_json else print_comparison)(film, loaded.name, rows, fitted)
+    if plot is not None:
+        from epuck_sim.figures.films import save_comparison_figure
 
-            save_comparison_figure(plot, rows)
-        if fit is not None:
-            compare.save_fitted(fit, compare.fit_scenario(loaded, fitted), fitted, film)
+        save_comparison_figure(plot, rows)
+    if fit is not None:
+        compare.save_fitted(fit, compare.fit_scenario(loaded, fitted), fitted, film)
 
 
 def print_doubts(track: "Track", robots: "Robots | None") -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, print_stderr, reject_first
+from epuck_sim.cli.errors import print_stderr, reject_first
 from epuck_sim.cli.options import DaskOption, WorkersOption
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.util.messages import counted
@@ -41,31 +41,30 @@ def replicate(
     dask: DaskOption = None,
 ) -> None:
     """Test claims of the thesis: run the trials that are missing, and write a page with a verdict on each claim."""
-    with exit_on_error():
-        reject_first((workers is not None and dask is not None, "--workers and --dask exclude each other"))
-        from epuck_sim.replication.claims import SHIPPED, read_claims
+    reject_first((workers is not None and dask is not None, "--workers and --dask exclude each other"))
+    from epuck_sim.replication.claims import SHIPPED, read_claims
 
-        known = read_claims(file or SHIPPED)
-        chosen = known.choose(tuple(claims or ()))
-        if only_list:
-            for claim in chosen:
-                typer.echo(f"{claim.id:4} {claim.section:12} {claim.claim}{'' if claim.checks else ' (no trials)'}")
-            return
-        from epuck_sim.replication.page import write_replication
-        from epuck_sim.replication.sweeps import Version
-        from epuck_sim.sweep.cluster import DaskCluster
-        from epuck_sim.sweep.executors import local_pool
+    known = read_claims(file or SHIPPED)
+    chosen = known.choose(tuple(claims or ()))
+    if only_list:
+        for claim in chosen:
+            typer.echo(f"{claim.id:4} {claim.section:12} {claim.claim}{'' if claim.checks else ' (no trials)'}")
+        return
+    from epuck_sim.replication.page import write_replication
+    from epuck_sim.replication.sweeps import Version
+    from epuck_sim.sweep.cluster import DaskCluster
+    from epuck_sim.sweep.executors import local_pool
 
-        open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
-        version = Version.FULL if full else Version.QUICK
-        failed = _run_claims(known, chosen, out, version, open_pool)
-        answers, file = write_replication(known, chosen, out, version)
-        for answer in answers:
-            typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")
-        typer.echo(file)
-        if failed:
-            typer.echo(f"{counted(failed, 'trial')} failed; give the command again to retry them", err=True)
-            raise typer.Exit(1)
+    open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
+    version = Version.FULL if full else Version.QUICK
+    failed = _run_claims(known, chosen, out, version, open_pool)
+    answers, file = write_replication(known, chosen, out, version)
+    for answer in answers:
+        typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")
+    typer.echo(file)
+    if failed:
+        typer.echo(f"{counted(failed, 'trial')} failed; give the command again to retry them", err=True)
+        raise typer.Exit(1)
 
 
 def _run_claims(
