@@ -44,6 +44,10 @@ CUT_OFF = (
 )
 
 
+ANY_METADATA: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
+"""Options for films whose metadata are no UTF-8, which PyAV reads by itself from version 19 on."""
+
+
 @contextmanager
 def open_film(path_or_url: str) -> Iterator["Film"]:
     """Open a file, numbered pictures (`frames_%04d.png`), or an address (`http://...`) for the duration of a block.
@@ -54,7 +58,7 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
     is_address = "://" in path_or_url
     source = path_or_url if is_address else _resolve_file(path_or_url)
     try:
-        container = av.open(source, metadata_errors="replace", timeout=TIMEOUT_S if is_address else None)
+        container = av.open(source, timeout=TIMEOUT_S if is_address else None, **ANY_METADATA)
     except FileNotFoundError as error:
         raise FilmError(
             f"{path_or_url}: no such file; allowed: a film, numbered pictures such as frames_%04d.png whose first "
