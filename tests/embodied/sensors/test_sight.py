@@ -98,7 +98,7 @@ def visited(view: FieldOfView, scene: Any) -> set[int]:
 
 @pytest.mark.parametrize("heading", [0.3, 1.4, -2.0, -0.9])
 def test_a_search_visits_a_part_of_the_cells_and_ends_where_all_is_met(heading):
-    scene, view = scene_of(700, 700, 1000), view_of(350, 350, heading, 0.5)
+    scene, view = scene_of(700, 700, 1000), view_of(350.0, 350.0, heading, 0.5)
     assert len(visited(view, scene)) < 0.25 * scene.columns * scene.rows
     strips = make_strips(view, scene)
     fifth = distance_beyond(make_wedge(view, strips), strips, strips.first + 5 * strips.step)
@@ -108,11 +108,11 @@ def test_a_search_visits_a_part_of_the_cells_and_ends_where_all_is_met(heading):
 @given(headings, st.floats(0.01, 3), st.floats(-math.pi, math.pi), st.floats(4, 300))
 def test_a_robot_well_beside_a_view_is_ruled_out(heading: float, width: float, bearing: float, distance: float) -> None:
     off = abs(math.remainder(bearing - heading, 2 * math.pi)) - width / 2
-    view = view_of(0, 0, heading, width)
+    view = view_of(0.0, 0.0, heading, width)
     dx, dy = distance * math.cos(bearing), distance * math.sin(bearing)
     if 0 < off < math.pi / 2 and math.sin(off) * distance > RADIUS_CM + 1e-5:
         assert not may_contain_robot(view, dx, dy)
-    assert may_contain_robot(view_of(0, 0, heading, 3.2), dx, dy)
+    assert may_contain_robot(view_of(0.0, 0.0, heading, 3.2), dx, dy)
 
 
 @given(st.floats(-100, 100).filter(bool), st.floats(-100, 100))
