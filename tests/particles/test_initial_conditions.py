@@ -89,7 +89,7 @@ def test_jittered_periods_are_normal_around_the_nominal_one(jitter):
     start = swarm.phases()
     swarm._arrays.scene.now = 1e-3
     periods = 1e-3 / (swarm.phases() - start)
-    assert stats.kstest(swarm._arrays.period, "norm", args=(1, jitter)).pvalue > UNLIKELY
+    assert stats.kstest(swarm._arrays.period, stats.norm(1, jitter).cdf).pvalue > UNLIKELY
     assert periods == pytest.approx(swarm._arrays.period, rel=1e-9)
     assert swarm._arrays.period.min() >= 0.1
     assert stats.kstest(start, "uniform").pvalue > UNLIKELY  # jitter leaves phases uniform
