@@ -20,6 +20,7 @@ from epuck_sim.figures.style import add_shared_legend, make_logarithmic
 from epuck_sim.overhead.compare import QuantityComparison
 from epuck_sim.overhead.synchrony import MIN_COVERAGE, Evaluation, frame_ends
 from epuck_sim.overhead.track import Snapshot, Track
+from epuck_sim.util.messages import counted
 
 COLUMNS = ("time_s", "periods", "count", "spread_ms")
 """Columns of the table, a row per evaluation: time of the mode on the film's clock and in periods, rings, spread."""
@@ -70,7 +71,7 @@ def _draw_picture(page: SubFigure, track: Track, snapshot: Snapshot) -> None:
     panel.imshow(snapshot.picture)
     for column, row, radius in snapshot.rings_px:
         panel.add_patch(Circle((column, row), radius, fill=False, color=FOUND, linewidth=2))
-    rings = "1 ring" if len(snapshot.rings_px) == 1 else f"{len(snapshot.rings_px)} rings"
+    rings = counted(len(snapshot.rings_px), "ring")
     panel.set(xticks=[], yticks=[])
     panel.set_title(f"{track.periods_at(snapshot.time_s):.1f} periods: {rings}", fontsize="medium")
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.measures.common import Series, allowed, phases_at
+from epuck_sim.measures.common import BELOW_HALF_A_CYCLE, Series, allowed, phases_at
 
 
 def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
@@ -38,7 +38,7 @@ class _Clusters(Series):
         super().__init__(simulation)
         self._gap = gap
 
-    check = staticmethod(allowed(gap=(lambda gap: 0 <= gap < 0.5, "0 up to 0.5, in cycles")))
+    check = staticmethod(allowed(gap=BELOW_HALF_A_CYCLE))
 
     def cycle(self, event: Any, _: Any) -> None:
         self.take(cluster_numbers(phases_at(self._simulation, event), self._gap))

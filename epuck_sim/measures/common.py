@@ -36,15 +36,17 @@ class Share:
 Rule = tuple[Callable[[Any], bool], str]
 """Whether a parameter is allowed, and what is."""
 
+BELOW_HALF_A_CYCLE: Rule = (lambda cycles: 0 <= cycles < 0.5, "0 up to 0.5, in cycles")
+
 
 def one_of(choices: Collection[str]) -> Rule:
     """Return the rule of a parameter that is one of some words."""
     return choices.__contains__, ", ".join(choices)
 
 
-def up_to(most: int, least: int = 1) -> Rule:
-    """Return the rule of a whole number that has a limit."""
-    return lambda number: least <= number <= most, f"{least} to {most}"
+def up_to(most: int) -> Rule:
+    """Return the rule of a whole number from 1 to a limit."""
+    return lambda number: 1 <= number <= most, f"1 to {most}"
 
 
 def allowed(**rules: Rule) -> Callable[[SimpleNamespace], None]:

@@ -8,13 +8,10 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.elementary import log
-from epuck_sim.measures.common import Rule, allowed
+from epuck_sim.measures.common import BELOW_HALF_A_CYCLE, allowed
 
 SMALLEST, LARGEST = 1e-12, 0.1
 """Deviations, in cycles, between which a perturbation grows or shrinks freely: above rounding, far below a cycle."""
-
-
-DISPLACEMENT: Rule = (lambda displacement: 0 <= displacement < 0.5, "0 up to 0.5, in cycles")
 
 
 class _Twin:
@@ -35,7 +32,7 @@ class _Twin:
         self._twin = make_twin(simulation.scenario, simulation.seed, displacement)
         self._deviations: list[float] = []
 
-    check = staticmethod(allowed(displacement=DISPLACEMENT))
+    check = staticmethod(allowed(displacement=BELOW_HALF_A_CYCLE))
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
@@ -89,7 +86,7 @@ class PerturbationTransient(_Twin):
 
     check = staticmethod(
         allowed(
-            displacement=DISPLACEMENT,
+            displacement=BELOW_HALF_A_CYCLE,
             tolerance=(lambda tolerance: 0 < tolerance < 0.5, "above 0 up to 0.5, in cycles"),
         )
     )

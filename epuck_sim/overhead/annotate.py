@@ -13,6 +13,7 @@ import numpy as np
 from epuck_sim.arrays import IntArray
 from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.flashes import TrackedFrame
+from epuck_sim.util.messages import counted
 
 PERIODS = 2  # past periods that the histogram shows
 STRIP_SHARE = 0.2  # height of the strip below the picture, relative to the picture's; about that of Fig. 4.5
@@ -74,7 +75,7 @@ class Annotator:
         self._draw_bars(strip[2 * self._line_px :], frame.time_s)
         since_s = frame.time_s - self._start_s
         self._write(strip, 0, f"{since_s:.1f} s = {since_s / self._period_s:.1f} periods")
-        self._write(strip, 1, "1 ring" if len(rings) == 1 else f"{len(rings)} rings")
+        self._write(strip, 1, counted(len(rings), "ring"))
         if self._spread_s is not None:
             self._write(strip, 0, f"spread {1000 * self._spread_s:.0f} ms", is_right=True)
         if histogram_s is not None:

@@ -36,13 +36,6 @@ def shelf(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch) -> Path:
-    """Return the current folder, which is empty."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
 def nothing_runs(monkeypatch) -> None:
     """Have no trial simulated."""
     monkeypatch.setattr("epuck_sim.cli.trials.simulate", lambda *_, **__: pytest.fail("it ran"))

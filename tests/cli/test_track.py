@@ -54,13 +54,6 @@ def shelf(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch) -> Path:
-    """Return the current folder, which is empty."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
 def nothing_runs(monkeypatch) -> None:
     """Fail if a film is opened."""
     monkeypatch.setattr(track, "open_film", lambda *_: pytest.fail("it ran"))

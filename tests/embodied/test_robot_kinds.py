@@ -8,9 +8,7 @@ import pytest
 
 from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.scenario.loader import load_scenario
 
-KILOBOT = load_scenario("kilobots").robot
 RADIO = {"kind": "radio"}
 NOTHING_MM = 65535
 FLOOR = {"width_cm": 50, "height_cm": 50}

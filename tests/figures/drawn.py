@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 
 from epuck_sim.display.table import csv_text
 from epuck_sim.figures.saving import Table
@@ -20,12 +18,6 @@ def laid_out(figure: Figure) -> Figure:
 def legend_texts(figure: Figure) -> list[str]:
     """Return the texts of the legend below the panels; none without a legend."""
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-
-
-def shown_text(text: Text) -> str:
-    """Return what a text shows that is no formula; raise AssertionError for a formula."""
-    assert not is_math_text(text.get_text())
-    return text.get_text().replace(r"\$", "$")
 
 
 def written(folder: Path, table: Table) -> list[dict[str, str]]:

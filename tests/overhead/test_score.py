@@ -11,7 +11,6 @@ from epuck_sim.arrays import FloatArray
 from tests.overhead.score import WITHIN_CM, compare
 
 NONE = np.empty((0, 2))
-TWO = np.array([[10.0, 10.0], [20.0, 10.0]])
 
 
 @given(

@@ -38,6 +38,7 @@ from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import versions
+from tests.embodied.steps import bare_step
 from tests.recording.recordings import Array, Found, compare, recorded, towards
 
 RADIUS_CM = 3.7
@@ -584,9 +585,7 @@ def test_flashes_and_firings_of_made_up_steps(story: tuple[BoolArray, FloatArray
     watch = SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=periods, events=[]))
     buffer, batches, counted = RobotBuffer(scenario, Level.SUMMARY, size), [], []
     for number, (ring_on, phase_ms) in enumerate(zip(rings, phases, strict=True)):
-        memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
-        seen = (np.empty((0, 2)), np.ones(len(ring_on), bool), None, (memory,), (), None, {})
-        step = Step(number, number / 10, *[np.empty(0)] * 5, ring_on, ring_on, *seen)
+        step = bare_step(number, number / 10, ring_on, phase_ms)
         cycles = watch.cycles
         watch.look(step)
         buffer.append(step, watch)

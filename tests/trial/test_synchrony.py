@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.step import Step
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.embodied import SynchronyWatch
+from tests.embodied.steps import bare_step
 
 TAU = 5000.0
 
@@ -68,10 +68,7 @@ def watch(periods, step_s=0.1, **stop):
 
 def step(number, rings, phase_ms):
     """Return a step in which these rings are lit and oscillators have these phases."""
-    memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
-    nothing, lit = np.empty(0), np.array(rings, bool)
-    present = np.ones(len(lit), bool)
-    return Step(number, 0.0, *[nothing] * 5, lit, lit, nothing, present, None, (memory,), (), None, {})
+    return bare_step(number, 0.0, np.array(rings, bool), phase_ms)
 
 
 def shown(watched, rings, phase_ms=(0, 0)):
