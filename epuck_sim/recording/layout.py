@@ -1,11 +1,10 @@
 """Layouts of the viewer: the arena on the left, plots on the right, pictures below, time in seconds."""
 
-import tempfile
 from collections.abc import Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
+import rerun as rr
 import rerun.blueprint as rrb
 
 from epuck_sim.control.interface import SENSORS
@@ -18,12 +17,9 @@ from epuck_sim.recording.rows import population_of
 from epuck_sim.recording.rrd_file import APPLICATION, TIMELINE
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.util.atomic_write import write_errors
 
 MARGIN_CM, MARGIN_SHARE = 2.0, 1 / 30
 """Margin around the arena of robots, cm, and around the space of agents, as a share of its width."""
-
-LAYOUT_BYTES = 2_000_000  # more than the file of any layout takes
 
 
 class Arrangement(NamedTuple):
@@ -127,14 +123,11 @@ def _blueprint(body: rrb.Container) -> rrb.Blueprint:
 
 @lru_cache
 def layout_file(given: Arrangement) -> bytes:
-    """Return a layout as a file for the viewer (.rbl), which is cached: rerun leaves two threads behind for each.
+    """Return a layout as a file for the viewer, which is cached: rerun leaves four threads behind for each.
 
-    Raises:
-        EpuckSimError: The folder for temporary files has no room.
+    It is made in memory: on a full disk rerun would wait for ever for room. It holds an empty recording, too.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "layout.rbl"
-        with write_errors(file):
-            file.write_bytes(bytes(LAYOUT_BYTES))  # rerun would wait for ever for room
-        make_layout(given).save(APPLICATION, file)
-        return file.read_bytes()
+    stream = rr.RecordingStream(APPLICATION, send_properties=False)
+    layout = stream.memory_recording()
+    stream.send_blueprint(make_layout(given))
+    return layout.drain_as_bytes()

@@ -64,7 +64,7 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[
     Args:
         path: The recording; an older one stays, and nothing else is left, if the block ends with an error.
         recording_id: The recording's name in the viewer.
-        layout: Contents of a layout's file, which becomes a part of the recording.
+        layout: Contents of a layout's file, which becomes a part of the recording; its empty recording takes this name.
 
     Raises:
         EpuckSimError: The file cannot be written.
@@ -72,15 +72,18 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[
     check_recording_target(path)
     path = path.resolve()
     with temporary_path(path) as folder:
-        layout_part, data_part, whole = (folder / name for name in ("layout.rbl", "data.rrd", "whole.rrd"))
+        layout_part, named_part, data_part, whole = (
+            folder / f"{name}.rrd" for name in ("layout", "named", "data", "whole")
+        )
         with _blaming(path):
             folder.mkdir()
             layout_part.write_bytes(layout)
+            run_rerun("rrd", "route", "--recording-id", recording_id, str(layout_part), "-o", str(named_part))
         with _written(data_part, recording_id, path) as write:
             write([static_chunk(SEAL, rr.AnyValues(digest=(_GUARD + _MARK + _BLANK + _GUARD).decode()))])
             yield write
         with _blaming(path):
-            run_rerun("rrd", "route", str(layout_part), str(data_part), "-o", str(whole))
+            run_rerun("rrd", "route", str(named_part), str(data_part), "-o", str(whole))
             _seal(whole)
             publish(whole, path)
 

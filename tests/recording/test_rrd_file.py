@@ -17,8 +17,8 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.recording import Level, recorder
-from epuck_sim.recording.layout import LAYOUT_BYTES, arrangement_of, layout_file
-from epuck_sim.recording.process import run_rerun
+from epuck_sim.recording.layout import arrangement_of, layout_file
+from epuck_sim.recording.process import PROGRAM, run_rerun
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.embodied import SynchronyWatch
@@ -131,13 +131,23 @@ def test_where_there_is_no_room_nothing_is_left(tmp_path, part: str) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_folder_for_temporary_files_without_room_is_an_error_at_once(tmp_path) -> None:
+def test_a_layout_is_made_without_a_disk(tmp_path) -> None:
     layout_file.cache_clear()
-    said = r"layout\.rbl: cannot be written: File too large"
-    with room_for(LAYOUT_BYTES // 2), pytest.raises(EpuckSimError, match=said):
+    with room_for(0), pytest.raises(EpuckSimError, match=r"t\.rrd: .*File too large"):
         recorded(tmp_path / "t.rrd")
     assert list(tmp_path.iterdir()) == []
-    assert len(layout_file(arrangement_of(load_scenario("thesis"), Level.FULL))) < LAYOUT_BYTES // 5
+
+
+def test_a_file_holds_one_recording_and_the_layout_that_is_shown_with_it(tmp_path) -> None:
+    recorded(tmp_path / "t.rrd")
+    reader = RrdReader(tmp_path / "t.rrd")
+    ((recording,), (layout,)) = reader.recordings(), reader.blueprints()
+    assert recording.recording_id == layout.recording_id == recorder.recording_id(SCENARIO, 1, Level.FULL)
+    done = subprocess.run([*PROGRAM, "rrd", "print", tmp_path / "t.rrd"], capture_output=True, text=True, check=True)
+    activation = (
+        f'BlueprintActivationCommand(StoreId(Blueprint, "epuck-sim", "{layout.recording_id}"), make_active: true'
+    )
+    assert activation in done.stdout
 
 
 @pytest.mark.usefixtures("small_buffers")
