@@ -43,7 +43,7 @@ def costs():
 def _sort_states(block: ByteArray, poses: FloatArray, times: int) -> None:
     for _ in range(times):
         for state in range(len(poses)):
-            place_robots(swarm_at(block), poses[state])
+            place_robots(block, poses[state])
 
 
 @jit_no_alloc
@@ -51,7 +51,7 @@ def _see_states(block: ByteArray, addresses: IntArray, poses: FloatArray, lit: B
     swarm = swarm_at(block)
     for _ in range(times):
         for state in range(len(poses)):
-            place_robots(swarm, poses[state])
+            place_robots(block, poses[state])
             for robot in range(len(swarm.robots)):
                 swarm.robots[robot].ring_on = lit[state, robot]
             look(block, addresses, 0)
