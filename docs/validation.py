@@ -37,7 +37,7 @@ SEED = 35
 """Seed of all sweeps: no other page has trials of it."""
 LEVEL = 0.025
 """Chance of a finding in single points, and of one in whole tables, if the simulators agree: 0.05 together."""
-FARTHEST = 5
+FARTHEST = 3
 """Number of points that the page names."""
 
 LIMIT = "stop.max_cycles"
