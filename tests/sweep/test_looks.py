@@ -77,7 +77,7 @@ def test_workers_and_interruptions_do_not_change_what_is_run(tmp_path, all_trial
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(scenario, folder, partial(local_pool, 3), stop, until=Looks(ASKED))
+        run_sweep(scenario, folder, partial(local_pool, 2), stop, until=Looks(ASKED))
     assert set(table(folder)) < set(rows)
     run_sweep(scenario, folder, pool_here, until=Looks(ASKED))
     assert table(folder) == rows
