@@ -176,14 +176,14 @@ class SweepProgressBar(_ProgressLine):
 
 
 def progress_bar(doing: str) -> "ProgressWrapper":
-    """Return what passes frames, or rows with a time, on and shows on a terminal's stderr how far they are."""
+    """Return a wrapper of frames, or of rows with a time, that shows their progress on a terminal's stderr."""
     return lambda timed, duration_s: _passed(
         timed, doing, "{task.completed:.0f} s of film", duration_s, lambda row: row[0]
     )
 
 
 def trials_bar(trials: int) -> Callable[[Iterable[int]], Iterable[int]]:
-    """Return what passes numbers of trials on, and shows on a terminal's stderr how many there were."""
+    """Return a wrapper of numbers of trials that shows their progress on a terminal's stderr."""
     said = "{task.completed} of {task.total} trials"
     return lambda numbers: _passed(numbers, "simulating", said, trials, lambda number: number + 1)
 

@@ -167,7 +167,7 @@ def read_ends(
 
 
 def _read_json(connection: sqlite3.Connection, key: str, column: str) -> list[Any]:
-    """Return what is in a column of JSON for each trial of a point that has a result, in order."""
+    """Return a column of JSON, decoded, for each trial of a point that has a result, in order."""
     query = f"SELECT {column} FROM trials WHERE point = ? AND error IS NULL ORDER BY trial"
     return [text and json.loads(text) for (text,) in connection.execute(query, (key,))]
 
