@@ -204,20 +204,21 @@ PAGE = """# Validation against other simulators
 
 *For whoever asks whether other programs find the same.*
 
-T_sync of this program is compared, point by point, with that of [simulators that share no code with it](peers/README.md):
-Enki, in which the thesis's robots were simulated, and a C++ program of the point agents. `{command}` makes
-this page from their tables and its own trials (seed {seed}), and ends with exit code 1 if anything is found.
+T_sync of this program is compared, point by point, with that of
+[simulators that share no code with it](peers/README.md): Enki, in which the thesis's robots were simulated, and a C++
+program of the point agents. `{command}` makes this page from their tables and its own trials (seed {seed}),
+and ends with exit code 1 if anything is found.
 
 {verdict}
 
 {tables}
 
-At each point the tests of Mann and Whitney, of Kolmogorov and Smirnov and, where trials are censored, the log-rank test
-ask whether both samples have one distribution; points at which all trials have one value are left out. Over a table, the
-sum of z squared of the first test is compared with chi-square (differences either way), and the sum of z with the normal
-distribution (a shift). p-values of all points, and of all tables, are corrected by Holm's method; something is found if
-the smallest of either is below {level}. The ratio of means, ours over theirs, is the geometric mean over points, with its
-95 % interval; means are restricted to the limit.
+At each point the tests of Mann and Whitney, of Kolmogorov and Smirnov and, where trials are censored, the log-rank
+test ask whether both samples have one distribution; points at which all trials have one value are left out. Over a
+table, the sum of z squared of the first test is compared with chi-square (differences either way), and the sum of z
+with the normal distribution (a shift). p-values of all points, and of all tables, are corrected by Holm's method;
+something is found if the smallest of either is below {level}. The ratio of means, ours over theirs, is the geometric
+mean over points, with its 95 % interval; means are restricted to the limit.
 
 Enki sees robots whose centre is nearer than R + {radius} cm; here, chapter 3's robots see as far with an ideal cone
 instead of their default camera ([signals.md](signals.md)).

@@ -42,7 +42,7 @@ def test_the_share_of_a_sweep_that_is_not_simulation(benchmark, tmp_path) -> Non
     """CPU seconds of the command on two workers beside those of the same trials in a plain loop."""
     axis = f"robots.0.parameters.speed_cm_s={SPEEDS}"
     found = points(load_scenario("thesis", [f"trials={TRIALS}"], [axis]))
-    tasks = [*missing_tasks(found, FinishedTrials([]), interpret=False)]
+    tasks = [*missing_tasks(found, [range(TRIALS)] * len(found), FinishedTrials([]), interpret=False)]
     run_chunk(tasks[:1])
     began = time.process_time()
     run_chunk(tasks)
@@ -65,7 +65,7 @@ def test_the_share_of_a_sweep_that_is_not_simulation(benchmark, tmp_path) -> Non
 def test_ten_thousand_short_trials_in_one_process(benchmark) -> None:
     """Time and memory of the last thousand beside the second thousand; the first warms caches up."""
     found = points(load_scenario("pair", ["trials=10000", "stop.max_cycles=1"]))
-    tasks = [*missing_tasks(found, FinishedTrials([]), interpret=False)]
+    tasks = [*missing_tasks(found, [range(10000)], FinishedTrials([]), interpret=False)]
     blocks = [tasks[first : first + 1000] for first in range(0, len(tasks), 1000)]
     seconds, resident = [], []
 
