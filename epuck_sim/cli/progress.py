@@ -20,6 +20,7 @@ from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.stop import StopSection
 from epuck_sim.trial.hopelessness import CYCLES, HopelessnessWatch
 from epuck_sim.trial.result import TrialState
+from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # films are a neighbour
     from epuck_sim.overhead.camera import ProgressWrapper
@@ -164,11 +165,14 @@ class SweepProgressBar(_ProgressLine):
         failed = f", {progress.failed} failed" if progress.failed else ""
         censored = "" if progress.censored is None else f", {progress.censored} censored"
         words = f"{progress.stored} of {progress.trials} trials{censored}{failed}"
+        if progress.narrow is not None:
+            words = f"{words}, {progress.narrow} of {counted(len(self.points), 'point')} narrow enough"
         left = progress.trials - progress.stored - progress.failed
         if self._began is None or progress.ended < 2:
             return f"{words}; starting workers" if left else words
         a_minute = (progress.ended - 1) / max(now - self._began, 1e-9) * 60
-        return f"{words}, {a_minute:.0f} a minute, {in_words(left / a_minute * 60)} left"
+        words = f"{words}, {a_minute:.0f} a minute"
+        return words if progress.narrow is not None else f"{words}, {in_words(left / a_minute * 60)} left"
 
 
 def progress_bar(doing: str) -> "ProgressWrapper":
