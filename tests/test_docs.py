@@ -135,9 +135,11 @@ def shorter(words: list[str]) -> list[str]:
         case ["run", name, *_] if name.startswith(LONG_SWEEPS):
             return ["--trials", "1", "--set", "stop.max_cycles=2"]
         case ["run", *options] if "--film" in options or any("further_cycles" in option for option in options):
-            return [*SMALL_PICTURES, "--set", "stop.max_cycles=3"]
+            return [*SMALL_PICTURES, "--set", "stop.max_cycles=2", "--set", "stop.further_cycles=2"]
         case ["film", *_]:
             return SMALL_PICTURES
+        case ["compare-film", *_]:
+            return ["--trials", "3"]
         case ["plan", *options] if "--seconds" in options:
             return ["--seconds", "0.5"]
     return []

@@ -1,7 +1,5 @@
 """Films of trials, by `run --film` and by `film`: what they write and print, and how mistakes end."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -122,16 +120,3 @@ def test_ctrl_c_leaves_an_older_film_and_nothing_half_written(shelf, here, monke
     result = call("film", shelf / "three.rrd", "t.mp4")
     assert (result.exit_code, result.stdout, result.stderr) == (130, "", "interrupted\n")
     assert contents(here) == {"t.mp4": b"older"}
-
-
-def test_help_loads_nothing_that_takes_a_while() -> None:
-    script = (
-        "import sys\nfrom epuck_sim.cli.app import app\n"
-        "for words in (['--help'], ['film', '--help'], ['track', '--help'], ['run', '--help']):\n"
-        "    try: app(words)\n    except SystemExit as end: assert not end.code\n"
-        "    heavy = {'av', 'cv2', 'numpy', 'scipy', 'numba', 'matplotlib', 'rerun', 'rerun_sdk', 'pymunk'}\n"
-        "    print('loaded', sorted(heavy & sys.modules.keys()))"
-    )
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    loaded = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
-    assert loaded == ["loaded []"] * 4

@@ -84,19 +84,16 @@ def test_a_controller_that_raises_is_named_with_robot_step_and_seed(tmp_path, in
     assert sorted(path.name for path in tmp_path.glob("*.parquet*")) == []
 
 
-@pytest.mark.parametrize(("as_json", "signalled"), [([], signal.SIGINT), (["--json"], signal.SIGTERM)])
-def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(
-    tmp_path, as_json: list[str], signalled: signal.Signals
-) -> None:
+def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(tmp_path) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 1000}")
-    process = start([*COMMAND, "run", scene, "--trials", "1000", "--trace", tmp_path / "t.parquet", *as_json])
+    process = start([*COMMAND, "run", scene, "--trials", "1000", "--trace", tmp_path / "t.parquet"])
     wait_until(lambda: any(tmp_path.glob("t-1.parquet.*.part")) or process.poll() is not None, 120)
-    process.send_signal(signalled)
+    process.send_signal(signal.SIGTERM)
     stdout, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
     assert stderr.strip() == "interrupted"
-    assert stdout.count(" 1000 " if not as_json else '"simulated_s": 1000.0') >= 1
+    assert stdout.count(" 1000 ") >= 1
     assert (tmp_path / "t-0.parquet").exists()
     assert list(tmp_path.glob("*.part")) == []
 
