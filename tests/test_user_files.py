@@ -4,6 +4,7 @@ import importlib
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -37,16 +38,20 @@ def look_again() -> None:
         vars(kind).pop("offers", None)
 
 
-@pytest.fixture
-def site(tmp_path, monkeypatch):
-    """A folder in which packages can be installed, for this process and for those that it starts."""
-    folder = tmp_path / "site"
-    folder.mkdir()
+def offer(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Have packages in a folder installed, for this process and for those that it starts."""
     monkeypatch.syspath_prepend(folder)
     monkeypatch.setenv("PYTHONPATH", str(folder), prepend=":")
     look_again()
     yield folder
     look_again()
+
+
+@pytest.fixture
+def site(tmp_path, monkeypatch):
+    """A folder in which packages can be installed."""
+    (tmp_path / "site").mkdir()
+    yield from offer(tmp_path / "site", monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -61,11 +66,7 @@ def built(tmp_path_factory) -> Path:
 @pytest.fixture
 def plugins(built, monkeypatch):
     """The two packages in `tests/plugins`, installed."""
-    monkeypatch.syspath_prepend(built)
-    monkeypatch.setenv("PYTHONPATH", str(built), prepend=":")
-    look_again()
-    yield built
-    look_again()
+    yield from offer(built, monkeypatch)
 
 
 def install(site: Path, package: str, group: str, name: str, module: str) -> None:

@@ -43,8 +43,9 @@ def write_scene(folder: Path) -> Path:
 def _compiled(tmp_path_factory) -> None:
     """Compile, into the cache, what the trials need."""
     folder = tmp_path_factory.mktemp("compiled")
-    short = ["--set", "stop.max_time_s=0.3", "--record", folder / "t.rrd"]
-    subprocess.run([*COMMAND, "run", write_scene(folder), *short], check=True, capture_output=True)
+    subprocess.run(
+        [*COMMAND, "run", write_scene(folder), "--set", "stop.max_time_s=0.3"], check=True, capture_output=True
+    )
 
 
 @pytest.fixture
@@ -70,10 +71,12 @@ def wait_for_the_loop(process: subprocess.Popen) -> None:
     assert process.stdout.readline() == "in the loop\n"
 
 
-@pytest.mark.parametrize("request_", [[signal.SIGTERM], [signal.SIGINT, signal.SIGINT]])
-def test_a_compiled_controller_in_an_endless_loop_is_ended_and_leaves_nothing(scene, request_) -> None:
+@pytest.mark.parametrize(
+    ("request_", "written"), [([signal.SIGTERM], "--record=t.rrd"), ([signal.SIGINT] * 2, "--trace=t.parquet")]
+)
+def test_a_compiled_controller_in_an_endless_loop_is_ended_and_leaves_nothing(scene, request_, written) -> None:
     before = sorted(path.name for path in scene.parent.iterdir())
-    process = running(scene, "--trace", "t.parquet", "--record", "t.rrd")
+    process = running(scene, written)
     wait_for_the_loop(process)
     assert process.stderr is not None
     for number, each in enumerate(request_):

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 from epuck_sim.cli.trials import LiveView
@@ -148,15 +147,6 @@ def test_a_recorded_run_prints_the_same_and_writes_the_file(tmp_path) -> None:
     check_same(read_recording(tmp_path / "t.rrd"), load_scenario("thesis"), 0)
 
 
-def test_several_trials_are_recorded_into_a_file_each(tmp_path) -> None:
-    rows = trials(called("run", "pair", "--trials", "3", "--seed", "7", "--json", "--record", tmp_path / "t.rrd"))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["t-0.rrd", "t-1.rrd", "t-2.rrd"]
-    for number, row in enumerate(rows):
-        recorded = read_recording(tmp_path / f"t-{number}.rrd")
-        assert (recorded.seed, recorded.cycles, len(recorded.time_s)) == (row["seed"], row["cycles"], row["steps"])
-    assert len({row["seed"] for row in rows}) == 3
-
-
 @pytest.mark.parametrize("level", Level)
 def test_the_level_says_how_much_is_recorded_and_any_is_shown(tmp_path, views, level: Level) -> None:
     called("run", "pair", "--record", tmp_path / "t.rrd", "--record-level", level, "--memory", "phase_ms")
@@ -165,15 +155,6 @@ def test_the_level_says_how_much_is_recorded_and_any_is_shown(tmp_path, views, l
     assert read.memory["phase_ms"].shape == (len(read.time_s), 2)
     called("replay", tmp_path / "t.rrd")
     assert views.shown == [tmp_path / "t.rrd"]
-
-
-def test_a_trial_is_recorded_and_traced_at_once(tmp_path) -> None:
-    called("run", "thesis", "--record", tmp_path / "t.rrd", "--trace", tmp_path / "t.parquet")
-    recorded, table = read_recording(tmp_path / "t.rrd"), pq.read_table(tmp_path / "t.parquet")
-    traced = np.column_stack([table["x_cm"], table["y_cm"]]).astype(np.float32)
-    np.testing.assert_array_equal(recorded.positions.reshape(-1, 2), traced)
-    np.testing.assert_array_equal(recorded.phase_ms.ravel(), table["phase_ms"])
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["t.parquet", "t.rrd"]
 
 
 def test_a_trial_of_a_sweep_can_be_recorded_by_run(swept, tmp_path) -> None:

@@ -11,7 +11,7 @@ from epuck_sim.cli import progress
 from epuck_sim.util import atomic_write
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, ROBOTS, SWEEPS, builtin_files
 from epuck_sim.util.messages import natural_order
-from tests.cli.commands import call, called
+from tests.cli.commands import call, called, trials
 from tests.processes import COMMAND, start, wait_until
 
 BAD_STEP = """
@@ -26,14 +26,8 @@ def step(sensors, memory, actuators, parameters, random):
 """
 
 
-def trials(*arguments: str) -> list[dict]:
-    result = call("run", *arguments, "--json")
-    assert result.exit_code == 0, result.stderr
-    return [json.loads(line) for line in result.stdout.splitlines()]
-
-
 def test_json_is_one_object_a_trial_and_nothing_else_on_stdout() -> None:
-    rows = trials("thesis", "--trials", "3", "--seed", "5")
+    rows = trials(called("run", "thesis", "--trials", "3", "--seed", "5", "--json"))
     assert len(rows) == 3
     for row in rows:
         wanted = {"scenario", "seed", "t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps"}
@@ -46,19 +40,17 @@ def test_json_is_one_object_a_trial_and_nothing_else_on_stdout() -> None:
 
 
 def test_the_seed_of_a_row_gives_the_same_trial_alone() -> None:
-    first, second, third = trials("thesis", "--trials", "3", "--seed", "5")
+    first, second, third = trials(called("run", "thesis", "--trials", "3", "--seed", "5", "--json"))
     assert first["seed"] == 5
     assert len({first["seed"], second["seed"], third["seed"]}) == 3
     for row in (first, third):
-        (alone,) = trials("thesis", "--seed", str(row["seed"]))
-        assert {**alone, "wall_s": 0} == {**row, "wall_s": 0}
+        assert trials(called("run", "thesis", "--seed", row["seed"], "--json")) == [row]
 
 
 def test_a_censored_trial_says_so() -> None:
-    result = call("run", "thesis", "--set", "stop.max_cycles=1", "--set", "stop.order_parameter=1")
-    assert result.exit_code == 0
-    assert "yes, at 1" in result.stdout
-    (row,) = trials("thesis", "--set", "stop.max_cycles=1", "--set", "stop.order_parameter=1")
+    command = ("run", "thesis", "--set", "stop.max_cycles=1", "--set", "stop.order_parameter=1")
+    assert "yes, at 1" in called(*command)
+    (row,) = trials(called(*command, "--json"))
     assert (row["censored"], row["t_sync_cycles"], row["cycles"]) == (True, None, 1)
 
 

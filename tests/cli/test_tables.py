@@ -157,9 +157,6 @@ def test_after_ctrl_c_the_terminal_has_its_cursor_again(monkeypatch) -> None:
     assert written.getvalue().rfind("\x1b[?25h") > written.getvalue().rfind("\x1b[?25l") >= 0
 
 
-# Words
-
-
 # What a folder holds
 
 
