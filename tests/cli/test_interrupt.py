@@ -12,6 +12,7 @@ import pytest
 
 from epuck_sim.cli import app as command
 from epuck_sim.cli import interrupt
+from tests.cli.commands import called
 from tests.processes import COMMAND, processes_marked, start, wait_until
 
 ENDLESS = """
@@ -43,9 +44,7 @@ def write_scene(folder: Path) -> Path:
 def _compiled(tmp_path_factory) -> None:
     """Compile, into the cache, what the trials need."""
     folder = tmp_path_factory.mktemp("compiled")
-    subprocess.run(
-        [*COMMAND, "run", write_scene(folder), "--set", "stop.max_time_s=0.3"], check=True, capture_output=True
-    )
+    called("run", write_scene(folder), "--set", "stop.max_time_s=0.3")
 
 
 @pytest.fixture

@@ -64,7 +64,7 @@ def test_a_trial_a_sweep_and_a_summary_need_nothing_that_windows_lacks(tmp_path:
     program = [sys.executable, "program.py"]
     done = subprocess.run(program, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("T_sync") >= 2
+    assert "T_sync" in done.stdout
 
 
 def test_without_users_all_files_are_ours(tmp_path: Path, monkeypatch) -> None:
