@@ -36,7 +36,7 @@ def test_a_job_whose_time_is_nearly_up_is_queued_again_and_goes_on_to_the_end_of
     job = start(tmp_path, scenario, 2, 3)
     wait_until(lambda: stored(local) > 0, 300)
     job.send_signal(signal.SIGUSR1)
-    assert job.wait(60) == 0
+    assert job.wait(300) == 0
     assert (tmp_path / "requeued").read_text() == "requeue 77_2\n"
     kept = tmp_path / "runs/shares/2"
     assert 0 < stored(kept) < 800

@@ -441,7 +441,7 @@ def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path)
     process = start([*COMMAND, "run", scene, "--trials", "60", "--record", tmp_path / "t.rrd"])
     wait_until(lambda: any(tmp_path.glob("t-1.rrd*part/data.rrd")) or process.poll() is not None, 120)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: rerun's programs hear it, too
-    stdout, stderr = process.communicate(timeout=60)
+    stdout, stderr = process.communicate(timeout=300)
     assert (process.returncode, stderr) == (130, "interrupted\n")
     finished = len(cells(stdout))
     assert finished >= 1

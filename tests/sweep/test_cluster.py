@@ -157,7 +157,7 @@ def test_a_sweep_outlives_workers_that_come_and_go_and_a_scheduler_that_is_start
     assert stored(folder) < 8 * 100
     scheduler()
     worker()
-    _, err = run.communicate(timeout=120)
+    _, err = run.communicate(timeout=300)
     assert run.returncode == 0, err
     run_sweep(load_scenario(path), tmp_path / "here", pool_here)
     assert table(folder) == table(tmp_path / "here")
@@ -179,7 +179,7 @@ def test_the_lines_for_dask_jobqueue_give_workers_to_a_sweep(tmp_path) -> None:
     address = keeper.stdout.readline().strip()
     assert address.startswith("tcp://"), keeper.stderr and keeper.stderr.read()
     run = begin(short_sweep(tmp_path, 1), "--out", tmp_path / "run", "--dask", address, folder=tmp_path)
-    _, err = run.communicate(timeout=120)
+    _, err = run.communicate(timeout=300)
     assert run.returncode == 0, err
     assert stored(tmp_path / "run") == 8
-    keeper.communicate("\n", timeout=60)
+    keeper.communicate("\n", timeout=300)

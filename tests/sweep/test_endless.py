@@ -57,7 +57,7 @@ def test_firmware_that_crashes_or_never_returns_costs_its_own_trials_alone(tmp_p
     folder = tmp_path / "run"
     path = write_sweep(tmp_path, crash=CRASH, loop=LOOP)
     run = begin(path, "--out", folder, "--workers", 2, folder=tmp_path)
-    _, err = run.communicate(timeout=280)
+    _, err = run.communicate(timeout=300)
     assert run.returncode == 1, err
     assert stored(folder) == 6
     failed = errors(folder)
@@ -97,7 +97,7 @@ def run_endless(tmp_path, text: str, *options: object) -> tuple[dict, str]:
         scenario = scenario.replace(name, value)
     (tmp_path / "sweep.yaml").write_text(scenario)
     run = begin("sweep.yaml", "--out", "run", "--workers", 1, *options, folder=tmp_path)
-    _, err = run.communicate(timeout=280)
+    _, err = run.communicate(timeout=300)
     assert run.returncode == 1, err
     assert stored(tmp_path / "run") == 2
     failed = errors(tmp_path / "run")

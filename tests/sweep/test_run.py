@@ -149,7 +149,7 @@ def test_a_run_killed_at_random_moments_and_resumed_gives_the_same_table_and_cle
     assert 0 < kept < everything
     assert len(pools_in(temporary)) == 1
     last = started("")
-    last.communicate(timeout=120)
+    last.communicate(timeout=300)
     assert last.returncode == 0
     assert table(folder) == uninterrupted
     assert [path.name for path in temporary.iterdir()] == ["pymp-of-another-program"]
@@ -164,7 +164,7 @@ def test_a_request_ends_a_sweep_cleanly_and_it_says_how_to_go_on(
     run = begin(path, "--out", folder, "--workers", 2, **options)
     wait_until(lambda: stored(folder) > 5)
     (os.killpg if to_all else os.kill)(run.pid, sign)  # a terminal sends it to all processes
-    out, err = run.communicate(timeout=60)
+    out, err = run.communicate(timeout=300)
     assert run.returncode == 130
     kept = stored(folder)
     assert err.splitlines()[-1].startswith("stopped; ")
@@ -186,7 +186,7 @@ def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path, times: int) -> None:
         with pytest.raises(TimeoutExpired):
             run.wait(random.uniform(0.8, 2.2))
         os.killpg(run.pid, signal.SIGINT)
-        out, err = run.communicate(timeout=30)
+        out, err = run.communicate(timeout=300)
         assert run.returncode == 130, err
         assert "Traceback" not in out + err
         wait_until(lambda mark=mark: not processes_marked(mark))
