@@ -84,3 +84,8 @@ def test_further_robots_leave_the_streams_of_the_others_as_they_were(seed, few, 
     streams = robot_streams(np.random.SeedSequence(seed), few + more)
     assert streams.shape == (few + more, 4)
     assert (streams[:few] == robot_streams(np.random.SeedSequence(seed), few)).all()
+
+
+def test_every_robot_has_a_stream_of_its_own():
+    streams = robot_streams(np.random.SeedSequence(1), 1000)
+    assert len({next_word(random) for random in streams}) == 1000
