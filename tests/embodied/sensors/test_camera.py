@@ -63,8 +63,10 @@ def test_a_lit_robot_covers_the_pixels_within_its_half_width_as_seen_from_the_no
 def test_of_two_robots_as_near_the_lit_one_is_seen():
     # either side of the middle pixel's ray, and overlapping by a hair, as robots that push each other do
     pair = [(130, 100 + 3.6875, 0.0), (130, 100 - 3.6875, 0.0)]
+    behind = [(10.0 + 8 * place, 10.0, 0.0) for place in range(10)]  # where many are lit, all are looked at alike
     for lit in ([True, False], [False, True]):
         assert _row(0.0, pair, lit, CameraSettings(1, 56.0, 1)) == [1]
+        assert _row(0.0, [*pair, *behind], [*lit, *[True] * 10], CameraSettings(1, 56.0, 1)) == [1]
 
 
 @pytest.mark.parametrize("quarter", range(4))
