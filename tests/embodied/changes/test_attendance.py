@@ -14,6 +14,7 @@ from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
+from tests.control.bench import with_step
 from tests.embodied.changes.blocks import controlled_block
 from tests.embodied.changing import SIGNALS, steps_of
 
@@ -158,3 +159,11 @@ def test_who_finds_no_place_ends_the_trial(second, entry, message):
     simulation = Simulation({"robots": robots, "schedule": schedule}, 1)
     with pytest.raises(ScenarioError, match=message):
         simulation.advance(25)
+
+
+def test_a_robot_that_leaves_sends_no_more(tmp_path):
+    sender = with_step("actuators.send = 5\n    memory.x = sensors.pulses")
+    (tmp_path / "sender.py").write_text(sender)
+    group = {"count": 2, "controller": str(tmp_path / "sender.py"), "signal": {"kind": "radio"}}
+    simulation = Simulation({"robots": [group], "schedule": [{"at_s": 1, "remove": [1]}]}, 1)
+    assert [simulation.advance(steps).memories[0]["x"][0] for steps in (5, 7)] == [1, 0]
