@@ -37,7 +37,7 @@ SEED = 35
 """Seed of all sweeps: no other page has trials of it."""
 LEVEL = 0.025
 """Chance of a finding in single points, and of one in whole tables, if the simulators agree: 0.05 together."""
-FARTHEST = 5
+FARTHEST = 3
 """Number of points that the page names."""
 
 LIMIT = "stop.max_cycles"
@@ -204,29 +204,28 @@ PAGE = """# Validation against other simulators
 
 *For whoever asks whether other programs find the same.*
 
-T_sync of this program beside that of [simulators that share no code with it](peers/README.md), point by point: Enki, in
-which the thesis's robots were simulated, and a C++ program of the point agents. `{command}` makes this page
-from their tables and from trials of its own (seed {seed}), goes on where it was stopped, and ends with exit code 1 if
-anything is found.
+T_sync of this program is compared, point by point, with that of
+[simulators that share no code with it](peers/README.md): Enki, in which the thesis's robots were simulated, and a C++
+program of the point agents. `{command}` makes this page from their tables and its own trials (seed {seed}),
+and ends with exit code 1 if anything is found.
 
 {verdict}
 
 {tables}
 
-At each point the tests of Mann and Whitney, of Kolmogorov and Smirnov and, where trials are censored, the log-rank test
-ask whether both samples have one distribution; points at which all trials have one value, such as static swarms that
-never synchronise, say nothing and are left out. Over a table, the sum of z squared of the first test is compared with
-chi-square, which finds differences that go either way, and the sum of z with the normal distribution, which finds a
-shift in one direction. p-values of all points, and of all tables, are corrected by Holm's method; something is found if
-the smallest is below {level} of either. The ratio of means, ours over theirs, is the geometric mean over points, with
-its 95 % interval; means are restricted to the limit.
+At each point the tests of Mann and Whitney, of Kolmogorov and Smirnov and, where trials are censored, the log-rank
+test ask whether both samples have one distribution; points at which all trials have one value are left out. Over a
+table, the sum of z squared of the first test is compared with chi-square (differences either way), and the sum of z
+with the normal distribution (a shift). p-values of all points, and of all tables, are corrected by Holm's method;
+something is found if the smallest of either is below {level}. The ratio of means, ours over theirs, is the geometric
+mean over points, with its 95 % interval; means are restricted to the limit.
 
-Enki sees robots whose centre is nearer than R + {radius} cm: so far reaches the cone in which chapter 3's
-robots see here, instead of the camera that they have by default ([signals.md](signals.md)).
+Enki sees robots whose centre is nearer than R + {radius} cm; here, chapter 3's robots see as far with an ideal cone
+instead of their default camera ([signals.md](signals.md)).
 
 ![Ratios of means, and z of all points beside the normal distribution](figures/validation.png)
 
-The points that are farthest apart; p-values as they are, uncorrected:
+The points that are farthest apart, with uncorrected p-values:
 
 {farthest}
 """

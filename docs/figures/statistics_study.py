@@ -19,6 +19,7 @@ from epuck_sim import read_points
 from epuck_sim.statistics.extrema import find_minimum_and_peak
 from epuck_sim.statistics.mean import estimate_mean, resample_means
 from epuck_sim.statistics.measured import Measured, cut, measure_t_sync
+from epuck_sim.statistics.sequential import Precision, look_interval, look_sizes
 from epuck_sim.statistics.survival import median_time, weibull_mean
 from epuck_sim.statistics.two_samples import Pair, contrast, permute, studentised, welch
 
@@ -90,6 +91,35 @@ def _coverage(law: str, trials: int, limit: float, truth: float, samples: int) -
             low, high = np.quantile(resample_means(made, 400), (0.025, 0.975))
             by_percentiles.append(low <= truth <= high)
     return 100 * float(np.mean(held)), float(np.median(widths)), 100 * float(np.mean(by_percentiles))
+
+
+def looks(samples: int = 1000, limit: int = 1000) -> Iterator[Sequence[Any]]:
+    """Yield how often intervals hold the truth where `--until` ends, and the mean number of trials; in per cent.
+
+    Beside them are those that `summarize` prints of these trials, and how often the intervals of all looks hold it.
+    """
+    for censored in CENSORED:
+        for law in LAWS:
+            many = sample(law, 400_000, [0], math.inf).values
+            cut_at = float(np.quantile(many, 1 - censored)) if censored else math.inf
+            truth = np.minimum(many, cut_at).mean()
+            for asked in ("20%", "10%"):
+                found = [_end(sample(law, limit, [1, seed], cut_at), asked, truth) for seed in range(samples)]
+                held, plain, all_looks, trials = np.mean(found, axis=0).tolist()
+                yield law, censored, asked, 100 * held, 100 * plain, 100 * all_looks, trials
+
+
+def _end(trials: Measured, asked: str, truth: float) -> tuple[bool, bool, bool, int]:
+    """Return whether the intervals at the last look hold the truth, the plain one and all, and its trials."""
+    are_held = []
+    for size in look_sizes(len(trials.values)):
+        first = trials._replace(values=trials.values[:size], observed=trials.observed[:size])
+        found = look_interval(first, len(trials.values))
+        are_held.append(found.low <= truth <= found.high)
+        if Precision.parse(asked).width(found) <= 1:
+            break
+    plain = estimate_mean(first)
+    return are_held[-1], plain.low <= truth <= plain.high, all(are_held), size
 
 
 def false_alarms(curves: int = 80) -> Iterator[Sequence[Any]]:
@@ -209,6 +239,7 @@ def main() -> None:
     estimators = ("mean", "median", "weibull", "weibull_typical", "weibull_known")
     write("biases", ("source", "trials", "censored", *estimators), biases(folders))
     write("coverage", ("law", "trials", "censored", "held", "width", "held_by_percentiles"), coverage())
+    write("looks", ("law", "censored", "asked", "held", "held_by_plain", "all_looks", "trials"), looks())
     write("levels", ("law", "other", "n", "n_other", "level", "permuted", "welch"), levels())
     write("false-alarms", ("trials", "law", "curve", "found"), false_alarms())
 

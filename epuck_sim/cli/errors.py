@@ -45,7 +45,7 @@ def exit_on_error() -> Iterator[None]:
 
 
 def _message(error: Exception) -> str | None:
-    """Return what a user is told of an error; None for what is none of a user's."""
+    """Return the message for a user about an error; None for an error of the program."""
     if isinstance(error, EpuckSimError):
         return str(error)
     if isinstance(error, OSError):

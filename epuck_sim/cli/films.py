@@ -88,7 +88,7 @@ def scene_options(
     robots: int | None,
     tags: str | None,
 ) -> "TrackOptions":
-    """Return what is known of the scene; raises FilmError for an arena, corners or tags that cannot be read."""
+    """Return the options about the scene; raise FilmError for an arena, corners or tags that cannot be read."""
     from epuck_sim.overhead.calibration import TrackOptions
 
     dictionary, numbers = (None, None) if tags is None else parse_tags(tags)

@@ -20,6 +20,7 @@ from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.stop import StopSection
 from epuck_sim.trial.hopelessness import CYCLES, HopelessnessWatch
 from epuck_sim.trial.result import TrialState
+from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # films are a neighbour
     from epuck_sim.overhead.camera import ProgressWrapper
@@ -164,22 +165,25 @@ class SweepProgressBar(_ProgressLine):
         failed = f", {progress.failed} failed" if progress.failed else ""
         censored = "" if progress.censored is None else f", {progress.censored} censored"
         words = f"{progress.stored} of {progress.trials} trials{censored}{failed}"
+        if progress.narrow is not None:
+            words = f"{words}, {progress.narrow} of {counted(len(self.points), 'point')} narrow enough"
         left = progress.trials - progress.stored - progress.failed
         if self._began is None or progress.ended < 2:
             return f"{words}; starting workers" if left else words
         a_minute = (progress.ended - 1) / max(now - self._began, 1e-9) * 60
-        return f"{words}, {a_minute:.0f} a minute, {in_words(left / a_minute * 60)} left"
+        words = f"{words}, {a_minute:.0f} a minute"
+        return words if progress.narrow is not None else f"{words}, {in_words(left / a_minute * 60)} left"
 
 
 def progress_bar(doing: str) -> "ProgressWrapper":
-    """Return what passes frames, or rows with a time, on and shows on a terminal's stderr how far they are."""
+    """Return a wrapper of frames, or of rows with a time, that shows their progress on a terminal's stderr."""
     return lambda timed, duration_s: _passed(
         timed, doing, "{task.completed:.0f} s of film", duration_s, lambda row: row[0]
     )
 
 
 def trials_bar(trials: int) -> Callable[[Iterable[int]], Iterable[int]]:
-    """Return what passes numbers of trials on, and shows on a terminal's stderr how many there were."""
+    """Return a wrapper of numbers of trials that shows their progress on a terminal's stderr."""
     said = "{task.completed} of {task.total} trials"
     return lambda numbers: _passed(numbers, "simulating", said, trials, lambda number: number + 1)
 

@@ -81,6 +81,12 @@ def run(
             metavar="K/N", help="Run only share K of N, into a folder of its own; `merge` puts shares together."
         ),
     ] = None,
+    until: Annotated[
+        str | None,
+        sweeps_option(
+            metavar="10%", help="Add trials until half of each interval's width is 10 % of T_sync, or, as 3, cycles."
+        ),
+    ] = None,
     trial_timeout: Annotated[
         float | None,
         sweeps_option(metavar="SECONDS", help="A trial of a sweep that takes longer has failed; key trial_timeout_s."),
@@ -113,6 +119,10 @@ def run(
         (trace is None and relations, "--relations is for --trace"),
         (not has_rows and bool(memory), "--memory is for --trace, --record and --live"),
         (workers is not None and dask is not None, "--workers and --dask exclude each other"),
+        (
+            until is not None and share is not None,
+            "--until and --share exclude each other: a look at a point takes all its trials",
+        ),
         *(
             (path is not None and path.suffix != ending, f"{option} is {path}; allowed: a name that ends in {ending}")
             for option, path, ending in endings
@@ -130,6 +140,7 @@ def run(
         (is_one and out is not None, "--point and --trial go together, and without --out"),
         (is_none and (workers or dask) is not None, "--workers and --dask need a run folder: --out FOLDER"),
         (is_none and trial_timeout is not None, "--trial-timeout is for sweeps: give --out FOLDER"),
+        (is_none and until is not None, "--until is for sweeps: give --out FOLDER"),
         (is_none and share is not None, "--share needs a run folder of its own: --out FOLDER"),
         (
             not is_none and is_watched,
@@ -148,7 +159,7 @@ def run(
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
         if folder is not None:
-            sweep_into(scenario, loaded, folder, workers, dask, share, interpret=interpret, as_json=as_json)
+            sweep_into(scenario, loaded, folder, workers, dask, share, until, interpret=interpret, as_json=as_json)
             return
         if point is not None and trial is not None:
             loaded, seed_of_trial = trial_of_sweep(scenario, loaded, point, trial)

@@ -93,10 +93,11 @@ MOST_LISTED = 10
 """Maximum number of failed trials, of shares without a folder, and of points at their limit, that are listed."""
 
 
-def print_status(status: "Status", as_json: bool) -> None:
-    """Print how far a sweep is on stdout."""
+def print_status(status: "Status", as_json: bool, looks: Table | None = None) -> None:
+    """Print how far a sweep is on stdout, and the looks at its points if there were any."""
     if as_json:
-        print(json.dumps(plain(status)))
+        until = {} if looks is None else {"until": looks.records()}
+        print(json.dumps({**plain(status), **until}))
         return
     share = "" if status.share is None else f"share {status.share}, "
     censored = "" if status.censored is None else f"censored: {status.censored}; "
@@ -118,6 +119,8 @@ def print_status(status: "Status", as_json: bool) -> None:
     if len(status.failed) > MOST_LISTED:
         lines.append(f"and {len(status.failed) - MOST_LISTED} more")
     print("\n  ".join(lines))
+    if looks is not None:
+        print(f"\n{looks.to_text(terminal_width())}")
 
 
 def describe_at_limit(points: "Sequence[PointAtLimit]") -> list[str]:

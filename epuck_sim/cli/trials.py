@@ -210,6 +210,7 @@ def sweep_into(
     workers: int | None,
     dask: str | None,
     share: str | None,
+    until: str | None,
     *,
     interpret: bool,
     as_json: bool,
@@ -221,10 +222,15 @@ def sweep_into(
     from epuck_sim.sweep.run import run_sweep
 
     _note_other_versions(folder)
-    given = {"--workers": workers, "--dask": dask}
+    given = {"--workers": workers, "--dask": dask, "--until": until}
     words = [word for name, value in given.items() if value is not None for word in (name, str(value))]
     again = shlex.join(["epuck-sim", "run", f"{folder}/", *words, *["--interpret"] * interpret])
     open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
+    looks = None
+    if until is not None:
+        from epuck_sim.sweep.looks import Looks  # which takes scipy
+
+        looks = Looks(until)
     of_share = Share.parse(share) if share else None
     with SweepProgressBar() as bar, prefix_scenario(origin):
         try:
@@ -234,10 +240,12 @@ def sweep_into(
                     over()
                     if dask is None:
                         check_memory(found, workers or available_cores())
-                    print_stderr(f"{found[0].scenario.name}: {describe_size(found)}")
+                    most = "" if looks is None else ", at most"
+                    print_stderr(f"{found[0].scenario.name}: {describe_size(found)}{most}")
                     bar.points = found
 
-                run_sweep(scenario, folder, open_pool, bar, interpret=interpret, share=of_share, begin=begin)
+                more: dict[str, Any] = {"interpret": interpret, "share": of_share, "until": looks}
+                run_sweep(scenario, folder, open_pool, bar, begin=begin, **more)
         except KeyboardInterrupt:
             if not (folder / DATABASE).exists():
                 print_stderr("stopped before the first trial; nothing was written")
@@ -248,7 +256,7 @@ def sweep_into(
             print_stderr(f"stopped; {stored}; go on with: {again}")
             raise typer.Exit(130) from None
     status = read_status(folder)
-    print_status(status, as_json)
+    print_status(status, as_json, None if looks is None else looks.table())
     if status.failed:
         print_stderr(f"{counted(len(status.failed), 'trial')} failed; run again to retry them: {again}")
         raise typer.Exit(1)

@@ -168,6 +168,6 @@ def axis_label(key: str, among: Collection[str] = (), own: Mapping[str, str] = N
 
 
 def sweep_title(scenario: Scenario) -> str:
-    """Return what a sweep is: its description, or its name where it has none."""
+    """Return a sweep's description, or its name where it has none."""
     text = scenario.description or scenario.name
     return text[:1].upper() + text[1:] if scenario.description else text

@@ -75,7 +75,7 @@ def read_form(
     names: Sequence[str] = (),
     prefix: str = "",
 ) -> Form:
-    """Return what is to be drawn, as `plot` draws it; options that are None are those of the scenario.
+    """Return the form that `plot` draws; options that are None are those of the scenario.
 
     In messages the names of options begin with `prefix`.
     """
@@ -133,7 +133,7 @@ def _check_alike(folder: Path | str, point: PointTrials, other_folder: Path | st
 
 
 def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> str:
-    """Return what was run, a line for each folder."""
+    """Return a line for each folder that says what was run."""
     places = [f", run folder {Path(folder).resolve().name}" for folder in folders] or [""]
     scenarios: dict[str | None, Scenario] = {}
     for point in points:
@@ -184,7 +184,7 @@ def _check_fit(points: Sequence[PointTrials], form: str, given: Mapping[str, obj
 
 
 def flag(option: str, value: object) -> str:
-    """Return what the command line calls an option with a value.
+    """Return the name of an option with a value on the command line.
 
     >>> flag("censored_at_cycles", 5), flag("scale", "log")
     ('--censored-at', '--log')

@@ -38,7 +38,7 @@ class Arrangement(NamedTuple):
 
 
 def arrangement_of(scenario: Scenario, level: Level, memory: Sequence[str] = ()) -> Arrangement:
-    """Return what the layout of a scenario's recording depends on; raise RecordingError as `population_of` does."""
+    """Return all that the layout of a scenario's recording depends on; raise RecordingError as `population_of` does."""
     population = population_of(scenario)
     width_cm, height_cm = population.largest_cm
     bodies = scenario if isinstance(scenario, EmbodiedScenario) else None

@@ -40,7 +40,7 @@ def show_recorded(recorded: "Recorded") -> str:
 
 
 def show(file: Path | str) -> Any:
-    """Return what shows a recording, FILE.rrd, in rerun's viewer within a notebook, or a film, FILE.mp4.
+    """Show a recording, FILE.rrd, in rerun's viewer within a notebook, or a film, FILE.mp4, at the end of a cell.
 
     The viewer is interactive, and gone when the notebook's kernel has ended; a film becomes a part of the notebook.
 

@@ -134,7 +134,7 @@ class ViewerProcess:
 
 
 def _end_with_parent() -> Callable[[], None] | None:
-    """Return what a child process calls on Linux to be killed when the thread that started it ends, however it does."""
+    """Return a function by which Linux kills a child process when the thread that started it ends."""
     if sys.platform != "linux":
         return None
     set_option, parent = ctypes.CDLL(None).prctl, os.getpid()

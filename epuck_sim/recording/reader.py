@@ -162,7 +162,7 @@ _READ = (
 
 
 def _trial_of(path: Path, entities: Entities) -> dict[str, Any]:
-    """Return what a recording says of its trial; raise RecordingError unless it is of this format."""
+    """Return the properties of a recording's trial; raise RecordingError unless it is of this format."""
     trial = entities.properties(TRIAL)
     if trial.get("format") != FORMAT:
         made_by = format_versions(json.loads(trial.get("versions", "{}"))) or "an unknown version"

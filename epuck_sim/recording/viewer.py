@@ -129,7 +129,7 @@ def draw_screenshot(path: Path, at_s: float, picture: Path, size: str = "1600x90
 
 
 def _answer(canvas: ViewerProcess, ask: Callable[[], bytes]) -> bytes:
-    """Return what a viewer answers; ask again where a busy machine keeps it from answering in the client's 15 s."""
+    """Return a viewer's answer; ask again where a busy machine keeps it from answering in the client's 15 s."""
     until = time.monotonic() + PAINT_S
     while True:
         try:

@@ -63,7 +63,7 @@ def read_stored_points(connection: sqlite3.Connection, trials: str = "trials") -
 
 
 def own_files(scenario: Scenario) -> tuple[str, ...]:
-    """Return what a scenario's trials need by name: controllers, sensors, curve, picture, measures; with digests."""
+    """Return names, with digests, of what a scenario's trials need: controllers, sensors, curve, picture, measures."""
     measures = (str(_measure(section)[1]["measure"]) for section in scenario.measures)
     return (*_named(scenario), *measures)
 

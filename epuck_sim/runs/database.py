@@ -172,7 +172,7 @@ def _state(path: Path) -> tuple[int, int, int]:
 
 
 def _damage(path: Path) -> str | None:
-    """Return what is damaged in a database, of which all is read; None if nothing is."""
+    """Return the damage of a database, all of which is read; None if there is none."""
     expected = _noted_trials(path)  # before the moment of which is read: a run at work may add to both
     with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         connection.execute("BEGIN")
@@ -196,7 +196,7 @@ def _damage(path: Path) -> str | None:
 
 
 def _damage_of_rows(connection: sqlite3.Connection, table: str) -> str | None:
-    """Return what is wrong with the first row of a table that does not have its checksum; None if all have."""
+    """Return the fault of the first row of a table without its checksum; None if all rows have theirs."""
     columns = columns_of(connection, table)
     if "checksum" not in columns:
         return f"{table} has no checksums" if columns else f"it has no table {table}"
@@ -229,7 +229,7 @@ def sign(connection: sqlite3.Connection, table: str, rows: Iterable[Sequence[Any
 
 
 def _summed(connection: sqlite3.Connection, table: str) -> str:
-    """Return what is summed, as SQL: a number for the columns' names, and the columns by name."""
+    """Return the SQL of what a checksum covers: a number for the columns' names, and the columns by name."""
     names = sorted(set(columns_of(connection, table)) - {"checksum"})
     return ", ".join([str(zlib.crc32("\n".join(names).encode())), *map(quoted, names)])
 

@@ -233,7 +233,7 @@ def current_holder(folder: Path) -> str | None:
 
 
 def own_name() -> str:
-    """Return what this process is called where it holds a run folder."""
+    """Return the name under which this process holds a run folder."""
     return f"process {os.getpid()} on {host()}"
 
 

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import sqlite3
+import sys
 from array import array
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -133,7 +134,7 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
                 read = validate(json.loads(scenario), f"point {number}")
             except ScenarioError as error:
                 raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
-            cycles, censored, seeds = _read_ends(connection, key)
+            cycles, censored, seeds = read_ends(connection, key)
             values = () if of is None else _read_json(connection, key, "measured")
             events = _read_json(connection, key, "events") if any_events else [None] * len(seeds)
             results.append(
@@ -154,17 +155,19 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
     return results
 
 
-def _read_ends(connection: sqlite3.Connection, key: str) -> tuple[IntArray, IntArray, IntArray]:
-    """Return cycles, whether it is censored, and the seed of each trial of a point that has a result, in order."""
+def read_ends(
+    connection: sqlite3.Connection, key: str, trials: int = sys.maxsize
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return cycles, whether it is censored, and the seed of each of a point's first trials that has a result."""
     row = f"ifnull(cycles, {NULL}) || ',' || ifnull(censored, {NULL}) || ',' || seed"
-    stored = f"SELECT {row} AS row FROM trials WHERE point = ? AND error IS NULL ORDER BY trial"
-    (text,) = connection.execute(f"SELECT group_concat(row) FROM ({stored})", (key,)).fetchone()
+    stored = f"SELECT {row} AS row FROM trials WHERE point = ? AND trial < ? AND error IS NULL ORDER BY trial"
+    (text,) = connection.execute(f"SELECT group_concat(row) FROM ({stored})", (key, trials)).fetchone()
     cycles, censored, seeds = read_numbers(text).reshape(-1, 3).T
     return cycles, censored, seeds
 
 
 def _read_json(connection: sqlite3.Connection, key: str, column: str) -> list[Any]:
-    """Return what is in a column of JSON for each trial of a point that has a result, in order."""
+    """Return a column of JSON, decoded, for each trial of a point that has a result, in order."""
     query = f"SELECT {column} FROM trials WHERE point = ? AND error IS NULL ORDER BY trial"
     return [text and json.loads(text) for (text,) in connection.execute(query, (key,))]
 

@@ -58,6 +58,8 @@ class SweepProgress(NamedTuple):
     """Number of trials that ended in this run, with a result or with an error."""
     last: Outcome | None = None
     """The last of these."""
+    narrow: int | None = None
+    """Number of points whose intervals are narrow enough; None if that was not asked for."""
 
 
 class FinishedTrials:

@@ -5,16 +5,18 @@ results of two scenarios.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.compatibility import check_same_sweep, read_stored_points, stored_point
 from epuck_sim.runs.database import (
     ENTER_POINT,
+    NULL,
     RESULT,
     UNMEASURED,
     as_column,
@@ -28,7 +30,7 @@ from epuck_sim.runs.database import (
     writing,
 )
 from epuck_sim.runs.folder import DATABASE, acquire, is_at
-from epuck_sim.runs.reader import measures_in, read_finished
+from epuck_sim.runs.reader import measures_in, read_ends, read_finished
 from epuck_sim.runs.records import FinishedTrials, Outcome
 from epuck_sim.runs.share import WHOLE, Share, read_share
 from epuck_sim.runs.sources import write_sources
@@ -111,6 +113,22 @@ class Store:
             query = f"SELECT sum(censored) FROM trials WHERE error IS NULL {measured}"
             (count,) = self._connection.execute(query).fetchone()
         return None if count is None else int(count)
+
+    def ends(self, key: str, trials: int) -> tuple[FloatArray, BoolArray]:
+        """Return the cycles of each of a point's first trials that has a result, and whether it was synchronised."""
+        with sqlite_errors(self._path):
+            cycles, censored, _ = read_ends(self._connection, key, trials)
+        if (censored == NULL).any():
+            raise StoreError(f"{self._path.parent}: trials have no T_sync: their reference is no oscillator")
+        return cycles.astype(float), censored == 0
+
+    def plan(self, trials: Mapping[str, int]) -> None:
+        """Enter how many trials points are for, by their keys, but no fewer than are stored of them."""
+        count = "max(?, (SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key))"
+        rows = [(number, key) for key, number in trials.items()]
+        with sqlite_errors(self._path), self._connection:
+            self._connection.executemany(f"UPDATE points SET trials = {count} WHERE key = ?", rows)
+            sign(self._connection, "points", [(key,) for key in trials])
 
     def add(self, outcomes: Sequence[Outcome]) -> list[bool]:
         """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result only measured."""

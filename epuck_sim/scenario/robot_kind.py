@@ -216,7 +216,7 @@ def with_robots(given: Mapping[str, Any], origin: str, folder: Path | None) -> d
 
 
 def _located(robot: Any, where: str, folder: Path | None) -> tuple[Any, Mapping[str, Any]]:
-    """Return what is given as a robot, with its file's path, and the sensors that come with it."""
+    """Return a section `robot` with the path of its file, and the sensors that the file brings."""
     section = _as_section(robot)
     if not _needs_file(section):
         return section, {}
@@ -255,7 +255,7 @@ def _sensors_of(robot: Any) -> Mapping[str, Any]:
 
 
 def _as_section(robot: Any) -> Any:
-    """Return what is given as `robot` with its name, if it is one, as a section's."""
+    """Return a section `robot`, also for a name alone."""
     return {"kind": robot} if isinstance(robot, str) else robot
 
 

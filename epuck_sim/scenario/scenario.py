@@ -131,7 +131,7 @@ class Scenario(ConfigModel):
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        """Return what the scenario is, with every key to open, for notebooks."""
+        """Return a summary of the scenario, with every key to open, for notebooks."""
         from epuck_sim.display.html import details, element, facts, to_html  # noqa: PLC0415 is for notebooks alone
 
         stop, noun = self.stop, "robots" if self.controllers else "agents"

@@ -56,7 +56,7 @@ class FittedCurve(NamedTuple):
     """V_f of point agents, cm/s, and that of the resamples, (B,); None where there is no fast regime."""
 
     def record(self) -> dict[str, Any]:
-        """Return what is found, as JSON holds it; None for estimates that noise could explain."""
+        """Return the fit as JSON holds it; None for estimates that noise could explain."""
         places = self.extrema.estimates if self.extrema else dict.fromkeys(("v_m", "t_m", "v_p", "t_p"))
         return {
             "run": self.run,
@@ -231,7 +231,7 @@ class MeasureFit(NamedTuple):
     reason: str  # why they cannot, and what would be enough; empty where they can
 
     def record(self) -> dict[str, Any]:
-        """Return what is found, as JSON holds it."""
+        """Return the fit as JSON holds it."""
         found = {name: point and point.record() for name, point in (("minimum", self.minimum), ("peak", self.peak))}
         return {**self._asdict(), **found}
 

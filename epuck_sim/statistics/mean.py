@@ -35,7 +35,7 @@ class MeanError(NamedTuple):
     freedom: int  # degrees of freedom of the error
 
 
-def estimate_mean(measured: Measured) -> Estimate:
+def estimate_mean(measured: Measured, level: float = LEVEL) -> Estimate:
     """Return the mean of the sample, or the mean restricted to the horizon where trials are censored.
 
     There is no interval with fewer than `MIN_TRIALS` trials, or where all trials have one value.
@@ -44,21 +44,21 @@ def estimate_mean(measured: Measured) -> Estimate:
     if len(measured.values) < MIN_TRIALS or error == 0:
         return Estimate(mean)
     if (measured.values <= 0).any():
-        return student_estimate(mean, error, freedom)
-    factor = math.exp(student_quantile(freedom) * error / mean)
+        return student_estimate(mean, error, freedom, level)
+    factor = math.exp(student_quantile(freedom, level) * error / mean)
     highest = math.inf if measured.observed.all() else measured.horizon
     return Estimate(mean, mean / factor, min(mean * factor, highest))
 
 
-def student_estimate(value: float, error: float, freedom: float) -> Estimate:
+def student_estimate(value: float, error: float, freedom: float, level: float = LEVEL) -> Estimate:
     """Return a value with Student's interval; without one where its standard error is 0."""
-    reach = student_quantile(freedom) * error
+    reach = student_quantile(freedom, level) * error
     return Estimate(value, value - reach, value + reach) if error > 0 else Estimate(value)
 
 
-def student_quantile(freedom: float) -> float:
+def student_quantile(freedom: float, level: float = LEVEL) -> float:
     """Return how many standard errors an interval reaches either way."""
-    return float(stdtrit(freedom, (1 + LEVEL) / 2))
+    return float(stdtrit(freedom, (1 + level) / 2))
 
 
 def resample_means(measured: Measured, resamples: int) -> FloatArray:

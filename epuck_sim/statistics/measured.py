@@ -54,7 +54,7 @@ class Measured(NamedTuple):
 
 
 def cut(measured: Measured, limit: float) -> Measured:
-    """Return what would be known if trials were censored at a lower limit."""
+    """Return the values as if trials were censored at a lower limit."""
     observed = measured.observed & (measured.values <= limit)
     return measured._replace(
         values=np.minimum(measured.values, limit), observed=observed, limit=min(limit, measured.limit)
@@ -62,7 +62,7 @@ def cut(measured: Measured, limit: float) -> Measured:
 
 
 def quantity(of: str | None, unit: str = "") -> str:
-    """Return what is measured, T_sync or a measure of this name, with its unit if it has one.
+    """Return the name of T_sync, or of a measure, with its unit if it has one.
 
     >>> quantity(None), quantity("near_walls"), quantity("way", "cm")
     ('T_sync (cycles)', 'near_walls', 'way (cm)')

@@ -20,7 +20,7 @@ class Term(NamedTuple):
     form: str = "power"  # `power`: a power of the parameter; `exponential`: the exponential of a multiple of it
 
     def transform(self, parameter: FloatArray) -> FloatArray:
-        """Return what of a parameter makes the law linear in logs."""
+        """Return the parameter, or its logarithm, in which the logarithm of the law is linear."""
         return np.log(parameter) if self.form == "power" else parameter
 
 

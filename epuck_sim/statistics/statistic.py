@@ -78,12 +78,12 @@ def estimate_median(measured: Measured) -> Estimate:
 
 
 def _shift(measured: Measured) -> float:
-    """Return what to subtract from values so that none is negative, as times are; 0.0 where none is."""
+    """Return the smallest value if it is negative, else 0.0; less it, values are like times."""
     return min(float(measured.values.min()), 0.0)
 
 
 SUMMARIES = ("mean", "median", "restricted_mean", "weibull_mean")
-"""What `summarize` estimates of the trials of a point, as JSON and CSV name it."""
+"""Names in JSON and CSV of the estimates that `summarize` prints for a point."""
 
 
 class PointSummary(NamedTuple):
@@ -98,7 +98,7 @@ class PointSummary(NamedTuple):
     estimates: dict[str, Estimate]
     """The statistics, by the names in `SUMMARIES`; a mean of truth values is the share that is true."""
     horizon: float
-    """Of T_sync the limit of cycles, or the longest trial where some were censored before this limit; else inf."""
+    """Limit of cycles of T_sync, or the longest trial where some were censored before this limit; inf of a measure."""
     is_share: bool = False
     """Whether the mean is the share of trials in which a truth value is true."""
 

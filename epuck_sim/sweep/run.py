@@ -3,12 +3,12 @@
 import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from itertools import repeat
+from itertools import repeat, starmap
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from epuck_sim.runs.records import FinishedTrials, Outcome, SweepProgress, Task
-from epuck_sim.runs.share import WHOLE, Share
+from epuck_sim.runs.share import Share
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
@@ -17,6 +17,9 @@ from epuck_sim.sweep.checks import check_sweep
 from epuck_sim.sweep.executors import OpenPool, local_pool
 from epuck_sim.sweep.scheduler import TaskQueue, schedule
 from epuck_sim.trial.model import check_interpretable
+
+if TYPE_CHECKING:  # it takes scipy
+    from epuck_sim.sweep.looks import Looks
 
 
 def run_sweep(
@@ -27,6 +30,7 @@ def run_sweep(
     *,
     interpret: bool = False,
     share: Share | None = None,
+    until: "Looks | None" = None,
     begin: Callable[[Sequence[Point]], None] = lambda _: None,
 ) -> SweepProgress:
     """Run the trials of a sweep that have no result in the run folder yet, or lack measures that were added.
@@ -38,13 +42,14 @@ def run_sweep(
         observer: Called with the progress before the first trial and after each.
         interpret: Run controllers as plain Python, with the same outcome.
         share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
+        until: Decides by looks at the points where trials are added; `trials` of the scenario is the most at a point.
         begin: Called with all points once they are checked, before the folder is opened.
 
     Returns:
         How far the sweep is at the end.
 
     Raises:
-        ScenarioError: A point cannot be run.
+        EpuckSimError: A point cannot be run, or not until an interval is narrow enough.
         StoreError: The folder cannot be used.
         ClusterError: There are no workers; the trials stored so far stay.
     """
@@ -53,22 +58,32 @@ def run_sweep(
         check_interpretable(loaded)
     all_points = points(loaded)
     check_sweep(all_points)
+    if until is not None:
+        until.check(all_points)
     begin(all_points)
     with Store(Path(folder), loaded, all_points, share) as store:
         finished = store.finished()
         ours = store.share
-        wanted = [(point.number, ours.trials(point.number, point.scenario.trials)) for point in all_points]
-        total = sum(len(trials) for _, trials in wanted)
+        counts = [point.scenario.trials for point in all_points]
+        if until is not None:
+            counts = until.begin(store, all_points, finished)
+        wanted = [ours.trials(number, count) for number, count in enumerate(counts)]
+        total = sum(map(len, wanted))
         # a share that got further points may have trials that now belong to others
-        stored = sum(finished.count(number, trials) for number, trials in wanted)
-        progress = SweepProgress(total, stored, store.censored(), 0, 0)
+        stored = sum(starmap(finished.count, enumerate(wanted)))
+        progress = SweepProgress(total, stored, store.censored(), 0, 0, narrow=_narrow(until))
         observer(progress)
-        queue = TaskQueue(missing_tasks(all_points, finished, interpret, ours), total - stored)
-        kinds = first_of_each_kind(all_points, finished, interpret, ours)
+        queue = TaskQueue(missing_tasks(all_points, wanted, finished, interpret), total - stored)
+        kinds = first_of_each_kind(all_points, wanted, finished, interpret)
         with closing(schedule(queue, kinds, open_pool)) as chunks:
             for outcomes in chunks:
                 for outcome, is_stored in zip(outcomes, store.add(outcomes), strict=True):
+                    if until is not None and (added := until.end_trial(outcome.point)):
+                        tasks = [_task(all_points[outcome.point], trial, interpret) for trial in added]
+                        queue.add(tasks, until.width(outcome.point))
+                        progress = progress._replace(trials=progress.trials + len(added))
                     progress = progress._replace(
+                        narrow=_narrow(until),
                         stored=progress.stored + is_stored,
                         censored=_censored(progress.censored, outcome) if is_stored else progress.censored,
                         failed=progress.failed + (not is_stored),
@@ -79,6 +94,10 @@ def run_sweep(
     return progress
 
 
+def _narrow(until: "Looks | None") -> int | None:
+    return None if until is None else until.narrow
+
+
 def _censored(before: int | None, outcome: Outcome) -> int | None:
     """Return how many trials are censored with one more; None as long as none has a T_sync."""
     censored = outcome.result and outcome.result.censored
@@ -86,27 +105,25 @@ def _censored(before: int | None, outcome: Outcome) -> int | None:
 
 
 def missing_tasks(
-    points: Sequence[Point], finished: FinishedTrials, interpret: bool, share: Share = WHOLE
+    points: Sequence[Point], wanted: Sequence[range], finished: FinishedTrials, interpret: bool
 ) -> Iterator[Task]:
-    """Yield the trials that have no result yet, trial 0 of all points first.
+    """Yield the trials wanted of each point that have no result yet, trial 0 of all points first.
 
     Points take turns, so that slow ones are spread over all workers and over the whole run.
     """
-    wanted = [share.trials(point.number, point.scenario.trials) for point in points]
     missing = (zip(finished.missing(point.number, wanted[place]), repeat(place)) for place, point in enumerate(points))
     for turn, place in heapq.merge(*missing):
         yield _task(points[place], wanted[place][turn], interpret)
 
 
 def first_of_each_kind(
-    points: Sequence[Point], finished: FinishedTrials, interpret: bool, share: Share = WHOLE
+    points: Sequence[Point], wanted: Sequence[range], finished: FinishedTrials, interpret: bool
 ) -> list[Task]:
-    """Return a missing trial of a share for each kind of scenario that is compiled by itself."""
+    """Return a missing one of the trials wanted for each kind of scenario that is compiled by itself."""
     kinds: dict[tuple[str, ...], Task] = {}
-    for point in points:
+    for point, trials in zip(points, wanted, strict=True):
         if point.scenario.compiled in kinds:
             continue
-        trials = share.trials(point.number, point.scenario.trials)
         first = next(finished.missing(point.number, trials), None)
         if first is not None:
             kinds[point.scenario.compiled] = _task(point, trials[first], interpret)

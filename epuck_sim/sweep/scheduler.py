@@ -8,7 +8,8 @@ import time
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Future
-from itertools import chain, islice
+from heapq import heappop, heappush
+from itertools import islice
 from queue import Empty, SimpleQueue
 from typing import TypeVar
 
@@ -32,7 +33,8 @@ class TaskQueue:
 
     def __init__(self, tasks: Iterable[Task], count: int) -> None:
         """Make a queue of `count` tasks."""
-        self._tasks = iter(tasks)
+        self._waiting = [(-math.inf, 0, iter(tasks))]  # a heap
+        self._entries = 0
         self._returned: deque[Task] = deque()
         self._count = count
         self._lost_once: set[tuple[int, int]] = set()  # point and trial of tasks that were under way at a death
@@ -42,13 +44,26 @@ class TaskQueue:
 
     def take(self, count: int) -> list[Task]:
         """Return up to `count` tasks, or just one of those that were given back, which come first."""
-        chunk = [self._returned.popleft()] if self._returned else list(islice(self._tasks, count))
+        chunk = []
+        if self._returned:
+            chunk, count = [self._returned.popleft()], 1
+        while self._waiting and len(chunk) < count:
+            chunk += islice(self._waiting[0][-1], count - len(chunk))
+            if len(chunk) < count:
+                heappop(self._waiting)
         self._count = self._count - len(chunk) if chunk else 0
         return chunk
 
+    def add(self, tasks: Sequence[Task], urgency: float) -> None:
+        """Take further tasks, which come after those of the beginning, the most urgent first."""
+        self._entries += 1
+        heappush(self._waiting, (-urgency, self._entries, iter(tasks)))
+        self._count += len(tasks)
+
     def put_back(self, tasks: Sequence[Task]) -> None:
         """Take tasks back that were lost, but not with a worker of theirs."""
-        self._tasks = chain(tasks, self._tasks)
+        self._entries += 1
+        heappush(self._waiting, (-math.inf, -self._entries, iter(tasks)))
         self._count += len(tasks)
 
     def give_back(self, tasks: Sequence[Task]) -> list[Task]:

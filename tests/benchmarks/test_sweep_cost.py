@@ -9,16 +9,12 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-
 from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.run import missing_tasks
 from epuck_sim.sweep.worker import run_chunk
-
-pytestmark = pytest.mark.benchmark
 
 SPEEDS = "0.05,0.1,0.2,0.4,0.8,1.6,3.2,6.4,9.6,12.8"
 TRIALS = 40
@@ -46,7 +42,7 @@ def test_the_share_of_a_sweep_that_is_not_simulation(benchmark, tmp_path) -> Non
     """CPU seconds of the command on two workers beside those of the same trials in a plain loop."""
     axis = f"robots.0.parameters.speed_cm_s={SPEEDS}"
     found = points(load_scenario("thesis", [f"trials={TRIALS}"], [axis]))
-    tasks = [*missing_tasks(found, FinishedTrials([]), interpret=False)]
+    tasks = [*missing_tasks(found, [range(TRIALS)] * len(found), FinishedTrials([]), interpret=False)]
     run_chunk(tasks[:1])
     began = time.process_time()
     run_chunk(tasks)
@@ -69,7 +65,7 @@ def test_the_share_of_a_sweep_that_is_not_simulation(benchmark, tmp_path) -> Non
 def test_ten_thousand_short_trials_in_one_process(benchmark) -> None:
     """Time and memory of the last thousand beside the second thousand; the first warms caches up."""
     found = points(load_scenario("pair", ["trials=10000", "stop.max_cycles=1"]))
-    tasks = [*missing_tasks(found, FinishedTrials([]), interpret=False)]
+    tasks = [*missing_tasks(found, [range(10000)], FinishedTrials([]), interpret=False)]
     blocks = [tasks[first : first + 1000] for first in range(0, len(tasks), 1000)]
     seconds, resident = [], []
 

@@ -88,7 +88,7 @@ def test_nothing_is_left_to_do_when_all_is_stored(tmp_path) -> None:
 
 def test_trial_0_of_all_points_comes_first(tmp_path) -> None:
     places = points(load_scenario(short_sweep(tmp_path, 3)))
-    tasks = [*missing_tasks(places, FinishedTrials([(2, [0]), (0, [2])]), interpret=False)]
+    tasks = [*missing_tasks(places, [range(3)] * POINTS, FinishedTrials([(2, [0]), (0, [2])]), interpret=False)]
     assert [(task.trial, task.point) for task in tasks] == sorted((task.trial, task.point) for task in tasks)
     assert len(tasks) == POINTS * 3 - 2
 
@@ -97,7 +97,7 @@ def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> Non
     axes = ["robots.0.controller=firefly,oscillator,constant", "robots.0.count=2,3"]
     found = points(load_scenario({"trials": 2}, axes=axes))
     done = [*((number, [0, 1]) for number in (0, 1, 2)), (4, [0])]
-    ahead = first_of_each_kind(found, FinishedTrials(done), interpret=False)
+    ahead = first_of_each_kind(found, [range(2)] * len(found), FinishedTrials(done), interpret=False)
     assert [(task.point, task.trial) for task in ahead] == [(3, 0), (4, 1)]
 
 
@@ -228,7 +228,8 @@ sweep: {{grid: {{robots.0.parameters.{axis}: [0, 1]}}}}
 
 
 def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
-    tasks = [*missing_tasks(points(load_scenario(short_sweep(tmp_path, 63))), FinishedTrials([]), interpret=False)]
+    found = points(load_scenario(short_sweep(tmp_path, 63)))
+    tasks = [*missing_tasks(found, [range(63)] * POINTS, FinishedTrials([]), interpret=False)]
 
     def resident_kb() -> int:
         (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)

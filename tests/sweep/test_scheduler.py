@@ -1,5 +1,6 @@
 """Handing out trials: every one gets an outcome, whatever becomes of workers."""
 
+import math
 import threading
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
@@ -32,6 +33,18 @@ def queue(count: int) -> TaskQueue:
 def outcomes_of_length(wall_s: float, count: int) -> list[Outcome]:
     result = TrialResult("x", 0, 1, False, 1, 1.0, 1, 0.1, wall_s)
     return [Outcome(0, trial, 0, result, None, {}) for trial in range(count)]
+
+
+def test_tasks_are_taken_in_the_order_of_their_urgency() -> None:
+    waiting = queue(3)
+    taken = [*waiting.take(2)]
+    for trials, urgency in (([10, 11], 2.0), ([20], math.inf), ([30, 31], 5.0), ([40], 2.0)):
+        waiting.add([task(trial) for trial in trials], urgency)
+    waiting.put_back(taken[1:])
+    assert len(waiting) == 8
+    order = [each.trial for count in (3, 2, 9) for each in waiting.take(count)]
+    assert order == [1, 2, 20, 30, 31, 10, 11, 40]
+    assert not waiting
 
 
 class FakeExecutor:

@@ -57,7 +57,7 @@ class Form(ABC):
     @classmethod
     @abstractmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        """Return what is to be drawn; raise EpuckSimError if the form does not fit the sweep, or would be blank."""
+        """Return the form of these points; raise EpuckSimError if it does not fit the sweep, or would be blank."""
 
     @property
     def titles(self) -> Sequence[str]:

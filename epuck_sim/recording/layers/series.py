@@ -103,7 +103,7 @@ def phase_lead(phase_ms: FloatArray, population: Population) -> FloatArray:
 
 
 def robot_names(population: Population) -> list[str]:
-    """Return what lines of robots or agents are called."""
+    """Return the names of the lines of robots or agents."""
     return [f"{population.noun} {number}" for number in range(population.size)]
 
 

@@ -1,0 +1,84 @@
+"""Intervals that hold at every look at a growing number of trials, and how narrow they are."""
+
+import math
+from itertools import pairwise
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
+from epuck_sim.statistics.measured import Measured, cut
+from epuck_sim.statistics.sequential import Precision, look_interval, look_level, look_sizes, probability_within
+
+LIMIT = 150
+
+
+def test_the_boundary_is_pococks() -> None:
+    """His table has 2.413 standard errors for 5 looks after equal numbers of trials, and 2.555 for 10."""
+    for boundary, looks in ((2.413, 5), (2.555, 10)):
+        assert probability_within(boundary, tuple(range(20, 20 * looks + 1, 20))) == pytest.approx(LEVEL, abs=2e-4)
+
+
+@pytest.mark.parametrize("limit", [20, 50, 1000])
+def test_means_are_within_their_intervals_at_all_looks_as_often_as_asked(limit: int) -> None:
+    sums, sizes = 20_000, np.array(look_sizes(limit))
+    steps = np.random.default_rng(limit).normal(size=(sums, len(sizes))) * np.sqrt(np.diff(sizes, prepend=0))
+    errors = np.abs(steps.cumsum(axis=1)) / np.sqrt(sizes)
+    boundary = NormalDist().inv_cdf((1 + look_level(look_sizes(limit))) / 2)
+    within = np.mean((errors <= boundary).all(axis=1))
+    assert within == pytest.approx(LEVEL, abs=4 * math.sqrt(LEVEL * (1 - LEVEL) / sums))
+
+
+@pytest.mark.parametrize("share_censored", [0.0, 0.4])
+def test_intervals_of_skewed_times_hold_at_all_looks_and_at_the_first_narrow_one(share_censored) -> None:
+    samples, asked = 600, Precision.parse("25%")
+    random = np.random.default_rng(5)
+    limit = (-math.log(share_censored)) ** (1 / 1.35) if share_censored else math.inf
+    truth = np.minimum(random.weibull(1.35, 10**6), limit).mean()
+    hold, hold_at_end = 0, 0
+    for times in random.weibull(1.35, (samples, LIMIT)):
+        trials = cut(Measured(times, np.ones(LIMIT, bool), math.inf, 0), limit)
+        looks = [
+            look_interval(trials._replace(values=trials.values[:size], observed=trials.observed[:size]), LIMIT)
+            for size in look_sizes(LIMIT)
+        ]
+        end = next((look for look in looks if asked.width(look) <= 1), looks[-1])
+        hold += all(look.low <= truth <= look.high for look in looks)
+        hold_at_end += end.low <= truth <= end.high
+    error = math.sqrt(LEVEL * (1 - LEVEL) / samples)
+    assert hold / samples > LEVEL - 0.01 - 2 * error  # Student's miss the means of skewed times a little more often
+    assert hold_at_end / samples > LEVEL
+
+
+def test_where_all_trials_are_censored_few_can_end_sooner() -> None:
+    level = look_level(look_sizes(LIMIT))
+    widths = []
+    for trials in (20, 100):
+        found = look_interval(Measured(np.full(trials, 60.0), np.zeros(trials, bool), 60, 0), LIMIT)
+        assert (found.value, found.high) == (60, 60)
+        share_ending = 1 - found.low / 60
+        assert (1 - share_ending) ** trials == pytest.approx((1 - level) / 2)
+        widths.append(Precision.parse("5%").width(found))
+    assert widths[0] > 1 > widths[1]
+
+
+def test_a_width_is_that_of_half_the_interval_over_what_is_asked() -> None:
+    assert Precision.parse("10%").width(Estimate(40, 34, 50)) == pytest.approx(2)
+    assert Precision.parse("4").width(Estimate(40, 34, 50)) == pytest.approx(2)
+    for found in (UNDETERMINED, Estimate(40), Estimate(40, 34, math.inf), Estimate(0, -1, 1)):
+        assert Precision.parse("10%").width(found) == math.inf
+
+
+@pytest.mark.parametrize("text", ["", "%", "0", "0%", "-3", "1e3", "10%%", "ten", "nan", "inf"])
+def test_what_is_no_precision_is_refused(text: str) -> None:
+    with pytest.raises(EpuckSimError, match="allowed: half the width of an interval, in per cent of the estimate"):
+        Precision.parse(text)
+
+
+def test_the_last_look_is_at_the_limit_and_not_close_behind_another() -> None:
+    for limit in range(20, 2000):
+        sizes = look_sizes(limit)
+        assert (sizes[0], sizes[-1]) == (20 if limit >= 25 else limit, limit)
+        assert all(1.2 < after / before < 2 for before, after in pairwise(sizes))

@@ -1,0 +1,109 @@
+"""Sweeps that end by themselves: which trials they run, however they are run."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from epuck_sim.errors import StoreError
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.records import SweepProgress
+from epuck_sim.runs.share import Share
+from epuck_sim.runs.status import read_status
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.statistics.measured import measure_t_sync
+from epuck_sim.statistics.sequential import Precision, look_interval, look_sizes
+from epuck_sim.sweep.executors import local_pool
+from epuck_sim.sweep.looks import Looks
+from epuck_sim.sweep.run import run_sweep
+from tests.cli.commands import call
+from tests.sweep.pool_here import pool_here
+from tests.sweep.short_sweeps import short_sweep, table
+
+MOST, ASKED, MORE, TOO_MUCH = 67, "24%", "19%", "14%"
+"""Most trials at a point, and what is asked: some points end sooner than others, and the last is too much for some."""
+
+
+def four_points(folder: Path) -> Scenario:
+    """Return a sweep of 4 points, with so many trials."""
+    return load_scenario(short_sweep(folder, MOST), axes=["robots.0.parameters.speed_cm_s=4,12"])
+
+
+@pytest.fixture(scope="module")
+def all_trials(tmp_path_factory) -> Path:
+    """Return the run folder of the plain sweep, with all trials at all points."""
+    folder = tmp_path_factory.mktemp("all_trials")
+    run_sweep(four_points(folder), folder / "run", pool_here)
+    return folder / "run"
+
+
+def expected(all_trials: Path, asked: str) -> tuple[list[int], list[tuple]]:
+    """Return where each point of the plain sweep would have ended, and the rows of the trials until there."""
+    ends: dict[str, int] = {}
+    for point in read_points(all_trials):
+        for size in look_sizes(MOST):
+            first = measure_t_sync(point._replace(times=point.times[:size], observed=point.observed[:size]))
+            ends[point.key] = size
+            if Precision.parse(asked).width(look_interval(first, MOST)) <= 1:
+                break
+    return [*ends.values()], [row for row in table(all_trials) if row[1] < ends[row[0]]]
+
+
+def test_the_trials_are_the_first_ones_of_a_plain_sweep_to_the_first_narrow_look(tmp_path, all_trials) -> None:
+    scenario, folder = four_points(tmp_path), tmp_path / "run"
+    for asked in (ASKED, MORE):  # a smaller one goes on in the folder
+        ends, rows = expected(all_trials, asked)
+        assert len(set(ends)) > 1
+        looks = Looks(asked)
+        progress = run_sweep(scenario, folder, pool_here, until=looks)
+        assert table(folder) == rows
+        assert (progress.trials, progress.stored) == (sum(ends), sum(ends))
+        assert read_status(folder)[2:4] == (sum(ends), sum(ends))
+        assert [row.cells["trials"] for row in looks.table().rows] == ends
+    run_sweep(scenario, folder, pool_here)  # so does the plain sweep
+    assert table(folder) == table(all_trials)
+    again = run_sweep(scenario, folder, pool_here, until=Looks(ASKED))  # what else is stored changes nothing
+    assert (again.trials, again.ended) == (sum(expected(all_trials, ASKED)[0]), 0)
+
+
+def test_workers_and_interruptions_do_not_change_what_is_run(tmp_path, all_trials) -> None:
+    scenario, folder = four_points(tmp_path), tmp_path / "run"
+    ends, rows = expected(all_trials, ASKED)
+
+    def stop(progress: SweepProgress) -> None:
+        if progress.ended == sum(ends) - 30:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(scenario, folder, partial(local_pool, 2), stop, until=Looks(ASKED))
+    assert set(table(folder)) < set(rows)
+    run_sweep(scenario, folder, pool_here, until=Looks(ASKED))
+    assert table(folder) == rows
+
+
+def test_the_command_says_how_narrow_intervals_are(all_trials) -> None:
+    ends, _ = expected(all_trials, TOO_MUCH)
+    text, as_json = (call("run", f"{all_trials}/", "--until", TOO_MUCH, *words) for words in ([], ["--json"]))
+    said = json.loads(as_json.stdout)["until"]
+    assert [row["trials"] for row in said] == ends
+    narrow = sum(row["is_narrow"] for row in said)
+    assert 0 < narrow < 4
+    for row in said:
+        assert row["half_width"] == pytest.approx((row["mean_high"] - row["mean_low"]) / 2 / row["mean"])
+        assert row["is_narrow"] == (row["half_width"] <= 0.14)
+    assert f"Narrow enough: {narrow} of 4 points; the others have {MOST} trials" in text.stdout
+    assert f"{narrow} of 4 points narrow enough" in text.stderr
+
+
+def test_a_share_has_too_few_trials_for_a_look(tmp_path) -> None:
+    scenario = load_scenario(short_sweep(tmp_path, 20))
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(scenario, tmp_path / "run", pool_here, _interrupt, share=Share(1, 20))
+    with pytest.raises(StoreError, match="share 1/20; --until looks at all trials of a point"):
+        run_sweep(scenario, tmp_path / "run", pool_here, until=Looks("10%"))
+
+
+def _interrupt(_: SweepProgress) -> None:
+    raise KeyboardInterrupt
