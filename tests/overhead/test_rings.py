@@ -209,16 +209,21 @@ def test_the_rectified_view_shows_what_the_pixels_there_show(settings):
     np.testing.assert_allclose(sampled[rows, columns][is_in], slow, atol=3)  # maps have 32 steps a pixel
 
 
-def test_the_view_of_a_camera_that_sees_the_horizon_is_bounded_and_shows_no_place_twice():
-    camera = camera_of(tilt_deg=60.0, width_px=640, field_of_view_deg=80.0, distortion=-0.1)
+def test_the_view_of_a_camera_that_sees_the_horizon_is_bounded_and_dark_beyond_the_fold_of_its_lens():
+    camera = camera_of(tilt_deg=60.0, width_px=640, field_of_view_deg=61.0, distortion=-0.2)
     view = rectified_view(camera)
     rows, columns = view.fractions.shape
     assert max(rows, columns) <= (2 * MAX_REACH_HEIGHTS * camera.position_cm[2] + 1) * view.cells_per_cm
     assert rows * columns <= 1.1 * MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px
-    row, column = np.nonzero((view.pixels >= 0).all(axis=2) & (view.pixels < (639, 479)).all(axis=2))
-    back = camera.back_project(view.pixels[row, column].astype(float), epuck.RING_HEIGHT_CM)
-    away = np.abs(back - view.origin_cm - np.column_stack([column, row]) / view.cells_per_cm)
-    assert np.median(away) < 0.5
+    shown = view.sample(np.full((480, 640), 255, np.uint8)).ravel()
+    cells = np.column_stack([np.tile(np.arange(columns), rows), np.repeat(np.arange(rows), columns)])
+    points = np.column_stack([view.origin_cm + cells / view.cells_per_cm, np.full(len(cells), epuck.RING_HEIGHT_CM)])
+    pixels = camera.project(points)
+    is_in = ((pixels > 1) & (pixels < (638, 478))).all(axis=1)
+    off_cm = np.abs(camera.back_project(pixels, epuck.RING_HEIGHT_CM) - points[:, :2]).max(axis=1)
+    assert np.count_nonzero(is_in & (off_cm > 5)) > 100
+    assert shown[is_in & (off_cm > 5)].max() == 0
+    assert shown[is_in & (off_cm < 0.1)].mean() > 250
 
 
 def test_a_fit_finds_the_centre_from_a_centimetre_off():
