@@ -120,11 +120,13 @@ def test_finds_nothing_where_nothing_shines(room, noise):
     assert rings_in(picture, noise_levels=noise, **SMALL) == []
 
 
-def test_a_lamp_a_disc_a_stripe_and_half_a_ring_are_none():
+def test_a_lamp_a_disc_with_or_without_a_hole_a_stripe_and_half_a_ring_are_none():
     picture = np.zeros((480, 480, 3), np.uint8)
     cv2.circle(picture, (100, 100), 30, (255, 90, 90), -1)
     cv2.circle(picture, (400, 100), 8, (255, 90, 90), -1)
     cv2.circle(picture, (240, 100), 50, (255, 90, 90), 7)
+    cv2.circle(picture, (100, 400), 46, (255, 90, 90), -1)
+    cv2.circle(picture, (100, 400), 22, (0, 0, 0), -1)
     cv2.rectangle(picture, (50, 300), (450, 310), (255, 90, 90), -1)
     cv2.ellipse(picture, (240, 400), (25, 25), 0, 0, 200, (255, 90, 90), 7)
     assert rings_in(picture, distortion=0.0) == []
