@@ -33,7 +33,7 @@ COLUMNS = "robots", "lit", "share lit", "us a step", "us a robot", "us to sort t
 def _sort_states(block: ByteArray, poses: FloatArray, times: int) -> None:
     for _ in range(times):
         for state in range(len(poses)):
-            place_robots(swarm_at(block), poses[state])
+            place_robots(block, poses[state])
 
 
 @jit_no_alloc
@@ -41,7 +41,7 @@ def _see_states(block: ByteArray, addresses: IntArray, poses: FloatArray, lit: B
     swarm = swarm_at(block)
     for _ in range(times):
         for state in range(len(poses)):
-            place_robots(swarm, poses[state])
+            place_robots(block, poses[state])
             for robot in range(len(swarm.robots)):
                 swarm.robots[robot].ring_on = lit[state, robot]
             look(block, addresses, 0)

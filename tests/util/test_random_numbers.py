@@ -18,10 +18,6 @@ def stream(*state):
     return np.array(state, np.uint64)
 
 
-def seeded(seed):
-    return robot_streams(np.random.SeedSequence(seed), 1)[0]
-
-
 def xoshiro256pp(state):
     """Return the next word and state, by the algorithm as published (Blackman and Vigna 2019)."""
     s0, s1, s2, s3 = state
