@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray
 from epuck_sim.overhead.camera import Frame, Geometry, Light, Picture
@@ -30,8 +31,15 @@ def is_lit(picture: Picture) -> bool:
     rows, columns, _ = picture.shape
     step = max(min(rows, columns) // LIT_SAMPLES, 1)
     middle = picture[rows // 4 : rows - rows // 4 : step, columns // 4 : columns - columns // 4 : step]
-    red, green, blue = cv2.split(np.ascontiguousarray(middle))
-    return bool(np.median(cv2.min(cv2.min(red, green), blue)) >= LIT_LEVEL)
+    red, green, blue = np.moveaxis(middle, -1, 0)
+    return median(np.minimum(np.minimum(red, green), blue)) >= LIT_LEVEL
+
+
+def median(levels: npt.NDArray[np.uint8]) -> float:
+    """Return the median of some levels, for which NumPy's function takes several times as long."""
+    below, above = (levels.size - 1) // 2, levels.size // 2
+    ordered = np.partition(levels, (below, above), axis=None)
+    return (float(ordered[below]) + float(ordered[above])) / 2
 
 
 def ring_light(picture: Picture) -> RingLight:
@@ -92,9 +100,9 @@ class LightMeter:
         Lamps that flicker do not count: they raise whole rows where a camera exposes one row after the other, whole
         columns if the film is turned, and else all pixels.
         """
-        light = np.asarray(cv2.blur(levels, (SMOOTH_PX, SMOOTH_PX)), np.uint8)[:: self._step, :: self._step]
-        if light.max() < LEAST_LIGHT:
+        if cv2.minMaxLoc(levels)[1] < LEAST_LIGHT:
             return 0
+        light = np.asarray(cv2.blur(levels, (SMOOTH_PX, SMOOTH_PX)), np.uint8)[:: self._step, :: self._step]
         beyond = _beyond_usual(light, self._floor)
         beyond = _beyond_usual(beyond.T, self._floor.T).T
         return self._step**2 * int(np.count_nonzero((beyond >= LEAST_LIGHT) & self._floor))
@@ -102,6 +110,7 @@ class LightMeter:
 
 def _beyond_usual(light: Light, floor: BoolArray) -> Light:
     """Return (rows, columns) the light beyond the median of the floor in its row."""
-    ascending = np.sort(np.where(floor, light, 255)[:, ::SAMPLED], axis=1)
-    usual = ascending[np.arange(len(light)), np.count_nonzero(floor[:, ::SAMPLED], axis=1) // 2]
+    sampled = floor[:, ::SAMPLED]
+    ascending = np.sort(np.where(sampled, light[:, ::SAMPLED], 255), axis=1)
+    usual = ascending[np.arange(len(light)), np.count_nonzero(sampled, axis=1) // 2]
     return np.asarray(np.maximum(light, usual[:, None]) - usual[:, None], np.uint8)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.overhead.camera import CameraModel, Light
-from epuck_sim.overhead.light import RingLight
+from epuck_sim.overhead.light import RingLight, median
 
 # the view from above
 COARSE_PER_CM = 2  # cells per cm of the coarse grid in which rings are searched; a ring is 14 cells wide
@@ -294,15 +294,32 @@ def rectified_view(camera: CameraModel) -> RectifiedView:
     cells = min(max(round(min(camera.lens.focal_px / above_cm, densest) / COARSE_PER_CM), 1), MAX_FINE_CELLS)
     columns, rows = (np.ceil((high - low) * COARSE_PER_CM).astype(int) + 2).tolist()  # one more all round
     first_cm = low - (1 + 1 / cells) / (2 * COARSE_PER_CM)
-    x, y = (first + np.arange(count) / COARSE_PER_CM for first, count in zip(first_cm, (columns, rows), strict=True))
-    points = np.column_stack([np.tile(x, rows), np.repeat(y, columns), np.full(rows * columns, epuck.RING_HEIGHT_CM)])
-    pixels = camera.project(points)
-    strays = np.abs(camera.back_project(pixels, epuck.RING_HEIGHT_CM) - points[:, :2]).max(axis=1) > STRAY_CM
-    coarse = np.column_stack([pixels, strays]).astype(np.float32).reshape(rows, columns, 3)
+    pixels = _map_of_plane(camera, first_cm, (columns, rows))
+    coarse = np.dstack([pixels, _is_stray(camera, pixels, first_cm)]).astype(np.float32)
     fine = np.asarray(cv2.resize(coarse, None, fx=cells, fy=cells))  # linear: lenses bend little within 5 mm
     smooth_px = 2 * round((camera.lens.focal_px / above_cm / COARSE_PER_CM - 1) / 2) + 1
     maps = _fixed_point_map(fine[cells:-cells, cells:-cells]), _fixed_point_map(coarse[1:-1, 1:-1])
     return RectifiedView(low, cells * COARSE_PER_CM, *maps[0], *maps[1], max(smooth_px, 1))
+
+
+def _map_of_plane(camera: CameraModel, first_cm: FloatArray, size: tuple[int, int]) -> FloatArray:
+    """Return (rows, columns, 2) px: where the picture shows the coarse grid whose first cell is at (2,) cm."""
+    corner = np.append(first_cm, epuck.RING_HEIGHT_CM) - camera.position_cm
+    to_camera = camera.rotation @ np.column_stack([*np.eye(3)[:2] / COARSE_PER_CM, corner])
+    fill = cv2.fisheye.initUndistortRectifyMap if camera.lens.is_fisheye else cv2.initUndistortRectifyMap
+    cells, coefficients = np.linalg.inv(to_camera), np.array(camera.lens.coefficients)
+    return np.dstack(fill(camera.lens.matrix, coefficients, np.eye(3), cells, size, cv2.CV_32FC1)).astype(float)
+
+
+def _is_stray(camera: CameraModel, pixels: FloatArray, first_cm: FloatArray) -> BoolArray:
+    """Return (rows, columns) whether pixels that a coarse grid is mapped to show other places, beyond a lens's fold."""
+    rows, columns, _ = pixels.shape
+    if not camera.lens.is_fisheye and not any(camera.lens.coefficients):
+        return np.zeros((rows, columns), bool)
+    back = camera.back_project(pixels.reshape(-1, 2), epuck.RING_HEIGHT_CM).reshape(rows, columns, 2)
+    cells = np.moveaxis(np.indices((columns, rows)), 0, -1).swapaxes(0, 1)
+    strays: BoolArray = np.abs(back - first_cm - cells / COARSE_PER_CM).max(axis=2) > STRAY_CM
+    return strays
 
 
 def _fixed_point_map(cells: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]:
@@ -340,7 +357,7 @@ def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: f
         joined = _join_leds(profile)
         ring = slice(math.ceil(INSIDE * radius / STEP_CM), math.floor((radius + OUTSIDE_CM) / STEP_CM) + 1)
         inside = cv2.mean(profile[:, : math.floor(max(radius / 2, STEP_CM) / STEP_CM) + 1])[0]
-        bright = _median(joined[:, ring].max(axis=1))
+        bright = median(joined[:, ring].max(axis=1))
         if bright - inside < least:
             return None
         edge, has = _edge(joined[:, ring], inside + EDGE * (bright - inside))
@@ -359,7 +376,7 @@ def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: f
         return None
     is_on = slice(math.ceil((radius - ON_CM) / STEP_CM), math.floor((radius + ON_CM) / STEP_CM) + 1)
     on = joined[:, is_on].max(axis=1)
-    bright = _median(on)
+    bright = median(on)
     if bright - inside < least:
         return None
     near = off[off <= OUTLIER_CM]
@@ -373,17 +390,11 @@ def fit_ring(view: Light, cells_per_cm: int, column: float, row: float, least: f
         radius,
         flattening=(float(outline[3] / radius), float(outline[4] / radius)),
         misfit_cm=math.sqrt(near @ near / len(near)) if len(near) else math.inf,
-        covered=float(np.mean((on - inside >= MIN_BETWEEN_LEDS * (bright - inside)) & ~(off > OUTLIER_CM))),
+        covered=np.count_nonzero((on - inside >= MIN_BETWEEN_LEDS * (bright - inside)) & ~(off > OUTLIER_CM)) / BINS,
         light=bright - inside,
         inside=inside / bright,
         beyond=beyond / max(crest, 1e-9),
     )
-
-
-def _median(values: npt.NDArray[Any]) -> float:
-    """Return the median of an even number of values; NumPy's takes longer than all the rest of a fit."""
-    middle = len(values) // 2
-    return float(np.partition(values, (middle - 1, middle))[middle - 1 : middle + 1].mean())
 
 
 def _polar(view: Light, cells_per_cm: int, column: float, row: float) -> Light:

@@ -176,14 +176,12 @@ def track_film(
     reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
     with open_film(name) as film, ring_table(rings) as write_rings:
         for frame in progress(excerpt(film.frames(), options), film.duration_s):
-            if reader is None:
-                write_rings(frame, counter.process(frame))
-                continue
-            tags = reader.read(frame.picture)
+            tags = [] if reader is None else reader.read(frame.picture)
             write_rings(frame, counter.process(frame, [tag.paper_px for tag in tags]))
-            if frame.time_s == counter.start_s:
-                reader.restart()
-            reader.add(frame.time_s, tags)
+            if reader is not None:
+                if frame.time_s == counter.start_s:
+                    reader.restart()
+                reader.add(frame.time_s, tags)
         warnings = tuple(film.warnings)
     track = analyse(name, counter.counted(), options, warnings)
     return track if reader is None else track._replace(tags=reader.readings)

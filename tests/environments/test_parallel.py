@@ -134,7 +134,7 @@ def test_episodes_end_as_gymnasium_means_it_and_then_only_reset_is_allowed():
     def met(situation):
         return situation.time_s > 0.55
 
-    for given, expected in (({"episode_s": 0.6}, (False, True)), ({"terminate": met}, (True, False))):
+    for given, expected in (({"episode_s": 6 * 0.1}, (False, True)), ({"terminate": met}, (True, False))):
         env = parallel_env(SWARM, seed=4, **given)
         with pytest.raises(ValueError, match="call reset"):
             env.step({})
@@ -220,6 +220,14 @@ def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost(action, message
     env.step({agent: np.zeros(3) for agent in env.agents})
 
 
+@pytest.mark.parametrize(("given", "said"), [([np.nan], "NaN"), ([1.0] * 3, r"the shape \(3,\)")])
+def test_rewards_that_are_no_number_for_each_swarm_or_robot_are_refused(given, said):
+    env = parallel_env(SWARM, reward=lambda _: np.array(given))
+    env.reset()
+    with pytest.raises(ValueError, match=f"reward returned {said}; allowed"):
+        env.step({agent: np.zeros(3) for agent in env.agents})
+
+
 def test_a_reward_for_synchrony_needs_oscillators():
     env = parallel_env({"robots": [{"controller": "external"}]}, reward="synchrony")
     env.reset()
@@ -244,7 +252,7 @@ def test_robots_of_another_kind_observe_the_sensors_that_they_have_and_drive_up_
     assert {name: len(values) for name, values in part.items()} == {"camera": 1, "infrared": 2, "wheels": 2, "ring": 1}
     distance = 4 - 1.5
     assert part["infrared"][0] == pytest.approx((0.7 - 0.09) / (distance**2 - 0.6 * distance + 0.7))
-    observations, *_ = env.step(dict.fromkeys(env.agents, np.array([1.0, -0.5, -1.0])))
+    observations, *_ = env.step(dict.fromkeys(env.agents, np.array([3.0, -0.5, -1.0])))
     assert observations["robot_0"][env.observation_fields["wheels"]].tolist() == [1, -0.5]
     alone = Simulation(scenario, 1)
     next(alone)

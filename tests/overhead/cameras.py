@@ -1,7 +1,10 @@
-"""An arena with a camera above it, and what tests ask of its pictures."""
+"""An arena with a camera above it, its pictures of rings and rooms, and what tests ask of them."""
 
+import math
+from functools import cache
 from typing import Any
 
+import cv2
 import numpy as np
 
 from epuck_sim import epuck
@@ -9,13 +12,25 @@ from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.geometry import box_corners
 from epuck_sim.overhead.camera import CameraModel, Picture, overhead_camera
+from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.render import ExposureSample, Renderer
+from epuck_sim.overhead.rings import Ring, RingFinder
 from epuck_sim.scenario.overhead import OverheadSection
 
 CLEAN = {"noise_levels": 0, "vignetting": 0, "bloom": 0, "blur_px": 0}
 """Settings of a camera that is a pinhole with a radial distortion, and no more."""
 
 ARENA = make_arena(60, 60, [(45, 45, 4)], [box_corners(15, 45, 8, 5, 0.4)])
+EMPTY = make_arena(60, 60, [], [])
+
+APART_CM = 2 * epuck.RADIUS_CM
+PARTS = 10
+"""Moments of an exposure."""
+
+
+def camera_of(side_cm: float = 60.0, **settings: Any) -> CameraModel:
+    """Return a camera with these settings above a square arena."""
+    return overhead_camera(OverheadSection(**settings), side_cm, side_cm)
 
 
 def make_renderer(arena: Arena = ARENA, seed: int = 0, **settings: Any) -> tuple[CameraModel, Renderer]:
@@ -38,16 +53,68 @@ def shot(
     return camera, renderer.render(standing(*poses, lit=lit), room_is_lit=room)
 
 
+@cache
+def empty_arena(**settings: Any) -> tuple[CameraModel, Renderer]:
+    """Return a camera and its renderer, which draws other noise in each picture, for an arena without obstacles."""
+    return make_renderer(EMPTY, **settings)
+
+
+@cache
+def finder_of(**settings: Any) -> RingFinder:
+    return RingFinder(empty_arena(**settings)[0])
+
+
+def picture_of(
+    centres_cm: Any, *, room: bool = False, lit: bool = True, shares: Any = 1.0, quality: int = 0, **settings: Any
+) -> Picture:
+    """Return a picture of robots at (n, 2) cm, whose rings are lit for shares of the exposure; quality: of a JPEG."""
+    places = np.reshape(centres_cm, (-1, 2))
+    poses = np.column_stack([places, np.random.default_rng(0).uniform(0, math.tau, len(places))])
+    on = np.broadcast_to(lit * np.asarray(shares, float), len(poses)) * PARTS
+    samples = [ExposureSample(poses, part < on) for part in range(PARTS)]
+    picture = empty_arena(**settings)[1].render(samples, room_is_lit=room)
+    if quality:
+        coded = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        picture = np.ascontiguousarray(cv2.imdecode(coded, cv2.IMREAD_COLOR)[..., ::-1]).astype(np.uint8)
+    return picture
+
+
+def rings_in(picture: Picture, **settings: Any) -> list[Ring]:
+    """Return the rings found in a picture by a camera with these settings."""
+    return finder_of(**settings).find(ring_light(picture))
+
+
+def touching(count: int, generator: np.random.Generator) -> FloatArray:
+    """Return (count, 2) cm: robots that each touch another one, half of them in the directions of a honeycomb."""
+    placed = [np.array([30.0, 30.0])]
+    while len(placed) < count:
+        honeycomb = 0.2 + math.pi / 3 * generator.integers(6)
+        angle = honeycomb if generator.random() < 0.5 else generator.uniform(0, math.tau)
+        place = placed[generator.integers(len(placed))] + APART_CM * np.array([math.cos(angle), math.sin(angle)])
+        is_in = (place > epuck.RADIUS_CM).all() and (place < 60.0 - epuck.RADIUS_CM).all()
+        if is_in and all(np.hypot(*(place - other)) >= APART_CM - 1e-6 for other in placed):
+            placed.append(place)
+    return np.array(placed)
+
+
+def honeycomb_cell(turn: float = 0.3) -> FloatArray:
+    """Return (6, 2) cm: the robots that touch one in the arena's middle all round."""
+    angles = turn + math.tau / 6 * np.arange(6)
+    cell: FloatArray = 30.0 + APART_CM * np.column_stack([np.cos(angles), np.sin(angles)])
+    return cell
+
+
+def scattered(count: int, generator: np.random.Generator) -> FloatArray:
+    """Return (count, 2) cm: robots at random that do not overlap."""
+    placed: list[FloatArray] = []
+    while len(placed) < count:
+        place = generator.uniform(epuck.RADIUS_CM, 60.0 - epuck.RADIUS_CM, 2)
+        if all(np.hypot(*(place - other)) >= APART_CM for other in placed):
+            placed.append(place)
+    return np.array(placed)
+
+
 def pixel_at(camera: CameraModel, x_cm: float, y_cm: float, z_cm: float = 0.0) -> tuple[int, int]:
     """Return row and column of the pixel that shows a point."""
     column, row = np.rint(camera.project(np.array([[x_cm, y_cm, z_cm]]))[0]).astype(int)
     return int(row), int(column)
-
-
-def ring_centroid(picture: Picture, camera: CameraModel) -> FloatArray:
-    """Return (2,) cm: the middle of what is red in a picture, as if it lay at the height of the rings."""
-    rows, columns = np.nonzero(picture[..., 0])
-    red = picture[rows, columns, 0].astype(float)
-    places = camera.back_project(np.column_stack([columns, rows]).astype(float), epuck.RING_HEIGHT_CM)
-    centroid: FloatArray = red @ places / red.sum()
-    return centroid

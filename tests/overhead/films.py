@@ -1,14 +1,11 @@
 """Films of robots that stand still and flash on schedule, rendered frame by frame at any times: the truth is exact."""
 
 import csv
-import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-import av
 import numpy as np
 import pytest
 
@@ -116,23 +113,6 @@ def save(path: Path, frames: Sequence[Frame], description: dict[str, Any] | None
     with film_file(path, columns, rows, description or {}) as writer:
         for frame in frames:
             writer.write(frame)
-    return str(path)
-
-
-def save_stamped(path: Path, frames: Iterable[Frame], description: dict[str, Any]) -> str:
-    """Write frames with their own time stamps in whole ms, several of which may be equal; return the film's name."""
-    tick_s = Fraction(1, 1000)
-    with av.open(path, "w") as container:
-        container.metadata["comment"] = json.dumps(description)
-        stream = container.add_stream("mjpeg", rate=30, options={"qmin": "2", "qmax": "2"})
-        stream.width, stream.height, stream.pix_fmt = SMALL["width_px"], SMALL["height_px"], "yuvj444p"
-        stream.time_base = stream.codec_context.time_base = tick_s
-        for number, frame in enumerate(frames):
-            picture = av.VideoFrame.from_ndarray(frame.picture, format="rgb24")
-            picture.pts, picture.time_base = number, tick_s
-            for packet in stream.encode(picture):
-                packet.pts = packet.dts = round(1000 * frame.time_s)
-                container.mux(packet)
     return str(path)
 
 

@@ -71,17 +71,23 @@ def write_film(
     return path
 
 
-def write_packets(path: Path, stamps: Iterable[int], _: Kind) -> Path:
-    """Write an MKV film whose time stamps, in ms, need not increase."""
+def write_packets(
+    path: Path, stamps: Iterable[int], _: Kind = MKV, pictures: Sequence[np.ndarray] | None = None, comment: str = ""
+) -> Path:
+    """Write an MKV film of numbered pictures, or others, whose time stamps, in ms, need not increase."""
+    stamps = list(stamps)
+    pictures = [numbered_picture(number) for number in range(len(stamps))] if pictures is None else pictures
     with av.open(path, "w") as container:
-        stream = container.add_stream("mjpeg", rate=15)
-        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuvj420p"
+        container.metadata["comment"] = comment
+        stream = container.add_stream("mjpeg", rate=30, options={"qmin": "2", "qmax": "2"})
+        stream.height, stream.width, _ = pictures[0].shape
+        stream.pix_fmt = "yuvj444p"
         stream.time_base = stream.codec_context.time_base = MKV.tick_s
-        for number, stamp in enumerate(stamps):
-            frame = av.VideoFrame.from_ndarray(numbered_picture(number), format="rgb24")
+        for number, (stamp, picture) in enumerate(zip(stamps, pictures, strict=True)):
+            frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
             frame.pts, frame.time_base = number, MKV.tick_s
             for packet in stream.encode(frame):
-                packet.pts, packet.dts = stamp, number
+                packet.pts, packet.dts = stamp, min(number, stamp)
                 container.mux(packet)
     return path
 

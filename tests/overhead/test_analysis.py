@@ -1,33 +1,49 @@
-"""Analysis of the counts of a whole film: period, flash, synchrony, number of flashes, and warnings."""
+"""Rings are counted frame by frame, and the counts of a whole film analysed: period, flash, synchrony and warnings."""
 
 import json
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.flashes import Flash, RingCounter, count_lit
+from epuck_sim.overhead.flashes import Flash, RingCounter, count_lit, track_frames
+from epuck_sim.overhead.light import LightMeter
 from epuck_sim.overhead.synchrony import spread_threshold_s
 from epuck_sim.overhead.track import Track, analyse, without_steady
-from tests.overhead.counts import counted
+from tests.overhead.counts import counted, uneven
 from tests.overhead.films import code_rings, coded, make_geometry
 
 RATE = 30.0
 PHASES = 0.5 + np.arange(6) / 6
 
 
-@pytest.fixture(autouse=True)
-def finder(monkeypatch: pytest.MonkeyPatch) -> None:
-    code_rings(monkeypatch)
+@pytest.fixture(autouse=True, scope="module")
+def _rings_are_coded() -> Iterator[None]:
+    """Have rings be those coded into frames."""
+    with pytest.MonkeyPatch.context() as patch:
+        code_rings(patch)
+        yield
+
+
+@pytest.fixture
+def counter() -> RingCounter:
+    return make_counter()
+
+
+def make_counter() -> RingCounter:
+    return RingCounter(make_geometry()._replace(knows_floor=False))
 
 
 def analysed(times_s: Any, counts: Any, options: TrackOptions = TrackOptions(), lit_until_s: float = 0.0) -> Track:  # noqa: B008
     """Return the track of a film with these counts."""
-    counter = RingCounter(make_geometry()._replace(knows_floor=False))
+    counter = make_counter()
     for frame in coded(times_s, counts, np.asarray(times_s) < lit_until_s):
         counter.process(frame)
     return analyse("film", counter.counted(), options, ("first",))
@@ -149,3 +165,82 @@ def test_trial_of_two_frames_has_few_results(counts: list[int]) -> None:
     json.dumps(track.summary(), allow_nan=False)
     with pytest.raises(FilmError, match=r"^film: the period cannot be estimated from 0\.1 s of film.*--period-s$"):
         analysed([0.0, 0.1], counts)
+
+
+# --- frame by frame --------------------------------------------------------------------------------
+
+
+def process_all(counter: RingCounter, counts: list[int], is_lit: list[bool]) -> RingCounter:
+    """Have a counter process frames that are half a second apart."""
+    for frame in coded(np.arange(len(counts)) / 2, counts, is_lit):
+        assert len(counter.process(frame)) == frame.picture[0, 0, 2]
+    return counter
+
+
+@pytest.mark.parametrize(
+    ("is_lit", "first"),
+    [
+        ([False] * 6, 0),
+        ([True] * 2 + [False] * 4, 2),
+        ([True] * 5 + [False], 5),
+        ([True] * 6, 0),
+        ([False, True, True, False, False, False], 0),
+        ([True, False, True, True, False, True], 1),
+    ],
+    ids=["dark", "begins lit", "all but one lit", "lit", "goes lit", "flickers"],
+)
+def test_trial_begins_with_the_first_dark_frame(counter: RingCounter, is_lit: list[bool], first: int) -> None:
+    process_all(counter, [3, 1, 4, 1, 5, 9], is_lit)
+    assert counter.start_s == first / 2
+    assert counter.counted().frames == 6
+    assert counter.times_s.tolist() == (np.arange(first, 6) / 2).tolist()
+    assert counter.counts.tolist() == [3, 1, 4, 1, 5, 9][first:]
+
+
+def test_ctrl_c_leaves_as_many_counts_as_times(counter: RingCounter, monkeypatch: pytest.MonkeyPatch) -> None:
+    process_all(counter, [1, 2], [False, False])
+
+    def interrupt(*_: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(LightMeter, "lit_px", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        process_all(counter, [3], [False])
+    assert len(counter.times_s) == len(counter.counts) == len(counter.counted().areas_px) == 2
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    together_s=st.floats(0, 8),
+    lit=st.integers(0, 60),
+    flickers=st.lists(st.integers(0, 179), max_size=3),
+    threshold_s=st.floats(0.02, 0.2),
+)
+@settings(max_examples=25)
+def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
+    seed: int, together_s: float, lit: int, flickers: list[int], threshold_s: float
+) -> None:
+    random = np.random.default_rng(seed)
+    onsets = np.arange(-1, 12)[:, None] + 0.5 + random.uniform(-0.05, 0.05, 6)
+    onsets = np.where(onsets < together_s, onsets + random.random(6), onsets)
+    times_s = uneven(np.arange(180) / 15, random)
+    counts = counted(onsets, 0.1, times_s)
+    is_lit = np.arange(len(times_s)) < lit
+    is_lit[[number for number in flickers if number < len(times_s)]] ^= True
+    counter = make_counter()
+    frames = coded(times_s, counts, is_lit)
+    tracked_frames = list(track_frames(frames, counter, 1.0, lambda: threshold_s, lambda _: 0))
+    if not counter.counts.any():
+        return
+    track = analyse("film", counter.counted(), TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
+    assume(not track.steady)  # overlapping flashes may seem to be one ring that stays lit
+    last = tracked_frames[-1]
+
+    assert len(tracked_frames) == track.frames == len(times_s)
+    assert last.start_s == track.start_s
+    in_trial = [tracked for tracked in tracked_frames if tracked.frame.time_s >= track.start_s]
+    assert [tracked.evaluation for tracked in in_trial if tracked.evaluation] == list(track.evaluations)
+    if track.confidence != "none":
+        assert track.histogram_s == (None if last.histogram_s is None else last.histogram_s - track.start_s)
+    is_known = [tracked.histogram_s is not None for tracked in in_trial]
+    assert is_known == sorted(is_known)

@@ -1,7 +1,5 @@
 """The annotated film: rings in cyan, and the evolving histogram below them."""
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,22 +18,22 @@ from epuck_sim.overhead.annotate import (
 )
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import TrackedFrame
+from epuck_sim.overhead.rings import Ring
+from epuck_sim.overhead.synchrony import Evaluation
 
 PERIOD_S = 5.0
 
 
-class FoundRing(NamedTuple):
-    x_px: float
-    y_px: float
-    radius_px: float
+def ring(*seen_px: float) -> Ring:
+    return Ring(0.0, 0.0, 3.5, *seen_px)
 
 
-class Spread(NamedTuple):
-    spread_s: float
+def rings(count: int) -> list[Ring]:
+    return [ring(30 + 40 * number, 50, 15) for number in range(count)]
 
 
-def rings(count: int) -> list[FoundRing]:
-    return [FoundRing(30 + 40 * ring, 50, 15) for ring in range(count)]
+def spread(spread_s: float) -> Evaluation:
+    return Evaluation(0.0, 2, spread_s, 1.0)
 
 
 class Film:
@@ -71,7 +69,7 @@ def test_both_sides_are_even_and_the_picture_is_untouched(size):
     np.testing.assert_array_equal(annotated[: size[1], : size[0]], before)
     assert not annotated[: size[1], size[0] :].any()
     assert not annotated[size[1] : size[1] + size[1] % 2].any()
-    annotator.annotate(TrackedFrame(Frame(3.1, picture), [FoundRing(32, 32, 9)], 0.0, None, None))
+    annotator.annotate(TrackedFrame(Frame(3.1, picture), [ring(32, 32, 9)], 0.0, None, None))
     np.testing.assert_array_equal(picture, before)
     if min(size) > 300:
         assert annotator.height_px - size[1] == pytest.approx(STRIP_SHARE * size[1], abs=2)
@@ -81,7 +79,7 @@ def test_both_sides_are_even_and_the_picture_is_untouched(size):
 def test_rings_are_drawn_where_they_were_found(x, y, radius):
     """The centre of gravity and the mean radius of their green part are those of the ring, to a fraction of a pixel."""
     film = Film()
-    film.add(0.0, [FoundRing(x, y, radius)])
+    film.add(0.0, [ring(x, y, radius)])
     green = film.picture[:480, :, 1].astype(float)
     rows, columns = np.mgrid[:480, :480]
     far = np.hypot(columns - x, rows - y)
@@ -99,20 +97,15 @@ def test_marks_of_the_interval():
     assert 0 < 2 * lengths[359] < lengths[239] == lengths[479]
 
 
-def test_bars_move_from_right_to_left_and_are_as_high_as_the_counts():
-    """A frame that lasted 1 s, t s ago, is a bar of a tenth of the width whose left end is t tenths from the right."""
-    film = Film()
-    film.add_counts({10.0: 0, 11.0: 4, 12.0: 0})
-    for now_s in (12.5, 14.0, 17.5):
-        strip = film.add(now_s)
-        left = 479 - (now_s - 11) * 48
-        columns = np.flatnonzero(has(strip, BARS, OLD_BARS).any(axis=0))
-        assert columns.tolist() == [c for c in range(480) if left <= c < left + 48 and c not in {239, 240}]
-        assert has(strip, BARS)[:, :239].sum() == has(strip, OLD_BARS)[:, 239:].sum() == 0
+def test_bars_are_as_high_as_the_counts_and_paler_after_a_period():
+    """The present is at the right edge, and ten seconds ago at the left one."""
     strip = Film().add_counts({0.0: 1, 1.0: 2, 2.0: 4, 3.0: 8, 4.0: 0, 4.5: 0})
     heights = has(strip, BARS).sum(axis=0)[[479 - round(48 * age) for age in (4.2, 3.2, 2.2, 1.2, 0.2)]]
     np.testing.assert_allclose(heights / heights.max(), [1 / 8, 1 / 4, 1 / 2, 1, 0], atol=0.02)
     assert heights.max() > 40
+    strip = Film().add_counts({0.0: 4, 10.0: 0})
+    assert np.flatnonzero(has(strip, OLD_BARS).any(axis=0)).tolist() == list(range(239))
+    assert np.flatnonzero(has(strip, BARS).any(axis=0)).tolist() == list(range(241, 478))  # then the present's mark
 
 
 def slow_counts_by_column(history, now_s, window_s, width):
@@ -146,7 +139,7 @@ def test_what_is_not_shown_and_what_was_before_the_beginning_is_forgotten():
     for number in range(400):
         film.add(number / 15, rings(3))
     assert len(film.annotator._counts) <= 2 * PERIOD_S * 15 + 2
-    film.add(26.8, [], 0.0, Spread(0.2))
+    film.add(26.8, [], 0.0, spread(0.2))
     assert not has(film.add(27.0, [], start_s=27.0), BARS).any()
     np.testing.assert_array_equal(film.add(28.0, [], 27.0), Film(64, 64).add_counts({27.0: 0, 28.0: 0}, 27.0))
 
@@ -159,7 +152,7 @@ def test_each_statement_is_in_its_own_corner_and_cut_off_nowhere(size):
     written = has(text[:rows], GREY) == 0
     assert written[:, :half].any()
     assert not written[:, half:].any()
-    film.add(0.2, rings(2), 0.0, Spread(12.3456))
+    film.add(0.2, rings(2), 0.0, spread(12.3456))
     written = has(film.add(12345.6, rings(100), 0.0, None, 9999.0)[:rows], GREY) == 0
     assert written[: rows // 2, half:].any()
     assert written[rows // 2 :, half:].any()
@@ -169,7 +162,7 @@ def test_each_statement_is_in_its_own_corner_and_cut_off_nowhere(size):
 
 def test_the_last_evaluation_stays_and_synchrony_is_cyan():
     film = Film()
-    plain, with_spread, later = film.add(1.0), film.add(1.0, [], 0.0, Spread(0.2)), film.add(1.0)
+    plain, with_spread, later = film.add(1.0), film.add(1.0, [], 0.0, spread(0.2)), film.add(1.0)
     assert not has(plain, CYAN).any()
     assert has(with_spread, WHITE).sum() > has(plain, WHITE).sum()
     np.testing.assert_array_equal(later, with_spread)

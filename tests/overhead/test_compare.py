@@ -15,7 +15,6 @@ from epuck_sim.overhead.compare import (
     fit_scenario,
     fitted_values,
     judge,
-    save_fitted,
     track_trial,
 )
 from epuck_sim.overhead.tags import Readings
@@ -110,23 +109,6 @@ def test_a_film_of_the_scenario_itself_is_like_its_trials() -> None:
     fast = load_scenario(SCENARIO, ["robots.0.parameters.speed_cm_s=3"])
     other = compare_film(film, robots, fast, 2, lambda trials: trials)
     assert next(row for row in other if row.quantity.name == "speed straight ahead").percentile == 0
-
-
-def test_what_a_film_tells_is_written_as_a_scenario(tmp_path) -> None:
-    film, robots = track_trial(SCENARIO, 1, FILM)
-    start = load_scenario(SCENARIO, ["robots.0.parameters.speed_cm_s=9", "overhead.frames_per_s=10"])
-    values = fitted_values(start, film, robots)
-    fitted = fit_scenario(start, values)
-    assert fitted.name == "thesis-fitted"
-    speed = values["robots.0.parameters.speed_cm_s"]
-    assert speed.low <= 1.5 <= speed.high
-    assert fitted.robots[0].parameters["speed_cm_s"] == pytest.approx(speed.value, abs=1e-6)
-    assert fitted.overhead.frames_per_s == pytest.approx(15)
-    save_fitted(tmp_path / "lab.yaml", fitted, values, "film.mp4")
-    assert load_scenario(tmp_path / "lab.yaml") == fitted
-    comments = [line for line in (tmp_path / "lab.yaml").read_text().splitlines() if line.startswith("#")]
-    assert comments[0] == "# Fitted to film.mp4, with 95 % intervals; all else is as it was."
-    assert len(comments) == 1 + len(values)
 
 
 def test_robots_of_several_groups_are_not_fitted_but_shown() -> None:

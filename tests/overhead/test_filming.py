@@ -7,10 +7,8 @@ import av
 import numpy as np
 import pytest
 
-from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.step import Step
-from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import DESCRIPTION, TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import open_film
@@ -18,11 +16,11 @@ from epuck_sim.overhead.filming import AGENTS_MARGIN_PX, AGENTS_PX, Captions, de
 from epuck_sim.overhead.track import track_film
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording import Level
+from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.overhead import OverheadSection
-from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import run_trial
 from tests.overhead.films import passed, read_rings
 from tests.overhead.score import Score, compare
@@ -44,29 +42,15 @@ def load(**changes: Any) -> EmbodiedScenario:
     return scenario
 
 
-class Truth:
-    """An observer that notes where robots are and whose rings are lit."""
-
-    def __init__(self) -> None:
-        self.time_s: list[float] = []
-        self.places: list[FloatArray] = []
-        self.ring_on: list[BoolArray] = []
-
-    def __call__(self, step: Step, _: SynchronyWatch) -> None:
-        self.time_s.append(step.time_s)
-        self.places.append(step.poses[:, :2].copy())
-        self.ring_on.append(step.ring_on.copy())
-
-    def lit(self, frame_s: float, section: OverheadSection) -> tuple[FloatArray, ...]:
-        """Return (n, 2) cm, in mid-exposure, of the rings lit for a frame's whole exposure, and (m, 2) for a part."""
-        begins_s, ends_s = frame_s, frame_s + section.exposure_ms / 1000
-        first = np.searchsorted(self.time_s, begins_s + 1e-6, side="right") - 1
-        last = np.searchsorted(self.time_s, ends_s - 1e-6, side="right") - 1
-        on = np.array(self.ring_on[first : last + 1])
-        columns = np.moveaxis(np.array(self.places), 0, 2)
-        middle_s = min((begins_s + ends_s) / 2, self.time_s[-1])
-        here = np.array([[np.interp(middle_s, self.time_s, axis) for axis in robot] for robot in columns])
-        return here[on.all(axis=0)], here[on.any(axis=0) & ~on.all(axis=0)]
+def lit_rings(trial: Recorded, frame_s: float, exposure_s: float) -> tuple[FloatArray, ...]:
+    """Return (n, 2) cm, in mid-exposure, of the rings lit for a frame's whole exposure, and (m, 2) for a part of it."""
+    moments_s = frame_s + 1e-6, frame_s + exposure_s - 1e-6
+    first, last = np.searchsorted(trial.time_s, moments_s, side="right") - 1
+    on = np.array(trial.ring_on[first : last + 1])
+    middle_s = min(frame_s + exposure_s / 2, trial.time_s[-1])
+    columns = np.moveaxis(np.array(trial.positions), 0, 2)
+    here = np.array([[np.interp(middle_s, trial.time_s, axis) for axis in robot] for robot in columns])
+    return here[on.all(axis=0)], here[on.any(axis=0) & ~on.all(axis=0)]
 
 
 class Filmed(NamedTuple):
@@ -75,19 +59,18 @@ class Filmed(NamedTuple):
     scenario: EmbodiedScenario
     film: Path
     recording: Path
-    truth: Truth
 
 
 @pytest.fixture(scope="module")
 def filmed(tmp_path_factory: pytest.TempPathFactory) -> Filmed:
     folder = tmp_path_factory.mktemp("trial")
-    scenario, truth = load(), Truth()
+    scenario = load()
     with (
         film_trial(folder / "run.mp4", scenario, SEED) as filming,
         record(folder / "run.rrd", scenario, SEED, Level.POSES) as recording,
     ):
-        run_trial(Simulation(scenario, SEED), [filming, recording, truth])
-    return Filmed(scenario, folder / "run.mp4", folder / "run.rrd", truth)
+        run_trial(Simulation(scenario, SEED), [filming, recording])
+    return Filmed(scenario, folder / "run.mp4", folder / "run.rrd")
 
 
 def contents(path: Path) -> tuple[list[Frame], dict[str, Any]]:
@@ -100,9 +83,10 @@ def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -
     track = track_film(str(filmed.film), TrackOptions(), tmp_path / "rings.csv", passed)
     rows = read_rings(tmp_path / "rings.csv")
     total, certain, possible = Score(), [], []
+    trial, exposure_s = read_recording(filmed.recording), filmed.scenario.overhead.exposure_ms / 1000
     for time_s in track.times_s:
         reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 1e-3]
-        lit_cm, part_cm = filmed.truth.lit(float(time_s), filmed.scenario.overhead)
+        lit_cm, part_cm = lit_rings(trial, float(time_s), exposure_s)
         total += compare(np.array(reported).reshape(-1, 2), lit_cm, part_cm)
         certain.append(len(lit_cm))
         possible.append(len(lit_cm) + len(part_cm))
@@ -113,7 +97,7 @@ def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -
     assert (track.counts <= possible).all()
     assert len(rows) == track.counts.sum()
     assert (track.calibration, track.period_s, track.warnings) == (DESCRIPTION, 1.0, ())
-    assert track.times_s == pytest.approx(np.arange(round(filmed.truth.time_s[-1] * 30) + 1) / 30, abs=1e-4)
+    assert track.times_s == pytest.approx(np.arange(round(trial.time_s[-1] * 30) + 1) / 30, abs=1e-4)
     assert track.flash_ms == pytest.approx(200, abs=10)
     assert track.flashes_per_period == pytest.approx(5, rel=0.15)
     assert track.robots_seen == max(certain)
@@ -132,34 +116,6 @@ def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -
     assert untold.period_s == pytest.approx(1, abs=0.03)
 
 
-def test_recording_gives_the_film_of_the_run(filmed: Filmed, tmp_path: Path) -> None:
-    film_recording(filmed.recording, [], tmp_path / "again.mp4", passed)
-    (then, described), (again, redescribed) = contents(filmed.film), contents(tmp_path / "again.mp4")
-    for one, other in zip(then, again, strict=True):
-        assert one.time_s == other.time_s
-        assert np.abs(one.picture.astype(int) - other.picture).mean() < 0.3
-    assert described == redescribed
-    assert {key: described[key] for key in ("scenario", "seed", "arena_cm", "robots", "period_s")} == {
-        "scenario": "small",
-        "seed": SEED,
-        "arena_cm": [60, 60],
-        "robots": 5,
-        "period_s": 1.0,
-    }
-    assert OverheadSection(**described["overhead"]) == filmed.scenario.overhead
-    assert described["versions"]["epuck_sim"] == described["epuck_sim"]
-
-
-def test_camera_of_a_recording_may_be_changed(filmed: Filmed, tmp_path: Path) -> None:
-    settings = ["overhead.light=lit", "width_px=96", "overhead.height_px=64", "overhead.frames_per_s=5"]
-    film_recording(filmed.recording, settings, tmp_path / "lit.mp4", passed)
-    frames, described = contents(tmp_path / "lit.mp4")
-    assert frames[0].picture.shape == (64, 96, 3)
-    assert np.median(frames[0].picture) > 100
-    assert [frame.time_s for frame in frames] == pytest.approx(np.arange(len(frames)) / 5, abs=1e-4)
-    assert described["overhead"]["light"] == "lit"
-
-
 def test_agents_are_discs_on_the_floor_of_their_space_and_red_when_they_have_fired(tmp_path: Path) -> None:
     places, flashes = [(10.0, 80.0), (70.0, 30.0)], []
     given = {"agents": {"count": 2, "speed_cm_s": 0}, "start": {"positions_cm": places}, "space": {"side_cm": 100}}
@@ -176,18 +132,6 @@ def test_agents_are_discs_on_the_floor_of_their_space_and_red_when_they_have_fir
             red, green, _ = np.median(frame.picture[row - 6 : row + 7, column - 6 : column + 7], axis=(0, 1))
             lit = any(0 < frame.time_s - at_s < glow_s for at_s, fired in flashes if fired == agent)
             assert (red > 150, green > 90) == (lit, not lit)
-
-
-@pytest.mark.parametrize("error", [KeyboardInterrupt, FilmError])
-def test_interrupted_film_is_no_film(tmp_path: Path, error: type[BaseException]) -> None:
-    def stop(step: Step, _: SynchronyWatch) -> None:
-        if step.time_s > 1:
-            raise error
-
-    scenario = load()
-    with pytest.raises(error), film_trial(tmp_path / "film.mp4", scenario, SEED) as filming:
-        run_trial(Simulation(scenario, SEED), [filming, stop])
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

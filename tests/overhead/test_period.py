@@ -35,44 +35,42 @@ def test_the_period_of_a_synchronised_minute_is_right_to_half_a_percent(period, 
     assert estimate_period_s(times, counts) == pytest.approx(period, rel=0.005)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_uneven_and_dropped_frames_do_not_change_the_period(seed):
-    times = uneven(frames(60, 15.4), np.random.default_rng(seed), dropped=0.1)
-    counts = counted(steady(SPREAD + 1, PERIOD, 60), FLASH, times)
-    assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.005)
+def clusters(*sizes: int) -> np.ndarray:
+    """Return onsets of groups of robots that are spaced evenly over the period."""
+    phases = [PERIOD * n / len(sizes) for n, size in enumerate(sizes) for _ in range(size)]
+    return steady(phases, PERIOD, 60)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_robots_that_never_meet_show_their_period_too(seed):
-    phases = np.random.default_rng(seed).uniform(0, PERIOD, 10)
-    times = frames(60, 15.4)
-    counts = counted(steady(phases, PERIOD, 60), FLASH, times)
-    assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.005)
+def shortened(random: np.random.Generator) -> np.ndarray:
+    """Return onsets of robots whose cycles are often shortened, until all flash together."""
+    cycles = np.where(random.random((12, 10)) < 0.7, random.uniform(3.3, 5, (12, 10)), PERIOD)
+    before = random.uniform(0, PERIOD, 10) + np.cumsum(cycles, axis=0)
+    return np.append(before[before < 64], 65 + steady(SPREAD, PERIOD, 20)[1:])
 
 
-@pytest.mark.parametrize("clusters", [[3.5, 1.5], [2, 1], [4, 2, 2]])
-def test_clusters_that_share_a_period_do_not_make_it_a_part_of_it(clusters):
-    phases = [PERIOD * n / len(clusters) for n, size in enumerate(clusters) for _ in range(int(2 * size))]
-    times = frames(60, 15.4)
-    counts = counted(steady(phases, PERIOD, 60), FLASH, times)
-    assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.01)
+SWARMS = {
+    "in step": lambda _: steady(SPREAD + 1, PERIOD, 60),
+    "never in step": lambda random: steady(random.uniform(0, PERIOD, 10), PERIOD, 60),
+    "two clusters": lambda _: clusters(2, 1),
+    "two clusters of nearly equal size": lambda _: clusters(7, 3),
+    "three clusters": lambda _: clusters(4, 2, 2),
+    "shortened cycles before synchrony": shortened,
+}
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", SWARMS)
+def test_the_period_is_right_to_half_a_percent_whatever_robots_and_frames_do(kind, seed):
+    random = np.random.default_rng(seed)
+    onsets = SWARMS[kind](random)
+    times = uneven(frames(85 if kind.startswith("shortened") else 60, 15.4), random, dropped=0.1)
+    assert estimate_period_s(times, counted(onsets, FLASH, times)) == pytest.approx(PERIOD, rel=0.005)
 
 
 def test_a_long_film_shows_the_period_and_no_multiple_of_it_to_a_hundredth_of_a_frame():
     times = frames(300, 15.0)
     counts = counted(steady(SPREAD, 4.77, 300), FLASH, times)
     assert estimate_period_s(times, counts) == pytest.approx(4.77, abs=0.01 / 15)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_shortened_cycles_before_synchrony_do_not_shorten_the_period(seed):
-    random = np.random.default_rng(seed)
-    cycles = np.where(random.random((12, 10)) < 0.7, random.uniform(3.3, 5, (12, 10)), PERIOD)
-    before = random.uniform(0, PERIOD, 10) + np.cumsum(cycles, axis=0)
-    times = frames(85, 15.4)
-    after = 65 + steady(SPREAD, PERIOD, 20)[1:]
-    counts = counted(np.append(before[before < 64], after), FLASH, times)
-    assert estimate_period_s(times, counts) == pytest.approx(PERIOD, rel=0.005)
 
 
 @pytest.mark.parametrize("seed", range(5))

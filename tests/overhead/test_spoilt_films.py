@@ -9,7 +9,7 @@ from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.floor import find_corners
 from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.rings import DISC_LIGHT, RingFinder
-from tests.overhead.drawn_rings import room_picture, straight_camera
+from tests.overhead.cameras import camera_of, picture_of
 from tests.overhead.effects import KINDS, padded
 
 
@@ -36,18 +36,18 @@ def test_groups_apart_are_not_synchronised() -> None:
 
 
 def test_the_edge_of_padding_is_no_floor() -> None:
-    camera = straight_camera()
-    picture = room_picture(camera)
     wide = np.full((480, 560, 3), 145, np.uint8)
-    wide[:, 40:-40] = picture
+    wide[:, 40:-40] = picture_of([], room=True)
     assert find_corners(wide) is not None
     grey = np.full((480, 480, 3), 145, np.uint8)
     (frame,) = padded(0.1, 0.05)([Frame(0.0, grey)])
     assert find_corners(frame.picture) is None
+    assert find_corners(np.pad(grey, ((40, 40), (60, 60), (0, 0)))) is None  # bars all round
+    assert find_corners(np.pad(grey, ((40, 40), (60, 60), (0, 0)), constant_values=20)) is not None
 
 
 def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() -> None:
-    camera = straight_camera()
+    camera = camera_of()
     places = np.array([(15.0, 15.0), (30.0, 40.0), (30.0 + 8.5, 40.0), (50.0, 20.0)])
     picture = np.zeros((480, 480, 3), np.uint8)
     px_per_cm = 480 / 65

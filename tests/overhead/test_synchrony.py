@@ -89,18 +89,6 @@ def test_evaluations_are_those_of_the_slow_twin(film, period, start):
         assert one == pytest.approx(other, abs=1e-9)
 
 
-# --- closed forms -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("lit_frames", [1, 2, 5, 6, 40])
-def test_rings_together_for_k_frames_are_as_wide_as_k_equal_numbers(lit_frames):
-    times = frames(4 * PERIOD, RATE)
-    counts = counted(steady([1.0], PERIOD, 20), lit_frames / RATE, times)
-    for each in evaluate(times, counts, PERIOD, 0.0):
-        assert each.spread_s * RATE == pytest.approx(np.sqrt((lit_frames**2 - 1) / 12))
-        assert each.coverage == 1
-
-
 def test_an_evaluation_comes_with_the_first_frame_half_a_period_after_its_mode():
     detector = SynchronyDetector(PERIOD, 0.0)
     times = frames(3 * PERIOD, RATE)
@@ -108,9 +96,6 @@ def test_an_evaluation_comes_with_the_first_frame_half_a_period_after_its_mode()
         evaluation = detector.update(float(time), int(count))
         if evaluation is not None:
             assert 0 <= time - (evaluation.time_s + PERIOD / 2) < 1 / RATE
-
-
-# --- how films begin and end ------------------------------------------------------------------------
 
 
 def test_a_period_is_remembered_however_long_the_film_is():
@@ -121,12 +106,6 @@ def test_a_period_is_remembered_however_long_the_film_is():
         detector.update(float(time), int(count))
         sizes.append(len(pickle.dumps(detector)))
     assert max(sizes[2000:]) <= max(sizes[200:2000]) + 50
-
-
-# --- bad films --------------------------------------------------------------------------------------
-
-
-# --- synchrony --------------------------------------------------------------------------------------
 
 
 def test_the_first_narrow_evaluation_is_the_time_of_synchrony():

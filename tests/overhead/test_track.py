@@ -1,8 +1,7 @@
 """A film in a file is tracked from end to end."""
 
-import itertools
+import json
 import math
-from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +9,9 @@ import numpy as np
 import pytest
 
 from epuck_sim.epuck import RING_HEIGHT_CM
-from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator
 from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
 from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.camera_fit import RINGS
 from epuck_sim.overhead.flashes import Flash, TrackedFrame
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.track import Track, annotate_film, ring_table, snapshot, track_film
@@ -27,10 +24,10 @@ from tests.overhead.films import (
     passed,
     read_rings,
     save,
-    save_stamped,
     shoot,
 )
 from tests.overhead.score import Score, compare
+from tests.overhead.small_films import write_packets
 
 TIMES = even(4.5)
 LIT = in_step(TIMES)
@@ -75,24 +72,6 @@ def test_described_film_gives_its_trial(tracked: Track, named: str) -> None:
     assert tracked.flash_ms == pytest.approx(100, abs=5)
 
 
-def test_foreign_film_gives_the_same_trial(tracked: Track, reel: list[Frame], tmp_path: Path) -> None:
-    track = track_film(save(tmp_path / "foreign.mp4", reel), TrackOptions(), None, passed)
-    assert (track.calibration, track.estimated) == (RINGS, ("period_s", "threshold_ms"))
-    assert track.counts.tolist() == tracked.counts.tolist()
-    assert track.period_s == pytest.approx(1, abs=0.01)
-    assert track.histogram_s == pytest.approx(tracked.histogram_s)
-
-
-def test_rings_are_listed_where_they_are(tracked: Track) -> None:
-    rows = read_rings(Path(tracked.film).with_suffix(".csv"))
-    total = score(rows, TIMES, LIT)
-    assert (total.found, total.missed, total.false) == (LIT.sum(), 0, 0)
-    assert total.worst_cm <= 0.2
-    assert all(abs(row["radius_cm"] - 3.5) <= 0.2 for row in rows)
-    at_px = make_camera().project(np.array([(row["x_cm"], row["y_cm"], 4.0) for row in rows]))
-    assert at_px == pytest.approx(np.array([(row["x_px"], row["y_px"]) for row in rows]), abs=0.01)
-
-
 # --- light ------------------------------------------------------------------------------------------
 
 
@@ -128,7 +107,9 @@ OF_ANY_PERIOD = described() | {"period_s": None}
 def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Track, tmp_path: Path) -> None:
     dropped = {20, 40, 41, 83, 110}
     frames = [frame for k, frame in enumerate(reel) if k not in dropped for _ in range(3 if k % 7 == 0 else 1)]
-    track = track_film(save_stamped(tmp_path / "doubled.mkv", frames, OF_ANY_PERIOD), TrackOptions(), None, passed)
+    stamps, pictures = [round(1000 * frame.time_s) for frame in frames], [frame.picture for frame in frames]
+    film = write_packets(tmp_path / "doubled.mkv", stamps, pictures=pictures, comment=json.dumps(OF_ANY_PERIOD))
+    track = track_film(str(film), TrackOptions(), None, passed)
     kept = [k for k in range(len(reel)) if k not in dropped]
     assert track.counts.tolist() == tracked.counts[kept].tolist()
     assert track.times_s == pytest.approx(TIMES[kept], abs=1e-3)
@@ -164,16 +145,6 @@ def test_snapshot_leaves_out_rings_that_stay_lit(tracked: Track) -> None:
 # --- files: whole or nothing ------------------------------------------------------------------------
 
 
-def breaking(error: type[BaseException], after: int) -> Callable[[Iterable[Frame], float | None], Iterator[Frame]]:
-    """Return a progress wrapper that yields some frames and then raises an error."""
-
-    def progress(frames: Iterable[Frame], _: float | None) -> Iterator[Frame]:
-        yield from itertools.islice(frames, after)
-        raise error
-
-    return progress
-
-
 @pytest.mark.parametrize("threshold_ms", [None, 10.0])
 def test_annotation_says_what_the_track_says(
     named: str, tmp_path: Path, threshold_ms: float | None, monkeypatch: pytest.MonkeyPatch
@@ -190,18 +161,6 @@ def test_annotation_says_what_the_track_says(
     assert annotated[-1].histogram_s == track.histogram_s
     assert [tracked.evaluation for tracked in annotated if tracked.evaluation] == list(track.evaluations)
     assert [len(tracked.rings) for tracked in annotated] == track.counts.tolist()
-
-
-@pytest.mark.parametrize(("error", "after"), [(KeyboardInterrupt, 0), (FilmError, 30)])
-def test_what_is_interrupted_leaves_what_was_there(
-    tracked: Track, named: str, tmp_path: Path, error: type[BaseException], after: int
-) -> None:
-    (tmp_path / "rings.csv").write_text("older")
-    with pytest.raises(error):
-        track_film(named, TrackOptions(), tmp_path / "rings.csv", breaking(error, after))
-    with pytest.raises(error):
-        annotate_film(tracked, tmp_path / "annotated.mp4", breaking(error, after))
-    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("rings.csv", "older")]
 
 
 def test_table_keeps_the_times_of_a_long_film(tmp_path: Path) -> None:

@@ -17,14 +17,13 @@ import cv2
 import numpy as np
 import pytest
 
-from epuck_sim.errors import EpuckSimError, FilmError, PortError
+from epuck_sim.errors import FilmError, PortError
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.camera_fit import RINGS
-from epuck_sim.overhead.film import FilmWriter, open_film
+from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.live import Watching, live_page, track_camera
 from epuck_sim.overhead.track import Track
-from epuck_sim.util.machine import check_port, free_port
 from tests.overhead.films import SMALL, even, in_step, make_camera, passed, read_rings, shoot
 
 TIMES = even(4.5)
@@ -139,35 +138,6 @@ def test_ctrl_c_before_the_calibration_leaves_the_film(plug: Plug, tmp_path: Pat
     assert not camera.is_open
     assert [path.name for path in tmp_path.iterdir()] == ["raw.mp4"]
     assert frames_in(tmp_path / "raw.mp4") == 30
-
-
-@pytest.mark.parametrize(("output", "from_s"), [("annotate", -1.0), ("record", 2.0)])
-def test_a_film_that_cannot_be_written_ends_it_and_leaves_what_is_written(
-    plug: Plug, reel: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, output: str, from_s: float
-) -> None:
-    whole = FilmWriter.write
-
-    def write(writer: FilmWriter, frame: Frame) -> None:
-        if frame.time_s > from_s:
-            raise FilmError("no space left")
-        whole(writer, frame)
-
-    camera = plug(reel)
-    monkeypatch.setattr(FilmWriter, "write", write)
-    with pytest.raises(FilmError, match="no space left"):
-        watch(TrackOptions(corners_px=CORNERS_PX), rings=tmp_path / "rings.csv", **{output: tmp_path / "film.mp4"})
-    assert not camera.is_open
-    assert (tmp_path / "rings.csv").read_text().startswith("time_s,")
-    if from_s > 0:
-        assert frames_in(tmp_path / "film.mp4") > 10
-
-
-def test_a_page_is_gone_if_the_film_cannot_be_begun(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
-    port = free_port()
-    plug(reel)
-    with pytest.raises(EpuckSimError):
-        watch(TrackOptions(corners_px=CORNERS_PX), port=port, record=tmp_path / "none" / "raw.mp4")
-    check_port(port)
 
 
 KILLED = """

@@ -5,6 +5,7 @@ import pytest
 from epuck_sim.replication.claims import Check, Claim
 from epuck_sim.replication.criteria import Effect, student
 from epuck_sim.replication.verdicts import Finding, Verdict, decide, judge_claims, p_values, run_check
+from tests.runs.made_folders import ended, in_memory, sweep
 
 HOLDS, CONTRADICTED, UNDECIDED = Verdict.HOLDS, Verdict.CONTRADICTED, Verdict.UNDECIDED
 
@@ -43,6 +44,14 @@ def claimed(*checks: Finding, **more: str) -> tuple[Claim, list[Finding]]:
 def test_an_effect_decides_if_it_is_far_from_the_threshold(value, prediction, verdict) -> None:
     ((_, _, (judged,)),) = judge_claims([claimed(finding(student(value, 1.0, 30), **prediction))])
     assert judged.verdict == verdict
+
+
+def test_points_are_compared_up_to_the_lowest_of_their_limits() -> None:
+    limit = "stop.max_cycles"
+    trials = {100: ended([10, 20, 30, 40, 100], [True] * 4 + [False]), 1000: ended([10, 20, 30, 40, 900])}
+    points = in_memory(sweep({limit: [100, 1000]}, trials=5), lambda point: trials[point.axes[limit]])
+    ratio = Check.model_validate({"test": "ratio", "between": [{limit: 100}, {limit: 1000}], "above": 1})
+    assert run_check(ratio, points).effect.estimate.value == pytest.approx(1)
 
 
 def test_what_one_test_decides_many_may_not() -> None:

@@ -221,6 +221,13 @@ def test_few_speeds_are_said_to_be_few_and_the_one_at_rest_does_not_count() -> N
     assert search_extrema(curve_of(falling, range(1, MIN_SPEEDS + 1))).reason == ""
 
 
+def test_robots_at_rest_have_no_part_in_the_search() -> None:
+    curve = curve_of(lambda point: bumpy(point) if point.axes[SPEED] else ended(range(1, 61)), [0, *MANY_SPEEDS])
+    expected = find_minimum_and_peak(curve.x[1:], curve.values[1:], curve.resampled[:, 1:])
+    assert expected.is_found
+    assert_same(search_extrema(curve).extrema, expected)
+
+
 def half_censored():
     return ended([20, 30] * 15 + [50] * 30, [True] * 30 + [False] * 30)
 

@@ -93,6 +93,9 @@ def test_numbers_are_planned_by_their_scatter_of_either_sign() -> None:
     assert (plan.of, plan.is_of_shares) == ("mine", False)
     assert point.trials == trials_needed([np.std(values, ddof=1) / np.mean(values)], 0.25, 0.9)
     assert (other.trials, other.spread, other.mean) == (point.trials, point.spread, -point.mean)
+    both = plan_trials(of_measure(values, -values), 0.25, 0.9)
+    assert [each.trials for each in both.points] == [point.trials] * 2
+    assert both.over_all is None  # a rise of the one is a fall of the other
 
 
 def test_undetermined_values_do_not_count_and_a_mean_of_0_has_no_per_cent() -> None:

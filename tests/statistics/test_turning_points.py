@@ -29,6 +29,7 @@ def test_the_peak_of_a_parabola_is_found_and_there_is_no_minimum():
     assert peak.place.low < 10**0.3 < peak.place.high
     assert peak.value.low < np.e**2 < peak.value.high
     assert find_minimum(fit) is None or not find_minimum(fit).is_found
+    assert [peak._replace(kept=kept).is_found for kept in (0.96, 0.94)] == [True, False]
 
 
 def test_a_curve_with_both_has_both():
