@@ -24,6 +24,8 @@ run: $(VENV)/installed ## install, and simulate the thesis's base case
 	@echo; echo "What comes next:"; echo "  source $(BIN)/activate"; echo "  epuck-sim run thesis --live --web"
 
 test: lint ## lint, types and all tests but the slow ones, or those of one room: ROOM=particles
+	@echo "compiling the kernels of robots and of agents, once for all tests"
+	$(BIN)/epuck-sim run particles > /dev/null & $(BIN)/epuck-sim run thesis > /dev/null; wait
 	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist worksteal \
 	    $(ROOM:%=tests/%)
 
@@ -65,7 +67,7 @@ torture: $(VENV)/test-tools ## every command that writes, with kills and full di
 	TORTURE=25 timeout 3600 $(BIN)/python -m pytest -m "slow or not slow" -rP -n 2 tests/sweep/test_torture.py tests/runs/test_checksums.py \
 	    tests/runs/test_durable.py tests/runs/test_merge.py \
 	    tests/cli/test_far_fetched.py tests/cli/test_job_array.py tests/util/test_machine.py \
-	    tests/recording/test_damaged.py tests/overhead/test_damaged_films.py tests/sweep/test_temporary_folders.py
+	    tests/recording/test_damaged.py tests/overhead/test_damaged_films.py tests/sweep/test_run.py
 
 figures: $(VENV)/installed ## make the figures and tables of the docs anew; hours, but it can be stopped and goes on
 	mkdir -p runs

@@ -149,9 +149,9 @@ def case_values(kind: str, name: str) -> dict[str, Any]:
     return {**values, "trials": endings(case(kind, name))}
 
 
-def embodied(name: str, *, interpret: bool = False) -> dict[str, Any]:
+def embodied(name: str) -> dict[str, Any]:
     """Return the digest of all that robots sense, do and remember, and where they are after one second."""
-    simulation, arrays = Simulation(name, seed=1, interpret=interpret), []
+    simulation, arrays = Simulation(name, seed=1), []
     for step in islice(simulation, STEPS):
         fields = (step.poses, step.infrared, step.distance_mm, step.camera, step.wheels_cm_s, step.ring_on)
         arrays += [array.copy() for array in (*fields, step.phase_ms, step.flash_seen, *step.memories)]

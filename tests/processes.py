@@ -61,7 +61,7 @@ def end_all() -> None:
                 pipe.close()
 
 
-def wait_until(condition, limit_s: float = 60.0) -> None:
+def wait_until(condition, limit_s: float = 300.0) -> None:
     """Wait until `condition()` holds; fail after `limit_s`."""
     end = time.monotonic() + limit_s
     while not condition():

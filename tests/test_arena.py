@@ -8,15 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.arena import brightness_at, clearance_cm, floor_levels, light_at, make_arena, make_floor
-
-SQUARE = np.array([(40, 40), (60, 40), (60, 60), (40, 60)], float)
-
-
-def ring(corners, turns=1, first=0.0):
-    """Return points that go evenly round the origin, `turns` times."""
-    around = first + turns * 2 * math.pi * np.arange(corners) / corners
-    return np.column_stack([np.cos(around), np.sin(around)])
-
+from tests.test_geometry import SQUARE, ring
 
 # --- clearance --------------------------------------------------------------------------------------
 

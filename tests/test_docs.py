@@ -16,10 +16,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import epuck_sim
-from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.recording import live, viewer
 from epuck_sim.recording.reader import read_recording
@@ -27,6 +25,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial, simulate
+from tests.cli.commands import call
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -97,9 +96,11 @@ def test_tests_shown_pass(tmp_path) -> None:
     (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
     (tmp_path / "turner.py").write_text(controller)
     (tmp_path / "test_shown.py").write_text("".join(shown))
-    command = [sys.executable, "-m", "pytest", "-p", "epuck_sim.pytest_plugin", "-q", tmp_path / "test_shown.py"]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert "4 passed" in run.stdout, run.stdout
+    command = [sys.executable, "-m", "pytest", "-p", "epuck_sim.pytest_plugin", "-W", "error", "-v"]
+    run = subprocess.run([*command, tmp_path / "test_shown.py"], capture_output=True, text=True, check=False)
+    for way in ("interpreted", "compiled"):
+        assert f"test_it_flashes_when_it_has_waited[{way}] PASSED" in run.stdout, run.stdout
+    assert "4 passed" in run.stdout
 
 
 def test_the_firmware_shown_runs(tmp_path) -> None:
@@ -135,9 +136,11 @@ def shorter(words: list[str]) -> list[str]:
         case ["run", name, *_] if name.startswith(LONG_SWEEPS):
             return ["--trials", "1", "--set", "stop.max_cycles=2"]
         case ["run", *options] if "--film" in options or any("further_cycles" in option for option in options):
-            return [*SMALL_PICTURES, "--set", "stop.max_cycles=3"]
+            return [*SMALL_PICTURES, "--set", "stop.max_cycles=2", "--set", "stop.further_cycles=2"]
         case ["film", *_]:
             return SMALL_PICTURES
+        case ["compare-film", *_]:
+            return ["--trials", "3"]
         case ["plan", *options] if "--seconds" in options:
             return ["--seconds", "0.5"]
     return []
@@ -182,7 +185,7 @@ def test_the_commands_shown_run(page: Path, shown: list[str], tmp_path, monkeypa
     for name, text in {**named_files(ROOT / "README.md"), **named_files(page)}.items():
         Path(name).write_text(text)
     for words in commands(page):
-        result = CliRunner().invoke(app, words)
+        result = call(*words)
         assert result.exit_code == 0, (words, result.stderr)
     assert Path("trace.parquet").exists() == any("--trace" in words for words in commands(page))
     looked_at = [words for words in commands(page) if words[0] == "replay" or "--live" in words]
@@ -206,7 +209,7 @@ def test_the_tutorial_tells_what_comes_out(tmp_path, monkeypatch) -> None:
         (["--seed", "1", "--set", "robots.0.count=5"], "Five robots need {} cycles."),
         (["--controller", "listener.py", *three], "The three trials take {}, {} and {} cycles."),
     ):
-        result = CliRunner().invoke(app, ["run", "thesis", *words, "--json"])
+        result = call("run", "thesis", *words, "--json")
         trials = [json.loads(line) for line in result.stdout.splitlines()]
         assert sentence.format(*(trial["t_sync_cycles"] for trial in trials)) in told
 

@@ -21,12 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from epuck_sim.cli.app import app
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.scenario.yaml_io import parse_yaml, write_yaml
-from tests.cli.commands import called, contents
+from tests.cli.commands import call, called, contents
 from tests.runs.made_folders import COUNT, SPEED, SPEEDS, WIDTH, Law, ended, store, store_measured, sweep, weibull
 
 TABLE = Path(__file__).with_name("mistakes.yaml")
@@ -137,7 +135,7 @@ def test_a_mistake_ends_the_command_with_one_message_before_anything_runs(row, s
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr("epuck_sim.cli.trials.run_trial", lambda *_, **__: pytest.fail("a trial was simulated"))
-    result = CliRunner().invoke(app, shlex.split(row.get("command", "check s.yaml")))
+    result = call(*shlex.split(row.get("command", "check s.yaml")))
     assert result.exit_code == row.get("code", 2), result.output
     said = " ".join(result.stderr.replace("│", " ").split())
     parts = (re.escape(" ".join(part.split())) for part in row["says"].split("..."))

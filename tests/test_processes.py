@@ -1,7 +1,6 @@
 """Processes that tests start hear Ctrl-C and do not outlive their test."""
 
 import signal
-import subprocess
 import sys
 
 from tests.processes import end_all, processes_marked, start, wait_until
@@ -11,16 +10,6 @@ import subprocess, sys, time
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], start_new_session=True)
 print("started", flush=True)
 time.sleep(600)
-"""
-
-FAILING = """
-import sys
-from tests.conftest import _no_process_outlives_its_test
-from tests.processes import start
-
-def test_it():
-    start([sys.executable, "-c", "import time; time.sleep(600)"], mark={mark!r})
-    assert False
 """
 
 
@@ -44,11 +33,3 @@ def test_all_descendants_are_ended_even_if_the_first_process_has_ended(tmp_path)
     process.wait()
     end_all()
     wait_until(lambda: not processes_marked(str(tmp_path)))
-
-
-def test_what_a_failed_test_has_started_is_ended(tmp_path) -> None:
-    (tmp_path / "test_it.py").write_text(FAILING.format(mark=str(tmp_path)))
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path / "test_it.py")]
-    failed = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert "1 failed" in failed.stdout
-    assert processes_marked(str(tmp_path)) == []

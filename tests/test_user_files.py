@@ -4,6 +4,7 @@ import importlib
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,10 @@ from epuck_sim.scenario.loader import SCENARIO, load_scenario
 from epuck_sim.scenario.particles import CURVE, find_curve
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robot_kind import ROBOT
+from epuck_sim.sweep.run import run_sweep
 from tests.cli.commands import call, called, refused
 from tests.control.bench import EMPTY
+from tests.sweep.pool_here import pool_here
 
 PACKAGES = Path(__file__).parent / "plugins"
 CURVE_FILE = "def phase_shift(phase, coupling, parameters):\n    return coupling * phase ** 2\n"
@@ -35,16 +38,20 @@ def look_again() -> None:
         vars(kind).pop("offers", None)
 
 
-@pytest.fixture
-def site(tmp_path, monkeypatch):
-    """A folder in which packages can be installed, for this process and for those that it starts."""
-    folder = tmp_path / "site"
-    folder.mkdir()
+def offer(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Have packages in a folder installed, for this process and for those that it starts."""
     monkeypatch.syspath_prepend(folder)
     monkeypatch.setenv("PYTHONPATH", str(folder), prepend=":")
     look_again()
     yield folder
     look_again()
+
+
+@pytest.fixture
+def site(tmp_path, monkeypatch):
+    """A folder in which packages can be installed."""
+    (tmp_path / "site").mkdir()
+    yield from offer(tmp_path / "site", monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -59,11 +66,7 @@ def built(tmp_path_factory) -> Path:
 @pytest.fixture
 def plugins(built, monkeypatch):
     """The two packages in `tests/plugins`, installed."""
-    monkeypatch.syspath_prepend(built)
-    monkeypatch.setenv("PYTHONPATH", str(built), prepend=":")
-    look_again()
-    yield built
-    look_again()
+    yield from offer(built, monkeypatch)
 
 
 def install(site: Path, package: str, group: str, name: str, module: str) -> None:
@@ -107,12 +110,12 @@ def test_what_packages_offer_is_used_by_name():
 
 @pytest.mark.usefixtures("plugins")
 def test_a_sweep_s_workers_find_what_packages_offer_and_its_folder_knows_their_files(tmp_path):
-    sweep = ("plaza", "--sweep", "robots.0.controller=firefly,dark_walk", "--workers", "2")
-    for trials in ("2", "3"):
-        # in a process of its own: workers are forks of what was started first, which may not know the packages
-        command = [sys.executable, "-m", "epuck_sim", "run", *sweep, "--trials", trials, "--out", tmp_path / "runs"]
-        ended = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert ended.returncode == 0, ended.stderr
+    sweep = ("plaza", "--sweep", "robots.0.controller=firefly,dark_walk", "--workers", "2", "--out", tmp_path / "runs")
+    # in a process of its own: workers are forks of what was started first, which may not know the packages
+    command = [sys.executable, "-m", "epuck_sim", "run", *sweep, "--trials", "2"]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert run_sweep(load_scenario(tmp_path / "runs", ["trials=3"]), tmp_path / "runs", pool_here).ended == 2
     scenario = points(load_scenario("plaza", axes=["robots.0.controller=firefly,dark_walk"]))[1].scenario
     assert scenario.robots[0].controller == "dark_walk"
     assert [name.partition(" with digest ")[0] for name in own_files(scenario)] == ["dark_walk", "nearest_robot"]

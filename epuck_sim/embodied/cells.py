@@ -3,8 +3,9 @@
 import math
 from typing import Any, NamedTuple
 
-from epuck_sim.embodied.swarm import Swarm
-from epuck_sim.util.jit import jit_inline
+from epuck_sim.arrays import ByteArray
+from epuck_sim.embodied.swarm import Swarm, swarm_at
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 
 def _count_cells(width_cm: float, height_cm: float, robots: int, least_cm: float) -> tuple[int, int]:
@@ -57,9 +58,10 @@ def members_in_row(near: NearCells, row: int, swarm: Swarm) -> tuple[int, int]:
     return swarm.cells[first_cell + near.first_column], swarm.cells[first_cell + near.last_column + 1]
 
 
-@jit_inline
-def sort_into_cells(swarm: Swarm) -> None:
+@jit_no_alloc
+def sort_into_cells(block: ByteArray) -> None:
     """Sort the robots into the cells where they are now."""
+    swarm = swarm_at(block)
     scene, cells, members = swarm.scene[0], swarm.cells, swarm.members
     last = scene.columns * scene.rows
     for cell in range(last + 1):

@@ -65,7 +65,7 @@ def begin_step(block: ByteArray, addresses: IntArray) -> None:
     scene = swarm.scene[0]
     scene.step += 1
     if scene.step > 0 and not scene.moved_publicly:
-        move_bodies(swarm, addresses)
+        move_bodies(block, addresses)
     draw_noise(swarm)
 
 

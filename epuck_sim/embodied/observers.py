@@ -67,12 +67,13 @@ def make_scene(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arena: 
 
 
 @jit_inline
-def place_robots(swarm: Swarm, poses: FloatArray) -> None:
+def place_robots(block: ByteArray, poses: FloatArray) -> None:
     """Put robots at (robots, 3) poses, cm, cm, rad, and sort them into cells."""
-    for robot in range(len(swarm.robots)):
-        record = swarm.robots[robot]
+    robots = swarm_at(block).robots
+    for robot in range(len(robots)):
+        record = robots[robot]
         record.x, record.y, record.heading = poses[robot, 0], poses[robot, 1], poses[robot, 2]
-    sort_into_cells(swarm)
+    sort_into_cells(block)
 
 
 def _with_room(write: Callable[[IntArray, FloatArray], int], room: int) -> tuple[IntArray, FloatArray]:
@@ -131,7 +132,7 @@ def write_sightings(
         lit = list_labelled(robots, swarm.numbers)
         if lit == 0:
             continue
-        place_robots(swarm, poses[step])
+        place_robots(block, poses[step])
         for observer in range(group.first, group.first + group.count):
             if by_cone:
                 for robot in range(robots):
@@ -177,7 +178,7 @@ def write_contacts(block: ByteArray, poses: FloatArray, found: IntArray, points:
     scene = swarm.scene[0]
     count = 0
     for step in range(len(poses)):
-        place_robots(swarm, poses[step])
+        place_robots(block, poses[step])
         for robot in range(len(swarm.robots)):
             x, y, radius = poses[step, robot, 0], poses[step, robot, 1], swarm.robots[robot].radius_cm
             reach = radius + GAP_CM

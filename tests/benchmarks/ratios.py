@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim import ParticleSimulation, Simulation, __version__, load_scenario
 from epuck_sim.arrays import FloatArray
+from tests.benchmarks.measuring import swarm_of
 
 HISTORY = Path(__file__).parents[2] / "docs" / "figures" / "speed_history.csv"
 
@@ -67,8 +68,7 @@ def bare_space(poses: list[list[float]]) -> pymunk.Space:
 
 def compare_robots(robots: int, side_cm: float, speed_cm_s: float) -> tuple[float, float]:
     """Return the CPU time of a control step in us, and its ratio to ten bare steps of physics."""
-    settings = [f"robots.0.count={robots}", f"arena.width_cm={side_cm}", f"arena.height_cm={side_cm}"]
-    simulation = Simulation(load_scenario("thesis", [*settings, f"robots.0.parameters.speed_cm_s={speed_cm_s}"]), 1)
+    simulation = Simulation(swarm_of(robots, side_cm, f"robots.0.parameters.speed_cm_s={speed_cm_s}"), 1)
     space = bare_space(simulation.last_step.poses.tolist())
 
     def step_bare() -> None:

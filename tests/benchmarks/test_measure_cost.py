@@ -9,8 +9,6 @@ from epuck_sim.measures.loader import SHIPPED
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 
-pytestmark = pytest.mark.benchmark
-
 ROBOTS = {10: (60, 10), 100: (221, 4), 1000: (700, 2)}
 """Robots: side of their arena in cm, cycles of a trial."""
 
@@ -47,39 +45,25 @@ def compare(sections, name: str) -> tuple[float, float]:
     return ratio, statistics.median(after - before for before, after in pairs) / parts * 1e6
 
 
-@pytest.fixture(scope="module")
-def costs():
-    """(measure, trials) -> (ratio, us a step of robots or a cycle of agents); printed as a table at the end."""
-    found: dict[tuple[str, str], tuple[float, float]] = {}
-    yield found
-    columns = list(dict.fromkeys(column for _, column in found))
-    print(f"\n\n| measure | {' | '.join(columns)} |")
-    print("| --- |" + " --- |" * len(columns))
-    for name in sorted({name for name, _ in found}):
-        cells = [found.get((name, column)) for column in columns]
-        print(
-            f"| `{name}` | "
-            + " | ".join("" if cell is None else "{:.2f}, {:.1f}".format(*cell) for cell in cells)
-            + " |"
-        )
+COLUMNS = "measure", "trials", "times as long", "us a step or cycle"
 
 
 @pytest.mark.parametrize("name", [name for name in SHIPPED if name not in FOR_AGENTS])
 @pytest.mark.parametrize("robots", ROBOTS)
-def test_measures_of_robots(benchmark, costs, robots: int, name: str) -> None:
+def test_measures_of_robots(benchmark, show, robots: int, name: str) -> None:
     side_cm, cycles = ROBOTS[robots]
     sections = {
         "robots": [{"count": robots}],
         "arena": {"width_cm": side_cm, "height_cm": side_cm},
         "stop": {"order_parameter": 1.0, "max_cycles": cycles},
     }
-    costs[name, f"{robots:,} robots"] = benchmark.pedantic(compare, (sections, name), rounds=1)
+    show(COLUMNS, name, f"{robots:,} robots", *benchmark.pedantic(compare, (sections, name), rounds=1))
 
 
 @pytest.mark.parametrize("name", [name for name in SHIPPED if name not in FOR_ROBOTS])
 @pytest.mark.parametrize("agents", AGENTS)
-def test_measures_of_agents(benchmark, costs, agents: int, name: str) -> None:
+def test_measures_of_agents(benchmark, show, agents: int, name: str) -> None:
     cycles = AGENTS[agents]
     stop = {"order_parameter": None, "max_cycles": cycles}
     sections = {"model": "particles", "agents": {"count": agents}, "stop": stop}
-    costs[name, f"{agents:,} agents"] = benchmark.pedantic(compare, (sections, name), rounds=1)
+    show(COLUMNS, name, f"{agents:,} agents", *benchmark.pedantic(compare, (sections, name), rounds=1))

@@ -22,8 +22,6 @@ from epuck_sim.overhead.filming import VirtualCamera
 from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.scenario.overhead import OverheadSection
 
-pytestmark = pytest.mark.benchmark
-
 SIZES = {"480 x 480": (480, 480), "1080p": (1920, 1080)}
 FILM_S = {"480 x 480": 20, "1080p": 5}
 HOUR_S = 3600
@@ -39,14 +37,7 @@ def steps() -> list[tuple]:
     return [(step.time_s, step.poses.copy(), step.ring_on.copy()) for step in islice(simulation, 400)]
 
 
-@pytest.fixture(scope="module")
-def rates():
-    """Rows, printed as a table at the end."""
-    rows: list[tuple] = []
-    yield rows
-    print("\n\npicture    rendered/s rendered and written/s  read/s  read and tracked/s  x real time")
-    for size, rendered, written, read, tracked in rows:
-        print(f"{size:10} {rendered:10.0f} {written:22.0f} {read:7.0f} {tracked:19.0f} {tracked / REAL_TIME:12.0f}")
+COLUMNS = "picture", "rendered/s", "rendered and written/s", "read/s", "read and tracked/s", "x real time"
 
 
 def rendered(section: OverheadSection, steps: list[tuple]) -> Iterator[Frame]:
@@ -77,7 +68,7 @@ def track(path: Path, section: OverheadSection) -> int:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_frames_in_a_second(benchmark, rates, steps, tmp_path, size: str) -> None:
+def test_frames_in_a_second(benchmark, show, steps, tmp_path, size: str) -> None:
     width, height = SIZES[size]
     section = OverheadSection(width_px=width, height_px=height)
     shown, path = steps[: 10 * FILM_S[size]], tmp_path / "film.mp4"
@@ -98,7 +89,7 @@ def test_frames_in_a_second(benchmark, rates, steps, tmp_path, size: str) -> Non
 
     benchmark.pedantic(once, rounds=3, warmup_rounds=1)
     best = np.max(found, axis=0)  # other load can only make it slower
-    rates.append((size, *best))
+    show(COLUMNS, size, *best, best[3] / REAL_TIME)
     if size == "480 x 480":
         assert best[3] > TIMES_REAL_TIME * REAL_TIME / 4  # on any machine; the table shows the margin
 

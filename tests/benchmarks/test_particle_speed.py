@@ -12,8 +12,6 @@ from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.model import run_trial
 from tests.particles.simulations import search_all
 
-pytestmark = pytest.mark.benchmark
-
 CONE = {"kind": "cone_of_vision", "radius_cm": 40, "angle_deg": 60}
 RANGE = {"kind": "range", "radius_cm": 40}
 CASES = {
@@ -29,6 +27,11 @@ AGENTS = (10, 30, 100, 300, 1000, 3000, 10_000)
 
 DENSITY = 1000 / 707**2
 """Agents per cm^2 of all these swarms."""
+
+SPEEDS = "agents", "cm/s", "cycles/s", "firings/s", "ns a firing", "cycles/s in C++", "ratio"
+GROWTH = "agents", "ns a firing", "with a search over all pairs"
+SHORT = "us to make a trial of 70 cycles", "to run it"
+NEIGHBOURS = "neighbours", "ns a firing", "times that of one"
 
 
 def make_simulation(agents: int, neighbourhood: dict, side_cm: float, speed: float, seed: int) -> ParticleSimulation:
@@ -50,22 +53,9 @@ def measure(simulations: list[ParticleSimulation], cycles: int) -> tuple[float, 
     return sum(each.cycles for each in simulations) / spent, sum(each.firings for each in simulations) / spent
 
 
-@pytest.fixture(scope="module")
-def speeds():
-    """Collect rows and print them as a table at the end."""
-    rows: list[tuple] = []
-    yield rows
-    print("\n\nagents       V [cm/s]   cycles/s  firings/s    ns/firing       C++  ratio")
-    for name, speed, cycles, firings, reference in rows:
-        print(
-            f"{name:12} {speed:8g} {cycles:10,.0f} {firings:10,.0f} {1e9 / firings:12.0f} {reference:9,} "
-            f"{cycles / reference:6.2f}"
-        )
-
-
 @pytest.mark.parametrize("speed", [0.1, 1, 10])
 @pytest.mark.parametrize("name", CASES)
-def test_cycles_and_firings_per_second(benchmark, speeds, name: str, speed: float) -> None:
+def test_cycles_and_firings_per_second(benchmark, show, name: str, speed: float) -> None:
     agents, neighbourhood, side_cm, trials, cycles, references = CASES[name]
     found: list[tuple[float, float]] = []
 
@@ -75,11 +65,12 @@ def test_cycles_and_firings_per_second(benchmark, speeds, name: str, speed: floa
 
     benchmark.pedantic(once, rounds=3)
     cycles_s, firings_s = max(found)  # the fastest: other processes can only slow it down
-    speeds.append((name, speed, cycles_s, firings_s, references[speed]))
-    assert cycles_s > references[speed] / 4  # holds on any machine; the table shows the margin
+    theirs = references[speed]
+    show(SPEEDS, name, speed, cycles_s, firings_s, 1e9 / firings_s, theirs, cycles_s / theirs)
+    assert cycles_s > theirs / 4  # holds on any machine; the table shows the margin
 
 
-def test_the_cost_of_a_short_trial(benchmark) -> None:
+def test_the_cost_of_a_short_trial(benchmark, show) -> None:
     scenario = make_simulation(20, {"kind": "nearest", "k": 1}, 100, 100, 0).scenario
     spent_s: list[tuple[float, float]] = []
 
@@ -93,49 +84,32 @@ def test_the_cost_of_a_short_trial(benchmark) -> None:
 
     benchmark.pedantic(once, rounds=5)
     making_s, running_s = min(spent_s, key=sum)
-    print(f"\n\na trial of 70 cycles: making it {1e4 * making_s:.0f} us, running it {1e4 * running_s:.0f} us")
+    show(SHORT, 1e4 * making_s, 1e4 * running_s)
     assert making_s < 3 * running_s
 
 
-@pytest.fixture(scope="module")
-def growth():
-    """Collect rows and print them as a table at the end."""
-    rows: list[tuple] = []
-    yield rows
-    print("\n\nagents    ns/firing  search over all pairs")
-    for agents, cells_ns, pairs_ns in rows:
-        print(f"{agents:6}  {cells_ns:11.0f}  {pairs_ns:20.0f}")
-
-
 @pytest.mark.parametrize("agents", AGENTS)
-def test_the_cost_of_a_firing_against_the_number_of_agents(benchmark, growth, agents: int) -> None:
+def test_the_cost_of_a_firing_against_the_number_of_agents(benchmark, show, agents: int) -> None:
     side_cm = (agents / DENSITY) ** 0.5
     cycles = max(3, 20_000 // agents)
     in_cells, all_pairs = (make_simulation(agents, RANGE, side_cm, 1.0, 0) for _ in range(2))
     search_all(all_pairs)
     _, firings_s = benchmark.pedantic(measure, ([in_cells], cycles), rounds=1)
     found = [1e9 / firings_s, 1e9 / measure([all_pairs], cycles)[1]]
-    growth.append((agents, *found))
+    show(GROWTH, agents, *found)
     assert agents < 1000 or found[0] < found[1]
 
 
-NEIGHBOURS = (1, 5, 20, 100, 300, 999)
-"""Numbers of neighbours in a swarm of 1,000."""
+def test_the_cost_of_a_firing_against_the_number_of_neighbours(benchmark, show) -> None:
+    """Of 1,000 agents."""
+    spent_ns: dict[int, float] = {}
 
+    def once() -> None:
+        for k in (1, 5, 20, 100, 300, 999):
+            swarm = make_simulation(1000, {"kind": "nearest", "k": k}, 707, 1.0, 0)
+            spent_ns[k] = 1e9 / measure([swarm], 3)[1]
 
-@pytest.fixture(scope="module")
-def by_neighbours():
-    """Collect rows and print them as a table at the end."""
-    rows: list[tuple[int, float]] = []
-    yield rows
-    print("\n\nneighbours    ns/firing  times that of one")
-    for k, spent_ns in rows:
-        print(f"{k:10}  {spent_ns:11.0f}  {spent_ns / rows[0][1]:17.1f}")
-    assert max(spent_ns for _, spent_ns in rows) < 100 * rows[0][1]  # with a pass for each neighbour: 400
-
-
-@pytest.mark.parametrize("k", NEIGHBOURS)
-def test_the_cost_of_a_firing_against_the_number_of_neighbours(benchmark, by_neighbours, k: int) -> None:
-    swarm = make_simulation(1000, {"kind": "nearest", "k": k}, 707, 1.0, 0)
-    _, firings_s = benchmark.pedantic(measure, ([swarm], 3), rounds=1)
-    by_neighbours.append((k, 1e9 / firings_s))
+    benchmark.pedantic(once, rounds=1, warmup_rounds=1)
+    for k, firing_ns in spent_ns.items():
+        show(NEIGHBOURS, k, firing_ns, firing_ns / spent_ns[1])
+    assert max(spent_ns.values()) < 100 * spent_ns[1]  # with a pass for each neighbour: 400

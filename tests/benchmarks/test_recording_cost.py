@@ -12,8 +12,7 @@ from epuck_sim.recording import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.embodied import SynchronyWatch
-
-pytestmark = pytest.mark.benchmark
+from tests.benchmarks.measuring import swarm_of
 
 SWARMS = {10: (60, 6000), 100: (221, 3000), 1000: (700, 600)}
 """Robots: side of their arena in cm, steps."""
@@ -27,31 +26,17 @@ def status(line: str) -> int:
     return int(found.split()[1])
 
 
-def endless(robots: int) -> Simulation:
-    """Return a simulation as dense as ever that nobody stops."""
-    side, _ = SWARMS[robots]
-    settings = [f"robots.0.count={robots}", f"arena.width_cm={side}", f"arena.height_cm={side}"]
-    return Simulation(load_scenario("thesis", settings), 1)
-
-
-@pytest.fixture(scope="module")
-def costs():
-    """(robots, level) -> (us a step, kB a minute); printed as a table at the end."""
-    found: dict[tuple[int, Level], tuple[float, float]] = {}
-    yield found
-    print("\n\nrobots  level    us a step  kB a minute  target")
-    for (robots, level), (step_us, minute_kb) in found.items():
-        print(f"{robots:6}  {level:7}  {step_us:9.1f}  {minute_kb:11.0f}  {TARGETS.get((robots, level), '')}")
+COLUMNS = "robots", "level", "us a step", "kB a minute", "target"
 
 
 @pytest.mark.parametrize("level", Level)
 @pytest.mark.parametrize("robots", SWARMS)
-def test_a_step_and_a_minute(benchmark, costs, tmp_path, robots: int, level: Level) -> None:
+def test_a_step_and_a_minute(benchmark, show, tmp_path, robots: int, level: Level) -> None:
     """CPU time of all threads, but for that of the simulation itself and of a recording with nothing in it."""
-    file = tmp_path / "t.rrd"
+    file, (side_cm, steps) = tmp_path / "t.rrd", SWARMS[robots]
 
     def recording_s(steps: int) -> float:
-        simulation = endless(robots)
+        simulation = Simulation(swarm_of(robots, side_cm), 1)
         watch = SynchronyWatch(simulation)
         simulating = 0.0
         began = time.process_time()
@@ -64,18 +49,17 @@ def test_a_step_and_a_minute(benchmark, costs, tmp_path, robots: int, level: Lev
                 recorder(step, watch)
         return time.process_time() - began - simulating
 
-    steps = SWARMS[robots][1]
     recording_s(1)
     empty_s, empty = min(recording_s(0) for _ in range(3)), file.stat().st_size
     found_s = []
     benchmark.pedantic(lambda: found_s.append(recording_s(steps)), rounds=3)
     minute_kb = (file.stat().st_size - empty) / 1000 / (steps / 600)
-    costs[robots, level] = (min(found_s) - empty_s) / steps * 1e6, minute_kb
+    show(COLUMNS, robots, level, (min(found_s) - empty_s) / steps * 1e6, minute_kb, TARGETS.get((robots, level), ""))
 
 
 def test_ten_hours(benchmark, tmp_path) -> None:
     """Memory after each simulated hour."""
-    simulation = endless(10)
+    simulation = Simulation("thesis", 1)
     watch = SynchronyWatch(simulation)
     resident = []
 

@@ -1,8 +1,7 @@
 """What a sensor in a file costs, beside the same code as a shipped kernel. Run by `make bench`."""
 
 import math
-import statistics
-import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,13 +18,14 @@ from epuck_sim.embodied.swarm import swarm_at
 from epuck_sim.util.jit import address_of, jit, jit_no_alloc
 from epuck_sim.util.native import call
 from epuck_sim.util.rng import uniform
-
-pytestmark = pytest.mark.benchmark
+from tests.benchmarks.measuring import take_turns
 
 MOST = 1.2
 """Largest time of a sensor in a file, relative to that of a shipped kernel."""
 
 ROBOTS, ROUNDS, CALLS = 100, 31, 200
+
+COLUMNS = "sensor", "ns a robot, in a file", "as a kernel", "ratio"
 
 FLOOR = {
     "brightness": 0.8,
@@ -98,7 +98,7 @@ def repeat(block, addresses, address, times):
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_a_sensor_in_a_file_costs_hardly_more_than_a_kernel_of_the_same_code(tmp_path, name):
+def test_a_sensor_in_a_file_costs_hardly_more_than_a_kernel_of_the_same_code(benchmark, show, tmp_path, name):
     path = tmp_path / f"{name}.py"
     path.write_text(FILE.format(SENSORS[name]))
     sensor, controller = find_sensor(str(path)), find_controller("firefly")
@@ -109,15 +109,10 @@ def test_a_sensor_in_a_file_costs_hardly_more_than_a_kernel_of_the_same_code(tmp
     Placement(swarm, scenario).place(block)
     own = OwnSensor(block, swarm, 0, name, sensor)
     own.parameters[:] = sensor.parameter_record(sensor.parameters)
-    both = own.address, address_of({"ground": ground, "ray": ray}[name])
-    addresses, ratios = np.zeros(3, np.int64), []
-    for _ in range(ROUNDS):
-        times = []
-        for each in both:
-            start = time.process_time_ns()
-            repeat(block, addresses, each, CALLS)
-            times.append((time.process_time_ns() - start) / CALLS / ROBOTS)
-        ratios.append(times[0] / times[1])
+    both = {"file": own.address, "kernel": address_of({"ground": ground, "ray": ray}[name])}
+    works = {name: partial(repeat, block, np.zeros(3, np.int64), each, CALLS) for name, each in both.items()}
+    found = take_turns(benchmark, works, ROUNDS)
     np.testing.assert_allclose(own.readings["seen"], swarm.robots.sensors.infrared[:, 7], rtol=0, atol=0.1)  # noise
-    print(f"\n{name}: {times[0]:.0f} ns a robot, beside {times[1]:.0f}: {statistics.median(ratios):.3f}")
-    assert statistics.median(ratios) <= MOST
+    ratio = np.median(found["file"] / found["kernel"])
+    show(COLUMNS, name, *(np.median(found[each]) * 1e3 / CALLS / ROBOTS for each in both), ratio)
+    assert ratio <= MOST

@@ -4,15 +4,14 @@ Flashes hardly move phases, so that in all swarms the same rings are lit, one in
 costs is a step's time without that of the same swarm whose rings stay dark.
 """
 
-import time
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
 from epuck_sim.embodied.simulation import Simulation
-
-pytestmark = pytest.mark.benchmark
+from tests.benchmarks.measuring import take_turns
 
 SWARMS = {10: 60, 100: 200, 1000: 700}
 """Robots, and the side of their arena in cm."""
@@ -39,17 +38,7 @@ BLOCK = 50
 """Steps in a turn: a period of the rings."""
 
 
-@pytest.fixture(scope="module")
-def costs():
-    """(signal, robots) -> us of a signal in a step, and it and a whole step relative to the camera's; printed."""
-    found: dict[tuple[str, int], tuple[float, float, float]] = {}
-    yield found
-    print(
-        "\n\nCPU time of a signal in a step in us, relative to the camera's, and that of a whole step relative to its"
-    )
-    print("signal                       robots       us   signal     step")
-    for (signal, robots), (us, ratio, step_ratio) in found.items():
-        print(f"{signal:28} {robots:6}  {us:7.1f}  {ratio:7.2f}  {step_ratio:7.2f}")
+COLUMNS = "signal", "robots", "us a step", "over the camera's", "a whole step over its"
 
 
 def swarm(robots: int, signal: dict[str, Any], parameters: dict[str, float]) -> Simulation:
@@ -60,19 +49,12 @@ def swarm(robots: int, signal: dict[str, Any], parameters: dict[str, float]) -> 
 
 
 @pytest.mark.parametrize("robots", SWARMS)
-def test_what_signals_cost(benchmark, costs, robots: int) -> None:
+def test_what_signals_cost(benchmark, show, robots: int) -> None:
     simulations = {name: swarm(robots, signal, OSCILLATING) for name, signal in SIGNALS.items()}
     simulations[DARK] = swarm(robots, SIGNALS[CAMERA], STAYING_DARK)
-    spent_us: dict[str, list[float]] = {name: [] for name in simulations}
-
-    def take_turns() -> None:
-        for name, simulation in simulations.items():
-            began = time.thread_time()
-            simulation.advance(BLOCK)
-            spent_us[name].append((time.thread_time() - began) / BLOCK * 1e6)
-
-    benchmark.pedantic(take_turns, rounds=max(15, 3000 // robots), warmup_rounds=1)
-    found = {name: np.array(spent[1:]) for name, spent in spent_us.items()}
-    own = {name: np.median(found[name] - found[DARK]) for name in SIGNALS}
+    works = {name: partial(simulation.advance, BLOCK) for name, simulation in simulations.items()}
+    found = take_turns(benchmark, works, max(15, 3000 // robots))
+    own_us = {name: np.median(found[name] - found[DARK]) / BLOCK for name in SIGNALS}
     for name in SIGNALS:
-        costs[name, robots] = own[name], own[name] / own[CAMERA], np.median(found[name] / found[CAMERA])
+        ratios = own_us[name] / own_us[CAMERA], np.median(found[name] / found[CAMERA])
+        show(COLUMNS, name, robots, own_us[name], *ratios)

@@ -4,14 +4,10 @@ import subprocess
 import sys
 import time
 
-import pytest
-
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util.seeds import trial_seed
-
-pytestmark = pytest.mark.benchmark
 
 CURVE_TARGET_S = 14
 START_TARGET_S = 2

@@ -9,16 +9,12 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-
 from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.run import missing_tasks
 from epuck_sim.sweep.worker import run_chunk
-
-pytestmark = pytest.mark.benchmark
 
 SPEEDS = "0.05,0.1,0.2,0.4,0.8,1.6,3.2,6.4,9.6,12.8"
 TRIALS = 40

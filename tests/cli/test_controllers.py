@@ -41,16 +41,14 @@ def test_a_misspelt_name_ends_the_command_with_file_line_and_the_nearest_name(tm
 
 
 def test_traceback_shows_the_controller_s_own_lines_alone(tmp_path):
-    result = call(*scene(tmp_path, **HELPED), "--interpret", "--traceback")
+    command = scene(tmp_path, **HELPED)
+    assert "helper.py:2: RuntimeError: no half" in refused(*command, "--interpret")
+    result = call(*command, "--interpret", "--traceback")
     assert result.exit_code == 2
     assert result.stderr.startswith(f'Traceback of the controller:\n  File "{tmp_path}/mine.py", line 10, in step\n')
     assert f'  File "{tmp_path}/helper.py", line 2, in halve\n    raise RuntimeError' in result.stderr
     assert result.stderr.splitlines()[-1].startswith("error: ")
     assert "helper.py:2: RuntimeError: no half (in the controller" in result.stderr
-
-
-def test_without_traceback_there_is_none(tmp_path):
-    assert "helper.py:2: RuntimeError: no half" in refused(*scene(tmp_path, **HELPED), "--interpret")
 
 
 # --- run --controller ---------------------------------------------------------------------------------
@@ -104,14 +102,10 @@ def test_a_sweep_compares_files_each_with_the_parameters_that_it_has(tmp_path):
     ]
 
 
-def test_a_parameter_that_none_of_the_controllers_has_is_refused(tmp_path):
-    axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0}")
+def test_a_parameter_that_none_of_the_controllers_has_and_an_axis_that_one_lacks_are_refused(tmp_path):
+    axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0, 'gain': 1.0}")
     with pytest.raises(ScenarioError, match=r"point 0 .*robots.0.parameters: unknown 'sped_cm_s', did you mean 'speed"):
         points(load_scenario({"robots": [{"parameters": {"sped_cm_s": 7}}]}, axes=[axis]))
-
-
-def test_an_axis_that_one_of_the_controllers_lacks_is_refused(tmp_path):
-    axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0, 'gain': 1.0}")
     with pytest.raises(ScenarioError, match=r"point 0 .*unknown 'gain'"):
         points(load_scenario({"robots": [{}]}, axes=[axis, "robots.0.parameters.gain=1,2"]))
 

@@ -22,11 +22,10 @@ def scene(tmp_path) -> Path:
     return tmp_path / "scene.yaml"
 
 
-@pytest.mark.parametrize("commands", ["q\n", "p sensors.step_ms\nc\nq\n"])
-def test_leaving_the_debugger_ends_the_command_quietly(scene, commands) -> None:
+def test_leaving_the_debugger_ends_the_command_quietly(scene) -> None:
     run = subprocess.run(
         [*COMMAND, "run", str(scene), "--interpret", "--trace", str(scene.parent / "t.parquet")],
-        input=commands,
+        input="p sensors.step_ms\nc\nq\n",
         capture_output=True,
         text=True,
         check=False,

@@ -105,17 +105,11 @@ def test_text_that_is_no_unicode_is_refused_in_a_scenario(given: dict) -> None:
     str(raised.value).encode()
 
 
-@pytest.mark.parametrize("ending", [".csv", ".parquet"])
-def test_results_are_exported_under_a_name_that_is_not_utf_8(tmp_path, ending: str) -> None:
+def test_results_and_traces_may_have_names_that_are_not_utf_8(tmp_path) -> None:
     folder = store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=2), lambda _: ended([5, 6]))
-    called("export", folder, "--to", tmp_path / f"{NOT_UTF8}{ending}")
-    called("export", folder, "--to", tmp_path / f"same{ending}")
-    assert (tmp_path / f"{NOT_UTF8}{ending}").read_bytes() == (tmp_path / f"same{ending}").read_bytes()
-
-
-def test_a_trace_may_have_a_name_that_is_not_utf_8(tmp_path) -> None:
-    names = [f"{NOT_UTF8}.parquet", "same.parquet"]
-    for name in names:
-        called("run", "pair", "--set", "stop.max_time_s=0.3", "--trace", tmp_path / name)
-    first, second = ((tmp_path / name).read_bytes() for name in names)
-    assert first == second
+    exported, traced = ("export", folder, "--to"), ("run", "pair", "--set", "stop.max_time_s=0.3", "--trace")
+    for words, ending in ((exported, ".csv"), (exported, ".parquet"), (traced, ".parquet")):
+        odd, even = (tmp_path / f"{name}{ending}" for name in (NOT_UTF8, "same"))
+        for path in (odd, even):
+            called(*words, path)
+        assert odd.read_bytes() == even.read_bytes()

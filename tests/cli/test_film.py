@@ -1,16 +1,16 @@
 """Films of trials, by `run --film` and by `film`: what they write and print, and how mistakes end."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import FilmWriter
-from tests.cli.commands import call, called, contents, refused, trials
-from tests.cli.films import frames_and_description, names, shut
+from epuck_sim.recording.reader import read_recording
+from tests.cli.commands import call, called, contents, trials
+from tests.cli.films import frames_and_description, names
 
 THREE = """
 name: three
@@ -35,12 +35,6 @@ def shelf(tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.fixture
-def nothing_runs(monkeypatch) -> None:
-    """Have no trial simulated."""
-    monkeypatch.setattr("epuck_sim.cli.trials.simulate", lambda *_, **__: pytest.fail("it ran"))
-
-
 # run --film
 
 
@@ -56,29 +50,19 @@ def test_a_filmed_run_prints_the_same_and_writes_the_film(shelf, here) -> None:
     assert (description["scenario"], description["seed"], description["robots"]) == ("three", plain[0]["seed"], 3)
 
 
-def test_several_trials_are_filmed_into_a_file_each(shelf, here) -> None:
-    rows = trials(called("run", shelf / "three.yaml", "--trials", "2", "--seed", "7", "--json", "--film", "t.mp4"))
-    assert names(here) == ["t-0.mp4", "t-1.mp4"]
-    described = [frames_and_description(name)[1] for name in names(here)]
-    assert [film and film["seed"] for film in described] == [row["seed"] for row in rows]
+def test_several_trials_are_filmed_recorded_and_traced_into_files_of_their_own(shelf, here) -> None:
+    files = ["--film", "t.mp4", "--record", "t.rrd", *POSES, "--trace", "t.parquet"]
+    rows = trials(called("run", shelf / "three.yaml", "--trials", "2", "--seed", "7", "--json", *files))
+    assert names(here) == sorted(f"t-{trial}.{kind}" for trial in (0, 1) for kind in ("mp4", "rrd", "parquet"))
     assert rows[0]["seed"] != rows[1]["seed"]
-
-
-def test_a_trial_of_a_sweep_can_be_filmed(here) -> None:
-    (here / "swept.yaml").write_text(THREE + "sweep: {grid: {robots.0.parameters.speed_cm_s: [1, 4]}}")
-    words = ["run", "swept.yaml", "--point", "1", "--trial", "0", "--json", "--film", "t.mp4"]
-    (row,) = trials(called(*words))
-    assert names(here) == ["swept.yaml", "t.mp4"]
-    description = frames_and_description("t.mp4")[1]
-    assert description is not None
-    assert description["seed"] == row["seed"]
-
-
-@pytest.mark.usefixtures("nothing_runs")
-def test_a_folder_without_permission_is_refused(here, monkeypatch) -> None:
-    shut(monkeypatch, here / "shut")
-    stderr = refused("run", "pair", "--film", "shut/t.mp4")
-    assert "cannot be written: no permission to write in shut" in stderr
+    for trial, row in enumerate(rows):
+        description, recorded = frames_and_description(f"t-{trial}.mp4")[1], read_recording(here / f"t-{trial}.rrd")
+        assert description is not None
+        assert description["seed"] == recorded.seed == row["seed"]
+        table = pq.read_table(f"t-{trial}.parquet")
+        traced = np.column_stack([table["x_cm"], table["y_cm"]]).astype(np.float32)
+        np.testing.assert_array_equal(recorded.positions.reshape(-1, 2), traced)
+        assert len(recorded.time_s) == row["steps"]
 
 
 # film
@@ -122,16 +106,3 @@ def test_ctrl_c_leaves_an_older_film_and_nothing_half_written(shelf, here, monke
     result = call("film", shelf / "three.rrd", "t.mp4")
     assert (result.exit_code, result.stdout, result.stderr) == (130, "", "interrupted\n")
     assert contents(here) == {"t.mp4": b"older"}
-
-
-def test_help_loads_nothing_that_takes_a_while() -> None:
-    script = (
-        "import sys\nfrom epuck_sim.cli.app import app\n"
-        "for words in (['--help'], ['film', '--help'], ['track', '--help'], ['run', '--help']):\n"
-        "    try: app(words)\n    except SystemExit as end: assert not end.code\n"
-        "    heavy = {'av', 'cv2', 'numpy', 'scipy', 'numba', 'matplotlib', 'rerun', 'rerun_sdk', 'pymunk'}\n"
-        "    print('loaded', sorted(heavy & sys.modules.keys()))"
-    )
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    loaded = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
-    assert loaded == ["loaded []"] * 4

@@ -12,6 +12,7 @@ import pytest
 
 from epuck_sim.cli import app as command
 from epuck_sim.cli import interrupt
+from tests.cli.commands import called
 from tests.processes import COMMAND, processes_marked, start, wait_until
 
 ENDLESS = """
@@ -43,8 +44,7 @@ def write_scene(folder: Path) -> Path:
 def _compiled(tmp_path_factory) -> None:
     """Compile, into the cache, what the trials need."""
     folder = tmp_path_factory.mktemp("compiled")
-    short = ["--set", "stop.max_time_s=0.3", "--record", folder / "t.rrd"]
-    subprocess.run([*COMMAND, "run", write_scene(folder), *short], check=True, capture_output=True)
+    called("run", write_scene(folder), "--set", "stop.max_time_s=0.3")
 
 
 @pytest.fixture
@@ -70,46 +70,41 @@ def wait_for_the_loop(process: subprocess.Popen) -> None:
     assert process.stdout.readline() == "in the loop\n"
 
 
-@pytest.mark.parametrize("request_", [[signal.SIGTERM], [signal.SIGHUP], [signal.SIGINT, signal.SIGINT]])
-def test_a_compiled_controller_in_an_endless_loop_is_ended_and_leaves_nothing(scene, request_) -> None:
+@pytest.mark.parametrize(
+    ("request_", "written"), [([signal.SIGTERM], "--record=t.rrd"), ([signal.SIGINT] * 2, "--trace=t.parquet")]
+)
+def test_a_compiled_controller_in_an_endless_loop_is_ended_and_leaves_nothing(scene, request_, written) -> None:
     before = sorted(path.name for path in scene.parent.iterdir())
-    process = running(scene, "--trace", "t.parquet", "--record", "t.rrd")
+    process = running(scene, written)
     wait_for_the_loop(process)
-    for each in request_:
+    assert process.stderr is not None
+    for number, each in enumerate(request_):
+        if number:
+            said = process.stderr.readline()
+            assert said == "Ctrl-C is not heard in here; press it again to end at once\n"
+            assert process.poll() is None
         os.kill(process.pid, each)
-        time.sleep(0.3)
-    stdout, stderr = process.communicate(timeout=60)  # the trial itself would never end
+    stdout, stderr = process.communicate(timeout=300)  # the trial itself would never end
     assert process.returncode == 130
     assert stderr.endswith("ended where Ctrl-C is not heard\n")
     assert "Traceback" not in stdout + stderr
     assert sorted(path.name for path in scene.parent.iterdir()) == before
 
 
-def test_one_ctrl_c_says_that_another_one_ends_it(scene) -> None:
-    process = running(scene, "--trace", "t.parquet")
-    wait_for_the_loop(process)
-    os.kill(process.pid, signal.SIGINT)
-    assert process.stderr is not None
-    assert process.stderr.readline() == "Ctrl-C is not heard in here; press it again to end at once\n"
-    assert process.poll() is None
-    os.kill(process.pid, signal.SIGINT)
-    assert process.wait(timeout=60) == 130
-
-
 def test_an_interpreted_controller_in_an_endless_loop_is_interrupted_by_one_ctrl_c(scene) -> None:
     process = running(scene, "--trace", "t.parquet", "--interpret")
     wait_for_the_loop(process)
     os.kill(process.pid, signal.SIGINT)
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=300)
     assert (process.returncode, stderr) == (130, "interrupted\n")
 
 
 IMPORTS = {
-    "loops": "while True:\n    pass\n",
-    "sleeps": "import time\ntime.sleep(600)\n",
-    "matches": "import re\nre.match('(a*)*b', 'a' * 40)\n",
+    "while True:\n    pass\n": signal.SIGINT,
+    "import time\ntime.sleep(600)\n": signal.SIGTERM,
+    "import re\nre.match('(a*)*b', 'a' * 40)\n": signal.SIGINT,
 }
-"""Ends of controllers' files that keep their import from ending, by what they do."""
+"""Ends of controllers' files that keep their import from ending, and requests that end it all the same."""
 
 
 @pytest.mark.parametrize("raised", [ValueError("what an extension makes of it"), KeyboardInterrupt()])
@@ -157,12 +152,11 @@ def importing(folder: Path, end: str) -> subprocess.Popen:
     return process
 
 
-@pytest.mark.parametrize("request_", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("does", IMPORTS)
-def test_one_request_ends_an_import_that_never_does(tmp_path, does: str, request_) -> None:
-    process = importing(tmp_path, IMPORTS[does])
+@pytest.mark.parametrize(("end", "request_"), IMPORTS.items(), ids=["loops", "sleeps", "matches"])
+def test_one_request_ends_an_import_that_never_does(tmp_path, end: str, request_) -> None:
+    process = importing(tmp_path, end)
     os.kill(process.pid, request_)
-    _, stderr = process.communicate(timeout=20)
+    _, stderr = process.communicate(timeout=300)
     assert (process.returncode, stderr) == (130, "interrupted\n")
 
 
@@ -174,11 +168,11 @@ def test_the_third_request_in_a_row_ends_what_catches_every_one(tmp_path) -> Non
         assert process.stdout.readline() == "caught\n"
         time.sleep(0.2)  # until it sleeps again: what catches one request is not to be hit by the next
     os.kill(process.pid, signal.SIGINT)
-    _, stderr = process.communicate(timeout=20)
+    _, stderr = process.communicate(timeout=300)
     assert (process.returncode, stderr) == (130, "ended at the third request\n")
 
 
-@pytest.mark.parametrize("request_", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("request_", [signal.SIGTERM, signal.SIGKILL])
 def test_workers_in_an_endless_loop_end_with_the_command(scene, request_) -> None:
     process = running(scene, "--out", "run", "--trials", "4", "--workers", "2")
 
@@ -187,11 +181,8 @@ def test_workers_in_an_endless_loop_end_with_the_command(scene, request_) -> Non
         return any(map(is_busy, others))
 
     wait_until(at_work, 120)
-    if request_ == signal.SIGINT:
-        os.killpg(process.pid, request_)  # a terminal sends it to all processes
-    else:
-        os.kill(process.pid, request_)
-    process.communicate(timeout=30)
+    os.kill(process.pid, request_)
+    process.communicate(timeout=300)
     assert process.returncode == (-signal.SIGKILL if request_ == signal.SIGKILL else 130)
     wait_until(lambda: not processes_marked(scene.parent.name))
 
@@ -224,12 +215,11 @@ with exit_on_error():
 """A program that is asked to end while Python raises nothing: in a destructor."""
 
 
-@pytest.mark.parametrize("request_", [signal.SIGINT, signal.SIGTERM])
-def test_a_request_in_a_destructor_is_not_lost(request_) -> None:
+def test_a_request_in_a_destructor_is_not_lost() -> None:
     process = start([sys.executable, "-c", DROPPED])
     assert process.stdout is not None
     assert process.stdout.readline() == "in a destructor\n"
-    process.send_signal(request_)
-    _, stderr = process.communicate(timeout=30)
+    process.send_signal(signal.SIGTERM)
+    _, stderr = process.communicate(timeout=300)
     assert stderr.startswith("interrupted\n")
     assert "Exception ignored" not in stderr

@@ -5,11 +5,11 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.status import read_status
+from tests.processes import wait_until
 from tests.sweep.short_sweeps import short_sweep, stored
 
 PAGE = Path(__file__).parents[2] / "docs" / "clusters.md"
@@ -31,29 +31,17 @@ def start(folder: Path, scenario: Path, number: int, of: int) -> subprocess.Pope
     return subprocess.Popen(["bash", "array.sh"], cwd=folder, env={**os.environ, **given, **path})
 
 
-def test_a_job_runs_its_share_and_keeps_it(tmp_path) -> None:
-    job = start(tmp_path, short_sweep(tmp_path, 3), 2, 3)
+def test_a_job_whose_time_is_nearly_up_is_queued_again_and_goes_on_to_the_end_of_its_share(tmp_path) -> None:
+    scenario, local = short_sweep(tmp_path, 300), tmp_path / "node" / "share-77-2"
+    job = start(tmp_path, scenario, 2, 3)
+    wait_until(lambda: stored(local) > 0, 300)
+    job.send_signal(signal.SIGUSR1)
     assert job.wait(300) == 0
-    status = read_status(tmp_path / "runs/shares/2")
-    assert (status.share, status.stored, status.trials) == ("2/3", 8, 8)
-    assert not (tmp_path / "requeued").exists()
-
-
-def test_a_job_whose_time_is_nearly_up_is_queued_again_and_goes_on(tmp_path) -> None:
-    scenario, local = short_sweep(tmp_path, 4000), tmp_path / "node" / "share-77-1"
-    job = start(tmp_path, scenario, 1, 2)
-    until = time.monotonic() + 300
-    while not stored(local) and time.monotonic() < until:
-        time.sleep(0.1)
-    job.send_signal(signal.SIGUSR1)
-    assert job.wait(60) == 0
-    assert (tmp_path / "requeued").read_text() == "requeue 77_1\n"
-    kept = stored(tmp_path / "runs/shares/1")
-    assert 0 < kept < 16_000
+    assert (tmp_path / "requeued").read_text() == "requeue 77_2\n"
+    kept = tmp_path / "runs/shares/2"
+    assert 0 < stored(kept) < 800
     (local / DATABASE).unlink()  # the next job may have another node
-    job = start(tmp_path, scenario, 1, 2)
-    while stored(local) <= kept and time.monotonic() < until:
-        time.sleep(0.1)
-    job.send_signal(signal.SIGUSR1)
-    assert job.wait(60) == 0
-    assert stored(tmp_path / "runs/shares/1") > kept
+    assert start(tmp_path, scenario, 2, 3).wait(300) == 0
+    status = read_status(kept)
+    assert (status.share, status.stored, status.trials) == ("2/3", 800, 800)
+    assert (tmp_path / "requeued").read_text() == "requeue 77_2\n"

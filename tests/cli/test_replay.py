@@ -4,7 +4,6 @@ import os
 import shutil
 import signal
 import socket
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 from epuck_sim.cli.trials import LiveView
@@ -149,15 +147,6 @@ def test_a_recorded_run_prints_the_same_and_writes_the_file(tmp_path) -> None:
     check_same(read_recording(tmp_path / "t.rrd"), load_scenario("thesis"), 0)
 
 
-def test_several_trials_are_recorded_into_a_file_each(tmp_path) -> None:
-    rows = trials(called("run", "pair", "--trials", "3", "--seed", "7", "--json", "--record", tmp_path / "t.rrd"))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["t-0.rrd", "t-1.rrd", "t-2.rrd"]
-    for number, row in enumerate(rows):
-        recorded = read_recording(tmp_path / f"t-{number}.rrd")
-        assert (recorded.seed, recorded.cycles, len(recorded.time_s)) == (row["seed"], row["cycles"], row["steps"])
-    assert len({row["seed"] for row in rows}) == 3
-
-
 @pytest.mark.parametrize("level", Level)
 def test_the_level_says_how_much_is_recorded_and_any_is_shown(tmp_path, views, level: Level) -> None:
     called("run", "pair", "--record", tmp_path / "t.rrd", "--record-level", level, "--memory", "phase_ms")
@@ -166,15 +155,6 @@ def test_the_level_says_how_much_is_recorded_and_any_is_shown(tmp_path, views, l
     assert read.memory["phase_ms"].shape == (len(read.time_s), 2)
     called("replay", tmp_path / "t.rrd")
     assert views.shown == [tmp_path / "t.rrd"]
-
-
-def test_a_trial_is_recorded_and_traced_at_once(tmp_path) -> None:
-    called("run", "thesis", "--record", tmp_path / "t.rrd", "--trace", tmp_path / "t.parquet")
-    recorded, table = read_recording(tmp_path / "t.rrd"), pq.read_table(tmp_path / "t.parquet")
-    traced = np.column_stack([table["x_cm"], table["y_cm"]]).astype(np.float32)
-    np.testing.assert_array_equal(recorded.positions.reshape(-1, 2), traced)
-    np.testing.assert_array_equal(recorded.phase_ms.ravel(), table["phase_ms"])
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["t.parquet", "t.rrd"]
 
 
 def test_a_trial_of_a_sweep_can_be_recorded_by_run(swept, tmp_path) -> None:
@@ -455,27 +435,13 @@ def test_what_is_no_whole_recording_of_ours_is_refused_by_every_command(pair, he
 # Processes
 
 
-def test_rerun_is_loaded_only_for_recordings() -> None:
-    script = (
-        "import sys\nfrom epuck_sim.cli.app import app\n"
-        "for words in (['replay', '--help'], ['run', '--help'], ['--help'], ['list'], ['run', 'pair', '--json']):\n"
-        "    try: app(words)\n    except SystemExit as end: assert not end.code\n"
-        "    heavy = {'rerun', 'rerun_sdk', 'matplotlib', *(['numpy', 'numba'] if '--help' in words else [])}\n"
-        "    print('loaded', sorted(heavy & sys.modules.keys()))"
-    )
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    loads = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
-    assert loads == ["loaded []"] * 5
-
-
-@pytest.mark.parametrize("signalled", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path, signalled: signal.Signals) -> None:
+def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 500}")
     process = start([*COMMAND, "run", scene, "--trials", "60", "--record", tmp_path / "t.rrd"])
     wait_until(lambda: any(tmp_path.glob("t-1.rrd*part/data.rrd")) or process.poll() is not None, 120)
-    os.killpg(process.pid, signalled)  # as a terminal does: rerun's programs hear it, too
-    stdout, stderr = process.communicate(timeout=60)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: rerun's programs hear it, too
+    stdout, stderr = process.communicate(timeout=300)
     assert (process.returncode, stderr) == (130, "interrupted\n")
     finished = len(cells(stdout))
     assert finished >= 1

@@ -321,10 +321,12 @@ def test_plan_of_a_scenario_times_some_of_its_trials() -> None:
     assert duration["wall_s"] == pytest.approx(duration["compute_s"]["value"] / 2)
 
 
-def test_a_report_is_written_beside_its_folder_unless_it_is_told_where(made, monkeypatch) -> None:
-    page = made.with_name("run.html")
-    assert called("report", made) == f"{page.resolve()}\n"
+def test_a_report_is_written_beside_its_folder_wherever_it_is_called(tmp_path, monkeypatch) -> None:
+    without_figures = sweep({"noise": ["on", "off"]}, trials=2)
+    folder = store(tmp_path / "run", without_figures, lambda point: weibull(point, 30))
+    page = tmp_path / "run.html"
+    assert called("report", folder) == f"{page.resolve()}\n"
     page.unlink()
-    monkeypatch.chdir(made)
+    monkeypatch.chdir(folder)
     assert called("report", ".") == f"{page.resolve()}\n"
-    page.unlink()
+    assert page.exists()

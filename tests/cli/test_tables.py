@@ -157,9 +157,6 @@ def test_after_ctrl_c_the_terminal_has_its_cursor_again(monkeypatch) -> None:
     assert written.getvalue().rfind("\x1b[?25h") > written.getvalue().rfind("\x1b[?25l") >= 0
 
 
-# Words
-
-
 # What a folder holds
 
 
@@ -225,6 +222,7 @@ def test_points_whose_trials_all_reach_their_limit_are_named_the_first_of_many(c
     assert describe_at_limit(rows[:1]) == [f"every trial so far (24) reaches the limit{WHAT_TO_DO}"]
 
 
+@pytest.mark.usefixtures("sweeps_run_here")
 def test_while_a_sweep_runs_it_is_said_once_of_each_such_point_of_a_run(tmp_path) -> None:
     """Of twenty trials, or of as many as there are; one that is synchronised is enough for a point not to be one."""
     for trials in (3, 22):

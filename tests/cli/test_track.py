@@ -237,6 +237,6 @@ def test_ctrl_c_leaves_nothing_half_written(here) -> None:
     process = start([*COMMAND, "track", "long.mjpeg", "--rings", "r.csv", "--annotate", "a.mp4", "--plot", "p.png"])
     wait_until(lambda: any(here.glob("r.csv.*.part")) or process.poll() is not None, 120)
     os.killpg(process.pid, signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=60)
+    stdout, stderr = process.communicate(timeout=300)
     assert (process.returncode, stdout, stderr) == (130, "", "interrupted\n")
     assert names(here) == ["long.mjpeg"]

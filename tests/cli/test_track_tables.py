@@ -1,6 +1,5 @@
 """Options of `track` are parsed or refused, and its output agrees with the track."""
 
-import json
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from rich.console import Console
 from epuck_sim.cli import progress as progress_module
 from epuck_sim.cli.films import parse_arena, parse_corners
 from epuck_sim.cli.progress import progress_bar
-from epuck_sim.cli.tables import print_track, print_track_json
+from epuck_sim.cli.tables import print_track
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.camera import Frame
 from tests.overhead.films import TRACK
@@ -47,16 +46,6 @@ def test_corners_are_read(numbers: list[float]) -> None:
 def test_no_corners_are_refused(text: str) -> None:
     with pytest.raises(FilmError, match=r"^--corners is .*; allowed: four corners in pixels"):
         parse_corners(text)
-
-
-def test_json_is_one_line_that_any_program_reads(capsys: pytest.CaptureFixture[str]) -> None:
-    print_track_json(TRACK)
-    line = capsys.readouterr().out
-    assert line.count("\n") == 1
-    printed = json.loads(line)
-    assert printed.pop("versions")["epuck_sim"]
-    assert printed == json.loads(json.dumps(TRACK.summary()))
-    assert (printed["histogram_s"], printed["warnings"], printed["estimated"]) == (2.55, ["odd"], ["period_s"])
 
 
 def test_t_sync_comes_first_and_the_table_fits_a_screen(

@@ -222,7 +222,3 @@ def wandering(steps, robots, seed=3):
 )
 def test_long_drives_are_appendix_b_s(constants, interpret):
     drive(wandering(150 if interpret else 1500, 20), interpret, **constants)
-
-
-def test_steps_that_have_nothing_to_do_with_each_other_are_appendix_b_s():
-    drive(random_distances(np.random.default_rng(8), (2000, 20, 8)), interpret=False)

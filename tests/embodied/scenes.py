@@ -15,14 +15,12 @@ from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.cells import cells_needed, sort_into_cells
 from epuck_sim.embodied.layout import set_arena, set_bodies
-from epuck_sim.embodied.sensors.camera import look, see, set_camera
+from epuck_sim.embodied.sensors.camera import look, set_camera
 from epuck_sim.embodied.sensors.infrared import sense_infrared, set_infrared
-from epuck_sim.embodied.sensors.sight import list_labelled
-from epuck_sim.embodied.swarm import Swarm, make_block, open_block, swarm_at
+from epuck_sim.embodied.swarm import Swarm, make_block, open_block
 from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import CameraMount, ProximitySection, RobotKind, cell_cm
 from epuck_sim.scenario.robots import CameraSection, InfraredSection
-from epuck_sim.util.jit import jit_no_alloc
 
 RADIUS_CM = 3.7
 EDGE_CM = 1e-9
@@ -107,6 +105,11 @@ class CameraSettings(NamedTuple):
         """Return rad: directions of the middles of the pixels, left of straight ahead, from left to right."""
         return np.radians(self.field_of_view_deg * (0.5 - (np.arange(self.pixels) + 0.5) / self.pixels))
 
+    def window(self) -> slice:
+        """Return which pixels are central."""
+        outside = (self.pixels - self.central_pixels) // 2
+        return slice(outside, self.pixels - outside)
+
 
 # --- the sensors under test, for all robots in a scene ----------------------------------------------
 
@@ -155,13 +158,8 @@ def block_of(
     set_infrared(group.infrared, kind, infrared, noise_counts)
     set_camera(group.camera, swarm.rays, camera.section(), kind, 10.0)
     swarm.pixels[:] = 77
-    sort_robots(block)
+    sort_into_cells(block)
     return Block(block, swarm)
-
-
-@jit_no_alloc
-def sort_robots(block: ByteArray) -> None:
-    sort_into_cells(swarm_at(block))
 
 
 def readings(scene: Scene, observer: int = 0) -> FloatArray:
@@ -170,29 +168,10 @@ def readings(scene: Scene, observer: int = 0) -> FloatArray:
     return block.swarm.robots.sensors.infrared[observer:, : len(scene.body.infrared.sensors)]
 
 
-def rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> IntArray:
-    block = block_of(scene, camera, observer)
+def rows(scene: Scene, camera: CameraSettings) -> IntArray:
+    block = block_of(scene, camera)
     look(block.bytes, ADDRESSES, 0)
     return block.swarm.pixels.reshape(-1, camera.pixels)
-
-
-def numbered_rows(scene: Scene, camera: CameraSettings) -> IntArray:
-    """Return the rows of all robots, whose pixels show the robots' numbers, counted from 1, instead of their rings."""
-    block = block_of(scene, camera)
-    robots = len(scene.poses)
-    block.swarm.numbers[robots : 2 * robots] = np.arange(1, robots + 1)
-    block.swarm.pixels[:] = 0
-    _see_numbers(block.bytes)
-    return block.swarm.pixels.reshape(-1, camera.pixels)
-
-
-@jit_no_alloc
-def _see_numbers(block: ByteArray) -> None:
-    swarm = swarm_at(block)
-    group = swarm.groups[0]
-    lit = list_labelled(len(swarm.robots), swarm.numbers)
-    for robot in range(group.count):
-        see(swarm, group, robot, lit, swarm.pixels[robot * group.pixels : (robot + 1) * group.pixels])
 
 
 # --- scenes -----------------------------------------------------------------------------------------
@@ -395,29 +374,46 @@ def covered(distance_cm: float, bearing: float, camera: CameraSettings, radius_c
     return (off < half_width).astype(int).tolist()
 
 
+class Pixels(NamedTuple):
+    """What the pixels of a camera's central window show."""
+
+    rays: tuple[FloatArray, FloatArray]
+    """(pixels, 2) where each begins, and its direction."""
+    shown: IntArray
+    """(pixels,) number of the robot that each shows, or -1."""
+    reach_cm: FloatArray
+    """(pixels,) distance of what each ray meets first, however far."""
+    doubtful: BoolArray
+    """(pixels,) where two answers lie within rounding."""
+
+
+def slow_pixels(scene: Scene, camera: CameraSettings, robot: int) -> Pixels:
+    x, y, heading = scene.poses[robot]
+    directions = _towards(heading + camera.angles()[camera.window()])
+    rays = np.tile((x, y) + scene.body.camera_forward_cm * _towards(heading), (len(directions), 1)), directions
+    to_robots, by_robot = cast_on_discs(*rays, _bodies(scene))
+    to_robots[:, robot], by_robot[:, robot] = np.inf, False
+    to_circles, by_circle = cast_on_discs(*rays, scene.arena.circles)
+    to_edges, by_edge = cast_on_segments(*rays, scene.arena.edges)
+    reach = np.hstack([to_robots, to_circles, to_edges, np.full((len(directions), 1), camera.range_cm)])
+    nearest = reach.argmin(axis=1)
+    shown = np.where((nearest < len(scene.poses)) & (reach.min(axis=1) < np.inf), nearest, -1)
+    first, second = np.sort(reach, axis=1)[:, :2].T
+    doubtful = np.hstack([by_robot, by_circle, by_edge]).any(axis=1) | (second < first + EDGE_CM)
+    return Pixels(rays, shown, reach[:, :-1].min(axis=1), doubtful)
+
+
 def slow_rows(scene: Scene, camera: CameraSettings, every: int = 1) -> tuple[BoolArray, BoolArray]:
     """Return (robots, pixels) whether red, and where two answers lie within rounding, of every nth robot."""
     written, doubtful = np.zeros((2, len(scene.poses[::every]), camera.pixels), bool)
-    bodies = _bodies(scene)
-    outside = (camera.pixels - camera.central_pixels) // 2
-    window = slice(outside, camera.pixels - outside)
-    for row, (x, y, heading) in enumerate(scene.poses[::every]):
-        others = np.arange(len(bodies)) != row * every
-        directions = _towards(heading + camera.angles()[window])
-        rays = np.tile((x, y) + scene.body.camera_forward_cm * _towards(heading), (len(directions), 1)), directions
-        reds, by_red = cast_on_discs(*rays, bodies[scene.lit & others])
-        discs, by_disc = cast_on_discs(*rays, np.vstack([bodies[~scene.lit & others], scene.arena.circles]))
-        flats, by_flat = cast_on_segments(*rays, scene.arena.edges)
-        red = reds.min(axis=1, initial=np.inf)
-        other = np.hstack([discs, flats]).min(axis=1, initial=np.inf)
-        is_red = (red < np.inf) & (red <= other) & (red <= camera.range_cm)
-        seen = np.where(red < np.inf, red, -1)
-        ties = (np.abs(seen - other) < EDGE_CM) | (np.abs(seen - camera.range_cm) < EDGE_CM)
-        doubt = np.hstack([by_red, by_disc, by_flat, ties[:, None]]).any(axis=1)
+    is_lit = np.append(scene.lit, False)  # the last stands for nobody
+    for row in range(len(written)):
+        rays, shown, reach_cm, doubt = slow_pixels(scene, camera, row * every)
+        is_red = is_lit[shown]
         if camera.reflection_range_cm > 0:
-            is_mirrored, more_doubt = _slow_images(scene, camera, rays, np.minimum(red, other))
+            is_mirrored, more_doubt = _slow_images(scene, camera, rays, reach_cm)
             is_red, doubt = is_red | is_mirrored, doubt | more_doubt
-        written[row, window], doubtful[row, window] = is_red, doubt
+        written[row, camera.window()], doubtful[row, camera.window()] = is_red, doubt
     return written, doubtful
 
 

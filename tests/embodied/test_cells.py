@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.cells import cells_needed
+from epuck_sim.embodied.cells import cells_needed, sort_into_cells
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
-from tests.embodied.scenes import Scene, block_of, empty_arena, sort_robots
+from tests.embodied.scenes import Scene, block_of, empty_arena
 
 REACH_CM = math.hypot(3.35, 1.05) + 12 + 3.7
 """Distance of two e-pucks at which an infrared ray of one can meet the other: sensors 0 and 7 are farthest out."""
@@ -35,7 +35,7 @@ def test_every_robot_is_in_the_cell_that_its_pose_says_by_number_and_nothing_is_
     width, height, poses = crowd
     block = block_at(width, height, [(height - y, width - x, 0) for x, y, _ in poses])
     block.swarm.robots.x, block.swarm.robots.y, _ = np.array(poses).T
-    sort_robots(block.bytes)
+    sort_into_cells(block.bytes)
     swarm, scene = block.swarm, block.swarm.scene[0]
     twin = [[] for _ in range(len(swarm.cells) - 1)]
     for robot, (x, y, _) in enumerate(poses):

@@ -16,9 +16,7 @@ from epuck_sim.embodied import user_code
 from epuck_sim.embodied.user_code import RobotError
 from epuck_sim.errors import ControllerError
 from epuck_sim.util import jit
-from tests.control.bench import EMPTY, Bench, with_step, write_controller, write_soon_after
-
-MODES = pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])
+from tests.control.bench import EMPTY, MODES, Bench, with_step, write_controller, write_soon_after
 
 SIBLING = """
 WEIGHTS = (0.5, -0.25, 0.125, 1.0)
@@ -333,28 +331,44 @@ def test_helpers_that_numba_must_look_up_run_in_this_process_and_in_the_next(tmp
 # --- compiling leaves the controller as it is ----------------------------------------------------------
 
 
-HELPERS = {
-    "recursion": ("def helper(n):\n    if n < 2:\n        return 1\n    return n * helper(n - 1)\n", 120),
-    "closure": ("def make(k):\n    def inner(n):\n        return n * k\n    return inner\nhelper = make(3)\n", 15),
-    "default": ("K = 3\ndef helper(n, k=K):\n    return n * k\n", 15),
-    "lambda": ("helper = lambda n: 2 * n\n", 10),
-    "comprehension": (
-        "def twice(n):\n    return 2 * n\ndef helper(n):\n    return sum([twice(i) for i in range(n)])\n",
-        20,
-    ),
-    "namedtuple": (
-        "from collections import namedtuple\nL = namedtuple('Limits', 'low high')(1, 2)\n"
-        "def helper(n):\n    return n + L.high\n",
-        7,
-    ),
-    "unused oddities": ("THINGS = (print, object())\ndef helper(n):\n    return n\n", 5),
-}
+HELPERS = """
+from collections import namedtuple
+
+LIMITS, K, THINGS = namedtuple("Limits", "low high")(1, 2), 3, (print, object())
+
+def factorial(n):
+    if n < 2:
+        return 1
+    return n * factorial(n - 1)
+
+def make(k):
+    def inner(n):
+        return n * k
+    return inner
+
+tripled = make(3)
+
+def by_default(n, k=K):
+    return n * k
+
+def twice(n):
+    return 2 * n
+
+def in_a_list(n):
+    return sum([twice(i) for i in range(n)])
+
+doubled = lambda n: 2 * n
+"""
+USES = "factorial(5), tripled(5), by_default(5), in_a_list(5), doubled(5), LIMITS.high"
 
 
-@pytest.mark.parametrize(("helper", "value"), HELPERS.values(), ids=HELPERS)
-def test_helpers_of_many_kinds_mean_the_same_compiled_and_interpreted(helper, value, tmp_path):
-    controller = write_controller(tmp_path / "mine.py", helper + with_step("memory.x = helper(5)"))
-    assert [outcome(controller, interpret) for interpret in (True, False)] == [value, value]
+def test_helpers_of_many_kinds_mean_the_same_compiled_and_interpreted(tmp_path):
+    lines = "\n    ".join(f"memory.row[{place}] = {use}" for place, use in enumerate(USES.split(", ")))
+    controller = write_controller(tmp_path / "mine.py", HELPERS + with_step(lines, MEMORY="{'row': (float, 6)}"))
+    for interpret in (True, False):
+        bench = Bench(controller, interpret=interpret)
+        bench.control.step()
+        assert bench.memory["row"].tolist() == [[120, 15, 15, 20, 10, 2]]
 
 
 def test_a_compiled_controller_s_own_functions_and_modules_stay_as_they_were(tmp_path):

@@ -103,18 +103,6 @@ def test_robots_are_placed_where_a_slow_twin_places_them(groups, has_obstacles, 
     np.testing.assert_array_equal(placed_as(scenario, seed), placed_slowly(scenario, seed))
 
 
-# --- grid -------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("width", "height", "xs", "ys"),
-    [(60, 40, (10, 20, 30, 40, 50), (10, 20, 30)), (47, 20, (13.5, 23.5, 33.5), (10,)), (7.4, 7.4, (3.7,), (3.7,))],
-)
-def test_the_grid_has_equal_padding_to_the_walls(width, height, xs, ys):
-    poses = placed({"count": len(xs) * len(ys), "placement": "grid"}, width=width, height=height)
-    np.testing.assert_allclose(sorted(poses[:, :2].tolist()), [(x, y) for x in xs for y in ys], rtol=0, atol=1e-9)
-
-
 # --- poses, and too many ----------------------------------------------------------------------------
 
 

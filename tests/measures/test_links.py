@@ -65,8 +65,10 @@ def test_components_are_those_who_reach_each_other(pairs, connection):
 
 
 @MODELS
-@pytest.mark.parametrize("direction", ["in", "out", "both"])
-@pytest.mark.parametrize("statistic", ["mean", "smallest", "largest", "sd", "isolated"])
+@pytest.mark.parametrize(
+    ("direction", "statistic"),
+    [("both", "mean"), ("in", "smallest"), ("out", "largest"), ("in", "sd"), ("out", "isolated"), ("in", "isolated")],
+)
 def test_degrees_count_links_and_the_isolated_have_none(sections, watch, population, direction, statistic):
     observer, seen = watch()
     measure = {"degree": {"direction": direction, "statistic": statistic}}
@@ -98,8 +100,7 @@ def test_links_change_and_end(sections, watch, population):  # noqa: ARG001
 
 
 @MODELS
-@pytest.mark.parametrize("connection", ["weak", "strong"])
-@pytest.mark.parametrize("cycles", [1, 3])
+@pytest.mark.parametrize(("connection", "cycles"), [("weak", 1), ("strong", 3)])
 def test_components_are_those_of_the_last_cycles_together(sections, watch, population, connection, cycles):
     for measure in ("component_count", "largest_component"):
         observer, seen = watch()

@@ -13,12 +13,12 @@ FACE_TO_FACE = [[20.0, 30.0, 0.0], [40.0, 30.0, np.pi]]
 SWARM = {"robots": [{"count": 8, "camera": {"field_of_view_deg": 90}}]}
 
 
-def value(measure, seconds, faults=(), robots=None, seed=5):
+def value(measure, seconds, faults=(), robots=None, seed=5, observers=()):
     """Return a measure of robots that stand face to face, or of others, after so many seconds."""
     robots = robots or [{"poses": FACE_TO_FACE, "controller": "oscillator"}]
     stop = {"order_parameter": None, "max_time_s": seconds}
     loaded = load_scenario({"robots": robots, "faults": list(faults), "stop": stop, "measures": [measure]})
-    (found,) = run_trial(Simulation(loaded, seed)).measures.values()
+    (found,) = run_trial(Simulation(loaded, seed), observers).measures.values()
     return found
 
 
@@ -30,6 +30,13 @@ def test_a_robot_that_is_always_in_view_is_suspected_after_its_patience():
 def test_whose_ring_was_never_lit_is_suspected_after_exactly_so_many_cycles():
     delay = value({"detection_delay": {"cycles": 3}}, 60, [{"kind": "ring_dead", "robots": [1]}])
     assert delay == pytest.approx(3, abs=0.041)  # two steps of 0.1 s
+
+
+@pytest.mark.parametrize("at_s", [20, 21.3, 22.6, 23.9])
+def test_a_fault_amid_many_steps_is_noticed_as_in_steps_one_by_one(at_s):
+    """Some are suspected already when it begins."""
+    given = {"detection_delay": {"cycles": 0.5}}, 60, [{"kind": "ring_dead", "robots": [1], "at_s": at_s}]
+    assert value(*given) == value(*given, observers=[lambda *_: None])
 
 
 def test_all_that_fail_must_be_found():

@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from epuck_sim import EpuckSimError, ParticleSimulation, ScenarioError, Simulation, load_scenario
-from epuck_sim.cli.app import app
 from epuck_sim.page import own
 from epuck_sim.page.kernels import ANEW, read_module
 from epuck_sim.page.roots import is_fresh, meanings
 from epuck_sim.page.writer import make_page, write_page
 from tests.browsers import Driven
+from tests.cli.commands import call
 from tests.tools import needs_browser
 
 MOST_BYTES = 500_000
@@ -138,10 +137,10 @@ def test_a_page_is_named_as_such(tmp_path: Path) -> None:
 
 def test_the_command_writes_a_page_and_says_where(tmp_path: Path) -> None:
     path = tmp_path / "x.html"
-    result = CliRunner().invoke(app, ["page", "particles", "--set", "agents.count=7", "--out", str(path)])
+    result = call("page", "particles", "--set", "agents.count=7", "--out", path)
     assert (result.exit_code, result.stdout.strip()) == (0, str(path))
     assert "epuck-sim page particles" in path.read_text()
-    refused = CliRunner().invoke(app, ["page", "particles", "--set", "clocks.jitter=0.1", "--out", str(path)])
+    refused = call("page", "particles", "--set", "clocks.jitter=0.1", "--out", path)
     assert refused.exit_code == 2
     assert "clocks.jitter" in refused.output
 
@@ -149,7 +148,7 @@ def test_the_command_writes_a_page_and_says_where(tmp_path: Path) -> None:
 def test_play_opens_a_page_in_the_browser(monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
-    result = CliRunner().invoke(app, ["play", "particles"])
+    result = call("play", "particles")
     assert [Path(result.stdout.strip()).as_uri()] == opened
     assert "<canvas" in Path(result.stdout.strip()).read_text()
 

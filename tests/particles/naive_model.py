@@ -1,4 +1,4 @@
-"""A naive implementation of thesis chapters 3 and 5 in plain Python: slow, for comparison with the kernel.
+"""A naive implementation of thesis chapters 3 and 5: slow, for comparison with the kernel.
 
 It was written from the thesis (2.4, 3.1, 5.1, Appendix D) and from nothing else. Phases and positions are updated at
 every event, neighbours are searched for among all agents, and a cascade is computed with sets. Only two things are
@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import StreamArray
+from epuck_sim.arrays import BoolArray, FloatArray, StreamArray
 from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.rng import uniform
 
 SIMULTANEITY_CYCLES = 1e-12
@@ -28,6 +29,37 @@ class NaiveEvent(NamedTuple):
     received: frozenset[int]
     margin: float
     """Relative margin of the closest decision; one of the size of rounding errors may go either way."""
+
+
+def receivers_of(
+    scenario: ParticleScenario, positions: FloatArray, headings: FloatArray, firing: int
+) -> tuple[BoolArray, FloatArray]:
+    """Return which agents receive a pulse, by their positions among all, and the relative margin of each decision."""
+    rule, side = scenario.neighbourhood, scenario.space.side_cm
+    others, margin = np.arange(len(positions)) != firing, np.full(len(positions), np.inf)
+    if rule.kind == "all":
+        return others, margin
+    way = positions - positions[firing]
+    if scenario.space.boundary == "cyclic":  # the shorter one along each axis
+        way = (way + side / 2) % side - side / 2
+    distance = np.linalg.norm(way, axis=1)
+    if rule.kind == "nearest":
+        ranked = np.append(np.sort(distance[others]), np.inf)
+        last, next_one = ranked[rule.k - 1 : rule.k + 1]
+        margin[others & (last <= distance) & (distance <= next_one)] = (next_one - last) / side
+        return others & (distance <= last), margin
+    receives = others.copy()
+    if rule.radius_cm is not None:
+        receives &= distance <= rule.radius_cm
+        margin = np.abs(distance - rule.radius_cm) / side
+    if rule.kind != "range" and rule.angle_deg < 360:
+        unit = way / np.where(others, distance, 1)[:, None]
+        # the cone is the receiver's, or that of the agent that fires
+        ahead = (-unit * headings).sum(axis=1) if rule.kind == "cone_of_vision" else unit @ headings[firing]
+        edge = math.cos(math.radians(rule.angle_deg / 2))
+        margin = np.where(receives, np.minimum(margin, np.abs(ahead - edge)), margin)
+        receives &= ahead >= edge
+    return receives, np.where(others, margin, np.inf)
 
 
 class NaiveModel:
@@ -179,52 +211,15 @@ class NaiveModel:
 
     # --- neighbourhoods (3.1.2, 5.1.3) ---------------------------------------------------------------
 
-    def offset(self, of: int, seen_from: int) -> list[float]:
-        """Return the offset between two agents; in a cyclic space, the shorter one along each axis."""
-        side = self.scenario.space.side_cm
-        ways = []
-        for there, here in zip(self.positions[of], self.positions[seen_from], strict=True):
-            choices = [there - here]
-            if self.scenario.space.boundary == "cyclic":
-                choices += [there - here - side, there - here + side]
-            ways.append(min(choices, key=abs))
-        return ways
-
     def neighbours(self, firing: int, margins: list[float]) -> set[int]:
         """Return the agents that receive the pulse of a firing agent."""
         rule = self.scenario.neighbourhood
-        others = [agent for agent in range(len(self.phases)) if agent != firing]
-        side = self.scenario.space.side_cm
-        if rule.kind == "all":
-            return set(others)
         if rule.kind == "random":
+            others = [agent for agent in range(len(self.phases)) if agent != firing]
             return self.draw(others, rule.k, self.receiver_streams[firing])
-        if rule.kind == "nearest":
-            by_distance = sorted((math.hypot(*self.offset(other, firing)), other) for other in others)
-            if 0 < rule.k < len(others):
-                margins.append((by_distance[rule.k][0] - by_distance[rule.k - 1][0]) / side)
-            return {other for _, other in by_distance[: rule.k]}
-        found = set()
-        for other in others:
-            way = self.offset(other, firing)
-            distance = math.hypot(*way)
-            is_near, is_ahead = True, True
-            if rule.radius_cm is not None:
-                is_near = distance <= rule.radius_cm
-                margins.append(abs(distance - rule.radius_cm) / side)
-            if rule.kind != "range" and rule.angle_deg < 360:
-                if rule.kind == "cone_of_vision":  # the cone of the receiver
-                    eye, way = other, [-along for along in way]
-                else:
-                    eye = firing
-                cosine = sum(along * ahead for along, ahead in zip(way, self.headings[eye], strict=True)) / distance
-                edge = math.cos(math.radians(rule.angle_deg) / 2)
-                is_ahead = cosine >= edge
-                if len(way) > 1 and is_near:
-                    margins.append(abs(cosine - edge))
-            if is_near and is_ahead:
-                found.add(other)
-        return found
+        receives, margin = receivers_of(self.scenario, np.array(self.positions), np.array(self.headings), firing)
+        margins.append(float(margin.min()))
+        return set(np.flatnonzero(receives).tolist())
 
     @staticmethod
     def draw(others: list[int], k: int, stream: StreamArray) -> set[int]:

@@ -1,5 +1,7 @@
 """The cell list finds all agents within a radius, and trials with and without it are equal to the bit."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -7,13 +9,13 @@ from epuck_sim.particles.neighbours import find_candidates
 from epuck_sim.particles.simulation import ParticleSimulation
 from tests.particles.simulations import search_all
 
-NEIGHBOURHOODS = {
-    "nearest 1": {"kind": "nearest", "k": 1},
-    "nearest 7": {"kind": "nearest", "k": 7},
-    "range": {"kind": "range", "radius_cm": 12},
-    "vision": {"kind": "cone_of_vision", "radius_cm": 15, "angle_deg": 70},
-    "emission": {"kind": "cone_of_emission", "radius_cm": 15, "angle_deg": 250},
-}
+NEIGHBOURHOODS = [
+    {"kind": "nearest", "k": 1},
+    {"kind": "nearest", "k": 7},
+    {"kind": "range", "radius_cm": 12},
+    {"kind": "cone_of_vision", "radius_cm": 15, "angle_deg": 70},
+    {"kind": "cone_of_emission", "radius_cm": 15, "angle_deg": 250},
+]
 
 
 def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **keys) -> ParticleSimulation:
@@ -28,28 +30,24 @@ def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **key
     )
 
 
-def assert_same(rule, *space_and_speed, cycles=(1, 3, 6)) -> None:
-    in_cells, all_pairs = (swarm_of(*space_and_speed, neighbourhood=rule) for _ in range(2))
+CASES = [
+    *itertools.product(NEIGHBOURHOODS, ["bounded", "cyclic"], [0, 0.3, 5, 200], [2]),
+    *itertools.product([{"kind": "range", "radius_cm": 9}], ["bounded"], [3], [1, 3]),
+]
+"""Neighbourhoods, boundaries, speeds and dimensions."""
+
+
+@pytest.mark.parametrize(("rule", "boundary", "speed", "dimensions"), CASES, ids=str)
+def test_trials_with_and_without_cells_are_the_same_to_the_bit(rule, boundary, speed, dimensions) -> None:
+    in_cells, all_pairs = (swarm_of(speed, dimensions, boundary, neighbourhood=rule) for _ in range(2))
     assert all_pairs._arrays.scene.cells > 0
     search_all(all_pairs)
-    for cycle in cycles:
+    for cycle in (1, 3, 6):
         for swarm in (in_cells, all_pairs):
             swarm.run(cycle)
         assert in_cells.firings == all_pairs.firings > 0
         assert in_cells.phases().tolist() == all_pairs.phases().tolist()
         assert in_cells.positions().tolist() == all_pairs.positions().tolist()
-
-
-@pytest.mark.parametrize("speed", [0, 0.3, 5, 200])
-@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
-@pytest.mark.parametrize("neighbourhood", NEIGHBOURHOODS)
-def test_trials_with_and_without_cells_are_the_same_to_the_bit(neighbourhood, boundary, speed) -> None:
-    assert_same(NEIGHBOURHOODS[neighbourhood], speed, 2, boundary)
-
-
-@pytest.mark.parametrize("dimensions", [1, 3])
-def test_trials_in_a_segment_and_a_cube_are_the_same_with_and_without_cells(dimensions: int) -> None:
-    assert_same({"kind": "range", "radius_cm": 9}, 3, dimensions, cycles=(8,))
 
 
 @pytest.mark.parametrize(("dimensions", "cells"), [(1, 33), (2, 20), (2, 1), (3, 5)])

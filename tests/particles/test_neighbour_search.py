@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from tests.particles.distributions import UNLIKELY
+from tests.particles.naive_model import receivers_of
 from tests.particles.simulations import (
     BY_POSITION,
     TOO_CLOSE,
@@ -30,35 +31,8 @@ SIDE_CM = 60.0
 
 def brute_force_receivers(swarm, firing):
     """Return a mask of the agents that receive a pulse, and a mask of those too close to the edge to decide."""
-    rule, side = swarm.scenario.neighbourhood, swarm.scenario.space.side_cm
-    places, headings = swarm.positions(), swarm.headings()
-    way = places - places[firing]
-    if swarm.scenario.space.boundary == "cyclic":
-        way = (way + side / 2) % side - side / 2
-    distance = np.linalg.norm(way, axis=1)
-    agents = len(distance)
-    others = np.arange(agents) != firing
-    close = np.zeros(agents, bool)
-    if rule.kind == "all":
-        return others, close
-    if rule.kind == "nearest":
-        reach = np.sort(distance[others])[rule.k - 1]
-        ranked = np.sort(distance[others])
-        if rule.k < agents - 1 and ranked[rule.k] - ranked[rule.k - 1] < TOO_CLOSE * side:
-            close = np.abs(distance - reach) < TOO_CLOSE * side
-        return others & (distance <= reach), close
-    inside = others.copy()
-    if rule.radius_cm is not None:
-        inside &= distance <= rule.radius_cm
-        close |= np.abs(distance - rule.radius_cm) < TOO_CLOSE * side
-    if rule.kind != "range" and rule.angle_deg < 360:
-        with np.errstate(invalid="ignore"):
-            unit = way / distance[:, None]
-        ahead = (-unit * headings).sum(axis=1) if rule.kind == "cone_of_vision" else unit @ headings[firing]
-        edge = math.cos(math.radians(rule.angle_deg / 2))
-        inside &= ahead >= edge
-        close |= np.abs(ahead - edge) < TOO_CLOSE
-    return inside, close
+    receives, margin = receivers_of(swarm.scenario, swarm.positions(), swarm.headings(), firing)
+    return receives, margin < TOO_CLOSE
 
 
 def compare_receivers(swarm, firings):

@@ -47,7 +47,7 @@ def refusals(path: Path) -> list[str]:
     return [each.removeprefix(f"{path}: ") for each in said]
 
 
-@settings(max_examples=220, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=FLIPS)
 def test_changed_bytes_are_refused_in_words(whole: Path, tmp_path, flips) -> None:
     damaged = bytearray(whole.read_bytes())
@@ -138,7 +138,7 @@ def test_what_is_no_recording_of_ours_is_refused(tmp_path, capfd, make: Callable
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("scenario", ["wings: 2", "robots: []", "][", "3", ""])
+@pytest.mark.parametrize("scenario", ["wings: 2", "]["])
 def test_a_scenario_that_this_version_does_not_know_is_refused(tmp_path, monkeypatch, scenario: str) -> None:
     monkeypatch.setattr(recorder, "write_scenario", lambda _: scenario)
     recorded(tmp_path / "t.rrd", SCENARIO, level=Level.SUMMARY)

@@ -1,7 +1,7 @@
 """A trial in the viewer while it runs: what is shown, at which pace, what keys do, and how it ends."""
 
-import subprocess
-import sys
+import os
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from io import BytesIO
@@ -16,8 +16,9 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level
 from epuck_sim.recording import live as live_module
+from epuck_sim.recording import viewer as viewer_module
 from epuck_sim.recording.live import END, MOST_LATE_S, PAUSE, STEP, Pace, live, live_viewer
-from epuck_sim.recording.process import NO_GRAPHICS, in_background, proxy_url
+from epuck_sim.recording.process import NO_GRAPHICS, ViewerProcess, in_background, proxy_url
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.embodied import SynchronyWatch
@@ -68,6 +69,12 @@ def ran(*observers: Observer, scenario: Scenario = SCENARIO) -> TrialResult:
 
 def ignore(_: str) -> None:
     """Hear of an address."""
+
+
+@pytest.fixture
+def impatient(monkeypatch) -> None:
+    """Do not wait long for a viewer that has ended to take what it was sent."""
+    monkeypatch.setattr(viewer_module, "FLUSH_S", 0.2)
 
 
 # --- what is shown --------------------------------------------------------------------------------------
@@ -129,16 +136,44 @@ def test_the_viewer_takes_the_layout_and_can_show_it_all(shown: Shown) -> None:
     assert [view.name for view in shown.state.views if view.reports] == []
 
 
+class Server(NamedTuple):
+    """A viewer for browsers, its processes and the addresses that it was announced at."""
+
+    viewer: tuple[ViewerProcess, int]
+    port: int
+    addresses: list[str]
+    processes: list[int]
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory) -> Iterator[Server]:
+    port, addresses, mark = free_port(), [], tmp_path_factory.mktemp("server")
+    with nothing_left(mark), live_viewer(port, addresses.append) as viewer:
+        yield Server(viewer, port, addresses, processes_marked(str(mark)))
+
+
+def test_a_browser_on_this_machine_only_finds_the_viewer_at_the_port(server: Server) -> None:
+    (address,) = server.addresses
+    assert address.startswith(f"http://127.0.0.1:{server.port}?url=")
+    assert answer(address)
+    assert listening(server.processes) == {("127.0.0.1", server.port), ("127.0.0.1", server.viewer[1])}
+
+
 @pytest.mark.parametrize("level", Level)
-def test_a_trial_that_is_shown_is_the_same_trial(level: Level) -> None:
+def test_a_trial_that_is_shown_is_the_same_trial(server: Server, level: Level) -> None:
     alone, beside = Watched(), Watched()
-    with live_viewer(free_port(), ignore) as viewer:
-        with live(*viewer, SCENARIO, 3, level, FAST) as look:
-            result = ran(look, beside)
-        with live(*viewer, AGENTS, 3, level, FAST) as look:
-            of_agents = ran(look, scenario=AGENTS)
+    with live(*server.viewer, SCENARIO, 3, level, FAST) as look:
+        result = ran(look, beside)
+    with live(*server.viewer, AGENTS, 3, level, FAST) as look:
+        of_agents = ran(look, scenario=AGENTS)
     assert (result, beside.arrays) == (ran(alone), alone.arrays)
     assert of_agents == ran(scenario=AGENTS)
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+def test_an_error_that_ends_the_trial_is_raised_unchanged(server: Server, error: type[BaseException]) -> None:
+    with pytest.raises(error), live(*server.viewer, SCENARIO, 3, Level.FULL, FAST):
+        raise error
 
 
 # --- pace and keys --------------------------------------------------------------------------------------
@@ -290,29 +325,10 @@ def test_agents_that_move_on_between_two_events_are_shown_as_often_as_the_viewer
     assert [at for at, _ in shown.calls] == pytest.approx([0, 0.1, 0.2, 0.3, 0.325, 0.35])
 
 
-# --- viewers --------------------------------------------------------------------------------------------
+# --- viewers that end -----------------------------------------------------------------------------------
 
 
-def test_a_browser_on_this_machine_only_finds_the_viewer_at_the_port(tmp_path) -> None:
-    port, addresses = free_port(), []
-    with live_viewer(port, addresses.append) as (_, intake):
-        (address,) = addresses
-        assert address.startswith(f"http://127.0.0.1:{port}?url=")
-        assert answer(address)
-        assert listening(processes_marked(str(tmp_path))) == {("127.0.0.1", port), ("127.0.0.1", intake)}
-
-
-def test_a_display_that_is_not_there_is_reported(monkeypatch) -> None:
-    monkeypatch.setenv("DISPLAY", ":9876")
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with (
-        pytest.raises(RecordingError, match=r"^the viewer (does not work|was closed)"),
-        live_viewer(None, ignore) as viewer,
-        live(*viewer, SCENARIO, 3, Level.FULL, 10) as look,
-    ):
-        ran(look)
-
-
+@pytest.mark.usefixtures("impatient")
 def test_a_window_that_breaks_down_soon_is_reported_with_its_output(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("DISPLAY", ":0")
     replace_rerun(tmp_path / "stand", monkeypatch).answers_and_says("no place for a window")
@@ -324,53 +340,21 @@ def test_a_window_that_breaks_down_soon_is_reported_with_its_output(tmp_path, mo
         ran(lambda *_: wait_until(lambda: window.has_ended), look)
 
 
-@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
-def test_an_error_that_ends_the_trial_is_raised_unchanged(error: type[BaseException]) -> None:
-    with (
-        pytest.raises(error),
+@pytest.mark.parametrize("at", [100, None], ids=["in the middle", "in the end"])
+@pytest.mark.usefixtures("impatient")
+def test_a_viewer_that_is_closed_too_early_is_reported(tmp_path, at: int | None) -> None:
+    def close() -> None:
+        for process in processes_marked(str(tmp_path)):
+            os.kill(process, signal.SIGKILL)
+
+    def watch(step: Step, _: SynchronyWatch) -> None:
+        if step.number == at:
+            close()
+
+    with (  # noqa: PT012 it may be closed after the trial, too
+        pytest.raises(RecordingError, match=r"^the viewer "),
         live_viewer(free_port(), ignore) as viewer,
-        live(*viewer, SCENARIO, 3, Level.FULL, FAST),
+        live(*viewer, SCENARIO, 3, Level.FULL, FAST) as look,
     ):
-        raise error
-
-
-CLOSED = """
-import sys, time
-import psutil
-from epuck_sim.errors import RecordingError
-from epuck_sim.recording import Level
-from epuck_sim.recording.live import live, live_viewer
-from epuck_sim.util.machine import free_port
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.trial.model import run_trial
-
-ended = "in the end" in sys.argv
-
-def close():
-    for process in psutil.Process().children(recursive=True):
-        process.kill()
-    time.sleep(0.2)
-
-def watch(step, _):
-    if step.number == 100 and not ended:
+        ran(look, watch)
         close()
-
-scenario = load_scenario("thesis")
-try:
-    with live_viewer(free_port(), lambda _: None) as (viewer, intake):
-        with live(viewer, intake, scenario, 3, Level.FULL, 1000) as look:
-            run_trial(Simulation(scenario, 3), [look, watch])
-            if ended:
-                close()
-except RecordingError as error:
-    print(error)
-"""
-
-
-@pytest.mark.parametrize("moment", ["in the middle", "in the end"])
-def test_a_viewer_that_is_closed_too_early_is_reported(moment: str) -> None:
-    done = subprocess.run([sys.executable, "-c", CLOSED, moment], capture_output=True, text=True, check=False)
-    assert "Traceback" not in done.stderr
-    assert done.returncode == 0
-    assert done.stdout.startswith("the viewer ")

@@ -6,23 +6,19 @@ from types import SimpleNamespace
 import pytest
 from rerun import notebook
 
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import EpuckSimError, RecordingError
-from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording import Level
 from epuck_sim.recording.notebook import show
 from epuck_sim.recording.reader import read_recording
-from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.model import run_trial
+from tests.recording.recordings import recorded
 
 
-@pytest.fixture
-def recording(tmp_path):
-    scenario = load_scenario("thesis", ["stop.max_cycles=1"])
-    with record(tmp_path / "t.rrd", scenario, 1) as recorder:
-        run_trial(Simulation(scenario, 1), [recorder])
-    return tmp_path / "t.rrd"
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("notebook") / "t.rrd"
+    recorded(path, load_scenario("pair", ["stop.max_time_s=2"]))
+    return path
 
 
 def test_a_viewer_is_given_the_whole_recording(recording, monkeypatch) -> None:
@@ -65,9 +61,7 @@ def test_what_is_missing_is_named(recording, tmp_path, monkeypatch) -> None:
 
 @pytest.mark.parametrize("level", Level)
 def test_recordings_of_every_level_show_what_they_hold(tmp_path, level: Level) -> None:
-    scenario = load_scenario("particles", ["stop.max_cycles=2"])
-    with record(tmp_path / "t.rrd", scenario, 1, level) as recorder:
-        run_trial(ParticleSimulation(scenario, 1), [recorder])
+    recorded(tmp_path / "t.rrd", load_scenario("particles", ["stop.max_cycles=2"]), 1, level)
     html = read_recording(tmp_path / "t.rrd")._repr_html_()
     assert f"<td>{level}</td>" in html
     assert html.count("<circle") == (0 if level is Level.SUMMARY else 20)

@@ -1,10 +1,8 @@
-"""Numbers beside the rows of a picture are drawn within their rows, and each digit looks like no other."""
-
-from itertools import pairwise
+"""Numbers beside the rows of a picture are drawn within their rows, and those of robots have contrast."""
 
 import numpy as np
 
-from epuck_sim.recording.layers.arena import DARK, LIT, NIGHT, WHITE, number_strips, row_numbers
+from epuck_sim.recording.layers.arena import DARK, LIT, NIGHT, WHITE, row_numbers
 
 
 def test_each_number_is_within_its_row_and_left_of_the_picture() -> None:
@@ -15,15 +13,6 @@ def test_each_number_is_within_its_row_and_left_of_the_picture() -> None:
         assert row < strip[:, 1].min() < strip[:, 1].max() < row + 1
         assert strip[:, 0].max() < 0
     assert strips[10][:, 0].max() < strips[11][:, 0].min()
-
-
-def test_digits_differ() -> None:
-    drawn = set()
-    for digit in range(10):
-        (strip,) = number_strips(digit, 0.0, 0.0)
-        points = np.round(strip, 6).tolist()
-        drawn.add(frozenset(frozenset(map(tuple, piece)) for piece in pairwise(points)))
-    assert len(drawn) == 10
 
 
 def test_numbers_of_robots_have_contrast_on_their_discs_in_every_theme() -> None:

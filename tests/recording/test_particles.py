@@ -1,6 +1,8 @@
 """A recording of point-like agents holds what an unrecorded twin does, and is read, drawn and shown correctly."""
 
 import math
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,12 +12,13 @@ from matplotlib.colors import to_hex
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.trial_page import check_drawable, draw_page
+from epuck_sim.figures.trial_page import draw_page
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles import links as pulses
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import Level, recorder, rows
-from epuck_sim.recording.process import NO_GRAPHICS, run_rerun
+from epuck_sim.recording.layers.arena import UNLABELLED
+from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
@@ -24,9 +27,7 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.result import TrialResult
-from tests.cli.commands import call
-from tests.recording.recordings import Found, compare, recorded
-from tests.recording.viewers import LIT, alike, pixels
+from tests.recording.recordings import Found, recorded
 
 GLOW, FRAMES = 0.075, 20
 
@@ -55,11 +56,9 @@ emitting:
   response: {refractory: 0.2}
 cube:
   space: {dimensions: 3}
-  agents: {count: 10, speed_cm_s: 30, speed_distribution: exponential}
-  neighbourhood: {kind: cone_of_vision, angle_deg: 120}
-walking:
   agents: {count: 8, speed_cm_s: 20, speed_distribution: lognormal, speed_spread: 1, speed_per_run: true,
            walk: {kind: brownian, run_s: 0.4}}
+  neighbourhood: {kind: cone_of_vision, angle_deg: 120}
 cyclic cube:
   space: {dimensions: 3, boundary: cyclic}
   agents: {count: 10, speed_cm_s: 55}
@@ -141,14 +140,24 @@ def watched(scenario: ParticleScenario) -> tuple[list[Seen], TrialResult]:
     return seen, run_trial(ParticleSimulation(scenario, 4), [look])
 
 
-@pytest.fixture(scope="module", params=SCENARIOS)
-def trial(request, tmp_path_factory) -> Trial:
-    scenario = load(request.param)
-    path = tmp_path_factory.mktemp("recording") / "t.rrd"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recorder, "BUFFER_ROWS", 173)
-        result = recorded(path, scenario, 4)
-    return Trial(scenario, path, read_recording(path), *watched(scenario), result)
+@pytest.fixture(scope="module")
+def of(tmp_path_factory) -> Callable[[str], Trial]:
+    """Return a function that makes a trial of a scenario, once."""
+
+    @cache
+    def make(name: str) -> Trial:
+        scenario, path = load(name), tmp_path_factory.mktemp("recording") / "t.rrd"
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(recorder, "BUFFER_ROWS", 173)
+            result = recorded(path, scenario, 4)
+        return Trial(scenario, path, read_recording(path), *watched(scenario), result)
+
+    return make
+
+
+@pytest.fixture(params=SCENARIOS)
+def trial(request, of) -> Trial:
+    return of(request.param)
 
 
 def flat(vectors: FloatArray) -> FloatArray:
@@ -297,13 +306,11 @@ def test_a_recording_shows_no_links_to_agents_drawn_at_random(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(("name", "half", "longest"), [("cyclic", 50, 20), ("emitting", 75, 12.5)])
-def test_a_cone_is_drawn_from_its_agent_up_to_its_reach_or_the_walls(tmp_path, name, half, longest) -> None:
-    scenario = load(name)
-    recorded(tmp_path / "t.rrd", scenario)
-    read, side_cm = read_recording(tmp_path / "t.rrd"), scenario.space.side_cm
-    strips = Found(tmp_path / "t.rrd").array("/arena/cones", "LineStrips2D:strips").astype(float)
-    np.testing.assert_array_equal(strips[:, :, 0], read.positions)
-    np.testing.assert_array_equal(strips[:, :, -1], read.positions)
+def test_a_cone_is_drawn_from_its_agent_up_to_its_reach_or_the_walls(of, name, half, longest) -> None:
+    read, side_cm = of(name).recorded, of(name).scenario.space.side_cm
+    strips = Found(of(name).path).array("/arena/cones", "LineStrips2D:strips").astype(float)
+    for end in (0, -1):
+        np.testing.assert_array_equal(strips[:, :, end], read.positions)
     arc = strips[:, :, 1:-1] - read.positions[:, :, None]
     lengths = np.linalg.norm(arc, axis=-1)
     beyond = np.maximum(-strips[:, :, 1:-1], strips[:, :, 1:-1] - side_cm).max(axis=-1)  # the nearest wall
@@ -315,11 +322,10 @@ def test_a_cone_is_drawn_from_its_agent_up_to_its_reach_or_the_walls(tmp_path, n
     np.testing.assert_allclose(np.degrees(turned)[far], np.broadcast_to(corners, far.shape)[far], atol=0.1)
 
 
-def test_a_range_is_drawn_as_circles_around_the_agents(tmp_path) -> None:
-    recorded(tmp_path / "t.rrd", load("cyclic segment"))
-    found = Found(tmp_path / "t.rrd")
+def test_a_range_is_drawn_as_circles_around_the_agents(of) -> None:
+    found = Found(of("cyclic segment").path)
     centers = found.array("/arena/ranges", "Ellipses2D:centers")
-    np.testing.assert_array_equal(centers, read_recording(tmp_path / "t.rrd").positions)
+    np.testing.assert_array_equal(centers, of("cyclic segment").recorded.positions)
     assert found.static["/arena/ranges"]["Ellipses2D:half_sizes"] == [[20, 20]] * 6
 
 
@@ -330,32 +336,40 @@ POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
 MOVING = {Level.SUMMARY: SUMMARY, Level.POSES: POSES, Level.FULL: POSES | {"/arena/links"}}
 
 
-@pytest.mark.parametrize("level", Level)
-@pytest.mark.parametrize("name", ["cyclic", "cyclic segment", "cyclic cube", "thesis"])
-def test_each_level_holds_what_it_should_and_no_more(tmp_path, name: str, level: Level) -> None:
-    recorded(tmp_path / "t.rrd", load(name), level=level)
-    outlines = {"cyclic": {"/arena/cones"}, "cyclic segment": {"/arena/ranges"}}.get(name, set())
-    threshold = {"/order/threshold"} if name == "thesis" else set()
-    numbers = {f"/arena/numbers/{agent}" for agent in range(load(name).agents.count)}
-    expected = MOVING[level] | threshold | (outlines if level is Level.FULL else set())
-    expected |= numbers if level is not Level.SUMMARY else set()
-    assert set(Found(tmp_path / "t.rrd").moving) == expected
-    read = read_recording(tmp_path / "t.rrd")
+def check_entities(path: Path, scenario: ParticleScenario, level: Level) -> None:
+    """Check that a recording holds what its level should, and no more."""
+    kind, is_full, numbered = scenario.neighbourhood.kind, level is Level.FULL, range(scenario.agents.count)
+    there = {
+        "/order/threshold": scenario.stop.order_parameter is not None,
+        "/arena/ranges": is_full and kind == "range",
+        "/arena/cones": is_full and kind.startswith("cone") and scenario.space.dimensions == 2,
+        **{f"/arena/numbers/{n}": level is not Level.SUMMARY and len(numbered) < UNLABELLED for n in numbered},
+    }
+    assert set(Found(path).moving) == MOVING[level] | {entity for entity, is_there in there.items() if is_there}
+
+
+def test_all_is_in_a_full_recording(trial: Trial) -> None:
+    check_entities(trial.path, trial.scenario, Level.FULL)
+
+
+@pytest.mark.parametrize("level", [Level.SUMMARY, Level.POSES])
+@pytest.mark.parametrize("name", ["cyclic", "cyclic segment"])
+def test_each_level_holds_what_it_should_and_no_more(tmp_path, of, name: str, level: Level) -> None:
+    recorded(tmp_path / "t.rrd", load(name), 4, level)
+    check_entities(tmp_path / "t.rrd", load(name), level)
+    read, full = read_recording(tmp_path / "t.rrd"), of(name).recorded
     assert read.level is level
-    rows = len(read.time_s) if level is not Level.SUMMARY else 0
-    assert rows != 0 or level is Level.SUMMARY
-    for array in (read.phase_ms, read.positions, read.headings, read.ring_on):
-        assert array.shape[:2] == (rows, read.scenario.agents.count)
+    for field in ("phase_ms", "positions", "headings", "ring_on"):
+        found, expected = getattr(read, field), getattr(full, field)
+        np.testing.assert_array_equal(found, expected[:0] if level is Level.SUMMARY else expected)
 
 
-@pytest.mark.parametrize("bound", [{"BUFFER_ROWS": 1}, {"BUFFER_S": 0.7}])
-def test_buffer_sizes_make_no_difference(tmp_path, monkeypatch, bound: dict[str, float]) -> None:
-    scenario = load("cyclic")
-    recorded(tmp_path / "whole.rrd", scenario)
-    for name, value in bound.items():
-        monkeypatch.setattr(recorder, name, value)
-    recorded(tmp_path / "parts.rrd", scenario)
-    whole, parts = (Found(tmp_path / f"{name}.rrd") for name in ("whole", "parts"))
+@pytest.mark.parametrize(("bound", "value"), [("BUFFER_ROWS", 1), ("BUFFER_S", 0.3)])
+def test_buffer_sizes_make_no_difference(tmp_path, monkeypatch, of, bound: str, value: float) -> None:
+    whole = Found(of("cyclic").path)
+    monkeypatch.setattr(recorder, bound, value)
+    recorded(tmp_path / "parts.rrd", load("cyclic"), 4)
+    parts = Found(tmp_path / "parts.rrd")
     assert len(whole.moving["/order/steps"]) < len(parts.moving["/order/steps"])
     for entity in set(whole.moving) - {"/order/threshold"}:
         assert whole.times(entity) == parts.times(entity)
@@ -369,12 +383,6 @@ def test_a_trial_of_no_events_has_no_rows(tmp_path) -> None:
     read = read_recording(tmp_path / "t.rrd")
     assert (read.cycles, read.synchronised) == (0, False)
     assert {len(value) for value in read if isinstance(value, np.ndarray)} == {0}
-
-
-def test_recorded_again_it_is_the_same(tmp_path) -> None:
-    for name in ("1.rrd", "2.rrd"):
-        recorded(tmp_path / name, load("emitting"))
-    compare(tmp_path / "1.rrd", tmp_path / "2.rrd")
 
 
 # --- what cannot be recorded ------------------------------------------------------------------------
@@ -403,18 +411,11 @@ def test_a_trial_that_outlasts_the_clock_is_refused_in_words(tmp_path, monkeypat
     assert not any(tmp_path.iterdir())
 
 
-def test_a_page_needs_poses(tmp_path) -> None:
-    recorded(tmp_path / "t.rrd", load("thesis"), level=Level.SUMMARY)
-    with pytest.raises(EpuckSimError, match="holds no poses"):
-        check_drawable(read_recording(tmp_path / "t.rrd"), "t.rrd")
-
-
 # --- the page ---------------------------------------------------------------------------------------
 
 
 def test_the_page_shows_flashes_phases_and_the_order_parameter(trial: Trial) -> None:
     read, page = trial.recorded, draw_page(trial.recorded)
-    page.draw_without_rendering()
     _, flashes, phases, order = page.axes
     marks = np.array(flashes.collections[0].get_segments())
     np.testing.assert_array_equal(marks[:, 0, 0], read.flash_s)
@@ -429,10 +430,9 @@ def test_the_page_shows_flashes_phases_and_the_order_parameter(trial: Trial) -> 
 
 
 @pytest.mark.parametrize("name", ["cyclic", "cyclic cube"])
-def test_paths_have_gaps_where_a_cyclic_space_is_left(tmp_path, name: str) -> None:
-    scenario = load(name)
-    recorded(tmp_path / "t.rrd", scenario, 4)
-    arena, *_ = draw_page(read_recording(tmp_path / "t.rrd")).axes
+def test_paths_have_gaps_where_a_cyclic_space_is_left(of, name: str) -> None:
+    scenario = of(name).scenario
+    arena, *_ = draw_page(of(name).recorded).axes
     paths = [line for line in arena.get_lines() if to_hex(line.get_color()) != "#ffffff"]
     assert len(paths) == scenario.agents.count
     steps = np.concatenate([np.diff(np.column_stack(line.get_data()), axis=0) for line in paths])
@@ -440,9 +440,8 @@ def test_paths_have_gaps_where_a_cyclic_space_is_left(tmp_path, name: str) -> No
     assert np.nanmax(np.abs(steps)) < scenario.space.side_cm / 4
 
 
-def test_in_a_segment_paths_go_up_in_time(tmp_path) -> None:
-    recorded(tmp_path / "t.rrd", load("segment"), 4)
-    read = read_recording(tmp_path / "t.rrd")
+def test_in_a_segment_paths_go_up_in_time(of) -> None:
+    read = of("segment").recorded
     arena, *_ = draw_page(read).axes
     assert (arena.get_xlabel(), arena.get_ylabel()) == ("x (cm)", "simulated time (s)")
     paths = [line for line in arena.get_lines() if len(line.get_xdata()) > 2]
@@ -452,37 +451,3 @@ def test_in_a_segment_paths_go_up_in_time(tmp_path) -> None:
         is_row = np.isin(time_s, read.time_s)
         np.testing.assert_array_equal(x[is_row], read.positions[np.searchsorted(read.time_s, time_s[is_row]), agent, 0])
         assert np.isclose(x[~is_row, None], [0, read.scenario.space.side_cm], atol=1e-3).any(axis=1).all()  # at walls
-
-
-# --- shown again ------------------------------------------------------------------------------------
-
-SWEEP = """
-name: few
-model: particles
-agents: {count: 6, speed_cm_s: 20}
-neighbourhood: {kind: all}
-trials: 2
-sweep: {grid: {agents.speed_cm_s: [5, 20]}}
-"""
-
-
-def test_a_trial_of_a_sweep_is_recorded_again(tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("few.yaml").write_text(SWEEP)
-    assert call("run", "few.yaml", "--out", "runs", "--workers", 1).exit_code == 0
-    monkeypatch.setattr("epuck_sim.recording.viewer.has_display", lambda: False)
-    done = call("replay", "runs", "--point", 1, "--trial", 1, "--record", "again.rrd")
-    assert done.exit_code == 0, done.stderr
-    assert "not the trial that is stored" not in done.stderr
-    read = read_recording(Path("again.rrd"))
-    assert (read.scenario.agents.speed_cm_s, read.synchronised) == (20, True)
-
-
-def test_a_screenshot_shows_which_agents_are_lit(tmp_path) -> None:
-    recorded(tmp_path / "t.rrd", load("synchronises"), 4)
-    done = call("replay", tmp_path / "t.rrd", "--screenshot", tmp_path / "s.png")
-    if NO_GRAPHICS in done.stderr:
-        pytest.skip(NO_GRAPHICS)
-    assert done.exit_code == 0, done.stderr
-    assert read_recording(tmp_path / "t.rrd").ring_on[-1].all()
-    assert alike(pixels(tmp_path / "s.png")[60:860, :790], LIT).sum() > 5 * 200

@@ -65,12 +65,6 @@ def ignore_signals() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
-def heed_signals() -> None:
-    """Do to a child process what a terminal does, also if the tests run in the background."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
 def pixels(png: Path | BytesIO) -> FloatArray:
     with Image.open(png) as picture:
         assert picture.format == "PNG"

@@ -14,12 +14,14 @@ from epuck_sim.sweep import run
 from tests.cli.commands import call, refused
 from tests.replication.claim_files import EVERY_VERDICT, FASTER, SPEED, SWEEP, claim, write_claims
 
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
+
 IDS = [f"A{number}" for number in range(1, 9)]
 VERDICTS = ["holds", "contradicted", "undecided", "not asked", "holds", "identity", "reading", "no claim"]
 
 
 @pytest.fixture(scope="module")
-def replicated(tmp_path_factory) -> tuple[Path, Path]:
+def replicated(tmp_path_factory, sweeps_run_here) -> tuple[Path, Path]:  # noqa: ARG001
     """Return a file of claims and the folder of its replication, in which every verdict occurs."""
     folder = tmp_path_factory.mktemp("replicated")
     file = write_claims(folder)

@@ -16,15 +16,17 @@ from epuck_sim.runs.status import Failure
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.statistics.statistic import summarize
 from epuck_sim.sweep.run import run_sweep
+from epuck_sim.util.provenance import host
 from tests.browsers import picture
 from tests.runs.made_folders import COUNT, COUPLING, SPEED, SPEEDS, censored, ended, store, sweep, weibull
+from tests.sweep.pool_here import pool_here
 from tests.tools import needs_browser
 
 NASTY = "<b>&'\"</script><img src=x>"
 
 
 def some(point):
-    """Give point 1 no trials, and censor all of point 2."""
+    """Give point 1 no trials, censor all of point 2, and let others have 20."""
     if point.number == 1:
         return ended([])
     return censored(point, 20) if point.number == 2 else weibull(point, 50 / point.axes[SPEED], 20)
@@ -57,55 +59,51 @@ def rows_of(html: str) -> list[list[str]]:
     return [re.findall(r"<t[dh][^>]*>(?:<code>)?(.*?)(?:</code>)?</t[dh]>", row) for row in rows]
 
 
-def test_the_table_has_the_numbers_of_summarize(tmp_path) -> None:
-    store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=20), some)
-    rows = rows_of(page_of(tmp_path / "run"))
-    for point in summarize(read_points(tmp_path / "run")):
-        (row,) = [cells for cells in rows if len(cells) == 8 and cells[0] == str(point.point)]
-        assert row[2:4] == [str(point.trials), f"{100 * point.censored:.0f} %"]
-        assert row[4:] == [str(each) for each in point.estimates.values()]
-
-
-def test_it_says_what_was_run_and_how_to_run_trials_again(tmp_path) -> None:
-    folder = store(tmp_path / "my runs", sweep({SPEED: SPEEDS}, trials=30, description="Of speed."), some, failed=3)
-    text = " ".join(Page(page_of(folder)).text)
-    assert "Of speed." in text
-    assert "80 of 150 have a result, 20 censored, 3 failed, 67 still to be run" in text
-    for said in ("V (cm/s), robots.0.parameters.speed_cm_s", "numba", "here", "Failed trials: 3", "gone 21"):
-        assert said in text
-    command = f"epuck-sim run {shlex.quote(str(folder))} --point K --trial J"
-    assert command in text
-
-
-def test_many_trials_and_failures_make_a_short_page(tmp_path) -> None:
-    few = store(tmp_path / "few", sweep({SPEED: SPEEDS}, trials=30), lambda p: weibull(p, 50, 30))
-    many = store(tmp_path / "many", sweep({SPEED: SPEEDS}, trials=2000), lambda p: weibull(p, 50, 1000), failed=900)
-    first, second = page_of(few), page_of(many)
-    assert len(second) < len(first) + 200_000
-    assert second.count("gone ") == MOST_FAILURES
-    assert "There are 800 more" in second
-
-
 def figures_of(html: str) -> list[str]:
     return re.findall(r'<figure><svg[^>]* id="([^"]*)"', html)
 
 
-@pytest.mark.parametrize(
-    ("grid", "figures"),
-    [
-        ({"noise": ["on", "off"]}, []),
-        ({SPEED: SPEEDS}, ["curves-T-sync", "violins-T-sync"]),
-        ({SPEED: SPEEDS, COUNT: [5, 10]}, ["curves-T-sync", "map-T-sync", "violins-T-sync"]),
-    ],
-)
-def test_figures_fit_the_axes(tmp_path, grid, figures) -> None:
-    store(tmp_path / "run", sweep(grid, trials=20), lambda p: weibull(p, 50))
-    assert figures_of(page_of(tmp_path / "run")) == figures
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Return a run folder of two axes, in which 3 trials have failed, and 117 are left."""
+    scenario = sweep({COUNT: [5, 10], SPEED: SPEEDS}, trials=30, description="Of speed.")
+    return store(tmp_path_factory.mktemp("page") / "my runs", scenario, some, failed=3)
 
 
-def test_figures_are_vectors_with_words_and_nothing_in_them_is_taken_for_a_part_of_another(tmp_path) -> None:
-    store(tmp_path / "run", sweep({COUNT: [5, 10], SPEED: SPEEDS}, trials=20), lambda p: weibull(p, 50, 20))
-    html = page_of(tmp_path / "run")
+@pytest.fixture(scope="module")
+def html(folder) -> str:
+    """Return the folder's page."""
+    return page_of(folder)
+
+
+def test_the_table_has_the_numbers_of_summarize(folder, html) -> None:
+    rows = rows_of(html)
+    for point in summarize(read_points(folder)):
+        (row,) = [cells for cells in rows if len(cells) == 9 and cells[0] == str(point.point)]
+        assert row[3:5] == [str(point.trials), f"{100 * point.censored:.0f} %"]
+        assert row[5:] == [str(each) for each in point.estimates.values()]
+
+
+def test_it_says_what_was_run_and_how_to_run_trials_again(folder, html) -> None:
+    text = " ".join(Page(html).text)
+    assert "Of speed." in text
+    assert "180 of 300 have a result, 20 censored, 3 failed, 117 still to be run" in text
+    for said in ("V (cm/s), robots.0.parameters.speed_cm_s", "numba", host(), "Failed trials: 3", "gone 21"):
+        assert said in text
+    assert f"epuck-sim run {shlex.quote(str(folder))} --point K --trial J" in text
+
+
+def test_many_trials_and_failures_make_a_short_page(tmp_path, html) -> None:
+    store(tmp_path / "many", sweep({SPEED: SPEEDS}, trials=2000), lambda p: weibull(p, 50, 1000), failed=300)
+    many = page_of(tmp_path / "many")
+    assert len(many) < len(html) + 100_000
+    assert many.count("gone ") == MOST_FAILURES
+    assert "There are 200 more" in many
+    assert figures_of(many) == ["curves-T-sync", "violins-T-sync"]
+
+
+def test_figures_are_vectors_with_words_and_nothing_in_them_is_taken_for_a_part_of_another(tmp_path, html) -> None:
+    assert figures_of(html) == ["curves-T-sync", "map-T-sync", "violins-T-sync"]
     own = [set(re.findall(r' id="([^"]*)"', svg)) for svg in re.findall(r"<svg.*?</svg>", html, re.DOTALL)]
     assert [len(ids) > 20 for ids in own] == [True] * 3
     assert len(set.union(*own)) == sum(map(len, own))
@@ -116,6 +114,8 @@ def test_figures_are_vectors_with_words_and_nothing_in_them_is_taken_for_a_part_
         assert said in words
     assert re.findall(r'(?:src|href)="(?!#|data:)|<script|<style(?! *>\n:root)', html) == []
     assert '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; ' in html
+    store(tmp_path / "words", sweep({"noise": ["on", "off"]}, trials=2), lambda p: weibull(p, 50))
+    assert figures_of(page_of(tmp_path / "words")) == []
 
 
 def test_names_and_messages_stay_text(tmp_path, monkeypatch) -> None:
@@ -145,15 +145,14 @@ def test_series_and_measures_of_agents(tmp_path) -> None:
         ["agents.speed_cm_s=1,20"],
         measures=["order_parameter", "near_walls"],
     )
-    run_sweep(scenario, tmp_path / "run")
+    run_sweep(scenario, tmp_path / "run", pool_here)
     html = page_of(tmp_path / "run")
     assert figures_of(html)[-3:] == ["curves-near-walls", "violins-near-walls", "series-order-parameter"]
 
 
 @needs_browser
-def test_it_is_legible_in_the_dark_and_a_figure_is_seen_on_narrow_screens(tmp_path) -> None:
-    store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=20), lambda p: weibull(p, 50, 20))
-    write_report(tmp_path / "run", tmp_path / "page.html")
+def test_it_is_legible_in_the_dark_and_a_figure_is_seen_on_narrow_screens(tmp_path, html) -> None:
+    (tmp_path / "page.html").write_text(html)
     for is_dark, width, paper in ((False, 400, 255), (True, 1400, 0x14)):
         seen = picture(tmp_path / "page.html", tmp_path / f"profile{width}", is_dark=is_dark, size=f"{width},2000")
         assert seen[-1, 2, 0] == paper

@@ -19,7 +19,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.provenance import versions
+from epuck_sim.util.provenance import host, versions
 
 SPEED, COUPLING, PERIOD = (f"robots.0.parameters.{name}" for name in ("speed_cm_s", "coupling", "period_s"))
 WIDTH, HEIGHT, COUNT = "arena.width_cm", "arena.height_cm", "robots.0.count"
@@ -113,18 +113,33 @@ def of_point(point: Point, trials: Trials) -> PointTrials:
     )
 
 
+def outcome(point: Point, trial: int, error: str | None = None, **changes) -> Outcome:
+    """Return how a trial might have ended: failed, or with a result in which some fields are as `changes` says."""
+    seed, number = point.seed(trial), 1000 * point.number + trial
+    result = TrialResult(
+        scenario=point.scenario.name,
+        seed=seed,
+        t_sync_cycles=number,
+        censored=False,
+        cycles=number,
+        order_parameter=0.96 + number / 1e6,
+        steps=50 * number,
+        simulated_s=5.0 * number,
+        wall_s=0.001 * number,
+    )._replace(**changes)
+    return Outcome(point.number, trial, seed, None if error else result, error, {**versions(), "host": host()})
+
+
 def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:
     """Make a run folder, of which the first `failed` trials that are left at point 0 have failed."""
     found = points(scenario)
-    made = {**versions(), "host": "here"}
     with Store(folder, scenario, found) as opened:
         for point in found:
             times, observed = law(point)
-            ended = []
-            for trial, (time, is_observed) in enumerate(zip(times.astype(int).tolist(), observed, strict=True)):
-                result = TrialResult(
-                    scenario=scenario.name,
-                    seed=point.seed(trial),
+            ended = [
+                outcome(
+                    point,
+                    trial,
                     t_sync_cycles=time if is_observed else None,
                     censored=not is_observed,
                     cycles=time,
@@ -133,10 +148,10 @@ def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:
                     simulated_s=5.0 * time,
                     wall_s=0.001,
                 )
-                ended.append(Outcome(point.number, trial, result.seed, result, None, made))
+                for trial, (time, is_observed) in enumerate(zip(times.astype(int).tolist(), observed, strict=True))
+            ]
             failures = range(len(times), len(times) + failed) if point.number == 0 else ()
-            ended += (Outcome(0, trial, point.seed(trial), None, f"gone {trial}", made) for trial in failures)
-            opened.add(ended)
+            opened.add([*ended, *(outcome(point, trial, error=f"gone {trial}") for trial in failures)])
     return folder
 
 
@@ -144,15 +159,11 @@ def store_measured(folder: Path, scenario: Scenario, law: Callable[[Point], Sequ
     """Make a run folder of a scenario with one measure, of which the law gives the value in each trial of a point."""
     found = points(scenario)
     (section,) = scenario.measures
-    made = {**versions(), "host": "here"}
+    without = {"t_sync_cycles": None, "censored": None, "order_parameter": None, "cycles": 9}
     with Store(folder, scenario, found) as opened:
         for point in found:
-            ended = []
-            for trial, value in enumerate(law(point)):
-                measures = {section.name: value}
-                result = TrialResult(scenario.name, point.seed(trial), None, None, 9, None, 9, 9.0, 0.01, measures)
-                ended.append(Outcome(point.number, trial, result.seed, result, None, made))
-            opened.add(ended)
+            values = enumerate(law(point))
+            opened.add([outcome(point, trial, measures={section.name: value}, **without) for trial, value in values])
     return folder
 
 

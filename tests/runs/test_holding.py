@@ -11,9 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from epuck_sim.cli.app import app
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import folder as folders
 from epuck_sim.runs.folder import HOLDER, LEASE_S, current_holder, own_name, take_over
@@ -21,6 +19,8 @@ from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host
+from tests.cli.commands import call
+from tests.processes import wait_until
 from tests.runs.test_store import DEMO, FILES, contents, fill, outcome, refused, stored
 from tests.sweep.short_sweeps import short_sweep
 
@@ -135,10 +135,7 @@ def test_a_lease_is_renewed_while_its_process_is_at_work(tmp_path: Path, monkeyp
     with Store(tmp_path, DEMO, points(DEMO)):
         lease = tmp_path / HOLDER
         os.utime(lease, (0, 0))
-        end_s = time.monotonic() + 30
-        while lease.stat().st_mtime == 0 and time.monotonic() < end_s:
-            time.sleep(0.01)
-        assert time.time() - lease.stat().st_mtime < LEASE_S
+        wait_until(lambda: time.time() - lease.stat().st_mtime < LEASE_S)
 
 
 def test_a_lock_is_not_taken_over(tmp_path: Path) -> None:
@@ -149,11 +146,11 @@ def test_a_lock_is_not_taken_over(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("_no_locks", "sweeps_run_here")
 def test_a_command_takes_over_with_a_word(tmp_path: Path) -> None:
-    arguments = ["run", str(short_sweep(tmp_path, 1)), "--out", str(tmp_path / "run")]
-    assert CliRunner().invoke(app, arguments).exit_code == 0
+    arguments = ("run", short_sweep(tmp_path, 1), "--out", tmp_path / "run")
+    assert call(*arguments).exit_code == 0
     lease_of_another(tmp_path / "run", "process 1 on elsewhere", 5)
-    refusal = CliRunner().invoke(app, arguments)
+    refusal = call(*arguments)
     assert (refusal.exit_code, "process 1 on elsewhere is at work" in refusal.stderr) == (2, True)
-    taken = CliRunner().invoke(app, [*arguments, "--take-over"])
+    taken = call(*arguments, "--take-over")
     assert taken.exit_code == 0
     assert "taken over from process 1 on elsewhere" in taken.stderr

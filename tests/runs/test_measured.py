@@ -52,12 +52,6 @@ def test_values_come_back_to_the_bit(folder, mine):
     assert counter.seed == plain.seed
 
 
-def test_a_measure_that_is_not_there_is_refused_with_those_that_are(folder, mine):
-    fill(folder, scenario(f"{mine}:Counter"), [{"Counter": 1.0}])
-    with pytest.raises(StoreError, match=r"run: unknown 'Conter', did you mean 'Counter'\?; measured: Counter$"):
-        read_points(folder, "Conter")
-
-
 def test_exported_tables_have_columns_of_numbers_and_lists(folder, mine, tmp_path):
     both = [{"Counter": value, "course": series} for value, series in zip(VALUES, SERIES, strict=True)]
     fill(folder, scenario(f"{mine}:Counter", f"{mine}:course"), both)
@@ -110,6 +104,3 @@ def test_a_folder_is_refused_to_other_measures(folder, mine):
     edited = refused(folder, scenario({f"{mine}:Counter": {"offset": 1}}))
     assert "another measure Counter; give another folder: measure: 'mine.py:Counter with digest " in edited
     assert [point.measured for point in read_points(folder, "Counter")] == [(1.0,)]
-
-
-# --- sweeps ---------------------------------------------------------------------------------------

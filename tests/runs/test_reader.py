@@ -23,13 +23,6 @@ from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, contents, fill, 
 MADE_BY = {**versions(), "host": host()}
 
 
-def test_every_point_has_its_axes_and_scenario_in_the_sweep_s_order(tmp_path) -> None:
-    found = fill(tmp_path)
-    read = read_points(tmp_path)
-    assert [(each.number, each.axes) for each in read] == [(point.number, point.axes) for point in found]
-    assert [each.scenario for each in read] == [point.scenario for point in found]
-
-
 def test_times_are_the_cycles_at_which_trials_ended_and_say_whether_synchrony_was_observed(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found) as store:
@@ -53,7 +46,8 @@ def test_after_the_sweep_has_grown_points_are_read_in_its_new_order(tmp_path) ->
     with Store(tmp_path, grown, points(grown)):
         pass
     read = read_points(tmp_path)
-    assert [each.axes for each in read] == [point.axes for point in points(grown)]
+    assert [each.number for each in read] == [*range(6)]
+    assert [(each.axes, each.scenario) for each in read] == [(point.axes, point.scenario) for point in points(grown)]
     assert [len(each.times) for each in read] == [3, 3, 0, 0, 3, 3]
     assert read[4].times.tolist() == [0, 1, 2]
     assert read[0].times.tolist() == [2000, 2001, 2002]
@@ -102,29 +96,20 @@ def test_the_status_is_of_the_scenario_that_was_run_last(tmp_path) -> None:
     assert (status.scenario, status.trials, status.stored) == ("grown", 28, 12)
 
 
-def test_while_a_run_is_at_work_its_committed_trials_are_read_and_it_is_named(tmp_path) -> None:
+def test_while_a_run_is_at_work_its_committed_trials_are_read_and_nothing_is_written_and_it_is_named(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found) as store:
         for trial in range(3):
             store.add([outcome(found[0], trial)])
+            before = contents(tmp_path)
             assert read_points(tmp_path)[0].times.tolist() == [*range(trial + 1)]
             assert read_status(tmp_path).stored == trial + 1
+            after = contents(tmp_path)
+            assert after.keys() == before.keys()
+            changed = {name for name in before if after[name] != before[name]}
+            assert changed <= {f"{DATABASE}-shm"}  # readers' marks
         assert read_status(tmp_path).at_work == f"process {os.getpid()} on {host()}"
     assert read_status(tmp_path).at_work is None
-
-
-def test_reading_writes_nothing_while_a_run_is_at_work(tmp_path) -> None:
-    found = points(DEMO)
-    with Store(tmp_path, DEMO, found) as store:
-        store.add([outcome(found[0], 0)])
-        before = contents(tmp_path)
-        read_points(tmp_path)
-        read_status(tmp_path)
-        after = contents(tmp_path)
-        assert after.keys() == before.keys()
-        assert {name for name in before if after[name] != before[name]} <= {f"{DATABASE}-shm"}  # readers' marks
-        store.add([outcome(found[0], 1)])
-    assert read_status(tmp_path).stored == 2
 
 
 class Grown:

@@ -2,7 +2,6 @@
 
 import sqlite3
 from contextlib import closing
-from functools import partial
 
 import pytest
 
@@ -10,7 +9,6 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import StoredResult, difference
-from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call, called
@@ -80,17 +78,17 @@ def test_a_run_that_was_stopped_goes_on(folder, mine):
         pass
 
     def stop(progress):
-        if progress.ended == 2:
+        if progress.ended == 1:
             raise Stopped
 
     with pytest.raises(Stopped):
-        run_sweep(sweep("near_walls", mine), folder, partial(local_pool, 1), stop)
+        run_sweep(sweep("near_walls", mine), folder, pool_here, stop)
     status = read_status(folder)
-    assert (status.stored, status.unmeasured, status.failed) == (6, 4, [])
-    assert "4 of these results lack measures that were added" in called("status", folder)
-    assert sorted(point.measured.count(None) for point in read_points(folder, "Counter")) == [2, 2]
+    assert (status.stored, status.unmeasured, status.failed) == (6, 5, [])
+    assert "5 of these results lack measures that were added" in called("status", folder)
+    assert sorted(point.measured.count(None) for point in read_points(folder, "Counter")) == [2, 3]
     progress = run(folder, sweep("near_walls", mine))
-    assert (progress.ended, progress.stored, read_status(folder).unmeasured) == (4, 6, 0)
+    assert (progress.ended, progress.stored, read_status(folder).unmeasured) == (5, 6, 0)
 
 
 @pytest.mark.parametrize(

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import pytest
 import yaml
-from typer.testing import CliRunner
 
-from epuck_sim.cli.app import app
 from epuck_sim.runs.share import merge_folders
 from epuck_sim.runs.sources import is_trusted
 from epuck_sim.runs.status import verify
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
+from tests.cli.commands import call
 from tests.runs.test_store import COUNT, MINE, fill, rewrite, scenario_of, stored
 
 MEASURE = """
@@ -117,12 +116,12 @@ def flip(path: Path) -> None:
 def test_verify_names_what_is_not_as_it_was_written(
     made: Path, spoil: Callable[[Path], object], name: str, says: str, code: int
 ) -> None:
-    whole = CliRunner().invoke(app, ["verify", str(made)])
+    whole = call("verify", made)
     assert whole.exit_code == 0
     assert "results.sqlite: 12 of 12 trials of demo, each with its checksum\n" in whole.stdout
     assert "sources/here/helper.py: is as it was written\n" in whole.stdout
     spoil(made / name)
-    found = CliRunner().invoke(app, ["verify", str(made)])
+    found = call("verify", made)
     assert (found.exit_code, says in found.stdout + found.stderr) == (code, True), found.stdout
 
 
@@ -137,23 +136,14 @@ def foreign(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     return made
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        "check",
-        "status",
-        "report",
-        "verify",
-        "summarize",
-        "plot --form curves --x robots.0.count",
-        "export --to x.csv",
-        "list",
-    ],
-)
+SHOWING = ["plot --form curves --x robots.0.count", "export --to x.csv"]
+
+
+@pytest.mark.parametrize("command", ["check", "status", "report", "verify", "summarize", "list", *SHOWING])
 def test_what_shows_a_folder_runs_none_of_its_code(foreign: Path, tmp_path: Path, monkeypatch, command: str) -> None:
     monkeypatch.chdir(tmp_path)
     name, *options = command.split()
-    found = CliRunner().invoke(app, [name, *([str(foreign)] * (name != "list")), *options])
+    found = call(name, *([foreign] * (name != "list")), *options)
     assert not (tmp_path / "was-run").exists(), found.stdout
     assert name == "verify" or found.exit_code == 0, found.stderr
 
@@ -162,11 +152,11 @@ def test_what_shows_a_folder_runs_none_of_its_code(foreign: Path, tmp_path: Path
 def test_what_runs_a_folder_asks_for_trust_once(foreign: Path, tmp_path: Path, monkeypatch, command: str) -> None:
     monkeypatch.chdir(tmp_path)
     name, *options = command.split()
-    refusal = CliRunner().invoke(app, [name, str(foreign), *options])
+    refusal = call(name, foreign, *options)
     assert refusal.exit_code == 2
     assert "brings code that you have not run: sources/coverage.py, sources/here/helper.py" in refusal.stderr
     assert not (tmp_path / "was-run").exists()
-    CliRunner().invoke(app, [name, str(foreign), *options, "--trust"])
+    call(name, foreign, *options, "--trust")
     assert (tmp_path / "was-run").exists()
     monkeypatch.setattr("epuck_sim.runs.sources._trusted", set())  # another process
     assert is_trusted(foreign)

@@ -16,14 +16,13 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.export import export
 from epuck_sim.runs.folder import current_holder
 from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.records import Outcome
 from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import host, versions
+from tests.runs.made_folders import outcome
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
 CONTROLLER = "robots.0.controller"
@@ -50,23 +49,6 @@ def scenario_of(sweep: dict | None, **changes) -> Scenario:
 
 DEMO_SWEEP = {"grid": {COUNT: [2, 3], SPEED: [1, 0.5]}}
 DEMO = scenario_of(DEMO_SWEEP)
-
-
-def outcome(point: Point, trial: int, error: str | None = None, **changes) -> Outcome:
-    """Return how a trial might have ended: failed, or with a result in which some fields are as `changes` says."""
-    seed, number = point.seed(trial), 1000 * point.number + trial
-    result = TrialResult(
-        scenario=point.scenario.name,
-        seed=seed,
-        t_sync_cycles=number,
-        censored=False,
-        cycles=number,
-        order_parameter=0.96 + number / 1e6,
-        steps=50 * number,
-        simulated_s=5.0 * number,
-        wall_s=0.001 * number,
-    )._replace(**changes)
-    return Outcome(point.number, trial, seed, None if error else result, error, {**versions(), "host": host()})
 
 
 def fill(folder: Path, scenario: Scenario = DEMO, **changes) -> tuple[Point, ...]:
@@ -110,7 +92,7 @@ def test_a_new_folder_holds_the_database_and_the_scenario_that_was_run(tmp_path)
 def test_columns_are_in_the_same_order_whatever_the_seed_of_hashes(tmp_path) -> None:
     make = "import sys; from tests.runs.test_store import *; fill(Path(sys.argv[1]))"
     orders = set()
-    for seed in ("1", "2", "3"):
+    for seed in ("1", "2"):
         subprocess.run(
             [sys.executable, "-c", make, tmp_path / seed], check=True, env={**os.environ, "PYTHONHASHSEED": seed}
         )

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.axes import MAX_POINTS, FigureSection, SweepAxes, check_figure_axes, choose_axis
+from epuck_sim.scenario.axes import MAX_POINTS, FigureSection, SweepAxes, check_figure_axes
 from epuck_sim.scenario.loader import load_scenario
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
@@ -104,10 +104,6 @@ ROWS = [
 ]
 
 
-def test_a_figure_may_name_any_axis_and_is_not_drawn_against_one_value_where_another_axis_has_several() -> None:
+def test_a_figure_may_name_any_axis() -> None:
     for figure in ({}, {"x": SPEED, "y": COUNT}, {"y": HEIGHT}, {"panels": NOISE}, {"base_case": {COUNT: 3}}):
         check_figure_axes(FigureSection(**figure), ROWS)
-    one_speed = [{SPEED: 1, COUNT: count} for count in (3, 5)]
-    assert choose_axis(one_speed) == COUNT
-    assert choose_axis([{SPEED: 1, COUNT: 3}]) == SPEED
-    assert choose_axis(ROWS) == SPEED

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import with_ranges
+from epuck_sim.scenario.base import guess
 from epuck_sim.scenario.keys import full_keys
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
@@ -56,6 +57,14 @@ def test_every_ending_of_a_key_stands_for_it_or_is_refused_with_it_among_the_can
         other.partition(".")[0] not in WITHOUT_EFFECT for other in found
     )
     assert key in found or is_second or ending in keys
+
+
+def test_keys_of_sweeps_and_measures_are_not_typed_and_a_longer_name_goes_on_after_an_underscore() -> None:
+    scenario = load_scenario({"measures": [{"near_walls": {"within_cm": 3}}]}, axes=["robots.0.count=2,3"])
+    sections = {key.partition(".")[0] for key in scenario.all_keys(scenario.model_dump(mode="json"))}
+    assert "robots" in sections
+    assert not {"sweep", "measures"} & sections
+    assert "did you mean side_cm (space.side_cm)?" in guess("side", [], ["space.sides", "space.side_cm"])
 
 
 def test_an_ending_sets_what_its_key_sets_and_is_described_by_it() -> None:

@@ -168,6 +168,15 @@ def test_words_sections_and_parameters_of_swept_controllers_can_be_axes_too() ->
     assert [(group.controller, group.parameters["period_s"]) for group in groups] == [
         *(("oscillator", 5), ("oscillator", 8), ("firefly", 5), ("firefly", 8))
     ]
+    given = {"parameters": {"period_s": 8, "speed_cm_s": 3}, "memory": {"phase_ms": 100}}
+    blinks, moves = points(
+        load_scenario({"robots": [given], "sweep": {"grid": {CONTROLLER: ["oscillator", "firefly"]}}})
+    )
+    for point in (blinks, moves):
+        assert point.scenario.robots[0].parameters["period_s"] == 8
+        assert point.scenario.robots[0].memory == {"phase_ms": 100}
+    assert "speed_cm_s" not in blinks.scenario.robots[0].parameters
+    assert moves.scenario.robots[0].parameters["speed_cm_s"] == 3
     (point,) = points(load_scenario({"sweep": {"points": [{WIDTH: 80, "arena": {"height_cm": 90}}]}}))
     assert (point.scenario.arena.width_cm, point.scenario.arena.height_cm) == (80, 90)
 

@@ -160,7 +160,7 @@ def test_where_trials_are_censored_both_are_cut_at_the_lower_horizon() -> None:
 
 
 @given(st.integers(0, 10**6), st.floats(20, 300))
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_the_log_rank_test_is_lifelines(seed: int, mean: float) -> None:
     random = np.random.default_rng(seed)
     samples = []
@@ -217,11 +217,11 @@ def test_chance_alone_is_significant_as_rarely_as_it_should_be(limit: float) -> 
 
 def test_far_in_the_tail_chance_is_as_rare_as_it_should_be() -> None:
     ours = []
-    for seed in range(4000):
+    for seed in range(2500):
         pair = pair_up(*(measured(np.random.default_rng([seed, n]).lognormal(0, 0.8, 10)) for n in (0, 1)))
-        statistics = permuted(pair, seed, count=999)
+        statistics = permuted(pair, seed, count=599)
         ours.append(float((statistics >= statistics[0] - 1e-9).mean()))
-    assert 0.002 < np.mean(np.array(ours) <= 0.005) < 0.0085  # 0.005 with four standard deviations
+    assert 0.001 < np.mean(np.array(ours) <= 0.005) < 0.0105  # 0.005 with four standard deviations
 
 
 @pytest.mark.parametrize(("values", "p"), [([7] * 6, 1), ([9] * 6, 1 / 462)])

@@ -62,8 +62,7 @@ def share_found(logs, count, curves, speeds=SPEEDS):
     return np.mean([find_minimum_and_peak(speeds, *trials(logs, count, seed)).is_found for seed in range(curves)])
 
 
-@pytest.mark.parametrize(("low", "peak"), [(-0.5, 0.3), (-0.1, 0.2)])
-@pytest.mark.parametrize("steepness", [0.5, 5.0])
+@pytest.mark.parametrize(("low", "peak", "steepness"), [(-0.5, 0.3, 0.5), (-0.1, 0.2, 5.0)])
 def test_a_cubics_extremes_are_found_where_they_are(low, peak, steepness):
     pair = find_minimum_and_peak(SPEEDS, *certain(cubic(X, low, peak, steepness)))
     assert np.log10([pair.v_m, pair.v_p]) == pytest.approx([low, peak], abs=1.5 * GRID_STEP)
@@ -89,7 +88,7 @@ def test_a_parabola_in_logs_is_smoothed_to_itself_whatever_the_noise(coefficient
 
 
 @given(st.floats(0.01, 100), st.floats(0.01, 100), st.integers(0, 99))
-@settings(max_examples=25)
+@settings(max_examples=10)
 def test_the_pair_moves_with_the_units_of_time_and_speed(cycles, speed, seed):
     means, resampled = trials(cubic(X), 200, seed, 100)
     pair = find_minimum_and_peak(SPEEDS, means, resampled)
@@ -165,7 +164,7 @@ def test_a_pair_that_noise_would_undo_is_none(kept, is_found):
 
 
 @pytest.mark.parametrize(
-    ("count", "curves", "least", "most"), [(30, 50, 0.2, 0.6), (200, 50, 0.85, 1), (1000, 20, 1, 1)]
+    ("count", "curves", "least", "most"), [(30, 25, 0.2, 0.6), (200, 50, 0.85, 1), (1000, 10, 1, 1)]
 )
 def test_the_base_case_is_found_mostly_at_200_trials_and_always_at_1000(count, curves, least, most):
     assert least <= share_found(base_case(SPEEDS), count, curves) <= most
@@ -173,7 +172,7 @@ def test_the_base_case_is_found_mostly_at_200_trials_and_always_at_1000(count, c
 
 def test_the_intervals_hold_the_truth_about_as_often_as_they_say():
     truth = np.array([10**-0.5, math.exp(cubic(-0.5)), 10**0.3, math.exp(cubic(0.3))])
-    pairs = [find_minimum_and_peak(SPEEDS, *trials(cubic(X), 200, seed)) for seed in range(60)]
+    pairs = [find_minimum_and_peak(SPEEDS, *trials(cubic(X), 200, seed)) for seed in range(40)]
     low, high = np.array([pair.intervals for pair in pairs]).transpose(2, 0, 1)
     held = ((low <= truth) & (truth <= high)).mean(axis=0)
     assert ((held >= 0.85) & (held <= 1)).all()

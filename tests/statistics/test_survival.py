@@ -71,9 +71,8 @@ def test_the_estimate_is_appendix_a_done_trial_by_trial(given_trials):
     assert survival == pytest.approx([float(r) for r in expected.values()], abs=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_the_estimate_is_lifelines_and_scipys(seed):
-    times, observed = messy_trials(seed)
+def test_the_estimate_is_lifelines_and_scipys():
+    times, observed = messy_trials(0)
     assert len(np.unique(times)) < len(times)
     assert 5 < observed.sum() < len(times) - 5
     moments, survival = kaplan_meier(times, observed)
@@ -207,7 +206,7 @@ def test_a_weibull_mean_is_alpha_times_gamma_of_1_plus_1_over_gamma(shape, facto
     assert Weibull(50.0, shape).mean == pytest.approx(50 * factor, rel=1e-6)
 
 
-@pytest.mark.parametrize("tens", [2, 3, 7, 10, 29, 100])
+@pytest.mark.parametrize("tens", [2, 29])
 def test_the_mean_is_determined_with_a_tenth_of_the_trials_uncensored_and_not_with_fewer(tens):
     n = 10 * tens
     times = np.minimum(np.arange(n) + 1.0, tens)
@@ -225,7 +224,7 @@ def means_one_by_one(times, observed, resamples, seed):
     return means
 
 
-@pytest.mark.parametrize("censored", [0, 0.6, 0.9])
+@pytest.mark.parametrize("censored", [0, 0.9])
 def test_bootstrap_means_are_the_means_of_trials_drawn_with_replacement(censored):
     given_trials = weibull_trials(4, 200, censored=censored, whole=True)
     expected = means_one_by_one(*given_trials, 600, seed=11)  # several blocks
@@ -301,7 +300,7 @@ def test_an_interval_lies_between_two_of_the_means_that_are_numbers(means, inter
 )
 def test_the_mean_of_known_distributions_and_its_interval_are_as_measured(censored, whole, bias, spread):
     """Trials of alpha = 50 and gamma = 1.2, n = 200; measured on 2,000 samples with 200 resamples each."""
-    truth, samples = 50 * math.gamma(1 + 1 / 1.2), 400
+    truth, samples = 50 * math.gamma(1 + 1 / 1.2), 200
     means, covered = np.empty(samples), np.empty(samples, bool)
     for k in range(samples):
         trials_k = weibull_trials([6, k], censored=censored, whole=whole)

@@ -1,7 +1,9 @@
 """What the tests of sweeps share: a sweep of short trials, and a run folder's table without what may differ."""
 
-import subprocess
+from collections.abc import Mapping
 from pathlib import Path
+from subprocess import Popen
+from types import MappingProxyType
 
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.folder import DATABASE
@@ -49,6 +51,6 @@ def stored(folder: Path) -> int:
         return connection.execute("SELECT count(*) FROM trials").fetchone()[0]
 
 
-def begin(*arguments: str | Path, folder: Path, mark: str = "", command: str = "run") -> subprocess.Popen:
-    """Start an epuck-sim command in `folder`; `mark` is in the environment of all its processes."""
-    return start([*COMMAND, command, *arguments], mark, cwd=folder)
+def begin(*arguments: str | Path, folder: Path, mark: str = "", env: Mapping[str, str] = MappingProxyType({})) -> Popen:
+    """Start a run in `folder`, with `env` added to the environment; `mark` is in that of all its processes."""
+    return start([*COMMAND, "run", *arguments], mark, cwd=folder, env=env)

@@ -1,14 +1,13 @@
-"""Workers: what they load, how they end, and a cluster of them."""
+"""Workers: what they load, how they end, and what is said where no cluster of them is."""
 
 import ast
-import json
 import multiprocessing
 import os
 import socket
 import subprocess
 import sys
 import time
-from contextlib import ExitStack
+from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from threading import Thread
 from types import SimpleNamespace
@@ -16,15 +15,13 @@ from types import SimpleNamespace
 import pytest
 
 from epuck_sim.errors import ClusterError
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.sweep import cluster
+from epuck_sim.sweep import cluster, executors
 from epuck_sim.sweep.cluster import DaskCluster
-from epuck_sim.sweep.executors import ONE_THREAD, local_pool
-from epuck_sim.sweep.run import run_sweep
+from epuck_sim.sweep.executors import LOCK, ONE_THREAD, local_pool, remove_stale_folders
+from epuck_sim.util import machine
 from tests.cli.commands import call
-from tests.processes import start, wait_until
-from tests.sweep.pool_here import pool_here
-from tests.sweep.short_sweeps import begin, short_sweep, stored, table
+from tests.processes import wait_until
+from tests.sweep.short_sweeps import short_sweep
 
 UNNEEDED = {
     "matplotlib",
@@ -60,10 +57,12 @@ def test_workers_load_what_a_simulation_needs_and_run_one_thread_each(tmp_path) 
     assert {environment[name] for name in ONE_THREAD} == {"1"}
 
 
-def test_an_error_in_the_block_ends_the_workers_at_once_and_the_environment_is_as_it_was() -> None:
+def test_an_error_in_the_block_ends_the_workers_at_once_and_leaves_environment_and_folder_as_they_were() -> None:
     def fail_while_they_sleep() -> None:
         with local_pool(2) as pool:
             pool.executor.submit(time.sleep, 600)
+            remove_stale_folders()
+            assert (Path(get_temp_dir()) / LOCK).exists()  # which is in use
             raise RuntimeError("enough")
 
     environment, before = dict(os.environ), set(multiprocessing.active_children())
@@ -73,35 +72,23 @@ def test_an_error_in_the_block_ends_the_workers_at_once_and_the_environment_is_a
     wait_until(lambda: set(multiprocessing.active_children()) <= before)
 
 
-def cluster_process(stack: ExitStack, *arguments: str, folder: Path) -> subprocess.Popen:
-    process = start(
-        [sys.executable, "-m", "dask", *arguments], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    stack.callback(process.wait)
-    stack.callback(process.kill)
-    return process
-
-
-def test_a_cluster_is_waited_for_until_it_has_workers_and_may_lose_one(tmp_path) -> None:
-    path, folder, contact = short_sweep(tmp_path, 40), tmp_path / "run", tmp_path / "scheduler.json"
-    here = ("--host", "127.0.0.1", "--no-dashboard")
-    with ExitStack() as stack:
-        cluster_process(stack, "scheduler", *here, "--port", "0", "--scheduler-file", str(contact), folder=tmp_path)
-        wait_until(lambda: contact.exists() and contact.read_text().endswith("}"))
-        address = json.loads(contact.read_text())["address"]
-        run = begin(path, "--out", folder, "--dask", address, folder=tmp_path)
-        assert run.stderr is not None
-        assert f"--dask {address}: the scheduler has no workers; waiting for them\n" in iter(run.stderr.readline, "")
-        worker = ("worker", address, *here, "--nthreads", "1", "--no-nanny")
-        one, other = (cluster_process(stack, *worker, folder=tmp_path) for _ in range(2))
-        wait_until(lambda: stored(folder) >= 20)
-        one.kill()
-        assert stored(folder) < 8 * 40
-        _, err = run.communicate(timeout=120)
-        assert run.returncode == 0, err
-        assert other.poll() is None
-    run_sweep(load_scenario(path), tmp_path / "here", pool_here)
-    assert table(folder) == table(tmp_path / "here")
+def test_links_and_the_folders_of_others_stay(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(executors.tempfile, "gettempdir", lambda: str(tmp_path))
+    outside = tmp_path / "outside"
+    for folder in (outside, tmp_path / "pymp-ours", tmp_path / "pymp-linked"):
+        folder.mkdir()
+    (outside / LOCK).touch()
+    (tmp_path / "pymp-link").symlink_to(outside)
+    (tmp_path / "pymp-linked" / LOCK).symlink_to(outside / LOCK)
+    (tmp_path / "pymp-ours" / LOCK).touch()
+    monkeypatch.setattr(machine, "USER", -1)
+    remove_stale_folders()
+    assert (tmp_path / "pymp-ours").is_dir()
+    monkeypatch.undo()
+    monkeypatch.setattr(executors.tempfile, "gettempdir", lambda: str(tmp_path))
+    remove_stale_folders()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["outside", "pymp-link", "pymp-linked"]
+    assert (outside / LOCK).exists()
 
 
 def test_a_cluster_without_workers_is_told_of_once_whenever_it_has_none(monkeypatch, capsys) -> None:

@@ -1,27 +1,28 @@
 """Sweeps from end to end: the same table however they are run, interrupted, or shared out."""
 
-import json
 import os
 import re
 import signal
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from random import Random
-from subprocess import TimeoutExpired
+from subprocess import Popen, TimeoutExpired
+from tempfile import TemporaryDirectory
 
 import pytest
-from typer.testing import CliRunner
 
-from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.runs.records import FinishedTrials, SweepProgress
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
+from epuck_sim.sweep import executors
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import first_of_each_kind, missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util.messages import counted
+from tests.cli.commands import call
 from tests.processes import processes_marked, wait_until
 from tests.runs.made_folders import edit
 from tests.sweep.pool_here import pool_here
@@ -101,17 +102,37 @@ def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> Non
     assert [(task.point, task.trial) for task in ahead] == [(3, 0), (4, 1)]
 
 
-@pytest.mark.parametrize(("starting", "running"), [(1, 2), pytest.param(4, 6, marks=pytest.mark.slow)])
-def test_a_run_killed_at_random_moments_and_resumed_gives_the_same_table(
-    tmp_path, uninterrupted, starting: int, running: int
+# --- killed, and asked to end -------------------------------------------------------------------------
+
+
+@pytest.fixture
+def temporary() -> Iterator[Path]:
+    """A temporary folder with a short name: names of sockets in it may have 107 characters."""
+    with TemporaryDirectory(prefix="e") as name:
+        yield Path(name)
+
+
+def pools_in(folder: Path) -> set[str]:
+    """Return the names of the folders that pools have made for their sockets."""
+    return {path.name for path in folder.glob("pymp-*")} - {"pymp-of-another-program"}
+
+
+@pytest.mark.parametrize(("starting", "running"), [(1, 1), pytest.param(4, 6, marks=pytest.mark.slow)])
+def test_a_run_killed_at_random_moments_and_resumed_gives_the_same_table_and_cleans_up_after_the_killed(
+    tmp_path, uninterrupted, temporary, starting: int, running: int
 ) -> None:
     path, folder, random = short_sweep(tmp_path, TRIALS), tmp_path / "run", Random(4)
+    (temporary / "pymp-of-another-program").mkdir()
     everything = POINTS * TRIALS
     while_starting = [random.uniform(0.05, 1.5) for _ in range(starting)]
-    while_running = sorted(random.sample(range(1, everything - 20), running))
+    while_running = sorted(random.sample(range(1, everything // 2), running))
     kept = 0
+
+    def started(mark: str) -> Popen:
+        return begin(path, "--out", folder, "--workers", 2, folder=tmp_path, mark=mark, env={"TMPDIR": str(temporary)})
+
     for number, moment in enumerate([*while_starting, *while_running]):
-        run = begin(path, "--out", folder, "--workers", 2, folder=tmp_path, mark=f"{tmp_path.name}-{number}")
+        run = started(f"{tmp_path.name}-{number}")
         if isinstance(moment, float):
             with pytest.raises(TimeoutExpired):
                 run.wait(moment)
@@ -126,35 +147,37 @@ def test_a_run_killed_at_random_moments_and_resumed_gives_the_same_table(
             assert set(table(folder)) <= set(uninterrupted)
         wait_until(lambda number=number: not processes_marked(f"{tmp_path.name}-{number}"))
     assert 0 < kept < everything
-    last = begin(path, "--out", folder, "--workers", 2, folder=tmp_path)
-    last.communicate(timeout=120)
+    assert len(pools_in(temporary)) == 1
+    last = started("")
+    last.communicate(timeout=300)
     assert last.returncode == 0
     assert table(folder) == uninterrupted
+    assert [path.name for path in temporary.iterdir()] == ["pymp-of-another-program"]
 
 
-@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_ends_cleanly_and_says_how_to_go_on(tmp_path, uninterrupted, sign: signal.Signals) -> None:
+@pytest.mark.parametrize(("sign", "to_all"), [(signal.SIGINT, True), (signal.SIGTERM, False), (signal.SIGHUP, True)])
+def test_a_request_ends_a_sweep_cleanly_and_it_says_how_to_go_on(
+    tmp_path, uninterrupted, temporary, sign: signal.Signals, to_all: bool
+) -> None:
     path, folder = short_sweep(tmp_path, TRIALS), tmp_path / "run"
-    run = begin(path, "--out", folder, "--workers", 2, folder=tmp_path, mark=tmp_path.name)
+    options = {"folder": tmp_path, "mark": tmp_path.name, "env": {"TMPDIR": str(temporary)}}
+    run = begin(path, "--out", folder, "--workers", 2, **options)
     wait_until(lambda: stored(folder) > 5)
-    if sign == signal.SIGINT:
-        os.killpg(run.pid, sign)  # a terminal sends it to all processes
-    else:
-        run.send_signal(sign)
-    out, err = run.communicate(timeout=60)
+    (os.killpg if to_all else os.kill)(run.pid, sign)  # a terminal sends it to all processes
+    out, err = run.communicate(timeout=300)
     assert run.returncode == 130
-    assert f"go on with: epuck-sim run {folder}/" in err
-    assert "Traceback" not in out + err
-    wait_until(lambda: not processes_marked(tmp_path.name))
     kept = stored(folder)
+    assert err.splitlines()[-1].startswith("stopped; ")
     assert f"{kept} of {POINTS * TRIALS} trials are stored" in err
-    again = begin(f"{folder}/", folder=tmp_path)
-    again.communicate(timeout=120)
-    assert again.returncode == 0
+    assert f"go on with: epuck-sim run {folder}" in err
+    assert not {"Traceback", "Warning"} & set((out + err).replace(":", " ").split())
+    wait_until(lambda: not processes_marked(tmp_path.name))
+    assert pools_in(temporary) == set()
+    run_sweep(load_scenario(folder), folder, pool_here)
     assert table(folder) == uninterrupted
 
 
-@pytest.mark.parametrize("times", [2, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("times", [1, pytest.param(6, marks=pytest.mark.slow)])
 def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path, times: int) -> None:
     path, random = short_sweep(tmp_path, TRIALS), Random(1)
     for number in range(times):
@@ -163,10 +186,13 @@ def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path, times: int) -> None:
         with pytest.raises(TimeoutExpired):
             run.wait(random.uniform(0.8, 2.2))
         os.killpg(run.pid, signal.SIGINT)
-        out, err = run.communicate(timeout=30)
+        out, err = run.communicate(timeout=300)
         assert run.returncode == 130, err
         assert "Traceback" not in out + err
         wait_until(lambda mark=mark: not processes_marked(mark))
+
+
+# --- trials that fail ---------------------------------------------------------------------------------
 
 
 POISONED = """
@@ -191,38 +217,36 @@ def step(sensors, memory, actuators, parameters, random):
 """
 
 
-@pytest.mark.parametrize(("axis", "message"), [("raising", "ValueError: not today"), ("deadly", "its worker died")])
-def test_a_trial_that_fails_is_named_and_run_again_alone(tmp_path, axis: str, message: str) -> None:
+def test_a_trial_that_fails_is_named_and_run_again_alone(tmp_path) -> None:
     (tmp_path / "poisoned.py").write_text(POISONED)
     (tmp_path / "poison").touch()
     path, folder = tmp_path / "sweep.yaml", tmp_path / "run"
     path.write_text(
-        f"""
-robots: [{{count: 1, controller: poisoned.py}}]
-stop: {{max_time_s: 1}}
-trials: 8
-sweep: {{grid: {{robots.0.parameters.{axis}: [0, 1]}}}}
+        """
+robots: [{count: 1, controller: poisoned.py}]
+stop: {max_time_s: 1}
+trials: 4
+sweep:
+  zip: {robots.0.parameters.raising: [0, 1, 0], robots.0.parameters.deadly: [0, 0, 1]}
 """
     )
-    run = begin(path, "--out", folder, "--workers", 2, "--interpret", folder=tmp_path)
-    out, err = run.communicate(timeout=100)
-    assert run.returncode == 1, err
+    run = call("run", path, "--out", folder, "--workers", 2, "--interpret")
+    assert run.exit_code == 1, run.stderr
     messages = errors(folder)
     failed = [row for row in table(folder) if row[:2] in messages]
-    assert 0 < len(failed) < 8
-    assert stored(folder) == 16
+    assert stored(folder) == 12
+    said = {(1, 0): "ValueError: not today", (0, 1): "its worker died"}
+    assert {row[2:4] for row in failed} == said.keys()
+    assert len(failed) < 8
     for row in failed:
-        assert message in messages[row[:2]]
-        assert row[2:4] == (1, row[3])
-        assert row[4] is None
-        assert f"--point 1 --trial {row[1]}: " in out
-    assert f"{counted(len(failed), 'trial')} failed; run again to retry them: epuck-sim run {folder}/" in err
+        assert said[row[2:4]] in messages[row[:2]]
+        assert row[5] is None
+        assert f"--trial {row[1]}: " in run.stdout
+    assert f"{counted(len(failed), 'trial')} failed; run again to retry them: epuck-sim run {folder}" in run.stderr
     before = set(table(folder)) - set(failed)
     (tmp_path / "poison").unlink()
-    again = begin(f"{folder}/", "--interpret", "--json", folder=tmp_path)
-    out, err = again.communicate(timeout=100)
-    assert again.returncode == 0, err
-    assert json.loads(out)["failed"] == []
+    scenario = load_scenario(folder)
+    assert run_sweep(scenario, folder, pool_here, interpret=True).failed == 0
     assert before < set(table(folder))
     assert len(set(table(folder)) - before) == len(failed)
 
@@ -241,13 +265,12 @@ def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
     assert resident_kb() <= 1.02 * before
 
 
-@pytest.mark.usefixtures("sweeps_run_here")
-def test_other_versions_that_made_trials_are_reported(tmp_path) -> None:
-    path, folder = short_sweep(tmp_path, 2), tmp_path / "run"
-    run_sweep(load_scenario(path), folder, pool_here)
-    quiet = CliRunner().invoke(app, ["run", str(folder)])
-    assert (quiet.exit_code, "note: " in quiet.stderr) == (0, False)
+def test_other_versions_that_made_trials_are_reported(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(executors, "local_pool", pool_here)
+    folder = tmp_path / "run"
+    run_sweep(load_scenario(short_sweep(tmp_path, 2)), folder, pool_here)
+    assert "note: " not in call("run", folder).stderr
     edit(folder, "UPDATE trials SET pymunk = '6.0' WHERE trial = 1")
-    noisy = CliRunner().invoke(app, ["run", str(folder)])
+    noisy = call("run", folder)
     assert noisy.exit_code == 0
     assert re.search(r"note: 8 trials were made by epuck_sim .*, pymunk 6.0, .*; this is epuck_sim ", noisy.stderr)

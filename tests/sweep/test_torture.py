@@ -100,8 +100,8 @@ ROWS = {
     "new": Row("new scenario mine", "mine.yaml", text),
 }
 
-DEAR = ("plot", "report", "film")
-"""Commands that take seconds, and write their file as others do; `make torture` has them."""
+QUICK = ("sweep", "share", "merge", "added measure", "parquet", "new")
+"""Commands that `make test` has; the others take seconds, and write their file as these do: `make torture` has them."""
 
 DIE, TORN = -1, -2
 FAULTS = {"kill": DIE, "torn write": TORN, "disk full": errno.ENOSPC, "EIO": errno.EIO}
@@ -238,14 +238,14 @@ def main(folder: Path, wanted: int, *names: str) -> None:
 @needs_compiler
 @pytest.mark.skipif(sys.platform != "linux", reason="libraries are preloaded in another way")
 @pytest.mark.parametrize(
-    "name", [pytest.param(each, marks=pytest.mark.slow) if each in DEAR else each for each in ROWS]
+    "names", [QUICK, pytest.param(ROWS.keys() - QUICK, marks=pytest.mark.slow)], ids=["quick", "dear"]
 )
-def test_a_command_whose_writing_fails_loses_nothing_says_so_and_goes_on(tmp_path, name: str) -> None:
+def test_a_command_whose_writing_fails_loses_nothing_says_so_and_goes_on(tmp_path, names) -> None:
     library = tmp_path / "torture.so"
     subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", library, SOURCE, "-ldl"], check=True)
     calls = os.environ.get("TORTURE", "1")
     with tempfile.TemporaryDirectory() as folder:  # sockets of a pool have short paths
-        arguments = [sys.executable, "-m", "tests.sweep.test_torture", Path(folder) / "t", calls, name]
+        arguments = [sys.executable, "-m", "tests.sweep.test_torture", Path(folder) / "t", calls, *sorted(names)]
         process = start(arguments, env={"LD_PRELOAD": str(library)}, cwd=SOURCE.parents[2])
         stdout, stderr = process.communicate(timeout=3600)
     print(stdout)

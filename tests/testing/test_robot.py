@@ -1,4 +1,4 @@
-"""What tests of controllers are made with: a robot set by hand, scenes, and the fixture of pytest."""
+"""What tests of controllers are made with: a robot set by hand, scenes, and the plugin of pytest."""
 
 import subprocess
 import sys
@@ -128,29 +128,7 @@ def test_a_robot_faces_a_robot_that_is_lit_or_dark():
     assert lit.poses[1, 0] - lit.poses[0, 0] == pytest.approx(20 + 2 * 3.7)
 
 
-# --- the fixture ----------------------------------------------------------------------------------
-
-USER_TEST = """
-from epuck_sim.testing import TestRobot
-
-def test_mine(make_robot):
-    robot = make_robot("mine.py", speed_cm_s=5)
-    robot.camera[20:30] = 1
-    robot.step()
-    assert robot.ring_on
-"""
-
-
-def test_the_fixture_runs_a_test_twice_and_the_class_is_no_test(tmp_path):
-    write_controller(
-        tmp_path / "mine.py", with_step("actuators.ring_on = sensors.camera.any()", PARAMETERS="{'speed_cm_s': 1.0}")
-    )
-    (tmp_path / "test_mine.py").write_text(USER_TEST)
-    command = [sys.executable, "-m", "pytest", "-p", "epuck_sim.pytest_plugin", "-W", "error", "-v"]
-    run = subprocess.run([*command, tmp_path / "test_mine.py"], capture_output=True, text=True, check=False)
-    assert "test_mine[interpreted] PASSED" in run.stdout, run.stdout
-    assert "test_mine[compiled] PASSED" in run.stdout
-    assert "2 passed" in run.stdout
+# --- the plugin of pytest ----------------------------------------------------------------------------------
 
 
 def test_the_plugin_is_named_in_the_package_and_loads_nothing_heavy():

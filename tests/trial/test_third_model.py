@@ -69,7 +69,7 @@ def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
     register_model("dice", MODEL)
 
 
-SWEEP = {"name": "dice", "model": "dice", "trials": 40, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
+SWEEP = {"name": "dice", "model": "dice", "trials": 20, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
 
 
 def test_it_is_read_and_its_mistakes_are_refused_as_those_of_others() -> None:
@@ -91,11 +91,11 @@ def test_its_trials_are_run_and_watched() -> None:
 
 
 def test_it_is_swept_by_worker_processes_stored_and_summarised(tmp_path: Path) -> None:
-    progress = run_sweep(SWEEP, tmp_path / "run", lambda: local_pool(2))
-    assert (progress.stored, progress.failed) == (80, 0)
+    progress = run_sweep(SWEEP, tmp_path / "run", lambda: local_pool(1))
+    assert (progress.stored, progress.failed) == (40, 0)
     stored = read_points(tmp_path / "run")
     for point, results in zip(points(load_scenario(SWEEP)), stored, strict=True):
-        expected = [run_trial(simulate(point.scenario, point.seed(trial))) for trial in range(40)]
+        expected = [run_trial(simulate(point.scenario, point.seed(trial))) for trial in range(20)]
         assert results.times.tolist() == [result.cycles for result in expected]
         assert results.observed.tolist() == [not result.censored for result in expected]
     slow, fast = summarize(stored)

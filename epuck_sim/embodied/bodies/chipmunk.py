@@ -70,14 +70,15 @@ END = FIRST + len(FUNCTIONS)
 
 
 @jit_no_alloc
-def move_bodies(swarm: Swarm, addresses: IntArray) -> None:
-    """Move all bodies for a control step.
+def move_bodies(block: ByteArray, addresses: IntArray) -> None:
+    """Move all bodies of a block for a control step.
 
     Chipmunk moves robots that may touch something, but for those that `contacts` moves as it would; others move in
     straight lines. Where nobody is in the space, no physics step is taken. Cells are right before and after.
     """
+    swarm = swarm_at(block)
     robots = swarm.robots
-    fastest_cm_s = find_contact_candidates(swarm)
+    fastest_cm_s = find_contact_candidates(block)
     for number in range(len(robots)):
         robot = robots[number]
         if robot.in_space and not robot.may_touch:
@@ -86,19 +87,20 @@ def move_bodies(swarm: Swarm, addresses: IntArray) -> None:
             _enter(swarm, addresses, number)
     inside = list_candidates(swarm)
     if inside > 0:
-        _step_space(swarm, addresses, inside, fastest_cm_s)
-    move_others(swarm)
-    sort_into_cells(swarm)
+        _step_space(block, addresses, inside, fastest_cm_s)
+    move_others(block)
+    sort_into_cells(block)
 
 
 @jit_inline
-def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: float) -> None:
+def _step_space(block: ByteArray, addresses: IntArray, inside: int, fastest_cm_s: float) -> None:
     """Take physics steps, and get where robots and movables are then; inside: number of robots in the space."""
+    swarm = swarm_at(block)
     scene, robots = swarm.scene[0], swarm.robots
     candidates = inside
     for step in range(scene.physics_steps):
         if scene.touch and step > 0 and inside < len(robots):
-            inside = _bring_in(swarm, addresses, candidates, inside, fastest_cm_s, step)
+            inside = _bring_in(block, addresses, candidates, inside, fastest_cm_s, step)
         call_c(addresses[_STEP], addresses[SPACE], scene.physics_s)
     for index in range(inside):
         number = swarm.members[swarm.numbers[index]].robot
@@ -112,11 +114,14 @@ def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: fl
 
 
 @jit_inline
-def _bring_in(swarm: Swarm, addresses: IntArray, candidates: int, inside: int, fastest_cm_s: float, past: int) -> int:
+def _bring_in(
+    block: ByteArray, addresses: IntArray, candidates: int, inside: int, fastest_cm_s: float, past: int
+) -> int:
     """Bring into the space whom robots may touch that have come too far, and those that have been brought in before.
 
     The list begins with `candidates` robots, then has who was brought in, `inside` in all; returns its new length.
     """
+    swarm = swarm_at(block)
     first, path_cm = swarm.scene[0].bodies, fastest_cm_s * past * swarm.scene[0].physics_s + PUSHED_CM
     index = 0
     while index < inside:
@@ -126,7 +131,7 @@ def _bring_in(swarm: Swarm, addresses: IntArray, candidates: int, inside: int, f
         dx, dy = x - start.x, y - start.y
         if dx * dx + dy * dy > path_cm * path_cm or index >= candidates:
             vx, vy = vector_from_c(addresses[_GET_VELOCITY], body)
-            entered, inside = inside, add_reached(swarm, inside, x, y, hypot(vx, vy) + fastest_cm_s, past)
+            entered, inside = inside, add_reached(block, inside, x, y, hypot(vx, vy) + fastest_cm_s, past)
             for entering in range(entered, inside):
                 _enter(swarm, addresses, swarm.members[swarm.numbers[entering]].robot)
         index += 1
@@ -160,12 +165,6 @@ def _leave(swarm: Swarm, addresses: IntArray, number: int) -> None:
     swarm.robots[number].in_space = False
 
 
-@jit_no_alloc
-def step(block: ByteArray, addresses: IntArray) -> None:
-    """Move all bodies of a block for a control step."""
-    move_bodies(swarm_at(block), addresses)
-
-
 # --- a trial ------------------------------------------------------------------------------------------
 
 
@@ -189,21 +188,14 @@ def place(block: ByteArray, addresses: IntArray) -> None:
     call_c(addresses[_ADD_BODY], addresses[SPACE], addresses[GROUND])
     for shape in surfaces:
         call_c(addresses[_ADD_SHAPE], addresses[SPACE], shape)
-    sort_into_cells(swarm)
+    sort_into_cells(block)
 
 
 @jit_no_alloc
 def rest(block: ByteArray, addresses: IntArray, number: int) -> None:
     """Put a robot at rest, as one that has touched nothing yet, and sort all robots into cells."""
-    swarm = swarm_at(block)
-    _rest(swarm, addresses, number)
-    sort_into_cells(swarm)
-
-
-@jit_no_alloc
-def sort_robots(block: ByteArray) -> None:
-    """Sort all robots into cells."""
-    sort_into_cells(swarm_at(block))
+    _rest(swarm_at(block), addresses, number)
+    sort_into_cells(block)
 
 
 @jit_no_alloc

@@ -21,8 +21,9 @@ robots in the space, unless contacts or the correction of overlaps move a robot 
 import math
 from typing import Any, NamedTuple
 
+from epuck_sim.arrays import ByteArray
 from epuck_sim.embodied.cells import cells_around, members_in_row
-from epuck_sim.embodied.swarm import Swarm
+from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.util.elementary import hypot
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
@@ -61,8 +62,9 @@ def wall_touch_cm(radius_cm: float) -> float:
 
 
 @jit_no_alloc
-def find_contact_candidates(swarm: Swarm) -> float:
+def find_contact_candidates(block: ByteArray) -> float:
     """Write who may touch something in a control step, and their partners; return the fastest speed, cm/s."""
+    swarm = swarm_at(block)
     scene, robots, reached = swarm.scene[0], swarm.robots, swarm.numbers
     time_s = scene.physics_steps * scene.physics_s
     fastest = 0.0
@@ -296,12 +298,13 @@ def list_candidates(swarm: Swarm) -> int:
 
 
 @jit_no_alloc
-def add_reached(swarm: Swarm, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
+def add_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
     """Add robots to the list of candidates that were none, but may touch a robot at (x, y) in the next physics step.
 
     They are moved to where they are `past` physics steps after the control step began. Another robot may come nearer
     with `approach_cm_s`, but for contacts; returns the length of the list, `found` before.
     """
+    swarm = swarm_at(block)
     largest_cm, time_s = swarm.scene[0].largest_cm, past * swarm.scene[0].physics_s
     reach_cm = touch_cm(largest_cm, largest_cm) + approach_cm_s * swarm.scene[0].physics_s + PUSHED_CM
     near = cells_around(x, y, swarm.scene[0])
@@ -348,8 +351,9 @@ def move_straight(robot: Any, time_s: float) -> None:
 
 
 @jit_no_alloc
-def move_others(swarm: Swarm) -> None:
+def move_others(block: ByteArray) -> None:
     """Move the robots that are no candidates for a control step."""
+    swarm = swarm_at(block)
     scene = swarm.scene[0]
     for number in range(len(swarm.robots)):
         robot = swarm.robots[number]

@@ -16,13 +16,9 @@ import numba
 import numpy as np
 import pymunk
 
-from epuck_sim.arrays import ByteArray
-from epuck_sim.elementary import hypot
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.bodies.contacts import add_reached, find_contact_candidates, move_others
 from epuck_sim.embodied.bodies.shapes import Thing
-from epuck_sim.embodied.swarm import open_block, swarm_at
-from epuck_sim.util.jit import jit_no_alloc
+from epuck_sim.embodied.swarm import open_block
 
 
 def _setter(name: str) -> Callable[..., None]:
@@ -51,8 +47,9 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 """What does by pymunk's public interface what each of `chipmunk.FUNCTIONS` does."""
 
 
-def public_way(block: ByteArray) -> SimpleNamespace:
-    """Return the functions of `chipmunk` for a block as plain Python, by pymunk's public interface."""
+@lru_cache
+def public_way() -> SimpleNamespace:
+    """Return the functions of `chipmunk` as plain Python, by pymunk's public interface."""
 
     def call(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
@@ -67,37 +64,14 @@ def public_way(block: ByteArray) -> SimpleNamespace:
         "add_to_space": add_to_space,
         "take_from_space": lambda space, things: space.remove(*things),
         "free_space": lambda *_: None,
-        "hypot": hypot,
         "swarm_at": open_block,
-        "find_contact_candidates": lambda _: find_candidates(block),
-        "add_reached": lambda _, *given: add_robots_reached(block, *given),
-        "move_others": lambda _: move_robots(block),
-        "sort_into_cells": lambda _: chipmunk.sort_robots(block),
     }
     found: dict[str, Any] = {**vars(chipmunk), **names}
     for name in found.keys() - names:
         function = getattr(found[name], "function", found[name])  # a kernel's, if it is one
-        if isinstance(function, FunctionType):
+        if isinstance(function, FunctionType) and function.__module__ == chipmunk.__name__:
             found[name] = FunctionType(function.__code__, found)
     return SimpleNamespace(**found)
-
-
-@jit_no_alloc
-def find_candidates(block: ByteArray) -> float:
-    """Do what `contacts.find_contact_candidates` does, with a block."""
-    return find_contact_candidates(swarm_at(block))
-
-
-@jit_no_alloc
-def add_robots_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past: int) -> int:
-    """Do what `contacts.add_reached` does, with a block."""
-    return add_reached(swarm_at(block), found, x, y, approach_cm_s, past)
-
-
-@jit_no_alloc
-def move_robots(block: ByteArray) -> None:
-    """Do what `contacts.move_others` does, with a block."""
-    move_others(swarm_at(block))
 
 
 # --- whether this way is needed -------------------------------------------------------------------------
@@ -109,7 +83,7 @@ def reason_for_public_way() -> str:
     if sys.platform == "win32" or platform.machine().lower() not in {"x86_64", "amd64", "aarch64", "arm64"}:
         return f"compiled code does not know how {platform.system()} on {platform.machine()} passes C structs"
     try:
-        if moved_by(chipmunk) != moved_by(public_way(np.zeros(0, np.uint8))):
+        if moved_by(chipmunk) != moved_by(public_way()):
             return "a body that compiled code moves goes elsewhere"
     except (AttributeError, TypeError) as error:  # which the private interface of another version may raise
         return str(error)

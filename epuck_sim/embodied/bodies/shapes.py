@@ -54,8 +54,6 @@ class Bodies:
     """Walls and obstacles."""
     robots: list[Disc]
     movables: list[Disc]
-    starts: list[tuple[float, float]]
-    """Where movables begin, cm."""
     holds: list[pymunk.Constraint]
     """The floor's friction on each movable."""
     drives: list[Drive]
@@ -87,19 +85,18 @@ def make_bodies(arena: Arena, kinds: Sequence[RobotKind], contact: ContactSectio
         discs.append(_disc(pymunk.Body(kind.mass_g, moment), kind.radius_cm, friction))
     for _, shape in () if contact.robots else discs:
         shape.filter = pymunk.ShapeFilter(group=_ROBOTS)
-    movables, starts, holds, drives = [], [], [], []
+    movables, holds, drives = [], [], []
     for (x, y, radius), (mass_g, floor_friction) in zip(
         arena.circles[arena.first_movable :].tolist(), arena.movables.tolist(), strict=True
     ):
         body = pymunk.Body(mass_g, math.inf)  # does not turn
         body.position = x, y
-        starts.append((x, y))
         movables.append(_disc(body, radius, friction))
         holds.append(_limited_joint(ground, body, floor_friction * GRAVITY_CM_S2 * mass_g))
     for body, _ in discs if movables else ():
         drive = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
         drives.append((drive, _limited_joint(drive, body, DYNES_PER_NEWTON * contact.drive_force_n)))
-    return Bodies(ground, make_surfaces(ground, arena, friction), discs, movables, starts, holds, drives)
+    return Bodies(ground, make_surfaces(ground, arena, friction), discs, movables, holds, drives)
 
 
 def _disc(body: pymunk.Body, radius_cm: float, friction: float) -> Disc:

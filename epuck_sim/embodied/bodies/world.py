@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arena import Arena
-from epuck_sim.arrays import ByteArray, FloatArray, IntArray
+from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.public_space import public_way, reason_for_public_way, versions
 from epuck_sim.embodied.bodies.shapes import Bodies, count_surfaces, make_bodies, make_surfaces
+from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, SPACE, Swarm
 from epuck_sim.scenario.embodied import ContactSection
 from epuck_sim.scenario.robot_kind import RobotKind
@@ -65,7 +66,7 @@ class World:
     def use(self, block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
         """Work from now on with a block, and with addresses that begin with `addresses`; `weakref` frees the space."""
         self._block, self._swarm = block, swarm
-        self._way: Any = public_way(block) if self.is_public else chipmunk
+        self._way: Any = public_way() if self.is_public else chipmunk
         used = self._addresses[SPACE] if self._finalizer else 0
         self._addresses = np.array(self._listed(self._way)) if self.is_public else addresses
         self._addresses[SPACE] = used
@@ -105,13 +106,15 @@ class World:
 
     def step(self) -> None:
         """Move the bodies for a control step."""
-        self._way.step(self._block, self._addresses)
+        self._way.move_bodies(self._block, self._addresses)
 
     def change_arena(self, arena: Arena) -> None:
         """Put other walls and obstacles around all bodies where they are; the block is in that arena already."""
         self._surround(arena)
-        self._put_movables(np.array([body.position for body, _ in self._bodies.movables]).reshape(-1, 2))
-        chipmunk.sort_robots(self._block)
+        if self._bodies.movables:
+            circles = self._swarm.circles[self._swarm.scene[0].first_movable :][: len(self._bodies.movables)]
+            circles.x, circles.y = np.transpose([body.position for body, _ in self._bodies.movables])
+        sort_into_cells(self._block)
 
     def move(self, robot: int, pose: Sequence[float]) -> None:
         """Put a robot at rest elsewhere, as one that has touched nothing yet; pose: x, y in cm and heading in rad."""
@@ -128,8 +131,3 @@ class World:
         self._way.add_to_space(self._addresses[SPACE], bodies.surfaces)
         first = scene.surfaces
         self._addresses[first : first + len(bodies.surfaces)] = list(map(self._way.address, bodies.surfaces))
-
-    def _put_movables(self, places_cm: FloatArray) -> None:
-        if len(places_cm):
-            circles = self._swarm.circles[self._swarm.scene[0].first_movable :][: len(places_cm)]
-            circles.x, circles.y = places_cm.T

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
+from epuck_sim.control.interface import ACTUATORS
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.placement import (
     APART_CM,
@@ -22,6 +21,7 @@ from epuck_sim.embodied.placement import (
     clearance_cm,
     place_at_random,
 )
+from epuck_sim.embodied.sensors.infrared import read_nothing
 from epuck_sim.embodied.sensors.radio import forget_signals
 from epuck_sim.embodied.swarm import Swarm, open_block, swarm_at
 from epuck_sim.errors import ScenarioError
@@ -45,19 +45,13 @@ def parked(poses: FloatArray) -> FloatArray:
 
 @jit_no_alloc
 def blank(block: ByteArray, _addresses: IntArray, number: int) -> None:
-    """Have the robots of a group that are not in the arena sense nothing."""
+    """Have the robots of a group that are not in the arena sense nothing; their controllers, which hear, do not run."""
     swarm = swarm_at(block)
     group = swarm.groups[number]
     for member in range(group.count):
         if swarm.robots[group.first + member].present:
             continue
-        sensors = swarm.robots[group.first + member].sensors
-        sensors.pulses = 0
-        for sensor in range(SENSORS):
-            sensors.infrared[sensor] = 0.0
-            sensors.distance_mm[sensor] = epuck.OUT_OF_RANGE_MM
-        for message in range(MAX_MESSAGES):
-            sensors.messages[message] = 0
+        read_nothing(swarm.robots[group.first + member].sensors)
         for pixel in range(member * group.pixels, (member + 1) * group.pixels):
             swarm.pixels[group.row + pixel] = 0
             swarm.pixels[group.in_view + pixel] = 0

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arrays import ByteArray, IntArray
-from epuck_sim.control.interface import SENSORS
+from epuck_sim.embodied.sensors.infrared import read_nothing
 from epuck_sim.embodied.swarm import FLOAT64, INT64, SENSED_BYTES, Swarm, open_block, swarm_at
 from epuck_sim.scenario.changes import FAULTS, FaultSection, SensorDead, TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -256,9 +255,7 @@ def blank_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
     for member in range(group.count):
         robot = swarm.robots[group.first + member]
         if has_fault(robot, INFRARED_DEAD):
-            for sensor in range(SENSORS):
-                robot.sensors.infrared[sensor] = 0.0
-                robot.sensors.distance_mm[sensor] = epuck.OUT_OF_RANGE_MM
+            read_nothing(robot.sensors)
     for index in range(len(swarm.senses)):
         own = swarm.senses[index]
         if own.first != group.first:

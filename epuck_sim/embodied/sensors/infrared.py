@@ -170,7 +170,13 @@ def _read(sensors: Any, robot: Any) -> None:
             sensed.distance_mm[sensor] = _NOTHING_MM
         else:
             sensed.distance_mm[sensor] = inverse_response_mm(reading, sensors)
-    for sensor in range(sensors.count, SENSORS):
+    read_nothing(sensed, sensors.count)
+
+
+@jit_inline
+def read_nothing(sensed: Any, first: int = 0) -> None:
+    """Have a robot's sensors from a number on read 0, and no distance."""
+    for sensor in range(first, SENSORS):
         sensed.infrared[sensor] = 0.0
         sensed.distance_mm[sensor] = _NOTHING_MM
 

@@ -6,8 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.bodies.contacts import MARGIN_CM, NOBODY, PUSHED_CM
-from epuck_sim.embodied.bodies.public_space import find_candidates
+from epuck_sim.embodied.bodies.contacts import MARGIN_CM, NOBODY, PUSHED_CM, find_contact_candidates
 from epuck_sim.scenario.robot_kind import EPUCK
 from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld, advanced, overlap_cm, squeeze
 
@@ -21,7 +20,7 @@ WALL_CM = RADIUS_CM + 2 * MARGIN_CM
 def candidates(poses, velocities, side):
     world = MovedWorld(make_arena(side, side, [], []), poses)
     world.velocities[:] = velocities
-    find_candidates(world.block)
+    find_contact_candidates(world.block)
     robots = world.swarm.robots
     return (robots.may_touch | (robots.partner != NOBODY)).tolist()
 

@@ -1,7 +1,5 @@
 """Claims about movables: they move if the pushers' forces sum to more than friction, hide, are seen, and start anew."""
 
-import pickle
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -124,27 +122,6 @@ def test_sensors_see_a_disc_where_it_was_pushed_to_as_an_obstacle_that_stands_th
 
 
 # --- trials -----------------------------------------------------------------------------------------
-
-
-def test_trials_are_equal_to_the_bit_however_they_are_begun():
-    scenario = load_scenario("pushing", ["robots.0.parameters.speed_cm_s=10"])
-
-    def states(simulation, steps):
-        shown = (next(simulation) for _ in range(steps))
-        return [(step.poses.copy(), step.movables.copy(), step.infrared.copy()) for step in shown]
-
-    simulation = Simulation(scenario, 3)
-    first = states(simulation, 150)
-    assert first[-1][1][0, 0] > first[0][1][0, 0]
-    snapshot = pickle.loads(pickle.dumps(simulation.snapshot()))
-    further = states(simulation, 50)
-    simulation.reset(4)
-    simulation.advance(77)
-    simulation.reset(3)
-    for other in (simulation, Simulation(scenario, 3), Simulation(scenario, 3, interpret=True)):
-        np.testing.assert_equal(states(other, 150), first)
-    simulation.restore(snapshot)
-    np.testing.assert_equal(states(simulation, 50), further)
 
 
 def test_a_strong_robot_that_touches_nothing_moves_as_where_there_is_nothing_to_push_a_physics_step_later():

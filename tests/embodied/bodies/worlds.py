@@ -11,30 +11,19 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.bodies.contacts import SLOP_CM
 from epuck_sim.embodied.bodies.shapes import make_bodies
 from epuck_sim.embodied.bodies.world import World
-from epuck_sim.embodied.cells import cells_needed, set_cells
-from epuck_sim.embodied.layout import set_bodies
-from epuck_sim.embodied.swarm import make_block, offset_of, open_block, poses_of
+from epuck_sim.embodied.observers import make_scene
+from epuck_sim.embodied.swarm import offset_of, open_block, poses_of
 from epuck_sim.scenario.embodied import ContactSection
-from epuck_sim.scenario.robot_kind import EPUCK, RobotKind, cell_cm
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
+from epuck_sim.scenario.robots import RobotGroup
 
 
 def block_of(kinds: Sequence[RobotKind], arena: Arena, physics_hz: int = 100):
     """Return a block with robots at the origin of an arena, and with ten physics steps in a control step."""
-    robots = len(kinds)
-    lengths = {"robots": robots, "members": robots, "numbers": robots, "circles": len(arena.circles)}
-    cells = cells_needed(arena.width_cm, arena.height_cm, robots, cell_cm(kinds)) + 1
-    block = make_block(lengths | {"edges": len(arena.edges), "cells": cells})
-    swarm = open_block(block)
+    _, block, swarm = make_scene([RobotGroup(signal={"kind": "radio"}, count=1)] * len(kinds), kinds, arena)
     scene = swarm.scene[0]
-    scene.physics_steps, scene.physics_s = 10, 1.0 / physics_hz
-    scene.touch = True
-    set_bodies(swarm, kinds)
-    scene.circles, scene.edges, scene.first_movable = len(arena.circles), len(arena.edges), arena.first_movable
-    set_cells(swarm, arena.width_cm, arena.height_cm, cell_cm(kinds))
-    swarm.circles.x, swarm.circles.y, swarm.circles.radius = arena.circles.T
-    swarm.edges.ax, swarm.edges.ay, swarm.edges.bx, swarm.edges.by = arena.edges.T
-    swarm.robots.present = True
-    swarm.robots.wheel_gain = 1.0
+    scene.physics_steps, scene.physics_s, scene.touch = 10, 1.0 / physics_hz, True
+    swarm.robots.present, swarm.robots.wheel_gain = True, 1.0
     return block
 
 

@@ -43,15 +43,6 @@ def test_changes_act_from_the_first_control_step_that_is_not_before_their_time()
     ]
 
 
-def test_scheduled_faults_begin_and_end():
-    given = {**APART, "robots": [{"poses": [[15, 15, 0], [15, 30, 0]], "controller": "external"}]}
-    changes = [{"at_s": 0.5, "begin": [0]}, {"at_s": 1.5, "end": [0]}]
-    simulation = Simulation({**given, "faults": [LIGHT], "schedule": changes}, 1)
-    simulation.command(ring_on=True)
-    lit = [next(simulation).ring_on.tolist() for _ in range(30)]
-    assert lit == [[True, not 5 <= step < 15] for step in range(30)]
-
-
 @pytest.mark.parametrize("begun", [False, True])
 def test_faults_that_entries_begin_and_end_at_once_are_as_the_last_entry_says(begun):
     schedule = [{"at_s": 0, "begin": [0]}] * begun

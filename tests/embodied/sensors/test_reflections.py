@@ -123,15 +123,6 @@ def test_robots_see_what_walls_mirror_where_the_key_is_set_and_see_whom_they_see
     assert len(Simulation(facing_a_wall(), seed=2).advance(first + 1).sightings) == 0
 
 
-def test_interpreted_steps_are_the_same_and_slow_cameras_see_reflections_too():
-    def group(**camera):
-        return {"robots": [{"camera": {"frames_per_s": 8, "latency_ms": 50, **camera}}]}
-
-    mirrored = pictures(group(reflection_range_cm=60), 150)
-    np.testing.assert_equal(pictures(group(reflection_range_cm=60), 150, interpret=True), mirrored)
-    assert mirrored[0].sum() > pictures(group(), 150)[0].sum()
-
-
 @pytest.mark.parametrize(
     "fault",
     [
