@@ -56,7 +56,7 @@ class _ProgressLine:
         if not self._bar.task_ids:
             self._bar.start()
             self._bar.add_task("", total=total)
-        self._bar.update(self._bar.task_ids[0], completed=completed, description=text, refresh=True)
+        self._bar.update(self._bar.task_ids[0], completed=completed, total=total, description=text, refresh=True)
 
     def __enter__(self) -> Self:
         return self

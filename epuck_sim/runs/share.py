@@ -4,6 +4,7 @@ import json
 import re
 import sqlite3
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -95,8 +96,12 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
         one, other = (format_versions(dict(zip(VERSIONS, each, strict=True))) for each in (first, second))
         raise StoreError(f"{there}: holds trials made by {other}, {here} by {one}; merge folders of the same versions")
     largest = max(points, key=lambda folder: _size(points[folder]))
+    most: dict[str, int] = {}  # at each point, of any folder: one may have more trials at some points, and fewer in all
+    for point in chain.from_iterable(points.values()):
+        most[point.key] = max(point.trials, most.get(point.key, 0))
+    merged = [point._replace(trials=most[point.key]) for point in points[largest]]
     for folder, of_folder in points.items():
-        check_same_sweep(folder, of_folder, points[largest], f"in {largest}")
+        check_same_sweep(folder, of_folder, merged, f"in {largest}")
     sources = read_sources(largest)
     with acquire(whole):
         if (whole / DATABASE).exists():
@@ -104,7 +109,7 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
                 f"{whole}: holds results already; give a new folder, and this one as one of those to merge"
             )
         axes = list(json.loads(points[largest][0].axes))
-        with new_database(whole / DATABASE, axes, points[largest]) as connection:
+        with new_database(whole / DATABASE, axes, merged) as connection:
             for folder in points:
                 _add(connection, folder)
         write_files(whole, sources)

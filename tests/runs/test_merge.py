@@ -112,6 +112,17 @@ def test_a_sweep_that_has_grown_meanwhile_is_as_large_as_its_largest_share(tmp_p
     assert load_scenario(tmp_path / "merged").trials == 9
 
 
+def test_each_point_has_the_most_trials_that_a_folder_has_of_it(tmp_path) -> None:
+    counts = {"a": [7, 2, 2, 2, 2, 2], "b": [4] * 6}
+    for name, trials in counts.items():
+        found = points(MANY)
+        with Store(tmp_path / name, MANY, found) as store:
+            store.add([outcome(point, trial) for point in found for trial in range(trials[point.number])])
+            store.plan({point.key: trials[point.number] for point in found})
+    merge_folders([tmp_path / name for name in counts], tmp_path / "merged")
+    assert read_status(tmp_path / "merged")[2:4] == (27, 27)
+
+
 def test_folders_of_another_scenario_or_controller_or_version_are_refused(tmp_path) -> None:
     share = fill_share(tmp_path / "share", Share(1, 2))
     noisy = fill_share(tmp_path / "noisy", Share(2, 2), MANY.model_copy(update={"seed": 5}))

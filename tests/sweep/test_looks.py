@@ -1,9 +1,11 @@
 """Sweeps that end by themselves: which trials they run, however they are run."""
 
 import json
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from epuck_sim.errors import StoreError
@@ -26,9 +28,9 @@ MOST, ASKED, MORE, TOO_MUCH = 67, "24%", "19%", "14%"
 """Most trials at a point, and what is asked: some points end sooner than others, and the last is too much for some."""
 
 
-def four_points(folder: Path) -> Scenario:
+def four_points(folder: Path, *changes: str) -> Scenario:
     """Return a sweep of 4 points, with so many trials."""
-    return load_scenario(short_sweep(folder, MOST), axes=["robots.0.parameters.speed_cm_s=4,12"])
+    return load_scenario(short_sweep(folder, MOST), changes, ["robots.0.parameters.speed_cm_s=4,12"])
 
 
 @pytest.fixture(scope="module")
@@ -39,14 +41,18 @@ def all_trials(tmp_path_factory) -> Path:
     return folder / "run"
 
 
-def expected(all_trials: Path, asked: str) -> tuple[list[int], list[tuple]]:
-    """Return where each point of the plain sweep would have ended, and the rows of the trials until there."""
+def expected(
+    all_trials: Path, asked: str, ended_well: Callable[[int], bool] = lambda _: True
+) -> tuple[list[int], list[tuple]]:
+    """Return where each point of the plain sweep would end, and the rows until there, if these seeds end well."""
     ends: dict[str, int] = {}
     for point in read_points(all_trials):
+        is_kept = np.array([ended_well(seed) for seed in point.seeds])
         for size in look_sizes(MOST):
-            first = measure_t_sync(point._replace(times=point.times[:size], observed=point.observed[:size]))
+            times, observed = (each[:size][is_kept[:size]] for each in (point.times, point.observed))
+            found = look_interval(measure_t_sync(point._replace(times=times, observed=observed)), MOST)
             ends[point.key] = size
-            if Precision.parse(asked).width(look_interval(first, MOST)) <= 1:
+            if Precision.parse(asked).width(found) <= 1:
                 break
     return [*ends.values()], [row for row in table(all_trials) if row[1] < ends[row[0]]]
 
@@ -66,6 +72,18 @@ def test_the_trials_are_the_first_ones_of_a_plain_sweep_to_the_first_narrow_look
     assert table(folder) == table(all_trials)
     again = run_sweep(scenario, folder, pool_here, until=Looks(ASKED))  # what else is stored changes nothing
     assert (again.trials, again.ended) == (sum(expected(all_trials, ASKED)[0]), 0)
+    assert read_status(folder)[2:4] == (4 * MOST, 4 * MOST)
+
+
+def test_trials_that_fail_are_looked_at_as_ended_and_left_out_of_intervals(tmp_path, all_trials) -> None:
+    measure = tmp_path / "picky.py"
+    measure.write_text("def picky(simulation):\n    return 1 // (simulation.seed % 3)\n")
+    looks, scenario = Looks(ASKED), four_points(tmp_path, f"measures=[{measure}]")
+    progress = run_sweep(scenario, tmp_path / "run", pool_here, until=looks)
+    ends, rows = expected(all_trials, ASKED, lambda seed: seed % 3 > 0)
+    assert [row.cells["trials"] for row in looks.table().rows] == ends
+    assert 0 < progress.failed == sum(row[5] % 3 == 0 for row in rows)
+    assert progress.stored + progress.failed == progress.trials == sum(ends)
 
 
 def test_workers_and_interruptions_do_not_change_what_is_run(tmp_path, all_trials) -> None:
