@@ -27,7 +27,9 @@ def replicate(
     ] = None,
     full: Annotated[
         bool,
-        typer.Option("--full/--quick", help="Ask with many and long trials, or within about an hour; quick by default."),
+        typer.Option(
+            "--full/--quick", help="Ask with many and long trials, or within an hour or so; quick by default."
+        ),
     ] = False,
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder of the page and its run folders.")] = Path(
         "replication"
