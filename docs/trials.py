@@ -21,7 +21,7 @@ from epuck_sim.measures.interface import Value
 from epuck_sim.replication.claims import SHIPPED, Check, Claims, read_claims
 from epuck_sim.replication.page import Contents, check_table
 from epuck_sim.replication.sweeps import Version, is_asked, needed_sweeps, sweep_folder
-from epuck_sim.replication.verdicts import REDUCTIONS, Finding, judge_claims, run_check
+from epuck_sim.replication.verdicts import Finding, judge_claims, reduced, run_check
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
@@ -68,12 +68,9 @@ def _ends(stored: Sequence[PointTrials]) -> Iterator[tuple[int | str, ...]]:
 
 
 def _measured(folder: Path, check: Check) -> list[Value]:
-    values = [value for point in read_points(folder, check.of) for value in point.measured]
     name = reduction(check)
-    if name is None:
-        return values
-    known = ([each for each in value if each is not None] if isinstance(value, list) else [] for value in values)
-    return [REDUCTIONS[name](each) if each else None for each in known]
+    stored = (point if name is None else reduced(point, name) for point in read_points(folder, check.of))
+    return [value for point in stored for value in point.measured]
 
 
 @cache

@@ -244,8 +244,9 @@ def sweep_into(
                     print_stderr(f"{found[0].scenario.name}: {describe_size(found)}{most}")
                     bar.points = found
 
-                more: dict[str, Any] = {"interpret": interpret, "share": of_share, "until": looks}
-                run_sweep(scenario, folder, open_pool, bar, begin=begin, **more)
+                run_sweep(
+                    scenario, folder, open_pool, bar, interpret=interpret, share=of_share, until=looks, begin=begin
+                )
         except KeyboardInterrupt:
             if not (folder / DATABASE).exists():
                 print_stderr("stopped before the first trial; nothing was written")

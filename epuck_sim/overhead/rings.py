@@ -317,7 +317,7 @@ def _is_stray(camera: CameraModel, pixels: FloatArray, first_cm: FloatArray) -> 
     if not camera.lens.is_fisheye and not any(camera.lens.coefficients):
         return np.zeros((rows, columns), bool)
     back = camera.back_project(pixels.reshape(-1, 2), epuck.RING_HEIGHT_CM).reshape(rows, columns, 2)
-    cells = np.moveaxis(np.indices((columns, rows)), 0, -1).swapaxes(0, 1)
+    cells = np.dstack(np.meshgrid(np.arange(columns), np.arange(rows)))
     strays: BoolArray = np.abs(back - first_cm - cells / COARSE_PER_CM).max(axis=2) > STRAY_CM
     return strays
 

@@ -142,7 +142,7 @@ def _place_exponent(check: Check, points: Points, _: Samples) -> Effect:
 def _collapse(check: Check, points: Points, _: Samples) -> Effect:
     drawn = []
     for _, group in group_by_other_axes(points, check.along):
-        instead = estimate_curve([_reduced(point, "mean") for point in group], check.along, {})
+        instead = estimate_curve([reduced(point, "mean") for point in group], check.along, {})
         drawn.append(Drawn(estimate_curve([point._replace(of=None) for point in group], check.along, {}), instead))
     return criteria.collapse(drawn, _fewest(points))
 
@@ -172,10 +172,10 @@ EFFECTS: dict[str, Find] = {
 def _measure(point: PointTrials, check: Check) -> Measured:
     if check.test == "collapse":
         return measure_t_sync(point)
-    return measure(point if check.take is None else _reduced(point, check.take))
+    return measure(point if check.take is None else reduced(point, check.take))
 
 
-def _reduced(point: PointTrials, take: str) -> PointTrials:
+def reduced(point: PointTrials, take: str) -> PointTrials:
     """Return a point with what stands for its series in their place; None for those without a value."""
     series = (value if isinstance(value, list) else [] for value in point.measured)
     known = ([each for each in values if each is not None] for values in series)

@@ -23,7 +23,12 @@ class Look(NamedTuple):
     estimate: Estimate
     """Mean of their T_sync, restricted where trials are censored, with an interval that holds at every look."""
     width: float
-    """Width of the interval relative to what is asked: at most 1 if it is narrow enough."""
+    """Width of the interval relative to what is asked; inf as long as there is none."""
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether the interval is narrow enough."""
+        return self.width <= 1
 
 
 class Looks:
@@ -41,6 +46,8 @@ class Looks:
         """
         self._precision = Precision.parse(until)
         self._last: list[Look] = []
+        self.narrow = 0
+        """Number of points whose intervals are narrow enough."""
 
     def check(self, points: Sequence[Point]) -> None:
         """Raise EpuckSimError for a sweep whose trials have no T_sync, or that may have too few of them."""
@@ -62,6 +69,7 @@ class Looks:
         if store.share != WHOLE:
             raise StoreError(f"the folder is for share {store.share}; --until looks at all trials of a point: merge")
         self._store, self._points, self._finished = store, points, finished
+        self.narrow = 0
         self._last = [Look(0, UNDETERMINED, self._precision.width(UNDETERMINED))] * len(points)
         self._trials, self._left = [0] * len(points), [0] * len(points)
         self._looks = [self._look(point) for point in points]
@@ -95,21 +103,13 @@ class Looks:
             measured = Measured(times, observed, float(point.scenario.stop.max_cycles), 0, unit="cycles")
             found = look_interval(measured, limit)
             self._last[number] = Look(size, found, self._precision.width(found))
-            if self.is_narrow(number):
+            if self._last[number].is_narrow:
+                self.narrow += 1
                 return
 
     def width(self, number: int) -> float:
         """Return the width of a point's interval relative to what is asked; inf as long as there is none."""
         return self._last[number].width
-
-    def is_narrow(self, number: int) -> bool:
-        """Return whether a point's interval is narrow enough."""
-        return self.width(number) <= 1
-
-    @property
-    def narrow(self) -> int:
-        """Number of points whose intervals are narrow enough."""
-        return sum(look.width <= 1 for look in self._last)
 
     def table(self) -> Table:
         """Return a table of the last look at each point."""
@@ -122,7 +122,7 @@ class Looks:
                 "trials": look.trials,
                 "mean": look.estimate,
                 "half_width": Share(reach) if asked.is_relative else reach,
-                "is_narrow": look.width <= 1,
+                "is_narrow": look.is_narrow,
             }
             rows.append(Row(point.axes, cells))
         title = f"T_sync (cycles), with 95 % intervals that hold at every look; asked for: +- {self._precision}"

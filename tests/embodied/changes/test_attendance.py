@@ -7,7 +7,7 @@ import pytest
 
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.cells import set_cells
-from epuck_sim.embodied.changes.attendance import put_in, take_out
+from epuck_sim.embodied.changes.attendance import blank, parked, put_in, rest, take_out
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
@@ -16,7 +16,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from tests.control.bench import with_step
 from tests.embodied.changes.blocks import controlled_block
-from tests.embodied.changing import SIGNALS, steps_of
+from tests.embodied.changing import NOWHERE, SIGNALS, steps_of
 
 POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40, 20, 5]]
 MOVABLES = [{"x_cm": 25, "y_cm": 30, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]
@@ -30,6 +30,37 @@ class Bodies:
 
     def move(self, robot, pose):
         self.robots.x[robot], self.robots.y[robot], self.robots.heading[robot] = pose
+
+
+def test_who_is_taken_out_is_parked_and_forgets_senses_and_does_nothing():
+    controller = find_controller("firefly")
+    block, runs = controlled_block([controller, controller], [2, 3])
+    swarm = open_block(block)
+    block[swarm.scene[0].at[1] : swarm.scene[0].at[2]] = 1  # all that robots have is something else than 0
+    swarm.pixels[:] = 1
+    for run in runs:
+        run.memory["phase_ms"] = 700
+    take_out([1, 4], swarm, Bodies(swarm), runs)
+    for group in range(2):
+        blank(block, NOWHERE, group)
+    rest(block, NOWHERE, 0)
+    outside, robots = np.array([False, True, False, False, True]), swarm.robots
+    assert (~robots.present).tolist() == outside.tolist()
+    nothing = {
+        **dict.fromkeys(("ring_command", "ring_on", "ring_before"), False),
+        **dict.fromkeys(("left_cm_s", "right_cm_s", "vx", "vy", "spin"), 0),
+    }
+    for name, value in nothing.items():
+        assert ((robots[name] == value) == outside).all(), name
+    sensors = robots.sensors
+    assert ((sensors.distance_mm == OUT_OF_RANGE_MM).all(axis=1) == outside).all()
+    for read in (sensors.infrared, swarm.pixels.reshape(3, 5).T):
+        assert ((read == 0).all(axis=1) == outside).all()
+    phases = [*runs[0].memory["phase_ms"], *runs[1].memory["phase_ms"]]
+    assert phases == [700, 0, 700, 700, 0]
+    assert not robots.actuators[outside].tobytes().strip(b"\0")
+    poses = np.column_stack([robots.x, robots.y, robots.heading])
+    assert poses[outside].tobytes() == parked(np.full((5, 3), np.nan))[outside].tobytes()
 
 
 @pytest.mark.parametrize("obstacle", [[], [(20, 30, 7.5)]])
