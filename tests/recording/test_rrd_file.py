@@ -249,6 +249,6 @@ def test_many_recordings_need_no_more_threads_nor_memory_than_a_few(tmp_path) ->
     done = subprocess.run([sys.executable, "-c", MANY, str(tmp_path)], capture_output=True, text=True, check=True)
     (threads, megabytes), (threads_after, megabytes_after) = json.loads(done.stdout)
     assert threads_after == threads
-    assert megabytes_after - megabytes < 3
+    assert megabytes_after - megabytes < 15 / 2  # half a MB each; what memory a process holds varies by 3 MB by itself
     assert len(list(tmp_path.iterdir())) == 15
     run_rerun("rrd", "verify", *map(str, tmp_path.iterdir()))
