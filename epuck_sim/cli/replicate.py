@@ -1,5 +1,6 @@
 """The command `replicate`: claims of the thesis, each with a verdict."""
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -13,8 +14,10 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # or --help would wait for numba
+    from epuck_sim.display.table import Table
     from epuck_sim.replication.claims import Claim, Claims
     from epuck_sim.replication.sweeps import Version
+    from epuck_sim.scenario.scenario import Scenario
     from epuck_sim.sweep.executors import OpenPool
 
 replications = typer.Typer()
@@ -39,11 +42,22 @@ def replicate(
         typer.Option("--claims", metavar="FILE.yaml", help="Ask the claims of this file instead of the thesis's."),
     ] = None,
     only_list: Annotated[bool, typer.Option("--list", help="Print the claims, and run nothing.")] = False,
+    until_decided: Annotated[
+        bool,
+        typer.Option("--until-decided", help="Add trials where claims are undecided, the cheapest first."),
+    ] = False,
+    cpu_hours: Annotated[
+        float | None, typer.Option(min=0, metavar="H", help="Limit of the computing time that --until-decided adds.")
+    ] = None,
     workers: WorkersOption = None,
     dask: DaskOption = None,
 ) -> None:
     """Test claims of the thesis: run the trials that are missing, and write a page with a verdict on each claim."""
-    reject_first((workers is not None and dask is not None, "--workers and --dask exclude each other"))
+    reject_first(
+        (workers is not None and dask is not None, "--workers and --dask exclude each other"),
+        (cpu_hours is not None and not until_decided, "--cpu-hours is a limit of --until-decided, which is not given"),
+    )
+    from epuck_sim.cli.tables import terminal_width
     from epuck_sim.replication.claims import SHIPPED, read_claims
 
     known = read_claims(file or SHIPPED)
@@ -59,10 +73,13 @@ def replicate(
 
     open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
     version = Version.FULL if full else Version.QUICK
-    failed = _run_claims(known, chosen, out, version, open_pool)
+    budget_s = (math.inf if cpu_hours is None else 3600 * cpu_hours) if until_decided else None
+    failed, undecided = _run_claims(known, chosen, out, version, open_pool, budget_s)
     answers, file = write_replication(known, chosen, out, version)
     for answer in answers:
         typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")
+    if undecided is not None:
+        typer.echo(undecided.to_text(terminal_width()))
     typer.echo(file)
     if failed:
         typer.echo(f"{counted(failed, 'trial')} failed; give the command again to retry them", err=True)
@@ -70,21 +87,41 @@ def replicate(
 
 
 def _run_claims(
-    claims: "Claims", chosen: "Sequence[Claim]", folder: Path, version: "Version", open_pool: "OpenPool"
-) -> int:
-    """Run the trials that are missing, show how far they are, and return how many have failed."""
+    claims: "Claims",
+    chosen: "Sequence[Claim]",
+    folder: Path,
+    version: "Version",
+    open_pool: "OpenPool",
+    budget_s: float | None,
+) -> "tuple[int, Table | None]":
+    """Run the trials that are missing, and more within a budget, and show how far they are.
+
+    Returns:
+        How many trials have failed, and a table of what is undecided within the budget.
+    """
     from epuck_sim.cli.progress import SweepProgressBar
+    from epuck_sim.replication.looks import Decider, begun
     from epuck_sim.replication.sweeps import needed_sweeps, sweep_folder
     from epuck_sim.sweep.run import run_sweep
 
     needed = needed_sweeps(claims, chosen, version)
+    folders = {name: sweep_folder(folder, name, version) for name in needed}
     try:
         (folder / "runs").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise EpuckSimError(f"{folder}: cannot be made: {error.strerror}") from error
-    failed = 0
+    failed = dict.fromkeys(needed, 0)
+
+    def run(name: str, scenario: "Scenario") -> None:
+        with SweepProgressBar() as bar:
+            failed[name] = run_sweep(scenario, folders[name], open_pool, bar).failed
+
     for name, scenario in needed.items():
         print_stderr(f"{name}:")
-        with SweepProgressBar() as bar:
-            failed += run_sweep(scenario, sweep_folder(folder, name, version), open_pool, bar).failed
-    return failed
+        run(name, begun(scenario, folders[name]))
+    if budget_s is not None:
+        decider = Decider(chosen, needed, folders)
+        for line in decider.run(run, budget_s):
+            print_stderr(line)
+        return sum(failed.values()), decider.table()
+    return sum(failed.values()), None

@@ -18,8 +18,16 @@ from epuck_sim.figures import plot
 from epuck_sim.figures.labels import format_axis_values, key_name
 from epuck_sim.figures.style import style
 from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
-from epuck_sim.replication.sweeps import Version, estimate_cost, is_asked, sweep_folder, sweep_scenario
-from epuck_sim.replication.verdicts import Answer, Finding, Judged, Verdict, judge_claims, points_at, run_check
+from epuck_sim.replication.looks import LOOKS, planned_trials
+from epuck_sim.replication.sweeps import (
+    Version,
+    check_claim,
+    estimate_cost,
+    is_asked,
+    sweep_folder,
+    sweep_scenario,
+)
+from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, points_at
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import Status, read_status
 from epuck_sim.scenario.axes import FigureSection, choose_axis
@@ -66,6 +74,7 @@ class Contents(NamedTuple):
     answers: list[Answer]
     sweeps: dict[str, Asked]  # the sweeps that were asked
     claims: Claims  # the file of claims
+    looks: int  # most looks at a sweep; 1 if no sweep has more trials than its version
 
 
 def write_replication(
@@ -111,20 +120,18 @@ def read_contents(claims: Claims, chosen: Sequence[Claim], folder: Path, version
     asked = {claim.id: claim for claim in chosen if is_asked(claims, claim, version)}
     folders = {each.sweep: sweep_folder(folder, each.sweep, version) for each in asked.values() if each.sweep}
     findings = [(claim, check_claim(claim, folders) if claim.id in asked else []) for claim in chosen]
+    sweeps = {name: _read_sweep(each, sweep_scenario(claims, name, Version.FULL)) for name, each in folders.items()}
+    trials = {name: sweep_scenario(claims, name, version).trials for name in folders}
+    looks = LOOKS if any(planned_trials(sweeps[name].status) > least for name, least in trials.items()) else 1
     return Contents(
         version,
         folder,
         () if len(chosen) == len(claims.claims) else tuple(claim.id for claim in chosen),
-        judge_claims(findings),
-        {name: _read_sweep(each, sweep_scenario(claims, name, Version.FULL)) for name, each in folders.items()},
+        judge_claims(findings, looks),
+        sweeps,
         claims,
+        looks,
     )
-
-
-def check_claim(claim: Claim, folders: dict[str, Path]) -> list[Finding]:
-    """Run the checks of a claim on the trials that are stored."""
-    asked = ((check, claim.sweep if check.test != "formula" else None) for check in claim.checks)
-    return [run_check(check, read_points(folders[sweep], check.of) if sweep else []) for check, sweep in asked]
 
 
 def _read_sweep(folder: Path, full: Scenario) -> Asked:
@@ -153,7 +160,8 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     count = sum(each.tested.check.test != "formula" for answer in contents.answers for each in answer.checks)
     yield f"# {TITLE}"
     yield f"{len(contents.answers)} claims: {', '.join(parts)}. Written by `{command}`, with all numbers: {links}."
-    yield escaped(f"{RULES}{count}. {contents.claims.pooled}".rstrip())
+    looked = f" Each sweep was looked at up to {contents.looks} times, for which p is corrected, too."
+    yield escaped(f"{RULES}{count}.{looked * (contents.looks > 1)} {contents.claims.pooled}".rstrip())
     rows = [_verdict_row(answer, pictures) for answer in contents.answers]
     yield "\n".join(["claim | the thesis says | ours | verdict", "--- | --- | --- | ---", *rows])
     for verdict in EXPLAINED:

@@ -8,8 +8,8 @@ import numpy as np
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.replication.claims import Claim, Claims
-from epuck_sim.replication.verdicts import chosen_points
-from epuck_sim.runs.reader import PointTrials
+from epuck_sim.replication.verdicts import Finding, chosen_points, run_check
+from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.keys import merge, without_quick
 from epuck_sim.scenario.loader import find_scenario, load_scenario
 from epuck_sim.scenario.points import points
@@ -70,6 +70,12 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim], version: Version) -> 
             except EpuckSimError as error:
                 raise EpuckSimError(f"claim {claim.id}: {error}") from error
     return scenarios
+
+
+def check_claim(claim: Claim, folders: dict[str, Path]) -> list[Finding]:
+    """Run the checks of a claim on the trials that are stored."""
+    asked = ((check, claim.sweep if check.test != "formula" else None) for check in claim.checks)
+    return [run_check(check, read_points(folders[sweep], check.of) if sweep else []) for check, sweep in asked]
 
 
 def estimate_cost(stored: Sequence[PointTrials], wall_s: float, full: Scenario) -> tuple[float, float]:

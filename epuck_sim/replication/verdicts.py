@@ -19,6 +19,7 @@ from epuck_sim.scenario.points import Point
 from epuck_sim.statistics.comparison import holm
 from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes
 from epuck_sim.statistics.measured import Measured, measure, measure_t_sync
+from epuck_sim.statistics.sequential import looks_p_value
 from epuck_sim.util.messages import short_repr
 
 SMALLEST, LARGEST = 1e-12, 1e-3
@@ -199,7 +200,7 @@ class Judged(NamedTuple):
 
     tested: Finding
     p_value: float  # of data that decide as clearly for either side, if the truth were exactly at the threshold
-    p_holm: float  # the same, corrected for the number of checks on the page
+    p_holm: float  # the same, corrected for the number of looks, and of checks on the page
     verdict: Verdict
 
 
@@ -211,13 +212,15 @@ class Answer(NamedTuple):
     checks: tuple[Judged, ...]
 
 
-def judge_claims(asked: Sequence[tuple[Claim, Sequence[Finding]]]) -> list[Answer]:
+def judge_claims(asked: Sequence[tuple[Claim, Sequence[Finding]]], looks: int = 1) -> list[Answer]:
     """Return the verdicts of all claims of a page, whose checks are corrected together by Holm's method.
 
-    A claim holds if all its checks do, and is contradicted if any is.
+    Each check is one of so many looks at it, while trials are added. A claim holds if all its checks do, and is
+    contradicted if any is.
     """
     tested = [each for _, checks in asked for each in checks if each.check.test != "formula"]
-    corrected = iter(holm([two_sided(*p_values(each.check, each.effect)) for each in tested]))
+    p_once = [two_sided(*p_values(each.check, each.effect)) for each in tested]
+    corrected = iter(holm([looks_p_value(each, looks) for each in p_once]))
     answers = []
     for claim, checks in asked:
         judged = tuple(_judge(each, None if each.check.test == "formula" else next(corrected)) for each in checks)

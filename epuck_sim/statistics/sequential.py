@@ -75,14 +75,35 @@ def look_sizes(limit: int) -> tuple[int, ...]:
     return (*sizes, limit)
 
 
-@lru_cache
 def look_level(sizes: tuple[int, ...]) -> float:
     """Return the level of the interval at each look at which all of them hold the truth with probability `LEVEL`."""
-    boundary = brentq(lambda c: probability_within(c, sizes) - LEVEL, 1, 6)
-    return 2 * NormalDist().cdf(boundary) - 1
+    return 2 * NormalDist().cdf(look_boundary(sizes, LEVEL)) - 1
 
 
-def probability_within(boundary: float, sizes: tuple[int, ...]) -> float:
+@lru_cache
+def look_boundary(sizes: tuple[int, ...], level: float) -> float:
+    """Return within how many standard errors of the truth a mean is at all looks with the probability `level`."""
+    return float(brentq(lambda boundary: probability_within(boundary, sizes) - level, 1, 8))
+
+
+def looks_p_value(p_value: float, looks: int) -> float:
+    """Return the p-value of a look among so many, at which trials grow by `GROWTH`: that of the least of all looks.
+
+    Two-sided p-values of any test stand for standard errors as those of a normal mean do (the significance level
+    approach of Jennison and Turnbull, 1999).
+
+    >>> [round(looks_p_value(0.01, looks), 3) for looks in (1, 2, 8)]
+    [0.01, 0.017, 0.041]
+    """
+    bound = min(1.0, looks * p_value)
+    deviation = NormalDist().inv_cdf(1 - p_value / 2) if bound > 1e-9 else math.inf
+    if deviation == 0 or math.isinf(deviation):
+        return bound
+    sizes = tuple(FIRST_LOOK * GROWTH**look for look in range(looks))
+    return min(bound, 1 - probability_within(deviation, sizes))
+
+
+def probability_within(boundary: float, sizes: tuple[float, ...]) -> float:
     """Return the probability that a mean is within so many standard errors of the truth at every look.
 
     The density of the deviations that were within so far is carried from look to look (Armitage, McPherson and Rowe

@@ -1,0 +1,158 @@
+"""Looks at claims while trials are added to their sweeps, until each is decided.
+
+A sweep is looked at when it has the trials of its version, and whenever it has half as many more, `LOOKS` times at
+most. Each p-value is that of a decision at any of these looks (`looks_p_value`), and these are corrected by Holm's
+method: so the level of a page holds whatever made trials be added, or looks end.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from scipy.stats import norm
+
+from epuck_sim.display.html import in_words
+from epuck_sim.display.table import Row, Table
+from epuck_sim.estimate import LEVEL
+from epuck_sim.replication.claims import Claim
+from epuck_sim.replication.sweeps import check_claim
+from epuck_sim.replication.verdicts import Answer, Finding, Judged, Verdict, judge_claims, p_values
+from epuck_sim.runs.folder import DATABASE
+from epuck_sim.runs.status import Status, read_status
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.statistics.sequential import FIRST_LOOK, GROWTH, look_boundary
+
+LOOKS = 8
+"""Largest number of looks at a sweep, at the last of which it has 17 times as many trials as at the first."""
+
+
+def trials_at_looks(first: int) -> list[int]:
+    """Return the numbers of trials of a point at which its sweep is looked at; its version has the first of them."""
+    return [math.ceil(first * GROWTH**look) for look in range(LOOKS)]
+
+
+def begun(scenario: Scenario, folder: Path) -> Scenario:
+    """Return a sweep with the trials of the last look that was begun in its run folder, or else of its version."""
+    if not (folder / DATABASE).exists():
+        return scenario
+    return scenario.model_copy(update={"trials": max(scenario.trials, planned_trials(read_status(folder)))})
+
+
+def planned_trials(status: Status) -> int:
+    """Return how many trials each point of a run folder is for."""
+    return math.ceil(status.trials / status.points)
+
+
+HOUR_S = 3600.0
+
+
+class NextLook(NamedTuple):
+    """A look at the claims of a sweep that would come next."""
+
+    sweep: str
+    scenario: Scenario
+    """The sweep with the trials of this look."""
+    cost_s: float
+    """Computing time of the trials that are missing, if they take as long as those that are stored."""
+    claims: dict[str, float]
+    """Computing time until each claim that is undecided is decided, if its effects stay as they are; inf for never."""
+
+
+class Decider:
+    """Adds trials to sweeps, one look after the other, as long as claims on them are undecided."""
+
+    def __init__(self, chosen: Sequence[Claim], scenarios: dict[str, Scenario], folders: dict[str, Path]) -> None:
+        """Take the claims, and the sweeps that they are asked of with the trials of their version, which are stored."""
+        self._scenarios, self._folders = scenarios, folders
+        self._status = {name: read_status(folder) for name, folder in folders.items()}
+        self._findings = {claim.id: (claim, self._check(claim)) for claim in chosen}
+
+    def _check(self, claim: Claim) -> list[Finding]:
+        is_asked = claim.checks and (claim.sweep is None or claim.sweep in self._folders)
+        return check_claim(claim, self._folders) if is_asked else []
+
+    def answers(self) -> list[Answer]:
+        """Return the answers after the last looks."""
+        return judge_claims([*self._findings.values()], LOOKS)
+
+    def run(self, add: Callable[[str, Scenario], None], budget_s: float) -> Iterator[str]:
+        """Add trials until all is decided, no look is left, or none of which the cost is within the budget.
+
+        Args:
+            add: Runs the trials of a sweep that are missing.
+            budget_s: Computing time of all trials that are added, in s.
+
+        Yields:
+            What is to be said of each look: before it what it costs, after it what it has decided.
+        """
+        spent_s = 0.0
+        while looks := [look for look in self.next_looks() if look.cost_s <= budget_s - spent_s]:
+            look = looks[0]
+            yield f"{look.sweep}: {look.scenario.trials} trials a point, some {in_words(look.cost_s)} of computing"
+            before_s = self._status[look.sweep].wall_s
+            add(look.sweep, look.scenario)
+            self._status[look.sweep] = read_status(self._folders[look.sweep])
+            spent_s += self._status[look.sweep].wall_s - before_s
+            for name, (claim, _) in self._findings.items():
+                if claim.sweep == look.sweep:
+                    self._findings[name] = claim, self._check(claim)
+            found = (each for each in self.answers() if each.claim.id in look.claims)
+            yield ", ".join(f"{each.claim.id} {each.verdict}" for each in found)
+
+    def next_looks(self) -> list[NextLook]:
+        """Return the next look at each sweep that has undecided claims, unless it was looked at as often as it may.
+
+        How many trials decide a claim follows from its effects: deviations from a threshold, in standard errors, grow
+        with the root of the number of trials.
+        """
+        answers = [each for each in self.answers() if each.verdict == Verdict.UNDECIDED]
+        tests = sum(judged.verdict == Verdict.UNDECIDED for each in answers for judged in each.checks)
+        found = []
+        for name, scenario in self._scenarios.items():
+            asked = [each for each in answers if each.claim.sweep == name]
+            status = self._status[name]
+            now = planned_trials(status)
+            left = [trials for trials in trials_at_looks(scenario.trials) if trials > now]
+            if not left or not asked:
+                continue
+            trial_s = status.wall_s / max(status.stored, 1) * status.points  # one more trial of each point
+            needed = {each.claim.id: now * _growth_needed(each.checks, tests) for each in asked}
+            ends = {claim: next((size for size in left if size >= least), math.inf) for claim, least in needed.items()}
+            found.append(
+                NextLook(
+                    name,
+                    scenario.model_copy(update={"trials": left[0]}),
+                    (left[0] - now) * trial_s,
+                    {claim: (end - now) * trial_s for claim, end in ends.items()},
+                )
+            )
+        return sorted(found, key=lambda look: (min(look.claims.values()), look.cost_s))
+
+    def table(self) -> Table:
+        """Return what is undecided, and what it would take."""
+        looks, rows = self.next_looks(), []
+        for look in looks:
+            for claim, cost_s in look.claims.items():
+                until = in_words(cost_s) if math.isfinite(cost_s) else f"more than {LOOKS} looks"
+                cells = {"trials": look.scenario.trials, "next_look": in_words(look.cost_s), "until": until}
+                rows.append(Row({"claim": claim}, {"sweep": look.sweep, **cells}))
+        title = "Undecided, with the computing time of the next look, and of all until a verdict if effects stay"
+        headings = {"trials": "trials at the next look", "next_look": "its time", "until": "until decided"}
+        near = [claim for look in looks for claim, cost_s in look.claims.items() if cost_s <= HOUR_S]
+        note = f"An hour of computing would decide each of {', '.join(near)}." if near else ""
+        return Table(title if rows else "No claim is undecided that may be looked at again", rows, [note], headings)
+
+
+def _growth_needed(checks: Sequence[Judged], tests: int) -> float:
+    """Return how many times as many trials decide a claim, if effects stay: all its checks for it, or one against."""
+    boundary = look_boundary(tuple(trials_at_looks(FIRST_LOOK)), 1 - (1 - LEVEL) / tests)
+    shown, refuted = [math.inf] * (not checks), [math.inf]
+    for judged in checks:
+        for_it, against = p_values(judged.tested.check, judged.tested.effect)
+        deviation = float(norm.isf(judged.p_value / 2))
+        growth = (boundary / deviation) ** 2 if deviation > 0 else math.inf
+        is_for = for_it < against
+        shown.append(growth if is_for else math.inf)
+        refuted.append(math.inf if is_for else growth)
+    return max(1.0, min(max(shown), *refuted))
