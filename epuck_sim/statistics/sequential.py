@@ -93,7 +93,7 @@ def looks_p_value(p_value: float, looks: int) -> float:
     approach of Jennison and Turnbull, 1999).
 
     >>> [round(looks_p_value(0.01, looks), 3) for looks in (1, 2, 8)]
-    [0.01, 0.017, 0.041]
+    [0.01, 0.016, 0.05]
     """
     bound = min(1.0, looks * p_value)
     deviation = NormalDist().inv_cdf(1 - p_value / 2) if bound > 1e-9 else math.inf
