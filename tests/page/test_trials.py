@@ -141,22 +141,36 @@ def test_trials_end_as_the_programs_do_to_the_bit(browser: Driven, pages: Path, 
 OWN_FILES = {
     "turner.py": """
 from epuck_sim.util.rng import randint
+from oscillator import is_flash
 
-PARAMETERS = {"speed_cm_s": 6.0, "mean_wait_steps": 40}
-MEMORY = {"wait": int, "sightings": int}
+PARAMETERS = {"period_s": 5.0, "flash_pixels": 1, "speed_cm_s": 6.0, "mean_wait_steps": 40}
+MEMORY = {"phase_ms": float, "wait": int, "sightings": int}
 
 def start(memory, parameters, random):
-    memory.wait = randint(random, 2 * parameters.mean_wait_steps)
+    memory.phase_ms = 50.0 * randint(random, 100)
 
 def step(sensors, memory, actuators, parameters, random):
-    red_left = sensors.camera[:30].any()
-    memory.sightings += int(red_left)
-    actuators.left_cm_s = -parameters.speed_cm_s if red_left else parameters.speed_cm_s
-    actuators.right_cm_s = parameters.speed_cm_s * sensors.across
+    is_red = is_flash(sensors, parameters)
+    memory.sightings += int(is_red)
+    memory.phase_ms += 2.5 * sensors.step_ms if is_red else sensors.step_ms
+    actuators.ring_on = memory.phase_ms >= 1000 * parameters.period_s
+    if actuators.ring_on:
+        memory.phase_ms = 0.0
     memory.wait -= 1
-    actuators.ring_on = memory.wait < 0
     if memory.wait < -4:
         memory.wait = randint(random, 2 * parameters.mean_wait_steps)
+    actuators.left_cm_s = -parameters.speed_cm_s if memory.wait < 0 else parameters.speed_cm_s
+    actuators.right_cm_s = parameters.speed_cm_s * sensors.ground * (0.5 + sensors.across)
+""",
+    "ground.py": """
+from epuck_sim.embodied.sensing import brightness_at
+from epuck_sim.util.rng import uniform
+
+PARAMETERS = {"noise": 0.2}
+READINGS = {"ground": float}
+
+def sense(world, robot, readings, parameters, random):
+    readings.ground = brightness_at(world, robot.x, robot.y) + parameters.noise * uniform(random)
 """,
     "bright.py": """
 READINGS = {"across": float}
@@ -165,17 +179,15 @@ def sense(world, robot, readings, parameters, random):
     readings.across = robot.x / world.width_cm
 """,
 }
-GOLDEN_FILES = Path(__file__).parents[1] / "golden_files"
-STOPPERS = [
-    "robots=[{count: 4, controller: turner.py, sensors: {ground: {file: bright.py}}}, "
-    f"{{count: 4, controller: {GOLDEN_FILES}/stopper.py, sensors: [{GOLDEN_FILES}/ground.py]}}]",
+TURNERS = [
+    "robots=[{count: 4}, {count: 4, controller: turner.py, sensors: [bright.py, ground.py]}]",
     "arena.floor.patches=[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 15, brightness: 0.1}]",
-    "arena.lamps=[{x_cm: 20, y_cm: 30, height_cm: 20, strength: 1.5}]",
-    "stop={max_time_s: 60}",
+    "stop.max_cycles=20",
 ]
+GOLDEN_FILES = Path(__file__).parents[1] / "golden_files"
 BENT = [f"response={{curve: {GOLDEN_FILES}/bent_curve.py, coupling: 0.1}}", "stop.max_cycles=200"]
 OWN_CASES = {
-    "controllers and sensors": ("thesis", STOPPERS, []),
+    "a controller and its sensors": ("thesis", TURNERS, []),
     "a response curve": ("particles", BENT, ["response.coupling=0.2"]),
 }
 
