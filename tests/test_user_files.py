@@ -131,7 +131,7 @@ def test_a_package_offers_a_robot_with_a_sensor_of_its_own():
     scenario = load_scenario({"robot": "rover", "arena": {"floor": floor}, "robots": groups})
     assert scenario.robot.kind == "rover"
     assert scenario.robots[0].sensors == {"ground": {"file": "darkness"}}
-    assert Simulation(scenario, 1).advance(1).readings["darkness"].tolist() == [0.75, 0.0]
+    assert Simulation(scenario, 1, interpret=True).advance(1).readings["darkness"].tolist() == [0.75, 0.0]
     by_name = load_scenario({"robots": groups, "sensors": ["darkness"]})
     assert by_name.robots[0].sensors == {"darkness": {"file": "darkness"}}
 

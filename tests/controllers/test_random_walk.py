@@ -38,21 +38,21 @@ def runs_and_turns(count: int, **parameters) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("persistence", [0.0, 0.7])
 def test_turns_are_wrapped_cauchy_and_runs_exponential(persistence):
-    runs, turns = runs_and_turns(1500, run_s=10.0, persistence=persistence)
+    runs, turns = runs_and_turns(1000, run_s=2.0, persistence=persistence)
     angles = np.abs(turns)
     cauchy = stats.uniform(0, math.pi).cdf if persistence == 0 else lambda a: 2 * stats.wrapcauchy(persistence).cdf(a)
     assert stats.kstest(angles, cauchy).pvalue > UNLIKELY
     assert 0.4 < (turns > 0).mean() < 0.6
     steps = np.random.default_rng(0).uniform(-STEP_S, 0, len(runs))  # a run ends at the end of a step
-    assert stats.kstest(runs + steps, "expon", args=(0, 10.0)).pvalue > UNLIKELY
+    assert stats.kstest(runs + steps, "expon", args=(0, 2.0)).pvalue > UNLIKELY
 
 
 def test_runs_of_a_levy_walk_have_a_power_law():
-    runs, _ = runs_and_turns(1000, run_s=5.0, exponent=2.5)
-    assert runs.min() >= 5.0 - 1e-9
+    runs, _ = runs_and_turns(600, run_s=2.0, exponent=2.5)
+    assert runs.min() >= 2.0 - 1e-9
     steps = np.random.default_rng(0).uniform(-STEP_S, 0, len(runs))
-    long = runs[runs > 6] + steps[runs > 6]  # where a step is little beside a run; a power law is one from any point on
-    assert stats.kstest(long[long > 6], "pareto", args=(1.5, 0, 6)).pvalue > UNLIKELY
+    long = runs[runs > 3] + steps[runs > 3]  # where a step is little beside a run; a power law is one from any point on
+    assert stats.kstest(long[long > 3], "pareto", args=(1.5, 0, 3)).pvalue > UNLIKELY
 
 
 @MODES

@@ -46,7 +46,7 @@ def test_robots_commanded_from_outside_move_and_flash_as_with_a_controller_to_th
         for name in (str(path), "external")
     )
     commanded = Simulation(free, 3, interpret=interpret)
-    for theirs in kept(Simulation(ruled, 3), 300):
+    for theirs in kept(Simulation(ruled, 3, interpret=True), 200):
         step = next(commanded)
         act(commanded, step)
         for name in ("poses", "infrared", "distance_mm", "camera", "wheels_cm_s", "ring_on"):

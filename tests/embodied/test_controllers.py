@@ -309,23 +309,20 @@ def write_version(folder, edited, number):
 @pytest.mark.parametrize("edited", ["mine", "sibling"])
 def test_an_edit_takes_effect_at_once_in_this_process_and_in_others(edited, tmp_path):
     old = find_controller(str(write_version(tmp_path, edited, 7)))
-    for number in (1, 20, 3, 1):
+    for number in (1, 3, 1):
         file = write_version(tmp_path, edited, number)
         assert [outcome(find_controller(str(file)), interpret) for interpret in (True, False)] == [number, number]
     assert outcome(old) == 7  # what was loaded before it was compiled runs
-    # the other process meets what this one has cached
-    for number in (1, 4):
-        file = write_version(tmp_path, edited, number)
-        assert outcome_elsewhere(file, tmp_path / "cache") == number
-    assert outcome(find_controller(str(file))) == 4
+    file = write_version(tmp_path, edited, 4)  # the other process meets what this one has cached
+    assert outcome_elsewhere(file, tmp_path / "cache") == outcome(find_controller(str(file))) == 4
 
 
 @pytest.mark.usefixtures("_caches")
 def test_helpers_that_numba_must_look_up_run_in_this_process_and_in_the_next(tmp_path):
     calls = "def calls(n):\n    return 1 if n < 2 else n * calls(n - 1)\n"
     text = calls + "def prints(n):\n    print('so many:', n)\n    return n\n"
-    file = write_controller(tmp_path / "mine.py", text + with_step("memory.x = prints(calls(5))")).path
-    assert [outcome_elsewhere(file, tmp_path / "cache") for _ in range(2)] == [120, 120]
+    controller = write_controller(tmp_path / "mine.py", text + with_step("memory.x = prints(calls(5))"))
+    assert outcome(controller) == outcome_elsewhere(controller.path, tmp_path / "cache") == 120
 
 
 # --- compiling leaves the controller as it is ----------------------------------------------------------

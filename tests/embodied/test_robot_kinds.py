@@ -52,7 +52,7 @@ def test_two_robots_that_meet_head_on_stop_a_diameter_apart(robot, apart):
 # --- kinds that differ in a swarm ---------------------------------------------------------------------
 
 
-def mixed(*groups, **sections) -> Simulation:
+def mixed(*groups, interpret=False, **sections) -> Simulation:
     """Return a simulation of robots of some kinds; groups: kind, poses, speed of both wheels, and further keys."""
     robots = [
         {
@@ -65,7 +65,7 @@ def mixed(*groups, **sections) -> Simulation:
         }
         for kind, poses, speed, further in groups
     ]
-    return Simulation({"arena": FLOOR, "noise": "off", "robots": robots, **sections}, 1)
+    return Simulation({"arena": FLOOR, "noise": "off", "robots": robots, **sections}, 1, interpret=interpret)
 
 
 def test_each_robot_drives_with_its_own_wheels_and_stops_where_the_two_bodies_touch():
@@ -109,7 +109,7 @@ def test_own_sensors_know_the_radius_of_the_robot_that_senses_and_of_others(tmp_
     )
     sensors = {"sensors": [str(tmp_path / "sizes.py")]}
     groups = ("epuck", [[10, 25, 0]], 0, sensors), ("kilobot", [[30, 25, math.pi]], 0, sensors)
-    sizes = mixed(*groups).advance(1).readings["sizes"]
+    sizes = mixed(*groups, interpret=True).advance(1).readings["sizes"]
     assert sizes == pytest.approx(np.array([[3.7, 1.65, 20 - 1.65], [1.65, 3.7, 20 - 3.7]]))
 
 

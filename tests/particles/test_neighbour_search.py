@@ -22,7 +22,7 @@ from tests.particles.simulations import (
 
 SEEDS = st.integers(0, 2**32 - 1)
 by_position = pytest.mark.parametrize("kind", BY_POSITION)
-boundaries = pytest.mark.parametrize("boundary", ["bounded", "cyclic", "mirrored"])
+boundaries = st.sampled_from(["bounded", "cyclic", "mirrored"])
 SIDE_CM = 60.0
 
 
@@ -53,10 +53,9 @@ def compare_receivers(swarm, firings):
 
 
 @by_position
-@boundaries
-@given(st.data(), SEEDS)
-@settings(max_examples=12)
-def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, boundary, data, seed):
+@given(st.data(), SEEDS, boundaries)
+@settings(max_examples=20)
+def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, data, seed, boundary):
     agents = data.draw(st.integers(20, 60))
     # slow enough for neighbours to be cached, and for enough cycles for them to change many times; and faster
     pace = data.draw(st.sampled_from([0.0, 1e-3, 0.02, 0.3, 2.0, 50.0]))
@@ -67,11 +66,10 @@ def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, bounda
         neighbourhood=data.draw(neighbourhoods(kind, agents, SIDE_CM)),
         response={"coupling": 0},
     )
-    firings = 900 if 0 < pace <= 2 else 300
+    firings = 400 if 0 < pace <= 2 else 100
     assert compare_receivers(swarm, firings) > 0.85 * firings
 
 
-@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
 @pytest.mark.parametrize(
     "rule",
     [
@@ -85,8 +83,8 @@ def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, bounda
     ids=str,
 )
 @pytest.mark.parametrize(("agents", "speed_cm_s"), [(700, 1.0), (2500, 0.01), (2500, 40.0)])
-def test_receivers_in_large_swarms_are_the_agents_in_the_neighbourhood(agents, speed_cm_s, rule, boundary):
-    for dimensions in (1, 2, 3):
+def test_receivers_in_large_swarms_are_the_agents_in_the_neighbourhood(agents, speed_cm_s, rule):
+    for dimensions, boundary in ((1, "cyclic"), (2, "bounded"), (2, "cyclic"), (3, "bounded")):
         swarm = make_simulation(
             2,
             space={"dimensions": dimensions, "side_cm": SIDE_CM, "boundary": boundary},
@@ -129,7 +127,7 @@ def test_each_set_of_random_agents_is_drawn_as_often_whoever_fires_and_wherever_
         np.linspace(0.1, 0.9, agents), neighbourhood={"kind": "random", "k": k}, response={"coupling": 0}
     )
     drawn = {}
-    for event in itertools.islice(swarm, 3000 * agents):
+    for event in itertools.islice(swarm, 1000 * agents):
         (firing,) = event.fired.tolist()
         assert firing not in event.received
         key = firing, tuple(sorted(event.received.tolist()))
@@ -146,10 +144,9 @@ def test_each_set_of_random_agents_is_drawn_as_often_whoever_fires_and_wherever_
 
 
 @by_position
-@boundaries
-@given(st.data(), SEEDS)
-@settings(max_examples=5)
-def test_the_adjacency_matrix_is_that_of_brute_force_at_any_time_and_asking_changes_nothing(kind, boundary, data, seed):
+@given(st.data(), SEEDS, boundaries)
+@settings(max_examples=12)
+def test_the_adjacency_matrix_is_that_of_brute_force_at_any_time_and_asking_changes_nothing(kind, data, seed, boundary):
     agents = data.draw(st.integers(2, 30))
     sections = {
         "space": {"dimensions": 2, "side_cm": SIDE_CM, "boundary": boundary},

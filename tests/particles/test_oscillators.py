@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.particles.oscillators import (
@@ -40,6 +40,7 @@ def check_earliest(oscillators, found):
 instants = st.floats(0, 2) | st.sampled_from([0.5, 0.5 + 3e-13, 0.5 + 9e-13, 1.5])
 
 
+@settings(max_examples=60)
 @given(st.booleans(), phases, st.lists(st.tuples(st.integers(0, 10**6), instants, st.booleans()), max_size=60))
 def test_the_earliest_is_the_earliest_of_all_after_any_changes(has_parts, given_phases, changes):
     agents = len(given_phases)
@@ -71,8 +72,7 @@ def test_the_earliest_of_many_are_found_in_whatever_part_they_are(agents):
 CYCLES = 1_000_000
 
 
-@pytest.mark.parametrize("jitter", [0, 5e-5, 0.1])
-@pytest.mark.parametrize("period_s", [1.0, 0.3])
+@pytest.mark.parametrize(("jitter", "period_s"), [(0, 0.3), (0.1, 1.0)])
 def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter, period_s):
     swarm = make_simulation(
         4,

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.particles.selection import SAMPLED, find_two_smallest, select_smallest
@@ -18,6 +18,7 @@ def check_selection(values, wanted):
     assert found[:wanted].tolist() == np.argsort(values, kind="stable")[:wanted].tolist()
 
 
+@settings(max_examples=60)
 @given(distances, st.data())
 @example([0.0], None)
 @example([1.0] * 40, None)

@@ -42,8 +42,7 @@ def test_runs_of_a_levy_walk_have_a_power_law_above_the_shortest(exponent):
 
 
 @dimensions
-@pytest.mark.parametrize("walk", [BROWNIAN, CORRELATED])
-@pytest.mark.parametrize("reorients", [False, True])
+@pytest.mark.parametrize(("walk", "reorients"), [(BROWNIAN, False), (CORRELATED, False), (CORRELATED, True)])
 def test_the_mean_squared_displacement_is_that_of_theory(dimensions, walk, reorients):
     agents = {"reorient_on": ["emitting"]} if reorients else {}
     swarm = walkers(walk, speed_cm_s=3.0, agents=agents, space={"dimensions": dimensions, "side_cm": 1e6})

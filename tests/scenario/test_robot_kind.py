@@ -92,7 +92,7 @@ def test_a_robot_is_a_file_with_its_sensors_beside_it(tmp_path, monkeypatch) -> 
     scenario = load_scenario("lab/carts.yaml")
     robot = scenario.robot
     assert (robot.radius_cm, robot.wheel_base_cm, robot.mass_g, robot.infrared) == (5, 8, 700, None)
-    assert Simulation(scenario, 1).advance(5).readings["clock"].tolist() == [10, 10]
+    assert Simulation(scenario, 1, interpret=True).advance(5).readings["clock"].tolist() == [10, 10]
     (tmp_path / "lab" / "cart.yaml").unlink()
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
 

@@ -142,7 +142,7 @@ def of_its_own(tmp_path, phase, lit, **stop):
     """Return the trial of two robots with a phase that never changes."""
     path = tmp_path / "own.py"
     path.write_text(f"PHASE, LIT = {phase}, {lit}\n{NEVER_FIRES}")
-    return run_trial(Simulation({"robots": [{"count": 2, "controller": str(path)}], "stop": stop}))
+    return run_trial(Simulation({"robots": [{"count": 2, "controller": str(path)}], "stop": stop}, interpret=True))
 
 
 @pytest.mark.parametrize("max_cycles", [1, 3])

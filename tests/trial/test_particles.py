@@ -1,9 +1,6 @@
 """Trials of particles: what is measured, what counts as synchronised, when they end, and that they can be repeated."""
 
 import math
-import signal
-import sys
-import time
 
 import numpy as np
 import pytest
@@ -13,7 +10,6 @@ from hypothesis import strategies as st
 from epuck_sim.trial import particles
 from epuck_sim.trial.model import run_trial
 from tests.particles.simulations import KINDS, any_sections, as_set, make_resting, make_simulation
-from tests.processes import start
 
 THRESHOLD = 1 - 1e-9
 
@@ -194,26 +190,17 @@ def test_a_trial_is_the_same_with_observers_and_at_any_pace(data, seed, kind):
     assert sum(fired for _, fired in seen) == plain.firings
 
 
-LARGE = """
-from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.trial.model import run_trial
+@pytest.mark.parametrize("more", [{"clocks": {"jitter": 0.1}}, {"start": {"phases": "synchronised"}}])
+def test_slices_of_a_large_swarm_are_few_pulses_even_where_all_fire_at_once(more):
+    """A cycle of 20,000 agents, each of which reaches 10,000, takes many seconds; Ctrl-C is heard between slices."""
+    agents, neighbourhood = {"count": 20_000, "speed_cm_s": 1.0}, {"kind": "nearest", "k": 10_000}
+    swarm, instants = make_simulation(1, agents=agents, neighbourhood=neighbourhood, **more), []
 
-agents = {{"count": 20_000, "speed_cm_s": 1.0}}
-neighbourhood = {{"kind": "nearest", "k": 10_000}}
-simulation = ParticleSimulation({{"model": "particles", "agents": agents, "neighbourhood": neighbourhood, {more}}}, 1)
-shown = []
-run_trial(simulation, progress=lambda state: shown.append(state) or len(shown) < 4 and print("slice", flush=True))
-"""
+    def interrupt(state):
+        instants.append(state.instants)
+        if len(instants) == 3:
+            raise KeyboardInterrupt
 
-
-@pytest.mark.parametrize("more", ['"clocks": {"jitter": 0.1}', '"start": {"phases": "synchronised"}'])
-def test_ctrl_c_is_heard_in_a_large_swarm(more):
-    """A cycle of 20,000 agents, each of which reaches 10,000, takes many seconds; slices end in the midst of it."""
-    with_stop = more + ', "stop": {"order_parameter": None}'
-    process = start([sys.executable, "-c", LARGE.format(more=with_stop)])
-    for _ in range(3):
-        assert process.stdout.readline() == "slice\n"
-    time.sleep(1)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=10)  # it takes a fifth of a second where no other work is done
-    assert "KeyboardInterrupt" in errors
+    with pytest.raises(KeyboardInterrupt):
+        run_trial(swarm, progress=interrupt)
+    assert instants[-1] < 100

@@ -178,7 +178,7 @@ def take(scenario):
 small = {{"robots": [{{"camera": {camera}}}]}}
 take(load_scenario(small))
 before = most()
-large = load_scenario({LARGE!r} | {{"robots": [{{"count": 20_000, "camera": {camera}}}]}})
+large = load_scenario({LARGE!r} | {{"robots": [{{"count": 8_000, "camera": {camera}}}]}})
 kept = take(large)
 print((most() - before) / large.memory_bytes)
 """

@@ -27,7 +27,7 @@ def candidates(poses, velocities, side):
 
 def slow_twin(positions, velocities, side, slack_cm):
     """Return what `candidates` does on a bare floor, from all pairs at many instants, with a slack."""
-    times = np.linspace(0, STEP_S, 2001)[:, None, None]
+    times = np.linspace(0, STEP_S, 201)[:, None, None]
     paths = positions + times * velocities
     apart = np.linalg.norm(paths[:, :, None] - paths[:, None], axis=3).min(axis=0)
     np.fill_diagonal(apart, np.inf)
@@ -54,7 +54,7 @@ def test_candidates_are_those_of_the_slow_twin(seed, robots, side):
 # --- robots that come farther than candidates should --------------------------------------------------
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1),
     robots=st.integers(1, 16),

@@ -62,6 +62,29 @@ def step(sensors, memory, actuators, parameters, random):
     actuators.right_cm_s = parameters.speed_cm_s
 """
 
+FAILING = """
+import math
+
+PARAMETERS = {"way": 0}
+READINGS = {"own_number": int, "counts": (int, 2), "ground": (float, 2)}
+
+
+def sense(world, robot, readings, parameters, random):
+    way = parameters.way
+    if way == 1:
+        readings.ground[0] = 1 / (robot.number - 2)
+    elif way == 2:
+        readings.ground[0] = math.nan
+    elif way == 3:
+        readings.own_number = math.nan
+    elif way == 4:
+        readings.own_number = -math.inf
+    elif way == 5:
+        readings.counts[1] = math.nan
+    elif way == 6:
+        raise ValueError("too dark")
+"""
+
 WANDERER = FOLLOWER.replace("sensors.ground[0] + sensors.own_number", "0.5").replace("sensors.ground[0]", "0.7")
 
 
@@ -112,8 +135,8 @@ def test_a_sensor_that_nobody_reads_changes_no_outcome():
 
 def test_sensors_draw_from_streams_that_depend_on_their_names_and_the_robot_alone(files):
     files(other=RANDOM % ("other", "other"))
-    alone = Simulation(scenario(["dice.py"], "wanderer.py"), 2)
-    beside = Simulation(scenario(["other.py", "dice.py"], "wanderer.py", count=7), 2)
+    alone = Simulation(scenario(["dice.py"], "wanderer.py"), 2, interpret=True)
+    beside = Simulation(scenario(["other.py", "dice.py"], "wanderer.py", count=7), 2, interpret=True)
     for _ in range(5):
         drawn, others = alone.advance(1).readings["dice"], beside.advance(1).readings
         np.testing.assert_array_equal(others["dice"][:4], drawn)
@@ -123,7 +146,7 @@ def test_sensors_draw_from_streams_that_depend_on_their_names_and_the_robot_alon
 @pytest.mark.usefixtures("files")
 def test_groups_have_sensors_of_their_own_and_common_ones():
     groups = [{"count": 2, "controller": "follower.py"}, {"count": 1, "controller": "wanderer.py", "sensors": []}]
-    readings = Simulation({"robots": groups, "sensors": ["ground.py"]}, 1).advance(1).readings
+    readings = Simulation({"robots": groups, "sensors": ["ground.py"]}, 1, interpret=True).advance(1).readings
     np.testing.assert_array_equal(np.isnan(readings["ground"]).all(axis=1), [False, False, True])
 
 
@@ -216,28 +239,27 @@ def test_a_robot_of_a_unit_test_reads_what_is_set(interpret):
 
 
 def test_an_edited_sensor_is_compiled_anew(files):
-    assert Simulation(scenario(), 1).advance(1).readings["own_number"][3] == 3
+    assert Simulation(scenario(controller="external"), 1).advance(1).readings["own_number"][3] == 3
     files(ground=GROUND.replace("= robot.number", "= robot.number * 10"))
-    assert Simulation(scenario(), 1).advance(1).readings["own_number"][3] == 30
+    assert Simulation(scenario(controller="external"), 1).advance(1).readings["own_number"][3] == 30
 
 
 @pytest.mark.parametrize("interpret", [False, True])
 @pytest.mark.parametrize(
-    ("line", "message"),
+    ("way", "message"),
     [
-        ("readings.ground[0] = 1 / (robot.number - 2)", r"robot 2, step 0, seed 1: .*ground\.py:10: .*by zero"),
-        ("readings.ground[0] = math.nan", r"robot 0, step 0, seed 1: .*ground\.py:9: .*readings\.ground is not a num"),
-        ("readings.own_number = math.nan", r"robot 0, .*ground\.py:10: ValueError: cannot convert float NaN"),
-        ("readings.own_number = -math.inf", r"ground\.py:10: OverflowError: cannot convert float infinity to integer"),
-        ("readings.counts[1] = math.nan", r"robot 0, .*ground\.py:10: ValueError: cannot convert float NaN"),
-        ("raise ValueError('too dark')", r"robot 0, step 0, seed 1: .*ground\.py:10: ValueError: too dark"),
+        (1, r"robot 2, step 0, seed 1: .*ground\.py:11: .*by zero"),
+        (2, r"robot 0, step 0, seed 1: .*ground\.py:8: .*readings\.ground is not a num"),
+        (3, r"robot 0, .*ground\.py:15: ValueError: cannot convert float NaN"),
+        (4, r"ground\.py:17: OverflowError: cannot convert float infinity to integer"),
+        (5, r"robot 0, .*ground\.py:19: ValueError: cannot convert float NaN"),
+        (6, r"robot 0, step 0, seed 1: .*ground\.py:21: ValueError: too dark"),
     ],
 )
-def test_an_error_in_a_sensor_names_file_line_and_robot(files, line, message, interpret):
-    head, _, _ = GROUND.partition("    x = ")
-    files(ground=f"{head}    {line}\n".replace('"ground"', '"counts": (int, 2), "ground"'))
+def test_an_error_in_a_sensor_names_file_line_and_robot(files, way, message, interpret):
+    files(ground=FAILING)
     with pytest.raises(ControllerError, match=message):
-        Simulation(scenario(), 1, interpret=interpret).advance(1)
+        Simulation(scenario([{"ground.py": {"way": way}}]), 1, interpret=interpret).advance(1)
 
 
 MISTAKES = {
@@ -318,7 +340,7 @@ def test_two_files_of_one_name_draw_from_streams_of_their_own(tmp_path, files):
     (tmp_path / "left" / "dice.py").write_text(RANDOM % ("left", "left"))
     sensors = {"a": "dice.py", "b": "left/dice.py"}
     given = {"robots": [{"count": 3, "controller": "wanderer.py", "sensors": sensors}]}
-    readings = Simulation(given, 1).advance(1).readings
+    readings = Simulation(given, 1, interpret=True).advance(1).readings
     assert not (readings["left"] == readings["dice"]).any()
 
 
