@@ -105,7 +105,7 @@ def test_more_than_so_many_steps_close_to_something_and_it_is_a_wall_and_what_ha
 def test_at_a_wall_the_robot_turns_for_a_random_time_of_up_to_25_steps():
     """Over many robots every length from 1 to 25 steps comes up, and none else."""
     lengths = set()
-    for seed in range(200):
+    for seed in range(120):
         near_wall = beside_a_wall(5, seed)
         turns = [near_wall.wheels(right=5)] + [near_wall.wheels() for _ in range(30)]
         length = turns.index(AHEAD)
@@ -221,4 +221,4 @@ def wandering(steps, robots, seed=3):
     ids=str,
 )
 def test_long_drives_are_appendix_b_s(constants, interpret):
-    drive(wandering(150 if interpret else 1500, 20), interpret, **constants)
+    drive(wandering(100 if interpret else 800, 20), interpret, **constants)

@@ -281,20 +281,21 @@ ELSEWHERE = """
 import sys
 sys.path[:0] = {path!r}
 from tests.control.bench import Bench
-bench = Bench({file!r}, interpret=False)
-bench.control.step()
-print(bench.memory["x"].tolist()[0])
+for file in {files!r}:
+    bench = Bench(file, interpret=False)
+    bench.control.step()
+    print(bench.memory["x"].tolist()[0])
 """
 
 
-def outcome_elsewhere(file, cache):
-    """Return what a fresh process makes of the controller's file."""
+def outcomes_elsewhere(files, cache):
+    """Return what a fresh process makes of controllers' files."""
     path = [str(Path(__file__).parents[2]), str(Path(jit.__file__).parents[2])]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    command = [sys.executable, "-c", ELSEWHERE.format(path=path, file=str(file))]
+    command = [sys.executable, "-c", ELSEWHERE.format(path=path, files=list(map(str, files)))]
     environment["NUMBA_CACHE_DIR"] = str(cache)
     run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=120)
-    return float(run.stdout.splitlines()[-1])
+    return [float(line) for line in run.stdout.splitlines() if not line.startswith("so many")]
 
 
 def write_version(folder, edited, number):
@@ -305,24 +306,32 @@ def write_version(folder, edited, number):
     return folder / "mine.py"
 
 
-@pytest.mark.usefixtures("_caches")
-@pytest.mark.parametrize("edited", ["mine", "sibling"])
-def test_an_edit_takes_effect_at_once_in_this_process_and_in_others(edited, tmp_path):
-    old = find_controller(str(write_version(tmp_path, edited, 7)))
-    for number in (1, 3, 1):
-        file = write_version(tmp_path, edited, number)
-        assert [outcome(find_controller(str(file)), interpret) for interpret in (True, False)] == [number, number]
-    assert outcome(old) == 7  # what was loaded before it was compiled runs
-    file = write_version(tmp_path, edited, 4)  # the other process meets what this one has cached
-    assert outcome_elsewhere(file, tmp_path / "cache") == outcome(find_controller(str(file))) == 4
+LOOKED_UP = """
+def calls(n):
+    return 1 if n < 2 else n * calls(n - 1)
+
+def prints(n):
+    print("so many:", n)
+    return n
+"""
 
 
 @pytest.mark.usefixtures("_caches")
-def test_helpers_that_numba_must_look_up_run_in_this_process_and_in_the_next(tmp_path):
-    calls = "def calls(n):\n    return 1 if n < 2 else n * calls(n - 1)\n"
-    text = calls + "def prints(n):\n    print('so many:', n)\n    return n\n"
-    controller = write_controller(tmp_path / "mine.py", text + with_step("memory.x = prints(calls(5))"))
-    assert outcome(controller) == outcome_elsewhere(controller.path, tmp_path / "cache") == 120
+def test_an_edit_takes_effect_at_once_in_this_process_and_in_the_next_which_runs_what_numba_must_look_up(tmp_path):
+    files = []
+    for edited in ("mine", "sibling"):
+        folder = tmp_path / edited
+        folder.mkdir()
+        old = find_controller(str(write_version(folder, edited, 7)))
+        for number in (1, 3, 1):
+            file = write_version(folder, edited, number)
+            assert [outcome(find_controller(str(file)), interpret) for interpret in (True, False)] == [number, number]
+        assert outcome(old) == 7  # what was loaded before it was compiled runs
+        files.append(write_version(folder, edited, 4))  # the other process meets what this one has cached
+    looked_up = write_controller(tmp_path / "mine.py", LOOKED_UP + with_step("memory.x = prints(calls(5))"))
+    assert outcome(looked_up) == 120
+    assert outcomes_elsewhere([*files, looked_up.path], tmp_path / "cache") == [4, 4, 120]
+    assert [outcome(find_controller(str(file))) for file in files] == [4, 4]
 
 
 # --- compiling leaves the controller as it is ----------------------------------------------------------

@@ -49,7 +49,7 @@ def test_many_resets_in_crowds_leave_no_body_behind():
     """Bodies and shapes are freed by turns with spaces in which they were; pymunk aborts if they are still in one."""
     crowds = [Simulation("crowded", seed) for seed in range(3)]
     chance = random.Random(1)
-    for _ in range(60):
+    for _ in range(30):
         crowd = chance.choice(crowds)
         crowd.advance(chance.randint(1, 20))
         crowd.reset(chance.randint(0, 99))

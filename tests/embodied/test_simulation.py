@@ -47,7 +47,7 @@ def bits(step):
 def fingerprint(scenario, seed=7, interpret=False, steps=None):
     """Return a hash of every bit of every array of every step."""
     hashed = hashlib.sha256()
-    for step in steps_of(Simulation(scenario, seed, interpret=interpret), steps or (300 if scenario in LONG else 60)):
+    for step in steps_of(Simulation(scenario, seed, interpret=interpret), steps or (150 if scenario in LONG else 60)):
         hashed.update(repr(bits(step)).encode())
     return hashed.hexdigest()
 

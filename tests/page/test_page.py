@@ -1,6 +1,7 @@
 """What a page promises: one file, no network, what it shows and gives away, and who is refused."""
 
 import gzip
+import json
 import re
 import shutil
 from pathlib import Path
@@ -12,9 +13,10 @@ from epuck_sim import EpuckSimError, ParticleSimulation, ScenarioError, Simulati
 from epuck_sim.page import own
 from epuck_sim.page.kernels import ANEW, read_module
 from epuck_sim.page.roots import is_fresh, meanings
-from epuck_sim.page.writer import make_page, write_page
+from epuck_sim.page.writer import make_page, page_data, write_page
 from tests.browsers import Driven
 from tests.cli.commands import call
+from tests.control.bench import EMPTY
 from tests.tools import needs_browser
 
 MOST_BYTES = 500_000
@@ -107,6 +109,37 @@ def test_what_cannot_be_a_page_is_refused_with_its_key_and_nothing_is_written(tm
 
 
 CURVE = "def phase_shift(phase, coupling, parameters):\n    return {}\n"
+
+
+SENSOR = """
+READINGS = {{"{0}": float}}
+
+def sense(world, robot, readings, parameters, random):
+    readings.{0} = 1.0
+"""
+GROUPS = "robots=[{count: 4}, {count: 3, controller: mine.py, sensors: [near.py, far.py]}]"
+
+
+def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With ziglang, which takes long, tests/page/test_trials.py has them run."""
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text(EMPTY)
+    Path("curve.py").write_text(CURVE.format("coupling * phase"))
+    for name in ("near", "far"):
+        Path(f"{name}.py").write_text(SENSOR.format(name))
+    scenario = load_scenario("thesis", [GROUPS])
+    roots = {name: kernel.function.__globals__ for name, (kernel, _) in own.own_roots(scenario).items()}
+    assert roots.keys() == {"run_group_1", "sense_0", "sense_1"}
+    assert [roots[f"sense_{number}"]["READINGS"].names for number in range(2)] == [("near",), ("far",)]
+    swarm = page_data(scenario, "thesis")["facts"]["swarms"][4]
+    called = list(swarm["functions"].values())
+    assert called == ["run_firefly", "run_group_1", "sense_infrared", "look", "sense_0", "sense_1"]
+    assert [streams["robot"] for streams in swarm["streams"]] == [4, 4]
+    bent = load_scenario("particles", ["response.curve=curve.py"])
+    assert list(own.own_roots(bent)) == [own.CURVE]
+    assert own.CURVE in json.dumps(page_data(bent, "particles"))
 
 
 def test_files_of_ones_own_need_ziglang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

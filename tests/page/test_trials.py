@@ -192,6 +192,7 @@ OWN_CASES = {
 }
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.skipif(find_spec("ziglang") is None, reason="there is no ziglang to compile users' files for pages with")
 @pytest.mark.parametrize("case", OWN_CASES)

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from epuck_sim.util.jit import kernel_digest
+
 PACKAGE = Path(__file__).parents[2] / "epuck_sim"
 PROGRAM = "from epuck_sim.util.elementary import sin; print(sin(1.0).hex())"
 
@@ -26,7 +28,9 @@ def test_it_is_used_elsewhere_until_a_kernel_is_edited(tmp_path: Path) -> None:
     shutil.copytree(here / "epuck_sim" / "compiled", elsewhere / "epuck_sim" / "compiled", dirs_exist_ok=True)
     assert sine(elsewhere, cache) == expected
     assert not list(cache.rglob("*.nbc"))
-    with (elsewhere / "epuck_sim" / "elementary.py").open("a") as file:
+    package = elsewhere / "epuck_sim"
+    assert {folder.name for folder in (package / "compiled").iterdir()} == {kernel_digest("util", package)}
+    with (package / "elementary.py").open("a") as file:
         file.write("\n# an edit\n")
-    assert sine(elsewhere, cache) == expected
-    assert list(cache.rglob("*.nbc"))
+    kernel_digest.cache_clear()
+    assert not (package / "compiled" / kernel_digest("util", package)).exists()
