@@ -88,8 +88,10 @@ def output_of(wheel: Path, folder: Path, *arguments: str) -> str:
 
 
 def test_it_is_used_from_any_folder(wheel: Path, tmp_path: Path) -> None:
-    assert output_of(wheel, tmp_path, "-c", "import epuck_sim; print(epuck_sim.__file__)").startswith(str(wheel))
-    assert "name: pair\n" in output_of(wheel, tmp_path, "-m", "epuck_sim", "check", "pair")
+    script = "import epuck_sim; print(epuck_sim.__file__); from epuck_sim.cli.app import app; app(['list'])"
+    file, *listed = output_of(wheel, tmp_path, "-c", script).splitlines()
+    assert file.startswith(str(wheel))
+    assert any(line.startswith("  pair  ") and "two e-pucks" in line for line in listed)
 
 
 @pytest.mark.slow

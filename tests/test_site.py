@@ -1,9 +1,10 @@
-"""The site of the docs is built without a warning, and every link within it leads somewhere."""
+"""The site of the docs: it is built without a warning, its links lead somewhere, and its reference has everything."""
 
 import re
 import subprocess
 import sys
 from html.parser import HTMLParser
+from importlib import import_module
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -14,8 +15,7 @@ import epuck_sim
 from epuck_sim.cli.app import app
 from epuck_sim.cli.listing import list_names
 from epuck_sim.measures.loader import SHIPPED
-from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.loader import load_scenario
 from tests.browsers import shown
 from tests.tools import needs_browser
 
@@ -51,7 +51,42 @@ def site(tmp_path_factory) -> Path:
     return target / "html"
 
 
-def test_every_link_within_the_site_leads_somewhere(site: Path) -> None:
+def words(text: str) -> set[str]:
+    """Return the words of Markdown, such as dotted keys and names of options."""
+    return set(re.sub(r"[`|*(),]", " ", text).split())
+
+
+@pytest.fixture
+def _extensions(monkeypatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs/_ext")
+
+
+def written(module: str, name: str) -> str:
+    """Return what a directive of the site writes."""
+    return getattr(import_module(module), name)()
+
+
+@pytest.mark.usefixtures("_extensions")
+@pytest.mark.parametrize("model", ["embodied", "particles"])
+def test_the_reference_has_every_key(model: str) -> None:
+    keys = written("scenario_keys", "write_scenario_keys")
+    for section, inner in load_scenario({"model": model}).model_dump().items():
+        names = [f"{section}.{key}" for key in inner] if isinstance(inner, dict) else [section]
+        assert [name for name in names if f"`{name}" not in keys] == []
+    assert {"robots.N.camera.latency_ms", "arena.obstacles.N.radius_cm", "stop.when.relation"} <= words(keys)
+
+
+@pytest.mark.usefixtures("_extensions")
+def test_the_reference_has_every_command_and_all_that_is_shipped() -> None:
+    commands = words(written("command_line", "write_commands"))
+    assert get_command(app).commands.keys() | {"--measure", "--statistic", "--threshold-ms"} <= commands
+    writers = import_module("shipped").WRITERS
+    shipped = words("".join(write() for write in writers.values()))
+    assert {name for kind in list_names().values() for name in kind} | SHIPPED.keys() <= shipped
+
+
+@pytest.mark.slow
+def test_every_link_within_the_site_leads_somewhere_and_pages_load_nothing_from_elsewhere(site: Path) -> None:
     pages = {path: Page(path) for path in site.rglob("*.html")}
     assert {"index.html", "keys.html", "commands.html", "thesis.html", "particles.html"} <= {
         path.name for path in pages
@@ -60,38 +95,13 @@ def test_every_link_within_the_site_leads_somewhere(site: Path) -> None:
         for link in page.links:
             parts = urlsplit(link)
             if parts.scheme or parts.netloc:
+                assert not parts.netloc or not parts.path.endswith((".js", ".css", ".png", ".svg")), (path.name, link)
                 continue
             target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
             assert target.exists(), (path.name, link)
             if target in pages:
                 assert unquote(parts.fragment) in pages[target].places, (path.name, link)
-
-
-def test_pages_load_nothing_from_elsewhere(site: Path) -> None:
-    for path in site.rglob("*.html"):
-        far = [urlsplit(link) for link in Page(path).links if urlsplit(link).netloc]
-        assert not [each for each in far if each.path.endswith((".js", ".css", ".png", ".svg"))], path.name
-
-
-def words(page: Path) -> set[str]:
-    """Return the words of a page, such as dotted keys and names of options."""
-    return set(re.sub(r"<[^>]*>", "", page.read_text(encoding="utf-8")).split())
-
-
-def test_the_reference_has_every_key(site: Path) -> None:
-    keys = words(site / "keys.html")
-    for model in (EmbodiedScenario, ParticleScenario):
-        for name in model.model_fields.keys() - {"model"}:
-            assert any(word == name or word.startswith(f"{name}.") for word in keys), name
-    assert {"robots.N.camera.latency_ms", "arena.obstacles.N.radius_cm", "stop.when.relation"} <= keys
-
-
-def test_the_reference_has_every_command_and_all_that_is_shipped_and_public(site: Path) -> None:
-    commands = words(site / "commands.html")
-    assert get_command(app).commands.keys() | {"--measure", "--statistic", "--threshold-ms"} <= commands
-    shipped = {name for kind in list_names().values() for name in kind}
-    assert shipped | SHIPPED.keys() <= words(site / "shipped.html")
-    public = words(site / "api.html")
+    public = set(re.sub(r"<[^>]*>", "", (site / "api.html").read_text(encoding="utf-8")).split())
     assert all(any(word.startswith(f"epuck_sim.{name}") for word in public) for name in epuck_sim.__all__)
 
 
@@ -103,14 +113,10 @@ addEventListener("load", () => document.documentElement.dataset.problems = probl
 
 
 @needs_browser
-@pytest.mark.parametrize("name", ["index", "gallery", "keys"])
-def test_pages_open_without_an_error_or_a_missing_picture(name: str, site: Path, tmp_path: Path) -> None:
-    page = site / f"{name}-probed.html"
-    page.write_text((site / f"{name}.html").read_text(encoding="utf-8").replace("<head>", f"<head>{PROBE}", 1))
-    assert 'data-problems="none"' in shown(page, tmp_path / "profile")
-
-
-@needs_browser
-def test_words_are_found(site: Path, tmp_path: Path) -> None:
-    found = shown(site / "search.html", tmp_path / "profile", "?q=refractory")
-    assert "keys.html" in found
+@pytest.mark.slow
+def test_pages_open_without_an_error_or_a_missing_picture_and_words_are_found(site: Path, tmp_path: Path) -> None:
+    for name in ("index", "gallery", "keys"):
+        page = site / f"{name}-probed.html"
+        page.write_text((site / f"{name}.html").read_text(encoding="utf-8").replace("<head>", f"<head>{PROBE}", 1))
+        assert 'data-problems="none"' in shown(page, tmp_path / name)
+    assert "keys.html" in shown(site / "search.html", tmp_path / "search", "?q=refractory")

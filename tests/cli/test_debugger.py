@@ -44,7 +44,7 @@ def test_nothing_is_written_over_the_debugger_s_prompt(scene) -> None:
     os.close(theirs)
     try:
         assert "(Pdb) " in read_until_silent(ours, 60)
-        time.sleep(1)
+        time.sleep(0.3)
         assert not select.select([ours], [], [], 0)[0]
         os.write(ours, b"p 6 * 7\n")
         assert read_until_silent(ours, 10).replace("\r", "").endswith("p 6 * 7\n42\n(Pdb) ")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.cli.commands import call, called, refused
+from tests.figures.drawn import note_figures
 from tests.measures.files import write
 from tests.runs.made_folders import COUNT, SPEED, rows, store_measured, sweep
 
@@ -18,6 +19,7 @@ SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10]
 @pytest.fixture(autouse=True)
 def _here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    note_figures(monkeypatch)
 
 
 def bump(point, random):

@@ -16,6 +16,7 @@ from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
 from epuck_sim.statistics.curves import read_curves
 from tests.cli.commands import call, called, cells, contents, refused
+from tests.figures.drawn import note_figures
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -144,14 +145,7 @@ def test_plot_and_fit_find_the_same_regimes(made, plotted) -> None:
 @pytest.fixture
 def shown(monkeypatch) -> list[Figure]:
     """Return the list of figures that `plot` saves; nothing is rendered."""
-    figures: list[Figure] = []
-
-    def note(figure: Figure, part: Path, **_) -> None:
-        figures.append(figure)
-        part.touch()
-
-    monkeypatch.setattr(Figure, "savefig", note)
-    return figures
+    return note_figures(monkeypatch)
 
 
 def test_options_of_the_figure_are_those_of_the_section(small_one, shown, tmp_path) -> None:
@@ -179,6 +173,7 @@ def test_fit_of_several_folders_prints_them_all(made, tmp_path) -> None:
 # What can be read
 
 
+@pytest.mark.usefixtures("shown")
 def test_a_run_at_work_can_be_read_by_every_command(small, tmp_path) -> None:
     with Store(small, SMALL, points(SMALL)):
         for command in COMMANDS:

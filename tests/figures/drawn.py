@@ -1,7 +1,9 @@
 """What the tests of figures share: a figure that is laid out without being rendered, and the rows of a table."""
 
+from io import StringIO
 from pathlib import Path
 
+import pytest
 from matplotlib.figure import Figure
 
 from epuck_sim.display.table import csv_text
@@ -13,6 +15,22 @@ def laid_out(figure: Figure) -> Figure:
     """Return a figure after everything in it has its place, and every text has been read."""
     figure.draw_without_rendering()
     return figure
+
+
+def note_figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """Return the list of figures that are saved into files from now on; their pictures are empty files."""
+    figures: list[Figure] = []
+    render = Figure.savefig
+
+    def note(figure: Figure, part: Path | StringIO, **settings) -> None:
+        if isinstance(part, StringIO):  # a part of a page
+            render(figure, part, **settings)
+            return
+        figures.append(figure)
+        part.touch()
+
+    monkeypatch.setattr(Figure, "savefig", note)
+    return figures
 
 
 def legend_texts(figure: Figure) -> list[str]:

@@ -331,7 +331,7 @@ def test_agents_that_move_on_between_two_events_are_shown_as_often_as_the_viewer
 @pytest.mark.usefixtures("impatient")
 def test_a_window_that_breaks_down_soon_is_reported_with_its_output(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("DISPLAY", ":0")
-    replace_rerun(tmp_path / "stand", monkeypatch).answers_and_says("no place for a window")
+    replace_rerun(tmp_path / "stand", monkeypatch).answers_and_says("no place for a window", senders=1)
     with (
         pytest.raises(RecordingError, match="no place for a window"),
         live_viewer(None, ignore) as (window, intake),

@@ -555,7 +555,7 @@ def test_a_second_ctrl_c_while_a_viewer_that_ignores_signals_is_ended_leaves_non
 
 def test_a_viewer_that_breaks_down_before_it_has_the_recording_is_reported(thesis, stand: Stand, monkeypatch) -> None:
     monkeypatch.setattr(viewer, "FLUSH_S", 0.2)
-    stand.answers_and_says("no more of this")
+    stand.answers_and_says("no more of this", senders=1)  # rerun waits 10 s for one that it does not reach
     with pytest.raises(RecordingError, match=r"^the viewer does not work: no more of this$"):
         serve(thesis[0], free_port(), pytest.fail)
 

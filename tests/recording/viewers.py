@@ -39,7 +39,7 @@ pathlib.Path(__file__).with_suffix(".json").write_text(json.dumps(received))
 ANSWER_AND_BREAK_DOWN = """
 ports = [int(sys.argv[sys.argv.index(name) + 1]) for name in ("--port", "--web-viewer-port") if name in sys.argv]
 servers = [socket.create_server(("127.0.0.1", port)) for port in ports]
-callers = [server.accept() for server in servers]
+callers = [server.accept() for server in [*servers, *servers[:SENDERS]]]
 print(SAID, file=sys.stderr, flush=True)
 sys.exit(1)
 """
@@ -103,9 +103,9 @@ class Stand(NamedTuple):
     def acts(self, *lines: str) -> None:
         self.script.write_text("\n".join([TELL, *lines]))
 
-    def answers_and_says(self, said: str) -> None:
-        """Have it answer at its ports, and fail then."""
-        self.acts(f"SAID = {said!r}", ANSWER_AND_BREAK_DOWN)
+    def answers_and_says(self, said: str, senders: int = 0) -> None:
+        """Have it answer at its ports, once more at the first one if there are `senders`, and fail then."""
+        self.acts(f"SAID, SENDERS = {said!r}, {senders}", ANSWER_AND_BREAK_DOWN)
 
     @property
     def received(self) -> dict[str, Any]:

@@ -134,6 +134,7 @@ def cluster_process(*arguments: str | Path, folder: Path) -> subprocess.Popen:
     return start([sys.executable, "-m", "dask", *arguments, *HERE], cwd=folder, **nowhere)
 
 
+@pytest.mark.slow
 def test_a_sweep_outlives_workers_that_come_and_go_and_a_scheduler_that_is_started_again(tmp_path) -> None:
     path, folder, port = short_sweep(tmp_path, 100), tmp_path / "run", str(free_port())
     address = f"tcp://127.0.0.1:{port}"

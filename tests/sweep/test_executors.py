@@ -119,7 +119,10 @@ def test_what_listens_but_is_no_scheduler_is_named(greeting: bytes, monkeypatch)
 
 
 @pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "ftp://x:1", "tcp://127.0.0.1:9"])
-def test_where_no_scheduler_is_the_address_is_named_and_nothing_is_left_behind(address: str, tmp_path) -> None:
+def test_where_no_scheduler_is_the_address_is_named_and_nothing_is_left_behind(
+    address: str, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
     result = call("run", short_sweep(tmp_path), "--out", tmp_path / "run", "--dask", address)
     assert result.exit_code == 2
     assert f"error: --dask {address}: no Dask scheduler answers there" in result.stderr

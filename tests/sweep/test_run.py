@@ -155,7 +155,7 @@ def test_a_run_killed_at_random_moments_and_resumed_gives_the_same_table_and_cle
     assert [path.name for path in temporary.iterdir()] == ["pymp-of-another-program"]
 
 
-@pytest.mark.parametrize(("sign", "to_all"), [(signal.SIGINT, True), (signal.SIGTERM, False), (signal.SIGHUP, True)])
+@pytest.mark.parametrize(("sign", "to_all"), [(signal.SIGTERM, False), (signal.SIGHUP, True)])
 def test_a_request_ends_a_sweep_cleanly_and_it_says_how_to_go_on(
     tmp_path, uninterrupted, temporary, sign: signal.Signals, to_all: bool
 ) -> None:

@@ -100,8 +100,8 @@ ROWS = {
     "new": Row("new scenario mine", "mine.yaml", text),
 }
 
-QUICK = ("sweep", "share", "merge", "added measure", "parquet", "new")
-"""Commands that `make test` has; the others take seconds, and write their file as these do: `make torture` has them."""
+QUICK = ("sweep", "merge", "added measure", "new")
+"""Commands that `make test` has; the others write as these do, and some take seconds: `make torture` has them."""
 
 DIE, TORN = -1, -2
 FAULTS = {"kill": DIE, "torn write": TORN, "disk full": errno.ENOSPC, "EIO": errno.EIO}
