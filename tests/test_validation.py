@@ -48,7 +48,7 @@ def test_one_point_that_differs_is_found(limit: float) -> None:
 
 
 def test_z_of_equal_distributions_is_normal() -> None:
-    z = np.array([compare_point({}, sample(4, 15, n), sample(4, 20, 5000 + n)).z for n in range(1000)])
+    z = np.array([compare_point({}, sample(4, 15, n), sample(4, 20, 5000 + n)).z for n in range(400)])
     assert z.mean() == pytest.approx(0, abs=0.1)
     assert (z**2).mean() == pytest.approx(1, abs=0.15)
 

@@ -46,7 +46,7 @@ class Tracked:
 )
 def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
     robots = swarm(6, 4, 2, seed=1, period_s=2.0)
-    tracked = Tracked(tmp_path, KINDS[kind], robots, period_s=2.0, robots=6, frames_per_s=12.0)
+    tracked = Tracked(tmp_path, KINDS[kind], robots, scale=0.5, period_s=2.0, robots=6, frames_per_s=12.0)
     assert tracked.score.found + tracked.score.missed > 20
     assert tracked.score.recall >= 0.95
     assert tracked.score.precision >= 0.99

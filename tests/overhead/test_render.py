@@ -59,8 +59,8 @@ def slow_picture(camera: CameraModel, samples: list[ExposureSample], section: Ov
     "settings",
     [
         {"exposure_ms": 4.0, "bloom": 0.2},
-        {"exposure_ms": 4.0, "bloom": 0.1, "width_px": 640, "height_px": 360},
-        {"exposure_ms": 2.0, "bloom": 0.5, "vignetting": 0.5, "width_px": 240, "height_px": 240},
+        {"exposure_ms": 4.0, "bloom": 0.1, "width_px": 320, "height_px": 180},
+        {"exposure_ms": 2.0, "bloom": 0.5, "vignetting": 0.5},
         {"exposure_ms": 1000.0, "frames_per_s": 1},
         {"gain": 0.2, "bloom": 0.1, "gloss": 0.5, "field_of_view_deg": 45.0},
         {"gain": 6.0},
@@ -71,8 +71,9 @@ def slow_picture(camera: CameraModel, samples: list[ExposureSample], section: Ov
 )
 def test_brightness_is_that_of_the_formula_at_each_pixel(settings: dict) -> None:
     """Rings that move, go on and off in an exposure, and overlap; beyond half a level, haze is cut off."""
-    section = OverheadSection(**CLEAN | settings)
-    camera, renderer = make_renderer(EMPTY, **CLEAN | settings)
+    all_settings = CLEAN | {"width_px": 240, "height_px": 240} | settings
+    section = OverheadSection(**all_settings)
+    camera, renderer = make_renderer(EMPTY, **all_settings)
     poses = np.array([(21.0, 37.0, 0.8), (27.0, 36.0, -2.0), BEHIND_A_WALL])
     samples = [
         ExposureSample(poses + np.array([moved, 0, moved]), np.array(on))
@@ -224,7 +225,7 @@ def test_points_shine_at_the_leds_and_not_between() -> None:
 
 def test_ambient_light_shows_the_room_as_in_the_light_but_darker() -> None:
     dim, lit = shot((20, 20, 0), lit=False, ambient=0.25)[1], shot((20, 20, 0), lit=False, room=True)[1]
-    assert dim.astype(int) == pytest.approx(lit * 0.25, abs=1)
+    assert np.abs(dim - lit * 0.25).max() <= 1
 
 
 def test_a_tilted_camera_is_aimed_at_the_middle_from_the_same_height() -> None:

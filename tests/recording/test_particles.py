@@ -33,7 +33,7 @@ GLOW, FRAMES = 0.075, 20
 
 SCENARIOS: dict[str, dict[str, Any]] = parse_yaml(
     """
-thesis: {agents: {speed_cm_s: 30}, stop: {max_cycles: 30}}
+thesis: {agents: {speed_cm_s: 30}, stop: {max_cycles: 8}}
 synchronises: {agents: {count: 5, speed_cm_s: 30}, neighbourhood: {kind: all}}
 segment:
   space: {dimensions: 1, side_cm: 40}
@@ -69,7 +69,7 @@ in step:
   response: {curve: sine, coupling: 0.1}
 alone: {agents: {count: 1, speed_cm_s: 0}}
 many:
-  agents: {count: 420, speed_cm_s: 3}
+  agents: {count: 180, speed_cm_s: 3}
   neighbourhood: {kind: range, radius_cm: 5}
   stop: {order_parameter: null, max_cycles: 2}
 """,
