@@ -107,10 +107,10 @@ def endings(scenario: EmbodiedScenario | ParticleScenario) -> list[list[Any]]:
     ]
 
 
-def robots_case(name: str, *, steps: int = STEPS, interpret: bool = False) -> dict[str, Any]:
+def robots_case(name: str) -> dict[str, Any]:
     """Return the digest of what robots of a case sense and do, and where some are after a second."""
-    simulation = Simulation(case("robots", name), seed=1, interpret=interpret)
-    arrays = [array for step in islice(simulation, steps) for array in felt(step)]
+    simulation = Simulation(case("robots", name), seed=1)
+    arrays = [array for step in islice(simulation, STEPS) for array in felt(step)]
     early = Simulation(case("robots", name), seed=1).advance(round(1 / simulation.step_s) + 1)
     return {"digest": digest(arrays), "poses": early.poses[early.present][:3].tolist()}
 

@@ -4,8 +4,8 @@ The bits hold for one kind of machine and one version of each engine. Elsewhere 
 to 1e-9, before contacts and firings magnify the last digit, and the times of synchronisation as samples of one
 distribution.
 
-Of the cases (golden_cases.yaml), robots also start anew with `reset`, go on as copies and from snapshots, and some are
-interpreted, to the same bits.
+Of the cases (golden_cases.yaml), robots also start anew with `reset`, and go on as copies and from snapshots, to the
+same bits.
 """
 
 import copy
@@ -29,10 +29,6 @@ SAME_PLATFORM = golden.here() == GOLDEN["platform"]
 EARLY = {"poses", "phases"}
 CASES = [(kind, name) for kind, names in golden.CASES.items() for name in names]
 ROBOTS, AGENTS = (list(golden.CASES[kind]) for kind in ("robots", "agents"))
-INTERPRETED = [
-    *("camera_slow", "camera_central_pixels", "fault_restart", "coming_and_going_by_radio", "groups", "radio_messages"),
-    *("infrared_by_the_table", "spread_of_clocks", "stuck"),
-]
 WITHOUT_OUTCOME = ("OverheadSection", "FigureSection", "Condition", "SweepAxes")
 
 
@@ -166,12 +162,6 @@ def test_robots_of_a_case_do_as_they_did_also_reset_copied_restored_and_with_all
     assert golden.digest(last) == golden.digest(arrays[-len(last) :])
     if SAME_PLATFORM:
         assert golden.endings(scenario) == golden_values["trials"]
-
-
-@pytest.mark.parametrize("name", INTERPRETED)
-def test_interpreted_controllers_of_a_case_give_the_golden_bits_too(name: str) -> None:
-    steps = golden.STEPS // 4
-    assert golden.robots_case(name, steps=steps, interpret=True) == golden.robots_case(name, steps=steps)
 
 
 @pytest.mark.parametrize("stop_at", [None, 40])

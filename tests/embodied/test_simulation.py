@@ -80,13 +80,6 @@ def test_the_seed_is_the_scenarios_own_unless_it_is_given():
         Simulation("pair").advance(0)
 
 
-def test_trials_that_run_by_turns_do_not_disturb_each_other():
-    one, other = Simulation("thesis", 7), Simulation("thesis", 7)
-    alone = np.array([step.poses.copy() for step in steps_of(Simulation("thesis", 7), 100)])
-    by_turns = [(next(one).poses.copy(), next(other).poses.copy()) for _ in range(100)]
-    np.testing.assert_array_equal(np.moveaxis(by_turns, 1, 0), [alone, alone])
-
-
 # --- controllers for these tests --------------------------------------------------------------------
 
 BLINK = with_step("actuators.ring_on = memory.x == 3\n    memory.x += 1")

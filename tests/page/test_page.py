@@ -109,8 +109,6 @@ def test_what_cannot_be_a_page_is_refused_with_its_key_and_nothing_is_written(tm
 
 
 CURVE = "def phase_shift(phase, coupling, parameters):\n    return {}\n"
-
-
 SENSOR = """
 READINGS = {{"{0}": float}}
 

@@ -1,10 +1,6 @@
 """A page's trial is the program's, to the bit: of each model, of all that sliders change, and however it is run."""
 
-import base64
-import gzip
 import json
-import shutil
-import subprocess
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
@@ -15,8 +11,7 @@ import pytest
 import yaml
 
 from epuck_sim import load_scenario, run_trial
-from epuck_sim.page.kernels import read_module
-from epuck_sim.page.writer import CORE, WEB, make_page, page_data
+from epuck_sim.page.writer import make_page, page_data
 from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.trial.model import simulate
@@ -104,29 +99,6 @@ def opened(browser: Driven, pages: Path, scenario: str, changes: list[str]) -> A
     path.write_text(make_page(loaded, scenario, changes))
     browser.open(path.as_uri())
     return loaded
-
-
-IN_NODE = """
-const { facts, values, wasm, seeds } = JSON.parse(require("fs").readFileSync(0));
-const page = { modules: [new WebAssembly.Module(fromBase64(wasm)), null], data: { facts } };
-console.log(JSON.stringify((TRIALS)(values, seeds)));
-"""
-NODE = shutil.which("node")
-
-
-@pytest.mark.skipif(NODE is None, reason="there is no node to run the scripts of pages with")
-@pytest.mark.parametrize("name", ["particles", "thesis"])
-def test_trials_end_as_the_programs_do_in_node_too(tmp_path: Path, name: str) -> None:
-    scenario = load_scenario(name, ["stop.max_cycles=40"])
-    data, seeds = page_data(scenario, name), range(30)
-    wasm = base64.b64encode(gzip.decompress(read_module(scenario.model))).decode()
-    script = tmp_path / "trials.js"
-    core = "\n".join((WEB / each).read_text() for each in CORE)
-    script.write_text(core + IN_NODE.replace("TRIALS", TRIALS))
-    given = {"facts": data["facts"], "values": data["values"], "wasm": wasm, "seeds": list(seeds)}
-    assert NODE is not None
-    found = subprocess.run([NODE, script], input=json.dumps(given), capture_output=True, text=True, check=True)
-    assert json.loads(found.stdout) == ended(scenario, seeds)
 
 
 @needs_browser

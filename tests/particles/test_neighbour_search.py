@@ -112,12 +112,6 @@ def test_all_agents_within_a_range_receive_including_its_edge(radius_cm, receive
         assert as_set(next(swarm).received) == received
 
 
-@pytest.mark.parametrize("rule", [{"kind": "nearest"}, {"kind": "all"}, {"kind": "range", "radius_cm": 5}])
-def test_no_agent_receives_its_own_pulse(rule):
-    event = next(make_resting([0.9], [[50.0, 50.0]], neighbourhood=rule))
-    assert (as_set(event.fired), as_set(event.received)) == ({0}, set())
-
-
 # --- agents drawn at random -------------------------------------------------------------------------
 
 

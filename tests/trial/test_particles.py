@@ -48,15 +48,6 @@ def test_the_order_parameter_is_measured_at_each_firing_of_the_reference(metric,
         assert swarm.is_synchronised == synchronised
 
 
-@pytest.mark.parametrize("metric", ["complex", "reference"])
-@pytest.mark.parametrize("apart", [0.05, 0.2, 0.4, 0.5])
-def test_the_order_of_two_is_a_cosine(metric, apart):
-    swarm = make_resting([0.9, (0.9 - apart) % 1], response={"coupling": 0}, stop={"metric": metric})
-    swarm.run(1)
-    expected = math.cos(math.pi * apart) if metric == "complex" else (1 + math.cos(2 * math.pi * apart)) / 2
-    assert swarm.order_parameter == pytest.approx(expected, abs=1e-12)
-
-
 def test_the_order_parameter_at_any_time_is_the_one_reported_event_by_event():
     swarm, by_event = (
         make_simulation(1, response={"coupling": 0}, clocks={"jitter": 0.2}, agents={"count": 5}) for _ in range(2)

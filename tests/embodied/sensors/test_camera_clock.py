@@ -60,41 +60,6 @@ def test_each_step_shows_the_last_picture_that_has_arrived(pace, seed):
         assert (shown[:, robot].tolist(), is_new[:, robot].tolist()) == slow_twin(*pace, 200, stream)
 
 
-COUNT_PICTURES = """
-PARAMETERS = {}
-MEMORY = {"pictures": int, "red": int}
-
-
-def start(memory, parameters, random):
-    pass
-
-
-def step(sensors, memory, actuators, parameters, random):
-    memory.pictures += sensors.new_picture
-    memory.red = 0
-    for pixel in sensors.camera:
-        memory.red += pixel
-    actuators.ring_on = memory.pictures % 3 == 0
-    actuators.left_cm_s = 2.0
-    actuators.right_cm_s = 3.0
-"""
-
-
-def test_controllers_of_each_group_have_so_many_pictures_a_second_and_steps_show_them(tmp_path):
-    (tmp_path / "count.py").write_text(COUNT_PICTURES)
-    cameras = {"pixels": 20, "frames_per_s": 8, "latency_ms": 50}, {"pixels": 60}
-    groups = [{"count": 6, "controller": str(tmp_path / "count.py"), "camera": camera} for camera in cameras]
-    scenario = {"robots": groups, "timing": {"control_hz": 40, "physics_hz": 120}}
-    seen = []
-    for _, step in zip(range(400), Simulation(scenario, 1, interpret=True), strict=False):
-        assert not step.camera[:6, 20:].any()
-        np.testing.assert_array_equal(step.camera.sum(axis=1), np.concatenate([each["red"] for each in step.memories]))
-        seen.append(step.camera[:6].copy())
-    np.testing.assert_allclose(step.memories[0]["pictures"], 80, atol=1)
-    assert (step.memories[1]["pictures"] == 400).all()
-    assert 0 < np.diff(seen, axis=0).any(axis=2).sum(axis=0).max() <= 81
-
-
 def test_a_picture_in_every_step_is_as_good_as_no_pace():
     plain, paced = Simulation("thesis", 3), Simulation(load_scenario("thesis", ["robots.0.camera.frames_per_s=10"]), 3)
     for one, other, _ in zip(plain, paced, range(300), strict=False):
