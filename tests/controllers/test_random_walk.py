@@ -10,7 +10,8 @@ from epuck_sim.control.interface import Wheels
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.epuck import WHEEL_BASE_CM
 from epuck_sim.testing import TestRobot
-from tests.control.bench import MODES
+from epuck_sim.util.seeds import robot_streams
+from tests.control.bench import MODES, function, settings
 from tests.particles.distributions import UNLIKELY
 
 STEP_S = 0.1
@@ -48,11 +49,10 @@ def test_turns_are_wrapped_cauchy_and_runs_exponential(persistence):
 
 
 def test_runs_of_a_levy_walk_have_a_power_law():
-    runs, _ = runs_and_turns(600, run_s=2.0, exponent=2.5)
-    assert runs.min() >= 2.0 - 1e-9
-    steps = np.random.default_rng(0).uniform(-STEP_S, 0, len(runs))
-    long = runs[runs > 3] + steps[runs > 3]  # where a step is little beside a run; a power law is one from any point on
-    assert stats.kstest(long[long > 3], "pareto", args=(1.5, 0, 3)).pvalue > UNLIKELY
+    draw, parameters = function("run_ms", "random_walk"), settings("random_walk", run_s=2.0, exponent=2.5)
+    (stream,) = robot_streams(np.random.SeedSequence(4), 1)
+    runs = [draw(parameters, stream) / 1000 for _ in range(20_000)]
+    assert stats.kstest(runs, "pareto", args=(1.5, 0, 2.0)).pvalue > UNLIKELY
 
 
 @MODES

@@ -88,7 +88,7 @@ def test_slow_twins_see_the_same(tmp_path, monkeypatch, interpret, has_picture):
         np.testing.assert_allclose(
             seen["clearance"], [clearance_cm(step.arena, *each) for each in zip(x, y, strict=True)]
         )
-        for robot in range(0, 30, 5):
+        for robot in range(30):
             np.testing.assert_allclose(seen["distance"][robot], walk_along(step, robot, 20), atol=0.011)
         levels |= set(seen["brightness"])
     assert {0.25, 0.5} <= levels

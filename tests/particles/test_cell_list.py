@@ -58,7 +58,7 @@ def test_all_agents_within_the_radius_are_found_and_none_twice(boundary, dimensi
     assert scene.cells >= cells
     scene.cells, scene.cell_cm = cells, 100 / cells
     for time in (0.0, 0.01, 0.05, 0.4, 0.9):
-        for agent, reach in itertools.product((0, 17, 449), (0.5, 7.0, 45.0, 300.0)):
+        for agent, reach in itertools.product(range(0, 450, 18), (0.5, 7.0, 45.0)):
             count = find_candidates(trajectories.block, swarm._addresses, agent, time, reach)
             candidates = trajectories.candidates[:count]
             assert len(set(candidates)) == len(candidates)

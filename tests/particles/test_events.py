@@ -27,9 +27,9 @@ kinds = pytest.mark.parametrize("kind", KINDS)
 # --- compared with the naive model ------------------------------------------------------------------
 
 
-def compare(kind, data, seed, **limits):
+def compare(kind, data, seed, cycles=25, **limits):
     swarm = make_simulation(seed, **data.draw(any_sections(kind, **limits)))
-    compare_events(swarm, NaiveModel(swarm), cycles=50)
+    compare_events(swarm, NaiveModel(swarm), cycles=cycles)
 
 
 @kinds
@@ -44,7 +44,7 @@ def test_every_event_is_that_of_the_naive_model(kind, data, seed):
 @settings(max_examples=1500)
 @pytest.mark.slow
 def test_every_event_is_that_of_the_naive_model_in_many_more_and_larger_swarms(kind, data, seed):
-    compare(kind, data, seed, most_agents=data.draw(st.sampled_from([7, 7, 7, 50])))
+    compare(kind, data, seed, cycles=50, most_agents=data.draw(st.sampled_from([7, 7, 7, 50])))
 
 
 @kinds

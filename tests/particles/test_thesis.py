@@ -12,7 +12,7 @@ import pytest
 from epuck_sim.particles.simulation import ParticleSimulation
 from tests.particles.simulations import make_resting, make_simulation
 
-CENSORED_AT = 30_000
+CENSORED_AT = 20_000
 
 FAST = 100 / 20**0.5
 """cm a cycle: L / sqrt(N), where the fast regime begins (5.4.1)."""

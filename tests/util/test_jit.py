@@ -4,6 +4,7 @@ import ast
 import errno
 import os
 import random
+import runpy
 import shutil
 import subprocess
 import sys
@@ -132,6 +133,16 @@ def test_an_edit_compiles_the_rooms_anew_that_use_what_was_edited(package: Path,
     assert changed == list(rooms)
 
 
+@pytest.mark.parametrize("module", ["epuck_sim.embodied.sensors.camera", "tests.embodied.sensors.test_camera"])
+def test_a_kernel_of_a_room_or_of_its_tests_is_kept_under_the_digest_of_the_room(module: str, monkeypatch) -> None:
+    def kernel() -> int:
+        return 1
+
+    kernel.__module__ = module
+    monkeypatch.setattr(jit, "compile_cached", lambda _, contents_digest, **__: contents_digest)
+    assert jit.jit(kernel).for_python == kernel_digest("embodied")  # type: ignore[attr-defined]
+
+
 def test_the_digest_depends_on_where_one_content_ends_and_the_next_begins() -> None:
     assert digest([b"ab", b"c"]) != digest([b"a", b"bc"])
 
@@ -199,7 +210,7 @@ def in_processes(cache: Path, program: Path, count: int) -> list[str]:
     return [process.communicate(timeout=120)[0].strip() for process in running]
 
 
-def test_a_cache_in_use_is_marked_so_and_old_ones_go_when_a_new_one_is_made(tmp_path) -> None:
+def test_a_cache_in_use_is_marked_so_and_old_ones_go_when_a_new_one_is_made(tmp_path, monkeypatch, capsys) -> None:
     program = tmp_path / "program.py"
     program.write_text(ADD_ONE)
     cache = tmp_path / "cache"
@@ -208,7 +219,9 @@ def test_a_cache_in_use_is_marked_so_and_old_ones_go_when_a_new_one_is_made(tmp_
     assert not old.exists()
     old = make_cache(cache / ("0" * 16), OLD)
     os.utime(used, (0, 0))
-    assert in_processes(cache, program, 1) == ["2 1"]
+    monkeypatch.setattr(jit, "cache_root", lambda **_: cache)
+    runpy.run_path(str(program))
+    assert capsys.readouterr().out == "2 1\n"
     assert time.time() - used.stat().st_mtime < 100
     assert old.exists()  # nothing was compiled: there was no need to look
 

@@ -12,7 +12,7 @@ from epuck_sim.scenario.robots import EnkiCameraSignal
 from tests.embodied.scenes import BODIES, EDGE_CM, Scene, empty_arena, scenes
 from tests.embodied.sensors.test_flash_cone import lit_pair, pairs
 
-RAYS = 1800
+RAYS = 3600
 ANGLES = np.arange(RAYS) * 2 * math.pi / RAYS
 
 sections = st.builds(
@@ -46,13 +46,17 @@ def depths(x: float, y: float, edges: FloatArray) -> FloatArray:
     return np.where((depth >= 0) & (share >= 0) & (share <= 1), depth, math.inf)
 
 
-def slow_camera(scene: Scene, section: EnkiCameraSignal, occlusion: bool) -> tuple[BoolArray, BoolArray]:
-    """Return (robots, robots) whether the first sees the second by a ray, and whether it may do so between rays."""
+def slow_camera(
+    scene: Scene, section: EnkiCameraSignal, occlusion: bool, observers: slice
+) -> tuple[BoolArray, BoolArray]:
+    """Return (observers, robots) whether each sees each by a ray, and whether it may do so between rays."""
     robots = len(scene.poses)
-    surely, perhaps = np.zeros((2, robots, robots), bool)
+    looking = range(robots)[observers]
+    surely, perhaps = np.zeros((2, len(looking), robots), bool)
     discs = np.vstack([np.column_stack([scene.poses[:, :2], scene.radii_cm]), scene.arena.circles])
     reach = math.inf if section.range_cm is None else section.range_cm
-    for one, (centre_x, centre_y, heading) in enumerate(scene.poses):
+    for row, one in enumerate(looking):
+        centre_x, centre_y, heading = scene.poses[one]
         x, y = np.array([centre_x, centre_y]) + scene.body.camera_forward_cm * np.array(
             [math.cos(heading), math.sin(heading)]
         )
@@ -67,17 +71,18 @@ def slow_camera(scene: Scene, section: EnkiCameraSignal, occlusion: bool) -> tup
             nearer = (away < away[other]) & (np.arange(len(discs)) != one)
             hides = np.column_stack([covers[:, nearer], edge_depths < away[other]]) & occlusion
             shown = covers[:, other] & view[:, 0]
-            surely[one, other] = (shown & ~hides.any(axis=1)).any() and gap < reach - EDGE_CM
+            surely[row, other] = (shown & ~hides.any(axis=1)).any() and gap < reach - EDGE_CM
             shown = wide(covers[:, other]) & wide(view)[:, 0]
-            perhaps[one, other] = (shown & ~narrow(hides).any(axis=1)).any()
+            perhaps[row, other] = (shown & ~narrow(hides).any(axis=1)).any()
     return surely, perhaps
 
 
-@settings(max_examples=50)
-@given(scenes(robots=(2, 3, 10, 25), bodies=BODIES), sections, st.booleans())
+@settings(max_examples=60)
+@given(scenes(robots=(2, 3, 10, 40), bodies=BODIES), sections, st.booleans())
 def test_a_robot_is_seen_if_a_ray_of_a_fan_meets_it_first(scene, section, occlusion):
-    surely, perhaps = slow_camera(scene, section, occlusion)
-    found = pairs(scene, section, occlusion)
+    observers = slice(0, None, 1 + len(scene.poses) // 8)
+    surely, perhaps = slow_camera(scene, section, occlusion, observers)
+    found = pairs(scene, section, occlusion)[observers]
     assert (surely <= found).all()
     assert (found <= perhaps).all()
 
