@@ -89,8 +89,10 @@ def test_a_new_folder_holds_the_database_and_the_scenario_that_was_run(tmp_path)
     assert load_scenario(folder) == load_scenario(folder / "scenario.yaml") == DEMO
 
 
-OF_ROBOTS = ("speed_cm_s", "period_s", "coupling", "flash_fraction", "refractory_fraction")
-AXES = scenario_of({"grid": {f"robots.0.parameters.{name}": [0.2, 0.3] for name in OF_ROBOTS}}, trials=1)
+OF_ROBOTS = ("speed_cm_s", "period_s", "coupling", "refractory_fraction")
+AXES = scenario_of(
+    {"grid": {COUNT: [2, 3]} | {f"robots.0.parameters.{name}": [0.2, 0.3] for name in OF_ROBOTS}}, trials=1
+)
 """A sweep of so many axes that sets of their names are hardly ever in the same order twice."""
 
 
