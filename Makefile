@@ -6,10 +6,10 @@ BIN := $(VENV)/bin
 SOURCES := pyproject.toml README.md
 SWEEPS := fig-4-2a fig-4-2b fig-4-3a fig-4-3b fig-4-4
 TRIALS ?= 200
-QUICK_SWEEPS := fig-2-6 fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8 embodiment fig-5-3 fig-5-4 fig-5-5 \
+QUICK_SWEEPS := fig-2-6 fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-5-3 fig-5-4 fig-5-5 \
     fig-5-6 fig-5-7 fig-5-8 fig-5-9 fig-5-10 fig-5-11 fig-a-1 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6 \
-    wireless kilobot-ranges mean-field order-change speed-distributions random-walks broad-speeds \
-    broad-speeds-robots random-walks-robots
+    wireless kilobot-ranges mean-field order-change speed-distributions
+LONGER_SWEEPS := random-walks broad-speeds random-walks-robots broad-speeds-robots
 
 BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
 STUDIED := fig-a-1 fig-5-3 fig-5-4 fig-5-5 fig-5-10 speed-distributions
@@ -92,7 +92,8 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/python docs/figures/overhead_views.py
 	$(BIN)/python -m docs.figures.overhead_kinds
 	$(BIN)/python -m docs.figures.overhead_identities
-	$(BIN)/epuck-sim run switching --quick --out runs/switching
+	$(BIN)/epuck-sim run switching --quick --trials 100 --out runs/switching
+	$(BIN)/epuck-sim summarize runs/switching --of mean_speed --csv > docs/figures/switching.csv
 	$(BIN)/epuck-sim plot runs/switching --of order_parameter --to runs/switching.png
 	cp runs/switching.png docs/figures/
 	set -e; for sweep in consensus consensus-robots fault-detection; do \
@@ -101,6 +102,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/epuck-sim plot runs/consensus-quick --of consensus --to docs/figures/consensus.png
 	$(BIN)/epuck-sim plot runs/consensus-robots-quick --of consensus --to docs/figures/consensus-robots.png
 	$(BIN)/epuck-sim plot runs/fault-detection-quick --of false_alarms --to docs/figures/fault-detection.png
+	$(BIN)/epuck-sim summarize runs/fault-detection-quick --of detection_delay --csv > docs/figures/detection-delay.csv
 	$(BIN)/epuck-sim run fig-4-7 --out runs/fig-4-7
 	$(BIN)/python docs/figures/fig_4_7.py runs/fig-4-7
 	$(BIN)/epuck-sim run pushing-synchrony --quick --out runs/pushing-synchrony-quick
@@ -115,6 +117,33 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	    $(BIN)/epuck-sim plot runs/$$sweep-quick --to runs/$$sweep; \
 	    cp runs/$$sweep.png runs/$$sweep.csv docs/figures/; \
 	done
+	set -e; for sweep in fig-3-7 fig-3-8; do \
+	    $(BIN)/epuck-sim run $$sweep --quick --set robots.0.signal.kind=cone --out runs/$$sweep-quick; \
+	    $(BIN)/epuck-sim plot runs/$$sweep-quick --to runs/$$sweep; \
+	    cp runs/$$sweep.png runs/$$sweep.csv docs/figures/; \
+	done
+	$(BIN)/epuck-sim run embodiment --quick --trials 40 --sweep once_per_sighting=false,true --out runs/embodiment
+	set -e; for sweep in $(LONGER_SWEEPS); do $(BIN)/epuck-sim run $$sweep --quick --trials 100 --out runs/$$sweep; done
+	set -e; for sweep in $(LONGER_SWEEPS) embodiment; do \
+	    $(BIN)/epuck-sim plot runs/$$sweep --to runs/$$sweep; \
+	    cp runs/$$sweep.png runs/$$sweep.csv docs/figures/; \
+	done
+	set -e; for axis in contact.robots=true,false robots.0.signal.occlusion=true,false once_per_sighting=false,true; do \
+	    $(BIN)/epuck-sim compare runs/embodiment --axis $$axis; \
+	done > docs/figures/embodiment.txt
+	set -e; for sweep in random-walks broad-speeds; do $(BIN)/epuck-sim fit runs/$$sweep > docs/figures/$$sweep.txt; done
+	set -e; for axis in run_s=1,10 exponent=0,2; do \
+	    $(BIN)/epuck-sim compare runs/random-walks-robots --axis robots.0.parameters.$$axis; \
+	done > docs/figures/random-walks-robots.txt
+	$(BIN)/epuck-sim compare runs/broad-speeds-robots --axis robots.0.parameters.speed_spread=0,0.5,1 \
+	    > docs/figures/broad-speeds-robots.txt
+	$(BIN)/epuck-sim run embodiment-agents --sweep response.coupling=0.1,0.4641 --trials 50 --set stop.max_cycles=500 \
+	    --out runs/embodiment-agents
+	$(BIN)/epuck-sim summarize runs/embodiment-agents --csv > docs/figures/embodiment-agents.csv
+	$(BIN)/epuck-sim run thesis --trials 200 --sweep reflection_range_cm=0,50,200 --sweep speed_cm_s=0.2,1,4,12.8 \
+	    --out runs/reflections
+	$(BIN)/epuck-sim summarize runs/reflections --csv > docs/figures/reflections.csv
+	$(BIN)/epuck-sim compare runs/reflections --axis reflection_range_cm=0,50,200 > docs/figures/reflections.txt
 	$(BIN)/epuck-sim run thesis --trials 200 --sweep robots.0.parameters.speed_cm_s=$(BASE_SPEEDS) --out runs/base
 	$(BIN)/epuck-sim run fig-5-5 --quick --sweep neighbourhood.k=1,2,3,10 --sweep agents.speed_cm_s=0.2,5,10,20,40,100 \
 	    --trials 200 --out runs/k-200

@@ -5,9 +5,13 @@ import os
 import re
 import subprocess
 import sys
+from base64 import b64encode
 from pathlib import Path
 
 import pytest
+
+from epuck_sim import Simulation, read_points, run_trial, show, summarize
+from tests.runs.made_folders import SPEED, store, sweep, weibull
 
 SCRIPT = Path(__file__).parent.parent / "docs/run_notebook.py"
 NOTEBOOK = SCRIPT.with_name("notebook.ipynb")
@@ -35,6 +39,17 @@ def test_things_show_themselves_and_no_paths() -> None:
     assert points.count("<tr>") == 4
 
     assert re.findall(r"/(?:home|root|tmp|work|Users)\b", NOTEBOOK.read_text()) == []
+
+
+def test_films_results_and_points_show_themselves(tmp_path) -> None:
+    (tmp_path / "t.mp4").write_bytes(b"film")
+    film = show(tmp_path / "t.mp4")._repr_html_()
+    assert "<video controls" in film
+    assert f"data:video/mp4;base64,{b64encode(b'film').decode()}" in film
+    assert "t_sync_cycles" in run_trial(Simulation("pair", 1))._repr_html_()
+    folder = store(tmp_path / "run", sweep({SPEED: [1, 2, 4]}, trials=6), lambda point: weibull(point, 30))
+    assert read_points(folder)._repr_html_().count("<tr>") == 4
+    assert "mean" in summarize(read_points(folder))._repr_html_()
 
 
 @pytest.mark.slow

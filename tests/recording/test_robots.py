@@ -78,7 +78,13 @@ KILOBOTS = {
 UNSURE = {"robots": [{"count": 2, "controller": "constant"}, {"count": 4}]}
 """The reference is no oscillator."""
 
-WINDOWS = {"one window": {}, "a second": {"BUFFER_S": 1}, "73 rows": {"BUFFER_ROWS": 73}, "a row": {"BUFFER_ROWS": 1}}
+WINDOWS = {
+    "one window": {},
+    "a second": {"BUFFER_S": 1},
+    "73 rows": {"BUFFER_ROWS": 73},
+    "100 rows": {"BUFFER_ROWS": 100},
+    "a row": {"BUFFER_ROWS": 1},
+}
 
 CASES: dict[str, tuple[Any, list[str], str]] = {
     "thesis": ("thesis", ["max_time_s=30"], "73 rows"),
@@ -300,7 +306,7 @@ def test_cones_of_any_signal_show_their_edges_and_those_all_around_are_circles(t
     assert found.static["/arena/ranges"]["Ellipses2D:half_sizes"] == [[40, 40]] * 2
 
 
-@pytest.mark.parametrize(("window", "robots"), [("one window", 3), ("73 rows", 2)])
+@pytest.mark.parametrize(("window", "robots"), [("one window", 3), ("100 rows", 2)])
 def test_in_a_picture_of_a_minute_time_runs_down_and_robots_with_room_stand_side_by_side(
     tmp_path, monkeypatch, window: str, robots: int
 ) -> None:

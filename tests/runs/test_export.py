@@ -5,13 +5,14 @@ import json
 import math
 import random
 from pathlib import Path
+from typing import BinaryIO
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.runs.export import export
+from epuck_sim.runs.export import WRITERS, export
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
@@ -50,6 +51,23 @@ def csv_of(folder: Path) -> list[dict[str, str]]:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return tmp_path / "run"
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_an_older_table_stays_and_nothing_else_is_left_where_writing_fails(folder, monkeypatch, ending: str) -> None:
+    fill(folder)
+    target = folder.with_name(f"results{ending}")
+    target.write_text("older")
+
+    def fail(_: pa.Table, file: BinaryIO) -> None:
+        file.write(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setitem(WRITERS, ending, fail)
+    with pytest.raises((OSError, EpuckSimError), match="No space left"):
+        export(folder, target)
+    assert target.read_text() == "older"
+    assert sorted(path.name for path in folder.parent.iterdir()) == [target.name, folder.name]
 
 
 def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folder) -> None:

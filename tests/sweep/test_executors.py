@@ -99,6 +99,25 @@ def test_a_cluster_without_workers_is_told_of_once_whenever_it_has_none(monkeypa
     assert capsys.readouterr().err == "--dask tcp://here: the scheduler has no workers; waiting for them\n" * 2
 
 
+def test_a_scheduler_that_has_answered_is_waited_for_and_one_that_never_has_is_not(monkeypatch, capsys) -> None:
+    answers = iter([None, "client", None, None, "another"])
+
+    def connect(_: str) -> str:
+        answer = next(answers)
+        if answer is None:
+            raise ClusterError("nobody")
+        return answer
+
+    monkeypatch.setattr(cluster, "_connect", connect)
+    monkeypatch.setattr(cluster, "LOOK_S", 0)
+    asked = DaskCluster("tcp://here")
+    with pytest.raises(ClusterError, match="nobody"):
+        asked._connect()
+    assert [asked._connect(), asked._connect()] == ["client", "another"]
+    said = "--dask tcp://here: the scheduler is gone; waiting until it is started again, with workers\n"
+    assert capsys.readouterr().err == said
+
+
 def greet(server: socket.socket, greeting: bytes) -> None:
     connection, _ = server.accept()
     with connection:
