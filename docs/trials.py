@@ -19,6 +19,7 @@ import numpy as np
 
 from epuck_sim.measures.interface import Value
 from epuck_sim.replication.claims import SHIPPED, Check, Claims, read_claims
+from epuck_sim.replication.looks import counted_looks
 from epuck_sim.replication.page import Contents, check_table
 from epuck_sim.replication.sweeps import Version, is_asked, needed_sweeps, sweep_folder
 from epuck_sim.replication.verdicts import Finding, judge_claims, reduced, run_check
@@ -122,7 +123,10 @@ def table_of_tests(claims: Claims) -> str:
         (claim, [find(check, claim.sweep, scenarios) for check in claim.checks if claim.id in asked])
         for claim in claims.claims
     ]
-    return check_table(Contents(Version.QUICK, DOCS, (), judge_claims(found), {}, claims, looks=1)).to_csv()
+    looks = counted_looks(
+        (scenario, max(map(len, read_table(sweep).values()))) for sweep, scenario in scenarios.items()
+    )
+    return check_table(Contents(Version.QUICK, DOCS, (), judge_claims(found, looks), {}, claims, looks)).to_csv()
 
 
 def main(*folders: str) -> None:

@@ -6,7 +6,7 @@ method: so the level of a page holds whatever made trials be added, or looks end
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,6 +45,11 @@ def planned_trials(status: Status) -> int:
 
 
 HOUR_S = 3600.0
+
+
+def counted_looks(versions: Iterable[tuple[Scenario, int]]) -> int:
+    """Return how many looks count, of sweeps with the trials of their points: one if none has more than its version."""
+    return LOOKS if any(trials > scenario.trials for scenario, trials in versions) else 1
 
 
 class NextLook(NamedTuple):

@@ -18,7 +18,7 @@ from epuck_sim.figures import plot
 from epuck_sim.figures.labels import format_axis_values, key_name
 from epuck_sim.figures.style import style
 from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
-from epuck_sim.replication.looks import LOOKS, planned_trials
+from epuck_sim.replication.looks import counted_looks, planned_trials
 from epuck_sim.replication.sweeps import (
     Version,
     check_claim,
@@ -121,8 +121,8 @@ def read_contents(claims: Claims, chosen: Sequence[Claim], folder: Path, version
     folders = {each.sweep: sweep_folder(folder, each.sweep, version) for each in asked.values() if each.sweep}
     findings = [(claim, check_claim(claim, folders) if claim.id in asked else []) for claim in chosen]
     sweeps = {name: _read_sweep(each, sweep_scenario(claims, name, Version.FULL)) for name, each in folders.items()}
-    trials = {name: sweep_scenario(claims, name, version).trials for name in folders}
-    looks = LOOKS if any(planned_trials(sweeps[name].status) > least for name, least in trials.items()) else 1
+    trials = ((sweep_scenario(claims, name, version), planned_trials(each.status)) for name, each in sweeps.items())
+    looks = counted_looks(trials)
     return Contents(
         version,
         folder,
