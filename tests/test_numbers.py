@@ -1,0 +1,61 @@
+"""Numbers in the docs' pages of results are those of the tables from which they are written."""
+
+import csv
+import math
+import re
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from epuck_sim.arrays import FloatArray
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGES = ("results", "particle_results", "open_questions", "neighbour_change", "learning", "overhead", "trust")
+
+NUMBER = r"-?\d[\d,]*(?:\.\d+)?(?:e[+-]\d+)?"
+INTERVAL = re.compile(rf"({NUMBER})( %)? [(\[]({NUMBER})(?:\u2013| to |, )({NUMBER})[)\]]")
+SPACED = re.compile(rf"({NUMBER}) +({NUMBER} to {NUMBER})")
+
+
+def number(text: str) -> float:
+    try:
+        return float(text.replace(",", ""))
+    except ValueError:
+        return math.nan
+
+
+def resolution(text: str) -> float:
+    """Return the value of the last digit that is not a rounded zero: 0.01 of 0.25, 100 of 1,300."""
+    digits = text.replace(",", "").lstrip("-")
+    if "." in digits:
+        return 10.0 ** -len(digits.partition(".")[2])
+    return 10.0 ** (len(digits) - len(digits.rstrip("0"))) if digits.strip("0") else 1.0
+
+
+@pytest.fixture(scope="module")
+def known() -> FloatArray:
+    """Return estimates with the ends of their intervals, (n, 3), from all tables, in which they stand side by side."""
+    found: list[tuple[float, ...]] = []
+    for path in chain(DOCS.glob("figures/*.csv"), DOCS.glob("*.csv")):
+        with path.open(encoding="utf-8", newline="") as file:
+            for row in csv.reader(file):
+                numbers = [*map(number, row)]
+                found += zip(numbers, numbers[1:], numbers[2:], strict=False)
+    for path in DOCS.glob("figures/*.txt"):
+        text = SPACED.sub(r"\1 (\2)", path.read_text(encoding="utf-8"))
+        found += [(number(value), number(low), number(high)) for value, _, low, high in INTERVAL.findall(text)]
+    return np.array(found)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_interval_stands_in_a_table(page: str, known: FloatArray) -> None:
+    unknown = []
+    for found in INTERVAL.finditer((DOCS / f"{page}.md").read_text(encoding="utf-8")):
+        value, per_cent, low, high = found.groups()
+        unit = 0.01 if per_cent else 1.0
+        wanted = np.array([[number(part), 0.501 * resolution(part)] for part in (value, low, high)]) * unit
+        if not (abs(known - wanted[:, 0]) <= wanted[:, 1]).all(axis=1).any():
+            unknown.append(found[0])
+    assert not unknown
