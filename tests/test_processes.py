@@ -28,7 +28,7 @@ def test_ctrl_c_is_heard_even_where_these_tests_ignore_it() -> None:
 def test_all_descendants_are_ended_even_if_the_first_process_has_ended(tmp_path) -> None:
     process = start([sys.executable, "-c", FAMILY], mark=str(tmp_path))
     assert process.stdout.readline() == "started\n"
-    assert len(processes_marked(str(tmp_path))) == 2
+    wait_until(lambda: len(processes_marked(str(tmp_path))) == 2)  # a child shows its mark once it is on its way
     process.kill()
     process.wait()
     end_all()
