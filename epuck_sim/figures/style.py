@@ -135,6 +135,8 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
         panel.tick_params(labelsize=rcParams["xtick.labelsize"])
     add_shared_legend(figure, panels)
     width, height = figure.get_size_inches()
+    height += sum(legend.get_window_extent().height for legend in figure.legends) / figure.dpi  # or nothing has room
+    figure.set_size_inches(width, height)
     rows = len({panel.get_subplotspec().rowspan.start for panel in panels})  # type: ignore[union-attr] # has one
     engine = figure.get_layout_engine()
     assert engine is not None

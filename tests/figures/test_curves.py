@@ -148,11 +148,18 @@ def test_the_legend_names_every_mark_that_is_drawn_and_no_other(curves, searches
     assert legend_texts(form_of(curves, SPEED, searches).draw_figure()) == expected
 
 
-def test_a_legend_is_within_the_figure_and_not_on_top_of_the_panels(panel) -> None:
-    (legend,) = panel.figure.legends
+@pytest.mark.parametrize("count", [3, 20])
+def test_a_legend_is_within_the_figure_and_not_on_top_of_the_panels(count: int) -> None:
+    base = {COUPLING: 1, PERIOD: 5, WIDTH: 60}
+    each = [base | {[*base][place % 3]: 100 + place} for place in range(count)]
+    curves = [curve_of([4, 3, 2], axes=axes) for axes in each]
+    figure = laid_out(form_of(curves).draw_figure())
+    (panel,), (legend,) = figure.axes, figure.legends
     box = legend.get_window_extent()
     assert not box.overlaps(panel.get_tightbbox())
-    assert 0 <= box.x0 < box.x1 <= panel.figure.bbox.x1
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
+    assert box.y0 >= 0
+    assert panel.bbox.height == pytest.approx(0.72 * panel.bbox.width, rel=0.02)
 
 
 def test_the_base_case_is_dashed_and_named() -> None:
