@@ -31,7 +31,7 @@ def replicate(
     full: Annotated[
         bool,
         typer.Option(
-            "--full/--quick", help="Ask with many and long trials, or within an hour or so; quick by default."
+            "--full/--quick", help="Ask with many and long trials, or within two hours or so; quick by default."
         ),
     ] = False,
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder of the page and its run folders.")] = Path(
