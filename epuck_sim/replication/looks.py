@@ -17,34 +17,36 @@ from epuck_sim.display.table import Row, Table
 from epuck_sim.estimate import LEVEL
 from epuck_sim.replication.claims import Claim
 from epuck_sim.replication.sweeps import check_claim
-from epuck_sim.replication.verdicts import Answer, Finding, Judged, Verdict, judge_claims, p_values
+from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, p_values
+from epuck_sim.runs.compatibility import read_stored_points
+from epuck_sim.runs.database import reading
 from epuck_sim.runs.folder import DATABASE
-from epuck_sim.runs.status import Status, read_status
+from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.sequential import FIRST_LOOK, GROWTH, look_boundary
+from epuck_sim.statistics.sequential import look_boundary, relative_sizes
 
 LOOKS = 8
 """Largest number of looks at a sweep, at the last of which it has 17 times as many trials as at the first."""
 
+HOUR_S = 3600.0
+
 
 def trials_at_looks(first: int) -> list[int]:
     """Return the numbers of trials of a point at which its sweep is looked at; its version has the first of them."""
-    return [math.ceil(first * GROWTH**look) for look in range(LOOKS)]
+    return [math.ceil(first * size) for size in relative_sizes(LOOKS)]
 
 
 def begun(scenario: Scenario, folder: Path) -> Scenario:
     """Return a sweep with the trials of the last look that was begun in its run folder, or else of its version."""
     if not (folder / DATABASE).exists():
         return scenario
-    return scenario.model_copy(update={"trials": max(scenario.trials, planned_trials(read_status(folder)))})
+    return scenario.model_copy(update={"trials": max(scenario.trials, planned_trials(folder))})
 
 
-def planned_trials(status: Status) -> int:
-    """Return how many trials each point of a run folder is for."""
-    return math.ceil(status.trials / status.points)
-
-
-HOUR_S = 3600.0
+def planned_trials(folder: Path) -> int:
+    """Return how many trials the points of a run folder are for."""
+    with reading(folder) as connection:
+        return max(point.trials for point in read_stored_points(connection))
 
 
 def counted_looks(versions: Iterable[tuple[Scenario, int]]) -> int:
@@ -71,11 +73,7 @@ class Decider:
         """Take the claims, and the sweeps that they are asked of with the trials of their version, which are stored."""
         self._scenarios, self._folders = scenarios, folders
         self._status = {name: read_status(folder) for name, folder in folders.items()}
-        self._findings = {claim.id: (claim, self._check(claim)) for claim in chosen}
-
-    def _check(self, claim: Claim) -> list[Finding]:
-        is_asked = claim.checks and (claim.sweep is None or claim.sweep in self._folders)
-        return check_claim(claim, self._folders) if is_asked else []
+        self._findings = {claim.id: (claim, check_claim(claim, folders)) for claim in chosen}
 
     def answers(self) -> list[Answer]:
         """Return the answers after the last looks."""
@@ -101,7 +99,7 @@ class Decider:
             spent_s += self._status[look.sweep].wall_s - before_s
             for name, (claim, _) in self._findings.items():
                 if claim.sweep == look.sweep:
-                    self._findings[name] = claim, self._check(claim)
+                    self._findings[name] = claim, check_claim(claim, self._folders)
             found = (each for each in self.answers() if each.claim.id in look.claims)
             yield ", ".join(f"{each.claim.id} {each.verdict}" for each in found)
 
@@ -117,7 +115,7 @@ class Decider:
         for name, scenario in self._scenarios.items():
             asked = [each for each in answers if each.claim.sweep == name]
             status = self._status[name]
-            now = planned_trials(status)
+            now = planned_trials(self._folders[name])
             left = [trials for trials in trials_at_looks(scenario.trials) if trials > now]
             if not left or not asked:
                 continue
@@ -151,13 +149,14 @@ class Decider:
 
 def _growth_needed(checks: Sequence[Judged], tests: int) -> float:
     """Return how many times as many trials decide a claim, if effects stay: all its checks for it, or one against."""
-    boundary = look_boundary(tuple(trials_at_looks(FIRST_LOOK)), 1 - (1 - LEVEL) / tests)
-    shown, refuted = [math.inf] * (not checks), [math.inf]
+    boundary = look_boundary(relative_sizes(LOOKS), 1 - (1 - LEVEL) / tests)
+    shown, refuted = 1.0, math.inf
     for judged in checks:
         for_it, against = p_values(judged.tested.check, judged.tested.effect)
         deviation = float(norm.isf(judged.p_value / 2))
         growth = (boundary / deviation) ** 2 if deviation > 0 else math.inf
-        is_for = for_it < against
-        shown.append(growth if is_for else math.inf)
-        refuted.append(math.inf if is_for else growth)
-    return max(1.0, min(max(shown), *refuted))
+        if for_it < against:
+            shown = max(shown, growth)
+        else:
+            shown, refuted = math.inf, min(refuted, growth)
+    return max(1.0, min(shown, refuted))

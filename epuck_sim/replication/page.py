@@ -117,12 +117,13 @@ def read_contents(claims: Claims, chosen: Sequence[Claim], folder: Path, version
     Raises:
         StoreError: A run folder is missing or damaged.
     """
-    asked = {claim.id: claim for claim in chosen if is_asked(claims, claim, version)}
-    folders = {each.sweep: sweep_folder(folder, each.sweep, version) for each in asked.values() if each.sweep}
-    findings = [(claim, check_claim(claim, folders) if claim.id in asked else []) for claim in chosen]
+    asked = (claim.sweep for claim in chosen if is_asked(claims, claim, version))
+    folders = {sweep: sweep_folder(folder, sweep, version) for sweep in asked if sweep}
+    findings = [(claim, check_claim(claim, folders)) for claim in chosen]
     sweeps = {name: _read_sweep(each, sweep_scenario(claims, name, Version.FULL)) for name, each in folders.items()}
-    trials = ((sweep_scenario(claims, name, version), planned_trials(each.status)) for name, each in sweeps.items())
-    looks = counted_looks(trials)
+    looks = counted_looks(
+        (sweep_scenario(claims, name, version), planned_trials(each)) for name, each in folders.items()
+    )
     return Contents(
         version,
         folder,
@@ -160,8 +161,9 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     count = sum(each.tested.check.test != "formula" for answer in contents.answers for each in answer.checks)
     yield f"# {TITLE}"
     yield f"{len(contents.answers)} claims: {', '.join(parts)}. Written by `{command}`, with all numbers: {links}."
-    looked = f" Each sweep was looked at up to {contents.looks} times, for which p is corrected, too."
-    yield escaped(f"{RULES}{count}.{looked * (contents.looks > 1)} {contents.claims.pooled}".rstrip())
+    looked = f"Each sweep was looked at up to {contents.looks} times, for which p is corrected, too."
+    rules = [f"{RULES}{count}.", looked if contents.looks > 1 else "", contents.claims.pooled]
+    yield escaped(" ".join(filter(None, rules)))
     rows = [_verdict_row(answer, pictures) for answer in contents.answers]
     yield "\n".join(["claim | the thesis says | ours | verdict", "--- | --- | --- | ---", *rows])
     for verdict in EXPLAINED:

@@ -73,7 +73,9 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim], version: Version) -> 
 
 
 def check_claim(claim: Claim, folders: dict[str, Path]) -> list[Finding]:
-    """Run the checks of a claim on the trials that are stored."""
+    """Run the checks of a claim on the trials that are stored; none if its sweep is not among those that are asked."""
+    if claim.sweep not in (None, *folders):
+        return []
     asked = ((check, claim.sweep if check.test != "formula" else None) for check in claim.checks)
     return [run_check(check, read_points(folders[sweep], check.of) if sweep else []) for check, sweep in asked]
 

@@ -75,13 +75,18 @@ def look_sizes(limit: int) -> tuple[int, ...]:
     return (*sizes, limit)
 
 
+def relative_sizes(looks: int) -> tuple[float, ...]:
+    """Return the numbers of trials at so many looks, over that at the first."""
+    return tuple(GROWTH**look for look in range(looks))
+
+
 def look_level(sizes: tuple[int, ...]) -> float:
     """Return the level of the interval at each look at which all of them hold the truth with probability `LEVEL`."""
     return 2 * NormalDist().cdf(look_boundary(sizes, LEVEL)) - 1
 
 
 @lru_cache
-def look_boundary(sizes: tuple[int, ...], level: float) -> float:
+def look_boundary(sizes: tuple[float, ...], level: float) -> float:
     """Return within how many standard errors of the truth a mean is at all looks with the probability `level`."""
     return float(brentq(lambda boundary: probability_within(boundary, sizes) - level, 1, 8))
 
@@ -96,11 +101,10 @@ def looks_p_value(p_value: float, looks: int) -> float:
     [0.01, 0.016, 0.05]
     """
     bound = min(1.0, looks * p_value)
-    deviation = NormalDist().inv_cdf(1 - p_value / 2) if bound > 1e-9 else math.inf
-    if deviation == 0 or math.isinf(deviation):
+    if bound <= 1e-9 or p_value == 1:  # beyond the digits of the quadrature, or no deviation at all
         return bound
-    sizes = tuple(FIRST_LOOK * GROWTH**look for look in range(looks))
-    return min(bound, 1 - probability_within(deviation, sizes))
+    deviation = NormalDist().inv_cdf(1 - p_value / 2)
+    return min(bound, 1 - probability_within(deviation, relative_sizes(looks)))
 
 
 def probability_within(boundary: float, sizes: tuple[float, ...]) -> float:

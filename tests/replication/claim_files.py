@@ -1,7 +1,9 @@
-"""What the tests of the command share: files of claims with tiny sweeps."""
+"""What the tests of the command share: files of claims with tiny sweeps, and how these are interrupted."""
 
+from collections.abc import Callable
 from pathlib import Path
 
+from epuck_sim.runs.records import SweepProgress
 from epuck_sim.scenario.yaml_io import write_yaml
 
 SPEED = "agents.speed_cm_s"
@@ -77,3 +79,13 @@ def write_claims(folder: Path, claims: list[dict] = EVERY_VERDICT, sweep: dict =
         )
     )
     return path
+
+
+def stop_at(stored: int) -> Callable[[SweepProgress], None]:
+    """Return an observer that interrupts a sweep when so many trials are stored."""
+
+    def observe(progress: SweepProgress) -> None:
+        if progress.stored >= stored:
+            raise KeyboardInterrupt
+
+    return observe

@@ -12,7 +12,7 @@ from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import read_wall_times
 from epuck_sim.sweep import run
 from tests.cli.commands import call, refused
-from tests.replication.claim_files import EVERY_VERDICT, FASTER, SPEED, SWEEP, claim, write_claims
+from tests.replication.claim_files import EVERY_VERDICT, FASTER, SPEED, SWEEP, claim, stop_at, write_claims
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
@@ -116,7 +116,7 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch) -> None:
     run_sweep = run.run_sweep
 
     def stop_after_ten(*given, **named):
-        run_sweep(*given[:3], _stop_at(10), **named)
+        run_sweep(*given[:3], stop_at(10), **named)
 
     monkeypatch.setattr(run, "run_sweep", stop_after_ten)
     assert call(*words).exit_code == 130
@@ -126,14 +126,6 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(run, "run_sweep", run_sweep)
     assert call(*words).exit_code == 0
     assert read_table(tmp_path / "out", "replication-sweeps.csv")[0]["stored"] == "72"
-
-
-def _stop_at(stored: int):
-    def observe(progress) -> None:
-        if progress.stored >= stored:
-            raise KeyboardInterrupt
-
-    return observe
 
 
 def test_the_full_version_has_a_run_folder_of_its_own(tmp_path) -> None:

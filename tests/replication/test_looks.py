@@ -17,8 +17,7 @@ from epuck_sim.runs.reader import read_points
 from epuck_sim.statistics.sequential import look_boundary, looks_p_value
 from epuck_sim.sweep import run
 from tests.cli.commands import call, refused
-from tests.replication.claim_files import FASTER, SWEEP, claim, write_claims
-from tests.replication.test_command import _stop_at
+from tests.replication.claim_files import FASTER, SWEEP, claim, stop_at, write_claims
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
@@ -89,7 +88,7 @@ def test_a_look_that_was_interrupted_is_completed_before_anything_is_judged(tmp_
     file = write_claims(tmp_path, [claim("B1", NEVER)], TINY)
     assert replicate(file, tmp_path / "out").exit_code == 0
     run_sweep = run.run_sweep
-    monkeypatch.setattr(run, "run_sweep", lambda *given, **named: run_sweep(*given[:3], _stop_at(40), **named))
+    monkeypatch.setattr(run, "run_sweep", lambda *given, **named: run_sweep(*given[:3], stop_at(40), **named))
     assert replicate(file, tmp_path / "out", "--until-decided").exit_code == 130
     assert trials(tmp_path / "out") != {9}
     monkeypatch.setattr(run, "run_sweep", run_sweep)
