@@ -12,6 +12,9 @@ QUICK_SWEEPS := fig-2-6 fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-5-3 fig-5-4 
 LONGER_SWEEPS := random-walks broad-speeds random-walks-robots broad-speeds-robots
 
 BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
+# plots the run folder $(1) as the figure and the table $(2) of the docs
+draw = $(BIN)/epuck-sim plot runs/$(1) --to runs/$(2); cp runs/$(2).png runs/$(2).csv docs/figures/
+
 STUDIED := fig-a-1 fig-5-3 fig-5-4 fig-5-5 fig-5-10 speed-distributions
 
 COMPILED := epuck_sim/compiled
@@ -114,20 +117,15 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/epuck-sim fit runs/v-f > docs/figures/v_f.txt
 	set -e; for sweep in $(QUICK_SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --quick --out runs/$$sweep-quick; \
-	    $(BIN)/epuck-sim plot runs/$$sweep-quick --to runs/$$sweep; \
-	    cp runs/$$sweep.png runs/$$sweep.csv docs/figures/; \
+	    $(call draw,$$sweep-quick,$$sweep); \
 	done
 	set -e; for sweep in fig-3-7 fig-3-8; do \
 	    $(BIN)/epuck-sim run $$sweep --quick --set robots.0.signal.kind=cone --out runs/$$sweep-quick; \
-	    $(BIN)/epuck-sim plot runs/$$sweep-quick --to runs/$$sweep; \
-	    cp runs/$$sweep.png runs/$$sweep.csv docs/figures/; \
+	    $(call draw,$$sweep-quick,$$sweep); \
 	done
 	$(BIN)/epuck-sim run embodiment --quick --trials 40 --sweep once_per_sighting=false,true --out runs/embodiment
 	set -e; for sweep in $(LONGER_SWEEPS); do $(BIN)/epuck-sim run $$sweep --quick --trials 100 --out runs/$$sweep; done
-	set -e; for sweep in $(LONGER_SWEEPS) embodiment; do \
-	    $(BIN)/epuck-sim plot runs/$$sweep --to runs/$$sweep; \
-	    cp runs/$$sweep.png runs/$$sweep.csv docs/figures/; \
-	done
+	set -e; for sweep in $(LONGER_SWEEPS) embodiment; do $(call draw,$$sweep,$$sweep); done
 	set -e; for axis in contact.robots=true,false robots.0.signal.occlusion=true,false once_per_sighting=false,true; do \
 	    $(BIN)/epuck-sim compare runs/embodiment --axis $$axis; \
 	done > docs/figures/embodiment.txt
