@@ -27,10 +27,9 @@ from epuck_sim.replication.page import Contents, check_table
 from epuck_sim.replication.sweeps import Version, is_asked, needed_sweeps, sweep_folder
 from epuck_sim.replication.verdicts import Finding, judge_claims, reduced, run_check
 from epuck_sim.runs.reader import PointTrials, read_points
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.atomic_write import atomic_write
-from epuck_sim.util.seeds import point_seed
 
 DOCS = Path(__file__).parent
 TABLES, TESTS = DOCS / "trials", DOCS / "replication-tests.csv"
@@ -52,25 +51,25 @@ def column(check: Check) -> str:
 def write_tables(claims: Claims, folder: Path) -> None:
     """Write a table for each sweep of the quick version, with a row for each trial."""
     TABLES.mkdir(exist_ok=True)
-    for sweep in needed_sweeps(claims, claims.claims, Version.QUICK):
+    for sweep, scenario in needed_sweeps(claims, claims.claims, Version.QUICK).items():
         stored = sweep_folder(folder, sweep, Version.QUICK)
         checks = [check for claim in claims.claims if claim.sweep == sweep for check in claim.checks if check.of]
         measures = {column(check): _measured(stored, check) for check in checks}
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([*COLUMNS, *measures])
-        for ends, *values in zip(_ends(read_points(stored)), *measures.values(), strict=True):
+        for ends, *values in zip(_ends(read_points(stored), points(scenario)), *measures.values(), strict=True):
             writer.writerow([*ends, *map(json.dumps, values)])
         with atomic_write(TABLES / f"{sweep}.csv.gz") as part:
             part.write_bytes(gzip.compress(text.getvalue().encode(), mtime=0))
 
 
-def _ends(stored: Sequence[PointTrials]) -> Iterator[tuple[int | str, ...]]:
-    for point in stored:
-        if len(point.seeds) and point.seeds[-1] != point_seed(point.scenario.seed, point.key, len(point.seeds) - 1):
+def _ends(stored: Sequence[PointTrials], swept: Sequence[Point]) -> Iterator[tuple[int | str, ...]]:
+    for trials, point in zip(stored, swept, strict=True):
+        if trials.seeds and trials.seeds[-1] != point.seed(len(trials.seeds) - 1):
             raise SystemExit(f"trials of point {point.number} of {point.scenario.name} are missing or failed")
-        for cycles, observed in zip(point.times, point.observed, strict=True):
-            censored = int(not observed) if point.has_t_sync else ""
+        for cycles, observed in zip(trials.times, trials.observed, strict=True):
+            censored = int(not observed) if trials.has_t_sync else ""
             yield point.number, "" if np.isnan(cycles) else int(cycles), censored
 
 

@@ -36,7 +36,7 @@ def test_a_step_and_a_minute(benchmark, show, tmp_path, robots: int, level: Leve
     """CPU time of all threads, but for that of the simulation itself and of a recording with nothing in it."""
     file, (side_cm, steps) = tmp_path / "t.rrd", SWARMS[robots]
 
-    def recording_s(steps: int) -> tuple[float, float]:
+    def recording_and_simulating_s(steps: int) -> tuple[float, float]:
         simulation = Simulation(swarm_of(robots, side_cm), 1)
         watch = SynchronyWatch(simulation)
         simulating = 0.0
@@ -50,15 +50,15 @@ def test_a_step_and_a_minute(benchmark, show, tmp_path, robots: int, level: Leve
                 recorder(step, watch)
         return time.process_time() - began - simulating, simulating
 
-    recording_s(1)
-    empty_s, empty = min(recording_s(0)[0] for _ in range(3)), file.stat().st_size
+    recording_and_simulating_s(1)
+    empty_s, empty = min(recording_and_simulating_s(0)[0] for _ in range(3)), file.stat().st_size
     found = []
-    benchmark.pedantic(lambda: found.append(recording_s(steps)), rounds=3)
+    benchmark.pedantic(lambda: found.append(recording_and_simulating_s(steps)), rounds=3)
     minute_kb = (file.stat().st_size - empty) / 1000 / (steps / 600)
-    recording, simulating = (min(column) for column in zip(*found, strict=True))
-    step_us = (recording - empty_s) / steps * 1e6
+    recording_s, simulating_s = (min(column) for column in zip(*found, strict=True))
+    added_s = recording_s - empty_s
     target = TARGETS.get((robots, level), "")
-    show(COLUMNS, robots, level, step_us, (recording - empty_s) / simulating, minute_kb, target)
+    show(COLUMNS, robots, level, added_s / steps * 1e6, added_s / simulating_s, minute_kb, target)
 
 
 def test_ten_hours(benchmark, tmp_path) -> None:
