@@ -197,12 +197,12 @@ def _full_keys(given: Mapping[str, Any], typed: str, where: str, origin: str, fo
     """Return the keys of a scenario that a typed key stands for, see `keys.full_keys`; itself if there are none."""
     model = given.get("model", "embodied")
     kind = SCENARIO_TYPES.get(model) if isinstance(model, str) else None
-    if kind is None or typed.partition(".")[0] in (*kind.model_fields, "sensors"):
+    if kind is None or typed == "sensors" or typed.partition(".")[0] in kind.model_fields:
         return [typed]
     found = full_keys(typed, kind.all_keys(_expanded(given, origin, folder), folder), where)
     if len(found) > 1:
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
-    return found or [typed]
+    return found or [f"robots.0.{typed}" if typed.startswith("sensors.") else typed]
 
 
 def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) -> None:
