@@ -13,11 +13,12 @@ from matplotlib.axis import Axis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
-from matplotlib.ticker import Formatter, LogLocator, NullFormatter
+from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.axes import is_logarithmic as spans_decades
+from epuck_sim.util.messages import counted
 
 COLUMN_CM, PAGE_CM = 8.5, 17.5
 """Widths of a column and of a page of two columns, cm: of a figure with one panel, and with several."""
@@ -87,9 +88,7 @@ def count_trials(trials: Sequence[int]) -> str:
     ('20 trials a point', '5 to 20 trials a point', '1 trial a point')
     """
     low, high = min(trials), max(trials)
-    if low < high:
-        return f"{low} to {high} trials a point"
-    return f"{high} trial{'s' * (high != 1)} a point"
+    return f"{f'{low} to ' * (low < high)}{counted(high, 'trial')} a point"
 
 
 def make_panels(
@@ -229,6 +228,13 @@ def make_logarithmic(axes: Axes, *names: str) -> None:
         axis.set_major_locator(_LogLocator())
         axis.set_major_formatter(_LogFormatter())
         axis.set_minor_formatter(NullFormatter())
+
+
+def mark_wholes(axis: Axis, values: FloatArray) -> None:
+    """Leave out ticks between whole numbers on a linear axis where all values, (n,), are whole."""
+    locator = axis.get_major_locator()
+    if isinstance(locator, MaxNLocator) and not (values % 1).any():
+        locator.set_params(integer=True)
 
 
 def is_plain(low: float, high: float) -> bool:

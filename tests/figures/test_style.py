@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from matplotlib import rc_context
 from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.figures.films import BAR, FOUND, MARK, SYNC
@@ -21,7 +22,9 @@ from epuck_sim.figures.style import (
     finish,
     format_tick,
     is_plain,
+    make_logarithmic,
     make_panels,
+    mark_wholes,
     style,
     typeset,
 )
@@ -127,3 +130,13 @@ def test_a_plain_number_has_no_exponent_and_is_read_back(number: float) -> None:
     assert is_plain(number, number)
     assert float(format_tick(number)) == pytest.approx(number)
     assert "e" not in format_tick(number)
+
+
+@pytest.mark.parametrize(("values", "whole"), [([2.0, 3.0], True), ([2.0, 2.5], False)])
+def test_where_all_values_are_whole_so_are_the_ticks(values: list[float], whole: bool) -> None:
+    panel = Figure().subplots()
+    panel.set_xlim(values[0], values[-1])
+    mark_wholes(panel.xaxis, np.array(values))
+    assert (not (panel.get_xticks() % 1).any()) is whole
+    make_logarithmic(panel, "x")
+    mark_wholes(panel.xaxis, np.array(values))  # which has ticks of its own

@@ -23,6 +23,7 @@ from epuck_sim.figures.style import (
     has_log_scale,
     is_logarithmic,
     make_logarithmic,
+    mark_wholes,
     typeset,
 )
 from epuck_sim.runs.reader import PointTrials
@@ -131,6 +132,7 @@ class Curves(Form):
         is_log = has_log_scale(self.of, values, self.settings.scale)
         for panel in panels:
             make_logarithmic(panel, *["y"] * is_log, *["x"] * is_logarithmic(self.axis, x))
+            mark_wholes(panel.xaxis, x)
         named = dict(zip(labels, looks, strict=True))
         for name, look in named.items():
             if name:

@@ -26,6 +26,7 @@ from epuck_sim.figures.style import (
     is_logarithmic,
     is_plain,
     make_logarithmic,
+    mark_wholes,
     typeset,
 )
 from epuck_sim.runs.reader import PointTrials
@@ -131,6 +132,8 @@ class Maps(Form):
         }
         for panel, each, *cells in zip(panels, self.maps, *edges, strict=True):
             make_logarithmic(panel, *(name for name, chosen in zip("xy", scales, strict=True) if chosen))
+            mark_wholes(panel.xaxis, x)
+            mark_wholes(panel.yaxis, y)
             shown = np.ma.masked_invalid(np.log10(each.values) if is_log else each.values)
             _draw_cells(panel, each, shown, levels, cells)
             if has_contours:

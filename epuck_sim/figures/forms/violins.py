@@ -24,6 +24,7 @@ from epuck_sim.figures.style import (
     is_logarithmic,
     is_plain,
     make_logarithmic,
+    mark_wholes,
     typeset,
 )
 from epuck_sim.runs.reader import PointTrials
@@ -109,6 +110,7 @@ class Violins(Form):
         half_width = HALF_WIDTH * (np.diff(places).min() if len(places) > 1 else 1.0)
         for panel, curve in zip(panels, self.curves, strict=True):
             make_logarithmic(panel, *["y"] * has_logs, *["x"] * is_log)
+            mark_wholes(panel.xaxis, x)
             self._draw_violins(panel, curve, half_width, is_log, has_logs)
             self._draw_estimates(panel, curve)
             for place, measured in zip(curve.x.tolist(), curve.measured if self.settings.points else (), strict=False):
