@@ -28,15 +28,8 @@ _STATISTIC_HELP = (
 STATISTIC = typer.Option("--statistic", help=_STATISTIC_HELP)
 
 
-class Form(StrEnum):
-    """A way to draw a sweep."""
-
-    CURVES = "curves"
-    MAP = "map"
-    VIOLINS = "violins"
-    SERIES = "series"
-    PERTURBATION = "perturbation"
-    COURSE = "course"
+Form = StrEnum("Form", ["CURVES", "MAP", "VIOLINS", "SERIES", "PERTURBATION", "COURSE"])
+"""Ways to draw a sweep."""
 
 
 @results.command("export")

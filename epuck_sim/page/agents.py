@@ -119,8 +119,8 @@ def _angles(scenario: ParticleScenario) -> tuple[float, ...]:
     return stops(ANGLE_STEP_DEG, 360, step=ANGLE_STEP_DEG, also=own)
 
 
-def agents_settings(scenario: ParticleScenario, thesis: ParticleScenario) -> list[Setting]:
-    """Return what a page changes of a scenario of agents; thesis: the scenario of the thesis's base case."""
+def agents_settings(scenario: ParticleScenario) -> list[Setting]:
+    """Return what a page changes of a scenario of agents, each with its value in the thesis's base case."""
     agents, rule, own = scenario.agents, scenario.neighbourhood, scenario.space
     period_s, side_cm = scenario.clocks.period_s, own.side_cm
     speed, coupling, count = agents.speed_cm_s, scenario.response.coupling, agents.count
@@ -144,8 +144,8 @@ def agents_settings(scenario: ParticleScenario, thesis: ParticleScenario) -> lis
         counts = stops(
             1, 10, step=1, also=[count, 20, *(int(each) for each in stops(10, 500) if isinstance(each, int))]
         )
-        settings.insert(0, Setting("agents.count", "agents", "", counts, count, thesis.agents.count))
-        settings.append(Setting("space.side_cm", "side of the space", "cm", sides, side_cm, thesis.space.side_cm))
+        settings.insert(0, Setting("agents.count", "agents", "", counts, count, 20))
+        settings.append(Setting("space.side_cm", "side of the space", "cm", sides, side_cm, 100.0))
     return settings
 
 

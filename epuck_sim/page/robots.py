@@ -22,7 +22,7 @@ from epuck_sim.page.records import fields_of
 from epuck_sim.page.roots import shipped_root
 from epuck_sim.page.settings import Setting, refuse, stops
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.loader import with_values
 from epuck_sim.scenario.robot_kind import cell_cm
 from epuck_sim.trial.embodied import NOMINAL_PERIOD_S
 
@@ -114,12 +114,12 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
 
 def _swarm(scenario: EmbodiedScenario, count: int) -> dict[str, Any]:
     """Return the beginning of trials with some number of robots in the first group: a block, and what is called."""
-    chosen = scenario if count == scenario.robots[0].count else load_scenario(scenario, [f"robots.0.count={count}"])
+    changes: dict[str, Any] = {"robots.0.count": count}
     if _has_free_sides(scenario):
         least_cm = cell_cm(scenario.group_kinds)
         side_cm = max(_sides(scenario), key=lambda side: cells_needed(side, side, count, least_cm))
-        chosen = load_scenario(chosen, [f"arena.width_cm={side_cm:g}", f"arena.height_cm={side_cm:g}"])
-    block, functions = Simulation(chosen, seed=0).beginning()
+        changes |= {"arena.width_cm": side_cm, "arena.height_cm": side_cm}
+    block, functions = Simulation(with_values(scenario, changes, scenario.name), seed=0).beginning()
     controllers, sensors = own_controllers(scenario), own_sensors(scenario)
     groups = [function for function in functions.values() if isinstance(function, GroupControllers)]
 

@@ -20,7 +20,7 @@ from epuck_sim.page.own import compile_own
 from epuck_sim.page.robots import robots_facts, robots_settings
 from epuck_sim.page.settings import Setting, Value, values_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.loader import load_scenario, robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.statistics.mean import student_quantile
 from epuck_sim.util.atomic_write import atomic_write, check_target
@@ -123,11 +123,11 @@ def page_data(
     """
     if isinstance(scenario, EmbodiedScenario):
         facts = robots_facts(scenario)
-        changes = robots_settings(scenario, load_scenario("thesis"))  # type: ignore[arg-type]
+        changes = robots_settings(scenario, robots_like("thesis", scenario.name))
         speed_key, one = "robots.0.parameters.speed_cm_s", "robot"
     else:
         facts = agents_facts(scenario)
-        changes = agents_settings(scenario, load_scenario("particles"))  # type: ignore[arg-type]
+        changes = agents_settings(scenario)
         speed_key, one = "agents.speed_cm_s", "agent"
     limit = scenario.stop.max_cycles
     changes.append(Setting("stop.max_cycles", "trials end after", "cycles", _limits(limit), limit))

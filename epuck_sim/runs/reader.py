@@ -83,20 +83,15 @@ class SweepTrials(list[PointTrials]):
 
     def _repr_html_(self) -> str:
         """Return a table of the points, for notebooks; `summarize` gives statistics."""
-        from epuck_sim.display.html import table, to_html  # noqa: PLC0415 is for notebooks alone
+        from epuck_sim.display.table import Row, Table  # noqa: PLC0415 is for notebooks alone
 
-        axes = list(self[0].axes) if self else []
-        rows = (
-            [
-                str(point.number),
-                *(str(point.axes[key]) for key in axes),
-                str(len(point.times)),
-                str(int((~point.observed).sum())) if point.has_t_sync else "-",
-                f"{point.times.min():g} to {point.times.max():g}" if len(point.times) else "-",
-            ]
-            for point in self
-        )
-        return to_html(table(["point", *axes, "trials", "censored", "cycles"], rows))
+        rows = []
+        for point in self:
+            censored = int((~point.observed).sum()) if point.has_t_sync else None
+            cycles = f"{point.times.min():g} to {point.times.max():g}" if len(point.times) else None
+            cells = {"point": point.number, "trials": len(point.times), "censored": censored, "cycles": cycles}
+            rows.append(Row(point.axes, cells))
+        return Table("", rows)._repr_html_()
 
 
 def _trial_rows(point: PointTrials) -> Iterator[dict[str, Any]]:
