@@ -18,6 +18,7 @@ from epuck_sim.runs.records import SweepProgress
 from epuck_sim.runs.status import FEW_TRIALS, PointAtLimit
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.stop import StopSection
+from epuck_sim.sweep.worker import AtWork, never_returned
 from epuck_sim.trial.hopelessness import CYCLES, HopelessnessWatch
 from epuck_sim.trial.result import TrialState
 from epuck_sim.util.messages import counted
@@ -33,6 +34,9 @@ LINE_S = 10.0
 
 COMPILING_S, COMPILING_IN_A_LOG_S = 1.0, 4.0
 """Seconds between two looks at how much is compiled, on a terminal, and before the only one in a log."""
+
+AT_WORK_S = 10.0
+"""Seconds between two looks at whose code is running."""
 
 FEWER_CYCLES = 300
 """Limit of cycles that is proposed for trials that look hopeless."""
@@ -76,30 +80,49 @@ class TrialProgress(_ProgressLine):
         self._stop = stop
         self._trial = 0
         self._began = 0.0
-        self._is_ready = threading.Event()
-        self._compiling = threading.Thread(target=self._tell_of_compiling, daemon=True)
+        self._is_ready, self._is_over = threading.Event(), threading.Event()
+        self._at_work: AtWork | None = None
+        self._looks = threading.Thread(target=self._tell_of_what_takes_long, daemon=True)
+
+    def _tell_of_what_takes_long(self) -> None:
+        self._tell_of_compiling()
+        self._tell_of_what_never_returns()
 
     def _tell_of_compiling(self) -> None:
         """Show how much is compiled, if anything is: again and again on a terminal, once in a log."""
         while not self._is_ready.wait(COMPILING_S if self._bar else COMPILING_IN_A_LOG_S):
             native: Any = sys.modules.get("epuck_sim.util.native")  # loaded by what compiles, perhaps at this moment
-            done, planned = native.count_compiled() if hasattr(native, "count_compiled") else (0, 0)
+            done, planned = native.count_compiled() if hasattr(native, "compiled_now") else (0, 0)
             if done < planned:
-                self.show(f"compiling {done} of {planned} functions so far; a further run finds them compiled")
+                file = native.compiled_now()
+                now = f", now {file.name}" if file else ""
+                self.show(f"compiling {done} of {planned} functions so far{now}; a further run finds them compiled")
                 if self._bar is None:
                     return
 
+    def _tell_of_what_never_returns(self) -> None:
+        """Say it, once a trial, when a robot's controller or sensor is found at the same step again."""
+        told, last = -1, None
+        while not self._is_over.wait(AT_WORK_S):
+            now = self._at_work() if self._at_work else None
+            if now is not None and now == last and self._trial != told:
+                told = self._trial
+                print_stderr(f"{never_returned(*now, AT_WORK_S)}; Ctrl-C, given twice, ends it")
+            last = now
+
     def __enter__(self) -> Self:
-        self._compiling.start()
+        self._looks.start()
         return self
 
     def __exit__(self, *error: object) -> None:
         self._is_ready.set()
+        self._is_over.set()
         super().__exit__(*error)
 
-    def begin(self, trial: int) -> None:
-        """Say that trial number `trial` begins."""
+    def begin(self, trial: int, at_work: AtWork | None) -> None:
+        """Say that trial number `trial` begins, and whose code is running in it, if that is watched."""
         self._is_ready.set()
+        self._at_work = at_work
         self._watch = HopelessnessWatch(self._stop.metric, self._tell_of_hopelessness)
         self._trial = trial
         self._began = time.perf_counter()

@@ -134,7 +134,7 @@ def compare(
     """Print how T_sync, or a measure, differs between run folders, values of an axis, or points."""
     from epuck_sim.cli.tables import show
     from epuck_sim.runs.reader import read_points
-    from epuck_sim.scenario.keys import full_keys, parse_axis
+    from epuck_sim.scenario.keys import axis_key, parse_axis
     from epuck_sim.statistics.comparison import compare as compare_samples
     from epuck_sim.statistics.comparison import comparison_tables, match_folders, match_points, match_values
 
@@ -147,7 +147,7 @@ def compare(
     names = list(map(str, folders))
     if axis is not None:
         typed, values = parse_axis(axis, "--axis")
-        key = (full_keys(typed, list(read[0][0].axes), f"--axis {axis}") or [typed])[0]
+        key = axis_key(typed, [point.axes for point in read[0]], f"--axis {axis}")
         samples = match_values(read[0], key, values)
     elif points:
         allowed = "allowed: numbers of points, one of each folder, as in 3,0"

@@ -128,6 +128,7 @@ def explain_refusal(error: Exception, path: Path, sources: Mapping[Path, bytes],
     _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
     lines = [line.strip() for line in innermost.splitlines()]
     reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")
+    reason = re.sub(r"^(Cannot cast .*?): .*", r"\1", reason)  # and not the value as LLVM writes it
     place = _place(reason, innermost, sources)
     if place is None:
         return f"{path}: cannot be compiled{instead}: {reason}"
@@ -141,6 +142,6 @@ def _place(reason: str, message: str, sources: Mapping[Path, bytes]) -> tuple[Pa
     lacking = re.match(r"(?:Name|Key|Attribute)Error:.*'(\w+)'[^']*$", reason)
     if lacking and (place := first_use(lacking[1], sources)):
         return place
-    named = re.findall(r'File "([^"]+)", line (\d+)', message)
+    named = re.findall(r'(?:File "|" at )(.+?)(?:", line | \()(\d+)', message)
     own = [(path, int(line)) for file, line in named if (path := Path(file).resolve()) in sources]
     return own[0] if own else None

@@ -5,7 +5,7 @@ sensors in files of their own. What a controller reads of its sensors depends on
 """
 
 import ast
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -34,10 +34,13 @@ def check_own_names(user: Controller | Sensor) -> None:
     own: dict[str, Sequence[str]] = {"parameters": tuple(user.parameters)}
     if isinstance(user, Sensor):
         _check_nothing_set(user)
-        own |= {"readings": user.readings.names or (), "world": World._fields, "robot": SEEN_OF_ROBOTS}
+        role, record = "readings", user.readings
+        own |= {"world": World._fields, "robot": SEEN_OF_ROBOTS}
     else:
-        own |= {"memory": user.memory.names or (), "actuators": ACTUATORS.names or ()}
-    _check_names(user, own)
+        role, record = "memory", user.memory
+        own |= {"actuators": ACTUATORS.names or ()}
+    own[role] = record.names or ()
+    _check_names(user, own, {(role, name) for name in own[role] if record[name].shape})
 
 
 def _check_nothing_set(sensor: Sensor) -> None:
@@ -64,8 +67,13 @@ def check_sensed(controller: Controller, readings: tuple[str, ...] = ()) -> None
     _check_names(controller, {"sensors": (*Sensors._fields, *readings)})
 
 
-def _check_names(user: Described, known: Mapping[str, Sequence[str]]) -> None:
-    """Check names by these roles; functions that are handed what has a role are followed, assignments are not."""
+def _check_names(
+    user: Described, known: Mapping[str, Sequence[str]], several: Collection[tuple[str, str]] = ()
+) -> None:
+    """Check names by these roles; functions that are handed what has a role are followed, assignments are not.
+
+    Those of `several` numbers, by role and name, are not set as a whole: numba copies whatever lies there.
+    """
     trees = {str(path): ast.parse(source) for path, source in user.sources.items() if path.suffix == ".py"}
     todo: list[tuple[object, tuple[str | None, ...]]] = [
         (getattr(user, name), arguments) for name, arguments in ARGUMENTS.items() if hasattr(user, name)
@@ -79,7 +87,7 @@ def _check_names(user: Described, known: Mapping[str, Sequence[str]]) -> None:
         definition = _definition_of(function, trees)
         if definition is not None:
             names = _names_of_arguments(definition, roles)
-            _check_attributes(definition, names, known, function.__code__.co_filename)
+            _check_attributes(definition, names, known, several, function.__code__.co_filename)
             for node in ast.walk(definition):
                 if isinstance(node, ast.Call):
                     given = tuple(names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args)
@@ -109,7 +117,11 @@ def _names_of_arguments(definition: ast.FunctionDef, roles: Sequence[str | None]
 
 
 def _check_attributes(
-    definition: ast.FunctionDef, names: Mapping[str, str], known: Mapping[str, Sequence[str]], file: str
+    definition: ast.FunctionDef,
+    names: Mapping[str, str],
+    known: Mapping[str, Sequence[str]],
+    several: Collection[tuple[str, str]],
+    file: str,
 ) -> None:
     used = [
         node
@@ -122,6 +134,9 @@ def _check_attributes(
         kind = {"sensors": Sensors, "world": World}.get(role, np.record)  # whose own attributes are allowed, too
         if role in known and node.attr not in known[role] and not hasattr(kind, node.attr):
             raise ControllerError(f"{file}:{node.lineno}: {unknown_name(role, node.attr, known[role])}")
+        if (role, node.attr) in several and not isinstance(node.ctx, ast.Load):
+            said = ast.unparse(node)
+            raise ControllerError(f"{file}:{node.lineno}: sets {said}, which is several numbers; set {said}[:] instead")
 
 
 def unknown_name(role: str, name: str, names: Sequence[str]) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,11 +12,13 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.labels import FOLDER, sweep_title
 from epuck_sim.runs.reader import PointTrials, read_points
+from epuck_sim.scenario.axes import check_labels
+from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.measured import measure_unit
 from epuck_sim.statistics.series import has_series
-from epuck_sim.util.messages import comma_list, did_you_mean
+from epuck_sim.util.messages import comma_list
 
 FORMS = {
     "curves": "curves:Curves",
@@ -83,17 +86,14 @@ def read_form(
     folders = [each for each in given_results if isinstance(each, Path | str)]
     points = [each for each in given_results if isinstance(each, PointTrials)] or _read_folders(folders, of, names)
     folder = str(folders[0]) if folders else "the scenario"
-    given = {name: value for name, value in options.items() if value is not None}
+    given = _with_full_keys({name: value for name, value in options.items() if value is not None}, points, prefix)
     scenario = points[0].scenario
     wanted = {**scenario.model_dump(mode="json"), "figure": {**scenario.figure.model_dump(mode="json"), **given}}
     section = validate(wanted, folder).figure
     name = section.form if "form" in given else _usual_form(points)
     _check_fit(points, name, given)
-    known = [*points[0].axes, "T_sync", *(measure.name for measure in scenario.measures)]
-    for key in section.labels:
-        if key not in known:
-            where = f"{prefix}label" if "labels" in given else f"{folder}: figure.labels"
-            raise EpuckSimError(f"{where}: {did_you_mean(key, known)}; allowed: {comma_list(known)}")
+    where = f"{prefix}label" if "labels" in given else f"{folder}: figure.labels"
+    check_labels(section.labels, points[0].axes, (measure.name for measure in scenario.measures), where)
     if not any(len(point.times) for point in points):
         raise StoreError(f"{folder}: holds no results yet")
     found = find_form("theory" if name == "curves" and section.theory else name)
@@ -103,6 +103,17 @@ def read_form(
     return form
 
 
+def _with_full_keys(given: Mapping[str, Any], points: Sequence[PointTrials], prefix: str) -> dict[str, Any]:
+    """Return options with the whole keys of axes in place of their endings."""
+    rows = [point.axes for point in points]
+    full: dict[str, Any] = {
+        name: axis_key(given[name], rows, f"{prefix}{name}") for name in ("x", "y", "panels") if name in given
+    }
+    if isinstance(given.get("labels"), Mapping):  # or it is refused where it is validated
+        full["labels"] = {axis_key(key, rows, f"{prefix}label"): text for key, text in given["labels"].items()}
+    return {**given, **full}
+
+
 def _read_folders(folders: Sequence[Path | str], of: str | None, names: Sequence[str]) -> list[PointTrials]:
     """Return the points of run folders; those of several have the folder's name as an axis."""
     sweeps = [read_points(folder, of) for folder in folders]
@@ -110,7 +121,7 @@ def _read_folders(folders: Sequence[Path | str], of: str | None, names: Sequence
         return sweeps[0]
     own = [Path(folder).resolve().name for folder in folders]
     names = names or (own if len(set(own)) == len(own) else [str(folder) for folder in folders])
-    if not len(set(names)) == len(names) == len(folders) > 1:
+    if not (all(names) and len(set(names)) == len(names) == len(folders) > 1):
         raise EpuckSimError(f"names are for several folders, one that differs for each; given: {comma_list([*names])}")
     for folder, sweep in zip(folders, sweeps, strict=True):
         _check_alike(folders[0], sweeps[0][0], folder, sweep[0])

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from itertools import product
 from typing import Annotated, Any, Literal
 
@@ -116,6 +116,14 @@ def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
     for key in figure.base_case:
         if key not in others:
             raise EpuckSimError(f"figure.base_case: {did_you_mean(key, others)}; other axes: {comma_list(others)}")
+
+
+def check_labels(labels: Collection[str], axes: Collection[str], measures: Iterable[str], origin: str) -> None:
+    """Raise EpuckSimError for a label of what is neither an axis, T_sync nor a measure, by name."""
+    known = [*axes, "T_sync", *measures]
+    for key in labels:
+        if key not in known:
+            raise EpuckSimError(f"{origin}: {did_you_mean(key, known)}; allowed: {comma_list(known)}")
 
 
 def other_axes(rows: Rows, *axes: str) -> list[str]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.axes import with_ranges
+from epuck_sim.scenario.axes import Rows, with_ranges
 from epuck_sim.scenario.base import ends_in, refused_at
 from epuck_sim.scenario.robot_kind import are_groups, without_brought_sensors
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
@@ -25,6 +25,17 @@ def full_keys(ending: str, keys: Sequence[str], where: str) -> list[str]:
     if len({re.sub(r"^robots\.\d+\.", "", key) for key in found}) > 1:
         raise ScenarioError(f"{where}: {ending} is the ending of {len(found)} keys; give one of {', '.join(found)}")
     return found
+
+
+def axis_key(typed: str, rows: Rows, where: str) -> str:
+    """Return the axis of a sweep that a key, or an ending of one, stands for; itself if there is none.
+
+    Of groups of robots it is the first one's, if all have the same value at each point.
+    """
+    found = full_keys(typed, [*rows[0]], where) or [typed]
+    if len(found) > 1 and any(row[key] != row[found[0]] for row in rows for key in found):
+        raise ScenarioError(f"{where}: {typed} is the ending of {len(found)} axes; give one of {', '.join(found)}")
+    return found[0]
 
 
 MAX_PARTS = 20
@@ -141,7 +152,8 @@ def add_measures(given: Mapping[str, Any], names: Sequence[str], origin: str) ->
 def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any], option: str) -> dict[str, Any]:
     """Return a scenario's keys with one more axis in the grid of its sweep, whose values may be ranges.
 
-    Several keys have the same value at each point: they are rows of the sweep's `points`.
+    Several keys have the same value at each point: they are rows of the sweep's `points`. An axis that is there is
+    replaced.
     """
     sweep = given.get("sweep") or {}
     grid = sweep.get("grid", {}) if isinstance(sweep, Mapping) else None
@@ -151,7 +163,11 @@ def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any
         return {**given, "sweep": {**sweep, "grid": {**grid, keys[0]: values}}}
     with refused_at(option):
         together = [dict.fromkeys(keys, value) for value in with_ranges(keys[0], values)]
-    rows = [{**row, **added} for row in sweep.get("points") or [{}] for added in together]
+    own = sweep.get("points") or [{}]
+    if not (isinstance(own, list | tuple) and all(isinstance(row, Mapping) for row in own)):
+        return dict(given)  # which is refused where it is validated
+    others = [{key: value for key, value in row.items() if key not in keys} for row in own]
+    rows = [{**row, **added} for row in {repr(row): row for row in others}.values() for added in together]
     return {**given, "sweep": {**sweep, "points": rows}}
 
 

@@ -141,7 +141,7 @@ def load_scenario(
     if isinstance(source, Scenario) and not any((settings, axes, measures, controller, quick)):
         return complete(source, source.name)
     given, origin, folder = _read(source)
-    given = _choose_version(given, origin, quick=quick)
+    given = _choose_version(given, origin, folder, quick=quick)
     if controller is not None:
         given = note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"], [])
     if measures:
@@ -197,12 +197,12 @@ def _full_keys(given: Mapping[str, Any], typed: str, where: str, origin: str, fo
     """Return the keys of a scenario that a typed key stands for, see `keys.full_keys`; itself if there are none."""
     model = given.get("model", "embodied")
     kind = SCENARIO_TYPES.get(model) if isinstance(model, str) else None
-    if kind is None or typed.partition(".")[0] in (*kind.model_fields, "sensors"):
+    if kind is None or typed == "sensors" or typed.partition(".")[0] in kind.model_fields:
         return [typed]
     found = full_keys(typed, kind.all_keys(_expanded(given, origin, folder), folder), where)
     if len(found) > 1:
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
-    return found or [typed]
+    return found or [f"robots.0.{typed}" if typed.startswith("sensors.") else typed]
 
 
 def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) -> None:
@@ -212,7 +212,7 @@ def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) 
     for row in (each for part in parts for each in (part if isinstance(part, list | tuple) else [part])):
         for key in row if isinstance(row, Mapping) else ():
             found = _full_keys(given, str(key), f"{origin}: sweep", origin, folder)
-            if found != [key]:
+            if found != [str(key)]:
                 raise ScenarioError(f"{origin}: sweep: {key} is the ending of a key; give the whole, {found[0]}")
 
 
@@ -237,12 +237,14 @@ def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, 
     return {"name": path.stem, **given}, place.name if place.package else str(path), path.parent
 
 
-def _choose_version(given: Mapping[str, Any], origin: str, *, quick: bool) -> dict[str, Any]:
+def _choose_version(given: Mapping[str, Any], origin: str, folder: Path | None, *, quick: bool) -> dict[str, Any]:
     """Return a file's scenario in one of its versions; a quick one that is no scenario is refused in any case."""
     if quick:
         return quick_version(given, origin)
     if given.get(QUICK) is not None:
-        validate(quick_version(given, origin), f"{origin}: {QUICK}")
+        other, where = quick_version(given, origin), f"{origin}: {QUICK}"
+        validate(other, where)
+        _reject_endings(other, where, folder)
     return without_quick(given)
 
 

@@ -26,7 +26,7 @@ from epuck_sim.statistics.two_samples import (
     share_as_large,
     studentised,
 )
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, counted, did_you_mean, short_repr
 
 PERMUTATION, LOG_RANK = "studentised permutation test of the means", "log-rank test"
 
@@ -94,22 +94,28 @@ def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
 
 def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequence[Sequence[int]]) -> Samples:
     """Match points of sweeps, of any axes, by their numbers: those in each of `chosen` are one of each folder."""
-    matches = []
+    chosen_points = []
     for numbers in chosen:
         if len(numbers) != len(folders):
             raise EpuckSimError(f"--points is given {len(numbers)} numbers; allowed: one of each of {len(folders)}")
         for number, points, name in zip(numbers, folders, names, strict=True):
             if not 0 <= number < len(points):
                 raise EpuckSimError(f"--points: {name} has no point {number}; allowed: 0 to {len(points) - 1}")
-        points = [folder[number] for number, folder in zip(numbers, folders, strict=True)]
-        shared = {
-            key: value
-            for key, value in points[0].axes.items()
-            if all(canonical_text({key: point.axes.get(key)}) == canonical_text({key: value}) for point in points)
-        }
-        axes = {"points": ", ".join(map(str, numbers)), **shared}
-        matches.append((axes, [point if len(point.times) else None for point in points]))
+        chosen_points.append([folder[number] for number, folder in zip(numbers, folders, strict=True)])
+    shared = [key for key in folders[0][0].axes if all(_is_shared(key, points) for points in chosen_points)]
+    matches = [
+        (
+            {"points": ", ".join(map(str, numbers)), **{key: points[0].axes[key] for key in shared}},
+            [point if len(point.times) else None for point in points],
+        )
+        for numbers, points in zip(chosen, chosen_points, strict=True)
+    ]
     return _check(Samples([*names], matches))
+
+
+def _is_shared(key: str, points: Points) -> bool:
+    """Return whether an axis has the same value at points of several sweeps."""
+    return len({canonical_text({key: point.axes.get(key)}) for point in points}) == 1
 
 
 def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
@@ -121,7 +127,9 @@ def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
         raise EpuckSimError(f"--axis: {did_you_mean(key, points[0].axes)}; axes: {comma_list(points[0].axes)}")
     texts = [canonical_text({key: value}) for value in values]
     if len(set(texts)) < max(2, len(texts)):
-        raise EpuckSimError(f"--axis: {key} is given {len(set(texts))} values; allowed: two or more, all different")
+        raise EpuckSimError(
+            f"--axis: {key} is given {counted(len(set(texts)), 'value')}; allowed: two or more, all different"
+        )
     known = {canonical_text({key: point.axes[key]}): point.axes[key] for point in points}
     for value, text in zip(values, texts, strict=True):
         if text not in known:
@@ -297,5 +305,5 @@ def _over_all(each: Comparison, headings: Mapping[str, str]) -> str:
         return ""
     parts = [f"{headings['difference']} = {each.difference}"] * (each.of is not None)
     if each.averaged:
-        parts.append(f"{headings['ratio']} = {each.ratio}, the geometric mean of {each.averaged} points")
+        parts.append(f"{headings['ratio']} = {each.ratio}, the geometric mean of {counted(each.averaged, 'point')}")
     return f"Over all: {'; '.join([*parts, f'p = {significant(each.p_value)}'])}"

@@ -10,6 +10,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.axes import canonical_text, choose_axis, other_axes
+from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.measured import Measured, cut, measure
 from epuck_sim.statistics.names import Statistic, statistic_name
@@ -44,8 +45,9 @@ def folder_curves(
 ) -> tuple[str, list[Curve]]:
     """Return an axis of a run folder, the speed or that with the most numbers by default, and the curves along it."""
     points = read_points(folder, of)
+    rows = [point.axes for point in points]
     try:
-        chosen = choose_axis([point.axes for point in points], axis)
+        chosen = choose_axis(rows, axis and axis_key(axis, rows, "--x"))
     except EpuckSimError as error:
         raise EpuckSimError(f"{folder}: {error}") from error
     curves = read_curves(points, chosen, statistic)

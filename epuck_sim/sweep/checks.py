@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
-from epuck_sim.scenario.axes import check_figure_axes
+from epuck_sim.scenario.axes import check_figure_axes, check_labels
 from epuck_sim.scenario.points import Point, describe_axes
 from epuck_sim.trial import model
 from epuck_sim.util.machine import NEGLIGIBLE_BYTES, available_bytes, in_bytes, lack_of_memory
@@ -18,6 +18,8 @@ def check_sweep(points: Sequence[Point]) -> None:
     scenario = points[0].scenario
     try:
         check_figure_axes(scenario.figure, [point.axes for point in points])
+        measures = (measure.name for measure in scenario.measures)
+        check_labels(scenario.figure.labels, points[0].axes, measures, "figure.labels")
     except EpuckSimError as error:
         raise ScenarioError(f"{scenario.name}: {error}") from error
     for point in points:

@@ -97,6 +97,12 @@ def _at_work(simulation: Any) -> AtWork:
     return lambda: (-1, simulation.instants, "") if hasattr(simulation, "instants") else None
 
 
+def never_returned(robot: int, step: int, code: str, limit_s: float) -> str:
+    """Return what to say of user's code that is `AtWork` for longer than a limit."""
+    where = f"robot {robot}, step {step}" if robot >= 0 else f"step {step}" if step >= 0 else "at the start"
+    return f"{where}: {f'its {code}' if code else 'a measure or response curve'} has not returned for {limit_s:g} s"
+
+
 def out_of_time(timeout_s: float) -> str:
     """Return the error of a trial that took longer than its scenario allows."""
     return f"has not ended within {timeout_s:g} s, its trial_timeout_s"
@@ -179,10 +185,7 @@ class Watchdog:
             if now != last or now[1] is None:
                 last, since_s = now, self._cpu_s()
             elif self._cpu_s() - since_s > self._limit_s * (SET_UP_FACTOR if now[1] == SETTING_UP else 1):
-                robot, step, code = now[1]
-                where = f"robot {robot}, step {step}" if robot >= 0 else f"step {step}" if step >= 0 else "at the start"
-                what = f"its {code}" if code else "a measure or response curve"
-                self._end(f"{where}: {what} has not returned for {self._limit_s:g} s")
+                self._end(never_returned(*now[1], self._limit_s))
 
     def _end(self, why: str) -> None:
         try:

@@ -33,9 +33,10 @@ try:
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.compiler_machinery import register_pass
+    from numba.core.errors import NumbaTypeError
     from numba.core.imputils import lower_cast
     from numba.core.typed_passes import NativeLowering
-    from numba.np.arrayobj import populate_array
+    from numba.np.arrayobj import array0d_to_scalar, populate_array
 except ImportError as error:
     raise EpuckSimError(
         f"numba {numba.__version__}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
@@ -56,17 +57,29 @@ WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 @lower_cast(types.float64, types.int64)  # type: ignore[untyped-decorator]
 def _to_whole_number(context: Any, builder: Any, _from: Any, to: Any, value: Any) -> Any:
-    """Make a whole number of a float: as Python does in users' code, whose bounds are checked, so without NaN."""
+    """Make a whole number of a float: as Python does in users' code, whose bounds are checked, so within 64 bits."""
     if context.enable_boundscheck:
-        limits = [ir.Constant(value.type, limit) for limit in (math.inf, -math.inf)]
-        is_infinite = [builder.fcmp_ordered("==", value, limit) for limit in limits]
-        for is_wrong, error, what in (
-            (builder.fcmp_unordered("uno", value, value), ValueError, "NaN"),
-            (builder.or_(*is_infinite), OverflowError, "infinity"),
+        infinite, least, beyond = (ir.Constant(value.type, limit) for limit in (math.inf, -(2.0**63), 2.0**63))
+        is_infinite = (builder.fcmp_ordered("==", each, infinite) for each in (value, builder.fneg(value)))
+        is_large = builder.fcmp_ordered("<", value, least), builder.fcmp_ordered(">=", value, beyond)
+        for is_wrong, error, said in (
+            (builder.fcmp_unordered("uno", value, value), ValueError, "cannot convert float NaN to integer"),
+            (builder.or_(*is_infinite), OverflowError, "cannot convert float infinity to integer"),
+            (builder.or_(*is_large), OverflowError, "Python int too large to convert to C long"),
         ):
             with builder.if_then(is_wrong, likely=False):
-                context.call_conv.return_user_exc(builder, error, (f"cannot convert float {what} to integer",))
+                context.call_conv.return_user_exc(builder, error, (said,))
     return builder.fptosi(value, context.get_value_type(to))
+
+
+@lower_cast(types.Array, types.float64)  # type: ignore[untyped-decorator]
+@lower_cast(types.Array, types.int64)  # type: ignore[untyped-decorator]
+@lower_cast(types.Array, types.boolean)  # type: ignore[untyped-decorator]
+def _to_one_number(context: Any, builder: Any, array: Any, to: Any, value: Any) -> Any:
+    """Make a number of an array without dimensions alone: numba takes the first of any."""
+    if array.ndim:
+        raise NumbaTypeError("setting one number with an array")
+    return array0d_to_scalar(context, builder, array, to, value)
 
 
 class _PartLibrary(JITCodeLibrary):  # linked into that of others, which is where it is optimised
@@ -110,7 +123,10 @@ def compile_part(function: Any, **options: object) -> Any:
     return compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
 
 
-SHIPPED = Path(__file__).parents[1] / "compiled"
+PACKAGE = Path(__file__).parents[1]
+"""Folder of this package."""
+
+SHIPPED = PACKAGE / "compiled"
 """Folder of a release's compiled code, laid out as a cache folder is: see `make dist`."""
 
 
@@ -195,12 +211,17 @@ class _Compilations(event.Listener):
     def __init__(self) -> None:
         self.planned: set[CodeType] = set()
         self.done: set[CodeType] = set()
+        self.begun: list[CodeType] = []  # and not yet done: the last one for the one before it
 
     def on_start(self, event: Any) -> None:
-        self._plan(event.data["dispatcher"].py_func)
+        function = event.data["dispatcher"].py_func
+        self._plan(function)
+        self.begun.append(function.__code__)
 
     def on_end(self, event: Any) -> None:
-        self.done.add(event.data["dispatcher"].py_func.__code__)
+        code = event.data["dispatcher"].py_func.__code__
+        self.begun.remove(code)
+        self.done.add(code)
 
     def _plan(self, function: Any) -> None:
         if function.__code__ in self.planned:
@@ -219,6 +240,13 @@ event.register("numba:compile", _compilations)
 def count_compiled() -> tuple[int, int]:
     """Return how many functions this process has compiled, of how many; what the cache holds does not count."""
     return len(_compilations.done & _compilations.planned), len(_compilations.planned)
+
+
+def compiled_now() -> Path | None:
+    """Return the file of which a function is being compiled, but this package's and numba's own; None if none is."""
+    ours = {PACKAGE, Path(numba.__file__).parent}
+    files = [Path(code.co_filename) for code in reversed(_compilations.begun)]
+    return next((file for file in files if file.suffix == ".py" and ours.isdisjoint(file.parents)), None)
 
 
 @cache

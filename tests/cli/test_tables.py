@@ -195,6 +195,19 @@ def test_the_status_tells_points_trials_time_what_made_them_who_is_at_work_and_t
     ]
 
 
+def test_on_a_narrow_terminal_lines_end_between_words(capsys, monkeypatch) -> None:
+    results = [TrialResult("thesis", n, 10 + n, False, 10 + n, 0.9, 9, 9.0, 0.4) for n in range(20)]
+    for show in (lambda: print_status(status(), as_json=False), lambda: tables.print_trials(results, 25)):
+        monkeypatch.setattr(tables, "terminal_width", lambda: None)
+        show()
+        words = capsys.readouterr().out.splitlines()[-1].split()
+        monkeypatch.setattr(tables, "terminal_width", lambda: 50)
+        show()
+        lines = capsys.readouterr().out.splitlines()
+        assert max(map(len, lines)) <= 50
+        assert " ".join(lines[-3:]).split()[-len(words) :] == words
+
+
 def test_the_status_as_json_has_all_failures_and_every_field(capsys) -> None:
     at_limit = (PointAtLimit(3, {"coupling": 0.1}, 20),)
     given = status(at_work="process 5 on here", failed=failures(MOST_LISTED + 5), at_limit=at_limit)

@@ -187,7 +187,7 @@ def test_folders_of_other_scenarios_are_refused(tmp_path, changes, message: str)
         figures.plot(two_folders(tmp_path, **changes))
 
 
-@pytest.mark.parametrize("names", [["one"], ["one", "one"]])
+@pytest.mark.parametrize("names", [["one"], ["one", "one"], ["one", ""]])
 def test_each_of_several_folders_takes_one_name(tmp_path, names: list[str]) -> None:
     with pytest.raises(EpuckSimError, match="one that differs for each; given: one"):
         figures.plot(two_folders(tmp_path), names=names)
@@ -206,6 +206,17 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
         figures.plot(folders, of="way")
     (tmp_path / "mm/mine.py").unlink()
     assert figures.plot(folders[1], of="way").axes[0].get_ylabel() == "way"
+
+
+@pytest.mark.parametrize("form", ["curves", "map", "violins"])
+def test_axes_are_named_by_the_endings_of_their_keys(form: str) -> None:
+    short, long = (
+        read_form(POINTS, {"form": form, "x": keys[0], "labels": dict.fromkeys(keys, "mine")})
+        for keys in (["width_cm", "speed_cm_s"], [WIDTH, SPEED])
+    )
+    assert short.settings == long.settings
+    assert short.labels[0] == "mine"
+    assert read_form(POINTS, {"panels": "width_cm"}).titles == ["L = 40 cm", "L = 60 cm"]
 
 
 # What does not fit

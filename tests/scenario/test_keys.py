@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import with_ranges
 from epuck_sim.scenario.base import guess
-from epuck_sim.scenario.keys import full_keys
+from epuck_sim.scenario.keys import axis_key, full_keys
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
@@ -89,6 +89,20 @@ def test_an_ending_in_several_groups_means_all_of_them_and_says_so() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         load_scenario(groups, ["0.count=3"])
+    with pytest.warns(UserWarning, match="stands for"):
+        again = points(load_scenario(groups, axes=["count=2,3", "coupling=0.1,0.2", "count=4,5"]))
+    assert [point.axes["robots.1.count"] for point in again] == [4, 5, 4, 5]
+
+
+def test_an_ending_in_several_groups_is_the_axis_of_the_first_where_they_are_alike() -> None:
+    alike = [{"robots.0.count": count, "robots.1.count": count} for count in (2, 3)]
+    assert [axis_key(typed, alike, "--x") for typed in ("count", "1.count", "k")] == [
+        "robots.0.count",
+        "robots.1.count",
+        "k",
+    ]
+    with pytest.raises(ScenarioError, match=r"--x: count is the ending of 2 axes; give one of robots.0.count, "):
+        axis_key("count", [*alike, {"robots.0.count": 2, "robots.1.count": 3}], "--x")
 
 
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: float(f"{value:.6g}"))

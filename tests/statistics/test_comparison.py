@@ -16,6 +16,7 @@ from epuck_sim.statistics.comparison import (
     Comparison,
     Samples,
     compare,
+    comparison_tables,
     match_folders,
     match_points,
     match_values,
@@ -104,6 +105,10 @@ def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
         ({"points": "1, 2", COUNT: 3}, 2, 13),
         ({"points": "0, 0", COUNT: 3}, 1, 11),
     ]
+    third = in_memory(sweep({SPEED: [2], COUNT: [3, 4]}), lambda _: ended([5] * 5))
+    samples = match_points([one, third], ["one", "third"], [[1, 0], [0, 1]])  # of which one has two axes alike
+    assert [axes for axes, _ in samples.matches] == [{"points": "1, 0"}, {"points": "0, 1"}]
+    assert len(comparison_tables(compare(samples), one)[0].to_csv().splitlines()) == 3
     with pytest.raises(EpuckSimError, match="--points: other has no point 3; allowed: 0 to 2"):
         match_points([one, other], ["one", "other"], [[0, 3]])
     with pytest.raises(EpuckSimError, match="--points is given 1 numbers; allowed: one of each of 2"):

@@ -83,6 +83,10 @@ def sense(world, robot, readings, parameters, random):
         readings.counts[1] = math.nan
     elif way == 6:
         raise ValueError("too dark")
+    elif way == 7:
+        readings.own_number = 1e30
+    elif way == 8:
+        readings.ground[1] = math.inf
 """
 
 WANDERER = FOLLOWER.replace("sensors.ground[0] + sensors.own_number", "0.5").replace("sensors.ground[0]", "0.7")
@@ -254,12 +258,15 @@ def test_an_edited_sensor_is_compiled_anew(files):
         (4, r"ground\.py:17: OverflowError: cannot convert float infinity to integer"),
         (5, r"robot 0, .*ground\.py:19: ValueError: cannot convert float NaN"),
         (6, r"robot 0, step 0, seed 1: .*ground\.py:21: ValueError: too dark"),
+        (7, r"robot 0, step 0, seed 1: .*ground\.py:23: OverflowError: Python int too large"),
     ],
 )
 def test_an_error_in_a_sensor_names_file_line_and_robot(files, way, message, interpret):
     files(ground=FAILING)
     with pytest.raises(ControllerError, match=message):
         Simulation(scenario([{"ground.py": {"way": way}}]), 1, interpret=interpret).advance(1)
+    far = Simulation(scenario([{"ground.py": {"way": 8}}]), 1, interpret=interpret).advance(1).readings["ground"]
+    assert (far == [0, np.inf]).all()  # as what lies beyond a range
 
 
 MISTAKES = {
@@ -278,6 +285,15 @@ MISTAKES = {
     "empty": (GROUND.replace("(float, 2)", "(float, 0)"), r"READINGS: 'ground' has the shape \(0,\); allowed: 1 to"),
     "arguments": (GROUND.replace("(world, robot, ", "(robot, "), r"ground\.py:9: sense takes 4 arguments; allowed"),
     "syntax": (GROUND.replace("def sense", "def sense("), r"ground\.py:9: cannot be loaded: SyntaxError"),
+    "whole": (GROUND.replace("ground[1] = ", "ground = "), r"ground\.py:12: sets readings\.ground, which is several"),
+    "an array": (
+        GROUND.replace("= robot.number", "= readings.ground"),
+        r"ground\.py:13: .*: setting one number with a",
+    ),
+    "tuple": (
+        GROUND.replace("= robot.number", "= (1, 2)"),
+        r"ground\.py:13: .*: Cannot cast Tuple\(.*\) to int64\n",
+    ),
     "compiled": (GROUND.replace("math.cos(robot", "math.cos('a', robot"), r"ground\.py:\d+: cannot be compiled; --"),
 }
 
@@ -332,6 +348,9 @@ def test_sensors_given_anew_take_the_place_of_those_of_all_robots_and_so_do_anot
     ):
         for base in (given | key, load_scenario(given | key)):
             assert [set(load_scenario(base, [each]).robots[0].sensors) for each in anew] == list(anew.values())
+            for typed in ("ground.noise", "sensors.ground.noise"):
+                if "ground" in load_scenario(base).robots[0].sensors:
+                    assert load_scenario(base, [f"{typed}=0.5"]).robots[0].sensors["ground"]["noise"] == 0.5
 
 
 def test_two_files_of_one_name_draw_from_streams_of_their_own(tmp_path, files):
