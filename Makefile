@@ -28,7 +28,7 @@ run: $(VENV)/installed ## install, and simulate the thesis's base case
 
 test: lint ## lint, types and all tests but the slow ones, or those of one room: ROOM=particles
 	@echo "compiling the kernels of robots and of agents, once for all tests"
-	$(BIN)/epuck-sim run particles > /dev/null & $(BIN)/epuck-sim run thesis > /dev/null; wait
+	$(if $(ROOM),,$(BIN)/python -m tests.compiled agents & $(BIN)/python -m tests.compiled robots; wait)
 	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist worksteal \
 	    $(ROOM:%=tests/%)
 

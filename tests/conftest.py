@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import tempfile
 from collections.abc import Iterator
 
@@ -18,6 +19,9 @@ os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="epuck-sim-tests-")  # no
 
 settings.register_profile("same", deadline=None, max_examples=100, derandomize=True, print_blob=True)
 settings.register_profile("search", deadline=None, max_examples=500, print_blob=True)
+# without bytecode, hundreds of processes read the sources of numba and of all else that they import
+os.environ["PYTHONDONTWRITEBYTECODE"] = ""
+sys.dont_write_bytecode = False
 # what `nohup` ignores is heard by the processes that tests start
 for _number in signals("SIGHUP"):
     signal.signal(_number, signal.SIG_DFL)

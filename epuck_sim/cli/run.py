@@ -87,6 +87,12 @@ def run(
             metavar="10%", help="Add trials until half of each interval's width is 10 % of T_sync, or, as 3, cycles."
         ),
     ] = None,
+    contrast: Annotated[
+        str | None,
+        sweeps_option(
+            metavar="KEY", help="Ask --until of ratios, or differences in cycles, to the first value of an axis."
+        ),
+    ] = None,
     trial_timeout: Annotated[
         float | None,
         sweeps_option(metavar="SECONDS", help="A trial of a sweep that takes longer has failed; key trial_timeout_s."),
@@ -119,6 +125,7 @@ def run(
         (trace is None and relations, "--relations is for --trace"),
         (not has_rows and bool(memory), "--memory is for --trace, --record and --live"),
         (workers is not None and dask is not None, "--workers and --dask exclude each other"),
+        (contrast is not None and until is None, "--contrast is for --until"),
         (
             until is not None and share is not None,
             "--until and --share exclude each other: a look at a point takes all its trials",
@@ -159,7 +166,9 @@ def run(
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
         if folder is not None:
-            sweep_into(scenario, loaded, folder, workers, dask, share, until, interpret=interpret, as_json=as_json)
+            sweep_into(
+                scenario, loaded, folder, workers, dask, share, until, contrast, interpret=interpret, as_json=as_json
+            )
             return
         if point is not None and trial is not None:
             loaded, seed_of_trial = trial_of_sweep(scenario, loaded, point, trial)

@@ -19,6 +19,7 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.share import Share
 from epuck_sim.runs.status import read_outcome, read_status
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.keys import full_keys
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario, require_model
@@ -212,6 +213,7 @@ def sweep_into(
     dask: str | None,
     share: str | None,
     until: str | None,
+    contrast: str | None,
     *,
     interpret: bool,
     as_json: bool,
@@ -223,7 +225,7 @@ def sweep_into(
     from epuck_sim.sweep.run import run_sweep
 
     _note_other_versions(folder)
-    given = {"--workers": workers, "--dask": dask, "--until": until}
+    given = {"--workers": workers, "--dask": dask, "--until": until, "--contrast": contrast}
     words = [word for name, value in given.items() if value is not None for word in (name, str(value))]
     again = shlex.join(["epuck-sim", "run", f"{folder}/", *words, *["--interpret"] * interpret])
     open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
@@ -231,7 +233,7 @@ def sweep_into(
     if until is not None:
         from epuck_sim.sweep.looks import Looks  # which takes scipy
 
-        looks = Looks(until)
+        looks = Looks(until, contrast and (full_keys(contrast, scenario.swept, "--contrast") or [contrast])[0])
     of_share = Share.parse(share) if share else None
     with SweepProgressBar() as bar, prefix_scenario(origin):
         try:

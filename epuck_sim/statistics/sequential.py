@@ -127,6 +127,21 @@ def probability_within(boundary: float, sizes: tuple[float, ...]) -> float:
     return float(weights @ density)
 
 
+def look_contrast(first: Estimate, other: Estimate, *, is_relative: bool) -> Estimate:
+    """Return the ratio of the other mean to the first, or their difference, from intervals at looks of as many trials.
+
+    Half-widths of the two are added in squares on either side, in logarithms for the ratio (Zou and Donner 2008), which
+    keeps the level of the intervals.
+    """
+    (a, a_low, a_high), (b, b_low, b_high) = (
+        [math.log(end) if end > 0 else -math.inf for end in each.ends] if is_relative else each.ends
+        for each in (first, other)
+    )
+    value = b - a
+    found = Estimate(value, value - math.hypot(b - b_low, a_high - a), value + math.hypot(b_high - b, a - a_low))
+    return found.apply(math.exp) if is_relative else found
+
+
 def look_interval(measured: Measured, limit: int) -> Estimate:
     """Return the mean at a look, restricted where trials are censored, with its interval; `limit` is that of trials.
 

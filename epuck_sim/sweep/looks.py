@@ -1,5 +1,6 @@
 """Looks at the points of a sweep while it runs: trials are added to a point until its interval is narrow enough."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -9,10 +10,11 @@ from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.runs.share import WHOLE
 from epuck_sim.runs.store import Store
+from epuck_sim.scenario.axes import canonical_text, other_axes
 from epuck_sim.scenario.points import Point
 from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.sequential import FIRST_LOOK, Precision, look_interval, look_sizes
-from epuck_sim.util.messages import counted
+from epuck_sim.statistics.sequential import FIRST_LOOK, Precision, look_contrast, look_interval, look_sizes
+from epuck_sim.util.messages import comma_list, counted
 
 
 class Look(NamedTuple):
@@ -20,10 +22,12 @@ class Look(NamedTuple):
 
     trials: int
     """Number of its first trials that were looked at."""
-    estimate: Estimate
+    mean: Estimate
     """Mean of their T_sync, restricted where trials are censored, with an interval that holds at every look."""
+    contrast: Estimate | None
+    """Ratio, or difference, of the mean to that of the first point of its group; None of this, and without contrast."""
     width: float
-    """Width of the interval relative to what is asked; inf as long as there is none."""
+    """Width of the interval relative to what is asked, of the first point of a group the largest; inf without one."""
 
     @property
     def is_narrow(self) -> bool:
@@ -35,22 +39,27 @@ class Looks:
     """The last look at each point of a sweep that `run_sweep` is given, which asks it where trials are missing.
 
     A point is looked at when its first 20, 30, 45 ... trials have ended, and what is decided of it depends on these
-    alone: not on workers, on the order in which trials end, or on what else is stored.
+    alone: not on workers, on the order in which trials end, or on what else is stored. With a contrast, so are the
+    points of a group, which differ in its key alone.
     """
 
-    def __init__(self, until: str) -> None:
+    def __init__(self, until: str, contrast: str | None = None) -> None:
         """Take what is asked, as 10% of the estimate, or 3 cycles; half of an interval's width is to be at most that.
 
+        Args:
+            until: What is asked.
+            contrast: An axis: asked of the ratio, or the difference in cycles, of each mean to that at its first value.
+
         Raises:
-            EpuckSimError: It is neither.
+            EpuckSimError: What is asked is neither.
         """
-        self._precision = Precision.parse(until)
+        self._precision, self._key = Precision.parse(until), contrast
         self._last: list[Look] = []
         self.narrow = 0
         """Number of points whose intervals are narrow enough."""
 
     def check(self, points: Sequence[Point]) -> None:
-        """Raise EpuckSimError for a sweep whose trials have no T_sync, or that may have too few of them."""
+        """Raise EpuckSimError for a sweep whose trials have no T_sync, that may have too few, or lacks the contrast."""
         scenario = points[0].scenario
         if any(point.scenario.stop.order_parameter is None for point in points):
             raise EpuckSimError("--until is about T_sync, which trials have none of: stop.order_parameter is null")
@@ -59,6 +68,20 @@ class Looks:
                 f"trials is {scenario.trials}, the most that --until may run at a point, and it begins with "
                 f"{FIRST_LOOK}; give --trials 1000, say"
             )
+        axes = points[0].axes
+        if self._key is not None and (self._key not in axes or min(map(len, self._groups(points))) == 1):
+            said = "allowed: an axis with two values or more, among"
+            raise EpuckSimError(f"--contrast is {self._key}; {said} {comma_list(list(axes))}")
+
+    def _groups(self, points: Sequence[Point]) -> list[list[Point]]:
+        """Return the points that are looked at together: each alone, or those that differ in the contrast's key."""
+        if self._key is None:
+            return [[point] for point in points]
+        others = other_axes([point.axes for point in points], self._key)
+        groups: dict[str, list[Point]] = {}
+        for point in points:
+            groups.setdefault(canonical_text({key: point.axes[key] for key in others}), []).append(point)
+        return [*groups.values()]
 
     def begin(self, store: Store, points: Sequence[Point], finished: FinishedTrials) -> list[int]:
         """Look at what is stored, and return the number of trials that each point is for so far.
@@ -70,42 +93,67 @@ class Looks:
             raise StoreError(f"the folder is for share {store.share}; --until looks at all trials of a point: merge")
         self._store, self._points, self._finished = store, points, finished
         self.narrow = 0
-        self._last = [Look(0, UNDETERMINED, self._precision.width(UNDETERMINED))] * len(points)
-        self._trials, self._left = [0] * len(points), [0] * len(points)
-        self._looks = [self._look(point) for point in points]
-        for point in points:
-            self._go_on(point.number)
-        store.plan({point.key: self._trials[point.number] for point in points})
+        groups = self._members = self._groups(points)
+        self._last = [Look(0, UNDETERMINED, None, math.inf)] * len(points)
+        self._trials, self._left = [0] * len(points), [0] * len(groups)
+        self._group = {point.number: place for place, group in enumerate(groups) for point in group}
+        self._looks = [self._look(group) for group in groups]
+        for place in range(len(groups)):
+            self._go_on(place)
+        self._plan(points)
         return self._trials
 
-    def end_trial(self, number: int) -> Sequence[int]:
-        """Take note that a trial of a point has ended, and return the trials to be added to the point now."""
-        self._left[number] -= 1
-        if self._left[number]:
+    def end_trial(self, number: int) -> Sequence[tuple[int, int]]:
+        """Take note that a trial of a point has ended, and return point and number of each trial to be added now."""
+        group = self._group[number]
+        self._left[group] -= 1
+        if self._left[group]:
             return ()
-        added = self._go_on(number)
-        self._store.plan({self._points[number].key: self._trials[number]})
+        added = self._go_on(group)
+        self._plan(self._members[group])
         return added
 
-    def _go_on(self, number: int) -> Sequence[int]:
-        missing = next(self._looks[number], ())
-        self._left[number] = len(missing)
+    def _plan(self, points: Sequence[Point]) -> None:
+        self._store.plan({point.key: self._trials[point.number] for point in points})
+
+    def _go_on(self, group: int) -> Sequence[tuple[int, int]]:
+        missing = next(self._looks[group], ())
+        self._left[group] = len(missing)
         return missing
 
-    def _look(self, point: Point) -> Iterator[Sequence[int]]:
-        """Look at a point until its interval is narrow enough; yield the trials that are missing before a look."""
-        number, limit = point.number, point.scenario.trials
+    def _look(self, group: Sequence[Point]) -> Iterator[Sequence[tuple[int, int]]]:
+        """Look at points until all intervals are narrow enough; yield the trials that are missing before a look."""
+        limit, before = group[0].scenario.trials, 0
         for size in look_sizes(limit):
-            before, self._trials[number] = self._trials[number], size
-            if missing := [before + place for place in self._finished.missing(number, range(before, size))]:
+            for point in group:
+                self._trials[point.number] = size
+            missing = [
+                (point.number, before + place)
+                for point in group
+                for place in self._finished.missing(point.number, range(before, size))
+            ]
+            if missing:
                 yield missing
-            times, observed = self._store.ends(point.key, size)
-            measured = Measured(times, observed, float(point.scenario.stop.max_cycles), 0, unit="cycles")
-            found = look_interval(measured, limit)
-            self._last[number] = Look(size, found, self._precision.width(found))
-            if self._last[number].is_narrow:
-                self.narrow += 1
+            before = size
+            for point, look in zip(group, self._look_at(group, size), strict=True):
+                self.narrow += look.is_narrow - self._last[point.number].is_narrow
+                self._last[point.number] = look
+            if all(self._last[point.number].is_narrow for point in group):
                 return
+
+    def _look_at(self, group: Sequence[Point], size: int) -> list[Look]:
+        means = [self._mean(point, size) for point in group]
+        if self._key is None:
+            return [Look(size, mean, None, self._precision.width(mean)) for mean in means]
+        contrasts = [look_contrast(means[0], mean, is_relative=self._precision.is_relative) for mean in means[1:]]
+        widths = [*map(self._precision.width, contrasts)]
+        rows = zip(means, [None, *contrasts], [max(widths), *widths], strict=True)
+        return [Look(size, *row) for row in rows]
+
+    def _mean(self, point: Point, size: int) -> Estimate:
+        times, observed = self._store.ends(point.key, size)
+        measured = Measured(times, observed, float(point.scenario.stop.max_cycles), 0, unit="cycles")
+        return look_interval(measured, point.scenario.trials)
 
     def width(self, number: int) -> float:
         """Return the width of a point's interval relative to what is asked; inf as long as there is none."""
@@ -113,21 +161,23 @@ class Looks:
 
     def table(self) -> Table:
         """Return a table of the last look at each point."""
-        rows = []
+        asked, rows = self._precision, []
+        contrast = "ratio" if asked.is_relative else "difference"
         for point, look in zip(self._points, self._last, strict=True):
-            asked = self._precision
             reach = look.width * asked.reach
             cells = {
                 "point": point.number,
                 "trials": look.trials,
-                "mean": look.estimate,
+                "mean": look.mean,
+                **({} if self._key is None else {contrast: look.contrast}),
                 "half_width": Share(reach) if asked.is_relative else reach,
                 "is_narrow": look.is_narrow,
             }
             rows.append(Row(point.axes, cells))
-        title = f"T_sync (cycles), with 95 % intervals that hold at every look; asked for: +- {self._precision}"
+        title = f"T_sync (cycles), with 95 % intervals that hold at every look; asked for: +- {asked}"
         note = f"Narrow enough: {self.narrow} of {counted(len(rows), 'point')}"
         limit = self._points[0].scenario.trials
         more = "" if self.narrow == len(rows) else f"; the others have {limit} trials, the most that they may"
         headings = {"mean": "mean or restricted mean", "half_width": "half-width", "is_narrow": "narrow enough"}
+        headings[contrast] = f"{contrast} to the first"
         return Table(title, rows, [f"{note}{more}."], headings)

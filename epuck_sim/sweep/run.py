@@ -79,7 +79,7 @@ def run_sweep(
             for outcomes in chunks:
                 for outcome, is_stored in zip(outcomes, store.add(outcomes), strict=True):
                     if until is not None and (added := until.end_trial(outcome.point)):
-                        tasks = [_task(all_points[outcome.point], trial, interpret) for trial in added]
+                        tasks = [_task(all_points[number], trial, interpret) for number, trial in added]
                         queue.add(tasks, until.width(outcome.point))
                         progress = progress._replace(trials=progress.trials + len(added))
                     progress = progress._replace(

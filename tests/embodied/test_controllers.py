@@ -272,9 +272,8 @@ def test_controllers_of_absent_robots_do_not_run_and_robots_can_start_alone(inte
 
 @pytest.fixture
 def _caches(tmp_path, monkeypatch):
-    """A cache of compiled code, and one of bytecode, that begin empty."""
+    """A cache of compiled code that begins empty."""
     monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path / "cache")
-    monkeypatch.setattr(sys, "dont_write_bytecode", False)
 
 
 ELSEWHERE = """
@@ -291,9 +290,8 @@ for file in {files!r}:
 def outcomes_elsewhere(files, cache):
     """Return what a fresh process makes of controllers' files."""
     path = [str(Path(__file__).parents[2]), str(Path(jit.__file__).parents[2])]
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     command = [sys.executable, "-c", ELSEWHERE.format(path=path, files=list(map(str, files)))]
-    environment["NUMBA_CACHE_DIR"] = str(cache)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
     run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=120)
     return [float(line) for line in run.stdout.splitlines() if not line.startswith("so many")]
 

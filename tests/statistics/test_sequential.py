@@ -10,7 +10,14 @@ import pytest
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
 from epuck_sim.statistics.measured import Measured, cut
-from epuck_sim.statistics.sequential import Precision, look_interval, look_level, look_sizes, probability_within
+from epuck_sim.statistics.sequential import (
+    Precision,
+    look_contrast,
+    look_interval,
+    look_level,
+    look_sizes,
+    probability_within,
+)
 
 LIMIT = 150
 
@@ -50,6 +57,37 @@ def test_intervals_of_skewed_times_hold_at_all_looks_and_at_the_first_narrow_one
     error = math.sqrt(LEVEL * (1 - LEVEL) / samples)
     assert hold / samples > LEVEL - 0.01 - 2 * error  # Student's miss the means of skewed times a little more often
     assert hold_at_end / samples > LEVEL
+
+
+def test_contrasts_add_half_widths_in_squares_and_ratios_do_in_logarithms() -> None:
+    one, other = Estimate(40, 37, 44), Estimate(60, 56, 63)
+    difference = look_contrast(one, other, is_relative=False)
+    assert difference.ends == pytest.approx((20, 20 - math.hypot(4, 4), 20 + math.hypot(3, 3)))
+    ratio, logs = (
+        look_contrast(*pair, is_relative=is_relative).ends
+        for pair, is_relative in (((one, other), True), ([each.apply(math.log) for each in (one, other)], False))
+    )
+    assert ratio == pytest.approx([math.exp(end) for end in logs])
+    assert look_contrast(Estimate(1, -1, 2), Estimate(2, -1, 3), is_relative=True).ends[1:] == (0, math.inf)
+
+
+def test_contrasts_of_skewed_times_hold_at_all_looks_and_at_the_first_narrow_one() -> None:
+    samples, random = 400, np.random.default_rng(6)
+    for is_relative, asked, truth in ((True, "35%", 2.0), (False, "0.6", math.gamma(1 + 1 / 1.35))):
+        hold, hold_at_end, early = 0, 0, 0
+        for times in random.weibull(1.35, (samples, 2, LIMIT)):
+            looks = []
+            for size in look_sizes(LIMIT):
+                each = [Measured(row[:size], np.ones(size, bool), math.inf, 0) for row in (times[0], 2 * times[1])]
+                looks.append(look_contrast(*(look_interval(of, LIMIT) for of in each), is_relative=is_relative))
+            end = next((look for look in looks if Precision.parse(asked).width(look) <= 1), looks[-1])
+            early += end is not looks[-1]
+            hold += all(look.low <= truth <= look.high for look in looks)
+            hold_at_end += end.low <= truth <= end.high
+        error = math.sqrt(LEVEL * (1 - LEVEL) / samples)
+        assert early > samples / 4
+        assert hold / samples > LEVEL - 0.01 - 2 * error
+        assert hold_at_end / samples > LEVEL
 
 
 def test_where_all_trials_are_censored_few_can_end_sooner() -> None:

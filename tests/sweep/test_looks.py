@@ -16,7 +16,7 @@ from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.measured import measure_t_sync
-from epuck_sim.statistics.sequential import Precision, look_interval, look_sizes
+from epuck_sim.statistics.sequential import Precision, look_contrast, look_interval, look_sizes
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.looks import Looks
 from epuck_sim.sweep.run import run_sweep
@@ -99,6 +99,36 @@ def test_workers_and_interruptions_do_not_change_what_is_run(tmp_path, all_trial
     assert set(table(folder)) < set(rows)
     run_sweep(scenario, folder, pool_here, until=Looks(ASKED))
     assert table(folder) == rows
+
+
+PERIOD, SPEED = "robots.0.parameters.period_s", "robots.0.parameters.speed_cm_s"
+
+
+@pytest.mark.parametrize(("asked", "name"), [("33%", "ratio"), ("2.65", "difference")])
+def test_points_of_a_contrast_end_together_at_the_first_look_at_which_all_of_it_is_narrow(
+    tmp_path, all_trials, asked, name
+) -> None:
+    looks, folder = Looks(asked, PERIOD), tmp_path / "run"
+    progress = run_sweep(four_points(tmp_path), folder, pool_here, until=looks)
+    precision, plain = Precision.parse(asked), {point.key: point for point in read_points(all_trials)}
+    rows = dict(zip([point.key for point in read_points(folder)], looks.table().rows, strict=True))
+    ends = {key: row.cells["trials"] for key, row in rows.items()}
+    for speed in (4, 12):
+        pair = [key for key, row in rows.items() if row.axes[SPEED] == speed]
+        for size in look_sizes(MOST):
+            times = [
+                plain[key]._replace(times=plain[key].times[:size], observed=plain[key].observed[:size]) for key in pair
+            ]
+            first, other = (look_interval(measure_t_sync(each), MOST) for each in times)
+            found = look_contrast(first, other, is_relative=name == "ratio")
+            if precision.width(found) <= 1:
+                break
+        assert [ends[key] for key in pair] == [size, size]
+        assert [rows[key].cells[name] for key in pair] == [None, found]
+        assert rows[pair[1]].cells["is_narrow"] == (precision.width(found) <= 1)
+    assert len(set(ends.values())) > 1
+    assert table(folder) == [row for row in table(all_trials) if row[1] < ends[row[0]]]
+    assert progress.trials == sum(ends.values())
 
 
 def test_the_command_says_how_narrow_intervals_are(all_trials) -> None:
