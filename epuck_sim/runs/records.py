@@ -1,7 +1,9 @@
 """A trial to be run, the outcome of one that has ended, which trials have a result, and how far a sweep is."""
 
+import pickle
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +29,35 @@ class Task(NamedTuple):
     def seed(self) -> int:
         """Seed of the trial, which its worker derives."""
         return point_seed(self.scenario.seed, self.key, self.trial)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the scenario, which takes longer than all else that is done for a task, once a point."""
+        return _unpacked_task, (*self[:3], _packed(self.scenario), self.interpret)
+
+
+MOST_PACKED = 1000
+"""Most scenarios of which the bytes are kept."""
+
+_kept: dict[int, tuple[Scenario, bytes]] = {}
+"""Scenarios by their `id`, which is theirs as long as they are kept, and their bytes."""
+
+
+def _packed(scenario: Scenario) -> bytes:
+    if id(scenario) not in _kept:
+        if len(_kept) >= MOST_PACKED:
+            _kept.clear()
+        _kept[id(scenario)] = scenario, pickle.dumps(scenario)
+    return _kept[id(scenario)][1]
+
+
+@lru_cache(MOST_PACKED)
+def _unpacked(packed: bytes) -> Scenario:
+    scenario: Scenario = pickle.loads(packed)
+    return scenario
+
+
+def _unpacked_task(point: int, trial: int, key: str, packed: bytes, interpret: bool) -> Task:
+    return Task(point, trial, key, _unpacked(packed), interpret)
 
 
 class Outcome(NamedTuple):

@@ -19,16 +19,15 @@ MOTIONS = {"firefly": "obstacle_avoidance", "walking_firefly": "random_walk", "r
 WHEELS = ["left_cm_s", "right_cm_s"]
 
 
-@MODES
 @pytest.mark.parametrize("name", [*MOTIONS, "pushing", "switching", "varied_firefly"])
-def test_a_firefly_flashes_as_an_oscillator_that_nothing_is_near_and_moves_as_its_motion_does_blindly(name, interpret):
+def test_a_firefly_flashes_as_an_oscillator_that_nothing_is_near_and_moves_as_its_motion_does_blindly(name):
     chance = np.random.default_rng(4)
-    firefly, oscillator = (Bench(each, robots=20, interpret=interpret) for each in (name, "oscillator"))
-    motion = Bench(MOTIONS[name], robots=20, interpret=interpret) if name in MOTIONS else None
+    firefly, oscillator = (Bench(each, robots=20) for each in (name, "oscillator"))
+    motion = Bench(MOTIONS[name], robots=20) if name in MOTIONS else None
     oscillator.memory["phase_ms"] = firefly.memory["phase_ms"]
     if motion:
         motion.streams[:] = firefly.streams  # after the phases were drawn
-    for _ in range(100 if interpret else 1000):
+    for _ in range(150):
         firefly.sense(chance)
         oscillator.sense_like(firefly)
         oscillator.senses.distance_mm[:], oscillator.senses.infrared[:] = OUT_OF_RANGE_MM, 0

@@ -6,7 +6,7 @@ import pytest
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.testing import TestRobot
 from epuck_sim.util.rng import randint
-from tests.control.bench import MODES, Bench, random_distances
+from tests.control.bench import Bench, random_distances
 
 FRONT_RIGHT, RIGHT, LEFT, FRONT_LEFT = 0, 2, 5, 7
 AHEAD, TURN_LEFT, TURN_RIGHT = (12.8, 12.8), (-12.8, 12.8), (12.8, -12.8)
@@ -171,7 +171,7 @@ class AppendixB:
             self.rot_time -= 1
 
 
-def drive(distances, interpret, rotation_max=25, **c_constants):
+def drive(distances, rotation_max=25, **c_constants):
     """Drive robots past `distances`, (steps, robots, 8) mm, by both; compare them at each step."""
     c_constants = {"vel": 128, "max_speed": 128, "prox_thres": 70, "prox_count_thres": 5} | c_constants
     given_ = {
@@ -182,7 +182,7 @@ def drive(distances, interpret, rotation_max=25, **c_constants):
         "rotation_max": rotation_max,
     }
     robots = distances.shape[1]
-    bench = Bench("obstacle_avoidance", given_, robots=robots, interpret=interpret)
+    bench = Bench("obstacle_avoidance", given_, robots=robots, interpret=False)
     streams = bench.streams.copy()
     expected = [AppendixB(lambda stream=stream: randint(stream, rotation_max), **c_constants) for stream in streams]
     for number, row in enumerate(distances):
@@ -208,7 +208,6 @@ def wandering(steps, robots, seed=3):
     return distances
 
 
-@MODES
 @pytest.mark.parametrize(
     "constants",
     [
@@ -220,5 +219,5 @@ def wandering(steps, robots, seed=3):
     ],
     ids=str,
 )
-def test_long_drives_are_appendix_b_s(constants, interpret):
-    drive(wandering(100 if interpret else 800, 20), interpret, **constants)
+def test_long_drives_are_appendix_b_s(constants):
+    drive(wandering(800, 20), **constants)

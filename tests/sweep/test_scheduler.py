@@ -1,6 +1,7 @@
 """Handing out trials: every one gets an outcome, whatever becomes of workers."""
 
 import math
+import pickle
 import threading
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
@@ -12,8 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ClusterError
+from epuck_sim.runs import records
 from epuck_sim.runs.records import Outcome, Task
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.executors import Pool
 from epuck_sim.sweep.scheduler import CHUNK_S, ChunkSizer, TaskQueue, schedule
 from epuck_sim.sweep.worker import make_outcome, run_chunk
@@ -33,6 +36,20 @@ def queue(count: int) -> TaskQueue:
 def outcomes_of_length(wall_s: float, count: int) -> list[Outcome]:
     result = TrialResult("x", 0, 1, False, 1, 1.0, 1, 0.1, wall_s)
     return [Outcome(0, trial, 0, result, None, {}) for trial in range(count)]
+
+
+def test_tasks_are_the_same_on_the_other_side_and_their_scenario_is_pickled_once(monkeypatch) -> None:
+    monkeypatch.setattr(records, "MOST_PACKED", 2)
+    pickled = []
+    monkeypatch.setattr(Scenario, "__reduce_ex__", lambda self, version: (
+        pickled.append(self.name), object.__reduce_ex__(self, version))[1])  # fmt: skip
+    scenarios = [SCENARIO.model_copy(update={"name": str(number)}) for number in range(3)]
+    for order in ([0, 1, 0, 1, 0], [2, 2], [0]):  # the third makes room for itself, and is the only one that is kept
+        sent = [Task(number, 3, str(number), scenarios[number], True) for number in order]
+        arrived = pickle.loads(pickle.dumps(sent))
+        assert arrived == sent
+        assert len({id(each.scenario) for each in arrived}) == len(set(order))
+    assert pickled == ["0", "1", "2", "0"]
 
 
 def test_tasks_are_taken_in_the_order_of_their_urgency() -> None:
