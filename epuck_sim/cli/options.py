@@ -155,6 +155,12 @@ OfOption = Annotated[
 ]
 TrustOption = Annotated[bool, sweeps_option("--trust", help="Run the code that another's run folder brings, as you.")]
 JsonOption = Annotated[bool, output_option("--json", help="Print JSON.")]
+CsvOption = Annotated[bool, output_option("--csv", help="Print the table as CSV.")]
+
+
+def both(as_json: bool, as_csv: bool) -> tuple[bool, str]:
+    """Return whether both options are given, and what is said then, see `reject_first`."""
+    return as_json and as_csv, "--json and --csv exclude each other"
 
 
 def read_scenario(

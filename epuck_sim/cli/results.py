@@ -17,10 +17,6 @@ if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
 
 results = typer.Typer()
 
-CsvOption = Annotated[bool, typer.Option("--csv", help="Print the table as CSV.")]
-
-BOTH = "--json and --csv exclude each other"
-
 _STATISTIC_HELP = (
     "What stands for the trials of a point: their mean (restricted to the limit of cycles where trials are "
     "censored), by default; their median; or the mean of the nearest Weibull distribution (Appendix A)."
@@ -50,7 +46,7 @@ def summarize(
     folder: options.FolderArgument,
     of: options.OfOption = None,
     as_json: options.JsonOption = False,
-    as_csv: CsvOption = False,
+    as_csv: options.CsvOption = False,
 ) -> None:
     """Print the statistics of T_sync, or of a measure, at each point of a sweep; censored trials count as such.
 
@@ -61,7 +57,7 @@ def summarize(
     from epuck_sim.statistics.series import has_series, series_table, summarize_series
     from epuck_sim.statistics.statistic import summarize as statistics
 
-    reject_first((as_json and as_csv, BOTH))
+    reject_first(options.both(as_json, as_csv))
     points = read_points(folder, of)
     if any(map(has_series, points)):
         series = summarize_series(points)
@@ -79,7 +75,7 @@ def fit(
     of: options.OfOption = None,
     x: Annotated[str | None, typer.Option("--x", metavar="KEY", help="Axis of --of; by default the speed.")] = None,
     as_json: options.JsonOption = False,
-    as_csv: CsvOption = False,
+    as_csv: options.CsvOption = False,
 ) -> None:
     """Print the local minimum and the peak of T_sync against speed, and the laws by which they scale.
 
@@ -89,7 +85,7 @@ def fit(
     from epuck_sim.statistics.fit import fit_curves, fit_laws, fit_measure, fit_tables, measure_fit_table
 
     reject_first(
-        (as_json and as_csv, BOTH),
+        options.both(as_json, as_csv),
         (x is not None and of is None, "--x is for measures, --of NAME; T_sync is fitted against speed"),
     )
     if of is not None:
@@ -122,7 +118,7 @@ def compare(
     ] = False,
     of: options.OfOption = None,
     as_json: options.JsonOption = False,
-    as_csv: CsvOption = False,
+    as_csv: options.CsvOption = False,
 ) -> None:
     """Print how T_sync, or a measure, differs between run folders, values of an axis, or points."""
     from epuck_sim.cli.tables import show
@@ -132,7 +128,7 @@ def compare(
     from epuck_sim.statistics.comparison import comparison_tables, match_folders, match_points, match_values
 
     reject_first(
-        (as_json and as_csv, BOTH),
+        options.both(as_json, as_csv),
         (axis is not None and bool(points), "--axis is of one folder, --points of several: give one of them"),
         ((len(folders) == 1) == (axis is None), "give two or more run folders, or one and --axis KEY=A,B"),
     )

@@ -259,11 +259,11 @@ def announce(address: str) -> None:
 @runs.command()
 def status(
     folders: options.FoldersArgument,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON; of several folders, a list.")] = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Show how far the sweep in FOLDER is: trials stored, censored and failed, and the process at work on it.
 
-    Of several folders, such as the shares of a sweep, a line each and their sum.
+    Of several folders, such as the shares of a sweep, a line each and their sum; as JSON, a list.
     """
     from epuck_sim.cli.tables import print_status, print_statuses
     from epuck_sim.runs.status import read_status
@@ -278,7 +278,7 @@ def status(
 def merge(
     folders: options.FoldersArgument,
     out: Annotated[Path, typer.Option(metavar="WHOLE", help="The run folder to make; it must be new or empty.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print the status of WHOLE as JSON.")] = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Put shares of a sweep together, finished or not: every trial once, as if one machine had run them all.
 

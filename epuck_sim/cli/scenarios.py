@@ -103,9 +103,10 @@ def predict(
     axes: options.AxesOption = None,
     quick: options.QuickOption = False,
     as_json: options.JsonOption = False,
-    as_csv: Annotated[bool, typer.Option("--csv", help="Print a row a point as CSV.")] = False,
+    as_csv: options.CsvOption = False,
 ) -> None:
     """Predict regimes and T_sync of SCENARIO from who hears whom, without a trial; of a sweep, a row a point."""
+    reject_first(options.both(as_json, as_csv))
     loaded = options.read_scenario(scenario, settings, axes, quick=quick)
     from epuck_sim.cli.tables import show
     from epuck_sim.theory.predict import predict_points
