@@ -11,7 +11,7 @@ from epuck_sim.replication.claims import Claim, Claims
 from epuck_sim.replication.verdicts import Finding, chosen_points, run_check
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.keys import merge, without_quick
-from epuck_sim.scenario.loader import find_scenario, load_scenario
+from epuck_sim.scenario.loader import find_scenario, from_keys
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import read_yaml
@@ -34,7 +34,7 @@ def sweep_scenario(claims: Claims, name: str, version: Version) -> Scenario:
     changes = asked.quick or {} if version == Version.QUICK else asked.full
     own = {"name": f"{name}-{version}", "seed": claims.seed}
     try:
-        return load_scenario({**merge(merge(given, asked.keys), changes), **own})
+        return from_keys({**merge(merge(given, asked.keys), changes), **own}, "scenario")
     except ScenarioError as error:
         raise ScenarioError(f"sweep {name}: {error}") from error
 
