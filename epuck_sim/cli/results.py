@@ -11,6 +11,7 @@ from epuck_sim.cli import options
 from epuck_sim.cli.errors import prefix_scenario, reject_first
 from epuck_sim.cli.options import looks_option
 from epuck_sim.statistics.names import Statistic
+from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # or --help would wait for numpy and matplotlib
     from epuck_sim.figures.saving import Target
@@ -38,7 +39,7 @@ def export_results(
 
     failed = export(folder, to)
     if failed:
-        typer.echo(f"{failed} trials failed and are left out; see: epuck-sim status {folder}", err=True)
+        typer.echo(f"left out: {counted(failed, 'trial')} that failed; see: epuck-sim status {folder}", err=True)
 
 
 @results.command()

@@ -97,7 +97,9 @@ def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequen
     chosen_points = []
     for numbers in chosen:
         if len(numbers) != len(folders):
-            raise EpuckSimError(f"--points is given {len(numbers)} numbers; allowed: one of each of {len(folders)}")
+            raise EpuckSimError(
+                f"--points is given {counted(len(numbers), 'number')}; allowed: one of each of {len(folders)}"
+            )
         for number, points, name in zip(numbers, folders, names, strict=True):
             if not 0 <= number < len(points):
                 raise EpuckSimError(f"--points: {name} has no point {number}; allowed: 0 to {len(points) - 1}")
@@ -294,10 +296,10 @@ def _notes(compared: Sequence[Comparison]) -> Iterator[str]:
     few = len(points) - sum(each.compared for each in compared)
     if few:
         none = "with a value" if compared[0].of else "that synchronised"
-        yield f"-: {few} points have fewer than {MIN_TRIALS} trials on one side, or none {none}."
+        yield f"-: fewer than {MIN_TRIALS} trials on one side, or none {none}, at {counted(few, 'point')}."
     left_out = sum(each.left_out for each in compared)
     if left_out:
-        yield f"{left_out} points have trials on one side only, and are left out."
+        yield f"Left out: {counted(left_out, 'point')} with trials on one side only."
 
 
 def _over_all(each: Comparison, headings: Mapping[str, str]) -> str:

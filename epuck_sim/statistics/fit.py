@@ -39,6 +39,7 @@ from epuck_sim.statistics.scaling_laws import (
     compare_laws,
     fit_offset_law,
 )
+from epuck_sim.util.messages import counted
 
 
 class FittedCurve(NamedTuple):
@@ -129,7 +130,7 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
     except ValueError as error:
         return Laws(model, len(alike), [], {}, str(error))
     if not exponents:
-        several = f"{len(alike)} curves with a minimum and a peak"
+        several = f"{counted(len(alike), 'curve')} with a minimum and a peak"
         return Laws(model, len(alike), [], {}, f"{several}, none of which differ in epsilon, L, N or tau")
     offset_laws = {} if model == "particles" else _offset_laws(parameters, quantities)
     return Laws(model, len(alike), exponents, offset_laws, "", len(found) - len(alike))

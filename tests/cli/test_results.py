@@ -98,7 +98,7 @@ def test_export_writes_a_row_for_each_trial_with_a_result_and_tells_of_failed_on
     target = tmp_path / f"results{ending}"
     result = call("export", made, "--to", target)
     assert (result.exit_code, result.stdout) == (0, "")
-    assert result.stderr == f"3 trials failed and are left out; see: epuck-sim status {made}\n"
+    assert result.stderr == f"left out: 3 trials that failed; see: epuck-sim status {made}\n"
     table = rows(target) if ending == ".csv" else pq.read_table(target).to_pylist()
     assert len(table) == 97 * 25
     assert [*table[0]][:4] == [COUPLING, SPEED, "seed", "t_sync_cycles"]
@@ -290,7 +290,7 @@ def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> Non
 
 def test_compare_says_where_trials_are_too_few(few) -> None:
     stdout = called("compare", few, few)
-    assert "-: 13 points have fewer than 5 trials on one side, or none that synchronised." in stdout
+    assert "-: fewer than 5 trials on one side, or none that synchronised, at 13 points." in stdout
     assert "Over all" not in stdout
     assert json.loads(called("compare", few, few, "--json"))["p_value"] is None
 

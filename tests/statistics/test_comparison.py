@@ -111,7 +111,7 @@ def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
     assert len(comparison_tables(compare(samples), one)[0].to_csv().splitlines()) == 3
     with pytest.raises(EpuckSimError, match="--points: other has no point 3; allowed: 0 to 2"):
         match_points([one, other], ["one", "other"], [[0, 3]])
-    with pytest.raises(EpuckSimError, match="--points is given 1 numbers; allowed: one of each of 2"):
+    with pytest.raises(EpuckSimError, match="--points is given 1 number; allowed: one of each of 2"):
         match_points([one, other], ["one", "other"], [[0]])
 
 
