@@ -135,7 +135,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	done > docs/figures/random-walks-robots.txt
 	$(BIN)/epuck-sim compare runs/broad-speeds-robots --axis robots.0.parameters.speed_spread=0,0.5,1 \
 	    > docs/figures/broad-speeds-robots.txt
-	$(BIN)/epuck-sim run embodiment-agents --sweep response.coupling=0.1,0.4641 --trials 50 --set stop.max_cycles=500 \
+	$(BIN)/epuck-sim run embodiment-agents --sweep coupling=0.1,0.4641 --trials 50 --set stop.max_cycles=500 \
 	    --out runs/embodiment-agents
 	$(BIN)/epuck-sim summarize runs/embodiment-agents --csv > docs/figures/embodiment-agents.csv
 	$(BIN)/epuck-sim run thesis --trials 200 --sweep reflection_range_cm=0,50,200 --sweep speed_cm_s=0.2,1,4,12.8 \

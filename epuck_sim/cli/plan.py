@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.cli.options import read_scenario
-from epuck_sim.cli.tables import describe_at_limit, show
+from epuck_sim.cli.tables import describe_at_limit, folded, show
 from epuck_sim.display.html import in_words
 from epuck_sim.estimate import Estimate
 from epuck_sim.runs.share import WHOLE, Share
@@ -75,17 +75,18 @@ def print_plan(name: str, duration: Duration, plan: TrialPlan | None, *, as_json
         show([plan.table(name)], None, as_json=False)
     total = f"{name}: {counted(duration.points, 'point')}, {counted(duration.trials, 'trial')} each"
     if not duration.left:
-        print(f"{total}: all are stored.")
+        lines = [f"{total}: all are stored."]
     elif not duration.timed:
-        print(f"{total}: {duration.left} are left; none has been timed.")
+        lines = [f"{total}: {duration.left} are left; none has been timed."]
     else:
         computing, with_workers = (_in_words(each, duration.is_cut) for each in (duration.compute_s, wall_s))
         workers = counted(duration.workers, "worker")
-        print(f"{total}: {duration.left} are left: {computing} of computing, {with_workers} with {workers}.")
         cut = "; the last was cut, so that it is more" if duration.is_cut else ""
-        print(f"That follows from {counted(duration.timed, 'trial')}{cut}.")
-    for line in describe_at_limit(duration.at_limit):
-        print(line)
+        lines = [
+            f"{total}: {duration.left} are left: {computing} of computing, {with_workers} with {workers}.",
+            f"That follows from {counted(duration.timed, 'trial')}{cut}.",
+        ]
+    print("\n".join(map(folded, [*lines, *describe_at_limit(duration.at_limit)])))
 
 
 def _in_words(estimate: Estimate, is_cut: bool) -> str:

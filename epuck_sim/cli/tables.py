@@ -46,7 +46,7 @@ def terminal_width() -> int | None:
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
 
 
-def _folded(line: str) -> str:
+def folded(line: str) -> str:
     """Return a line of text as a terminal shows it: no number is broken, and what comes below begins further right."""
     width = terminal_width()
     return line if width is None else "\n    ".join(textwrap.wrap(line, width - 4, break_long_words=False))
@@ -67,7 +67,7 @@ def print_trials(results: Sequence[TrialResult], max_cycles: int) -> None:
     rows = [Row({"seed": each.seed}, _cells_of_trial(each, has_order=has_order)) for each in results]
     print(Table(results[0].scenario, rows, (), headings).to_text(terminal_width()))
     if len(results) > 1 and results[0].censored is not None:
-        print(_folded(_summary(results, max_cycles)))
+        print(folded(_summary(results, max_cycles)))
 
 
 def _cells_of_trial(result: TrialResult, *, has_order: bool) -> dict[str, Any]:
@@ -124,7 +124,7 @@ def print_status(status: "Status", as_json: bool, looks: Table | None = None) ->
     )
     if len(status.failed) > MOST_LISTED:
         lines.append(f"and {len(status.failed) - MOST_LISTED} more")
-    print("\n  ".join(map(_folded, lines)))
+    print("\n  ".join(map(folded, lines)))
     if looks is not None:
         print(f"\n{looks.to_text(terminal_width())}")
 

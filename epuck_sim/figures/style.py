@@ -128,7 +128,10 @@ def make_panels(
 
 
 def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
-    """Add a legend below the panels, and make the figure so high that each is `shape` times as high as it is wide."""
+    """Add a legend below the panels, and make the figure so high that each is `shape` times as high as it is wide.
+
+    A panel whose vertical label would not fit beside it is as high as that.
+    """
     for panel in panels:
         # matplotlib would choose as many ticks as labels of its own size have room when the figure is saved
         panel.tick_params(labelsize=rcParams["xtick.labelsize"])
@@ -141,7 +144,9 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
     assert engine is not None
     engine.execute(figure)
     box = panels[0].get_position()
-    figure.set_size_inches(width, round(height + rows * (shape * box.width * width - box.height * height), 2))
+    labels = max(panel.yaxis.label.get_window_extent().height for panel in panels) / figure.dpi
+    wanted = max(shape * box.width * width, labels)
+    figure.set_size_inches(width, round(height + rows * (wanted - box.height * height), 2))
 
 
 def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:

@@ -202,6 +202,8 @@ def _full_keys(given: Mapping[str, Any], typed: str, where: str, origin: str, fo
     found = full_keys(typed, kind.all_keys(_expanded(given, origin, folder), folder), where)
     if len(found) > 1:
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
+    if not found and not typed.startswith("sensors."):
+        from_keys(given, origin, folder)  # a file that is not there hides its parameters, and is refused first
     return found or [f"robots.0.{typed}" if typed.startswith("sensors.") else typed]
 
 

@@ -9,12 +9,14 @@ import hashlib
 import io
 import math
 import pickle
+import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from pathlib import Path
-from types import CodeType, FunctionType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numba
@@ -41,6 +43,19 @@ except ImportError as error:
     raise EpuckSimError(
         f"numba {numba.__version__}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
     ) from error
+
+
+def _load_without(name: str, module: str) -> None:
+    """Load a module of numba with an empty one in place of a large one, of which it asks whether it is there alone."""
+    if name not in sys.modules:
+        sys.modules[name] = ModuleType(name)
+        try:
+            import_module(module)
+        finally:
+            del sys.modules[name]
+
+
+_load_without("scipy.linalg.cython_blas", "numba.np.arraymath")
 
 BLOCK = types.Array(types.uint8, 1, "C")
 """numba's type of a block of memory that holds a swarm."""

@@ -94,7 +94,9 @@ def test_nothing_heavy_is_loaded_that_is_not_needed() -> None:
     light = [*drawing, "av", "cv2", "scipy", "numba", "numpy", "pyarrow", "pymunk", "yaml"]
     helps = ("", "run", "replay", "film", "track", "export", "summarize", "plot", "fit", "new")
     table = [*((f"{command} --help", light) for command in helps), ("list", drawing)]
-    script = LOADED.format(table=table) + IMPORTED + LOADED.format(table=[("run pair --json", drawing)])
+    script = (
+        LOADED.format(table=table) + IMPORTED + LOADED.format(table=[("run pair --json", [*drawing, "scipy.linalg"])])
+    )
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     loads = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
     assert loads == ["loaded []"] * (len(table) + 2)

@@ -10,8 +10,10 @@ from rich.console import Console
 
 from epuck_sim.cli import progress as progress_module
 from epuck_sim.cli import tables
+from epuck_sim.cli.plan import Duration, print_plan
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar
 from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_status
+from epuck_sim.estimate import Estimate
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.runs.status import Failure, PointAtLimit, Status, TrialsByOrigin
 from epuck_sim.statistics.measured import Measured
@@ -197,7 +199,12 @@ def test_the_status_tells_points_trials_time_what_made_them_who_is_at_work_and_t
 
 def test_on_a_narrow_terminal_lines_end_between_words(capsys, monkeypatch) -> None:
     results = [TrialResult("thesis", n, 10 + n, False, 10 + n, 0.9, 9, 9.0, 0.4) for n in range(20)]
-    for show in (lambda: print_status(status(), as_json=False), lambda: tables.print_trials(results, 25)):
+    duration = Duration(1, 1, 1, 2, Estimate(0.0), 1, is_cut=True)
+    for show in (
+        lambda: print_status(status(), as_json=False),
+        lambda: tables.print_trials(results, 25),
+        lambda: print_plan("short.yaml", duration, None, as_json=False),
+    ):
         monkeypatch.setattr(tables, "terminal_width", lambda: None)
         show()
         words = capsys.readouterr().out.splitlines()[-1].split()

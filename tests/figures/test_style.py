@@ -132,6 +132,17 @@ def test_a_plain_number_has_no_exponent_and_is_read_back(number: float) -> None:
     assert "e" not in format_tick(number)
 
 
+@pytest.mark.parametrize(("width_cm", "font_pt", "label"), [(5, 12, "T_sync (cycles)"), (8.5, 8, "a long label, " * 8)])
+def test_a_panel_is_as_high_as_its_label(width_cm: float, font_pt: float, label: str) -> None:
+    with rc_context(style(font_pt)):
+        figure, (panel,) = make_panels("", [""], ["x", label], width_cm)
+        panel.plot([1, 2], label="a curve")
+        finish(figure, [panel])
+    figure.draw_without_rendering()
+    shown = panel.yaxis.label.get_window_extent()
+    assert figure.bbox.y0 <= shown.y0 < shown.y1 <= figure.bbox.y1
+
+
 @pytest.mark.parametrize(("values", "whole"), [([2.0, 3.0], True), ([2.0, 2.5], False)])
 def test_where_all_values_are_whole_so_are_the_ticks(values: list[float], whole: bool) -> None:
     panel = Figure().subplots()

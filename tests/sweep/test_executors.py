@@ -26,6 +26,7 @@ from tests.sweep.short_sweeps import short_sweep
 UNNEEDED = {
     "matplotlib",
     "rerun",
+    "scipy.linalg",
     "scipy.stats",
     "scipy.optimize",
     "pandas",

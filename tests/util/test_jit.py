@@ -287,3 +287,15 @@ def test_what_is_unlikely_happens_all_the_same() -> None:
         return "unlikely" if unlikely(number > 1) else "likely"
 
     assert [which(number) for number in (0.0, 2.0)] == ["likely", "unlikely"]
+
+
+# --- what is loaded with numba ------------------------------------------------------------------------
+
+
+def test_users_functions_multiply_matrices_though_scipy_s_are_loaded_then_alone() -> None:
+    script = (
+        "import sys, numpy, numba, epuck_sim.util.native\n"
+        "assert 'scipy.linalg' not in sys.modules\n"
+        "print(numba.njit(lambda a: numpy.dot(a, a))(numpy.array([[1.0, 2.0], [3.0, 4.0]])).tolist())"
+    )
+    assert subprocess.check_output([sys.executable, "-c", script], text=True) == "[[7.0, 10.0], [15.0, 22.0]]\n"
