@@ -13,25 +13,29 @@ from tests.test_geometry import SQUARE, ring
 # --- clearance --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("point", "clearance"),
-    [((30, 20), 20), ((1, 20), 1), ((99, 20), 1), ((50, 0), 0), ((50, 41), -1), ((-3, 20), -3), ((-3, -4), -4)],
-)
-def test_clearance_of_an_empty_arena_is_the_distance_to_the_nearest_wall(point, clearance):
-    assert clearance_cm(make_arena(100, 40, [], []), *point) == pytest.approx(clearance)
+def test_clearance_of_an_empty_arena_is_the_distance_to_the_nearest_wall():
+    for point, clearance in [
+        ((30, 20), 20),
+        ((1, 20), 1),
+        ((99, 20), 1),
+        ((50, 0), 0),
+        ((50, 41), -1),
+        ((-3, 20), -3),
+        ((-3, -4), -4),
+    ]:
+        assert clearance_cm(make_arena(100, 40, [], []), *point) == pytest.approx(clearance)
 
 
-@pytest.mark.parametrize(
-    ("point", "clearance"),
-    [
+def test_clearance_of_obstacles_in_closed_form():
+    for point, clearance in [
         *[((50, 35), 5), ((63, 64), 5), ((37, 36), 5), ((62, 50), 2)],  # beside a side, off a corner
         *[((50, 40), 0), ((60, 60), 0), ((50, 50), -10), ((43, 50), -3)],  # on the edge, inside
         *[((20, 86), 2), ((23, 84), 1), ((20, 84), 0), ((20, 78), -2), ((20, 80), -4)],  # round a circle
         *[((5, 80), 5), ((99, 50), 1)],  # nearer to a wall
-    ],
-)
-def test_clearance_of_obstacles_in_closed_form(point, clearance):
-    assert clearance_cm(make_arena(100, 100, [(20, 80, 4)], [SQUARE]), *point) == pytest.approx(clearance, abs=1e-12)
+    ]:
+        assert clearance_cm(make_arena(100, 100, [(20, 80, 4)], [SQUARE]), *point) == pytest.approx(
+            clearance, abs=1e-12
+        )
 
 
 def _on_boundary(corners, share):

@@ -2,17 +2,20 @@
 
 import json
 import re
+from functools import cache
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from typer.testing import CliRunner
+from typer import testing
 
 from epuck_sim.cli.app import app
 
+testing._get_command = cache(testing._get_command)  # which builds all commands and their options anew at each call
+
 
 def call(*arguments: str | Path, env: dict[str, str] | None = None):
-    return CliRunner().invoke(app, [*map(str, arguments)], env=env)
+    return testing.CliRunner().invoke(app, [*map(str, arguments)], env=env)
 
 
 def called(*arguments: str | Path, env: dict[str, str] | None = None) -> str:

@@ -22,12 +22,10 @@ def test_arena_is_read(text: str, sides: tuple[float, float]) -> None:
     assert parse_arena(text) == sides
 
 
-@pytest.mark.parametrize(
-    "text", ["", "60x", "x60", "0.5", "60x0", "-60", "60x100x20", "60,100", "nan", "1e3", "1000001", "٦٠"]
-)
-def test_no_arena_is_refused(text: str) -> None:
-    with pytest.raises(FilmError, match=r"^--arena-cm is .*; allowed: .*60x100"):
-        parse_arena(text)
+def test_no_arena_is_refused() -> None:
+    for text in ["", "60x", "x60", "0.5", "60x0", "-60", "60x100x20", "60,100", "nan", "1e3", "1000001", "٦٠"]:
+        with pytest.raises(FilmError, match=r"^--arena-cm is .*; allowed: .*60x100"):
+            parse_arena(text)
 
 
 FRAMES = [Frame(number / 2, np.zeros((2, 2, 3), np.uint8)) for number in range(5)]
@@ -40,12 +38,10 @@ def test_corners_are_read(numbers: list[float]) -> None:
     assert [len(corner) for corner in corners] == [2] * 4
 
 
-@pytest.mark.parametrize(
-    "text", ["", "1,2,3,4,5,6,7", "1,2,3,4,5,6,7,8,9", "1 2 3 4 5 6 7 8", "1,2,3,4,5,6,7,x", "1,,2"]
-)
-def test_no_corners_are_refused(text: str) -> None:
-    with pytest.raises(FilmError, match=r"^--corners is .*; allowed: four corners in pixels"):
-        parse_corners(text)
+def test_no_corners_are_refused() -> None:
+    for text in ["", "1,2,3,4,5,6,7", "1,2,3,4,5,6,7,8,9", "1 2 3 4 5 6 7 8", "1,2,3,4,5,6,7,x", "1,,2"]:
+        with pytest.raises(FilmError, match=r"^--corners is .*; allowed: four corners in pixels"):
+            parse_corners(text)
 
 
 def test_t_sync_comes_first_and_the_table_fits_a_screen(

@@ -29,9 +29,8 @@ def robot(**parameters):
 # --- rule by rule ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("speed_cm_s", "near", "wheels"),
-    [
+def test_a_robot_drives_straight_ahead_and_turns_away_from_what_is_close_in_front():
+    for speed_cm_s, near, wheels in [
         # with nothing near, straight ahead at its speed, and a speed below 1 mm/s keeps its fraction
         *((mm_s / 10, {}, (mm_s / 10, mm_s / 10)) for mm_s in (5, 7, 10, 14, 21, 30, 43, 62, 89, 128)),
         (0.03125, {}, (0.03125, 0.03125)),
@@ -47,10 +46,8 @@ def robot(**parameters):
         # nearer than 30 mm is close
         (12.8, {"front_left": 29, "front_right": 29}, TURN_RIGHT),
         *((12.8, {"front_left": mm, "front_right": mm}, AHEAD) for mm in (30, 100, OUT_OF_RANGE_MM)),
-    ],
-)
-def test_a_robot_drives_straight_ahead_and_turns_away_from_what_is_close_in_front(speed_cm_s, near, wheels):
-    assert robot(speed_cm_s=speed_cm_s).wheels(**near) == wheels
+    ]:
+        assert robot(speed_cm_s=speed_cm_s).wheels(**near) == wheels
 
 
 def test_a_turn_goes_on_for_one_step_after_the_obstacle_has_gone():

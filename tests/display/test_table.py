@@ -43,9 +43,8 @@ def tables(draw) -> Table:
 # What is shown of an estimate
 
 
-@pytest.mark.parametrize(
-    ("ends", "text"),
-    [
+def test_an_estimate_has_the_digits_that_its_interval_leaves() -> None:
+    for ends, text in [
         ((44.21, 28.9, 66.8), "44 [29, 67]"),
         ((0.0223, 0.0101, 0.0338), "0.022 [0.010, 0.034]"),
         ((-0.695, -0.81, -0.6), "-0.695 [-0.810, -0.600]"),
@@ -55,10 +54,8 @@ def tables(draw) -> Table:
         ((47.027, math.nan, math.nan), "47"),
         ((math.nan, math.nan, math.nan), "-"),
         ((0, -1, 1), "0.0 [-1.0, 1.0]"),
-    ],
-)
-def test_an_estimate_has_the_digits_that_its_interval_leaves(ends, text: str) -> None:
-    assert str(Estimate(*ends)) == text
+    ]:
+        assert str(Estimate(*ends)) == text
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_value=1e12))

@@ -119,29 +119,26 @@ def test_arrays_of_sensors_are_of_one_type_whatever_their_lengths(tmp_path):
 READ = """
 from pathlib import Path
 
-def read():
-    return float(Path(FILE).read_text())
+def read(name):
+    return float(Path(__file__).with_name(name).read_text())
 
-GAIN = read()
-
-def gain():
-    return GAIN
+GAIN = read("gain")
 
 def make(k):
     def inner():
         return k
     return inner
 
-shift = make(read())
+shift = make(read("shift"))
 """
 
 
 def test_a_value_read_from_elsewhere_is_never_stale_as_a_constant_or_in_a_closure(tmp_path):
-    file = tmp_path / "gain.txt"
-    text = READ.replace("FILE", repr(str(file))) + with_step("memory.x = 100 * gain() + shift()")
-    for gain in (1.5, 2.5):
-        file.write_text(str(gain))
-        assert outcome(write_controller(tmp_path / "mine.py", text)) == 101 * gain
+    for gain, shift in ((1, 2), (3, 2), (3, 4)):
+        (tmp_path / "gain").write_text(str(gain))
+        (tmp_path / "shift").write_text(str(shift))
+        controller = write_controller(tmp_path / "mine.py", READ + with_step("memory.x = 10 * GAIN + shift()"))
+        assert outcome(controller) == 10 * gain + shift
 
 
 @MODES
@@ -318,7 +315,7 @@ def write_version(folder, edited, number):
     """Write a controller whose outcome is `number`: in its own file, or in one beside it."""
     called = "import sibling\n" + with_step("memory.x = sibling.value(sensors.step_ms)")
     write_soon_after(folder / "mine.py", with_step(f"memory.x = {number}") if edited == "mine" else called)
-    write_soon_after(folder / "sibling.py", f"SHIFT = {number}\n\ndef value(ms):\n    return ms - 100 + SHIFT\n")
+    write_soon_after(folder / "sibling.py", f"def value(ms):\n    return ms - 100 + {number}\n")
     return folder / "mine.py"
 
 

@@ -78,19 +78,16 @@ def test_the_same_figure_gives_the_same_files_byte_for_byte_and_another_one_othe
 # Where it is written
 
 
-@pytest.mark.parametrize(
-    ("given", "stem", "formats"),
-    [
+def test_a_target_is_a_stem_or_one_picture() -> None:
+    for given, stem, formats in [
         ("fig", "fig", (".png", ".svg")),
         ("runs/fig.png", "runs/fig", (".png",)),
         ("v0.5", "v0.5", (".png", ".svg")),
         ("a.b", "a.b", (".png", ".svg")),
         ("v0.5.png", "v0.5", (".png",)),
         ("runs.old/fig", "runs.old/fig", (".png", ".svg")),
-    ],
-)
-def test_a_target_is_a_stem_or_one_picture(given: str, stem: str, formats: tuple[str, ...]) -> None:
-    assert parse_target(Path(given)) == Target(Path(stem), formats)
+    ]:
+        assert parse_target(Path(given)) == Target(Path(stem), formats)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

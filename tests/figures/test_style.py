@@ -71,9 +71,9 @@ def distance(one: str, other: str, vision: str) -> float:
     return float(np.linalg.norm(seen[0] - seen[1]))
 
 
-@pytest.mark.parametrize("colour", [*COLOURS, GREY, LINE])
-def test_lines_and_marks_have_contrast_on_white(colour: str) -> None:
-    assert contrast_with_white(colour) >= MIN_CONTRAST
+def test_lines_and_marks_have_contrast_on_white() -> None:
+    for colour in [*COLOURS, GREY, LINE]:
+        assert contrast_with_white(colour) >= MIN_CONTRAST
 
 
 def test_violins_have_as_much_contrast_as_the_line_over_them_leaves() -> None:

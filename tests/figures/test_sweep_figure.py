@@ -114,9 +114,8 @@ def test_the_scale_is_as_asked_for(form: str, scale: str) -> None:
 THREE = {COUNT: [3, 5], WIDTH: [40, 60, 80], SPEED: [1, 2, 4]}
 
 
-@pytest.mark.parametrize(
-    ("figure", "options", "expected"),
-    [
+def test_axes_are_those_asked_for_or_else_the_scenario_s() -> None:
+    for figure, options, expected in [
         ({}, {"form": "map", "y": WIDTH}, {"x": SPEED, "y": WIDTH}),
         ({"form": "map", "y": COUNT}, {}, {"x": SPEED, "y": COUNT}),
         ({"form": "map", "x": WIDTH, "y": COUNT}, {"y": SPEED}, {"x": WIDTH, "y": SPEED}),
@@ -129,11 +128,9 @@ THREE = {COUNT: [3, 5], WIDTH: [40, 60, 80], SPEED: [1, 2, 4]}
         ),
         ({"form": "map", "x": COUNT, "y": SPEED}, {"form": "curves"}, {"axis": COUNT}),
         ({"panels": COUNT}, {"x": COUNT}, {"axis": COUNT, "split_by": None}),
-    ],
-)
-def test_axes_are_those_asked_for_or_else_the_scenario_s(figure, options, expected) -> None:
-    form = read_form(in_memory(sweep(THREE, trials=5, figure=figure), lambda point: weibull(point, 30)), options)
-    assert {name: getattr(form, name) for name in expected} == expected
+    ]:
+        form = read_form(in_memory(sweep(THREE, trials=5, figure=figure), lambda point: weibull(point, 30)), options)
+        assert {name: getattr(form, name) for name in expected} == expected
 
 
 # Several folders
@@ -222,9 +219,8 @@ def test_axes_are_named_by_the_endings_of_their_keys(form: str) -> None:
 # What does not fit
 
 
-@pytest.mark.parametrize(
-    ("draw", "message"),
-    [
+def test_what_does_not_fit_is_refused_in_words() -> None:
+    for draw, message in [
         (lambda: figures.plot(POINTS, form="violins", ax=Figure().subplots()), "has 2 panels, but ax is 1 Axes"),
         (lambda: figures.plot(POINTS, form="pie"), "figure.form: is 'pie'; allowed: 'curves', 'map'"),
         (
@@ -235,8 +231,6 @@ def test_axes_are_named_by_the_endings_of_their_keys(form: str) -> None:
         (lambda: figures.plot(SIGNED, scale="log"), "--log: mine has values that are not positive, such as -1"),
         (lambda: figures.plot(SERIES, form="curves"), "mine is a series"),
         (lambda: figures.plot(UNDISTURBED, form="perturbation"), "nothing deviates"),
-    ],
-)
-def test_what_does_not_fit_is_refused_in_words(draw, message: str) -> None:
-    with pytest.raises(EpuckSimError, match=message):
-        draw()
+    ]:
+        with pytest.raises(EpuckSimError, match=message):
+            draw()

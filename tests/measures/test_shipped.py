@@ -75,9 +75,8 @@ def test_the_order_parameter_is_that_of_the_phases_at_each_cycle(sections, metri
 # --- what is not there, and parameters ------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("measure", "sections", "value"),
-    [
+def test_what_there_is_not_is_none_and_what_stays_is_the_same():
+    for measure, sections, value in [
         *(
             (name, {"robots": [{"controller": "obstacle_avoidance"}]}, value)
             for name, value in (
@@ -103,15 +102,12 @@ def test_the_order_parameter_is_that_of_the_phases_at_each_cycle(sections, metri
         ("density", {"stop": {"max_time_s": 0.1}}, []),
         ("near_walls", {"stop": {"max_time_s": 0.1}}, None),
         ("mean_speed", {"stop": {"max_time_s": 0.1}}, None),
-    ],
-)
-def test_what_there_is_not_is_none_and_what_stays_is_the_same(measure, sections, value):
-    assert run(measure, **sections)[1] == value
+    ]:
+        assert run(measure, **sections)[1] == value
 
 
-@pytest.mark.parametrize(
-    ("name", "given", "said"),
-    [
+def test_parameters_that_make_no_sense_are_refused():
+    for name, parameters, said in [
         ("degree", {"direction": "up"}, "direction is 'up'; allowed: in, out, both"),
         ("degree", {"statistic": "mode"}, "statistic is 'mode'; allowed: mean, smallest, largest, sd"),
         ("component_count", {"cycles": 0}, "cycles is 0; allowed: 1 and above"),
@@ -127,27 +123,22 @@ def test_what_there_is_not_is_none_and_what_stays_is_the_same(measure, sections,
         ("consensus", {"rule": "all"}, "rule is 'all'; allowed: naming_game, voter"),
         ("memory", {"take": "all"}, "take is 'all'; allowed: final, mean, series"),
         ("false_alarms", {"cycles": 0}, "cycles is 0; allowed: above 0"),
-    ],
-)
-def test_parameters_that_make_no_sense_are_refused(name, given, said):
-    with pytest.raises(ValueError, match=said):
-        find_measure(name).resolve(given)
+    ]:
+        with pytest.raises(ValueError, match=said):
+            find_measure(name).resolve(parameters)
 
 
-@pytest.mark.parametrize(
-    ("measure", "sections", "said"),
-    [
+def test_what_cannot_be_measured_is_refused():
+    for measure, sections, said in [
         ("mean_squared_displacement", {**AGENTS, "space": {"boundary": "cyclic"}}, "needs walls; in a cyclic space"),
         ("perturbation", AGENTS, "a perturbation is measured where there is one"),
         ("moved", {}, r"needs arena\.movables"),
         ("consensus", {**AGENTS, "agents": {"count": 50}}, "agents.count is 50; allowed with words: below 50"),
         ({"coverage": {"cells": 1001}}, AGENTS, "cells is 1001, along each of 2 axes; allowed: 1000000 in all"),
         ({"memory": {"robot": 10}}, ROBOTS, "robot is 10; allowed: 0 to 9, or -1 for all"),
-    ],
-)
-def test_what_cannot_be_measured_is_refused(measure, sections, said):
-    with pytest.raises((MeasureError, ScenarioError), match=said):
-        run(measure, **sections)
+    ]:
+        with pytest.raises((MeasureError, ScenarioError), match=said):
+            run(measure, **sections)
 
 
 # --- clusters -------------------------------------------------------------------------------------

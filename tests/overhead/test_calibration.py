@@ -95,9 +95,8 @@ def test_described_geometry_is_that_of_the_scenario() -> None:
     assert (found.camera.position_cm == expected.position_cm).all()
 
 
-@pytest.mark.parametrize(
-    ("size", "options", "description"),
-    [
+def test_described_geometry_is_not_believed() -> None:
+    for size, options, description in [
         ((240, 240), TOLD, None),
         ((240, 240), TrackOptions(corners_px=USER.corners_px), described()),
         ((240, 240), TrackOptions(arena_cm=(60, 60)), described()),
@@ -109,12 +108,8 @@ def test_described_geometry_is_that_of_the_scenario() -> None:
         ((240, 240), TOLD, {**described(), "arena_cm": [60, 60, 60]}),
         ((240, 240), TOLD, {**described(), "overhead": None}),
         ((240, 240), TOLD, {**described(), "overhead": {"width_px": "many"}}),
-    ],
-)
-def test_described_geometry_is_not_believed(
-    size: tuple[int, int], options: TrackOptions, description: dict[str, Any] | None
-) -> None:
-    assert described_geometry(size, options, parse_metadata(description)) is None
+    ]:
+        assert described_geometry(size, options, parse_metadata(description)) is None
 
 
 # --- what is shown ----------------------------------------------------------------------------------

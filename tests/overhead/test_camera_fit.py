@@ -92,18 +92,18 @@ def test_an_arena_that_is_no_square():
     np.testing.assert_allclose(there, (5.0, 30.0), atol=0.01)
 
 
-@pytest.mark.parametrize(("corners", "why"), [
-    ([(10, 10), (400, 10), (150, 150), (10, 400)], "no.*convex quadrilateral"),
-    ([(10, 10), (400, 10), (400, 400), (10, 10)], "convex quadrilateral"),
-    ([(10, 10), (980, 10), (400, 400), (10, 400)], "980,10.*far outside of the picture of 480 x 480 px"),
-    ([(-500, 10), (400, 10), (400, 400), (10, 400)], "-500,10.*far outside"),
-    ([(10, 10), (40, 10), (40, 40), (10, 40)], "shortest side is 30 px.*at least 48"),
-    ([(10, 10), (400, 10), (400, 400)], "four corners"),
-    ([(10, 10), (400, 10), (400, 400), (10, math.nan)], "four corners"),
-])  # fmt: skip
-def test_corners_that_cannot_be(corners, why):
-    with pytest.raises(FilmError, match=rf"^--corners .*{why}"):
-        by_corners(corners)
+def test_corners_that_cannot_be():
+    for corners, why in [
+        ([(10, 10), (400, 10), (150, 150), (10, 400)], "no.*convex quadrilateral"),
+        ([(10, 10), (400, 10), (400, 400), (10, 10)], "convex quadrilateral"),
+        ([(10, 10), (980, 10), (400, 400), (10, 400)], "980,10.*far outside of the picture of 480 x 480 px"),
+        ([(-500, 10), (400, 10), (400, 400), (10, 400)], "-500,10.*far outside"),
+        ([(10, 10), (40, 10), (40, 40), (10, 40)], "shortest side is 30 px.*at least 48"),
+        ([(10, 10), (400, 10), (400, 400)], "four corners"),
+        ([(10, 10), (400, 10), (400, 400), (10, math.nan)], "four corners"),
+    ]:
+        with pytest.raises(FilmError, match=rf"^--corners .*{why}"):
+            by_corners(corners)
 
 
 # --- corners in pictures --------------------------------------------------------------------------

@@ -66,21 +66,18 @@ def speeds(**agents):
 SIGMA = math.log(1 + 0.7**2) ** 0.5  # of the logarithm of lognormal speeds whose deviation is 0.7 of their mean
 
 
-@pytest.mark.parametrize(
-    ("distribution", "spread", "expected"),
-    [
+def test_speeds_have_the_distribution_and_the_mean_of_the_scenario():
+    for distribution, spread, expected in [
         *(("uniform", spread, stats.uniform(1 - spread, 2 * spread)) for spread in (0.1, 1.0)),
         *(("normal", spread, stats.truncnorm(-1 / spread, 1 / spread, 1, spread)) for spread in (0.1, 0.5, 1.0)),
         ("lognormal", 0.7, stats.lognorm(SIGMA, scale=math.exp(-(SIGMA**2) / 2))),
         ("exponential", None, stats.expon()),
-    ],
-)
-def test_speeds_have_the_distribution_and_the_mean_of_the_scenario(distribution, spread, expected):
-    drawn = speeds(speed_distribution=distribution, **({} if spread is None else {"speed_spread": spread}))
-    assert stats.kstest(drawn, expected.cdf).pvalue > UNLIKELY
-    low, high = expected.support()
-    assert ((drawn >= low - 1e-6) & (drawn <= high + 1e-6)).all()
-    assert drawn.mean() == pytest.approx(1, abs=0.03)
+    ]:
+        drawn = speeds(speed_distribution=distribution, **({} if spread is None else {"speed_spread": spread}))
+        assert stats.kstest(drawn, expected.cdf).pvalue > UNLIKELY
+        low, high = expected.support()
+        assert ((drawn >= low - 1e-6) & (drawn <= high + 1e-6)).all()
+        assert drawn.mean() == pytest.approx(1, abs=0.03)
 
 
 @pytest.mark.parametrize("jitter", [5e-5, 0.01, 0.2])

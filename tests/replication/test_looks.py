@@ -45,12 +45,12 @@ def test_chance_decides_as_often_as_one_look_would_though_there_are_many() -> No
     assert np.mean(np.array(p_values) < 1 - LEVEL) == pytest.approx(1 - LEVEL, abs=0.012)
 
 
-@pytest.mark.parametrize("p_value", [0.0, 1e-30, 1e-6, 0.01, 0.5, 1.0])
-def test_a_look_among_many_is_less_sure_but_no_less_than_bonferroni_makes_it(p_value: float) -> None:
-    assert looks_p_value(p_value, 1) == pytest.approx(p_value)
-    assert p_value <= looks_p_value(p_value, LOOKS) <= min(1, LOOKS * p_value)
-    boundary = look_boundary(tuple(trials_at_looks(20)), LEVEL)
-    assert looks_p_value(2 * NormalDist().cdf(-boundary), LOOKS) == pytest.approx(1 - LEVEL, abs=1e-3)
+def test_a_look_among_many_is_less_sure_but_no_less_than_bonferroni_makes_it() -> None:
+    for p_value in [0.0, 1e-30, 1e-6, 0.01, 0.5, 1.0]:
+        assert looks_p_value(p_value, 1) == pytest.approx(p_value)
+        assert p_value <= looks_p_value(p_value, LOOKS) <= min(1, LOOKS * p_value)
+        boundary = look_boundary(tuple(trials_at_looks(20)), LEVEL)
+        assert looks_p_value(2 * NormalDist().cdf(-boundary), LOOKS) == pytest.approx(1 - LEVEL, abs=1e-3)
 
 
 def test_trials_are_added_until_claims_are_decided_and_the_page_counts_looks(tmp_path) -> None:

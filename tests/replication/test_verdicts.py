@@ -24,9 +24,8 @@ def claimed(*checks: Finding, **more: str) -> tuple[Claim, list[Finding]]:
     return Claim.model_validate({**keys, **more, "checks": [each.check for each in checks]}), list(checks)
 
 
-@pytest.mark.parametrize(
-    ("value", "prediction", "verdict"),
-    [
+def test_an_effect_decides_if_it_is_far_from_the_threshold() -> None:
+    for value, prediction, verdict in [
         (9.0, {"above": 5}, HOLDS),
         (9.0, {"below": 5}, CONTRADICTED),
         (1.0, {"above": 5}, CONTRADICTED),
@@ -39,11 +38,9 @@ def claimed(*checks: Finding, **more: str) -> tuple[Claim, list[Finding]]:
         (9.5, {"within": (0, 10)}, UNDECIDED),
         (-5.0, {"within": (0, 10)}, CONTRADICTED),
         (15.0, {"within": (0, 10)}, CONTRADICTED),
-    ],
-)
-def test_an_effect_decides_if_it_is_far_from_the_threshold(value, prediction, verdict) -> None:
-    ((_, _, (judged,)),) = judge_claims([claimed(finding(student(value, 1.0, 30), **prediction))])
-    assert judged.verdict == verdict
+    ]:
+        ((_, _, (judged,)),) = judge_claims([claimed(finding(student(value, 1.0, 30), **prediction))])
+        assert judged.verdict == verdict
 
 
 def test_points_are_compared_up_to_the_lowest_of_their_limits() -> None:

@@ -36,10 +36,10 @@ def test_shares_take_about_as_long_even_if_one_speed_takes_a_hundred_times_anoth
     assert max(costs) < 1.1 * sum(costs) / count + 300
 
 
-@pytest.mark.parametrize("text", ["", "3", "0/4", "5/4", "-1/4", "1/0", "1/4 ", "a/b", "1/4/2"])
-def test_a_text_that_names_no_share_is_refused(text: str) -> None:
-    with pytest.raises(EpuckSimError, match="allowed: K/N with K from 1 to N"):
-        Share.parse(text)
+def test_a_text_that_names_no_share_is_refused() -> None:
+    for text in ["", "3", "0/4", "5/4", "-1/4", "1/0", "1/4 ", "a/b", "1/4/2"]:
+        with pytest.raises(EpuckSimError, match="allowed: K/N with K from 1 to N"):
+            Share.parse(text)
 
 
 def test_a_share_is_read_as_it_is_written() -> None:

@@ -56,9 +56,8 @@ def test_a_file_is_read_with_what_lies_beside_it_and_is_called_after_itself(tmp_
     assert (scenario.name, group.controller, group.parameters) == ("scene", str(tmp_path / "mine.py"), {"pace": 2.0})
 
 
-@pytest.mark.parametrize(
-    ("setting", "read"),
-    [
+def test_set_changes_one_value() -> None:
+    for setting, read in [
         ("robots.0.parameters.period_s=8", lambda s: s.robots[0].parameters["period_s"] == 8.0),
         ("arena.width_cm=1e2", lambda s: s.arena.width_cm == 100.0),
         ("stop.metric=reference", lambda s: s.stop.metric == "reference"),
@@ -66,11 +65,9 @@ def test_a_file_is_read_with_what_lies_beside_it_and_is_called_after_itself(tmp_
         ("noise=on", lambda s: s.noise == load_scenario({}).noise),
         ("robots=[{poses: [[10, 10, 0], [30, 30, 1]]}]", lambda s: s.robots[0].count == 2),
         ("seed=123456789012345678901234567890", lambda s: s.seed == 123456789012345678901234567890),
-    ],
-)
-def test_set_changes_one_value(setting: str, read) -> None:
-    assert read(load_scenario("thesis", [setting]))
-    assert read(load_scenario({}, [setting]))
+    ]:
+        assert read(load_scenario("thesis", [setting]))
+        assert read(load_scenario({}, [setting]))
 
 
 def test_later_settings_win_and_the_original_stays() -> None:
@@ -281,9 +278,8 @@ quick:
 FULL = {"trials": 100, "stop": {"max_cycles": 1000}, "sweep": {"grid": {"a": [1, 2, 3], "b": [4, 5]}}}
 
 
-@pytest.mark.parametrize(
-    ("quick", "changed"),
-    [
+def test_sections_are_merged_key_by_key_and_everything_else_is_replaced() -> None:
+    for quick, changed in [
         ({}, {}),
         ({"trials": 5}, {"trials": 5}),
         ({"stop": {"order_parameter": None}}, {"stop": {"max_cycles": 1000, "order_parameter": None}}),
@@ -292,13 +288,11 @@ FULL = {"trials": 100, "stop": {"max_cycles": 1000}, "sweep": {"grid": {"a": [1,
         ({"stop": None}, {"stop": None}),
         ({"trials": {"x": 1}}, {"trials": {"x": 1}}),
         ({"figure": {"form": "map"}}, {"figure": {"form": "map"}}),
-    ],
-)
-def test_sections_are_merged_key_by_key_and_everything_else_is_replaced(quick: dict, changed: dict) -> None:
-    given = {**FULL, "quick": quick}
-    assert quick_version(given, "here") == {**FULL, **changed}
-    assert given == {**FULL, "quick": quick}
-    assert without_quick(given) == FULL
+    ]:
+        given = {**FULL, "quick": quick}
+        assert quick_version(given, "here") == {**FULL, **changed}
+        assert given == {**FULL, "quick": quick}
+        assert without_quick(given) == FULL
 
 
 def test_settings_and_axes_count_beside_the_quick_version_which_is_forgotten_then() -> None:

@@ -124,19 +124,16 @@ def test_which_curves_a_sweep_makes(scenario_sweep: dict, x: str, expected: list
 # The axis
 
 
-@pytest.mark.parametrize(
-    ("grid", "expected"),
-    [
+def test_the_axis_is_the_speed_or_else_the_one_with_most_numbers() -> None:
+    for grid, expected in [
         ({COUPLING: [0.1, 0.2, 0.3], SPEED: [1, 2]}, SPEED),
         ({SPEED: [1], COUPLING: [0.1, 0.2, 0.3]}, COUPLING),
         ({COUNT: [2, 3], COUPLING: [0.1, 0.2, 0.3]}, COUPLING),
         ({METRIC: ["complex", "reference"], COUNT: [3]}, COUNT),
         ({SECONDS: [None, 5, 6], COUNT: [2, 3]}, COUNT),
         ({"robots.0.parameters.once_per_sighting": [True, False], COUNT: [3]}, COUNT),
-    ],
-)
-def test_the_axis_is_the_speed_or_else_the_one_with_most_numbers(grid: dict, expected: str) -> None:
-    assert choose_axis(axes_of(with_axes({"grid": grid}))) == expected
+    ]:
+        assert choose_axis(axes_of(with_axes({"grid": grid}))) == expected
 
 
 # The second axis

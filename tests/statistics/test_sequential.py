@@ -109,10 +109,10 @@ def test_a_width_is_that_of_half_the_interval_over_what_is_asked() -> None:
         assert Precision.parse("10%").width(found) == math.inf
 
 
-@pytest.mark.parametrize("text", ["", "%", "0", "0%", "-3", "1e3", "10%%", "ten", "nan", "inf"])
-def test_what_is_no_precision_is_refused(text: str) -> None:
-    with pytest.raises(EpuckSimError, match="allowed: half the width of an interval, in per cent of the estimate"):
-        Precision.parse(text)
+def test_what_is_no_precision_is_refused() -> None:
+    for text in ["", "%", "0", "0%", "-3", "1e3", "10%%", "ten", "nan", "inf"]:
+        with pytest.raises(EpuckSimError, match="allowed: half the width of an interval, in per cent of the estimate"):
+            Precision.parse(text)
 
 
 def test_the_last_look_is_at_the_limit_and_not_close_behind_another() -> None:

@@ -13,9 +13,9 @@ def of_agents(*settings: str):
     return predict(load_scenario("particles", ["agents.count=10", *settings]))
 
 
-@pytest.mark.parametrize(
-    ("settings", "verdict", "v_p"),
-    [
+def test_swarms_have_the_regime_that_trials_find_and_where_they_find_it() -> None:
+    """As docs/neighbour_change.md and docs/theory.md have them; speeds within a factor of 3."""
+    for settings, verdict, v_p in [
         ((), "yes", 2.2),
         (("neighbourhood={kind: cone_of_vision, angle_deg: 60, radius_cm: 142}",), "yes", 3.45),
         (("neighbourhood.k=5",), "no", None),
@@ -23,15 +23,12 @@ def of_agents(*settings: str):
         (("neighbourhood.k=2",), "no", None),
         (("neighbourhood.k=2", "agents.count=24", "response.coupling=0.2"), "yes", 1.1),
         (("response.curve=sawtooth",), "no", None),
-    ],
-)
-def test_swarms_have_the_regime_that_trials_find_and_where_they_find_it(settings, verdict, v_p) -> None:
-    """As docs/neighbour_change.md and docs/theory.md have them; speeds within a factor of 3."""
-    found = of_agents(*settings)
-    assert found.intermediate_regime.verdict == verdict
-    if v_p is not None:
-        assert v_p / 3 < found.v_p_cm_s.value < v_p * 3
-    assert found.reason
+    ]:
+        found = of_agents(*settings)
+        assert found.intermediate_regime.verdict == verdict
+        if v_p is not None:
+            assert v_p / 3 < found.v_p_cm_s.value < v_p * 3
+        assert found.reason
 
 
 def test_a_users_curve_is_taken_as_it_is(tmp_path) -> None:

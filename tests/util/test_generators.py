@@ -135,12 +135,12 @@ def test_a_choice_is_numpy_s(kind, seed, among, data):
     assert next_uint32(generator) == random.integers(2**32)
 
 
-@pytest.mark.parametrize(("among", "count"), [(TAIL_LIMIT, 201), *((20_050, k) for k in (1, 401, 402, 10_000, 20_050))])
-def test_a_choice_among_many_is_numpy_s(among, count):
-    generator, random = both("pcg64", among + count)
-    chosen = np.zeros(count, np.int64)
-    choose(chosen, np.ones(among, np.int64), generator)
-    assert chosen.tolist() == random.choice(among, count, replace=False).tolist()
+def test_a_choice_among_many_is_numpy_s():
+    for among, count in [(TAIL_LIMIT, 201), *((20_050, k) for k in (1, 401, 402, 10_000, 20_050))]:
+        generator, random = both("pcg64", among + count)
+        chosen = np.zeros(count, np.int64)
+        choose(chosen, np.ones(among, np.int64), generator)
+        assert chosen.tolist() == random.choice(among, count, replace=False).tolist()
 
 
 def test_the_tables_are_those_in_numpy_s_machine_code():

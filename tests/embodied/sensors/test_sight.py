@@ -31,18 +31,15 @@ turns = st.floats(-math.pi, math.pi)
 lengths = st.floats(0.01, 100)
 
 
-@pytest.mark.parametrize(
-    ("disc", "distance"),
-    [
+def test_a_ray_ends_at_a_disc():
+    for disc, distance in [
         ((10, 3, 3), 10),  # grazed, it is met where it touches
         *(((10, side * (3 + 1e-9), 3), math.inf) for side in (-1, 1)),
         *(((10, side * (3 - 1e-9), 3), pytest.approx(10, abs=1e-4)) for side in (-1, 1)),
         ((3, 0, 3), 0),  # where it begins, towards its centre alone
         ((-3, 0, 3), math.inf),
-    ],
-)
-def test_a_ray_ends_at_a_disc(disc, distance):
-    assert to_disc(0.0, 0.0, 1.0, 0.0, *map(float, disc)) == distance
+    ]:
+        assert to_disc(0.0, 0.0, 1.0, 0.0, *map(float, disc)) == distance
 
 
 @given(places, places, lengths, turns, st.floats(-1.5, 1.5), st.floats(0.01, 0.999))
@@ -53,17 +50,14 @@ def test_from_inside_a_disc_is_met_at_once_towards_its_centre_and_never_away_fro
     assert to_disc(x, y, -math.cos(towards), -math.sin(towards), cx, cy, radius) == math.inf
 
 
-@pytest.mark.parametrize(
-    ("ends", "distance"),
-    [
+def test_a_ray_ends_at_a_segment():
+    for ends, distance in [
         *(((5, low, 5, low + 2), 5) for low in (0, -2)),  # met at its very end
         ((0, -1, 0, 1), 0),
         *((ends, math.inf) for y in (0, 1) for ends in ((3, y, 9, y), (9, y, 3, y))),  # parallel to the ray
         *((ends, math.inf) for ends in ((-5, -1, -5, 1), (5, 1, 5, 2), (5, -2, 5, -1))),
-    ],
-)
-def test_a_ray_ends_at_a_segment(ends, distance):
-    assert to_segment(0.0, 0.0, 1.0, 0.0, *map(float, ends)) == distance
+    ]:
+        assert to_segment(0.0, 0.0, 1.0, 0.0, *map(float, ends)) == distance
 
 
 # --- views ------------------------------------------------------------------------------------------
