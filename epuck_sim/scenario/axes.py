@@ -74,7 +74,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -
     """
     numbers = _numeric_axes(rows)
     if requested is not None:
-        return _check_axis(requested, numbers, origin)
+        return _check_axis(requested, rows, numbers, origin)
     if not numbers:
         raise EpuckSimError("there is no axis with numbers to draw T_sync against")
     return max(numbers, key=lambda key: (len(numbers[key]) > 1, key.endswith(SPEED), len(numbers[key])))
@@ -89,7 +89,7 @@ def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin:
             others.append(key)
     choice = f"give --y one of {comma_list(others)}" if others else "there is no other axis whose numbers differ"
     if requested is not None:
-        if _check_axis(requested, numbers, origin) == x or is_tied_to(requested, x, rows):
+        if _check_axis(requested, rows, numbers, origin) == x or is_tied_to(requested, x, rows):
             raise EpuckSimError(f"{origin}: {requested} varies together with {x}, the horizontal axis; {choice}")
         return requested
     if len(others) != 1:
@@ -131,9 +131,10 @@ def other_axes(rows: Rows, *axes: str) -> list[str]:
     return [key for key in rows[0] if not any(key == axis or is_tied_to(key, axis, rows) for axis in axes)]
 
 
-def _check_axis(requested: str, numbers: Mapping[str, object], origin: str) -> str:
+def _check_axis(requested: str, rows: Rows, numbers: Mapping[str, object], origin: str) -> str:
     if requested not in numbers:
-        raise EpuckSimError(f"{origin}: {did_you_mean(requested, numbers)}; axes with numbers: {comma_list(numbers)}")
+        said = f"{requested} has other values" if requested in rows[0] else did_you_mean(requested, numbers)
+        raise EpuckSimError(f"{origin}: {said}; axes with numbers: {comma_list(numbers)}")
     return requested
 
 
