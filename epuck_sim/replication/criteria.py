@@ -187,10 +187,11 @@ def exponential_rate(x: FloatArray, samples: Sequence[Measured]) -> Effect:
     return _slope(np.asarray(x, float), samples)
 
 
-def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray) -> tuple[float, float]:
-    """Return the slope of logarithms over x by weighted least squares, and its error; all are (S,).
+def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray, freedom: int) -> tuple[float, float, int]:
+    """Return the slope of logarithms over x by weighted least squares, its error, and degrees of freedom; all are (S,).
 
-    Where points scatter about the line by more than their errors, its error is larger by as much.
+    Where points scatter about the line by more than their errors, which have `freedom`, its error is larger by as much,
+    and has the freedom of the scatter.
     """
     weights = 1 / errors**2
     away = x - np.average(x, weights=weights)
@@ -198,7 +199,7 @@ def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray) -> tuple
     slope = float(weights @ (away * logs)) / spread
     deviations = logs - np.average(logs, weights=weights) - slope * away
     misfit = float(weights @ deviations**2) / (len(x) - 2)
-    return slope, math.sqrt(max(misfit, 1.0) / spread)
+    return slope, math.sqrt(max(misfit, 1.0) / spread), freedom if misfit <= 1 else len(x) - 2
 
 
 def _slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
@@ -206,7 +207,7 @@ def _slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
     if len(means) < MIN_POINTS or not _have_logs(means) or min(each.error for each in means) == 0:
         return student(math.nan, 0.0, 0)
     errors = np.array([each.error / each.mean for each in means])
-    return student(*weighted_slope(x, np.log([each.mean for each in means]), errors), len(means) - 2)
+    return student(*weighted_slope(x, np.log([each.mean for each in means]), errors, len(means) - 2))
 
 
 def _means(samples: Sequence[Measured]) -> list[MeanError]:
@@ -351,8 +352,7 @@ def place_exponent(x: FloatArray, places: Sequence[Place | None], trials: int) -
     if not (errors > 0).all():
         return student(math.nan, 0.0, 0)
     logs = np.log([place.value for _, place in known])
-    slope, error = weighted_slope(np.log([at for at, _ in known]), logs, errors)
-    return student(slope, error, trials - 1)
+    return student(*weighted_slope(np.log([at for at, _ in known]), logs, errors, trials - 1))
 
 
 class Drawn(NamedTuple):

@@ -20,6 +20,8 @@ from epuck_sim.replication.criteria import (
     share,
     share_difference,
     share_effect,
+    student,
+    weighted_slope,
 )
 from epuck_sim.statistics.two_samples import contrast, pair_up
 from tests.replication.samples import LIMIT, drawn, times, truths, uncensored
@@ -167,6 +169,16 @@ def test_a_slope_is_that_of_weighted_least_squares_and_less_sure_where_points_sc
     )
     width = power_exponent(x, straight).estimate.high - 1
     assert width == pytest.approx(stats.t.ppf(0.975, 3) * math.sqrt(unscaled[0, 0]))
+
+
+@pytest.mark.parametrize(("points", "scatter"), [(4, 0.0), (4, 1.0), (4, 4.0), (9, 4.0)])
+def test_an_interval_of_a_slope_through_few_points_holds_it_as_often_as_asked_however_they_scatter(
+    points: int, scatter: float
+) -> None:
+    x, samples, random = np.linspace(0, 1, points), 1500, np.random.default_rng(points)
+    rows = 0.5 * x + random.normal(0, math.hypot(1, scatter), (samples, points))
+    found = [student(*weighted_slope(x, row, np.ones(points), 5000)).estimate for row in rows]
+    assert np.mean([each.low <= 0.5 <= each.high for each in found]) > 0.93 - 2 * math.sqrt(0.05 * 0.95 / samples)
 
 
 def test_means_are_restricted_to_one_limit_and_all_censored_ones_scatter_as_if_one_had_ended_at_once() -> None:
