@@ -2,7 +2,7 @@
 
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, overload
 
@@ -23,7 +23,7 @@ from epuck_sim.scenario.keys import (
 )
 from epuck_sim.scenario.particles import ParticleScenario, StartSection
 from epuck_sim.scenario.robot_kind import with_robots
-from epuck_sim.scenario.robots import replace_controllers
+from epuck_sim.scenario.robots import keys_of_swept_controllers, replace_controllers
 from epuck_sim.scenario.scenario import AnyScenario, Scenario
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
@@ -147,11 +147,13 @@ def load_scenario(
     if measures:
         given = add_measures(given, measures, origin)
     _reject_endings(given, origin, folder)
+    given_axes = [*_swept(given), *(parse_axis(axis, "--sweep") for axis in axes)]
+    of_swept = keys_of_swept_controllers(given.get("robots"), given_axes, folder) if settings else []
     changed: list[str] = []
     for setting in settings:
         option = f"--set {setting}"
         typed, value = parse_setting(setting)
-        for key in _full_keys(given, typed, option, origin, folder):
+        for key in _full_keys(given, typed, option, origin, folder, of_swept):
             if re.match(r"robots\.\d+\.sensors\.", key):  # which leads into a sensor that may be given in a list
                 given = _expanded(given, origin, folder)
             given = set_value(given, key, value, option)
@@ -193,13 +195,16 @@ def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -
     return changed
 
 
-def _full_keys(given: Mapping[str, Any], typed: str, where: str, origin: str, folder: Path | None) -> list[str]:
-    """Return the keys of a scenario that a typed key stands for, see `keys.full_keys`; itself if there are none."""
+def _full_keys(
+    given: Mapping[str, Any], typed: str, where: str, origin: str, folder: Path | None, further: Sequence[str] = ()
+) -> list[str]:
+    """Return the keys of a scenario, or further ones, that a typed key stands for, see `keys.full_keys`; or itself."""
     model = given.get("model", "embodied")
     kind = SCENARIO_TYPES.get(model) if isinstance(model, str) else None
     if kind is None or typed == "sensors" or typed.partition(".")[0] in kind.model_fields:
         return [typed]
-    found = full_keys(typed, kind.all_keys(_expanded(given, origin, folder), folder), where)
+    known = kind.all_keys(_expanded(given, origin, folder), folder)
+    found = full_keys(typed, [*dict.fromkeys([*known, *further])], where)
     if len(found) > 1:
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
     if not found and not typed.startswith("sensors."):
@@ -209,13 +214,19 @@ def _full_keys(given: Mapping[str, Any], typed: str, where: str, origin: str, fo
 
 def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) -> None:
     """Raise ScenarioError for an axis in a file that is the ending of a key: only what is typed may be one."""
+    for key, _ in _swept(given):
+        found = _full_keys(given, str(key), f"{origin}: sweep", origin, folder)
+        if found != [str(key)]:
+            raise ScenarioError(f"{origin}: sweep: {key} is the ending of a key; give the whole, {found[0]}")
+
+
+def _swept(given: Mapping[str, Any]) -> Iterator[tuple[Any, Sequence[Any]]]:
+    """Yield the keys of a scenario's sweep as they are given, with values; what is no sweep is refused later."""
     sweep = given.get("sweep")
     parts = [sweep.get(name) for name in ("zip", "grid", "points")] if isinstance(sweep, Mapping) else []
     for row in (each for part in parts for each in (part if isinstance(part, list | tuple) else [part])):
-        for key in row if isinstance(row, Mapping) else ():
-            found = _full_keys(given, str(key), f"{origin}: sweep", origin, folder)
-            if found != [str(key)]:
-                raise ScenarioError(f"{origin}: sweep: {key} is the ending of a key; give the whole, {found[0]}")
+        for key, values in row.items() if isinstance(row, Mapping) else ():
+            yield key, values if isinstance(values, list | tuple) else [values]
 
 
 def _expanded(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:

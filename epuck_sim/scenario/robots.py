@@ -1,9 +1,10 @@
 """Groups of robots that share a controller: their signals, cameras, sensors and controllers, and whether they fit."""
 
 import math
+import re
 import warnings
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -365,3 +366,29 @@ def _without(group: Mapping[str, Any], lacking: Mapping[str, Collection[str]]) -
         if section in group
     }
     return {**group, **kept}
+
+
+def keys_of_swept_controllers(groups: Any, axes: Iterable[tuple[Any, Sequence[Any]]], folder: Path | None) -> list[str]:
+    """Return the keys of parameters and memory that groups have at points: those of controllers that are axes' values.
+
+    Args:
+        groups: The groups, as they are given.
+        axes: Keys, or endings of them, with values.
+        folder: The scenario's folder.
+    """
+    found = []
+    for key, values in axes:
+        axis = re.fullmatch(r"((robots\.)?(?P<group>\d+)\.)?controller", str(key))
+        if axis is None:
+            continue
+        numbers = [axis["group"]] if axis["group"] else range(len(groups) if are_groups(groups) else 1)
+        for value in values:
+            with suppress(EpuckSimError):  # what is wrong with files is said when points are made
+                names = _own_names(find_controller(str(value), folder))
+                found += [
+                    f"robots.{group}.{section}.{name}"
+                    for group in numbers
+                    for section, each in names.items()
+                    for name in sorted(each)
+                ]
+    return found

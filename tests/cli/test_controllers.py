@@ -102,6 +102,22 @@ def test_a_sweep_compares_files_each_with_the_parameters_that_it_has(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("way", ["option", "grid", "points"])
+def test_an_ending_is_looked_for_among_the_parameters_of_controllers_that_are_an_axis(tmp_path, way):
+    axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0, 'gain': 1.0, 'lead': 1.0}")
+    key, _, values = axis.partition("=")
+    files = values.split(",")
+    sweep = {"grid": {key: files}} if way == "grid" else {"points": [{key: file} for file in files]}
+    given = {"robots": [{}]} if way == "option" else {"robots": [{}], "sweep": sweep}
+    axes = ["controller=a.py,b.py"] if way == "option" else []
+    found = points(load_scenario(given, ["gain=2", "parameters.lead=3"], axes))
+    assert [point.scenario.robots[0].parameters for point in found] == [
+        {"speed_cm_s": 1.0},
+        {"speed_cm_s": 2.0, "gain": 2.0, "lead": 3.0},
+    ]
+    assert {point.scenario.overhead.gain for point in found} == {load_scenario({}).overhead.gain}
+
+
 def test_a_parameter_that_none_of_the_controllers_has_and_an_axis_that_one_lacks_are_refused(tmp_path):
     axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0, 'gain': 1.0}")
     with pytest.raises(ScenarioError, match=r"point 0 .*robots.0.parameters: unknown 'sped_cm_s', did you mean 'speed"):
