@@ -92,13 +92,20 @@ class TrackOptions(NamedTuple):
 
 
 def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
-    """Yield the frames of a film that the options choose, at the times that they say; after the last none is read."""
+    """Yield the frames of a film that the options choose, at the times that they say; after the last none is read.
+
+    Raises:
+        FilmError: The film ends before the first of them.
+    """
+    time_s = options.start_s
     for number, frame in enumerate(frames):
         time_s = number / options.fps if options.fps else frame.time_s
         if time_s > options.end_s:
             return
         if time_s >= options.start_s:
             yield Frame(time_s, frame.picture)
+    if time_s < options.start_s:
+        raise FilmError(f"--start-s is {options.start_s:g}, but the film ends at {time_s:.1f} s; allowed: less")
 
 
 def described_geometry(size_px: tuple[int, int], options: TrackOptions, metadata: FilmMetadata) -> Geometry | None:

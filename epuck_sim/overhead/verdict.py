@@ -25,6 +25,7 @@ MOST_OF_USUAL = 0.6  # the same where their number is not known, relative to the
 FEWEST_PER_ROBOT = 0.65  # flashes of a robot in a period below which some are missed
 MOST_PER_ROBOT = 1.9  # flashes of one above which something else flashes; coupling of 1 gave 18.6 of ten robots
 FROM_BEGINNING = 1.6  # time in periods until which T_sync means that nothing else was seen
+LEAST_ORDER = 0.5  # least order parameter that `track` takes as that of synchrony
 NEAR_ORDER = 0.85
 """Order parameter at the last flashes of a film from which the swarm may be synchronised, as flashes after its end may
 advance phases. All of 40 films that ended with T_sync had more, and 17 % of 186 that were cut before."""
@@ -116,7 +117,7 @@ def objections(evidence: Evidence) -> list[str]:
     if not evidence.period_is_given and one_cm > 2 * two_cm + 1.0:
         found.append(
             f"places flash again after two periods of {period_s:.4g} s rather than after one: two groups may "
-            f"flash in turn; half of the period fits as well; give --period-s"
+            f"flash in turn, and {2 * period_s:.4g} s be the period; give --period-s"
         )
     at_s = evidence.in_order_s
     is_early = at_s is not None and at_s < evidence.counted.start_s + FROM_BEGINNING * period_s
@@ -126,6 +127,8 @@ def objections(evidence: Evidence) -> list[str]:
             "flash in turn; robots move too far between flashes to tell; give --period-s or --robots"
         )
     if not found and at_s is None:
+        if evidence.span_s[1] - evidence.span_s[0] < period_s:
+            return [f"no whole period of {period_s:.4g} s was seen; film for longer"]
         near = order_at_end(evidence.flashes.onset_s, period_s, evidence.span_s[1], evidence.swarm)
         if near >= NEAR_ORDER:
             found.append(
@@ -143,7 +146,9 @@ def _about_robots(evidence: Evidence) -> list[str]:
             f"{most_lit} rings were lit at once, but there are {robots} robots: check --robots, or what else is lit"
         ]
     if robots is not None and not FEWEST_PER_ROBOT <= per_period / robots <= MOST_PER_ROBOT:
-        return [f"there were {per_period:.1f} flashes per period, but there are {robots} robots"]
+        return [
+            f"there were {per_period:.1f} flashes per period, but there are {robots} robots: check --robots, --period-s"
+        ]
     if evidence.sync is None:
         return []
     middles_s = (evidence.flashes.onset_s + evidence.flashes.end_s) / 2
@@ -318,13 +323,9 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
 
 def why_never(evidence: Evidence) -> str:
     """Return how near to synchrony the swarm came, and what would have been enough."""
-    if evidence.span_s[1] - evidence.span_s[0] < evidence.period_s:
-        return f"no whole period of {evidence.period_s:.4g} s was seen; film for longer"
     most = evidence.periods.order.max(initial=0.0)
     if not most:
         return "no period has flashes of most robots, and a robot that flashes alone is in step with nobody"
     least = math.floor(100 * most) / 100
-    return (
-        f"the order parameter was {most:.3f} at most, {evidence.order_parameter:g} is needed; "
-        f"--order-parameter {least:g} would be met"
-    )
+    enough = f"; --order-parameter {least:g} would be met" if least >= LEAST_ORDER else ""
+    return f"the order parameter was {most:.3f} at most, {evidence.order_parameter:g} is needed{enough}"

@@ -105,7 +105,7 @@ def test_the_description_of_our_films_replaces_options(shelf) -> None:
     assert (found["calibration"], found["period_s"]) == ("the corners given", 1.1)
     result = call("track", shelf / "described.mp4", "--period-s", "2.2")
     assert result.stderr.startswith("warning: there were ")
-    assert result.stderr.endswith(f" flashes per period, but there are {ROBOTS} robots\n")
+    assert result.stderr.endswith(f" flashes per period, but there are {ROBOTS} robots: check --robots, --period-s\n")
 
 
 def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, plain, here) -> None:

@@ -17,6 +17,7 @@ from epuck_sim.overhead.calibration import (
     TrackOptions,
     calibrate,
     described_geometry,
+    excerpt,
     parse_metadata,
 )
 from epuck_sim.overhead.camera import CameraModel, Frame, Geometry
@@ -191,3 +192,8 @@ def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
 def test_film_without_light_is_refused(frames: list[Frame]) -> None:
     with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .*--corners"):
         calibrated(frames)
+
+
+def test_an_excerpt_that_begins_after_the_film_is_refused() -> None:
+    with pytest.raises(FilmError, match=r"^--start-s is 9, but the film ends at 0\.3 s; allowed: less$"):
+        list(excerpt(plain(0, 10), TrackOptions(start_s=9.0)))
