@@ -122,7 +122,7 @@ def test_swarm_that_never_synchronises() -> None:
     (reason,) = track.reasons
     assert track.confidence == "low"
     assert "the order parameter was" in reason
-    assert "0.95 is needed; --order-parameter 0." in reason
+    assert reason.endswith("0.95 is needed")  # and no option that `track` refuses
     assert track.flashes_per_period == pytest.approx(6, rel=0.1)
     assert json.loads(json.dumps(track.summary(), allow_nan=False))["histogram_s"] is None
 
