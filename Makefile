@@ -6,10 +6,10 @@ BIN := $(VENV)/bin
 SOURCES := pyproject.toml README.md
 SWEEPS := fig-4-2a fig-4-2b fig-4-3a fig-4-3b fig-4-4
 TRIALS ?= 200
-QUICK_SWEEPS := fig-2-6 fig-3-5 fig-5-3 fig-5-4 fig-5-5 \
+QUICK_SWEEPS := fig-2-6 fig-5-3 fig-5-4 fig-5-5 \
     fig-5-6 fig-5-7 fig-5-8 fig-5-9 fig-5-10 fig-5-11 fig-a-1 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6 \
     wireless kilobot-ranges mean-field order-change speed-distributions
-CHAPTER_3 := fig-3-4 fig-3-4-nearest fig-3-6 fig-3-7 fig-3-8
+CHAPTER_3 := fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8
 LONGER_SWEEPS := random-walks broad-speeds random-walks-robots broad-speeds-robots
 
 BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
