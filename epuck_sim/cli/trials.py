@@ -19,7 +19,6 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.share import Share
 from epuck_sim.runs.status import read_outcome, read_status
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.keys import full_keys
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario, require_model
@@ -233,7 +232,7 @@ def sweep_into(
     if until is not None:
         from epuck_sim.sweep.looks import Looks  # which takes scipy
 
-        looks = Looks(until, contrast and (full_keys(contrast, scenario.swept, "--contrast") or [contrast])[0])
+        looks = Looks(until, contrast)
     of_share = Share.parse(share) if share else None
     with SweepProgressBar() as bar, prefix_scenario(origin):
         try:

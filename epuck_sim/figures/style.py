@@ -88,7 +88,8 @@ def count_trials(trials: Sequence[int]) -> str:
     ('20 trials a point', '5 to 20 trials a point', '1 trial a point')
     """
     low, high = min(trials), max(trials)
-    return f"{f'{low} to ' * (low < high)}{counted(high, 'trial')} a point"
+    trials_a_point = f"{counted(high, 'trial')} a point"
+    return f"{low} to {trials_a_point}" if low < high else trials_a_point
 
 
 def make_panels(

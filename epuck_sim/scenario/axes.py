@@ -131,6 +131,18 @@ def other_axes(rows: Rows, *axes: str) -> list[str]:
     return [key for key in rows[0] if not any(key == axis or is_tied_to(key, axis, rows) for axis in axes)]
 
 
+def group_rows(rows: Rows, *axes: str) -> list[tuple[dict[str, Any], list[int]]]:
+    """Return groups of points that differ in `axes` alone, in the order of the sweep: other axes' values, and places.
+
+    An axis that is tied one-to-one to one of `axes` is not among the others.
+    """
+    others = other_axes(rows, *axes)
+    groups: dict[str, list[int]] = {}
+    for place, row in enumerate(rows):
+        groups.setdefault(canonical_text({key: row[key] for key in others}), []).append(place)
+    return [({key: rows[places[0]][key] for key in others}, places) for places in groups.values()]
+
+
 def _check_axis(requested: str, rows: Rows, numbers: Mapping[str, object], origin: str) -> str:
     if requested not in numbers:
         said = f"{requested} has other values" if requested in rows[0] else did_you_mean(requested, numbers)

@@ -147,8 +147,8 @@ def load_scenario(
     if measures:
         given = add_measures(given, measures, origin)
     _reject_endings(given, origin, folder)
-    given_axes = [*_swept(given), *(parse_axis(axis, "--sweep") for axis in axes)]
-    of_swept = keys_of_swept_controllers(given.get("robots"), given_axes, folder) if settings else []
+    parsed = [parse_axis(axis, "--sweep") for axis in axes]
+    of_swept = keys_of_swept_controllers(given.get("robots"), [*_swept(given), *parsed], folder) if settings else []
     changed: list[str] = []
     for setting in settings:
         option = f"--set {setting}"
@@ -159,8 +159,7 @@ def load_scenario(
             given = set_value(given, key, value, option)
             changed.append(f"{key}={setting.partition('=')[2]}")
     swept: list[str] = []
-    for axis in axes:
-        typed, values = parse_axis(axis, "--sweep")
+    for axis, (typed, values) in zip(axes, parsed, strict=True):
         keys = _full_keys(given, typed, f"--sweep {axis}", origin, folder)
         given = add_axis(given, keys, values, f"--sweep {axis}")
         swept.extend(f"{key}={axis.partition('=')[2]}" for key in keys)
@@ -207,9 +206,12 @@ def _full_keys(
     found = full_keys(typed, [*dict.fromkeys([*known, *further])], where)
     if len(found) > 1:
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
-    if not found and not typed.startswith("sensors."):
-        from_keys(given, origin, folder)  # a file that is not there hides its parameters, and is refused first
-    return found or [f"robots.0.{typed}" if typed.startswith("sensors.") else typed]
+    if found:
+        return found
+    if typed.startswith("sensors."):
+        return [f"robots.0.{typed}"]  # where it is refused with what the group has
+    from_keys(given, origin, folder)  # a file that is not there hides its parameters, and is refused first
+    return [typed]
 
 
 def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) -> None:

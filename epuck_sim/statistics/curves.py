@@ -9,7 +9,7 @@ import numpy as np
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.reader import PointTrials, read_points
-from epuck_sim.scenario.axes import canonical_text, choose_axis, other_axes
+from epuck_sim.scenario.axes import choose_axis, group_rows
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.measured import Measured, cut, measure
@@ -65,24 +65,19 @@ def read_curves(
 
 
 def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:
-    """Group points by the values of all axes but `axes`, and sort each group by `axes`.
+    """Group points by the values of all axes but `axes`, see `group_rows`, and sort each group by `axes`.
 
-    An axis that is tied one-to-one to one of `axes` is not among the others. Groups are in the order of the sweep;
-    points without trials are left out.
+    Points without trials are left out.
 
     Returns:
         For each group, the values of the other axes, and its points.
     """
-    others = other_axes([point.axes for point in points], *axes)
-    groups: dict[str, list[PointTrials]] = {}
-    for point in points:
-        groups.setdefault(canonical_text({key: point.axes[key] for key in others}), []).append(point)
-    filled = ([point for point in group if len(point.times)] for group in groups.values())
-    return [
-        ({key: group[0].axes[key] for key in others}, sorted(group, key=lambda point: [point.axes[x] for x in axes]))
-        for group in filled
-        if group
-    ]
+    found = []
+    for others, places in group_rows([point.axes for point in points], *axes):
+        group = [points[place] for place in places if len(points[place].times)]
+        if group:
+            found.append((others, sorted(group, key=lambda point: [point.axes[x] for x in axes])))
+    return found
 
 
 def estimate_curve(

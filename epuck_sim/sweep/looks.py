@@ -10,7 +10,8 @@ from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.runs.share import WHOLE
 from epuck_sim.runs.store import Store
-from epuck_sim.scenario.axes import canonical_text, other_axes
+from epuck_sim.scenario.axes import group_rows
+from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.points import Point
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.sequential import FIRST_LOOK, Precision, look_contrast, look_interval, look_sizes
@@ -48,7 +49,7 @@ class Looks:
 
         Args:
             until: What is asked.
-            contrast: An axis: asked of the ratio, or the difference in cycles, of each mean to that at its first value.
+            contrast: An axis, or an ending of its key: ratios, or differences in cycles, to its first value are asked.
 
         Raises:
             EpuckSimError: What is asked is neither.
@@ -68,20 +69,20 @@ class Looks:
                 f"trials is {scenario.trials}, the most that --until may run at a point, and it begins with "
                 f"{FIRST_LOOK}; give --trials 1000, say"
             )
-        axes = points[0].axes
-        if self._key is not None and (self._key not in axes or min(map(len, self._groups(points))) == 1):
+        if self._key is None:
+            return
+        rows = [point.axes for point in points]
+        self._key = axis_key(self._key, rows, "--contrast")
+        if self._key not in rows[0] or min(map(len, self._groups(points))) == 1:
             said = "allowed: an axis with two values or more, among"
-            raise EpuckSimError(f"--contrast is {self._key}; {said} {comma_list(list(axes))}")
+            raise EpuckSimError(f"--contrast is {self._key}; {said} {comma_list(list(rows[0]))}")
 
     def _groups(self, points: Sequence[Point]) -> list[list[Point]]:
         """Return the points that are looked at together: each alone, or those that differ in the contrast's key."""
         if self._key is None:
             return [[point] for point in points]
-        others = other_axes([point.axes for point in points], self._key)
-        groups: dict[str, list[Point]] = {}
-        for point in points:
-            groups.setdefault(canonical_text({key: point.axes[key] for key in others}), []).append(point)
-        return [*groups.values()]
+        groups = group_rows([point.axes for point in points], self._key)
+        return [[points[place] for place in places] for _, places in groups]
 
     def begin(self, store: Store, points: Sequence[Point], finished: FinishedTrials) -> list[int]:
         """Look at what is stored, and return the number of trials that each point is for so far.
