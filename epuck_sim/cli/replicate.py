@@ -15,8 +15,7 @@ from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # or --help would wait for numba
     from epuck_sim.display.table import Table
-    from epuck_sim.replication.claims import Claim, Claims
-    from epuck_sim.replication.sweeps import Version
+    from epuck_sim.replication.claims import Claim
     from epuck_sim.scenario.scenario import Scenario
     from epuck_sim.sweep.executors import OpenPool
 
@@ -66,17 +65,21 @@ def replicate(
         for claim in chosen:
             typer.echo(f"{claim.id:4} {claim.section:12} {claim.claim}{'' if claim.checks else ' (no trials)'}")
         return
-    from epuck_sim.replication.page import write_replication
-    from epuck_sim.replication.sweeps import Version
+    from epuck_sim.replication.page import read_contents, write_replication
+    from epuck_sim.replication.sweeps import RunFolders, Version, needed_sweeps, sweep_folder
     from epuck_sim.sweep.cluster import DaskCluster
     from epuck_sim.sweep.executors import local_pool
 
     open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
     version = Version.FULL if full else Version.QUICK
     budget_s = (math.inf if cpu_hours is None else 3600 * cpu_hours) if until_decided else None
-    failed, undecided = _run_claims(known, chosen, out, version, open_pool, budget_s)
-    answers, file = write_replication(known, chosen, out, version)
-    for answer in answers:
+    needed = needed_sweeps(known, chosen, version)
+    folders = {name: sweep_folder(out, name, version) for name in needed}
+    failed, undecided = _run_claims(chosen, needed, folders, open_pool, budget_s)
+    trials = RunFolders(folders)
+    contents = read_contents(known, chosen, trials, version, out)
+    file = write_replication(contents, trials, out)
+    for answer in contents.answers:
         typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")
     if undecided is not None:
         typer.echo(undecided.to_text(terminal_width()))
@@ -87,10 +90,9 @@ def replicate(
 
 
 def _run_claims(
-    claims: "Claims",
     chosen: "Sequence[Claim]",
-    folder: Path,
-    version: "Version",
+    needed: "dict[str, Scenario]",
+    folders: dict[str, Path],
     open_pool: "OpenPool",
     budget_s: float | None,
 ) -> "tuple[int, Table | None]":
@@ -101,15 +103,8 @@ def _run_claims(
     """
     from epuck_sim.cli.progress import SweepProgressBar
     from epuck_sim.replication.looks import Decider, begun
-    from epuck_sim.replication.sweeps import needed_sweeps, sweep_folder
     from epuck_sim.sweep.run import run_sweep
 
-    needed = needed_sweeps(claims, chosen, version)
-    folders = {name: sweep_folder(folder, name, version) for name in needed}
-    try:
-        (folder / "runs").mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise EpuckSimError(f"{folder}: cannot be made: {error.strerror}") from error
     failed = dict.fromkeys(needed, 0)
 
     def run(name: str, scenario: "Scenario") -> None:

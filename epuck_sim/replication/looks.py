@@ -16,7 +16,7 @@ from epuck_sim.display.html import in_words
 from epuck_sim.display.table import Row, Table
 from epuck_sim.estimate import LEVEL
 from epuck_sim.replication.claims import Claim
-from epuck_sim.replication.sweeps import check_claim
+from epuck_sim.replication.sweeps import RunFolders, check_claim
 from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, p_values
 from epuck_sim.runs.compatibility import read_stored_points
 from epuck_sim.runs.database import reading
@@ -73,7 +73,7 @@ class Decider:
         """Take the claims, and the sweeps that they are asked of with the trials of their version, which are stored."""
         self._scenarios, self._folders = scenarios, folders
         self._status = {name: read_status(folder) for name, folder in folders.items()}
-        self._findings = {claim.id: (claim, check_claim(claim, folders)) for claim in chosen}
+        self._findings = {claim.id: (claim, check_claim(claim, RunFolders(folders))) for claim in chosen}
 
     def answers(self) -> list[Answer]:
         """Return the answers after the last looks."""
@@ -99,7 +99,7 @@ class Decider:
             spent_s += self._status[look.sweep].wall_s - before_s
             for name, (claim, _) in self._findings.items():
                 if claim.sweep == look.sweep:
-                    self._findings[name] = claim, check_claim(claim, self._folders)
+                    self._findings[name] = claim, check_claim(claim, RunFolders(self._folders))
             found = (each for each in self.answers() if each.claim.id in look.claims)
             yield ", ".join(f"{each.claim.id} {each.verdict}" for each in found)
 

@@ -18,18 +18,10 @@ from epuck_sim.figures import plot
 from epuck_sim.figures.labels import format_axis_values, key_name
 from epuck_sim.figures.style import style
 from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
-from epuck_sim.replication.looks import counted_looks, planned_trials
-from epuck_sim.replication.sweeps import (
-    Version,
-    check_claim,
-    estimate_cost,
-    is_asked,
-    sweep_folder,
-    sweep_scenario,
-)
-from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, points_at
-from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.status import Status, read_status
+from epuck_sim.replication.looks import counted_looks
+from epuck_sim.replication.sweeps import Effort, Trials, Version, check_claim, estimate_cost, sweep_scenario
+from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, points_at, reduction
+from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, choose_axis
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.atomic_write import atomic_write
@@ -60,8 +52,8 @@ EXPLAINED = (Verdict.CONTRADICTED, Verdict.UNDECIDED, Verdict.READING)
 class Asked(NamedTuple):
     """A sweep that was asked."""
 
-    status: Status
-    limit: int  # of cycles
+    points: Sequence[PointTrials]
+    effort: Effort
     full: tuple[float, float] | None  # what its full version would cost, least and most s; None if this is it
 
 
@@ -70,34 +62,55 @@ class Contents(NamedTuple):
 
     version: Version
     folder: Path  # of the replication, as it was given
-    chosen: tuple[str, ...]  # ids of the claims that were chosen; none if these are all
+    chosen: Sequence[Claim]
     answers: list[Answer]
     sweeps: dict[str, Asked]  # the sweeps that were asked
     claims: Claims  # the file of claims
     looks: int  # most looks at a sweep; 1 if no sweep has more trials than its version
 
+    @property
+    def has_all(self) -> bool:
+        """Whether all claims were chosen."""
+        return len(self.chosen) == len(self.claims.claims)
 
-def write_replication(
-    claims: Claims, chosen: Sequence[Claim], folder: Path, version: Version
-) -> tuple[list[Answer], Path]:
-    """Write a page about the trials that are stored, FOLDER/replication.md, or chosen.md, and tables beside it.
 
-    Returns:
-        The answers, and the page.
+def read_contents(claims: Claims, chosen: Sequence[Claim], trials: Trials, version: Version, folder: Path) -> Contents:
+    """Test the chosen claims on the trials that are stored.
 
     Raises:
-        EpuckSimError: A run folder is missing or damaged, or a file cannot be written.
+        StoreError: A run folder is missing or damaged.
     """
-    contents = read_contents(claims, chosen, folder, version)
+    findings = [(claim, check_claim(claim, trials)) for claim in chosen]
+    sweeps = {name: _read_sweep(name, trials, sweep_scenario(claims, name, Version.FULL)) for name in trials.sweeps}
+    looks = counted_looks(
+        (sweep_scenario(claims, name, version), max(len(point.times) for point in asked.points))
+        for name, asked in sweeps.items()
+    )
+    return Contents(version, folder, chosen, judge_claims(findings, looks), sweeps, claims, looks)
+
+
+def _read_sweep(name: str, trials: Trials, full: Scenario) -> Asked:
+    points, effort = trials.read(name), trials.effort(name)
+    is_full = points[0].scenario.name == full.name
+    return Asked(points, effort, None if is_full else estimate_cost(points, effort.wall_s, full))
+
+
+def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
+    """Write a page about claims into a folder, replication.md or chosen.md, with tables and figures beside it.
+
+    Returns:
+        The page.
+
+    Raises:
+        EpuckSimError: A file cannot be written.
+    """
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
     pictures = {}
-    for claim in chosen:
+    for claim in contents.chosen:
         path = f"{FIGURES}/claim-{claim.id}.png"
-        if claim.sweep in contents.sweeps and draw_claim(
-            claim, sweep_folder(folder, claim.sweep, version), folder / path
-        ):
+        if claim.sweep in contents.sweeps and draw_claim(claim, trials, folder / path):
             pictures[claim.id] = path
-    stem = SOME if contents.chosen else ALL
+    stem = ALL if contents.has_all else SOME
     made = {"claims": claim_table(contents), "tests": check_table(contents), "sweeps": sweep_table(contents)}
     files = {name: f"{stem}.csv" if name == "claims" else f"{stem}-{name}.csv" for name in made}
     links = {name: files[name] for name, table in made.items() if table.rows}
@@ -108,37 +121,7 @@ def write_replication(
             part.write_text(text, encoding="utf-8")
     for name in set(files.values()) - set(texts):  # of claims that were chosen before
         (folder / name).unlink(missing_ok=True)
-    return contents.answers, folder / f"{stem}.md"
-
-
-def read_contents(claims: Claims, chosen: Sequence[Claim], folder: Path, version: Version) -> Contents:
-    """Test the chosen claims on the trials that are stored.
-
-    Raises:
-        StoreError: A run folder is missing or damaged.
-    """
-    asked = (claim.sweep for claim in chosen if is_asked(claims, claim, version))
-    folders = {sweep: sweep_folder(folder, sweep, version) for sweep in asked if sweep}
-    findings = [(claim, check_claim(claim, folders)) for claim in chosen]
-    sweeps = {name: _read_sweep(each, sweep_scenario(claims, name, Version.FULL)) for name, each in folders.items()}
-    looks = counted_looks(
-        (sweep_scenario(claims, name, version), planned_trials(each)) for name, each in folders.items()
-    )
-    return Contents(
-        version,
-        folder,
-        () if len(chosen) == len(claims.claims) else tuple(claim.id for claim in chosen),
-        judge_claims(findings, looks),
-        sweeps,
-        claims,
-        looks,
-    )
-
-
-def _read_sweep(folder: Path, full: Scenario) -> Asked:
-    stored, status = read_points(folder), read_status(folder)
-    cost = None if stored[0].scenario.name == full.name else estimate_cost(stored, status.wall_s, full)
-    return Asked(status, stored[0].scenario.stop.max_cycles, cost)
+    return folder / f"{stem}.md"
 
 
 def escaped(text: str) -> str:
@@ -154,7 +137,8 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     Relative paths of figures are given by their claims' ids, those of tables by what their rows are.
     """
     version = f"--{contents.version}"
-    command = " ".join(["epuck-sim replicate", *contents.chosen, version, f"--out {contents.folder}"])
+    names = [] if contents.has_all else [claim.id for claim in contents.chosen]
+    command = " ".join(["epuck-sim replicate", *names, version, f"--out {contents.folder}"])
     counts = Counter(answer.verdict for answer in contents.answers)
     parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
     links = ", ".join(f"[{name}]({path})" for name, path in tables.items())
@@ -264,16 +248,17 @@ def _check_cells(judged: Judged) -> dict[str, object]:
 
 
 def _sweep_cells(name: str, asked: Asked) -> dict[str, object]:
-    status = asked.status
+    stored = sum(len(point.times) for point in asked.points)
+    has_t_sync = any(point.has_t_sync for point in asked.points)
     return {
         "sweep": name,
-        "points": status.points,
-        "trials": status.trials,
-        "stored": status.stored,
-        "censored": status.censored,
-        "failed": len(status.failed),
-        "limit_of_cycles": asked.limit,
-        "time_of_trials": in_words(status.wall_s),
+        "points": len(asked.points),
+        "trials": stored + asked.effort.failed,
+        "stored": stored,
+        "censored": sum(int((~point.observed).sum()) for point in asked.points) if has_t_sync else None,
+        "failed": asked.effort.failed,
+        "limit_of_cycles": asked.points[0].scenario.stop.max_cycles,
+        "time_of_trials": in_words(asked.effort.wall_s),
         "time_of_full_version": time_range(asked.full) if asked.full else None,
     }
 
@@ -302,18 +287,18 @@ def describe_check(check: Check) -> str:
     return test.text.format(**names)
 
 
-def draw_claim(claim: Claim, folder: Path, path: Path) -> bool:
+def draw_claim(claim: Claim, trials: Trials, path: Path) -> bool:
     """Draw the points of a claim's first test against its axis as PNG, and those that other tests share.
 
     Returns:
         Whether there is a curve to draw.
     """
-    drawn = [check for check in claim.checks if check.test != "formula" and check.take is None]
-    if not drawn:
+    drawn = [check for check in claim.checks if check.test != "formula" and reduction(check) is None]
+    if claim.sweep is None or not drawn:
         return False
     of = drawn[0].of
     alike = [check for check in drawn if check.of == of]
-    stored = read_points(folder, of)
+    stored = trials.read(claim.sweep, drawn[0])
     numbers = {point.number for check in alike for point in points_at(check.where, stored)}
     # one panel, whatever the figure of the sweep has
     plain = {"figure": FigureSection(base_case=stored[0].scenario.figure.base_case)}

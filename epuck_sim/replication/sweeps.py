@@ -1,15 +1,17 @@
-"""The sweeps of claims: their scenarios, their run folders, and what their full versions would cost."""
+"""The sweeps of claims: their scenarios, their trials, and what their full versions would cost."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
-from epuck_sim.replication.claims import Claim, Claims
-from epuck_sim.replication.verdicts import Finding, chosen_points, run_check
+from epuck_sim.replication.claims import Check, Claim, Claims
+from epuck_sim.replication.verdicts import Finding, chosen_points, run_check, taken
 from epuck_sim.runs.reader import PointTrials, read_points
+from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.keys import merge, without_quick
 from epuck_sim.scenario.loader import find_scenario, from_keys
 from epuck_sim.scenario.points import points
@@ -72,12 +74,64 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim], version: Version) -> 
     return scenarios
 
 
-def check_claim(claim: Claim, folders: dict[str, Path]) -> list[Finding]:
+class Effort(NamedTuple):
+    """What the trials of a sweep have taken."""
+
+    wall_s: float  # computing time of all trials together
+    failed: int  # trials
+
+
+class Trials(Protocol):
+    """The trials of claims' sweeps, wherever they are stored."""
+
+    @property
+    def sweeps(self) -> Collection[str]:
+        """Names of the sweeps."""
+        ...
+
+    def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
+        """Return the points of a sweep, with what a check takes of their measure."""
+        ...
+
+    def effort(self, sweep: str) -> Effort:
+        """Return what the trials of a sweep have taken."""
+        ...
+
+
+class RunFolders:
+    """Trials in run folders."""
+
+    def __init__(self, folders: Mapping[str, Path]) -> None:
+        """Take the run folder of each sweep."""
+        self._folders = folders
+
+    @property
+    def sweeps(self) -> Collection[str]:
+        """Names of the sweeps."""
+        return self._folders.keys()
+
+    def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
+        """Return the points of a sweep, with what a check takes of their measure.
+
+        Raises:
+            StoreError: The run folder is missing or damaged.
+        """
+        if check is None:
+            return read_points(self._folders[sweep])
+        return taken(check, read_points(self._folders[sweep], check.of))
+
+    def effort(self, sweep: str) -> Effort:
+        """Return what the trials of a sweep have taken."""
+        status = read_status(self._folders[sweep])
+        return Effort(status.wall_s, len(status.failed))
+
+
+def check_claim(claim: Claim, trials: Trials) -> list[Finding]:
     """Run the checks of a claim on the trials that are stored; none if its sweep is not among those that are asked."""
-    if claim.sweep not in (None, *folders):
+    if claim.sweep not in (None, *trials.sweeps):
         return []
     asked = ((check, claim.sweep if check.test != "formula" else None) for check in claim.checks)
-    return [run_check(check, read_points(folders[sweep], check.of) if sweep else []) for check, sweep in asked]
+    return [run_check(check, trials.read(sweep, check) if sweep else []) for check, sweep in asked]
 
 
 def estimate_cost(stored: Sequence[PointTrials], wall_s: float, full: Scenario) -> tuple[float, float]:

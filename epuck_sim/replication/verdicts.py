@@ -61,7 +61,11 @@ class Finding(NamedTuple):
 
 
 def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
-    """Return what a test finds in its claim's sweep; raise EpuckSimError if that lacks a point that the check names."""
+    """Return what a test finds in its claim's sweep, with what the check takes of its trials (`taken`).
+
+    Raises:
+        EpuckSimError: The sweep lacks a point that the check names.
+    """
     if check.test == "formula":
         value = FORMULAS[check.number]()
         exact = Effect(Estimate(value), lambda x: 0.0 if value > x else 1.0, lambda x: 0.0 if value < x else 1.0)
@@ -143,7 +147,7 @@ def _place_exponent(check: Check, points: Points, _: Samples) -> Effect:
 def _collapse(check: Check, points: Points, _: Samples) -> Effect:
     drawn = []
     for _, group in group_by_other_axes(points, check.along):
-        instead = estimate_curve([reduced(point, "mean") for point in group], check.along, {})
+        instead = estimate_curve(group, check.along, {})
         drawn.append(Drawn(estimate_curve([point._replace(of=None) for point in group], check.along, {}), instead))
     return criteria.collapse(drawn, _fewest(points))
 
@@ -171,9 +175,18 @@ EFFECTS: dict[str, Find] = {
 
 
 def _measure(point: PointTrials, check: Check) -> Measured:
-    if check.test == "collapse":
-        return measure_t_sync(point)
-    return measure(point if check.take is None else reduced(point, check.take))
+    return measure_t_sync(point) if check.test == "collapse" else measure(point)
+
+
+def reduction(check: Check) -> str | None:
+    """Return the name of what stands for the series that a check takes; None if it takes values as they are."""
+    return "mean" if check.test == "collapse" else check.take
+
+
+def taken(check: Check, points: Sequence[PointTrials]) -> list[PointTrials]:
+    """Return points with what a check takes of their measured values."""
+    name = reduction(check)
+    return [point if name is None else reduced(point, name) for point in points]
 
 
 def reduced(point: PointTrials, take: str) -> PointTrials:
