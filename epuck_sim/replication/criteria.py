@@ -25,6 +25,7 @@ from epuck_sim.statistics.survival import weibull_mean
 
 RESAMPLES = 200  # of a ratio of estimators
 MIN_POINTS = 3  # fewest of a slope: two leave nothing to tell how well they lie on a line
+SCATTERED = 4.0  # mean square of deviations over errors: trials can take away a quarter of a slope's variance at most
 GRID_POINTS = 200  # places at which curves are compared
 
 LAWS = {"Weibull": stats.weibull_min, "gamma": stats.gamma, "log-normal": stats.lognorm}
@@ -45,6 +46,8 @@ class Effect(NamedTuple):
     """Of a threshold: probability of data that speak as clearly for an effect above it, if the effect is not."""
     p_below: Callable[[float], float]
     """The same for an effect below it."""
+    is_scattered: bool = False
+    """Whether points scatter so much about a line that more trials of them would tell little more: `SCATTERED`."""
 
 
 def student(value: float, error: float, freedom: float) -> Effect:
@@ -187,8 +190,8 @@ def exponential_rate(x: FloatArray, samples: Sequence[Measured]) -> Effect:
     return _slope(np.asarray(x, float), samples)
 
 
-def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray, freedom: int) -> tuple[float, float, int]:
-    """Return the slope of logarithms over x by weighted least squares, its error, and degrees of freedom; all are (S,).
+def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray, freedom: int) -> Effect:
+    """Return the slope of logarithms over x by weighted least squares; all are (S,).
 
     Where points scatter about the line by more than their errors, which have `freedom`, its error is larger by as much,
     and has the freedom of the scatter.
@@ -199,7 +202,8 @@ def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray, freedom:
     slope = float(weights @ (away * logs)) / spread
     deviations = logs - np.average(logs, weights=weights) - slope * away
     misfit = float(weights @ deviations**2) / (len(x) - 2)
-    return slope, math.sqrt(max(misfit, 1.0) / spread), freedom if misfit <= 1 else len(x) - 2
+    found = student(slope, math.sqrt(max(misfit, 1.0) / spread), freedom if misfit <= 1 else len(x) - 2)
+    return found._replace(is_scattered=misfit > SCATTERED)
 
 
 def _slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
@@ -207,7 +211,7 @@ def _slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
     if len(means) < MIN_POINTS or not _have_logs(means) or min(each.error for each in means) == 0:
         return student(math.nan, 0.0, 0)
     errors = np.array([each.error / each.mean for each in means])
-    return student(*weighted_slope(x, np.log([each.mean for each in means]), errors, len(means) - 2))
+    return weighted_slope(x, np.log([each.mean for each in means]), errors, len(means) - 2)
 
 
 def _means(samples: Sequence[Measured]) -> list[MeanError]:
@@ -352,7 +356,7 @@ def place_exponent(x: FloatArray, places: Sequence[Place | None], trials: int) -
     if not (errors > 0).all():
         return student(math.nan, 0.0, 0)
     logs = np.log([place.value for _, place in known])
-    return student(*weighted_slope(np.log([at for at, _ in known]), logs, errors, trials - 1))
+    return weighted_slope(np.log([at for at, _ in known]), logs, errors, trials - 1)
 
 
 class Drawn(NamedTuple):

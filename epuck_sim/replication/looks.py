@@ -107,13 +107,13 @@ class Decider:
         """Return the next look at each sweep that has undecided claims, unless it was looked at as often as it may.
 
         How many trials decide a claim follows from its effects: deviations from a threshold, in standard errors, grow
-        with the root of the number of trials.
+        with the root of the number of trials. A sweep whose points scatter too much is not looked at for that claim.
         """
         answers = [each for each in self.answers() if each.verdict == Verdict.UNDECIDED]
         tests = sum(judged.verdict == Verdict.UNDECIDED for each in answers for judged in each.checks)
         found = []
         for name, scenario in self._scenarios.items():
-            asked = [each for each in answers if each.claim.sweep == name]
+            asked = [each for each in answers if each.claim.sweep == name and not _needs_points(each)]
             status = self._status[name]
             now = planned_trials(self._folders[name])
             left = [trials for trials in trials_at_looks(scenario.trials) if trials > now]
@@ -143,8 +143,17 @@ class Decider:
         title = "Undecided, with the computing time of the next look, and of all until a verdict if effects stay"
         headings = {"trials": "trials at the next look", "next_look": "its time", "until": "until decided"}
         near = [claim for look in looks for claim, cost_s in look.claims.items() if cost_s <= HOUR_S]
-        note = f"An hour of computing would decide each of {', '.join(near)}." if near else ""
-        return Table(title if rows else "No claim is undecided that may be looked at again", rows, [note], headings)
+        hour = f"An hour of computing would decide each of {', '.join(near)}."
+        scattered = ", ".join(each.claim.id for each in self.answers() if _needs_points(each))
+        points = f"More points would decide {scattered}, not more trials: they scatter by far more than their errors."
+        notes = [hour] * bool(near) + [points] * bool(scattered)
+        return Table(title if rows else "No claim is undecided that may be looked at again", rows, notes, headings)
+
+
+def _needs_points(answer: Answer) -> bool:
+    """Return whether all tests that are undecided are of points that scatter by far more than their errors."""
+    undecided = [judged for judged in answer.checks if judged.verdict == Verdict.UNDECIDED]
+    return bool(undecided) and all(judged.tested.effect.is_scattered for judged in undecided)
 
 
 def _growth_needed(checks: Sequence[Judged], tests: int) -> float:

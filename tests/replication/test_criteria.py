@@ -20,7 +20,6 @@ from epuck_sim.replication.criteria import (
     share,
     share_difference,
     share_effect,
-    student,
     weighted_slope,
 )
 from epuck_sim.statistics.two_samples import contrast, pair_up
@@ -177,7 +176,7 @@ def test_an_interval_of_a_slope_through_few_points_holds_it_as_often_as_asked_ho
 ) -> None:
     x, samples, random = np.linspace(0, 1, points), 1500, np.random.default_rng(points)
     rows = 0.5 * x + random.normal(0, math.hypot(1, scatter), (samples, points))
-    found = [student(*weighted_slope(x, row, np.ones(points), 5000)).estimate for row in rows]
+    found = [weighted_slope(x, row, np.ones(points), 5000).estimate for row in rows]
     assert np.mean([each.low <= 0.5 <= each.high for each in found]) > 0.93 - 2 * math.sqrt(0.05 * 0.95 / samples)
 
 

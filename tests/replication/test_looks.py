@@ -17,7 +17,8 @@ from epuck_sim.runs.reader import read_points
 from epuck_sim.statistics.sequential import look_boundary, looks_p_value
 from epuck_sim.sweep import run
 from tests.cli.commands import call, refused
-from tests.replication.claim_files import FASTER, SWEEP, claim, stop_at, write_claims
+from tests.replication.claim_files import FASTER, SPEED, SWEEP, claim, stop_at, write_claims
+from tests.runs.made_folders import ended, store
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
@@ -113,6 +114,20 @@ def test_the_time_until_a_verdict_is_that_of_the_look_at_which_effects_as_they_a
     size = next((each for each in trials_at_looks(6) if each >= needed), math.inf)
     assert look.claims["B1"] == pytest.approx(look.cost_s * (size - 6) / 3)
     assert look.claims["B1"] < look.claims["B2"]
+
+
+def test_no_trials_are_added_where_points_scatter_by_far_more_than_their_errors(tmp_path) -> None:
+    slope = {"test": "power_exponent", "along": SPEED, "where": {"response.coupling": 0.4}, "above": 0}
+    claims = read_claims(write_claims(tmp_path, [claim("B1", slope)], TINY))
+    scenarios = needed_sweeps(claims, claims.claims, Version.QUICK)
+    trials = [9.0, 10.0, 11.0, 9.0, 10.0, 11.0]
+    heights = {1: 1, 10: 30, 100: 2}
+    store(tmp_path / "tiny", scenarios["tiny"], lambda point: ended(np.multiply(trials, heights[point.axes[SPEED]])))
+    decider = Decider(claims.claims, scenarios, {"tiny": tmp_path / "tiny"})
+    (answer,) = decider.answers()
+    assert answer.verdict == Verdict.UNDECIDED
+    assert not decider.next_looks()
+    assert "More points would decide B1, not more trials" in decider.table().to_text(200)
 
 
 def test_a_limit_of_time_without_what_it_limits_is_refused() -> None:
