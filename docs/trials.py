@@ -15,7 +15,7 @@ import json
 import sys
 from collections.abc import Collection, Iterator, Sequence
 from functools import cache
-from itertools import groupby
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -52,30 +52,37 @@ class Tables:
 
     def __init__(self, scenarios: dict[str, Scenario]) -> None:
         """Take the scenario of each sweep."""
-        self._scenarios = scenarios
+        self._points = {sweep: points(scenario) for sweep, scenario in scenarios.items()}
 
     @property
     def sweeps(self) -> Collection[str]:
         """Names of the sweeps."""
-        return self._scenarios.keys()
+        return self._points.keys()
 
     def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
         """Return the points of a sweep, with what a check takes of their measure."""
         table, of = read_table(sweep), None if check is None else check.of
+        has_t_sync = all(table["censored"])
+        times = np.array([cycles or "nan" for cycles in table["cycles"]], float)
+        observed = np.array(table["censored"]) == "0"
+        measured = [json.loads(value) for value in table[column(check)]] if check and of else None
+        swept = self._points[sweep]
+        numbers = np.array(table["point"], int)
+        places = np.searchsorted(numbers, np.arange(len(swept) + 1))
         return [
             PointTrials(
                 number=point.number,
                 key=point.key,
                 axes=point.axes,
                 scenario=point.scenario,
-                times=np.array([float(row["cycles"] or "nan") for row in table[point.number]]),
-                observed=np.array([row["censored"] == "0" for row in table[point.number]]),
+                times=times[first:end],
+                observed=observed[first:end],
                 seeds=[],  # no test takes them
-                measured=tuple(json.loads(row[column(check)]) for row in table[point.number] if check and of),
+                measured=tuple(measured[first:end]) if measured else (),
                 of=of,
-                has_t_sync=all(row["censored"] for row in table[point.number]),
+                has_t_sync=has_t_sync,
             )
-            for point in points(self._scenarios[sweep])
+            for point, (first, end) in zip(swept, pairwise(places), strict=True)
         ]
 
     def effort(self, sweep: str) -> Effort:
@@ -84,11 +91,11 @@ class Tables:
 
 
 @cache
-def read_table(sweep: str) -> dict[int, list[dict[str, str]]]:
-    """Return the rows of a table by the number of their point."""
+def read_table(sweep: str) -> dict[str, tuple[str, ...]]:
+    """Return the columns of a table by their names."""
     with gzip.open(TABLES / f"{sweep}.csv.gz", "rt", encoding="utf-8", newline="") as file:
-        by_point = groupby(csv.DictReader(file), lambda row: int(row["point"]))
-        return {number: list(rows) for number, rows in by_point}
+        names, *rows = csv.reader(file)
+    return dict(zip(names, zip(*rows, strict=True), strict=True))
 
 
 def read_times() -> dict[str, float]:

@@ -70,9 +70,10 @@ def resample_means(measured: Measured, resamples: int) -> FloatArray:
     trials = len(measured.values)
     widening = math.sqrt(trials / max(trials - 1, 1))
     if measured.observed.all():
-        ordered = np.sort(measured.values)  # so that the order of the trials does not matter
-        counts = resample_counts(np.arange(trials), trials, resamples, measured.seed)
-        drawn = np.concatenate([block @ ordered for block in counts]) / trials
+        # sorted, so that the order of the trials does not matter; many have the same whole number of cycles
+        values, cells = np.unique(np.sort(measured.values), return_inverse=True)
+        counts = resample_counts(cells, len(values), resamples, measured.seed)
+        drawn = np.concatenate([block @ values for block in counts]) / trials
     else:
         curves = resampled_curves(measured.values, measured.observed, resamples, measured.seed)
         drawn = np.concatenate([restricted_means(block, measured.horizon) for block in curves])
