@@ -31,7 +31,9 @@ ALL, SOME = "replication", "chosen"
 
 FIGURES = "figures"  # folder beside the page
 DOTS_PER_INCH = 120  # enough for a screen: a page has a figure for each claim
+MOST_POINTS = 200  # of a figure of several tests: beyond, curves cannot be told apart
 MIN_VALUES = 3  # fewest values of an axis that are drawn as a curve
+MOST_TESTS = 4  # most tests of a claim that are written out
 LEAST_P = 1e-4  # p-values below this are given as this one
 
 TITLE = "Replication of the thesis, claim by claim"
@@ -106,9 +108,10 @@ def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
     """
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
     pictures = {}
-    for claim in contents.chosen:
+    for answer in contents.answers:
+        claim = answer.claim
         path = f"{FIGURES}/claim-{claim.id}.png"
-        if claim.sweep in contents.sweeps and draw_claim(claim, trials, folder / path):
+        if claim.sweep in contents.sweeps and draw_claim(answer, trials, folder / path):
             pictures[claim.id] = path
     stem = ALL if contents.has_all else SOME
     made = {"claims": claim_table(contents), "tests": check_table(contents), "sweeps": sweep_table(contents)}
@@ -206,15 +209,23 @@ def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
     """Yield a claim's heading, its tests that do not hold, of which the table has the first one's number, and texts."""
     claim = answer.claim
     yield f"### {claim.id}"
-    first, *others = _decisive(answer)
-    found = [f": {each.tested.effect.estimate} ({_predicted(each.tested.check)})" for each in others]
-    tests = zip([first, *others], ["", *found], strict=True)
-    yield "\n".join(escaped(f"- {describe_check(each.tested.check)}{number}") for each, number in tests)
+    decisive = _decisive(answer)
+    lines = [f"- {_found(place, judged)}" for place, judged in enumerate(decisive[:MOST_TESTS])]
+    if left := len(decisive) - len(lines):
+        lines.append(f"- and {left} more, which are in the table of tests")
+    yield escaped("\n".join(lines))
     if claim.id in pictures:
         yield f"![{claim.id}]({pictures[claim.id]})"
     for heading, text in (("Ours:", claim.reading), ("Would change it:", claim.otherwise)):
         if text:
             yield escaped(f"{heading} {text}")
+
+
+def _found(place: int, judged: Judged) -> str:
+    """Return what a test looks at, and what it finds, but for the first, whose number is in the table."""
+    check = judged.tested.check
+    found = f": {judged.tested.effect.estimate} ({_predicted(check)})" if place else ""
+    return f"{describe_check(check)}{found}"
 
 
 def claim_table(contents: Contents) -> Table:
@@ -287,19 +298,23 @@ def describe_check(check: Check) -> str:
     return test.text.format(**names)
 
 
-def draw_claim(claim: Claim, trials: Trials, path: Path) -> bool:
-    """Draw the points of a claim's first test against its axis as PNG, and those that other tests share.
+def draw_claim(answer: Answer, trials: Trials, path: Path) -> bool:
+    """Draw the points of a claim's tests against their axis as PNG: of those that decide first, up to `MOST_POINTS`.
 
     Returns:
         Whether there is a curve to draw.
     """
-    drawn = [check for check in claim.checks if check.test != "formula" and reduction(check) is None]
-    if claim.sweep is None or not drawn:
+    decisive = [judged.tested.check for judged in _decisive(answer)]
+    others = [check for check in answer.claim.checks if check not in decisive]
+    drawn = [check for check in [*decisive, *others] if check.test != "formula" and reduction(check) is None]
+    if answer.claim.sweep is None or not drawn:
         return False
-    of = drawn[0].of
-    alike = [check for check in drawn if check.of == of]
-    stored = trials.read(claim.sweep, drawn[0])
-    numbers = {point.number for check in alike for point in points_at(check.where, stored)}
+    stored = trials.read(answer.claim.sweep, drawn[0])
+    numbers: set[int] = set()
+    for check in drawn:
+        more = {point.number for point in points_at(check.where, stored)} if check.of == drawn[0].of else set()
+        if not numbers or len(numbers | more) <= MOST_POINTS:
+            numbers |= more
     # one panel, whatever the figure of the sweep has
     plain = {"figure": FigureSection(base_case=stored[0].scenario.figure.base_case)}
     shown = [
