@@ -8,9 +8,10 @@ SWEEPS := fig-4-2a fig-4-2b fig-4-3a fig-4-3b fig-4-4
 TRIALS ?= 200
 QUICK_SWEEPS := fig-2-6 fig-5-3 fig-5-4 fig-5-5 \
     fig-5-6 fig-5-7 fig-5-8 fig-5-9 fig-5-10 fig-5-11 fig-a-1 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6 \
-    wireless kilobot-ranges mean-field order-change speed-distributions
+    kilobot-ranges mean-field speed-distributions
 CHAPTER_3 := fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8
-LONGER_SWEEPS := random-walks broad-speeds random-walks-robots broad-speeds-robots
+CHAPTER_5 := fig-5-3 fig-5-4 fig-5-5
+LONGER_SWEEPS := wireless order-change random-walks broad-speeds random-walks-robots broad-speeds-robots
 
 BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
 # plots the run folder $(1) as the figure and the table $(2) of the docs
@@ -124,6 +125,10 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	    $(BIN)/epuck-sim run $$sweep --quick --trials 60 --out runs/$$sweep-quick; \
 	    $(call draw,$$sweep-quick,$$sweep); \
 	done
+	set -e; for sweep in $(CHAPTER_5); do \
+	    $(BIN)/epuck-sim run $$sweep --quick --trials 200 --out runs/$$sweep; \
+	    $(call draw,$$sweep,$$sweep); \
+	done # beside the quick ones, on which the study of statistics rests
 	$(BIN)/epuck-sim run embodiment --quick --trials 40 --sweep once_per_sighting=false,true --out runs/embodiment
 	set -e; for sweep in $(LONGER_SWEEPS); do $(BIN)/epuck-sim run $$sweep --quick --trials 100 --out runs/$$sweep; done
 	set -e; for sweep in $(LONGER_SWEEPS) embodiment; do $(call draw,$$sweep,$$sweep); done
