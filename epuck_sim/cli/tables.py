@@ -183,7 +183,7 @@ def print_track(track: "Track", robots: "Robots | None" = None) -> None:
     print(track.film)
     for name, value in (*_lines_of_track(track), *(() if robots is None else _lines_about_robots(track, robots))):
         text = f"{name:{NAMES_WIDTH}}{value}"
-        print(textwrap.fill(text, terminal_width() or 120, subsequent_indent=" " * NAMES_WIDTH))
+        print(textwrap.fill(text, terminal_width() or 80, subsequent_indent=" " * NAMES_WIDTH))
 
 
 def _lines_of_track(track: "Track") -> Iterator[tuple[str, str]]:
@@ -261,10 +261,8 @@ def print_comparison(
     """Print the verdict, and readable tables, on stdout."""
     from epuck_sim.overhead.compare import judge
 
-    verdict = judge(rows)
-    for sentence in filter(None, (verdict.caution, verdict.sentence)):
-        print(f"{sentence[0].upper()}{sentence[1:]}.")
-    print()
+    sentence = judge(rows).sentence
+    print(f"{sentence[0].upper()}{sentence[1:]}.\n")
     headings = {"trials": "trials: median, 5 % and 95 %", "percentile": "film's percentile"}
     title = f"{film} beside trials of {scenario}"
     compared = Table(title, [Row({}, _cells_of_quantity(row)) for row in rows], (), headings)

@@ -232,10 +232,10 @@ class Verdict(NamedTuple):
     """Whether a film is like simulated trials, by all quantities together."""
 
     p_value: float
-    """Share of the film and the trials whose farthest quantity is at least as far from the others as the film's."""
-    caution: str
-    """Why the test may find nothing, and what to do; empty if there is no reason."""
+    """Share of the film and the trials whose farthest quantity is at least as far from the others as the film's; NaN if
+    nothing can be said."""
     sentence: str
+    """What is to be said, and what to do if that is little."""
 
 
 def judge(rows: Sequence[QuantityComparison]) -> Verdict:
@@ -246,11 +246,20 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
     trials = len(rows[0].trials)
     distances = np.array([row.distances() for row in rows])
     largest = np.abs(distances).max(axis=0)
+    if trials < FEWEST_TRIALS:
+        least = f"give --trials {FEWEST_TRIALS} or more"
+        return Verdict(math.nan, f"{trials} trials are too few to tell whether the film is like them; {least}")
     if not largest[0]:
-        return Verdict(math.nan, _caution(rows), "nothing can be said: the film and the trials tell nothing in common")
+        return Verdict(math.nan, "nothing can be said: the film and the trials tell nothing in common")
+    caution = ""
+    if 2 * rows[0].beyond > trials:
+        caution = (
+            f"{rows[0].beyond} of {trials} trials are not synchronised when the film ends, so film for longer; by what "
+            "it tells, "
+        )
     p_value = float(np.count_nonzero(largest >= largest[0]) / (1 + trials))
     if p_value > UNLIKE:
-        return Verdict(p_value, _caution(rows), f"the film is like the simulated trials (p = {p_value:.2g})")
+        return Verdict(p_value, f"{caution}the film is like the simulated trials (p = {p_value:.2g})")
     far = np.argsort(-np.abs(distances[:, 0]))[:MOST_NAMED]
     bound = np.sort(largest[1:])[-max(1, int(UNLIKE * trials))]
     named = [
@@ -258,21 +267,8 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
         for index in far
         if abs(distances[index, 0]) >= bound
     ]
-    sentence = f"the film is unlike the simulated trials (p = {p_value:.2g}): {' and '.join(named)} than theirs"
-    return Verdict(p_value, _caution(rows), sentence)
-
-
-def _caution(rows: Sequence[QuantityComparison]) -> str:
-    """Return why the test may find nothing."""
-    trials = len(rows[0].trials)
-    if trials < FEWEST_TRIALS:
-        return f"{trials} trials are too few to show that a film is unlike them; give --trials {FEWEST_TRIALS} or more"
-    if 2 * rows[0].beyond > trials:
-        return (
-            f"{rows[0].beyond} of {trials} trials are not synchronised when the film ends: it hardly tells whether "
-            "T_sync is theirs; film for longer"
-        )
-    return ""
+    unlike = f"the film is unlike the simulated trials (p = {p_value:.2g}): {' and '.join(named)} than theirs"
+    return Verdict(p_value, caution + unlike)
 
 
 def compare_film(

@@ -145,7 +145,7 @@ def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
 
 def test_fewer_rings_than_robots_are_doubted_once_they_are_synchronised() -> None:
     _, doubt = analysed(*swarm(), TrackOptions(period_s=1.0, robots=7)).warnings
-    assert doubt == "at T_sync 6 flashes are seen in a period, but there are 7 robots"
+    assert doubt == "at T_sync 6 flashes are seen in a period, but there are 7 robots: check --robots"
 
 
 @pytest.mark.parametrize(("frames", "lit"), [(0, 0), (1, 0), (100, 0), (60, 30)])

@@ -91,7 +91,7 @@ def test_light_that_is_together_or_spread_where_rings_are_not_is_objected(onsets
 
 def test_a_film_shorter_than_a_period_tells_nothing() -> None:
     assert objections(evidence()._replace(period_s=9.0, robots=None)) == [
-        "no whole period of 9 s was seen; film for longer"
+        "no whole period of 9 s was seen; check --period-s, or film for longer"
     ]
 
 
@@ -159,6 +159,14 @@ def test_light_of_no_ring_is_measured_and_doubted() -> None:
     assert light_of_no_ring(area, 0 * counts) == 0
     found = doubts(given._replace(counted=given.counted._replace(counts=cut)))
     assert any("is of no ring" in doubt for doubt in found)
+
+
+@pytest.mark.parametrize("period_s", [0.02, 100.0])
+def test_periods_that_no_robots_have_are_doubted_if_they_are_estimated(period_s: float) -> None:
+    told = evidence(period_s=period_s)
+    said = f"robots hardly flash every {period_s:g} s; check --fps, or give --period-s"
+    for given, is_doubted in ((told, False), (told._replace(period_is_given=False), True)):
+        assert any(said in doubt for doubt in doubts(given)) == is_doubted
 
 
 def test_mirror_images_are_counted() -> None:
