@@ -98,7 +98,7 @@ def test_snapshots_and_panels_show_counts_spreads_synchrony_and_the_threshold():
         assert any(set(line.get_xdata()) == {cycles} for line in axes.get_lines())
     assert any(np.allclose(line.get_ydata(), 1000 * THRESHOLD) for line in detector.get_lines())
     told = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert told == ["threshold: 126 ms", f"T_sync: {cycles:.1f} periods"]
+    assert told == ["threshold: 126 ms", f"by the histogram: {cycles:.1f} periods"]
 
 
 def test_a_gap_in_the_film_is_empty_in_the_figure_and_its_spread_is_an_empty_dot():
