@@ -2,7 +2,7 @@
 
 import math
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Self
 
 import cv2
@@ -12,7 +12,6 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.camera import Frame, Geometry
 from epuck_sim.overhead.light import Background, LightMeter, RingLight
 from epuck_sim.overhead.rings import Ring, RingFinder
-from epuck_sim.overhead.synchrony import Evaluation, SynchronyDetector, is_synchronised
 
 REACH_CM = 2.5  # largest distance of a ring from its place in the frame before; less than the radius of a robot
 MAX_MISSED = 2  # number of frames in a row in which a lit ring may be missed
@@ -273,41 +272,3 @@ class RingCounter:
             geometry=self._geometry,
             rings=self._rings,
         )
-
-
-class TrackedFrame(NamedTuple):
-    """A frame of a film, and what is known once it has been processed."""
-
-    frame: Frame
-    rings: Sequence[Ring]
-    start_s: float
-    """Beginning of the trial on the film's clock."""
-    evaluation: Evaluation | None
-    """The evaluation that this frame completed."""
-    histogram_s: float | None
-    """First mode around which the histogram was narrow enough, on the film's clock."""
-
-
-def track_frames(
-    frames: Iterable[Frame],
-    counter: RingCounter,
-    period_s: float,
-    threshold_s: Callable[[], float],
-    steady: Callable[[float], int],
-) -> Iterator[TrackedFrame]:
-    """Process frames one by one as they are asked for.
-
-    `threshold_s` returns the threshold of the histogram, as far as it can be estimated by then; `steady` how many of
-    the rings in a frame, whose time it is given, stay lit: they do not count.
-    """
-    detector: SynchronyDetector | None = None
-    histogram_s = None
-    for frame in frames:
-        start_before_s = counter.start_s
-        rings = counter.process(frame)
-        if detector is None or counter.start_s != start_before_s:
-            detector, histogram_s = SynchronyDetector(period_s, counter.start_s), None
-        evaluation = detector.update(frame.time_s, max(0, len(rings) - steady(frame.time_s)))
-        if evaluation is not None and histogram_s is None and is_synchronised(evaluation, threshold_s()):
-            histogram_s = evaluation.time_s
-        yield TrackedFrame(frame, rings, counter.start_s, evaluation, histogram_s)

@@ -18,15 +18,14 @@ import cv2
 import numpy as np
 
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.annotate import Annotator
+from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import TrackOptions, calibrate
 from epuck_sim.overhead.camera import Frame, Picture, ProgressWrapper
 from epuck_sim.overhead.film import FilmWriter, growing_film_file
-from epuck_sim.overhead.flashes import RingCounter, TrackedFrame, track_frames
+from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.light import is_lit
-from epuck_sim.overhead.synchrony import is_synchronised
-from epuck_sim.overhead.track import RingWriter, Track, analyse, current_threshold_s, ring_writer
+from epuck_sim.overhead.track import RingWriter, Track, analyse, ring_writer, track_frames
 from epuck_sim.util.atomic_write import growing_text
 from epuck_sim.util.machine import HOST, check_port
 
@@ -95,16 +94,10 @@ def track_camera(
         taken = (head.popleft() for _ in range(len(head)))  # and forgotten: pictures are large
         frames = progress(chain(taken, map(outputs.record, _until_unplugged(live.frames(), ends))), None)
 
-        def threshold_s() -> float:
-            return current_threshold_s(counter, period_s, options)
-
-        def steady(time_s: float) -> int:
-            return counter.lit_since(time_s - period_s / 2)
-
         try:
-            for tracked in track_frames(frames, counter, period_s, threshold_s, steady):
+            for tracked in track_frames(frames, counter, period_s, options):
                 outputs.write(tracked)
-                if tracked.evaluation is None or not is_synchronised(tracked.evaluation, threshold_s()):
+                if tracked.evaluation is None or tracked.histogram_s is None:
                     continue
                 track = analyse(live.name, counter.counted(), options, tuple(live.warnings))
                 if track.t_sync_s is not None:

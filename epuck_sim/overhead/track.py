@@ -3,7 +3,7 @@
 import csv
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import compress
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.annotate import Annotator
+from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import TrackOptions, calibrate, described_geometry, excerpt, parse_metadata
 from epuck_sim.overhead.camera import Frame, Geometry, Picture, ProgressWrapper
 from epuck_sim.overhead.film import film_file, open_film
@@ -23,7 +23,6 @@ from epuck_sim.overhead.flashes import (
     Flash,
     FlashTable,
     RingCounter,
-    TrackedFrame,
     count_lit,
     count_places,
     join_broken,
@@ -33,11 +32,13 @@ from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import (
     ORDER_PARAMETER,
     Evaluation,
+    SynchronyDetector,
     estimate_flash_s,
     estimate_period_s,
     evaluate,
     first_synchronised,
     frame_ends,
+    is_synchronised,
 )
 from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.verdict import Evidence, doubts, objections, why_never
@@ -185,6 +186,25 @@ def track_film(
         warnings = tuple(film.warnings)
     track = analyse(name, counter.counted(), options, warnings)
     return track if reader is None else track._replace(tags=reader.readings)
+
+
+def track_frames(
+    frames: Iterable[Frame], counter: RingCounter, period_s: float, options: TrackOptions
+) -> Iterator[TrackedFrame]:
+    """Process frames one by one as they are asked for, with the threshold that `analyse` would choose by then."""
+    detector: SynchronyDetector | None = None
+    histogram_s = None
+    for frame in frames:
+        start_before_s = counter.start_s
+        rings = counter.process(frame)
+        if detector is None or counter.start_s != start_before_s:
+            detector, histogram_s = SynchronyDetector(period_s, counter.start_s), None
+        steady = counter.lit_since(frame.time_s - period_s / 2)  # rings that stay lit do not count
+        evaluation = detector.update(frame.time_s, max(0, len(rings) - steady))
+        if evaluation is not None and histogram_s is None:
+            threshold_s = options.threshold_s(period_s, _flash_s(counter.times_s, counter.counts, period_s))
+            histogram_s = evaluation.time_s if is_synchronised(evaluation, threshold_s) else None
+        yield TrackedFrame(frame, rings, counter.start_s, evaluation, histogram_s)
 
 
 def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
@@ -344,11 +364,6 @@ def without_steady(
     if not others:
         return flashes, (), counts
     return others, steady, np.maximum(counts - count_lit(steady, times_s), 0)
-
-
-def current_threshold_s(counter: RingCounter, period_s: float, options: TrackOptions) -> float:
-    """Return the threshold that `analyse` would choose from the counts so far."""
-    return options.threshold_s(period_s, _flash_s(counter.times_s, counter.counts, period_s))
 
 
 def _flash_s(times_s: FloatArray, counts: IntArray, period_s: float) -> float:

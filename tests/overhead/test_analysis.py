@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.flashes import Flash, RingCounter, count_lit, track_frames
+from epuck_sim.overhead.flashes import Flash, RingCounter, count_lit
 from epuck_sim.overhead.light import LightMeter
 from epuck_sim.overhead.synchrony import spread_threshold_s
-from epuck_sim.overhead.track import Track, analyse, without_steady
+from epuck_sim.overhead.track import Track, analyse, track_frames, without_steady
 from tests.overhead.counts import counted, uneven
 from tests.overhead.films import code_rings, coded, make_geometry
 
@@ -229,10 +229,13 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
     is_lit[[number for number in flickers if number < len(times_s)]] ^= True
     counter = make_counter()
     frames = coded(times_s, counts, is_lit)
-    tracked_frames = list(track_frames(frames, counter, 1.0, lambda: threshold_s, lambda _: 0))
+    options = TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(counter, "lit_since", lambda _: 0)
+        tracked_frames = list(track_frames(frames, counter, 1.0, options))
     if not counter.counts.any():
         return
-    track = analyse("film", counter.counted(), TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
+    track = analyse("film", counter.counted(), options, ())
     assume(not track.steady)  # overlapping flashes may seem to be one ring that stays lit
     last = tracked_frames[-1]
 

@@ -83,8 +83,6 @@ def test_a_known_spread_is_found(seed: int, half_width: float) -> None:
     generator = np.random.default_rng(seed)
     values = 5 * generator.uniform(1 - half_width, 1 + half_width, 200)
     mean, spread = fit_uniform(values, np.full(200, 0.001))
-    assert mean is not None
-    assert spread is not None
     assert mean.value == pytest.approx(5, rel=0.05 * half_width + 0.001)
     assert spread.value == pytest.approx(half_width, rel=0.08)
     assert spread.low < spread.value < spread.high
@@ -103,5 +101,4 @@ def test_robots_that_stand_have_no_speed_to_differ_in() -> None:
 def test_values_that_are_all_the_same_have_a_mean() -> None:
     for value in (0.0, 3.0):
         mean, _ = fit_uniform(np.full(4, value), np.zeros(4))
-        assert mean is not None
         assert mean.value == pytest.approx(value, abs=1e-6)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from epuck_sim.epuck import RING_HEIGHT_CM
-from epuck_sim.overhead.annotate import Annotator
+from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
 from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.flashes import Flash, TrackedFrame
+from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.track import Track, annotate_film, ring_table, snapshot, track_film
 from tests.overhead.films import (
