@@ -198,7 +198,7 @@ def track_frames(
         start_before_s = counter.start_s
         rings = counter.process(frame)
         if detector is None or counter.start_s != start_before_s:
-            detector, histogram_s = SynchronyDetector(period_s, counter.start_s), None
+            detector, histogram_s = SynchronyDetector(period_s), None
         steady = counter.lit_since(frame.time_s - period_s / 2)  # rings that stay lit do not count
         evaluation = detector.update(frame.time_s, max(0, len(rings) - steady))
         if evaluation is not None and histogram_s is None:
@@ -289,7 +289,7 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     flash_s = _flash_s(times_s, counts, period_s)
     flashes = join_broken(flashes, flash_s)
     threshold_s = options.threshold_s(period_s, flash_s)
-    evaluations = evaluate(times_s, counts, period_s, start_s)
+    evaluations = evaluate(times_s, counts, period_s)
     sync = first_synchronised(evaluations, threshold_s)
     lit_always = count_places([*(ring[:2] for ring in counted.always_lit), *(each[2:4] for each in steady)])
     evidence = Evidence(

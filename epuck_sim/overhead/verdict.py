@@ -196,7 +196,7 @@ def _about_light(evidence: Evidence) -> list[str]:
     if not both.any():
         return []
     by_light = np.rint(area / float(np.median(area[both] / counted.counts[both]))).astype(np.int64)
-    found = evaluate(counted.times_s, by_light, evidence.period_s, counted.start_s)
+    found = evaluate(counted.times_s, by_light, evidence.period_s)
     whole = [each for each in found if each.coverage >= MIN_COVERAGE]
     narrow_s = [each.time_s for each in whole if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
     late_s = LATE_PERIODS * evidence.period_s

@@ -47,7 +47,7 @@ def seen(known: Evidence, flashes: tuple[Flash, ...], flash_s: float = 0.1, area
     """Return evidence with other flashes, and an area of 100 px for each of them or another one."""
     counts = counted(np.array([each.onset_s for each in flashes]), flash_s, TIMES)
     rings = known.counted._replace(counts=counts, areas_px=100 * counts if area is None else area, flashes=flashes)
-    sync = first_synchronised(evaluate(TIMES, counts, known.period_s, 0.0), known.threshold_s)
+    sync = first_synchronised(evaluate(TIMES, counts, known.period_s), known.threshold_s)
     return known._replace(counted=rings, sync=sync)
 
 
