@@ -139,17 +139,10 @@ def calibrate(
     """Calibrate the lens of a camera from a film of a checkerboard or ChArUco board."""
     from epuck_sim.cli.progress import progress_bar
     from epuck_sim.overhead.film import open_film
-    from epuck_sim.overhead.lens import (
-        APART_S,
-        Board,
-        calibrate_lens,
-        check_lens_target,
-        find_views,
-        save_lens,
-    )
+    from epuck_sim.overhead.lens import APART_S, Board, calibrate_lens, find_views, save_lens
 
     squares = Board("charuco" if charuco else "checkerboard", *parse_board(board))
-    check_lens_target(to)
+    check_outputs({"the film": film}, {"the lens": (to, [".json"])}, {})
     with open_film(film) as reader:
         frames = progress_bar("calibrating")(reader.frames(), reader.duration_s)
         views = find_views(frames, squares, 0.0 if reader.is_pictures else APART_S)

@@ -229,7 +229,7 @@ class RingCounter:
         self._times.append(frame.time_s)  # all at once: Ctrl-C, which ends a live film, must not come in between
         self._counts.append(len(rings))
         self._areas.append(area_px)
-        self._linker.add(frame.time_s, rings)
+        self.linker.add(frame.time_s, rings)
         self._outside += len(seen) - len(rings)
         self._rings.append(rings)
         return rings
@@ -237,25 +237,11 @@ class RingCounter:
     def _begin(self, start_s: float) -> None:
         self.start_s = start_s  # of the trial, on the film's clock; what was before is forgotten
         self._times, self._counts, self._areas = array("d"), array("q"), array("q")
-        self._linker = FlashLinker()
+        self.linker = FlashLinker()
         self._outside = 0
 
     def _on_floor(self, rings: list[Ring]) -> list[Ring]:
         return [ring for ring in rings if self._geometry.is_on_floor(ring.x_cm, ring.y_cm)]
-
-    def lit_since(self, time_s: float) -> int:
-        """Return the number of rings in the last frame that have been lit since before a time."""
-        return self._linker.lit_since(time_s)
-
-    @property
-    def times_s(self) -> FloatArray:
-        """(frames,) s: times of the trial's frames."""
-        return np.array(self._times, np.float64)
-
-    @property
-    def counts(self) -> IntArray:
-        """(frames,) lit rings in each of the trial's frames."""
-        return np.array(self._counts, np.int64)
 
     def counted(self) -> CountedRings:
         """Return what has been counted so far."""
@@ -263,10 +249,10 @@ class RingCounter:
         return CountedRings(
             frames=len(self._rings),
             start_s=self.start_s,
-            times_s=self.times_s,
-            counts=self.counts,
+            times_s=np.array(self._times, np.float64),
+            counts=np.array(self._counts, np.int64),
             areas_px=np.array(self._areas, np.int64),
-            flashes=self._linker.flashes,
+            flashes=self.linker.flashes,
             outside=self._outside,
             always_lit=[] if background is None else self._on_floor(self._finder.find(RingLight(background, False))),
             geometry=self._geometry,

@@ -165,8 +165,11 @@ class Renderer:
             for place, radius in zip(sample.movables, self._movable_cm, strict=True):
                 _draw_circle(image, self._floor_cm, place[0], place[1], radius)
             robots = self._robots(sample)
-            bodies = farthest_first(_in_arena(robots), camera.position_cm)
-            draw_bodies(image, camera, bodies)
+            bodies = _in_arena(robots)
+            from_axis_cm = np.hypot(*(bodies[:, :2] - camera.position_cm[:2]).T)
+            draw_bodies(
+                image, camera, bodies[np.argsort(-from_axis_cm, kind="stable")]
+            )  # none is hidden by one farther out
             if tags is not None:
                 draw_tags(image, camera, robots, tags, float(self._section.tag_cm))
             image[self._lamps] = LAMP
@@ -391,12 +394,6 @@ def _is_within(points: npt.NDArray[np.floating], arena: Arena, margin_cm: float)
     """Return whether each of (..., 2) points is in the arena or at most `margin_cm` beyond its walls."""
     within: BoolArray = (points >= -margin_cm) & (points <= (arena.width_cm + margin_cm, arena.height_cm + margin_cm))
     return within[..., 0] & within[..., 1]
-
-
-def farthest_first(robots: FloatArray, eye_cm: FloatArray) -> FloatArray:
-    """Return robots, farthest from the camera's axis first: none is hidden by one farther out."""
-    order = np.argsort(-np.hypot(robots[:, 0] - eye_cm[0], robots[:, 1] - eye_cm[1]), kind="stable")
-    return robots[order]
 
 
 def draw_bodies(image: Float32Array, camera: CameraModel, robots: FloatArray) -> None:

@@ -177,15 +177,11 @@ def track_film(
     reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
     with open_film(name) as film, ring_table(rings) as write_rings:
         for frame in progress(excerpt(film.frames(), options), film.duration_s):
-            tags = [] if reader is None else reader.read(frame.picture)
+            tags = [] if reader is None else reader.read(frame)
             write_rings(frame, counter.process(frame, [tag.paper_px for tag in tags]))
-            if reader is not None:
-                if frame.time_s == counter.start_s:
-                    reader.restart()
-                reader.add(frame.time_s, tags)
         warnings = tuple(film.warnings)
     track = analyse(name, counter.counted(), options, warnings)
-    return track if reader is None else track._replace(tags=reader.readings)
+    return track if reader is None else track._replace(tags=reader.readings(track.start_s))
 
 
 def track_frames(
@@ -199,10 +195,11 @@ def track_frames(
         rings = counter.process(frame)
         if detector is None or counter.start_s != start_before_s:
             detector, histogram_s = SynchronyDetector(period_s), None
-        steady = counter.lit_since(frame.time_s - period_s / 2)  # rings that stay lit do not count
+        steady = counter.linker.lit_since(frame.time_s - period_s / 2)  # rings that stay lit do not count
         evaluation = detector.update(frame.time_s, max(0, len(rings) - steady))
         if evaluation is not None and histogram_s is None:
-            threshold_s = options.threshold_s(period_s, _flash_s(counter.times_s, counter.counts, period_s))
+            counted = counter.counted()
+            threshold_s = options.threshold_s(period_s, _flash_s(counted.times_s, counted.counts, period_s))
             histogram_s = evaluation.time_s if is_synchronised(evaluation, threshold_s) else None
         yield TrackedFrame(frame, rings, counter.start_s, evaluation, histogram_s)
 

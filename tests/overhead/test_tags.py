@@ -7,7 +7,7 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera import overhead_camera
+from epuck_sim.overhead.camera import Frame, overhead_camera
 from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.overhead.robots import find_robots, flash_columns, summary, trace_columns
@@ -44,7 +44,7 @@ def shown(poses=POSES, lit=(), in_the_light=True, **settings: object):
 )
 def test_tags_are_read_where_robots_are(in_the_light: bool, lit: tuple[int, ...], settings: dict) -> None:
     camera, picture = shown(lit=lit, in_the_light=in_the_light, **settings)
-    tags = TagReader(camera, "4X4_50").read(picture)
+    tags = TagReader(camera, "4X4_50").read(Frame(0.0, picture))
     assert [tag.number for tag in tags] == [0, 1, 2, 3]
     for tag, (x, y, heading) in zip(tags, POSES, strict=True):
         assert math.hypot(tag.x_cm - x, tag.y_cm - y) < 0.15
@@ -64,11 +64,9 @@ def test_the_pattern_has_white_around_it() -> None:
 def test_tags_of_a_film_are_gathered() -> None:
     camera, picture = shown()
     reader = TagReader(camera, "4X4_50")
-    reader.add(0.0, reader.read(picture))
-    reader.restart()
-    for time_s, shown_then in ((1.0, picture), (2.0, np.zeros_like(picture)), (3.0, picture)):
-        reader.add(time_s, reader.read(shown_then))
-    readings = reader.readings
+    for time_s, shown_then in ((0.0, picture), (1.0, picture), (2.0, np.zeros_like(picture)), (3.0, picture)):
+        reader.read(Frame(time_s, shown_then))
+    readings = reader.readings(1.0)
     assert readings.time_s.tolist() == [1] * 4 + [3] * 4
     assert readings.number.tolist() == [0, 1, 2, 3] * 2
     assert readings.poses.shape == (8, 3)
