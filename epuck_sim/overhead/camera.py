@@ -108,8 +108,7 @@ class CameraModel(NamedTuple):
         straight = straighten(seen, self.lens.matrix, coefficients, criteria=UNDISTORT_CRITERIA).reshape(-1, 2)
         rays = np.column_stack([straight, np.ones(len(straight))]) @ self.rotation
         distance = (z_cm - self.position_cm[2]) / rays[:, 2]
-        points: FloatArray = self.position_cm[:2] + distance[:, None] * rays[:, :2]
-        return points
+        return np.asarray(self.position_cm[:2] + distance[:, None] * rays[:, :2])
 
     def plane_map(self, z_cm: float) -> Float32Array:
         """Return (height_px, width_px, 2) cm: the point `z_cm` above the floor that each pixel shows."""
@@ -176,8 +175,7 @@ def _rotation(tilt: float, turn: float) -> FloatArray:
         return LOOKING_DOWN  # without zeros that are negative
     lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
     spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
-    rotation: FloatArray = lean @ LOOKING_DOWN @ spin
-    return rotation
+    return np.asarray(lean @ LOOKING_DOWN @ spin)
 
 
 def _lens(section: OverheadSection, width_cm: float, height_cm: float, above_cm: float) -> Lens:

@@ -53,8 +53,7 @@ class FlashTable(NamedTuple):
     @property
     def speeds_cm_s(self) -> FloatArray:
         """(flashes,) speeds while lit."""
-        speeds: FloatArray = np.hypot(*self.velocities_cm_s.T)
-        return speeds
+        return np.asarray(np.hypot(*self.velocities_cm_s.T))
 
 
 class _Lit:

@@ -279,8 +279,7 @@ def bounding_boxes(
     low = np.floor(pixels.min(axis=(0, 2)))
     high = np.ceil(pixels.max(axis=(0, 2))) + 1
     bounds = np.clip(np.stack([low, high], axis=-1), 0, [[camera.width_px], [camera.height_px]])
-    boxes: IntArray = bounds[:, ::-1].reshape(-1, 4).astype(np.int64)
-    return boxes
+    return np.asarray(bounds[:, ::-1].reshape(-1, 4).astype(np.int64))
 
 
 def reach_cm(light: float, bloom: float) -> float:

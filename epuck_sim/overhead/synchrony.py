@@ -114,8 +114,7 @@ def _around(middle_s: float, period_s: float, times_s: FloatArray, counts: IntAr
 def frame_ends(times_s: FloatArray, end_s: float) -> FloatArray:
     """Return (n,) s: the time until which each of two frames or more stands; the last one until `end_s` at most."""
     longest_s = MAX_HOLD_INTERVALS * np.median(np.diff(times_s))
-    ends_s: FloatArray = np.minimum(np.append(times_s[1:], end_s), times_s + longest_s)
-    return ends_s
+    return np.asarray(np.minimum(np.append(times_s[1:], end_s), times_s + longest_s))
 
 
 def is_synchronised(evaluation: Evaluation, threshold_s: float) -> bool:
@@ -291,8 +290,7 @@ def _on_grid(times_s: FloatArray, counts: IntArray, frame_s: float) -> FloatArra
     corners_s = np.column_stack([times_s, ends_s]).ravel()
     lit_s = np.append(0.0, np.repeat(np.cumsum((ends_s - times_s) * counts), 2)[:-1])
     edges_s = np.arange(times_s[0], times_s[-1] + 1.5 * frame_s, frame_s)
-    means: FloatArray = np.diff(np.interp(edges_s, corners_s, lit_s)) / frame_s
-    return means
+    return np.asarray(np.diff(np.interp(edges_s, corners_s, lit_s)) / frame_s)
 
 
 def _autocorrelation(values: FloatArray) -> FloatArray:
@@ -355,8 +353,7 @@ def _peaks_s(lags_s: FloatArray, weights: FloatArray, frame_s: float) -> FloatAr
     density = np.convolve(histogram, _gaussian(np.arange(-12, 13) / 4), "same")
     peaks = _local_maxima(density)
     common = peaks[density[peaks] >= NEARLY_AS_COMMON * density.max()]
-    middles_s: FloatArray = edges_s[common] + bin_s / 2
-    return middles_s
+    return np.asarray(edges_s[common] + bin_s / 2)
 
 
 def _local_maxima(values: FloatArray) -> IntArray:
@@ -377,5 +374,4 @@ def mean_shift(lags_s: FloatArray, weights: FloatArray, start_s: float, frame_s:
 
 def _gaussian(frames: FloatArray) -> FloatArray:
     """Return the kernel of the density, as wide as a frame: one lag may appear as two that differ by one."""
-    density: FloatArray = np.exp(-(frames**2) / 2)
-    return density
+    return np.asarray(np.exp(-(frames**2) / 2))

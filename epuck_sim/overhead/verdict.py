@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim import epuck
-from epuck_sim.arrays import IntArray
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead import LEAST_ORDER
 from epuck_sim.overhead.flashes import CountedRings, FlashTable
 from epuck_sim.overhead.rings import DISC_LIGHT
@@ -187,15 +187,9 @@ def moves_cm(evidence: Evidence) -> tuple[float, float]:
 def _about_light(evidence: Evidence) -> list[str]:
     """Return how the total light contradicts the rings: it needs neither shapes nor sizes."""
     counted, sync = evidence.counted, evidence.sync
-    lit = counted.counts > 0
-    if not counted.areas_px.any() or np.count_nonzero(lit) < FEW:
+    by_light = np.rint(rings_by_light(counted.areas_px, counted.counts)).astype(np.int64)
+    if not by_light.any():
         return []
-    dark = np.quantile(counted.areas_px, 0.05) if lit.all() else np.median(counted.areas_px[~lit])
-    area = np.maximum(counted.areas_px - dark, 0.0)
-    both = lit & (area > 0)
-    if not both.any():
-        return []
-    by_light = np.rint(area / float(np.median(area[both] / counted.counts[both]))).astype(np.int64)
     found = evaluate(counted.times_s, by_light, evidence.period_s)
     whole = [each for each in found if each.coverage >= MIN_COVERAGE]
     narrow_s = [each.time_s for each in whole if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
@@ -215,18 +209,21 @@ def _about_light(evidence: Evidence) -> list[str]:
     return []
 
 
+def rings_by_light(areas_px: IntArray, counts: IntArray) -> FloatArray:
+    """Return (frames,) how many rings the lit areas are of, by the usual area of one; 0 if few frames show light."""
+    area = np.maximum(areas_px - np.quantile(areas_px, 0.05), 0.0)
+    lit = (counts > 0) & (area > 0)
+    usual_px = np.median(area[lit] / counts[lit]) if np.count_nonzero(lit) >= FEW else math.inf
+    return np.asarray(area / usual_px)
+
+
 def light_of_no_ring(areas_px: IntArray, counts: IntArray) -> float:
     """Return the share of the (frames,) light that is of no ring that is counted; 0 if few frames show light.
 
-    It is what exceeds as many times the usual area of a ring. A rolling shutter cuts rings in two, and short flashes
-    are then often missed.
+    A rolling shutter cuts rings in two, and short flashes are then often missed.
     """
-    area = areas_px - np.quantile(areas_px, 0.05)
-    lit = (counts > 0) & (area > 0)
-    if np.count_nonzero(lit) < FEW:
-        return 0.0
-    ring_area = float(np.median(area[lit] / counts[lit]))
-    return 1.0 - ring_area * float(counts.sum() / area.sum())
+    rings = float(rings_by_light(areas_px, counts).sum())
+    return 1.0 - float(counts.sum()) / rings if rings else 0.0
 
 
 def count_images(flashes: FlashTable) -> int:

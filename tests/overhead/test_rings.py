@@ -214,7 +214,7 @@ def test_the_rectified_view_shows_what_the_pixels_there_show(settings):
 def test_the_view_of_a_camera_that_sees_the_horizon_is_bounded_and_dark_beyond_the_fold_of_its_lens():
     camera = camera_of(tilt_deg=60.0, width_px=320, height_px=240, field_of_view_deg=61.0, distortion=-0.2)
     view = rectified_view(camera)
-    rows, columns = view.fractions.shape
+    rows, columns = view.fine[1].shape
     assert max(rows, columns) <= (2 * MAX_REACH_HEIGHTS * camera.position_cm[2] + 1) * view.cells_per_cm
     assert rows * columns <= 1.1 * MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px
     shown = view.sample(np.full((240, 320), 255, np.uint8)).ravel()
