@@ -138,11 +138,6 @@ class Geometry(NamedTuple):
     ring_size: float = 1.0
     """Radius of the rings by the floor's corners, relative to the known one."""
 
-    def is_on_floor(self, x_cm: float, y_cm: float) -> bool:
-        """Return whether a ring may be a robot's: a robot at a wall is its radius inside, its image as far outside."""
-        width_cm, height_cm = self.floor_cm
-        return not self.knows_floor or (0 <= x_cm <= width_cm and 0 <= y_cm <= height_cm)
-
     def floor_outline_px(self) -> FloatArray:
         """Return (n, 2) px: the outline of the floor, in order."""
         share = np.arange(OUTLINE_POINTS)[:, None] / OUTLINE_POINTS

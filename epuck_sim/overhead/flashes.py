@@ -240,7 +240,10 @@ class RingCounter:
         self._outside = 0
 
     def _on_floor(self, rings: list[Ring]) -> list[Ring]:
-        return [ring for ring in rings if self._geometry.is_on_floor(ring.x_cm, ring.y_cm)]
+        """Return what may be robots' rings: a robot at a wall is its radius inside, its image as far outside."""
+        width_cm, height_cm = self._geometry.floor_cm
+        is_known = self._geometry.knows_floor
+        return [ring for ring in rings if not is_known or (0 <= ring.x_cm <= width_cm and 0 <= ring.y_cm <= height_cm)]
 
     def counted(self) -> CountedRings:
         """Return what has been counted so far."""
