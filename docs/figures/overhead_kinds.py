@@ -24,7 +24,7 @@ from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.track import track_film
 from tests.overhead.films import passed, read_rings
 from tests.overhead.hough import hough_rings
-from tests.overhead.score import Score, compare
+from tests.overhead.score import Score, compare, score_rows
 from tests.overhead.webcam import KINDS, LED_CIRCLE_CM, LED_HEIGHT_CM, shoot, swarm
 
 FILMS = 20
@@ -104,7 +104,7 @@ def examine(kind: str, seed: int, folder: Path) -> Examined:
     with film_file(film, width_px, height_px, {}) as writer:
         for frame, lit_cm in shoot(camera, robots, frames_per_s=12.0):
             writer.write(frame)
-            truth.append((frame.time_s, lit_cm))
+            truth.append((frame.time_s, lit_cm, NOWHERE))
             crests_cm = np.column_stack([lit_cm, np.full(len(lit_cm), LED_HEIGHT_CM)])
             at_px = camera.project(crests_cm, robots.arena_cm) if len(lit_cm) else NOWHERE
             circles = hough_rings(frame.picture, LED_CIRCLE_CM * px_per_cm)
@@ -113,11 +113,7 @@ def examine(kind: str, seed: int, folder: Path) -> Examined:
     corners = tuple((float(x), float(y)) for x, y in camera.floor_px(robots.arena_cm))
     table.unlink(missing_ok=True)
     told, error_periods = verdict(film, alone._replace(corners_px=corners, period_s=PERIOD_S, robots=10), table)
-    rows = read_rings(table) if table.exists() else []
-    score = Score()
-    for time_s, lit_cm in truth:
-        reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 2e-3]
-        score += compare(np.array(reported).reshape(-1, 2), lit_cm, NOWHERE)
+    score = score_rows(read_rings(table) if table.exists() else [], truth)
     return Examined(kind, seed, told, verdict(film, alone, None)[0], error_periods, score, hough)
 
 

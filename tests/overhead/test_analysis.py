@@ -32,11 +32,6 @@ def _rings_are_coded() -> Iterator[None]:
         yield
 
 
-@pytest.fixture
-def counter() -> RingCounter:
-    return make_counter()
-
-
 def make_counter() -> RingCounter:
     return RingCounter(make_geometry()._replace(knows_floor=False))
 
@@ -170,8 +165,9 @@ def test_trial_of_two_frames_has_few_results(counts: list[int]) -> None:
 # --- frame by frame --------------------------------------------------------------------------------
 
 
-def process_all(counter: RingCounter, counts: list[int], is_lit: list[bool]) -> RingCounter:
-    """Have a counter process frames that are half a second apart."""
+def process_all(counts: list[int], is_lit: list[bool]) -> RingCounter:
+    """Return a counter that has processed frames that are half a second apart."""
+    counter = make_counter()
     for frame in coded(np.arange(len(counts)) / 2, counts, is_lit):
         assert len(counter.process(frame)) == frame.picture[0, 0, 2]
     return counter
@@ -189,8 +185,8 @@ def process_all(counter: RingCounter, counts: list[int], is_lit: list[bool]) -> 
     ],
     ids=["dark", "begins lit", "all but one lit", "lit", "goes lit", "flickers"],
 )
-def test_trial_begins_with_the_first_dark_frame(counter: RingCounter, is_lit: list[bool], first: int) -> None:
-    process_all(counter, [3, 1, 4, 1, 5, 9], is_lit)
+def test_trial_begins_with_the_first_dark_frame(is_lit: list[bool], first: int) -> None:
+    counter = process_all([3, 1, 4, 1, 5, 9], is_lit)
     assert counter.start_s == first / 2
     counted = counter.counted()
     assert counted.frames == 6
@@ -198,15 +194,15 @@ def test_trial_begins_with_the_first_dark_frame(counter: RingCounter, is_lit: li
     assert counted.counts.tolist() == [3, 1, 4, 1, 5, 9][first:]
 
 
-def test_ctrl_c_leaves_as_many_counts_as_times(counter: RingCounter, monkeypatch: pytest.MonkeyPatch) -> None:
-    process_all(counter, [1, 2], [False, False])
+def test_ctrl_c_leaves_as_many_counts_as_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    counter = process_all([1, 2], [False, False])
 
     def interrupt(*_: object) -> int:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(LightMeter, "lit_px", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        process_all(counter, [3], [False])
+        counter.process(next(coded([1.0], [3], [False])))
     counted = counter.counted()
     assert len(counted.times_s) == len(counted.counts) == len(counted.areas_px) == 2
 

@@ -23,7 +23,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from tests.overhead.films import passed, read_rings
-from tests.overhead.score import Score, compare
+from tests.overhead.score import score_rows
 
 SEED = 4
 """With which flashes last two control steps each, and hardly overlap."""
@@ -82,14 +82,11 @@ def contents(path: Path) -> tuple[list[Frame], dict[str, Any]]:
 def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -> None:
     track = track_film(str(filmed.film), TrackOptions(), tmp_path / "rings.csv", passed)
     rows = read_rings(tmp_path / "rings.csv")
-    total, certain, possible = Score(), [], []
     trial, exposure_s = read_recording(filmed.recording), filmed.scenario.overhead.exposure_ms / 1000
-    for time_s in track.times_s:
-        reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 1e-3]
-        lit_cm, part_cm = lit_rings(trial, float(time_s), exposure_s)
-        total += compare(np.array(reported).reshape(-1, 2), lit_cm, part_cm)
-        certain.append(len(lit_cm))
-        possible.append(len(lit_cm) + len(part_cm))
+    truth = [(time_s, *lit_rings(trial, time_s, exposure_s)) for time_s in track.times_s.tolist()]
+    total = score_rows(rows, truth)
+    certain = np.array([len(lit_cm) for _, lit_cm, _ in truth])
+    possible = certain + [len(part_cm) for *_, part_cm in truth]
     assert (total.missed, total.false) == (0, 0)
     assert total.found >= sum(certain) > 60
     assert total.worst_cm <= 0.2

@@ -9,7 +9,7 @@ from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.track import Track, track_film
 from tests.overhead.films import passed, read_rings
-from tests.overhead.score import Score, compare
+from tests.overhead.score import score_rows
 from tests.overhead.webcam import GOOD, KINDS, Extra, Swarm, Webcam, shoot, swarm
 
 NOWHERE = np.empty((0, 2))
@@ -26,15 +26,11 @@ class Tracked:
         with film_file(film, *camera.size_px, {}) as writer:
             for frame, lit_cm in shoot(camera, filmed, **more):
                 writer.write(frame)
-                truth.append((frame.time_s, lit_cm))
+                truth.append((frame.time_s, lit_cm, NOWHERE))
         floor = tuple((float(x), float(y)) for x, y in camera.floor_px(filmed.arena_cm))
         options = TrackOptions(filmed.arena_cm, camera.above_cm, floor)._replace(**known)
         self.track: Track = track_film(str(film), options, table, passed)
-        rows = read_rings(table)
-        self.score = Score()
-        for time_s, lit_cm in truth:
-            reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 2e-3]
-            self.score += compare(np.array(reported).reshape(-1, 2), lit_cm, NOWHERE)
+        self.score = score_rows(read_rings(table), truth)
 
 
 @pytest.mark.parametrize(

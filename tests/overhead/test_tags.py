@@ -7,28 +7,23 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera import Frame, overhead_camera
+from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash
-from epuck_sim.overhead.render import ExposureSample, Renderer
+from epuck_sim.overhead.render import ExposureSample
 from epuck_sim.overhead.robots import find_robots, flash_columns, summary, trace_columns
 from epuck_sim.overhead.tags import Readings, TagReader, tag_corners_cm, tag_pattern
 from epuck_sim.overhead.track import Track
-from epuck_sim.scenario.overhead import OverheadSection
+from tests.overhead.cameras import make_renderer
 from tests.overhead.films import TRACK
 
-SIDE_CM = 36.0
+ARENA = make_arena(36, 36, [], [])
 POSES = np.array([(8.0, 9.0, 0.4), (27.0, 10.0, 2.0), (10.0, 27.0, -3.0), (26.0, 26.0, -1.1)])
 TIMES = np.arange(60) / 10
 
 
-def section(**settings: object) -> OverheadSection:
-    return OverheadSection(width_px=240, height_px=240, tags="4X4_50", **settings)
-
-
 def shown(poses=POSES, lit=(), in_the_light=True, **settings: object):
     """Return a camera, and its picture of robots with tags of which some are lit."""
-    camera = overhead_camera(section(**settings), SIDE_CM, SIDE_CM)
-    renderer = Renderer(section(**settings), camera, make_arena(SIDE_CM, SIDE_CM, [], []), 0)
+    camera, renderer = make_renderer(ARENA, width_px=240, height_px=240, tags="4X4_50", **settings)
     on = np.isin(np.arange(len(poses)), lit)
     return camera, renderer.render([ExposureSample(poses, on)], room_is_lit=in_the_light)
 
