@@ -31,7 +31,6 @@ APART_S = 0.2  # time between pictures that are examined, unless more light come
 SURVEYED = 6  # pictures with rings in which all sizes are searched; later only those that were found
 ENOUGH_PICTURES = 30  # pictures with rings that are examined
 ENOUGH_RINGS = 60  # rings that are enough to determine a camera
-USUAL_SIZES = (0.5, 1.6)  # bounds of a ring's radius, relative to the median of all; others are not rings
 USUAL_LIGHT = 0.3  # light of a ring, relative to that of bright ones, below which it is none
 VIEW_HEIGHT_CM = 100.0  # height of the imagined camera that searches rings; only the scale that it gives matters
 
@@ -131,12 +130,10 @@ class _Survey:
         self._pictures += bool(seen)
 
     def seen_rings(self) -> SeenRings:
-        """Return the rings that are bright and of about one size."""
+        """Return the rings that are bright; the fit leaves out those of other sizes."""
         table = np.array(self.found).reshape(-1, 7)
         if len(table):
             table = table[table[:, 5] >= USUAL_LIGHT * np.quantile(table[:, 5], 0.9)]
-            relative = table[:, 2] / np.median(table[:, 2])
-            table = table[(relative >= USUAL_SIZES[0]) & (relative <= USUAL_SIZES[1])]
         light = float(np.median(table[:, 5])) if len(table) else 0.0
         return SeenRings(table[:, :2], table[:, 2], table[:, 3:5], light)
 

@@ -157,8 +157,8 @@ def _about_robots(evidence: Evidence) -> list[str]:
     together = np.count_nonzero(np.abs(middles_s - evidence.sync.time_s) <= evidence.period_s / 2)
     if together >= evidence.usual_flashes:
         return []
-    usual = f"a usual period {per_period:.1f}" if robots is None else f"there are {robots} robots"
-    return [f"the narrow histogram holds {together} flashes, but {usual}"]
+    usual = f"a usual period {per_period:.1f}; give" if robots is None else f"there are {robots} robots; check"
+    return [f"the narrow histogram holds {together} flashes, but {usual} --robots"]
 
 
 def may_be_half_a_period(evidence: Evidence) -> bool:

@@ -108,6 +108,8 @@ def test_a_lamp_that_flickers_is_no_robot() -> None:
     still = tuple(Flash(k + 0.5, k + 0.6, 10.0 + 8 * n, 20.0, 50.0) for k in range(8) for n in range(4))
     for flashes in (tuple(robots), (*still, Flash(0.2, 0.3, 55.0, 55.0, 50.0))):
         assert without_steady(flashes, times_s, counts, 1.0)[1] == ()
+    long, short = (Flash(4.0, 4.0 + lit_s, 55.0, 5.0, 50.0) for lit_s in (3.0, 1.0))
+    assert without_steady((*robots, long, short), times_s, counts, None)[1] == (long,)
 
 
 def test_swarm_that_never_synchronises() -> None:

@@ -67,6 +67,10 @@ def test_finds_rings_lit_for_a_part_of_the_exposure_but_no_sliver():
     assert rings_in(picture_of([(20.0, 20.0)], gain=0.01)) == []
 
 
+def test_reflections_in_walls_are_weaker_than_rings():
+    found([(8.0, 30.0), (30.0, 52.0)], gloss=0.08, field_of_view_deg=45.0)
+
+
 @pytest.mark.parametrize("look", [
     {"led_points": True, "gain": 2.0}, {"bloom": 0.2}, {"blur_px": 1.5}, {"gain": 0.2}, {"gain": 3.0},
     {"tilt_deg": 25.0, "turn_deg": 130.0, "width_px": 640},

@@ -103,6 +103,15 @@ def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Fra
     assert (frames_in(seen), frames_in(record)) == (track.frames, camera.given)
 
 
+def test_a_camera_that_films_before_the_room_is_dark_waits_until_it_is(plug: Plug) -> None:
+    times_s, told = even(5.5), []
+    plug(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
+    track = watch(TrackOptions(corners_px=CORNERS_PX, robots=6), told.append)
+    assert told == ["the room is lit; tracking begins when it is dark, or after 30 s"]
+    assert track.start_s == pytest.approx(1)
+    assert track.geometry.ring_light > 0
+
+
 def test_synchrony_that_is_not_believed_is_told_and_filmed_on(plug: Plug, reel: list[Frame]) -> None:
     camera, told = plug(reel), []
     track = watch(TrackOptions(robots=12, threshold_ms=50.0), told.append)

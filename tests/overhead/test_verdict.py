@@ -34,6 +34,9 @@ def flash(onset_s: float, x_cm: float, lasts_s: float = 0.1) -> Flash:
     return Flash(onset_s, onset_s + lasts_s, x_cm, 20.0, 50.0)
 
 
+IN_TURN = (0.1 + np.arange(6)[:, None] + np.arange(4) / 5).ravel()
+
+
 def evidence(onsets=ONSETS, *, flash_s: float = 0.1, apart_cm: float = 12.0, **changes) -> Evidence:
     """Return that of four robots of a period of 1 s that flash together from 3.5 s on."""
     flashes = tuple(flash(onset, 10.0 + apart_cm * (k % 4), flash_s) for k, onset in enumerate(onsets))
@@ -70,6 +73,8 @@ def cycles_of(cycle_s: float) -> Evidence:
     *((cycles_of(cycle_s), "per period, but there are 4 robots: check --robots") for cycle_s in (0.5, 1.7)),
     (evidence(robots=3), "4 rings were lit at once"),
     (evidence(robots=9), "flashes per period, but there are 9"),
+    (evidence([*IN_TURN, 6.5, 6.5]), "the narrow histogram holds 2 flashes, but there are 4 robots; check --robots"),
+    (evidence([*IN_TURN, 6.5, 6.5, 6.5]), ""),
     (evidence()._replace(period_s=9.0, robots=None), "no whole period of 9 s was seen; check --period-s, or film"),
     # what shines is together or spread where rings are not
     (filmed(areas_px=100 * counted(0.5 + np.arange(8).repeat(4), 0.1, TIMES)), "total light is synchronised at 0.6 s"),
