@@ -16,16 +16,24 @@ from operator import add
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.track import track_film
 from tests.overhead.films import passed, read_rings
-from tests.overhead.hough import hough_rings
 from tests.overhead.score import Score, compare, score_rows
 from tests.overhead.webcam import KINDS, LED_CIRCLE_CM, LED_HEIGHT_CM, shoot, swarm
+
+BRIGHT = 60
+"""Level of a pixel's brightest colour from which it is bright."""
+
+EDGE, VOTES = 100, 20
+"""Upper threshold of Canny's edges, and number of votes of a circle: with fewer, good films show false ones."""
 
 FILMS = 20
 NOWHERE = np.empty((0, 2))
@@ -49,6 +57,24 @@ HEADER = [
     ),
     *("hough_found_percent", "hough_right_percent", "hough_rms_mm"),
 ]
+
+
+def hough_rings(picture: Picture, radius_px: float) -> FloatArray:
+    """Return (n, 2) px: columns and rows of the middles of circles of about this radius in a picture."""
+    bright = np.where(picture.max(axis=2) >= BRIGHT, 255, 0).astype(np.uint8)
+    if not bright.any():
+        return NOWHERE
+    found = cv2.HoughCircles(
+        cv2.GaussianBlur(bright, (5, 5), 1.0),
+        cv2.HOUGH_GRADIENT,
+        dp=1.5,
+        minDist=1.8 * radius_px,
+        param1=EDGE,
+        param2=VOTES,
+        minRadius=round(0.8 * radius_px),
+        maxRadius=round(1.35 * radius_px),
+    )
+    return NOWHERE if found is None else np.asarray(found, float).reshape(-1, 3)[:, :2]
 
 
 class Examined(NamedTuple):

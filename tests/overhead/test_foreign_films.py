@@ -68,20 +68,3 @@ def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_p
     assert tracked.confidence == "low"
     assert any("outside of the floor" in warning for warning in tracked.warnings)
     assert any("stayed lit" in warning for warning in tracked.warnings)
-
-
-@pytest.mark.parametrize(
-    ("robots", "known"),
-    [
-        (swarm(6, 7, 0, seed=3, period_s=2.0, groups=2, swing_cm=0.3), {}),
-        (swarm(4, 4, 1, seed=4, period_s=2.0), {"period_s": 2.0, "robots": 9}),
-    ],
-    ids=["groups in turn", "robots that are not there"],
-)
-def test_what_cannot_be_told_is_not_answered(robots: Swarm, known: dict, tmp_path: Path) -> None:
-    tracked = Tracked(tmp_path, GOOD, robots, scale=0.4, frames_per_s=12.0, **known).track
-    assert tracked.histogram_s is None
-    if known:
-        assert any("9 robots" in reason for reason in tracked.reasons)
-    elif tracked.period_s < 1.5:
-        assert any(f"{2 * tracked.period_s:.4g} s be the period" in reason for reason in tracked.reasons)
