@@ -113,8 +113,11 @@ class _Survey:
         if not self._finders:
             rows, columns = light.levels.shape
             sizes = math.floor(math.log(MAX_RADIUS * min(rows, columns) / MIN_RADIUS_PX, STEP)) + 1
-            radii_px = [MIN_RADIUS_PX * STEP**size for size in range(sizes)]
-            self._finders = [RingFinder(search_camera(columns, rows, radius_px)) for radius_px in radii_px]
+            px_per_cm = MIN_RADIUS_PX * STEP ** np.arange(sizes) / epuck.RING_RADIUS_CM
+            focals_px = (px_per_cm * (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)).tolist()
+            above_cm = np.array([0.0, 0.0, VIEW_HEIGHT_CM])
+            lenses = (simple_lens(columns, rows, focal_px) for focal_px in focals_px)
+            self._finders = [RingFinder(CameraModel(columns, rows, lens, LOOKING_DOWN, above_cm)) for lens in lenses]
             self._useful = [0] * len(self._finders)
         seen: list[list[float]] = []
         for index, finder in enumerate(self._finders):
@@ -136,13 +139,6 @@ class _Survey:
             table = table[table[:, 5] >= USUAL_LIGHT * np.quantile(table[:, 5], 0.9)]
         light = float(np.median(table[:, 5])) if len(table) else 0.0
         return SeenRings(table[:, :2], table[:, 2], table[:, 3:5], light)
-
-
-def search_camera(width_px: int, height_px: int, radius_px: float) -> CameraModel:
-    """Return a camera that looks straight down and sees rings of this radius."""
-    focal_px = radius_px / epuck.RING_RADIUS_CM * (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)
-    lens = simple_lens(width_px, height_px, focal_px)
-    return CameraModel(width_px, height_px, lens, LOOKING_DOWN, np.array([0.0, 0.0, VIEW_HEIGHT_CM]))
 
 
 def _seen_by(finder: RingFinder, light: RingLight) -> list[list[float]]:

@@ -292,15 +292,12 @@ class VirtualCamera:
     def _frames_begun_by(self, time_s: float) -> Iterator[Frame]:
         while (begin_s := self._frames / self._section.frames_per_s) <= time_s + TIME_TOLERANCE_S:
             self._frames += 1
-            yield self._expose(begin_s)
+            samples = [self._sample(begin_s + (part + 0.5) / SAMPLES * self._exposure_s) for part in range(SAMPLES)]
+            is_lit = self._section.light == "lit" or begin_s < self._section.lit_start_s - TIME_TOLERANCE_S
+            yield Frame(begin_s, self._renderer.render(samples, room_is_lit=is_lit))
             next_s = self._frames / self._section.frames_per_s
             while len(self._steps) > 1 and self._steps[1][0] <= next_s:
                 self._steps.popleft()
-
-    def _expose(self, begin_s: float) -> Frame:
-        samples = [self._sample(begin_s + (part + 0.5) / SAMPLES * self._exposure_s) for part in range(SAMPLES)]
-        is_lit_start = begin_s < self._section.lit_start_s - TIME_TOLERANCE_S
-        return Frame(begin_s, self._renderer.render(samples, room_is_lit=is_lit_start or self._section.light == "lit"))
 
     def _sample(self, time_s: float) -> ExposureSample:
         """Return the robots at a moment of the film, interpolated between the steps around it."""

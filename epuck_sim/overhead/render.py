@@ -23,7 +23,7 @@ from epuck_sim.arena import Arena, brightness_at
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.geometry import contains
 from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Picture, overhead_camera
-from epuck_sim.overhead.tags import tag_corners_cm, tag_count, tag_modules, tag_pattern
+from epuck_sim.overhead.tags import tag_corners_cm, tag_dictionary, tag_modules, tag_pattern
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import with_values
 from epuck_sim.scenario.overhead import OverheadSection
@@ -411,7 +411,7 @@ def draw_bodies(image: Float32Array, camera: CameraModel, robots: FloatArray) ->
 def draw_tags(image: Float32Array, camera: CameraModel, robots: FloatArray, dictionary: str, side_cm: float) -> None:
     """Draw on each robot that is there the tag with its number, if the dictionary has it; side: of the black border."""
     paper_cm = side_cm * (1 + 1 / tag_modules(dictionary))
-    for number, robot in enumerate(robots[: tag_count(dictionary)]):
+    for number, robot in enumerate(robots[: len(tag_dictionary(dictionary).bytesList)]):
         if not np.isnan(robot[0]):
             corners = camera.project(tag_corners_cm(robot[:3], paper_cm, float(robot[4])))
             _draw_between(image, _tag_levels(dictionary, number), corners)

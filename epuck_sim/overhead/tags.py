@@ -33,11 +33,6 @@ def tag_dictionary(name: str) -> cv2.aruco.Dictionary:
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
 
 
-def tag_count(name: str) -> int:
-    """Return the number of tags in a dictionary."""
-    return len(tag_dictionary(name).bytesList)
-
-
 def tag_modules(name: str) -> int:
     """Return the number of modules along the side of a tag with its black border."""
     return int(tag_dictionary(name).markerSize) + 2
