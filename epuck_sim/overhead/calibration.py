@@ -95,7 +95,7 @@ def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
     """Yield the frames of a film that the options choose, at the times that they say; after the last none is read.
 
     Raises:
-        FilmError: They are fewer than two, of a film with more.
+        FilmError: The film ends before the first of them, or they end before the second.
     """
     time_s, chosen = options.start_s, 0
     for number, frame in enumerate(frames):

@@ -167,9 +167,8 @@ class Renderer:
             robots = self._robots(sample)
             bodies = _in_arena(robots)
             from_axis_cm = np.hypot(*(bodies[:, :2] - camera.position_cm[:2]).T)
-            draw_bodies(
-                image, camera, bodies[np.argsort(-from_axis_cm, kind="stable")]
-            )  # none is hidden by one farther out
+            farthest_first = np.argsort(-from_axis_cm, kind="stable")  # none is hidden by one farther out
+            draw_bodies(image, camera, bodies[farthest_first])
             if tags is not None:
                 draw_tags(image, camera, robots, tags, float(self._section.tag_cm))
             image[self._lamps] = LAMP

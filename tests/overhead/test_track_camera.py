@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -209,7 +210,7 @@ def decoded(jpeg: bytes) -> Any:
     return cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
 
 
-def test_a_page_shows_this_machine_alone_the_newest_picture_until_it_ends() -> None:
+def test_a_page_shows_this_machine_alone_the_newest_picture_until_it_ends(capfd: pytest.CaptureFixture[str]) -> None:
     red, before = np.full((40, 60, 3), (200, 0, 0), np.uint8), threading.active_count()
     with live_page("camera <7>", 0) as page:
         port = int(page.address.split(":")[2].strip("/"))
@@ -223,9 +224,14 @@ def test_a_page_shows_this_machine_alone_the_newest_picture_until_it_ends() -> N
         with pytest.raises(PortError, match=rf"port {port} cannot be used: .*; give another"), live_page("two", port):
             pass
         assert threading.active_count() > before
+        page.show(np.random.default_rng(0).integers(0, 256, (2000, 2000, 3), np.uint8))
+        with socket.create_connection(("127.0.0.1", port)) as leaving:  # without reading it
+            leaving.send(f"GET /film HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
+            leaving.recv(1)
     for thread in threading.enumerate():
         if "process_request_thread" in thread.name:
             thread.join(20)
     assert threading.active_count() == before
+    assert capfd.readouterr().err == ""
     assert shown.shape == red.shape
     assert np.abs(shown[:, :, ::-1].astype(int) - red).max() < 10
