@@ -37,7 +37,6 @@ from epuck_sim.overhead.synchrony import (
     estimate_period_s,
     evaluate,
     first_synchronised,
-    frame_ends,
     is_synchronised,
 )
 from epuck_sim.overhead.tags import Readings, TagReader
@@ -304,8 +303,6 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     t_sync_s = None if reasons else in_order_s
     histogram_s = None if reasons or sync is None else sync.time_s
     frame_s = float(np.median(np.diff(times_s)))
-    frames_s = frame_ends(times_s, times_s[-1]) - times_s
-    lit_s = frames_s * counts / flash_s  # all rings' light over that of one flash
     return Track(
         film=film,
         frames=counted.frames,
@@ -321,7 +318,7 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
         always_lit=lit_always,
         position_error_mm=10 * geometry.error_cm or None,
         robots_seen=evidence.most_lit,
-        flashes_per_period=float(lit_s.sum() / frames_s.sum()) * period_s,
+        flashes_per_period=evidence.flashes_per_period,
         t_sync_s=_since(start_s, t_sync_s),
         t_sync_periods=_since(start_s, t_sync_s, period_s),
         t_sync_cycles=None if t_sync_s is None else evidence.cycles_at(t_sync_s),
