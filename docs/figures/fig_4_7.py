@@ -44,10 +44,11 @@ def film(task: tuple[EmbodiedScenario, int]) -> float:
     counter = RingCounter(Geometry(overhead_camera(scenario.overhead, *floor_cm), floor_cm, "the scenario", True))
     (period_s,) = set((simulation.period_ms / 1000).tolist())
     start_s = scenario.overhead.lit_start_s
-    detector = SynchronyDetector(period_s, start_s)
+    detector = SynchronyDetector(period_s)
     for step in simulation:
         for frame in camera.observe(step.time_s, step.poses, step.ring_on):
-            evaluation = detector.update(frame.time_s, len(counter.process(frame)))
+            rings = counter.process(frame)
+            evaluation = detector.update(frame.time_s, len(rings)) if frame.time_s >= start_s else None
             if evaluation is not None and is_synchronised(evaluation, THRESHOLD_S):
                 return float((evaluation.time_s - start_s) / period_s)
         if step.time_s > MAX_CYCLES * period_s:

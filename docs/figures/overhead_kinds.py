@@ -16,16 +16,24 @@ from operator import add
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.track import track_film
 from tests.overhead.films import passed, read_rings
-from tests.overhead.hough import hough_rings
-from tests.overhead.score import Score, compare
+from tests.overhead.score import Score, compare, score_rows
 from tests.overhead.webcam import KINDS, LED_CIRCLE_CM, LED_HEIGHT_CM, shoot, swarm
+
+BRIGHT = 60
+"""Level of a pixel's brightest colour from which it is bright."""
+
+EDGE, VOTES = 100, 20
+"""Upper threshold of Canny's edges, and number of votes of a circle: with fewer, good films show false ones."""
 
 FILMS = 20
 NOWHERE = np.empty((0, 2))
@@ -49,6 +57,24 @@ HEADER = [
     ),
     *("hough_found_percent", "hough_right_percent", "hough_rms_mm"),
 ]
+
+
+def hough_rings(picture: Picture, radius_px: float) -> FloatArray:
+    """Return (n, 2) px: columns and rows of the middles of circles of about this radius in a picture."""
+    bright = np.where(picture.max(axis=2) >= BRIGHT, 255, 0).astype(np.uint8)
+    if not bright.any():
+        return NOWHERE
+    found = cv2.HoughCircles(
+        cv2.GaussianBlur(bright, (5, 5), 1.0),
+        cv2.HOUGH_GRADIENT,
+        dp=1.5,
+        minDist=1.8 * radius_px,
+        param1=EDGE,
+        param2=VOTES,
+        minRadius=round(0.8 * radius_px),
+        maxRadius=round(1.35 * radius_px),
+    )
+    return NOWHERE if found is None else np.asarray(found, float).reshape(-1, 3)[:, :2]
 
 
 class Examined(NamedTuple):
@@ -104,7 +130,7 @@ def examine(kind: str, seed: int, folder: Path) -> Examined:
     with film_file(film, width_px, height_px, {}) as writer:
         for frame, lit_cm in shoot(camera, robots, frames_per_s=12.0):
             writer.write(frame)
-            truth.append((frame.time_s, lit_cm))
+            truth.append((frame.time_s, lit_cm, NOWHERE))
             crests_cm = np.column_stack([lit_cm, np.full(len(lit_cm), LED_HEIGHT_CM)])
             at_px = camera.project(crests_cm, robots.arena_cm) if len(lit_cm) else NOWHERE
             circles = hough_rings(frame.picture, LED_CIRCLE_CM * px_per_cm)
@@ -113,11 +139,7 @@ def examine(kind: str, seed: int, folder: Path) -> Examined:
     corners = tuple((float(x), float(y)) for x, y in camera.floor_px(robots.arena_cm))
     table.unlink(missing_ok=True)
     told, error_periods = verdict(film, alone._replace(corners_px=corners, period_s=PERIOD_S, robots=10), table)
-    rows = read_rings(table) if table.exists() else []
-    score = Score()
-    for time_s, lit_cm in truth:
-        reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 2e-3]
-        score += compare(np.array(reported).reshape(-1, 2), lit_cm, NOWHERE)
+    score = score_rows(read_rings(table) if table.exists() else [], truth)
     return Examined(kind, seed, told, verdict(film, alone, None)[0], error_periods, score, hough)
 
 

@@ -16,8 +16,8 @@ from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.filming import film_trial
-from epuck_sim.overhead.flashes import RingCounter, track_frames
-from epuck_sim.overhead.track import snapshot, track_film
+from epuck_sim.overhead.flashes import RingCounter
+from epuck_sim.overhead.track import snapshot, track_film, track_frames
 
 OUT = Path(__file__).parent
 SCENARIO = "thesis"
@@ -50,13 +50,8 @@ def main() -> None:
         save_track_figure(OUT / "overhead_track.png", track, snapshot(track))
         with open_film(str(dark)) as opened:
             annotator = Annotator(opened.width_px, opened.height_px, track.period_s)
-            for tracked in track_frames(
-                opened.frames(),
-                RingCounter(track.geometry),
-                track.period_s,
-                lambda: track.threshold_ms / 1000,
-                lambda _time_s: 0,
-            ):
+            counter = RingCounter(track.geometry)
+            for tracked in track_frames(opened.frames(), counter, track.period_s, track.options):
                 annotated = annotator.annotate(tracked)
                 if tracked.frame.time_s >= AT_S:
                     break

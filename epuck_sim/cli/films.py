@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
@@ -20,11 +21,10 @@ from epuck_sim.cli.options import (
     read_scenario,
 )
 from epuck_sim.errors import FilmError
+from epuck_sim.overhead import LEAST_ORDER
 
 if TYPE_CHECKING:
     from epuck_sim.overhead.calibration import TrackOptions
-    from epuck_sim.overhead.robots import Robots
-    from epuck_sim.overhead.track import Track
 
 films = typer.Typer()
 
@@ -139,17 +139,10 @@ def calibrate(
     """Calibrate the lens of a camera from a film of a checkerboard or ChArUco board."""
     from epuck_sim.cli.progress import progress_bar
     from epuck_sim.overhead.film import open_film
-    from epuck_sim.overhead.lens import (
-        APART_S,
-        Board,
-        calibrate_lens,
-        check_lens_target,
-        find_views,
-        save_lens,
-    )
+    from epuck_sim.overhead.lens import APART_S, Board, calibrate_lens, find_views, save_lens
 
     squares = Board("charuco" if charuco else "checkerboard", *parse_board(board))
-    check_lens_target(to)
+    check_outputs({"the film": film}, {"the lens": (to, [".json"])}, {})
     with open_film(film) as reader:
         frames = progress_bar("calibrating")(reader.frames(), reader.duration_s)
         views = find_views(frames, squares, 0.0 if reader.is_pictures else APART_S)
@@ -202,7 +195,7 @@ def track(
         float | None,
         decision_option(
             "--order-parameter",
-            min=0.5,
+            min=LEAST_ORDER,
             max=1,
             help="T_sync: order parameter from which the swarm is synchronised; by default 0.95.",
         ),
@@ -286,7 +279,7 @@ def track(
     robots_found = None
     if tags is not None or any(tables.values()):
         robots_found = find_robots(tracked)
-    print_doubts(tracked, robots_found)
+    print_doubts((*tracked.warnings, *(robots_found.warnings if robots_found else ())))
     (print_track_json if as_json else print_track)(tracked, robots_found)
     if robots_found is not None:
         save_robots(tracked, robots_found, flashes, trace, pairs)
@@ -352,7 +345,7 @@ def compare_film(
     track = track_film(film, options, None, progress_bar("tracking"), lens, simulated_cm)
     found = find_robots(track)
     floor_cm = track.geometry.floor_cm
-    print_doubts(track, found)
+    print_doubts((*(track.reasons if track.confidence == "none" else ()), *track.warnings, *found.warnings))
     if floor_cm != simulated_cm:
         print_stderr(
             f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
@@ -369,11 +362,10 @@ def compare_film(
         compare.save_fitted(fit, compare.fit_scenario(loaded, fitted), fitted, film)
 
 
-def print_doubts(track: "Track", robots: "Robots | None") -> None:
-    """Print on stderr why there is no T_sync, and what is doubtful."""
-    reasons = track.reasons if track.confidence == "none" else ()
-    for warning in (*reasons, *track.warnings, *(robots.warnings if robots else ())):
-        print_stderr(f"warning: {warning}")
+def print_doubts(doubts: Iterable[str]) -> None:
+    """Print on stderr what is doubtful."""
+    for doubt in doubts:
+        print_stderr(f"warning: {doubt}")
 
 
 NUMBER = r"\s*(-?[0-9]*\.?[0-9]+)\s*"

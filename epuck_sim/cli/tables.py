@@ -20,7 +20,7 @@ from epuck_sim.util.messages import counted
 from epuck_sim.util.provenance import format_versions, versions
 
 if TYPE_CHECKING:  # or a trial would wait for OpenCV and scipy
-    from epuck_sim.overhead.compare import Fitted, QuantityComparison
+    from epuck_sim.overhead.compare import QuantityComparison
     from epuck_sim.overhead.robots import Robots
     from epuck_sim.overhead.track import Track
     from epuck_sim.runs.status import PointAtLimit, Status
@@ -183,7 +183,7 @@ def print_track(track: "Track", robots: "Robots | None" = None) -> None:
     print(track.film)
     for name, value in (*_lines_of_track(track), *(() if robots is None else _lines_about_robots(track, robots))):
         text = f"{name:{NAMES_WIDTH}}{value}"
-        print(textwrap.fill(text, terminal_width() or 120, subsequent_indent=" " * NAMES_WIDTH))
+        print(textwrap.fill(text, terminal_width() or 80, subsequent_indent=" " * NAMES_WIDTH))
 
 
 def _lines_of_track(track: "Track") -> Iterator[tuple[str, str]]:
@@ -233,7 +233,7 @@ UNTOLD = (
 
 
 def print_comparison_json(
-    film: str, scenario: str, rows: "Sequence[QuantityComparison]", fitted: "Mapping[str, Fitted]"
+    film: str, scenario: str, rows: "Sequence[QuantityComparison]", fitted: Mapping[str, Estimate]
 ) -> None:
     """Print one JSON object; null is what is not known, or lies beyond a film's or trial's end, which are counted."""
     from epuck_sim.overhead.compare import judge
@@ -256,19 +256,17 @@ def print_comparison_json(
 
 
 def print_comparison(
-    film: str, scenario: str, rows: "Sequence[QuantityComparison]", fitted: "Mapping[str, Fitted]"
+    film: str, scenario: str, rows: "Sequence[QuantityComparison]", fitted: Mapping[str, Estimate]
 ) -> None:
     """Print the verdict, and readable tables, on stdout."""
     from epuck_sim.overhead.compare import judge
 
-    verdict = judge(rows)
-    for sentence in filter(None, (verdict.caution, verdict.sentence)):
-        print(f"{sentence[0].upper()}{sentence[1:]}.")
-    print()
+    sentence = judge(rows).sentence
+    print(f"{sentence[0].upper()}{sentence[1:]}.\n")
     headings = {"trials": "trials: median, 5 % and 95 %", "percentile": "film's percentile"}
     title = f"{film} beside trials of {scenario}"
     compared = Table(title, [Row({}, _cells_of_quantity(row)) for row in rows], (), headings)
-    values = [Row({}, {"key": key, "value": Estimate(*each)}) for key, each in fitted.items()]
+    values = [Row({}, {"key": key, "value": each}) for key, each in fitted.items()]
     told = Table("What the film tells of the scenario, with 95 % intervals", values, [UNTOLD])
     show([compared, told], None, as_json=False)
 

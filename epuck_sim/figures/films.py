@@ -148,7 +148,7 @@ def _draw_spreads(panel: Axes, track: Track) -> None:
 def _mark_synchrony(panel: Axes, track: Track) -> None:
     if track.histogram_periods is not None:
         periods = track.histogram_periods
-        panel.axvline(periods, color=SYNC, linewidth=1.2, zorder=0.5, label=f"T_sync: {periods:.1f} periods")
+        panel.axvline(periods, color=SYNC, linewidth=1.2, zorder=0.5, label=f"by the histogram: {periods:.1f} periods")
 
 
 def choose_moments(track: Track) -> list[list[tuple[float, Evaluation | None]]]:

@@ -4,3 +4,5 @@ A neighbour of the simulator. `render`, `filming` and `compare` may import recor
 all else knows nothing of them but the section `overhead` of scenarios, which describes a camera. Never runs, sweep or
 statistics. A map is in docs/architecture.md.
 """
+
+LEAST_ORDER = 0.5  # least order parameter that may count as that of synchrony; a swarm at random often has less

@@ -6,13 +6,15 @@ calculated when the mode passes the short blue line at its midpoint.
 
 from collections import deque
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.overhead.camera import Picture
-from epuck_sim.overhead.flashes import TrackedFrame
+from epuck_sim.overhead.camera import Frame, Picture
+from epuck_sim.overhead.rings import Ring
+from epuck_sim.overhead.synchrony import Evaluation
 from epuck_sim.util.messages import counted
 
 PERIODS = 2  # past periods that the histogram shows
@@ -28,6 +30,19 @@ OLD_BARS = (40, 80, 40)  # bars that have left the interval of one period
 BLUE = (90, 165, 255)
 GREY = (28, 28, 28)
 WHITE = (235, 235, 235)
+
+
+class TrackedFrame(NamedTuple):
+    """A frame of a film, and what is known once it has been processed."""
+
+    frame: Frame
+    rings: Sequence[Ring]
+    start_s: float
+    """Beginning of the trial on the film's clock."""
+    evaluation: Evaluation | None
+    """The evaluation that this frame completed."""
+    histogram_s: float | None
+    """First mode around which the histogram was narrow enough, on the film's clock."""
 
 
 class Annotator:

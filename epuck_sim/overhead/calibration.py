@@ -95,17 +95,21 @@ def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
     """Yield the frames of a film that the options choose, at the times that they say; after the last none is read.
 
     Raises:
-        FilmError: The film ends before the first of them.
+        FilmError: The film ends before the first of them, or they end before the second.
     """
-    time_s = options.start_s
+    time_s, chosen = options.start_s, 0
     for number, frame in enumerate(frames):
         time_s = number / options.fps if options.fps else frame.time_s
         if time_s > options.end_s:
-            return
+            break
         if time_s >= options.start_s:
+            chosen += 1
             yield Frame(time_s, frame.picture)
     if time_s < options.start_s:
         raise FilmError(f"--start-s is {options.start_s:g}, but the film ends at {time_s:.1f} s; allowed: less")
+    if chosen < 2 and time_s > options.end_s:
+        kept = f"--end-s is {options.end_s:g}, which leaves {chosen} of the film's frames"
+        raise FilmError(f"{kept}; allowed: more, so that two or more are left, preferably several periods")
 
 
 def described_geometry(size_px: tuple[int, int], options: TrackOptions, metadata: FilmMetadata) -> Geometry | None:

@@ -108,8 +108,7 @@ class CameraModel(NamedTuple):
         straight = straighten(seen, self.lens.matrix, coefficients, criteria=UNDISTORT_CRITERIA).reshape(-1, 2)
         rays = np.column_stack([straight, np.ones(len(straight))]) @ self.rotation
         distance = (z_cm - self.position_cm[2]) / rays[:, 2]
-        points: FloatArray = self.position_cm[:2] + distance[:, None] * rays[:, :2]
-        return points
+        return np.asarray(self.position_cm[:2] + distance[:, None] * rays[:, :2])
 
     def plane_map(self, z_cm: float) -> Float32Array:
         """Return (height_px, width_px, 2) cm: the point `z_cm` above the floor that each pixel shows."""
@@ -138,11 +137,6 @@ class Geometry(NamedTuple):
     """Levels by which rings in the dark are usually brighter than their inside; 0 if it is not known."""
     ring_size: float = 1.0
     """Radius of the rings by the floor's corners, relative to the known one."""
-
-    def is_on_floor(self, x_cm: float, y_cm: float) -> bool:
-        """Return whether a ring may be a robot's: a robot at a wall is its radius inside, its image as far outside."""
-        width_cm, height_cm = self.floor_cm
-        return not self.knows_floor or (0 <= x_cm <= width_cm and 0 <= y_cm <= height_cm)
 
     def floor_outline_px(self) -> FloatArray:
         """Return (n, 2) px: the outline of the floor, in order."""
@@ -176,8 +170,7 @@ def _rotation(tilt: float, turn: float) -> FloatArray:
         return LOOKING_DOWN  # without zeros that are negative
     lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
     spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
-    rotation: FloatArray = lean @ LOOKING_DOWN @ spin
-    return rotation
+    return np.asarray(lean @ LOOKING_DOWN @ spin)
 
 
 def _lens(section: OverheadSection, width_cm: float, height_cm: float, above_cm: float) -> Lens:

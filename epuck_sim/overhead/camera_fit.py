@@ -31,7 +31,6 @@ APART_S = 0.2  # time between pictures that are examined, unless more light come
 SURVEYED = 6  # pictures with rings in which all sizes are searched; later only those that were found
 ENOUGH_PICTURES = 30  # pictures with rings that are examined
 ENOUGH_RINGS = 60  # rings that are enough to determine a camera
-USUAL_SIZES = (0.5, 1.6)  # bounds of a ring's radius, relative to the median of all; others are not rings
 USUAL_LIGHT = 0.3  # light of a ring, relative to that of bright ones, below which it is none
 VIEW_HEIGHT_CM = 100.0  # height of the imagined camera that searches rings; only the scale that it gives matters
 
@@ -114,8 +113,11 @@ class _Survey:
         if not self._finders:
             rows, columns = light.levels.shape
             sizes = math.floor(math.log(MAX_RADIUS * min(rows, columns) / MIN_RADIUS_PX, STEP)) + 1
-            radii_px = [MIN_RADIUS_PX * STEP**size for size in range(sizes)]
-            self._finders = [RingFinder(search_camera(columns, rows, radius_px)) for radius_px in radii_px]
+            px_per_cm = MIN_RADIUS_PX * STEP ** np.arange(sizes) / epuck.RING_RADIUS_CM
+            focals_px = (px_per_cm * (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)).tolist()
+            above_cm = np.array([0.0, 0.0, VIEW_HEIGHT_CM])
+            lenses = (simple_lens(columns, rows, focal_px) for focal_px in focals_px)
+            self._finders = [RingFinder(CameraModel(columns, rows, lens, LOOKING_DOWN, above_cm)) for lens in lenses]
             self._useful = [0] * len(self._finders)
         seen: list[list[float]] = []
         for index, finder in enumerate(self._finders):
@@ -131,21 +133,12 @@ class _Survey:
         self._pictures += bool(seen)
 
     def seen_rings(self) -> SeenRings:
-        """Return the rings that are bright and of about one size."""
+        """Return the rings that are bright; the fit leaves out those of other sizes."""
         table = np.array(self.found).reshape(-1, 7)
         if len(table):
             table = table[table[:, 5] >= USUAL_LIGHT * np.quantile(table[:, 5], 0.9)]
-            relative = table[:, 2] / np.median(table[:, 2])
-            table = table[(relative >= USUAL_SIZES[0]) & (relative <= USUAL_SIZES[1])]
         light = float(np.median(table[:, 5])) if len(table) else 0.0
         return SeenRings(table[:, :2], table[:, 2], table[:, 3:5], light)
-
-
-def search_camera(width_px: int, height_px: int, radius_px: float) -> CameraModel:
-    """Return a camera that looks straight down and sees rings of this radius."""
-    focal_px = radius_px / epuck.RING_RADIUS_CM * (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)
-    lens = simple_lens(width_px, height_px, focal_px)
-    return CameraModel(width_px, height_px, lens, LOOKING_DOWN, np.array([0.0, 0.0, VIEW_HEIGHT_CM]))
 
 
 def _seen_by(finder: RingFinder, light: RingLight) -> list[list[float]]:

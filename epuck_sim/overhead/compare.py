@@ -15,6 +15,7 @@ from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import FilmError
+from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.overhead.flashes import CountedRings, FlashLinker
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.robots import MANY_UNSURE, Robots, find_robots
@@ -41,29 +42,21 @@ LEAST_ERROR = 1e-12  # least standard error of a value, in its unit, so that val
 FEW = 3  # robots, or flashes of a robot, below which nothing is said about their differences
 
 
-class Fitted(NamedTuple):
-    """A number that a film tells, with a 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-
-
-def fit_film(track: Track, robots: Robots) -> dict[str, Fitted]:
+def fit_film(track: Track, robots: Robots) -> dict[str, Estimate]:
     """Return what a film determines, by the keys of a scenario whose robots are all alike.
 
     Quantities that the film does not determine are left out.
     """
     group, period_s = "robots.0.parameters", track.period_s
-    fitted: dict[str, Fitted | None] = {}
-    fitted[f"{group}.speed_cm_s"], speeds = _fit_speeds(robots)
+    speed, speeds = _fit_speeds(robots)
+    fitted = {f"{group}.speed_cm_s": speed}
     if robots.identities.unsure <= MANY_UNSURE:  # else each seeming robot is some of several
         period, clocks = _fit_clocks(robots, track)
         fitted |= {"spread.wheel_speed": speeds, f"{group}.period_s": period, "spread.clock_rate": clocks}
-        period_s = period.value if period else period_s
+        period_s = period_s if math.isnan(period.value) else period.value
     fitted[f"{group}.flash_fraction"] = _fit_flash(robots, track, period_s)
     fitted["overhead.frames_per_s"] = _fit_rate(track.times_s)
-    return {key: value for key, value in fitted.items() if value is not None}
+    return {key: value for key, value in fitted.items() if not math.isnan(value.value)}
 
 
 def _cycles(robots: Robots) -> list[FloatArray]:
@@ -71,70 +64,64 @@ def _cycles(robots: Robots) -> list[FloatArray]:
     return [np.diff(robots.flashes.onset_s[robots.identities.robot == number]) for number in robots.numbers]
 
 
-def _fit_speeds(robots: Robots) -> tuple[Fitted | None, Fitted | None]:
+def _fit_speeds(robots: Robots) -> tuple[Estimate, Estimate]:
     """Return the speed straight ahead, and the half-width of the factors by which robots differ in it."""
     usual = robots.identities.speed_cm_s
-    if not usual:  # robots stand, or each flash is in a single frame
-        return None, None
     values, errors = [], []
-    for number in robots.numbers:
+    for number in robots.numbers if usual else ():  # else they stand, or each flash is in a single frame
         speeds = robots.flashes.speeds_cm_s[robots.identities.robot == number]
         straight = speeds[np.abs(speeds - usual) <= NEAR_MODE * usual]
         if len(straight) >= FEW:
             values.append(float(np.median(straight)))
             errors.append(1.25 * float(straight.std(ddof=1)) / math.sqrt(len(straight)))
     mean, spread = fit_uniform(np.array(values), np.array(errors))
-    if mean is not None:
-        mean = mean._replace(low=mean.low * (1 - SCALE_ERROR), high=mean.high * (1 + SCALE_ERROR))
-    return mean, spread
+    return mean._replace(low=mean.low * (1 - SCALE_ERROR), high=mean.high * (1 + SCALE_ERROR)), spread
 
 
-def _fit_clocks(robots: Robots, track: Track) -> tuple[Fitted | None, Fitted | None]:
+def _fit_clocks(robots: Robots, track: Track) -> tuple[Estimate, Estimate]:
     """Return the period of robots that see no flash, and the half-width of the factors by which clocks differ."""
     frame_s, cycles = 1 / track.fps, _cycles(robots)
     every = np.concatenate([*cycles, np.empty(0)])
     near = every[np.abs(every / track.period_s - 1) < 0.1]
-    if not len(near):
-        return None, None
     usual_s, _ = mean_shift(near, np.ones(len(near)), track.period_s, frame_s)
     own = [each[np.abs(each - usual_s) <= NEAR_CYCLE_FRAMES * frame_s] for each in cycles]
     if sum(map(len, own)) < SHARE_AT_MODE * len(every):
-        return None, None
+        return UNDETERMINED, UNDETERMINED
     many = [each for each in own if len(each) >= FEW]
     means, numbers = np.array([each.mean() for each in many]), np.array([len(each) for each in many])
     return fit_uniform(means, frame_s / np.sqrt(6 * numbers))
 
 
-def _fit_flash(robots: Robots, track: Track, period_s: float) -> Fitted | None:
+def _fit_flash(robots: Robots, track: Track, period_s: float) -> Estimate:
     durations = (robots.flashes.end_s - robots.flashes.onset_s)[:-1]
     usual = durations[np.abs(durations - track.flash_ms / 1000) <= 2 / track.fps]
     if len(usual) < FEW:
-        return None
+        return UNDETERMINED
     mean_s = float(usual.mean())
     # a robot in step with the camera has all its flashes cut in the same way
     error_s = 2 * float(usual.std(ddof=1)) / math.sqrt(len(robots.numbers))
     shortest_s = mean_s - error_s - LIT_SHARE / track.fps
-    return Fitted(mean_s / period_s, shortest_s / period_s, (mean_s + error_s) / period_s)
+    return Estimate(mean_s / period_s, shortest_s / period_s, (mean_s + error_s) / period_s)
 
 
-def _fit_rate(times_s: FloatArray) -> Fitted | None:
+def _fit_rate(times_s: FloatArray) -> Estimate:
     frames_s = np.diff(times_s)
     usual = frames_s[np.abs(frames_s / np.median(frames_s) - 1) < 0.5]
     if not len(usual):  # three frames, say, of which two are close together
-        return None
+        return UNDETERMINED
     error_s = 2 * float(usual.std()) / math.sqrt(len(usual)) + 1e-3 / len(usual)  # times are stamped in ms, say
     mean_s = float(usual.mean())
-    return Fitted(1 / mean_s, 1 / (mean_s + error_s), 1 / (mean_s - error_s))
+    return Estimate(1 / mean_s, 1 / (mean_s + error_s), 1 / (mean_s - error_s))
 
 
-def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Fitted | None, Fitted | None]:
+def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Estimate, Estimate]:
     """Return the mean, and the relative half-width, of a uniform distribution from which robots have their values.
 
     Values are 0 or more, and have standard errors. There is neither mean nor half-width of fewer than `FEW` robots, and
     no half-width of a mean whose interval reaches 0.
     """
     if len(values) < FEW:
-        return None, None
+        return UNDETERMINED, UNDETERMINED
     from scipy.special import ndtr  # noqa: PLC0415 takes a while to load
 
     errors = np.maximum(errors, max(1e-9 * np.abs(values).max(), LEAST_ERROR))
@@ -151,9 +138,8 @@ def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Fitted | None, 
     centre = float(means[place[0]])
     ends = [_ends(axis, likely.max(axis=other)) for axis, other in ((means, 1), (widths, 0))]
     if ends[0][0] <= 0:  # a mean that may be 0 has no relative half-width
-        return Fitted(centre, *ends[0]), None
-    widths_fitted = [each / centre for each in (float(widths[place[1]]), *ends[1])]
-    return Fitted(centre, *ends[0]), Fitted(*widths_fitted)
+        return Estimate(centre, *ends[0]), UNDETERMINED
+    return Estimate(centre, *ends[0]), Estimate(float(widths[place[1]]), *ends[1]).apply(lambda width: width / centre)
 
 
 def _ends(grid: FloatArray, likely: FloatArray) -> tuple[float, float]:
@@ -232,10 +218,10 @@ class Verdict(NamedTuple):
     """Whether a film is like simulated trials, by all quantities together."""
 
     p_value: float
-    """Share of the film and the trials whose farthest quantity is at least as far from the others as the film's."""
-    caution: str
-    """Why the test may find nothing, and what to do; empty if there is no reason."""
+    """Share of the film and the trials whose farthest quantity is at least as far from the others as the film's; NaN if
+    nothing can be said."""
     sentence: str
+    """What is to be said, and what to do if that is little."""
 
 
 def judge(rows: Sequence[QuantityComparison]) -> Verdict:
@@ -246,11 +232,20 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
     trials = len(rows[0].trials)
     distances = np.array([row.distances() for row in rows])
     largest = np.abs(distances).max(axis=0)
+    if trials < FEWEST_TRIALS:
+        least = f"give --trials {FEWEST_TRIALS} or more"
+        return Verdict(math.nan, f"{trials} trials are too few to tell whether the film is like them; {least}")
     if not largest[0]:
-        return Verdict(math.nan, _caution(rows), "nothing can be said: the film and the trials tell nothing in common")
+        return Verdict(math.nan, "nothing can be said: the film and the trials tell nothing in common")
+    caution = ""
+    if 2 * rows[0].beyond > trials:
+        caution = (
+            f"{rows[0].beyond} of {trials} trials are not synchronised when the film ends, so film for longer; by what "
+            "it tells, "
+        )
     p_value = float(np.count_nonzero(largest >= largest[0]) / (1 + trials))
     if p_value > UNLIKE:
-        return Verdict(p_value, _caution(rows), f"the film is like the simulated trials (p = {p_value:.2g})")
+        return Verdict(p_value, f"{caution}the film is like the simulated trials (p = {p_value:.2g})")
     far = np.argsort(-np.abs(distances[:, 0]))[:MOST_NAMED]
     bound = np.sort(largest[1:])[-max(1, int(UNLIKE * trials))]
     named = [
@@ -258,21 +253,8 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
         for index in far
         if abs(distances[index, 0]) >= bound
     ]
-    sentence = f"the film is unlike the simulated trials (p = {p_value:.2g}): {' and '.join(named)} than theirs"
-    return Verdict(p_value, _caution(rows), sentence)
-
-
-def _caution(rows: Sequence[QuantityComparison]) -> str:
-    """Return why the test may find nothing."""
-    trials = len(rows[0].trials)
-    if trials < FEWEST_TRIALS:
-        return f"{trials} trials are too few to show that a film is unlike them; give --trials {FEWEST_TRIALS} or more"
-    if 2 * rows[0].beyond > trials:
-        return (
-            f"{rows[0].beyond} of {trials} trials are not synchronised when the film ends: it hardly tells whether "
-            "T_sync is theirs; film for longer"
-        )
-    return ""
+    unlike = f"the film is unlike the simulated trials (p = {p_value:.2g}): {' and '.join(named)} than theirs"
+    return Verdict(p_value, caution + unlike)
 
 
 def compare_film(
@@ -352,8 +334,7 @@ def _slow(_: Track, robots: Robots) -> float:
 
 
 def _clock_rates(track: Track, robots: Robots) -> float:
-    fitted = fit_film(track, robots).get("spread.clock_rate")
-    return fitted.value if fitted else math.nan
+    return fit_film(track, robots).get("spread.clock_rate", UNDETERMINED).value
 
 
 QUANTITIES = (
@@ -397,7 +378,7 @@ def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Float
     return frames_s, np.where(is_there[..., None], seen, np.nan), (begin | end) & is_there
 
 
-def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> dict[str, Fitted]:
+def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> dict[str, Estimate]:
     """Return what a film determines, by the keys that a scenario has.
 
     Of several groups of robots, a film does not show whose values are whose: it determines only those of the camera.
@@ -419,7 +400,7 @@ def check_one_group(scenario: EmbodiedScenario) -> None:
         )
 
 
-def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Fitted]) -> EmbodiedScenario:
+def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Estimate]) -> EmbodiedScenario:
     """Return a scenario with fitted values, and an exposure that is no longer than a frame.
 
     Raises:
@@ -435,7 +416,7 @@ def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Fitted]) -> Embod
     return with_values(scenario, {**values, "name": f"{scenario.name}-fitted"}, scenario.name)
 
 
-def save_fitted(path: Path, scenario: EmbodiedScenario, fitted: dict[str, Fitted], film: str) -> None:
+def save_fitted(path: Path, scenario: EmbodiedScenario, fitted: dict[str, Estimate], film: str) -> None:
     """Write a scenario that was fitted, with intervals as comments; raise EpuckSimError where it cannot be written."""
     lines = [f"# Fitted to {film}, with 95 % intervals; all else is as it was."]
     lines += [f"# {key}: {each.value:.6g} ({each.low:.6g} to {each.high:.6g})" for key, each in fitted.items()]

@@ -292,15 +292,12 @@ class VirtualCamera:
     def _frames_begun_by(self, time_s: float) -> Iterator[Frame]:
         while (begin_s := self._frames / self._section.frames_per_s) <= time_s + TIME_TOLERANCE_S:
             self._frames += 1
-            yield self._expose(begin_s)
+            samples = [self._sample(begin_s + (part + 0.5) / SAMPLES * self._exposure_s) for part in range(SAMPLES)]
+            is_lit = self._section.light == "lit" or begin_s < self._section.lit_start_s - TIME_TOLERANCE_S
+            yield Frame(begin_s, self._renderer.render(samples, room_is_lit=is_lit))
             next_s = self._frames / self._section.frames_per_s
             while len(self._steps) > 1 and self._steps[1][0] <= next_s:
                 self._steps.popleft()
-
-    def _expose(self, begin_s: float) -> Frame:
-        samples = [self._sample(begin_s + (part + 0.5) / SAMPLES * self._exposure_s) for part in range(SAMPLES)]
-        is_lit_start = begin_s < self._section.lit_start_s - TIME_TOLERANCE_S
-        return Frame(begin_s, self._renderer.render(samples, room_is_lit=is_lit_start or self._section.light == "lit"))
 
     def _sample(self, time_s: float) -> ExposureSample:
         """Return the robots at a moment of the film, interpolated between the steps around it."""
@@ -335,7 +332,9 @@ class Captions:
         time_s = max(0.0, frame.time_s - self._start_s)
         while len(self._states) > 1 and self._states[1][0] <= time_s + TIME_TOLERANCE_S:
             self._states.popleft()
-        text, picture = caption(time_s, *self._states[0][1:]), frame.picture.copy()
+        _, cycles, order = self._states[0]
+        more = "" if order is None else f"   cycle {cycles}   order parameter {order:.2f}"
+        text, picture = f"{time_s:.1f} s{more}", frame.picture.copy()
         letter_px = HEIGHT_SHARE * len(picture)
         left, base, edge_px = round(letter_px / 2), round(1.6 * letter_px), max(1, round(letter_px / 8))
         around = [(x, y) for x in (-edge_px, 0, edge_px) for y in (-edge_px, 0, edge_px) if x or y]
@@ -344,13 +343,3 @@ class Captions:
             scale = letter_px / CAPITAL_PX
             cv2.putText(picture, text, (left + x, base + y), cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
         return frame._replace(picture=picture)
-
-
-def caption(time_s: float, cycles: int, order_parameter: float | None) -> str:
-    """Return the caption: time alone until an order parameter is measured.
-
-    >>> caption(3.25, 0, None), caption(61, 12, 0.8)
-    ('3.2 s', '61.0 s   cycle 12   order parameter 0.80')
-    """
-    clock = f"{time_s:.1f} s"
-    return clock if order_parameter is None else f"{clock}   cycle {cycles}   order parameter {order_parameter:.2f}"

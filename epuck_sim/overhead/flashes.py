@@ -2,7 +2,7 @@
 
 import math
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Self
 
 import cv2
@@ -12,7 +12,6 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.camera import Frame, Geometry
 from epuck_sim.overhead.light import Background, LightMeter, RingLight
 from epuck_sim.overhead.rings import Ring, RingFinder
-from epuck_sim.overhead.synchrony import Evaluation, SynchronyDetector, is_synchronised
 
 REACH_CM = 2.5  # largest distance of a ring from its place in the frame before; less than the radius of a robot
 MAX_MISSED = 2  # number of frames in a row in which a lit ring may be missed
@@ -54,8 +53,7 @@ class FlashTable(NamedTuple):
     @property
     def speeds_cm_s(self) -> FloatArray:
         """(flashes,) speeds while lit."""
-        speeds: FloatArray = np.hypot(*self.velocities_cm_s.T)
-        return speeds
+        return np.asarray(np.hypot(*self.velocities_cm_s.T))
 
 
 class _Lit:
@@ -230,7 +228,7 @@ class RingCounter:
         self._times.append(frame.time_s)  # all at once: Ctrl-C, which ends a live film, must not come in between
         self._counts.append(len(rings))
         self._areas.append(area_px)
-        self._linker.add(frame.time_s, rings)
+        self.linker.add(frame.time_s, rings)
         self._outside += len(seen) - len(rings)
         self._rings.append(rings)
         return rings
@@ -238,25 +236,14 @@ class RingCounter:
     def _begin(self, start_s: float) -> None:
         self.start_s = start_s  # of the trial, on the film's clock; what was before is forgotten
         self._times, self._counts, self._areas = array("d"), array("q"), array("q")
-        self._linker = FlashLinker()
+        self.linker = FlashLinker()
         self._outside = 0
 
     def _on_floor(self, rings: list[Ring]) -> list[Ring]:
-        return [ring for ring in rings if self._geometry.is_on_floor(ring.x_cm, ring.y_cm)]
-
-    def lit_since(self, time_s: float) -> int:
-        """Return the number of rings in the last frame that have been lit since before a time."""
-        return self._linker.lit_since(time_s)
-
-    @property
-    def times_s(self) -> FloatArray:
-        """(frames,) s: times of the trial's frames."""
-        return np.array(self._times, np.float64)
-
-    @property
-    def counts(self) -> IntArray:
-        """(frames,) lit rings in each of the trial's frames."""
-        return np.array(self._counts, np.int64)
+        """Return what may be robots' rings: a robot at a wall is its radius inside, its image as far outside."""
+        width_cm, height_cm = self._geometry.floor_cm
+        is_known = self._geometry.knows_floor
+        return [ring for ring in rings if not is_known or (0 <= ring.x_cm <= width_cm and 0 <= ring.y_cm <= height_cm)]
 
     def counted(self) -> CountedRings:
         """Return what has been counted so far."""
@@ -264,50 +251,12 @@ class RingCounter:
         return CountedRings(
             frames=len(self._rings),
             start_s=self.start_s,
-            times_s=self.times_s,
-            counts=self.counts,
+            times_s=np.array(self._times, np.float64),
+            counts=np.array(self._counts, np.int64),
             areas_px=np.array(self._areas, np.int64),
-            flashes=self._linker.flashes,
+            flashes=self.linker.flashes,
             outside=self._outside,
             always_lit=[] if background is None else self._on_floor(self._finder.find(RingLight(background, False))),
             geometry=self._geometry,
             rings=self._rings,
         )
-
-
-class TrackedFrame(NamedTuple):
-    """A frame of a film, and what is known once it has been processed."""
-
-    frame: Frame
-    rings: Sequence[Ring]
-    start_s: float
-    """Beginning of the trial on the film's clock."""
-    evaluation: Evaluation | None
-    """The evaluation that this frame completed."""
-    histogram_s: float | None
-    """First mode around which the histogram was narrow enough, on the film's clock."""
-
-
-def track_frames(
-    frames: Iterable[Frame],
-    counter: RingCounter,
-    period_s: float,
-    threshold_s: Callable[[], float],
-    steady: Callable[[float], int],
-) -> Iterator[TrackedFrame]:
-    """Process frames one by one as they are asked for.
-
-    `threshold_s` returns the threshold of the histogram, as far as it can be estimated by then; `steady` how many of
-    the rings in a frame, whose time it is given, stay lit: they do not count.
-    """
-    detector: SynchronyDetector | None = None
-    histogram_s = None
-    for frame in frames:
-        start_before_s = counter.start_s
-        rings = counter.process(frame)
-        if detector is None or counter.start_s != start_before_s:
-            detector, histogram_s = SynchronyDetector(period_s, counter.start_s), None
-        evaluation = detector.update(frame.time_s, max(0, len(rings) - steady(frame.time_s)))
-        if evaluation is not None and histogram_s is None and is_synchronised(evaluation, threshold_s()):
-            histogram_s = evaluation.time_s
-        yield TrackedFrame(frame, rings, counter.start_s, evaluation, histogram_s)

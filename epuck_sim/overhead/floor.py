@@ -151,8 +151,7 @@ def _outline_corners(shade: Float32Array) -> FloatArray | None:
 def _intersection(point: FloatArray, along: FloatArray, before: FloatArray, back: FloatArray) -> FloatArray:
     """Return (2,) px: where two lines meet, each a point and the vector to another; far away if they are parallel."""
     cross, gap = along[0] * back[1] - along[1] * back[0], before - point
-    meeting: FloatArray = point + along * ((gap[0] * back[1] - gap[1] * back[0]) / (cross or 1e-9))
-    return meeting
+    return np.asarray(point + along * ((gap[0] * back[1] - gap[1] * back[0]) / (cross or 1e-9)))
 
 
 def _is_around_middle(corners: FloatArray, shape: tuple[int, ...]) -> bool:

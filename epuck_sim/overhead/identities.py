@@ -247,8 +247,7 @@ class Habits(NamedTuple):
     def _cycle_density(self, share: FloatArray) -> FloatArray:
         place = np.floor((share - SHORTEST) / (LONGEST - SHORTEST) * BINS).astype(int)
         inside = (place >= 0) & (place < BINS)
-        density: FloatArray = np.where(inside, self.cycles[np.clip(place, 0, BINS - 1)], 0.0)
-        return density
+        return np.asarray(np.where(inside, self.cycles[np.clip(place, 0, BINS - 1)], 0.0))
 
     def _parts(self, ways: Ways) -> FloatArray:
         """Return (3, ways) densities of a way's end if it is straight, has one turn, or is anything, times `kinds`."""
@@ -265,13 +264,11 @@ class Habits(NamedTuple):
         turned = np.where(ways.has_turn, late * where / spread, 0.0)
         area = np.minimum(math.pi * (length + REACH_CM) ** 2, self.floor_cm[0] * self.floor_cm[1])
         anything = np.where(ways.distance <= length + REACH_CM, 1 / (math.tau * area), 0.0)
-        parts: FloatArray = self.kinds[:, None] * np.array([straight, turned, anything])
-        return parts
+        return np.asarray(self.kinds[:, None] * np.array([straight, turned, anything]))
 
 
 def _normal(off: FloatArray, spread: FloatArray | float) -> FloatArray:
-    density: FloatArray = np.exp(-((off / spread) ** 2) / 2) / (spread * math.sqrt(math.tau))
-    return density
+    return np.asarray(np.exp(-((off / spread) ** 2) / 2) / (spread * math.sqrt(math.tau)))
 
 
 def commonest_speed(speeds_cm_s: FloatArray) -> float:
@@ -304,12 +301,10 @@ def ways_between(flashes: FlashTable, first: IntArray, second: IntArray, habits:
 
 
 def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    product: FloatArray = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    return product
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
 
 
 def _directions(vectors: FloatArray) -> FloatArray:
     """Return (n, 2) vectors of length 1; (1, 0) for those of length 0."""
     length = np.hypot(*vectors.T)[:, None]
-    unit: FloatArray = np.where(length > 0, vectors / np.maximum(length, 1e-12), (1.0, 0.0))
-    return unit
+    return np.asarray(np.where(length > 0, vectors / np.maximum(length, 1e-12), (1.0, 0.0)))

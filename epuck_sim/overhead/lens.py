@@ -14,9 +14,7 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.camera import Frame, Lens, Light
 from epuck_sim.scenario.base import Positive, WholeNumber
-from epuck_sim.util.atomic_write import atomic_write, check_target
-
-SUFFIX = ".json"
+from epuck_sim.util.atomic_write import atomic_write
 
 APART_S = 0.5  # time between frames in which the board is searched
 
@@ -155,15 +153,8 @@ def _fit_lens(views: list[View], size_px: tuple[int, int], is_fisheye: bool) -> 
     return float(error), np.asarray(matrix, float), np.asarray(terms, float)
 
 
-def check_lens_target(path: Path) -> None:
-    """Raise FilmError if a lens cannot be written to a path, or its name does not end in .json."""
-    if path.suffix != SUFFIX:
-        raise FilmError(f"{path}: is no name for a lens; allowed: names that end in {SUFFIX}")
-    check_target(path)
-
-
 def save_lens(path: Path, lens: LensFile) -> None:
-    """Write the file of a lens, whose name was checked."""
+    """Write the file of a lens; raise EpuckSimError where it cannot be written."""
     with atomic_write(path) as part:
         part.write_text(lens.model_copy(update={"digest": _digest(lens)}).model_dump_json(indent=2) + "\n")
 

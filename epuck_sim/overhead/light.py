@@ -111,6 +111,6 @@ class LightMeter:
 def _beyond_usual(light: Light, floor: BoolArray) -> Light:
     """Return (rows, columns) the light beyond the median of the floor in its row."""
     sampled = floor[:, ::SAMPLED]
-    ascending = np.sort(np.where(sampled, light[:, ::SAMPLED], 255), axis=1)
+    ascending = np.sort(np.where(sampled, light[:, ::SAMPLED], 255), axis=1, kind="stable")  # by radix
     usual = ascending[np.arange(len(light)), np.count_nonzero(sampled, axis=1) // 2]
     return np.asarray(np.maximum(light, usual[:, None]) - usual[:, None], np.uint8)

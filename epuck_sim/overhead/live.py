@@ -7,7 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import chain
@@ -18,15 +18,14 @@ import cv2
 import numpy as np
 
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.annotate import Annotator
+from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import TrackOptions, calibrate
 from epuck_sim.overhead.camera import Frame, Picture, ProgressWrapper
 from epuck_sim.overhead.film import FilmWriter, growing_film_file
-from epuck_sim.overhead.flashes import RingCounter, TrackedFrame, track_frames
+from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.light import is_lit
-from epuck_sim.overhead.synchrony import is_synchronised
-from epuck_sim.overhead.track import RingWriter, Track, analyse, current_threshold_s, ring_writer
+from epuck_sim.overhead.track import RingWriter, Track, analyse, ring_writer, track_frames
 from epuck_sim.util.atomic_write import growing_text
 from epuck_sim.util.machine import HOST, check_port
 
@@ -37,12 +36,13 @@ HEAD_FRAMES = 90  # frames kept while a camera is calibrated, so that their flas
 LIVE_FRAMES = 30  # number of frames in which rings are studied while a live camera waits, once the room is dark
 LIVE_LIT_S = 30.0  # time for which a live camera waits for the room to be dark before it is tracked as it is
 
-LOOK_S = 0.02  # time after which a page looks for a newer picture
-BOUNDARY = "picture"
 PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>
 <body style="margin:0;background:#111;display:grid;place-items:center;min-height:100vh">
-<img src="/film" alt="{title}: rings found, and the histogram" style="max-width:100vw;max-height:100vh">
+<img src="/film" alt="{title}: rings found, and the histogram" style="max-width:100vw;max-height:100vh"
+ onload="setTimeout(() => this.src = '/film?' + Date.now(), 50)"
+ onerror="setTimeout(() => this.src = '/film?' + Date.now(), 500)">
 </body></html>"""
+"""A page that asks for the newest picture again and again, at most 20 times a second."""
 
 Tell = Callable[[str], None]
 """Tells the user something at once, in a sentence."""
@@ -95,16 +95,10 @@ def track_camera(
         taken = (head.popleft() for _ in range(len(head)))  # and forgotten: pictures are large
         frames = progress(chain(taken, map(outputs.record, _until_unplugged(live.frames(), ends))), None)
 
-        def threshold_s() -> float:
-            return current_threshold_s(counter, period_s, options)
-
-        def steady(time_s: float) -> int:
-            return counter.lit_since(time_s - period_s / 2)
-
         try:
-            for tracked in track_frames(frames, counter, period_s, threshold_s, steady):
+            for tracked in track_frames(frames, counter, period_s, options):
                 outputs.write(tracked)
-                if tracked.evaluation is None or not is_synchronised(tracked.evaluation, threshold_s()):
+                if tracked.evaluation is None or tracked.histogram_s is None:
                     continue
                 track = analyse(live.name, counter.counted(), options, tuple(live.warnings))
                 if track.t_sync_s is not None:
@@ -288,7 +282,7 @@ class LiveCamera:
 
 
 class LivePage:
-    """The newest picture of a film, for browsers that wait for it; `live_page` makes one."""
+    """The newest picture of a film, for browsers that ask for it; `live_page` makes one."""
 
     address: str
     """Where browsers find it."""
@@ -307,39 +301,22 @@ def live_page(title: str, port: int) -> Iterator[LivePage]:
     Raises:
         PortError: The port cannot be used.
     """
-    page, is_over = LivePage(), threading.Event()
+    page = LivePage()
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             # a page of the web may have a name of its own that leads to this machine
             if self.headers.get("Host") not in [f"{name}:{server.server_port}" for name in (HOST, "localhost")]:
                 self.send_error(403, "ask for 127.0.0.1 or localhost")
-            elif self.path == "/film":
-                self._begin(f"multipart/x-mixed-replace; boundary={BOUNDARY}")
-                self._send_film()
-            elif self.path == "/":
-                self._begin("text/html; charset=utf-8")
-                self.wfile.write(PAGE.format(title=escape(title)).encode())
-            else:
-                self.send_error(404)
-
-        def _begin(self, kind: str) -> None:
+                return
+            html = "text/html; charset=utf-8", PAGE.format(title=escape(title)).encode()
+            kind, content = ("image/jpeg", page.jpeg) if self.path.startswith("/film") else html
             self.send_response(200)
             self.send_header("Content-Type", kind)
             self.send_header("Cache-Control", "no-store")
-            self.end_headers()
-
-        def _send_film(self) -> None:
-            sent = b""
-            while not is_over.wait(LOOK_S):
-                if page.jpeg == sent:
-                    continue
-                sent = page.jpeg
-                head = f"--{BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(sent)}\r\n\r\n"
-                try:
-                    self.wfile.write(head.encode() + sent + b"\r\n")
-                except OSError:
-                    return  # the browser has left
+            with suppress(OSError):  # the browser has left
+                self.end_headers()
+                self.wfile.write(content)
 
         def log_message(self, *_: object) -> None:
             """Keep the terminal for what is told of the film."""
@@ -353,7 +330,6 @@ def live_page(title: str, port: int) -> Iterator[LivePage]:
     try:
         yield page
     finally:
-        is_over.set()
         server.shutdown()
         server.server_close()
         thread.join()

@@ -23,7 +23,7 @@ from epuck_sim.arena import Arena, brightness_at
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.geometry import contains
 from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Picture, overhead_camera
-from epuck_sim.overhead.tags import tag_corners_cm, tag_count, tag_modules, tag_pattern
+from epuck_sim.overhead.tags import tag_corners_cm, tag_dictionary, tag_modules, tag_pattern
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import with_values
 from epuck_sim.scenario.overhead import OverheadSection
@@ -165,8 +165,10 @@ class Renderer:
             for place, radius in zip(sample.movables, self._movable_cm, strict=True):
                 _draw_circle(image, self._floor_cm, place[0], place[1], radius)
             robots = self._robots(sample)
-            bodies = farthest_first(_in_arena(robots), camera.position_cm)
-            draw_bodies(image, camera, bodies)
+            bodies = _in_arena(robots)
+            from_axis_cm = np.hypot(*(bodies[:, :2] - camera.position_cm[:2]).T)
+            farthest_first = np.argsort(-from_axis_cm, kind="stable")  # none is hidden by one farther out
+            draw_bodies(image, camera, bodies[farthest_first])
             if tags is not None:
                 draw_tags(image, camera, robots, tags, float(self._section.tag_cm))
             image[self._lamps] = LAMP
@@ -276,8 +278,7 @@ def bounding_boxes(
     low = np.floor(pixels.min(axis=(0, 2)))
     high = np.ceil(pixels.max(axis=(0, 2))) + 1
     bounds = np.clip(np.stack([low, high], axis=-1), 0, [[camera.width_px], [camera.height_px]])
-    boxes: IntArray = bounds[:, ::-1].reshape(-1, 4).astype(np.int64)
-    return boxes
+    return np.asarray(bounds[:, ::-1].reshape(-1, 4).astype(np.int64))
 
 
 def reach_cm(light: float, bloom: float) -> float:
@@ -393,12 +394,6 @@ def _is_within(points: npt.NDArray[np.floating], arena: Arena, margin_cm: float)
     return within[..., 0] & within[..., 1]
 
 
-def farthest_first(robots: FloatArray, eye_cm: FloatArray) -> FloatArray:
-    """Return robots, farthest from the camera's axis first: none is hidden by one farther out."""
-    order = np.argsort(-np.hypot(robots[:, 0] - eye_cm[0], robots[:, 1] - eye_cm[1]), kind="stable")
-    return robots[order]
-
-
 def draw_bodies(image: Float32Array, camera: CameraModel, robots: FloatArray) -> None:
     """Draw robots one after the other, each over those before: cylinders with a mark that points ahead."""
     for x, y, heading, radius, height in robots[:, :5]:
@@ -415,7 +410,7 @@ def draw_bodies(image: Float32Array, camera: CameraModel, robots: FloatArray) ->
 def draw_tags(image: Float32Array, camera: CameraModel, robots: FloatArray, dictionary: str, side_cm: float) -> None:
     """Draw on each robot that is there the tag with its number, if the dictionary has it; side: of the black border."""
     paper_cm = side_cm * (1 + 1 / tag_modules(dictionary))
-    for number, robot in enumerate(robots[: tag_count(dictionary)]):
+    for number, robot in enumerate(robots[: len(tag_dictionary(dictionary).bytesList)]):
         if not np.isnan(robot[0]):
             corners = camera.project(tag_corners_cm(robot[:3], paper_cm, float(robot[4])))
             _draw_between(image, _tag_levels(dictionary, number), corners)

@@ -236,6 +236,10 @@ def _close_gaps(view: Light, width: float) -> Light:
     return np.asarray(cv2.morphologyEx(view, cv2.MORPH_CLOSE, disc), np.uint8)
 
 
+FixedPointMap = tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]
+"""OpenCV's map: (rows, columns, 2) whole pixels, and (rows, columns) fractions of one."""
+
+
 class RectifiedView(NamedTuple):
     """The plane of the rings seen straight from above: a grid of square cells along the arena's axes, row 0 lowest."""
 
@@ -243,32 +247,29 @@ class RectifiedView(NamedTuple):
     """(2,) middle of the cell in row 0, column 0."""
     cells_per_cm: int
     """Resolution; a multiple of `COARSE_PER_CM`."""
-    pixels: npt.NDArray[np.int16]
-    """(rows, columns, 2) whole pixels of OpenCV's fixed-point map from cells to the picture."""
-    fractions: npt.NDArray[np.uint16]
-    """(rows, columns) fractions of a pixel of that map."""
-    coarse_pixels: npt.NDArray[np.int16]
-    """The same map for the coarse grid."""
-    coarse_fractions: npt.NDArray[np.uint16]
+    fine: FixedPointMap
+    """From cells to the picture."""
+    coarse: FixedPointMap
+    """The same for the coarse grid."""
     smooth_px: int
     """Side of the square of pixels that a cell of the coarse grid shows."""
 
-    def sample(self, light: Light) -> Light:
-        """Return (rows, columns) the view of one channel of a picture, (height_px, width_px)."""
-        return np.asarray(cv2.remap(light, self.pixels, self.fractions, cv2.INTER_LINEAR), np.uint8)
+    def sample(self, light: Light, part: tuple[slice, slice] = np.s_[:, :]) -> Light:
+        """Return (rows, columns) the view, or a part of it, of one channel of a picture, (height_px, width_px)."""
+        pixels, fractions = self.fine
+        return np.asarray(cv2.remap(light, pixels[part], fractions[part], cv2.INTER_LINEAR), np.uint8)
 
     def around(self, light: Light, column: float, row: float, gaps_cm: float) -> tuple[Light, int, int]:
         """Return the part of the view from which a ring around a cell is fitted, and its first column and row."""
         half = math.ceil((REACH_CM + CLOSE_CM) * self.cells_per_cm)
         left, low = max(int(column) - half, 0), max(int(row) - half, 0)
         part = slice(low, int(row) + half), slice(left, int(column) + half)
-        view = cv2.remap(light, self.pixels[part], self.fractions[part], cv2.INTER_LINEAR)
-        return _close_gaps(np.asarray(view, np.uint8), gaps_cm * self.cells_per_cm), left, low
+        return _close_gaps(self.sample(light, part), gaps_cm * self.cells_per_cm), left, low
 
     def match(self, light: Light, gaps_cm: float) -> Float32Array:
         """Return how much a ring seems to be around each cell of the coarse grid: light on it less light inside."""
         smooth = cv2.blur(light, (self.smooth_px, self.smooth_px))
-        coarse = cv2.remap(smooth, self.coarse_pixels, self.coarse_fractions, cv2.INTER_LINEAR)
+        coarse = cv2.remap(smooth, *self.coarse, cv2.INTER_LINEAR)
         coarse = _close_gaps(np.asarray(coarse, np.uint8), gaps_cm * COARSE_PER_CM)
         return np.asarray(cv2.filter2D(coarse, cv2.CV_32F, _RING_FILTER), np.float32)
 
@@ -299,7 +300,7 @@ def rectified_view(camera: CameraModel) -> RectifiedView:
     fine = np.asarray(cv2.resize(coarse, None, fx=cells, fy=cells))  # linear: lenses bend little within 5 mm
     smooth_px = 2 * round((camera.lens.focal_px / above_cm / COARSE_PER_CM - 1) / 2) + 1
     maps = _fixed_point_map(fine[cells:-cells, cells:-cells]), _fixed_point_map(coarse[1:-1, 1:-1])
-    return RectifiedView(low, cells * COARSE_PER_CM, *maps[0], *maps[1], max(smooth_px, 1))
+    return RectifiedView(low, cells * COARSE_PER_CM, *maps, max(smooth_px, 1))
 
 
 def _map_of_plane(camera: CameraModel, first_cm: FloatArray, size: tuple[int, int]) -> FloatArray:
@@ -318,11 +319,10 @@ def _is_stray(camera: CameraModel, pixels: FloatArray, first_cm: FloatArray) -> 
         return np.zeros((rows, columns), bool)
     back = camera.back_project(pixels.reshape(-1, 2), epuck.RING_HEIGHT_CM).reshape(rows, columns, 2)
     cells = np.dstack(np.meshgrid(np.arange(columns), np.arange(rows)))
-    strays: BoolArray = np.abs(back - first_cm - cells / COARSE_PER_CM).max(axis=2) > STRAY_CM
-    return strays
+    return np.asarray(np.abs(back - first_cm - cells / COARSE_PER_CM).max(axis=2) > STRAY_CM)
 
 
-def _fixed_point_map(cells: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint16]]:
+def _fixed_point_map(cells: npt.NDArray[Any]) -> FixedPointMap:
     """Return OpenCV's map from (rows, columns, 3) cells: column, row, and whether the picture does not show it."""
     at_column, at_row = np.moveaxis(np.where(cells[..., 2:] > 0, -10, cells[..., :2]), -1, 0)  # no light is outside
     whole, fractions = cv2.convertMaps(at_column.astype(np.float32), at_row.astype(np.float32), cv2.CV_16SC2)
@@ -446,5 +446,4 @@ def _outline(profile: Light, expected: FloatArray, level: float) -> FloatArray:
     total = weights.sum(axis=1)
     middles = expected + (weights * away).sum(axis=1) / np.maximum(total, RIDGE)
     design = _DESIGN * total[:, None]
-    outline: FloatArray = np.linalg.solve(_DESIGN.T @ design + RIDGE * np.eye(5), design.T @ middles)
-    return outline
+    return np.asarray(np.linalg.solve(_DESIGN.T @ design + RIDGE * np.eye(5), design.T @ middles))

@@ -157,8 +157,7 @@ def _whose(flashes: FlashTable, numbers: IntArray, poses: FloatArray, times_s: F
     at = poses[np.clip(middle, 0, len(times_s) - 1), :, :2]
     distances = np.linalg.norm(at - flashes.places_cm[:, None], axis=2)
     distances = np.where(np.isnan(distances), np.inf, distances)
-    whose: IntArray = np.where(distances.min(axis=1) <= NEAR_CM, numbers[distances.argmin(axis=1)], -1)
-    return whose
+    return np.asarray(np.where(distances.min(axis=1) <= NEAR_CM, numbers[distances.argmin(axis=1)], -1))
 
 
 def _listed(numbers: Iterable[int]) -> str:
@@ -193,8 +192,7 @@ def order_of_shares(shares: FloatArray) -> FloatArray:
     number = known.sum(axis=1)
     total = np.where(known, np.exp(2j * np.pi * np.nan_to_num(shares)), 0.0).sum(axis=1)
     is_enough = number >= max(2.0, MOST_KNOWN * shares.shape[1])
-    order: FloatArray = np.where(is_enough, np.abs(total) / np.maximum(number, 1), np.nan)
-    return order
+    return np.asarray(np.where(is_enough, np.abs(total) / np.maximum(number, 1), np.nan))
 
 
 def pairs(robots: Robots) -> list[Pair]:

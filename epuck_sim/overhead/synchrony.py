@@ -1,7 +1,7 @@
 """Estimates the period of oscillators and detects synchrony, by onsets or by the histogram of thesis 4.3.1, Fig. 4.6.
 
-`times_s` are (n,) times of frames, `counts` (n,) the lit rings in them. A frame stands for the time until the next one,
-so frames may come at any rate, be dropped or be doubled; what was lit in a longer gap is unknown.
+`times_s` are (n,) times of frames, rising, `counts` (n,) the lit rings in them. A frame stands for the time until the
+next one, so frames may come at any rate or be dropped; what was lit in a longer gap is unknown.
 
 The mode is the largest count within half a period on either side. It is a run of frames with one count, and its time is
 the middle of the run; with that of its first frame, the window would lie half a flash too early. Of equal modes less
@@ -46,13 +46,10 @@ class Evaluation(NamedTuple):
 
 
 class SynchronyDetector:
-    """Evaluates the histogram of a film, frame by frame; keeps the counts of one period, however long the film is.
+    """Evaluates the histogram of a film, frame by frame; keeps the counts of one period, however long the film is."""
 
-    Frames before the time at which robots start are ignored, and those that are not after the frame before.
-    """
-
-    def __init__(self, period_s: float, start_s: float) -> None:
-        self._period_s, self._start_s = period_s, start_s
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
         self._times: list[float] = []
         self._counts: list[int] = []
         self._run_s = 0.0  # first frame with the last count
@@ -60,17 +57,13 @@ class SynchronyDetector:
         self._earliest_s = 0.0  # earliest time of the next mode
 
     def update(self, time_s: float, count: int) -> Evaluation | None:
-        """Add a frame; return the evaluation that it completes, if it completes one.
+        """Add a frame, after those before; return the evaluation that it completes, if it completes one.
 
         It is complete half a period after its mode, or later where frames are missing. A mode less than half a period
         after the first frame is not evaluated, because the period around it was not filmed.
         """
         if not self._times:
-            if time_s < self._start_s:
-                return None
             self._run_s, self._earliest_s = time_s, time_s + self._period_s / 2
-        elif time_s <= self._times[-1]:
-            return None
         elif count != self._counts[-1]:
             if self._counts[-1] and time_s - self._run_s < self._period_s:  # a light that is longer is no flash
                 self._runs.append(((self._run_s + time_s) / 2, self._counts[-1]))
@@ -100,9 +93,9 @@ class SynchronyDetector:
         return evaluation
 
 
-def evaluate(times_s: FloatArray, counts: IntArray, period_s: float, start_s: float) -> list[Evaluation]:
+def evaluate(times_s: FloatArray, counts: IntArray, period_s: float) -> list[Evaluation]:
     """Return all evaluations of a film; see `SynchronyDetector`."""
-    detector = SynchronyDetector(period_s, start_s)
+    detector = SynchronyDetector(period_s)
     evaluations = map(detector.update, times_s.tolist(), counts.tolist())
     return [evaluation for evaluation in evaluations if evaluation is not None]
 
@@ -121,8 +114,7 @@ def _around(middle_s: float, period_s: float, times_s: FloatArray, counts: IntAr
 def frame_ends(times_s: FloatArray, end_s: float) -> FloatArray:
     """Return (n,) s: the time until which each of two frames or more stands; the last one until `end_s` at most."""
     longest_s = MAX_HOLD_INTERVALS * np.median(np.diff(times_s))
-    ends_s: FloatArray = np.minimum(np.append(times_s[1:], end_s), times_s + longest_s)
-    return ends_s
+    return np.asarray(np.minimum(np.append(times_s[1:], end_s), times_s + longest_s))
 
 
 def is_synchronised(evaluation: Evaluation, threshold_s: float) -> bool:
@@ -247,7 +239,6 @@ def estimate_period_s(times_s: FloatArray, counts: IntArray) -> float | None:
     shortened, each by a different time; so the longest of nearly equally common times is taken. Clusters of nearly
     equal size that are spaced evenly over the period, all film long, look like one cluster of a shorter period.
     """
-    times_s, counts = _increasing(times_s, counts)
     if len(times_s) < 4:
         return None
     frame_s = float(np.median(np.diff(times_s)))
@@ -265,7 +256,6 @@ def estimate_flash_s(times_s: FloatArray, counts: IntArray) -> float | None:
     All light over the number of times that a ring goes on would be too long where one goes on as another goes off, and
     too short where a lit ring is missed in a frame and seems to go on twice.
     """
-    times_s, counts = _increasing(times_s, counts)
     onsets, ends = _changes(times_s, counts, 1), _changes(times_s, counts, -1)
     if not len(onsets[0]) or not len(ends[0]):
         return None
@@ -273,12 +263,6 @@ def estimate_flash_s(times_s: FloatArray, counts: IntArray) -> float | None:
     lit_s = (frame_ends(times_s, times_s[-1]) - times_s) @ counts / onsets[1].sum()
     lags_s = _common_lags_s(onsets, ends, (0.0, 2 * lit_s + frame_s), frame_s)
     return float(lags_s[0]) if len(lags_s) else None
-
-
-def _increasing(times_s: FloatArray, counts: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return the frames whose times are after those of all frames before."""
-    is_later = np.append(True, times_s[1:] > np.maximum.accumulate(times_s)[:-1])[: len(times_s)]
-    return times_s[is_later], counts[is_later]
 
 
 def _correlated_lag_s(times_s: FloatArray, counts: IntArray, frame_s: float) -> float | None:
@@ -306,8 +290,7 @@ def _on_grid(times_s: FloatArray, counts: IntArray, frame_s: float) -> FloatArra
     corners_s = np.column_stack([times_s, ends_s]).ravel()
     lit_s = np.append(0.0, np.repeat(np.cumsum((ends_s - times_s) * counts), 2)[:-1])
     edges_s = np.arange(times_s[0], times_s[-1] + 1.5 * frame_s, frame_s)
-    means: FloatArray = np.diff(np.interp(edges_s, corners_s, lit_s)) / frame_s
-    return means
+    return np.asarray(np.diff(np.interp(edges_s, corners_s, lit_s)) / frame_s)
 
 
 def _autocorrelation(values: FloatArray) -> FloatArray:
@@ -370,8 +353,7 @@ def _peaks_s(lags_s: FloatArray, weights: FloatArray, frame_s: float) -> FloatAr
     density = np.convolve(histogram, _gaussian(np.arange(-12, 13) / 4), "same")
     peaks = _local_maxima(density)
     common = peaks[density[peaks] >= NEARLY_AS_COMMON * density.max()]
-    middles_s: FloatArray = edges_s[common] + bin_s / 2
-    return middles_s
+    return np.asarray(edges_s[common] + bin_s / 2)
 
 
 def _local_maxima(values: FloatArray) -> IntArray:
@@ -392,5 +374,4 @@ def mean_shift(lags_s: FloatArray, weights: FloatArray, start_s: float, frame_s:
 
 def _gaussian(frames: FloatArray) -> FloatArray:
     """Return the kernel of the density, as wide as a frame: one lag may appear as two that differ by one."""
-    density: FloatArray = np.exp(-(frames**2) / 2)
-    return density
+    return np.asarray(np.exp(-(frames**2) / 2))

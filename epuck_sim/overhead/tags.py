@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.overhead.camera import CameraModel, Light, Picture
+from epuck_sim.overhead.camera import CameraModel, Frame, Light, Picture
 
 BRIGHT = 200.0  # level to which the paper of tags is brightened: OpenCV's thresholds are those of well lit pictures
 MAX_GAIN = 10.0  # largest factor by which pictures are brightened: more would show noise alone
@@ -31,11 +31,6 @@ LARGEST_TAG_CM = 4 * epuck.RADIUS_CM  # largest square that is taken for a tag, 
 def tag_dictionary(name: str) -> cv2.aruco.Dictionary:
     """Return OpenCV's dictionary of a name such as 4X4_50."""
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
-
-
-def tag_count(name: str) -> int:
-    """Return the number of tags in a dictionary."""
-    return len(tag_dictionary(name).bytesList)
 
 
 def tag_modules(name: str) -> int:
@@ -94,26 +89,18 @@ class TagReader:
             cv2.aruco.ArucoDetector(tag_dictionary(dictionary), _parameters(camera, dictionary, windows_cm))
             for windows_cm in (WINDOWS_CM[:1], WINDOWS_CM)
         )
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget all that was read."""
         self._most = 0  # tags that a picture had so far
         self._rows: list[tuple[float, ...]] = []
 
-    def add(self, time_s: float, tags: Sequence[Tag]) -> None:
-        """Keep the tags of the next frame."""
-        self._rows += [(time_s, *tag[:4]) for tag in tags]
-
-    @property
-    def readings(self) -> Readings:
-        """All tags that were kept."""
+    def readings(self, start_s: float) -> Readings:
+        """Return all tags that were read from a time on."""
         rows = np.array(self._rows).reshape(-1, 5)
+        rows = rows[rows[:, 0] >= start_s]
         return Readings(rows[:, 0], rows[:, 1].astype(np.int64), rows[:, 2:])
 
-    def read(self, picture: Picture) -> list[Tag]:
-        """Return the tags in a picture, (height_px, width_px, 3) levels, by their numbers."""
-        bright = _brightened(picture)
+    def read(self, frame: Frame) -> list[Tag]:
+        """Keep and return the tags in the next frame, by their numbers."""
+        bright = _brightened(frame.picture)
         corners, numbers, _ = self._quick.detectMarkers(bright)
         if len(corners) < self._most:  # some are gone, or hard to see
             corners, numbers, _ = self._thorough.detectMarkers(bright)
@@ -127,7 +114,9 @@ class TagReader:
         headings = np.arctan2(ahead[:, 1], ahead[:, 0]).tolist()
         papers_px = middles + PAPER_SIZE * (pixels - middles)
         rows = zip(np.ravel(numbers).tolist(), x, y, headings, papers_px, strict=True)
-        return sorted(map(Tag._make, rows), key=lambda tag: tag[:4])
+        tags = sorted(map(Tag._make, rows), key=lambda tag: tag[:4])
+        self._rows += [(frame.time_s, *tag[:4]) for tag in tags]
+        return tags
 
 
 def _parameters(camera: CameraModel, dictionary: str, windows_cm: Sequence[float]) -> cv2.aruco.DetectorParameters:

@@ -3,7 +3,7 @@
 import csv
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import compress
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.annotate import Annotator
+from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import TrackOptions, calibrate, described_geometry, excerpt, parse_metadata
 from epuck_sim.overhead.camera import Frame, Geometry, Picture, ProgressWrapper
 from epuck_sim.overhead.film import film_file, open_film
@@ -23,7 +23,6 @@ from epuck_sim.overhead.flashes import (
     Flash,
     FlashTable,
     RingCounter,
-    TrackedFrame,
     count_lit,
     count_places,
     join_broken,
@@ -33,11 +32,12 @@ from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import (
     ORDER_PARAMETER,
     Evaluation,
+    SynchronyDetector,
     estimate_flash_s,
     estimate_period_s,
     evaluate,
     first_synchronised,
-    frame_ends,
+    is_synchronised,
 )
 from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.verdict import Evidence, doubts, objections, why_never
@@ -176,15 +176,31 @@ def track_film(
     reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
     with open_film(name) as film, ring_table(rings) as write_rings:
         for frame in progress(excerpt(film.frames(), options), film.duration_s):
-            tags = [] if reader is None else reader.read(frame.picture)
+            tags = [] if reader is None else reader.read(frame)
             write_rings(frame, counter.process(frame, [tag.paper_px for tag in tags]))
-            if reader is not None:
-                if frame.time_s == counter.start_s:
-                    reader.restart()
-                reader.add(frame.time_s, tags)
         warnings = tuple(film.warnings)
     track = analyse(name, counter.counted(), options, warnings)
-    return track if reader is None else track._replace(tags=reader.readings)
+    return track if reader is None else track._replace(tags=reader.readings(track.start_s))
+
+
+def track_frames(
+    frames: Iterable[Frame], counter: RingCounter, period_s: float, options: TrackOptions
+) -> Iterator[TrackedFrame]:
+    """Process frames one by one as they are asked for, with the threshold that `analyse` would choose by then."""
+    detector: SynchronyDetector | None = None
+    histogram_s = None
+    for frame in frames:
+        start_before_s = counter.start_s
+        rings = counter.process(frame)
+        if detector is None or counter.start_s != start_before_s:
+            detector, histogram_s = SynchronyDetector(period_s), None
+        steady = counter.linker.lit_since(frame.time_s - period_s / 2)  # rings that stay lit do not count
+        evaluation = detector.update(frame.time_s, max(0, len(rings) - steady))
+        if evaluation is not None and histogram_s is None:
+            counted = counter.counted()
+            threshold_s = options.threshold_s(period_s, _flash_s(counted.times_s, counted.counts, period_s))
+            histogram_s = evaluation.time_s if is_synchronised(evaluation, threshold_s) else None
+        yield TrackedFrame(frame, rings, counter.start_s, evaluation, histogram_s)
 
 
 def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
@@ -254,7 +270,8 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     if not counted.counts.any():
         raise FilmError(
             f"{film}: no lit ring is seen in {counted.frames} frames; is it the right film, are the rings about 7 cm "
-            "wide, and is the exposure long enough? If --corners, --arena-cm or --height-cm were given, check them"
+            "wide, and is the exposure long enough? If --corners, --arena-cm, --height-cm, --start-s or --end-s were "
+            "given, check them"
         )
     if len(times_s) < 2:
         raise FilmError(f"{film}: its trial is one frame long; allowed: two or more, preferably several periods")
@@ -268,7 +285,7 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     flash_s = _flash_s(times_s, counts, period_s)
     flashes = join_broken(flashes, flash_s)
     threshold_s = options.threshold_s(period_s, flash_s)
-    evaluations = evaluate(times_s, counts, period_s, start_s)
+    evaluations = evaluate(times_s, counts, period_s)
     sync = first_synchronised(evaluations, threshold_s)
     lit_always = count_places([*(ring[:2] for ring in counted.always_lit), *(each[2:4] for each in steady)])
     evidence = Evidence(
@@ -286,8 +303,6 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
     t_sync_s = None if reasons else in_order_s
     histogram_s = None if reasons or sync is None else sync.time_s
     frame_s = float(np.median(np.diff(times_s)))
-    frames_s = frame_ends(times_s, times_s[-1]) - times_s
-    lit_s = frames_s * counts / flash_s  # all rings' light over that of one flash
     return Track(
         film=film,
         frames=counted.frames,
@@ -303,7 +318,7 @@ def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: t
         always_lit=lit_always,
         position_error_mm=10 * geometry.error_cm or None,
         robots_seen=evidence.most_lit,
-        flashes_per_period=float(lit_s.sum() / frames_s.sum()) * period_s,
+        flashes_per_period=evidence.flashes_per_period,
         t_sync_s=_since(start_s, t_sync_s),
         t_sync_periods=_since(start_s, t_sync_s, period_s),
         t_sync_cycles=None if t_sync_s is None else evidence.cycles_at(t_sync_s),
@@ -343,11 +358,6 @@ def without_steady(
     if not others:
         return flashes, (), counts
     return others, steady, np.maximum(counts - count_lit(steady, times_s), 0)
-
-
-def current_threshold_s(counter: RingCounter, period_s: float, options: TrackOptions) -> float:
-    """Return the threshold that `analyse` would choose from the counts so far."""
-    return options.threshold_s(period_s, _flash_s(counter.times_s, counter.counts, period_s))
 
 
 def _flash_s(times_s: FloatArray, counts: IntArray, period_s: float) -> float:

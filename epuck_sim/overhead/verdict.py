@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim import epuck
-from epuck_sim.arrays import IntArray
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.overhead import LEAST_ORDER
 from epuck_sim.overhead.flashes import CountedRings, FlashTable
 from epuck_sim.overhead.rings import DISC_LIGHT
 from epuck_sim.overhead.synchrony import (
@@ -25,7 +26,6 @@ MOST_OF_USUAL = 0.6  # the same where their number is not known, relative to the
 FEWEST_PER_ROBOT = 0.65  # flashes of a robot in a period below which some are missed
 MOST_PER_ROBOT = 1.9  # flashes of one above which something else flashes; coupling of 1 gave 18.6 of ten robots
 FROM_BEGINNING = 1.6  # time in periods until which T_sync means that nothing else was seen
-LEAST_ORDER = 0.5  # least order parameter that `track` takes as that of synchrony
 NEAR_ORDER = 0.85
 """Order parameter at the last flashes of a film from which the swarm may be synchronised, as flashes after its end may
 advance phases. All of 40 films that ended with T_sync had more, and 17 % of 186 that were cut before."""
@@ -39,6 +39,7 @@ TWIN_S = 0.1  # time by which a flash and its mirror image may seem to begin or 
 DIMMER = 0.8  # light of a mirror image, relative to that of its robot, at most
 STRAIGHT_CM = 1.0  # distance aside of a mirror image from the line across the wall through its robot
 COMMON_IMAGES = 0.1  # share of all flashes that look like mirror images from which it is not chance
+USUAL_PERIODS_S = (0.3, 60.0)  # bounds of periods in which robots are seen to flash; thesis 4.2.1 has 5 s
 ENOUGH_PERIODS = 3.5  # periods in a film below which the estimated period may be wrong
 WRONG_SIZE = 0.08  # relative error of the rings' size from which the scale is doubtful; blur and haze give half of it
 TILTED_DEG = 3.0  # tilt of a camera from which positions are doubtful if no corners are given
@@ -128,7 +129,7 @@ def objections(evidence: Evidence) -> list[str]:
         )
     if not found and at_s is None:
         if evidence.span_s[1] - evidence.span_s[0] < period_s:
-            return [f"no whole period of {period_s:.4g} s was seen; film for longer"]
+            return [f"no whole period of {period_s:.4g} s was seen; check --period-s, or film for longer"]
         near = order_at_end(evidence.flashes.onset_s, period_s, evidence.span_s[1], evidence.swarm)
         if near >= NEAR_ORDER:
             found.append(
@@ -147,7 +148,8 @@ def _about_robots(evidence: Evidence) -> list[str]:
         ]
     if robots is not None and not FEWEST_PER_ROBOT <= per_period / robots <= MOST_PER_ROBOT:
         return [
-            f"there were {per_period:.1f} flashes per period, but there are {robots} robots: check --robots, --period-s"
+            f"there were {per_period:.1f} flashes per period, but there are {robots} robots: check --robots, "
+            "--period-s, --fps"
         ]
     if evidence.sync is None:
         return []
@@ -155,8 +157,8 @@ def _about_robots(evidence: Evidence) -> list[str]:
     together = np.count_nonzero(np.abs(middles_s - evidence.sync.time_s) <= evidence.period_s / 2)
     if together >= evidence.usual_flashes:
         return []
-    usual = f"a usual period {per_period:.1f}" if robots is None else f"there are {robots} robots"
-    return [f"the narrow histogram holds {together} flashes, but {usual}"]
+    usual = f"a usual period {per_period:.1f}; give" if robots is None else f"there are {robots} robots; check"
+    return [f"the narrow histogram holds {together} flashes, but {usual} --robots"]
 
 
 def may_be_half_a_period(evidence: Evidence) -> bool:
@@ -185,16 +187,10 @@ def moves_cm(evidence: Evidence) -> tuple[float, float]:
 def _about_light(evidence: Evidence) -> list[str]:
     """Return how the total light contradicts the rings: it needs neither shapes nor sizes."""
     counted, sync = evidence.counted, evidence.sync
-    lit = counted.counts > 0
-    if not counted.areas_px.any() or np.count_nonzero(lit) < FEW:
+    by_light = np.rint(rings_by_light(counted.areas_px, counted.counts)).astype(np.int64)
+    if not by_light.any():
         return []
-    dark = np.quantile(counted.areas_px, 0.05) if lit.all() else np.median(counted.areas_px[~lit])
-    area = np.maximum(counted.areas_px - dark, 0.0)
-    both = lit & (area > 0)
-    if not both.any():
-        return []
-    by_light = np.rint(area / float(np.median(area[both] / counted.counts[both]))).astype(np.int64)
-    found = evaluate(counted.times_s, by_light, evidence.period_s, counted.start_s)
+    found = evaluate(counted.times_s, by_light, evidence.period_s)
     whole = [each for each in found if each.coverage >= MIN_COVERAGE]
     narrow_s = [each.time_s for each in whole if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
     late_s = LATE_PERIODS * evidence.period_s
@@ -213,18 +209,21 @@ def _about_light(evidence: Evidence) -> list[str]:
     return []
 
 
+def rings_by_light(areas_px: IntArray, counts: IntArray) -> FloatArray:
+    """Return (frames,) how many rings the lit areas are of, by the usual area of one; 0 if few frames show light."""
+    area = np.maximum(areas_px - np.quantile(areas_px, 0.05), 0.0)
+    lit = (counts > 0) & (area > 0)
+    usual_px = np.median(area[lit] / counts[lit]) if np.count_nonzero(lit) >= FEW else math.inf
+    return np.asarray(area / usual_px)
+
+
 def light_of_no_ring(areas_px: IntArray, counts: IntArray) -> float:
     """Return the share of the (frames,) light that is of no ring that is counted; 0 if few frames show light.
 
-    It is what exceeds as many times the usual area of a ring. A rolling shutter cuts rings in two, and short flashes
-    are then often missed.
+    A rolling shutter cuts rings in two, and short flashes are then often missed.
     """
-    area = areas_px - np.quantile(areas_px, 0.05)
-    lit = (counts > 0) & (area > 0)
-    if np.count_nonzero(lit) < FEW:
-        return 0.0
-    ring_area = float(np.median(area[lit] / counts[lit]))
-    return 1.0 - ring_area * float(counts.sum() / area.sum())
+    rings = float(rings_by_light(areas_px, counts).sum())
+    return 1.0 - float(counts.sum()) / rings if rings else 0.0
 
 
 def count_images(flashes: FlashTable) -> int:
@@ -246,7 +245,10 @@ def doubts(evidence: Evidence) -> list[str]:
     counted, flashes = evidence.counted, evidence.flashes
     found, geometry = [], counted.geometry
     if evidence.lit_always:
-        found.append(f"rings that stayed lit for longer than half a period, and are left out: {evidence.lit_always}")
+        found.append(
+            f"rings that stayed lit for longer than half a period, and are left out: {evidence.lit_always}; check "
+            "--period-s, or leave lamps beside the floor out by --corners"
+        )
     if counted.outside:
         found.append(
             f"rings outside of the floor, and left out: {counted.outside} in {len(counted.times_s)} frames; they are "
@@ -290,7 +292,10 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
     _, order, numbers = evidence.periods
     numbers = numbers[order >= evidence.order_parameter]
     if evidence.robots and len(numbers) and numbers[0] < evidence.robots:
-        found.append(f"at T_sync {numbers[0]} flashes are seen in a period, but there are {evidence.robots} robots")
+        found.append(
+            f"at T_sync {numbers[0]} flashes are seen in a period, but there are {evidence.robots} robots: "
+            "check --robots"
+        )
     elif evidence.robots is None and len(numbers):
         fewest, most = np.quantile(numbers, (0.1, 0.9), method="nearest").tolist()
         if fewest < most:
@@ -312,6 +317,10 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
         found.append(
             f"the period of {period_s:.4g} s is estimated from only {periods:.1f} periods of film; "
             "better give --period-s"
+        )
+    if not evidence.period_is_given and not USUAL_PERIODS_S[0] <= period_s <= USUAL_PERIODS_S[1]:
+        found.append(
+            f"the period is estimated, and robots hardly flash every {period_s:.3g} s; check --fps, or give --period-s"
         )
     if may_be_half_a_period(evidence):
         found.append(

@@ -16,7 +16,7 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.overhead.camera import Frame, overhead_camera
+from epuck_sim.overhead.camera import Frame, Geometry, overhead_camera
 from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.filming import VirtualCamera
 from epuck_sim.overhead.flashes import RingCounter
@@ -61,8 +61,12 @@ def write(path: Path, frames: Iterator[Frame], size: tuple[int, int]) -> int:
     return count
 
 
+def make_counter(section: OverheadSection) -> RingCounter:
+    return RingCounter(Geometry(overhead_camera(section, 60, 60), (60.0, 60.0), "the section", True))
+
+
 def track(path: Path, section: OverheadSection) -> int:
-    counter = RingCounter(overhead_camera(section, 60, 60))
+    counter = make_counter(section)
     with open_film(str(path)) as film:
         return sum(1 for frame in film.frames() if counter.process(frame) is not None)
 
@@ -109,7 +113,7 @@ def test_memory_of_an_hour(benchmark, steps, tmp_path) -> None:
     def hour() -> None:
         long = ((0.1 * number, *steps[number % len(steps)][1:]) for number in range(10 * HOUR_S))
         assert write(path, noting("filming", rendered(section, long)), (240, 240)) == REAL_TIME * HOUR_S - 1
-        counter = RingCounter(overhead_camera(section, 60, 60))
+        counter = make_counter(section)
         with open_film(str(path)) as film:
             for frame in noting("tracking", film.frames()):
                 counter.process(frame)

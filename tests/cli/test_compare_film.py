@@ -64,6 +64,9 @@ def test_a_film_is_shown_beside_trials_and_fitted(film, tmp_path, monkeypatch) -
     lab = load_scenario("lab.yaml")
     assert lab.robots[0].parameters["speed_cm_s"] == pytest.approx(fitted["value"], abs=1e-5)
     printed = call(*words).stdout
+    assert printed.startswith(
+        "3 trials are too few to tell whether the film is like them; give --trials 19 or more.\n\n"
+    )
     assert "speed straight ahead" in printed
     assert "A film does not tell coupling" in printed
     assert "commands" not in called("run", "lab.yaml", "--set", "stop.max_cycles=2", "--json")

@@ -24,11 +24,11 @@ THRESHOLD = 0.126
 
 def make_track(cycles: int, narrow_from: int | None = None, seconds: float | None = None) -> Track:
     """Return the track of a film in which flashes are spread at first, and close together from some cycle on."""
-    times = frames(seconds or START + (cycles + 1) * PERIOD)
+    times = START + frames(seconds or (cycles + 1) * PERIOD)
     widths = [0.01 if narrow_from is not None and cycle >= narrow_from else 0.12 for cycle in range(cycles + 2)]
     onsets = [START + 3 + PERIOD * cycle + width * np.arange(10) for cycle, width in enumerate(widths)]
     counts = counted(np.array(onsets), 0.375, times)
-    found = evaluate(times, counts, PERIOD, START)
+    found = evaluate(times, counts, PERIOD)
     sync = first_synchronised(found, THRESHOLD)
     at_s = None if sync is None else sync.time_s
     return TRACK._replace(
@@ -98,13 +98,13 @@ def test_snapshots_and_panels_show_counts_spreads_synchrony_and_the_threshold():
         assert any(set(line.get_xdata()) == {cycles} for line in axes.get_lines())
     assert any(np.allclose(line.get_ydata(), 1000 * THRESHOLD) for line in detector.get_lines())
     told = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert told == ["threshold: 126 ms", f"T_sync: {cycles:.1f} periods"]
+    assert told == ["threshold: 126 ms", f"by the histogram: {cycles:.1f} periods"]
 
 
 def test_a_gap_in_the_film_is_empty_in_the_figure_and_its_spread_is_an_empty_dot():
     seen = (LONG.times_s < 26.5) | (LONG.times_s > 29.5)
     times, counts = LONG.times_s[seen], LONG.counts[seen]
-    film = LONG._replace(times_s=times, counts=counts, evaluations=tuple(evaluate(times, counts, PERIOD, START)))
+    film = LONG._replace(times_s=times, counts=counts, evaluations=tuple(evaluate(times, counts, PERIOD)))
     shown, detector = panels(draw_track(film))[12:]
     (bars,) = [each for each in shown.patches if isinstance(each, StepPatch)]
     heights, edges, _ = bars.get_data()

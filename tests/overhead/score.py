@@ -1,5 +1,6 @@
 """How well a tracker found the rings of a film whose truth is known: recall, precision and error."""
 
+from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -61,3 +62,10 @@ def compare(reported_cm: FloatArray, lit_cm: FloatArray, flickering_cm: FloatArr
         worst_cm=float(nearest[is_found].max(initial=0.0)),
         squares_cm2=float((nearest[is_found] ** 2).sum()),
     )
+
+
+def score_rows(rows: Iterable[dict[str, float]], truth: Iterable[tuple[float, FloatArray, FloatArray]]) -> Score:
+    """Return how well a table of rings matches the truth: times of frames, and what is lit then, see `compare`."""
+    places = np.array([(row["time_s"], row["x_cm"], row["y_cm"]) for row in rows]).reshape(-1, 3)
+    scores = (compare(places[np.abs(places[:, 0] - time_s) < 2e-3, 1:], *lit_cm) for time_s, *lit_cm in truth)
+    return sum(scores, Score())

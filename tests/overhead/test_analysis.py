@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.flashes import Flash, RingCounter, count_lit, track_frames
+from epuck_sim.overhead.flashes import Flash, FlashLinker, RingCounter, count_lit
 from epuck_sim.overhead.light import LightMeter
 from epuck_sim.overhead.synchrony import spread_threshold_s
-from epuck_sim.overhead.track import Track, analyse, without_steady
+from epuck_sim.overhead.track import Track, analyse, track_frames, without_steady
 from tests.overhead.counts import counted, uneven
 from tests.overhead.films import code_rings, coded, make_geometry
 
@@ -30,11 +30,6 @@ def _rings_are_coded() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         code_rings(patch)
         yield
-
-
-@pytest.fixture
-def counter() -> RingCounter:
-    return make_counter()
 
 
 def make_counter() -> RingCounter:
@@ -113,6 +108,8 @@ def test_a_lamp_that_flickers_is_no_robot() -> None:
     still = tuple(Flash(k + 0.5, k + 0.6, 10.0 + 8 * n, 20.0, 50.0) for k in range(8) for n in range(4))
     for flashes in (tuple(robots), (*still, Flash(0.2, 0.3, 55.0, 55.0, 50.0))):
         assert without_steady(flashes, times_s, counts, 1.0)[1] == ()
+    long, short = (Flash(4.0, 4.0 + lit_s, 55.0, 5.0, 50.0) for lit_s in (3.0, 1.0))
+    assert without_steady((*robots, long, short), times_s, counts, None)[1] == (long,)
 
 
 def test_swarm_that_never_synchronises() -> None:
@@ -145,7 +142,7 @@ def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
 
 def test_fewer_rings_than_robots_are_doubted_once_they_are_synchronised() -> None:
     _, doubt = analysed(*swarm(), TrackOptions(period_s=1.0, robots=7)).warnings
-    assert doubt == "at T_sync 6 flashes are seen in a period, but there are 7 robots"
+    assert doubt == "at T_sync 6 flashes are seen in a period, but there are 7 robots: check --robots"
 
 
 @pytest.mark.parametrize(("frames", "lit"), [(0, 0), (1, 0), (100, 0), (60, 30)])
@@ -170,8 +167,9 @@ def test_trial_of_two_frames_has_few_results(counts: list[int]) -> None:
 # --- frame by frame --------------------------------------------------------------------------------
 
 
-def process_all(counter: RingCounter, counts: list[int], is_lit: list[bool]) -> RingCounter:
-    """Have a counter process frames that are half a second apart."""
+def process_all(counts: list[int], is_lit: list[bool]) -> RingCounter:
+    """Return a counter that has processed frames that are half a second apart."""
+    counter = make_counter()
     for frame in coded(np.arange(len(counts)) / 2, counts, is_lit):
         assert len(counter.process(frame)) == frame.picture[0, 0, 2]
     return counter
@@ -189,24 +187,26 @@ def process_all(counter: RingCounter, counts: list[int], is_lit: list[bool]) -> 
     ],
     ids=["dark", "begins lit", "all but one lit", "lit", "goes lit", "flickers"],
 )
-def test_trial_begins_with_the_first_dark_frame(counter: RingCounter, is_lit: list[bool], first: int) -> None:
-    process_all(counter, [3, 1, 4, 1, 5, 9], is_lit)
+def test_trial_begins_with_the_first_dark_frame(is_lit: list[bool], first: int) -> None:
+    counter = process_all([3, 1, 4, 1, 5, 9], is_lit)
     assert counter.start_s == first / 2
-    assert counter.counted().frames == 6
-    assert counter.times_s.tolist() == (np.arange(first, 6) / 2).tolist()
-    assert counter.counts.tolist() == [3, 1, 4, 1, 5, 9][first:]
+    counted = counter.counted()
+    assert counted.frames == 6
+    assert counted.times_s.tolist() == (np.arange(first, 6) / 2).tolist()
+    assert counted.counts.tolist() == [3, 1, 4, 1, 5, 9][first:]
 
 
-def test_ctrl_c_leaves_as_many_counts_as_times(counter: RingCounter, monkeypatch: pytest.MonkeyPatch) -> None:
-    process_all(counter, [1, 2], [False, False])
+def test_ctrl_c_leaves_as_many_counts_as_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    counter = process_all([1, 2], [False, False])
 
     def interrupt(*_: object) -> int:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(LightMeter, "lit_px", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        process_all(counter, [3], [False])
-    assert len(counter.times_s) == len(counter.counts) == len(counter.counted().areas_px) == 2
+        counter.process(next(coded([1.0], [3], [False])))
+    counted = counter.counted()
+    assert len(counted.times_s) == len(counted.counts) == len(counted.areas_px) == 2
 
 
 @given(
@@ -229,10 +229,13 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
     is_lit[[number for number in flickers if number < len(times_s)]] ^= True
     counter = make_counter()
     frames = coded(times_s, counts, is_lit)
-    tracked_frames = list(track_frames(frames, counter, 1.0, lambda: threshold_s, lambda _: 0))
-    if not counter.counts.any():
+    options = TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(FlashLinker, "lit_since", lambda *_: 0)
+        tracked_frames = list(track_frames(frames, counter, 1.0, options))
+    if not counter.counted().counts.any():
         return
-    track = analyse("film", counter.counted(), TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
+    track = analyse("film", counter.counted(), options, ())
     assume(not track.steady)  # overlapping flashes may seem to be one ring that stays lit
     last = tracked_frames[-1]
 

@@ -14,10 +14,10 @@ from epuck_sim.overhead.annotate import (
     STRIP_SHARE,
     WHITE,
     Annotator,
+    TrackedFrame,
     counts_by_column,
 )
 from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.flashes import TrackedFrame
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import Evaluation
 

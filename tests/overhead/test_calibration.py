@@ -194,6 +194,15 @@ def test_film_without_light_is_refused(frames: list[Frame]) -> None:
         calibrated(frames)
 
 
-def test_an_excerpt_that_begins_after_the_film_is_refused() -> None:
-    with pytest.raises(FilmError, match=r"^--start-s is 9, but the film ends at 0\.3 s; allowed: less$"):
-        list(excerpt(plain(0, 10), TrackOptions(start_s=9.0)))
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (TrackOptions(start_s=9.0), r"^--start-s is 9, but the film ends at 0\.3 s; allowed: less$"),
+        (TrackOptions(end_s=0.02), r"^--end-s is 0\.02, which leaves 1 of the film's frames; allowed: more"),
+        (TrackOptions(start_s=0.11, end_s=0.12), r"^--end-s is 0\.12, which leaves 0 of the film's frames"),
+    ],
+)
+def test_options_that_leave_less_than_two_frames_are_blamed(options: TrackOptions, said: str) -> None:
+    with pytest.raises(FilmError, match=said):
+        list(excerpt(plain(0, 10), options))
+    assert len(list(excerpt(plain(0, 1), TrackOptions(end_s=0.02)))) == 1  # the film's own fault

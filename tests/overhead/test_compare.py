@@ -60,7 +60,6 @@ def test_a_verdict_names_what_is_far_off(off: float, way: str) -> None:
     verdict = judge(rows_of([5.0, 5.0, 5.0 + off], trials))
     assert verdict.p_value == pytest.approx(1 / 41)
     assert verdict.sentence == f"the film is unlike the simulated trials (p = 0.024): flash is {way} than theirs"
-    assert verdict.caution == ""
 
 
 def test_what_is_not_known_is_not_judged() -> None:
@@ -72,17 +71,19 @@ def test_what_is_not_known_is_not_judged() -> None:
     assert (math.isnan(verdict.p_value), "nothing can be said" in verdict.sentence) == (True, True)
 
 
-def test_too_few_trials_and_too_short_a_film_are_said_first() -> None:
+def test_too_few_trials_and_too_short_a_film_are_said_in_the_one_sentence() -> None:
     trials = 5 + np.random.default_rng(3).standard_normal((40, 1))
-    assert judge(rows_of([99.0], trials[:18])).caution == (
-        "18 trials are too few to show that a film is unlike them; give --trials 19 or more"
-    )
-    assert judge(rows_of([99.0], trials[:19])).caution == ""
+    few = judge(rows_of([99.0], trials[:18]))
+    assert few.sentence == "18 trials are too few to tell whether the film is like them; give --trials 19 or more"
+    assert math.isnan(few.p_value)
     enough = judge(rows_of([99.0], trials[:19]))
-    assert (enough.p_value, "is unlike" in enough.sentence) == (0.05, True)
+    assert (enough.p_value, enough.sentence[:18]) == (0.05, "the film is unlike")
     trials[:21] = math.inf
     verdict = judge(rows_of([math.inf], trials))
-    assert verdict.caution.startswith("21 of 40 trials are not synchronised when the film ends")
+    assert verdict.sentence.startswith(
+        "21 of 40 trials are not synchronised when the film ends, so film for longer; by"
+    )
+    assert "the film is like" in verdict.sentence
     assert verdict.p_value > UNLIKE
 
 

@@ -9,7 +9,7 @@ from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.track import Track, track_film
 from tests.overhead.films import passed, read_rings
-from tests.overhead.score import Score, compare
+from tests.overhead.score import score_rows
 from tests.overhead.webcam import GOOD, KINDS, Extra, Swarm, Webcam, shoot, swarm
 
 NOWHERE = np.empty((0, 2))
@@ -26,15 +26,11 @@ class Tracked:
         with film_file(film, *camera.size_px, {}) as writer:
             for frame, lit_cm in shoot(camera, filmed, **more):
                 writer.write(frame)
-                truth.append((frame.time_s, lit_cm))
+                truth.append((frame.time_s, lit_cm, NOWHERE))
         floor = tuple((float(x), float(y)) for x, y in camera.floor_px(filmed.arena_cm))
         options = TrackOptions(filmed.arena_cm, camera.above_cm, floor)._replace(**known)
         self.track: Track = track_film(str(film), options, table, passed)
-        rows = read_rings(table)
-        self.score = Score()
-        for time_s, lit_cm in truth:
-            reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 2e-3]
-            self.score += compare(np.array(reported).reshape(-1, 2), lit_cm, NOWHERE)
+        self.score = score_rows(read_rings(table), truth)
 
 
 @pytest.mark.parametrize(
@@ -72,20 +68,3 @@ def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_p
     assert tracked.confidence == "low"
     assert any("outside of the floor" in warning for warning in tracked.warnings)
     assert any("stayed lit" in warning for warning in tracked.warnings)
-
-
-@pytest.mark.parametrize(
-    ("robots", "known"),
-    [
-        (swarm(6, 7, 0, seed=3, period_s=2.0, groups=2, swing_cm=0.3), {}),
-        (swarm(4, 4, 1, seed=4, period_s=2.0), {"period_s": 2.0, "robots": 9}),
-    ],
-    ids=["groups in turn", "robots that are not there"],
-)
-def test_what_cannot_be_told_is_not_answered(robots: Swarm, known: dict, tmp_path: Path) -> None:
-    tracked = Tracked(tmp_path, GOOD, robots, scale=0.4, frames_per_s=12.0, **known).track
-    assert tracked.histogram_s is None
-    if known:
-        assert any("9 robots" in reason for reason in tracked.reasons)
-    elif tracked.period_s < 1.5:
-        assert any(f"{2 * tracked.period_s:.4g} s be the period" in reason for reason in tracked.reasons)

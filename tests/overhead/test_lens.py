@@ -15,7 +15,6 @@ from epuck_sim.overhead.lens import (
     Board,
     View,
     calibrate_lens,
-    check_lens_target,
     find_views,
     read_lens,
     save_lens,
@@ -135,8 +134,3 @@ def test_files_that_are_no_lens_of_this_camera_are_refused(tmp_path, text, why) 
         path.write_text(text)
     with pytest.raises(FilmError, match=rf"lens\.json: .*{why}"):
         read_lens(path, (480, 480))
-
-
-def test_another_name_is_refused(tmp_path) -> None:
-    with pytest.raises(FilmError, match=r"lens\.yaml: is no name for a lens; allowed: .*\.json"):
-        check_lens_target(tmp_path / "lens.yaml")

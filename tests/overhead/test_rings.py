@@ -67,6 +67,10 @@ def test_finds_rings_lit_for_a_part_of_the_exposure_but_no_sliver():
     assert rings_in(picture_of([(20.0, 20.0)], gain=0.01)) == []
 
 
+def test_reflections_in_walls_are_weaker_than_rings():
+    found([(8.0, 30.0), (30.0, 52.0)], gloss=0.08, field_of_view_deg=45.0)
+
+
 @pytest.mark.parametrize("look", [
     {"led_points": True, "gain": 2.0}, {"bloom": 0.2}, {"blur_px": 1.5}, {"gain": 0.2}, {"gain": 3.0},
     {"tilt_deg": 25.0, "turn_deg": 130.0, "width_px": 640},
@@ -214,7 +218,7 @@ def test_the_rectified_view_shows_what_the_pixels_there_show(settings):
 def test_the_view_of_a_camera_that_sees_the_horizon_is_bounded_and_dark_beyond_the_fold_of_its_lens():
     camera = camera_of(tilt_deg=60.0, width_px=320, height_px=240, field_of_view_deg=61.0, distortion=-0.2)
     view = rectified_view(camera)
-    rows, columns = view.fractions.shape
+    rows, columns = view.fine[1].shape
     assert max(rows, columns) <= (2 * MAX_REACH_HEIGHTS * camera.position_cm[2] + 1) * view.cells_per_cm
     assert rows * columns <= 1.1 * MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px
     shown = view.sample(np.full((240, 320), 255, np.uint8)).ravel()

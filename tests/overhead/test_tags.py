@@ -7,28 +7,23 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera import overhead_camera
+from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash
-from epuck_sim.overhead.render import ExposureSample, Renderer
+from epuck_sim.overhead.render import ExposureSample
 from epuck_sim.overhead.robots import find_robots, flash_columns, summary, trace_columns
 from epuck_sim.overhead.tags import Readings, TagReader, tag_corners_cm, tag_pattern
 from epuck_sim.overhead.track import Track
-from epuck_sim.scenario.overhead import OverheadSection
+from tests.overhead.cameras import make_renderer
 from tests.overhead.films import TRACK
 
-SIDE_CM = 36.0
+ARENA = make_arena(36, 36, [], [])
 POSES = np.array([(8.0, 9.0, 0.4), (27.0, 10.0, 2.0), (10.0, 27.0, -3.0), (26.0, 26.0, -1.1)])
 TIMES = np.arange(60) / 10
 
 
-def section(**settings: object) -> OverheadSection:
-    return OverheadSection(width_px=240, height_px=240, tags="4X4_50", **settings)
-
-
 def shown(poses=POSES, lit=(), in_the_light=True, **settings: object):
     """Return a camera, and its picture of robots with tags of which some are lit."""
-    camera = overhead_camera(section(**settings), SIDE_CM, SIDE_CM)
-    renderer = Renderer(section(**settings), camera, make_arena(SIDE_CM, SIDE_CM, [], []), 0)
+    camera, renderer = make_renderer(ARENA, width_px=240, height_px=240, tags="4X4_50", **settings)
     on = np.isin(np.arange(len(poses)), lit)
     return camera, renderer.render([ExposureSample(poses, on)], room_is_lit=in_the_light)
 
@@ -44,7 +39,7 @@ def shown(poses=POSES, lit=(), in_the_light=True, **settings: object):
 )
 def test_tags_are_read_where_robots_are(in_the_light: bool, lit: tuple[int, ...], settings: dict) -> None:
     camera, picture = shown(lit=lit, in_the_light=in_the_light, **settings)
-    tags = TagReader(camera, "4X4_50").read(picture)
+    tags = TagReader(camera, "4X4_50").read(Frame(0.0, picture))
     assert [tag.number for tag in tags] == [0, 1, 2, 3]
     for tag, (x, y, heading) in zip(tags, POSES, strict=True):
         assert math.hypot(tag.x_cm - x, tag.y_cm - y) < 0.15
@@ -64,11 +59,9 @@ def test_the_pattern_has_white_around_it() -> None:
 def test_tags_of_a_film_are_gathered() -> None:
     camera, picture = shown()
     reader = TagReader(camera, "4X4_50")
-    reader.add(0.0, reader.read(picture))
-    reader.restart()
-    for time_s, shown_then in ((1.0, picture), (2.0, np.zeros_like(picture)), (3.0, picture)):
-        reader.add(time_s, reader.read(shown_then))
-    readings = reader.readings
+    for time_s, shown_then in ((0.0, picture), (1.0, picture), (2.0, np.zeros_like(picture)), (3.0, picture)):
+        reader.read(Frame(time_s, shown_then))
+    readings = reader.readings(1.0)
     assert readings.time_s.tolist() == [1] * 4 + [3] * 4
     assert readings.number.tolist() == [0, 1, 2, 3] * 2
     assert readings.poses.shape == (8, 3)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from epuck_sim.epuck import RING_HEIGHT_CM
-from epuck_sim.overhead.annotate import Annotator
+from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
 from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.flashes import Flash, TrackedFrame
+from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.track import Track, annotate_film, ring_table, snapshot, track_film
 from tests.overhead.films import (
@@ -26,7 +26,7 @@ from tests.overhead.films import (
     save,
     shoot,
 )
-from tests.overhead.score import Score, compare
+from tests.overhead.score import score_rows
 from tests.overhead.small_films import write_packets
 
 TIMES = even(4.5)
@@ -50,13 +50,12 @@ def tracked(named: str) -> Track:
     return track_film(named, TrackOptions(), Path(named).with_suffix(".csv"), passed)
 
 
-def score(rows: list[dict[str, float]], times_s: Any, ring_on: Any) -> Score:
-    """Compare a table of rings with where they were lit."""
-    total = Score()
-    for time_s, on in zip(times_s, ring_on, strict=True):
-        reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 2e-3]
-        total += compare(np.array(reported).reshape(-1, 2), PLACES[on], np.empty((0, 2)))
-    return total
+def worst_cm(path: Path, times_s: Any) -> float:
+    """Return how far a table of rings is off where they were lit, after the check that it has all of them."""
+    truth = ((time_s, PLACES[on], np.empty((0, 2))) for time_s, on in zip(times_s, LIT, strict=True))
+    score = score_rows(read_rings(path), truth)
+    assert (score.found, score.missed, score.false) == (LIT.sum(), 0, 0)
+    return score.worst_cm
 
 
 # --- a film that is whole ---------------------------------------------------------------------------
@@ -85,7 +84,7 @@ def test_trial_begins_in_the_dark(tracked: Track, tmp_path: Path) -> None:
     assert track.duration_s == pytest.approx(4.5, abs=1e-3)
     assert track.counts.tolist() == tracked.counts.tolist()
     assert track.histogram_s == pytest.approx(tracked.histogram_s, abs=1e-3)
-    assert score(read_rings(tmp_path / "rings.csv"), 1 + TIMES, LIT).worst_cm <= 0.3
+    assert worst_cm(tmp_path / "rings.csv", 1 + TIMES) <= 0.3
     assert snapshot(track).time_s == pytest.approx(3.5, abs=0.1)
     assert len(snapshot(track).rings_px) == 6
 
@@ -95,7 +94,7 @@ def test_lit_film_is_tracked(tmp_path: Path, tracked: Track) -> None:
     track = track_film(name, TrackOptions(), tmp_path / "rings.csv", passed)
     assert track.start_s == 0
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
-    assert score(read_rings(tmp_path / "rings.csv"), TIMES, LIT).worst_cm <= 0.2
+    assert worst_cm(tmp_path / "rings.csv", TIMES) <= 0.2
     assert track.histogram_s == pytest.approx(tracked.histogram_s)
 
 

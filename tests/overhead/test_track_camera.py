@@ -1,12 +1,11 @@
 """A camera is tracked while it films; what it saw is shown and written as it goes."""
 
-import itertools
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
-import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterable, Iterator
@@ -105,6 +104,15 @@ def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Fra
     assert (frames_in(seen), frames_in(record)) == (track.frames, camera.given)
 
 
+def test_a_camera_that_films_before_the_room_is_dark_waits_until_it_is(plug: Plug) -> None:
+    times_s, told = even(5.5), []
+    plug(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
+    track = watch(TrackOptions(corners_px=CORNERS_PX, robots=6), told.append)
+    assert told == ["the room is lit; tracking begins when it is dark, or after 30 s"]
+    assert track.start_s == pytest.approx(1)
+    assert track.geometry.ring_light > 0
+
+
 def test_synchrony_that_is_not_believed_is_told_and_filmed_on(plug: Plug, reel: list[Frame]) -> None:
     camera, told = plug(reel), []
     track = watch(TrackOptions(robots=12, threshold_ms=50.0), told.append)
@@ -176,65 +184,54 @@ def test_what_was_written_until_a_kill_can_be_read(tmp_path: Path) -> None:
 
 def test_a_camera_is_shown_on_a_page(plug: Plug, reel: list[Frame]) -> None:
     told: list[str] = []
-    shown: list[int] = []
+    shown: list[bytes] = []
 
-    def tell(words: str) -> None:
-        told.append(words)
-        address = words.split(" ", maxsplit=1)[0]
-        threading.Thread(target=lambda: shown.append(len(read_pictures(address, 2))), daemon=True).start()
-
-    def slowly() -> Iterator[Frame]:
-        for frame in reel[70:]:
-            time.sleep(0.02 if shown else 0.3)
+    def delivered() -> Iterator[Frame]:
+        for frame in reel:
             yield frame
+            shown.append(read(told[0].split(" ", maxsplit=1)[0] + "film"))
 
-    plug(itertools.chain(reel[:70], slowly()))
-    track = watch(TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), tell, port=0)
-    assert track.frames == len(reel)
+    plug(delivered())
+    watch(TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), told.append, port=0)
     assert told[0].endswith("/ shows camera 7")
-    assert shown == [2]
+    sizes = {decoded(jpeg).shape for jpeg in shown[:2] + shown[-2:]}
+    assert len(sizes) == 2  # waiting, and with the histogram below
+    assert len(set(shown)) > 10
 
 
-def read_pictures(address: str, number: int) -> list[np.ndarray]:
-    """Return the next pictures on a page."""
-    pictures = []
-    with urllib.request.urlopen(f"{address}film", timeout=20) as stream:
-        for _ in range(number):
-            assert stream.readline() == b"--picture\r\n"
-            assert stream.readline() == b"Content-Type: image/jpeg\r\n"
-            length = int(stream.readline().split(b":")[1])
-            stream.readline()
-            pictures.append(cv2.imdecode(np.frombuffer(stream.read(length), np.uint8), cv2.IMREAD_COLOR))
-            stream.readline()
-    return pictures
+def read(address: str, host: str | None = None) -> bytes:
+    """Return what a browser on this machine reads, as if it had asked for a host."""
+    asked = urllib.request.Request(address, headers={"Host": host} if host else {})
+    with urllib.request.urlopen(asked, timeout=20) as answer:
+        return bytes(answer.read())
 
 
-def test_a_page_shows_this_machine_alone_the_newest_picture_until_it_ends() -> None:
+def decoded(jpeg: bytes) -> Any:
+    return cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_a_page_shows_this_machine_alone_the_newest_picture_until_it_ends(capfd: pytest.CaptureFixture[str]) -> None:
     red, before = np.full((40, 60, 3), (200, 0, 0), np.uint8), threading.active_count()
     with live_page("camera <7>", 0) as page:
-        here = page.address.replace("127.0.0.1", "localhost").split("/")[2]
-        named = urllib.request.Request(page.address, headers={"Host": here})
-        with urllib.request.urlopen(named, timeout=20) as answer:
-            assert "<title>camera &lt;7&gt;</title>" in answer.read().decode()
+        port = int(page.address.split(":")[2].strip("/"))
+        assert "<title>camera &lt;7&gt;</title>" in read(page.address, f"localhost:{port}").decode()
         for path in ("", "film"):
-            strange = urllib.request.Request(page.address + path, headers={"Host": "rebound.example"})
             with pytest.raises(urllib.error.HTTPError, match="403"):
-                urllib.request.urlopen(strange, timeout=20)
-        showing = threading.Timer(0.2, page.show, [red])
-        showing.start()
-        (shown,) = read_pictures(page.address, 1)
-        showing.join()
-        port = int(here.split(":")[1])
+                read(page.address + path, "rebound.example")
+        assert read(page.address + "film") == b""  # not yet
+        page.show(red)
+        shown = decoded(read(page.address + "film?1"))
         with pytest.raises(PortError, match=rf"port {port} cannot be used: .*; give another"), live_page("two", port):
             pass
-        page.jpeg = b""
-        reader = urllib.request.urlopen(page.address + "film", timeout=20)
         assert threading.active_count() > before
-    with reader:
-        assert reader.read() == b""
+        page.show(np.random.default_rng(0).integers(0, 256, (2000, 2000, 3), np.uint8))
+        with socket.create_connection(("127.0.0.1", port)) as leaving:  # without reading it
+            leaving.send(f"GET /film HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
+            leaving.recv(1)
     for thread in threading.enumerate():
         if "process_request_thread" in thread.name:
             thread.join(20)
     assert threading.active_count() == before
+    assert capfd.readouterr().err == ""
     assert shown.shape == red.shape
     assert np.abs(shown[:, :, ::-1].astype(int) - red).max() < 10
