@@ -135,6 +135,8 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	set -e; for axis in contact.robots=true,false robots.0.signal.occlusion=true,false once_per_sighting=false,true; do \
 	    $(BIN)/epuck-sim compare runs/embodiment --axis $$axis; \
 	done > docs/figures/embodiment.txt
+	$(BIN)/epuck-sim compare runs/wireless runs/wireless \
+	    --points 15,20 --points 16,21 --points 17,22 --points 18,23 --points 19,24 > docs/figures/wireless.txt
 	set -e; for sweep in random-walks broad-speeds; do $(BIN)/epuck-sim fit runs/$$sweep > docs/figures/$$sweep.txt; done
 	set -e; for axis in run_s=1,10 exponent=0,2; do \
 	    $(BIN)/epuck-sim compare runs/random-walks-robots --axis robots.0.parameters.$$axis; \

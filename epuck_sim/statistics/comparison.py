@@ -261,7 +261,7 @@ def comparison_tables(compared: Sequence[Comparison], points: Points) -> list[Ta
     letters = {name: chr(ord("A") + number) if number < 26 else str(number) for number, name in enumerate(names)}
     legend = [f"{letter}: {name}" for name, letter in letters.items()]
     title = "\n".join([f"{quantity(first.of, measure_unit(points[0]) or '')}, with 95 % intervals", *legend])
-    one, other = (letters[first.a], letters[first.b]) if is_one else ("first", "second")
+    one, other = (letters[first.a], letters[first.b]) if is_one and first.a != first.b else ("first", "second")
     headings = {"first": one, "second": other, "p_value": "p", "p_holm": "p (Holm)"}
     headings |= {"difference": f"{other} - {one}", "ratio": f"{other} / {one}"}
     for what in ("trials", "censored"):

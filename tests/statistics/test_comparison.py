@@ -109,6 +109,8 @@ def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
     samples = match_points([one, third], ["one", "third"], [[1, 0], [0, 1]])  # of which one has two axes alike
     assert [axes for axes, _ in samples.matches] == [{"points": "1, 0"}, {"points": "0, 1"}]
     assert len(comparison_tables(compare(samples), one)[0].to_csv().splitlines()) == 3
+    beside_itself = match_points([one, one], ["one", "one"], [[0, 1]])
+    assert comparison_tables(compare(beside_itself), one)[0].headings["difference"] == "second - first"
     with pytest.raises(EpuckSimError, match="--points: other has no point 3; allowed: 0 to 2"):
         match_points([one, other], ["one", "other"], [[0, 3]])
     with pytest.raises(EpuckSimError, match="--points is given 1 number; allowed: one of each of 2"):
