@@ -195,7 +195,11 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
         except pool.deaths as death:
             timeout_s = task.scenario.trial_timeout_s or math.inf
             is_late = time.monotonic() - began_s > timeout_s
-            yield [make_outcome(task, None, out_of_time(timeout_s) if is_late else f"its worker died: {death}")]
+            died = (
+                f"its worker died: {death}; run it alone to see why, by --point {task.point} --trial {task.trial}, or "
+                "give fewer --workers if memory has run out"
+            )
+            yield [make_outcome(task, None, out_of_time(timeout_s) if is_late else died)]
             return
 
 
