@@ -1,5 +1,6 @@
 """Scenarios: what is read, that what is written is read again, and quick versions."""
 
+import ast
 from contextlib import suppress
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import epuck_sim
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.simulation import ParticleSimulation
@@ -103,6 +105,13 @@ def test_a_description_is_followed_by_the_changes_that_may_have_made_it_untrue(s
     assert load_scenario("thesis", settings, axes).description == load_scenario("thesis").description + notes
     assert load_scenario("thesis", [*settings, "description=mine"], axes).description == "mine"
     assert load_scenario({}, settings, axes).description == ""
+
+
+def test_scenarios_are_read_at_the_edge_alone() -> None:
+    """By commands, the public functions that take what is read, and where a scenario names another one."""
+    trees = [ast.parse(path.read_bytes()) for path in Path(epuck_sim.__file__).parent.rglob("*.py")]
+    calls = [node.func for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    assert sum(getattr(function, "id", "") == "load_scenario" for function in calls) <= 8
 
 
 # --- written and read again, and what is just allowed -------------------------------------------------
