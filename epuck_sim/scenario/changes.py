@@ -162,22 +162,6 @@ def check_faults(faults: Sequence[FaultSection], groups: Sequence[RobotGroup]) -
                 )
 
 
-def check_oscillators(
-    faults: Sequence[FaultSection], groups: Sequence[RobotGroup], swept: Sequence[str], origin: str
-) -> None:
-    """Raise ScenarioError if a fault of oscillators may befall robots that are none; nothing is known of swept ones."""
-    for place, group, robots in members(groups):
-        concerned = [n for n, fault in enumerate(faults) if fault.changes == "phase" and fault.may_befall(robots)]
-        if not concerned or f"robots.{place}.controller" in swept:
-            continue
-        controller = find_controller(group.controller)
-        if not controller.is_oscillator:
-            raise ScenarioError(
-                f"{origin}: faults.{concerned[0]}: kind is {faults[concerned[0]].kind!r}, but robots.{place} are no "
-                f"oscillators: their controller is {controller.name}; give robots, the numbers of others"
-            )
-
-
 class TrialEvent(NamedTuple):
     """Something that changed in a trial."""
 
@@ -438,18 +422,36 @@ def check_schedule(
                     raise ValueError(f"{origin}.end: {fault} is a restart, which takes no time")
 
 
-def check_scheduled_controllers(
+def check_controllers(
+    faults: Sequence[FaultSection],
     schedule: Sequence[RobotScheduleEntry],
     groups: Sequence[RobotGroup],
     swept: Sequence[str],
     step_ms: int,
     origin: str,
 ) -> None:
-    """Raise ScenarioError if controllers do not take the parameters, or have the phases, that a schedule changes.
+    """Raise ScenarioError if controllers do not have the phases or parameters that faults and a schedule change.
 
     Nothing is known yet of groups whose controller is `swept`; all others have all their parameters.
     """
     known = {place: group for place, group in enumerate(groups) if f"robots.{place}.controller" not in swept}
+    for place, group, robots in members(groups):
+        of_phases = [
+            f"faults.{number}: kind is {fault.kind!r}, but"
+            for number, fault in enumerate(faults)
+            if fault.changes == "phase" and fault.may_befall(robots)
+        ]
+        displaced = ((number, entry.displace) for number, entry in enumerate(schedule) if entry.displace)
+        of_phases += (
+            f"schedule.{number}.displace:"
+            for number, displace in displaced
+            if displace.robots is None or set(displace.robots) & set(robots)
+        )
+        if of_phases and place in known and not (controller := find_controller(group.controller)).is_oscillator:
+            raise ScenarioError(
+                f"{origin}: {of_phases[0]} robots.{place} are no oscillators: their controller is {controller.name}; "
+                "give robots, the numbers of others"
+            )
     for number, entry in enumerate(schedule):
         where = f"{origin}: schedule.{number}"
         for place, values in entry.parameters().items():
@@ -459,7 +461,3 @@ def check_scheduled_controllers(
                 resolve_parameters(find_controller(group.controller), given, step_ms, f"{where}.set: robots.{place}")
         for (place, name), values in entry.sensor_parameters().items():
             sensor_parameters(groups[place].sensors, name, values, f"{where}.set: robots.{place}.sensors")
-        for place, group, robots in members(groups):
-            concerned = entry.displace and (entry.displace.robots is None or set(entry.displace.robots) & set(robots))
-            if concerned and place in known and not find_controller(group.controller).is_oscillator:
-                raise ScenarioError(f"{where}.displace: robots.{place} are no oscillators; give robots of others")

@@ -18,10 +18,9 @@ from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, 
 from epuck_sim.scenario.changes import (
     AnyFault,
     RobotScheduleEntry,
+    check_controllers,
     check_faults,
-    check_oscillators,
     check_schedule,
-    check_scheduled_controllers,
 )
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import ROBOT, RobotKind, check_readings
@@ -285,8 +284,7 @@ class EmbodiedScenario(Scenario):
             for number, group in enumerate(self.robots)
         )
         check_readings([group.sensors for group in robots], origin)
-        check_oscillators(self.faults, robots, swept, origin)
-        check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
+        check_controllers(self.faults, self.schedule, robots, swept, self.timing.step_ms, origin)
         sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
         arena = self.arena
         if arena.floor.picture is not None:

@@ -60,12 +60,6 @@ class TaskQueue:
         heappush(self._waiting, (-urgency, self._entries, iter(tasks)))
         self._count += len(tasks)
 
-    def put_back(self, tasks: Sequence[Task]) -> None:
-        """Take tasks back that were lost, but not with a worker of theirs."""
-        self._entries += 1
-        heappush(self._waiting, (-math.inf, -self._entries, iter(tasks)))
-        self._count += len(tasks)
-
     def give_back(self, tasks: Sequence[Task]) -> list[Task]:
         """Take tasks back that were lost with a worker, but return those that are lost for the second time."""
         again = [task for task in tasks if task[:2] in self._lost_once]
@@ -163,7 +157,7 @@ def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[
                 yield outcomes
     except pool.losses:
         for chunk in running.values():
-            queue.put_back(chunk)
+            queue.add(chunk, math.inf)
     return lost
 
 

@@ -58,10 +58,10 @@ def test_tasks_are_taken_in_the_order_of_their_urgency() -> None:
     taken = [*waiting.take(2)]
     for trials, urgency in (([10, 11], 2.0), ([20], math.inf), ([30, 31], 5.0), ([40], 2.0)):
         waiting.add([task(trial) for trial in trials], urgency)
-    waiting.put_back(taken[1:])
+    waiting.add(taken[1:], math.inf)
     assert len(waiting) == 8
     order = [each.trial for count in (3, 2, 9) for each in waiting.take(count)]
-    assert order == [1, 2, 20, 30, 31, 10, 11, 40]
+    assert order == [2, 20, 1, 30, 31, 10, 11, 40]
     assert not waiting
 
 
