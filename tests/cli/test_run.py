@@ -12,18 +12,12 @@ from epuck_sim.util import atomic_write
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, ROBOTS, SWEEPS, builtin_files
 from epuck_sim.util.messages import natural_order
 from tests.cli.commands import call, called, trials
+from tests.control.bench import with_step
 from tests.processes import COMMAND, start, wait_until
 
-BAD_STEP = """
-PARAMETERS = {}
-MEMORY = {"steps": int}
-def start(memory, parameters, random):
-    memory.steps = 0
-def step(sensors, memory, actuators, parameters, random):
-    memory.steps += 1
-    if memory.steps == 8:
-        raise ValueError("seven is enough")
-"""
+BAD_STEP = with_step(
+    "memory.steps += 1\n    if memory.steps == 8: raise ValueError('seven is enough')", MEMORY='{"steps": int}'
+)
 
 
 def test_json_is_one_object_a_trial_and_nothing_else_on_stdout() -> None:

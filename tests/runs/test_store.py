@@ -22,6 +22,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.provenance import host, versions
+from tests.control.bench import with_step
 from tests.runs.made_folders import outcome
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
@@ -31,16 +32,7 @@ DATABASE = "results.sqlite"
 FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}
 """Names of the files in a run folder without users' files."""
 
-MINE = """
-PARAMETERS = {"pace": 2.0, "loud": True}
-MEMORY = {}
-
-def start(memory, parameters, random):
-    pass
-
-def step(sensors, memory, actuators, parameters, random):
-    actuators.left_cm_s = parameters.pace
-"""
+MINE = with_step("actuators.left_cm_s = parameters.pace", PARAMETERS='{"pace": 2.0, "loud": True}')
 
 
 def scenario_of(sweep: dict | None, **changes) -> Scenario:

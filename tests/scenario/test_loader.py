@@ -23,6 +23,7 @@ from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from tests.cli.commands import call, refused
+from tests.control.bench import with_step
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
@@ -46,11 +47,7 @@ def test_a_model_alone_is_the_base_case_of_chapter_5() -> None:
 
 
 def test_a_file_is_read_with_what_lies_beside_it_and_is_called_after_itself(tmp_path) -> None:
-    (tmp_path / "mine.py").write_text(
-        "PARAMETERS = {'pace': 2.0}\nMEMORY = {}\n"
-        "def start(memory, parameters, random): pass\n"
-        "def step(sensors, memory, actuators, parameters, random): actuators.left_cm_s = parameters.pace\n"
-    )
+    (tmp_path / "mine.py").write_text(with_step("pass", PARAMETERS="{'pace': 2.0}"))
     (tmp_path / "scene.yaml").write_text("robots: [{controller: mine.py, count: 1}]")
     scenario = load_scenario(tmp_path / "scene.yaml")
     assert scenario == load_scenario(str(tmp_path / "scene.yaml"))
