@@ -1,6 +1,5 @@
 """The exported table: every result once, in order, under the right names and types, exact, and never half of it."""
 
-import csv
 import json
 import math
 import random
@@ -17,6 +16,7 @@ from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
+from tests.runs.made_folders import rows
 from tests.runs.test_store import COUNT, DEMO, SPEED, WIDTH, fill, outcome, scenario_of
 
 RESULT = {
@@ -41,11 +41,9 @@ def parquet_of(folder: Path) -> pa.Table:
 
 
 def csv_of(folder: Path) -> list[dict[str, str]]:
-    """Return the rows of the exported CSV, each value as it is written."""
     target = folder.with_name("results.csv")
     export(folder, target)
-    with target.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+    return rows(target)
 
 
 @pytest.fixture
@@ -98,10 +96,10 @@ def test_floats_are_read_back_exactly(folder) -> None:
     with Store(folder, scenario, found) as store:
         for trial, value in enumerate(floats):
             store.add([outcome(found[0], trial, wall_s=value, order_parameter=-value, simulated_s=value)])
-    table, rows = parquet_of(folder), csv_of(folder)
+    table, written = parquet_of(folder), csv_of(folder)
     for name, expected in (("wall_s", floats), ("simulated_s", floats), ("order_parameter", [-x for x in floats])):
         assert list(map(repr, table[name].to_pylist())) == list(map(repr, expected))
-        assert [repr(float(row[name])) for row in rows] == list(map(repr, expected))
+        assert [repr(float(row[name])) for row in written] == list(map(repr, expected))
 
 
 def test_a_censored_trial_has_no_time_of_synchrony(folder) -> None:
@@ -166,16 +164,3 @@ def test_values_are_under_their_own_keys_however_the_points_list_them(folder) ->
     fill(folder, scenario_of({"points": [{COUNT: 2, WIDTH: 50}, {WIDTH: 60, COUNT: 3}]}, trials=1))
     table = parquet_of(folder)
     assert (table[COUNT].to_pylist(), table[WIDTH].to_pylist()) == ([2, 3], [50, 60])
-
-
-# Mistakes
-
-
-@pytest.mark.parametrize("name", ["results.xlsx", "results", "results.csv.gz", ".csv"])
-def test_a_file_of_another_format_is_refused(folder, tmp_path, name: str) -> None:
-    fill(folder)
-    target = tmp_path / name
-    with pytest.raises(EpuckSimError) as caught:
-        export(folder, target)
-    assert str(caught.value) == f"{target}: unknown format {target.suffix!r}; allowed: .parquet or .csv"
-    assert not target.exists()

@@ -22,6 +22,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.provenance import host, versions
+from tests.cli.commands import contents
 from tests.control.bench import with_step
 from tests.runs.made_folders import outcome
 
@@ -62,10 +63,6 @@ def stored(folder: Path) -> list[dict]:
         rows = [dict(row) for row in connection.execute(query)]
         assert len(rows) == connection.execute("SELECT count(*) FROM trials").fetchone()[0]
     return rows
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 # What a folder holds
