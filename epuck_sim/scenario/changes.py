@@ -1,7 +1,7 @@
 """What may fail in robots while a trial runs (thesis 4.4), and what changes: the sections `faults` and `schedule`."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import Field, model_validator
@@ -321,8 +321,9 @@ class AgentScheduleEntry(ScheduleEntry):
     displace: AgentDisplacement | None = None
 
 
-_PARAMETER = r"robots\.(\d+)\.parameters\.(\w+)"
-_SENSOR = r"robots\.(\d+)\.sensors\.(\w+)\.(\w+)"
+_GROUP = r"robots\.(0|[1-9]\d*)"
+_PARAMETER = rf"{_GROUP}\.parameters\.(\w+)"
+_SENSOR = rf"{_GROUP}\.sensors\.(\w+)\.(\w+)"
 _ARENA = r"arena\.(width_cm|height_cm|obstacles)"
 
 
@@ -371,29 +372,26 @@ class RobotScheduleEntry(ScheduleEntry):
         """Return the numbers of robots that it names, by key."""
         return {**super().numbers(), "remove": self.remove, "add": self.add}
 
-    def _set_by(self, pattern: str) -> Iterator[tuple[re.Match[str], Any]]:
-        """Yield the new values whose keys match a pattern, with the matches."""
+    def _set_by(self, pattern: str) -> dict[tuple[str, ...], dict[str, Any]]:
+        """Return the new values whose keys match a pattern, by its last group, for each of its other groups."""
+        found: dict[tuple[str, ...], dict[str, Any]] = {}
         for key, value in self.set.items():
-            if found := re.fullmatch(pattern, key):
-                yield found, value
+            if match := re.fullmatch(pattern, key):
+                *place, name = match.groups()
+                found.setdefault(tuple(place), {})[name] = value
+        return found
 
     def parameters(self) -> dict[int, dict[str, Any]]:
         """Return the new values of parameters by name, for each group by its number."""
-        values: dict[int, dict[str, Any]] = {}
-        for found, value in self._set_by(_PARAMETER):
-            values.setdefault(int(found[1]), {})[found[2]] = value
-        return values
+        return {int(group): values for (group,), values in self._set_by(_PARAMETER).items()}
 
     def sensor_parameters(self) -> dict[tuple[int, str], dict[str, Any]]:
         """Return the new values of parameters by name, for each sensor by its group's number and its name."""
-        values: dict[tuple[int, str], dict[str, Any]] = {}
-        for found, value in self._set_by(_SENSOR):
-            values.setdefault((int(found[1]), found[2]), {})[found[3]] = value
-        return values
+        return {(int(group), sensor): values for (group, sensor), values in self._set_by(_SENSOR).items()}
 
     def arena_values(self) -> dict[str, Any]:
         """Return the new values of the arena's keys, by their names in the section."""
-        return {found[1]: value for found, value in self._set_by(_ARENA)}
+        return self._set_by(_ARENA).get((), {})
 
 
 def check_schedule(
