@@ -17,7 +17,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
 from tests.runs.made_folders import rows
-from tests.runs.test_store import COUNT, DEMO, SPEED, WIDTH, fill, outcome, scenario_of
+from tests.runs.test_store import COUNT, DEMO, SPEED, WIDTH, fill, outcome, put, scenario_of
 
 RESULT = {
     "seed": pa.int64(),
@@ -91,11 +91,9 @@ def test_floats_are_read_back_exactly(folder) -> None:
     chance = random.Random(2)
     floats = [0.1 + 0.2, 1 / 3, 5e-324, 1.7976931348623157e308, math.nextafter(1, 0), 123456789.123456789, 1e22]
     floats += [chance.uniform(0, 1) * 10 ** chance.uniform(-12, 12) for _ in range(100)]
-    scenario = load_scenario(DEMO, ["trials=200"])
-    found = points(scenario)
-    with Store(folder, scenario, found) as store:
-        for trial, value in enumerate(floats):
-            store.add([outcome(found[0], trial, wall_s=value, order_parameter=-value, simulated_s=value)])
+    changes = [{"wall_s": value, "order_parameter": -value, "simulated_s": value} for value in floats]
+    trials = ((0, trial, each) for trial, each in enumerate(changes))
+    put(folder, *trials, scenario=load_scenario(DEMO, ["trials=200"]))
     table, written = parquet_of(folder), csv_of(folder)
     for name, expected in (("wall_s", floats), ("simulated_s", floats), ("order_parameter", [-x for x in floats])):
         assert list(map(repr, table[name].to_pylist())) == list(map(repr, expected))
@@ -103,10 +101,11 @@ def test_floats_are_read_back_exactly(folder) -> None:
 
 
 def test_a_censored_trial_has_no_time_of_synchrony(folder) -> None:
-    found = points(DEMO)
-    with Store(folder, DEMO, found) as store:
-        store.add([outcome(found[0], 0, t_sync_cycles=0, cycles=0)])
-        store.add([outcome(found[0], 1, t_sync_cycles=None, censored=True, cycles=9)])
+    put(
+        folder,
+        (0, 0, {"t_sync_cycles": 0, "cycles": 0}),
+        (0, 1, {"t_sync_cycles": None, "censored": True, "cycles": 9}),
+    )
     table = parquet_of(folder)
     assert table["t_sync_cycles"].to_pylist() == [0, None]
     assert table["censored"].to_pylist() == [False, True]
@@ -115,8 +114,7 @@ def test_a_censored_trial_has_no_time_of_synchrony(folder) -> None:
 
 
 def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -> None:
-    with Store(folder, DEMO, points(DEMO)):
-        pass
+    put(folder)
     table = parquet_of(folder)
     assert table.num_rows == 0
     assert table.column_names == [COUNT, SPEED, *RESULT, *MAKING]
