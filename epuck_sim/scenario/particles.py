@@ -240,7 +240,8 @@ class AgentsSection(ConfigModel):
     def _check_speeds(self) -> "AgentsSection":
         _check_needs(self, "speed_distribution", _SPEED_NEEDS)
         if self.speed_distribution != "lognormal" and (self.speed_spread or 0) > 1:
-            raise ValueError(f"speed_spread is {self.speed_spread:g}; allowed: above 0 and up to 1")
+            allowed = _SPEED_NEEDS[self.speed_distribution]["speed_spread"]
+            raise ValueError(f"speed_spread is {self.speed_spread:g}; allowed: {allowed}")
         if self.speed_per_run and (self.walk.kind == "straight" or self.speed_distribution == "fixed"):
             raise ValueError(
                 f"speed_per_run is true, walk.kind is {self.walk.kind!r} and speed_distribution is "
