@@ -119,6 +119,7 @@ ROBOTS = [
         "robots": [{"count": 3, "controller": "constant"}, {"count": 3}],
         "stop": {"reference_robot": 3},
         "faults": [{"kind": "restart", "robots": [3, 5]}],
+        "schedule": [{"at_s": 3, "displace": {"by_cycles": 0.5, "robots": [4]}}],
     },
     {
         "faults": [{"kind": "ring_dead", "scheduled": True}],
