@@ -111,7 +111,9 @@ SetOption = Annotated[
 AxesOption = Annotated[
     list[str] | None,
     scenario_option(
-        "--sweep", metavar="KEY=V,V", help="Add an axis: count=5,10, or speed_cm_s=0.1:10:20 for 20 speeds; repeatable."
+        "--sweep",
+        metavar="KEY=V,V",
+        help="Add an axis: count=5,10, or count=5:50:10:lin for 10 even steps, :log for even factors; repeatable.",
     ),
 ]
 TrialsOption = Annotated[
@@ -151,7 +153,13 @@ FoldersArgument = Annotated[
     list[Path], typer.Argument(metavar="FOLDER...", help="Run folders, as `run --out` makes them.")
 ]
 OfOption = Annotated[
-    str | None, typer.Option("--of", metavar="NAME", help="A measure of the folder's trials; T_sync by default.")
+    str | None,
+    typer.Option(
+        "--of",
+        metavar="NAME",
+        help="A measure of the folder's trials; T_sync by default.",
+        callback=lambda of: None if of == "T_sync" else of,
+    ),
 ]
 TrustOption = Annotated[bool, sweeps_option("--trust", help="Run the code that another's run folder brings, as you.")]
 JsonOption = Annotated[bool, output_option("--json", help="Print JSON.")]

@@ -22,8 +22,6 @@ _STATISTIC_HELP = (
     "What stands for the trials of a point: their mean (restricted to the limit of cycles where trials are "
     "censored), by default; their median; or the mean of the nearest Weibull distribution (Appendix A)."
 )
-STATISTIC = typer.Option("--statistic", help=_STATISTIC_HELP)
-
 
 Form = StrEnum("Form", ["CURVES", "MAP", "VIOLINS", "SERIES", "PERTURBATION", "COURSE"])
 """Ways to draw a sweep."""
@@ -72,7 +70,7 @@ def summarize(
 @results.command()
 def fit(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Run folders of sweeps over speed.")],
-    statistic: Annotated[Statistic, STATISTIC] = Statistic.MEAN,
+    statistic: Annotated[Statistic, typer.Option("--statistic", help=_STATISTIC_HELP)] = Statistic.MEAN,
     of: options.OfOption = None,
     x: Annotated[str | None, typer.Option("--x", metavar="KEY", help="Axis of --of; by default the speed.")] = None,
     as_json: options.JsonOption = False,

@@ -143,8 +143,7 @@ def run(
     folder = out or (file.parent if file.parent == Path(scenario) and not is_one else None)
     is_none = folder is None
     reject_first(
-        (is_one and None in (point, trial), "--point and --trial go together, and without --out"),
-        (is_one and out is not None, "--point and --trial go together, and without --out"),
+        (is_one and (None in (point, trial) or out is not None), "--point and --trial go together, and without --out"),
         (is_none and (workers or dask) is not None, "--workers and --dask need a run folder: --out FOLDER"),
         (is_none and trial_timeout is not None, "--trial-timeout is for sweeps: give --out FOLDER"),
         (is_none and until is not None, "--until is for sweeps: give --out FOLDER"),

@@ -103,7 +103,8 @@ def _viewer(watched: Watched, view: LiveView, scenario: Scenario, echo: bool) ->
     from epuck_sim.recording.live import live, live_viewer, sleep
 
     memory, level = tuple(dict.fromkeys(watched.memory)), watched.level
-    with live_viewer(view.port, _invite) as (viewer, intake):
+    invitation = "open this address in a browser on this machine; the trial begins by itself:\n"
+    with live_viewer(view.port, lambda address: print_stderr(invitation + address)) as (viewer, intake):
         with pressed_keys(echo=echo) as wait:
             if wait is not None:
                 print_stderr("space: pause, go on; n: one step; q: end")
@@ -112,10 +113,6 @@ def _viewer(watched: Watched, view: LiveView, scenario: Scenario, echo: bool) ->
         print_stderr("press Ctrl-C to end" if view.port else "close the viewer to end")
         with suppress(KeyboardInterrupt):
             viewer.wait()
-
-
-def _invite(address: str) -> None:
-    print_stderr(f"open this address in a browser on this machine; the trial begins by itself:\n{address}")
 
 
 def seeds_of(origin: str, scenario: Scenario) -> list[int]:

@@ -76,7 +76,7 @@ def _lengths(
         "members": robots,
         "circles": max(len(arena.circles) for arena in arenas),
         "edges": max(len(arena.edges) for arena in arenas),
-        "pixels": sum(_pictures(group) * group.count * group.pixels for group in groups),
+        "pixels": sum(group.pictures * group.count * group.pixels for group in groups),
         "rays": sum(group.pixels for group in groups),
         "air": sum(slots_of(group.signal, scenario.timing.step_ms) * group.count for group in groups),
         "faults": faults,
@@ -92,11 +92,6 @@ def _lengths(
         "sensed": sum(itertools.starmap(sensed_bytes_needed, own)),
         "bytes": sum(bytes_needed(each, group.count) for group, each in zip(groups, controllers, strict=True)),
     }
-
-
-def _pictures(group: RobotGroup) -> int:
-    """Return how many pictures a group's robots hold: also those in view, and those that wait for delivery."""
-    return 3 if group.signal.kind == "camera" and group.camera.frames_per_s is not None else 1
 
 
 def _set_scene(scene: Any, scenario: EmbodiedScenario) -> None:
@@ -177,7 +172,7 @@ def _set_groups(swarm: Swarm, scenario: EmbodiedScenario, controllers: Sequence[
         group.first, group.count, group.pixels = robot, section.count, section.pixels
         rows = section.count * section.pixels
         group.row, group.in_view, group.waiting, group.ray = row, row, row, ray
-        if _pictures(section) > 1:
+        if section.pictures > 1:
             group.in_view, group.waiting, later = later, later + rows, later + 2 * rows
         set_signal(swarm, group, section, kind, scenario.timing)
         group.radio.first = pulses

@@ -83,10 +83,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -
 def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin: str = "--y") -> str:
     """Choose the vertical axis of a map, beside `x`: the requested one, or the only other one whose numbers differ."""
     numbers = _numeric_axes(rows)
-    others: list[str] = []
-    for key, values in numbers.items():
-        if len(values) > 1 and not any(is_tied_to(key, axis, rows) for axis in (x, *others)):
-            others.append(key)
+    others = _untied(numbers, rows, x)
     choice = f"give --y one of {comma_list(others)}" if others else "there is no other axis whose numbers differ"
     if requested is not None:
         if _check_axis(requested, rows, numbers, origin) == x or is_tied_to(requested, x, rows):
@@ -158,25 +155,28 @@ def _numeric_axes(rows: Rows) -> dict[str, set[float]]:
 
 def is_tied_to(key: str, axis: str, rows: Rows) -> bool:
     """Return whether the values of `axis` and `key` correspond one-to-one, as in a zip."""
-    pairs = {(row[axis], repr(row[key])) for row in rows}
+    pairs = {(repr(row[axis]), repr(row[key])) for row in rows}
     return len(pairs) == len({x for x, _ in pairs}) == len({value for _, value in pairs}) > 1
 
 
-def distinguishing_axes(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def distinguishing_axes(rows: Rows) -> list[dict[str, Any]]:
     """Keep only the axis values that distinguish each row, and drop axes that are tied one-to-one to another.
 
     >>> distinguishing_axes([{"width": 4, "height": 4, "tau": 5}, {"width": 6, "height": 6, "tau": 5}])
     [{'width': 4}, {'width': 6}]
     """
-    kept: list[str] = []
-    patterns: set[tuple[int, ...]] = set()
-    for key in rows[0]:
-        values = [repr(row[key]) for row in rows]
-        pattern = tuple(values.index(value) for value in values)
-        if len(set(pattern)) > 1 and pattern not in patterns:
-            kept.append(key)
-            patterns.add(pattern)
+    kept = _untied(rows[0], rows)
     return [{key: row[key] for key in kept} for row in rows]
+
+
+def _untied(keys: Iterable[str], rows: Rows, *before: str) -> list[str]:
+    """Return the axes with several values that are not tied one-to-one to one before them, or among `before`."""
+    kept: list[str] = []
+    for key in keys:
+        differs = len({repr(row[key]) for row in rows}) > 1
+        if differs and not any(key == axis or is_tied_to(key, axis, rows) for axis in (*before, *kept)):
+            kept.append(key)
+    return kept
 
 
 def canonical_text(axes: Mapping[str, Any]) -> str:

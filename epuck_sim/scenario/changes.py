@@ -1,7 +1,7 @@
 """What may fail in robots while a trial runs (thesis 4.4), and what changes: the sections `faults` and `schedule`."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import Field, model_validator
@@ -160,22 +160,6 @@ def check_faults(faults: Sequence[FaultSection], groups: Sequence[RobotGroup]) -
                     f"{where}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
                     "give robots, the numbers of others, or robots.*.signal.loss"
                 )
-
-
-def check_oscillators(
-    faults: Sequence[FaultSection], groups: Sequence[RobotGroup], swept: Sequence[str], origin: str
-) -> None:
-    """Raise ScenarioError if a fault of oscillators may befall robots that are none; nothing is known of swept ones."""
-    for place, group, robots in members(groups):
-        concerned = [n for n, fault in enumerate(faults) if fault.changes == "phase" and fault.may_befall(robots)]
-        if not concerned or f"robots.{place}.controller" in swept:
-            continue
-        controller = find_controller(group.controller)
-        if not controller.is_oscillator:
-            raise ScenarioError(
-                f"{origin}: faults.{concerned[0]}: kind is {faults[concerned[0]].kind!r}, but robots.{place} are no "
-                f"oscillators: their controller is {controller.name}; give robots, the numbers of others"
-            )
 
 
 class TrialEvent(NamedTuple):
@@ -337,8 +321,9 @@ class AgentScheduleEntry(ScheduleEntry):
     displace: AgentDisplacement | None = None
 
 
-_PARAMETER = r"robots\.(\d+)\.parameters\.(\w+)"
-_SENSOR = r"robots\.(\d+)\.sensors\.(\w+)\.(\w+)"
+_GROUP = r"robots\.(0|[1-9]\d*)"
+_PARAMETER = rf"{_GROUP}\.parameters\.(\w+)"
+_SENSOR = rf"{_GROUP}\.sensors\.(\w+)\.(\w+)"
 _ARENA = r"arena\.(width_cm|height_cm|obstacles)"
 
 
@@ -387,29 +372,26 @@ class RobotScheduleEntry(ScheduleEntry):
         """Return the numbers of robots that it names, by key."""
         return {**super().numbers(), "remove": self.remove, "add": self.add}
 
-    def _set_by(self, pattern: str) -> Iterator[tuple[re.Match[str], Any]]:
-        """Yield the new values whose keys match a pattern, with the matches."""
+    def _set_by(self, pattern: str) -> dict[tuple[str, ...], dict[str, Any]]:
+        """Return the new values whose keys match a pattern, by its last group, for each of its other groups."""
+        found: dict[tuple[str, ...], dict[str, Any]] = {}
         for key, value in self.set.items():
-            if found := re.fullmatch(pattern, key):
-                yield found, value
+            if match := re.fullmatch(pattern, key):
+                *place, name = match.groups()
+                found.setdefault(tuple(place), {})[name] = value
+        return found
 
     def parameters(self) -> dict[int, dict[str, Any]]:
         """Return the new values of parameters by name, for each group by its number."""
-        values: dict[int, dict[str, Any]] = {}
-        for found, value in self._set_by(_PARAMETER):
-            values.setdefault(int(found[1]), {})[found[2]] = value
-        return values
+        return {int(group): values for (group,), values in self._set_by(_PARAMETER).items()}
 
     def sensor_parameters(self) -> dict[tuple[int, str], dict[str, Any]]:
         """Return the new values of parameters by name, for each sensor by its group's number and its name."""
-        values: dict[tuple[int, str], dict[str, Any]] = {}
-        for found, value in self._set_by(_SENSOR):
-            values.setdefault((int(found[1]), found[2]), {})[found[3]] = value
-        return values
+        return {(int(group), sensor): values for (group, sensor), values in self._set_by(_SENSOR).items()}
 
     def arena_values(self) -> dict[str, Any]:
         """Return the new values of the arena's keys, by their names in the section."""
-        return {found[1]: value for found, value in self._set_by(_ARENA)}
+        return self._set_by(_ARENA).get((), {})
 
 
 def check_schedule(
@@ -438,18 +420,36 @@ def check_schedule(
                     raise ValueError(f"{origin}.end: {fault} is a restart, which takes no time")
 
 
-def check_scheduled_controllers(
+def check_controllers(
+    faults: Sequence[FaultSection],
     schedule: Sequence[RobotScheduleEntry],
     groups: Sequence[RobotGroup],
     swept: Sequence[str],
     step_ms: int,
     origin: str,
 ) -> None:
-    """Raise ScenarioError if controllers do not take the parameters, or have the phases, that a schedule changes.
+    """Raise ScenarioError if controllers do not have the phases or parameters that faults and a schedule change.
 
     Nothing is known yet of groups whose controller is `swept`; all others have all their parameters.
     """
     known = {place: group for place, group in enumerate(groups) if f"robots.{place}.controller" not in swept}
+    for place, group, robots in members(groups):
+        of_phases = [
+            f"faults.{number}: kind is {fault.kind!r}, but"
+            for number, fault in enumerate(faults)
+            if fault.changes == "phase" and fault.may_befall(robots)
+        ]
+        displaced = ((number, entry.displace) for number, entry in enumerate(schedule) if entry.displace)
+        of_phases += (
+            f"schedule.{number}.displace:"
+            for number, displace in displaced
+            if displace.robots is None or set(displace.robots) & set(robots)
+        )
+        if of_phases and place in known and not (controller := find_controller(group.controller)).is_oscillator:
+            raise ScenarioError(
+                f"{origin}: {of_phases[0]} robots.{place} are no oscillators: their controller is {controller.name}; "
+                "give robots, the numbers of others"
+            )
     for number, entry in enumerate(schedule):
         where = f"{origin}: schedule.{number}"
         for place, values in entry.parameters().items():
@@ -459,7 +459,3 @@ def check_scheduled_controllers(
                 resolve_parameters(find_controller(group.controller), given, step_ms, f"{where}.set: robots.{place}")
         for (place, name), values in entry.sensor_parameters().items():
             sensor_parameters(groups[place].sensors, name, values, f"{where}.set: robots.{place}.sensors")
-        for place, group, robots in members(groups):
-            concerned = entry.displace and (entry.displace.robots is None or set(entry.displace.robots) & set(robots))
-            if concerned and place in known and not find_controller(group.controller).is_oscillator:
-                raise ScenarioError(f"{where}.displace: robots.{place} are no oscillators; give robots of others")

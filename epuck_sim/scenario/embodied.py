@@ -18,10 +18,9 @@ from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, 
 from epuck_sim.scenario.changes import (
     AnyFault,
     RobotScheduleEntry,
+    check_controllers,
     check_faults,
-    check_oscillators,
     check_schedule,
-    check_scheduled_controllers,
 )
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import ROBOT, RobotKind, check_readings
@@ -241,7 +240,7 @@ class EmbodiedScenario(Scenario):
     def memory_bytes(self) -> int:
         """Estimate of the memory that a trial takes, besides that of the program."""
         shown = self.robot_count * self.camera_pixels
-        own = sum(group.count * group.pixels * _pictures(group) for group in self.robots)
+        own = sum(group.count * group.pixels * (group.pictures - 1) for group in self.robots)
         return ROBOT_BYTES * self.robot_count + GROUP_BYTES * len(self.robots) + PIXEL_BYTES * (shown + own)
 
     @property
@@ -285,8 +284,7 @@ class EmbodiedScenario(Scenario):
             for number, group in enumerate(self.robots)
         )
         check_readings([group.sensors for group in robots], origin)
-        check_oscillators(self.faults, robots, swept, origin)
-        check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
+        check_controllers(self.faults, self.schedule, robots, swept, self.timing.step_ms, origin)
         sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
         arena = self.arena
         if arena.floor.picture is not None:
@@ -349,11 +347,6 @@ def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:
         if key.startswith("robot") and isinstance(name, str) and ROBOT.is_path(name):
             return ROBOT.locate(name, folder).name
         return find_picture(str(name), folder) if key.endswith(".picture") else name
-
-
-def _pictures(group: RobotGroup) -> int:
-    """Return how many further pictures a group's robots hold: the one in view, and the one that is not delivered."""
-    return 2 if group.signal.kind == "camera" and group.camera.frames_per_s is not None else 0
 
 
 STAYING = {"movables", "floor", "lamps"}

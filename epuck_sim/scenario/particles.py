@@ -160,12 +160,21 @@ def resolve_response(response: ResponseSection, origin: str, folder: Path | None
 
 
 _NEEDS = {
-    "straight": (),
-    "brownian": ("run_s",),
-    "correlated": ("run_s", "persistence"),
-    "levy": ("run_s", "exponent"),
+    "straight": {},
+    "brownian": {"run_s": "above 0"},
+    "correlated": {"run_s": "above 0", "persistence": "from 0 to 1"},
+    "levy": {"run_s": "above 0", "exponent": "above 1 and up to 3"},
 }
-"""The keys that each kind of walk needs; it takes no others."""
+"""The keys that each kind of walk needs, and what they may be; it takes no others."""
+
+
+def _check_needs(section: ConfigModel, tag: str, needs: Mapping[str, Mapping[str, str]]) -> None:
+    kind = getattr(section, tag)
+    for key in dict.fromkeys(key for needed in needs.values() for key in needed):
+        is_given = getattr(section, key) is not None
+        if is_given != (key in needs[kind]):
+            what = f"takes no {key}; leave it out" if is_given else f"needs {key}, {needs[kind][key]}"
+            raise ValueError(f"{tag} {kind!r} {what}")
 
 
 class WalkSection(ConfigModel):
@@ -187,12 +196,7 @@ class WalkSection(ConfigModel):
 
     @model_validator(mode="after")
     def _check_keys(self) -> "WalkSection":
-        needed = _NEEDS[self.kind]
-        for key in ("run_s", "persistence", "exponent"):
-            is_given = getattr(self, key) is not None
-            if is_given != (key in needed):
-                what = f"takes no {key}; leave it out" if is_given else f"needs {' and '.join(needed)}"
-                raise ValueError(f"kind {self.kind!r} {what}")
+        _check_needs(self, "kind", _NEEDS)
         return self
 
 
@@ -234,14 +238,10 @@ class AgentsSection(ConfigModel):
 
     @model_validator(mode="after")
     def _check_speeds(self) -> "AgentsSection":
-        needed = _SPEED_NEEDS[self.speed_distribution]
-        for key in ("speed_spread", "fast_share", "fast_ratio"):
-            is_given = getattr(self, key) is not None
-            if is_given != (key in needed):
-                what = f"takes no {key}; leave it out" if is_given else f"needs a {key}, {needed[key]}"
-                raise ValueError(f"speed_distribution {self.speed_distribution!r} {what}")
+        _check_needs(self, "speed_distribution", _SPEED_NEEDS)
         if self.speed_distribution != "lognormal" and (self.speed_spread or 0) > 1:
-            raise ValueError(f"speed_spread is {self.speed_spread:g}; allowed: {needed['speed_spread']}")
+            allowed = _SPEED_NEEDS[self.speed_distribution]["speed_spread"]
+            raise ValueError(f"speed_spread is {self.speed_spread:g}; allowed: {allowed}")
         if self.speed_per_run and (self.walk.kind == "straight" or self.speed_distribution == "fixed"):
             raise ValueError(
                 f"speed_per_run is true, walk.kind is {self.walk.kind!r} and speed_distribution is "

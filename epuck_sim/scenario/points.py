@@ -5,9 +5,10 @@ others as they were.
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any, NamedTuple
 
+from epuck_sim.display.table import shortest_endings
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import canonical_text, map_files
 from epuck_sim.scenario.keys import set_value
@@ -71,19 +72,12 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
     That of a file has the folders which tell it from others. It does not depend on the folders that all files share,
     so that a sweep can move to another machine.
     """
-    parts: dict[str, Sequence[str]] = {}
+    names: dict[str, str] = {}
     for row in rows:
         for key, value in row.items():
-            map_files(key, value, lambda _, name: parts.setdefault(str(name), Path(str(name)).parts))
-
-    def shortest(name: str) -> str:
-        for length in range(1, len(parts[name])):
-            ending = parts[name][-length:]
-            if sum(other[-length:] == ending for other in parts.values()) == 1:
-                return PurePath(*ending).as_posix()
-        return name
-
-    return {name: shortest(name) for name in parts}
+            map_files(key, value, lambda _, name: names.setdefault(str(name), Path(str(name)).as_posix()))
+    endings = shortest_endings(names.values(), "/")
+    return {name: endings[path] for name, path in names.items()}
 
 
 def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[str, str]) -> Point:

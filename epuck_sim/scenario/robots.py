@@ -215,6 +215,11 @@ class RobotGroup(ConfigModel):
         """Number of pixels in the row that controllers read: the camera's, or one that other signals set."""
         return self.camera.pixels if self.signal.kind == "camera" else 1
 
+    @property
+    def pictures(self) -> int:
+        """Number of pictures that a robot holds: the present one, and those in view and not yet delivered, if any."""
+        return 1 if self.camera.frames_per_s is None else 3
+
 
 def members(groups: Sequence[RobotGroup]) -> Iterator[tuple[int, RobotGroup, range]]:
     """Yield each group with its number, and with the numbers of its robots."""

@@ -62,6 +62,7 @@ class Contrast(NamedTuple):
     """How the means of two samples differ."""
 
     difference: Estimate  # the second minus the first
+    bound: float  # the largest that it can be, either way: the horizon where trials are censored, else inf
     parts: Parts  # of the difference
     log_ratio: Estimate  # logarithm of the second over the first; undetermined unless both are positive
     log_parts: Parts
@@ -81,14 +82,15 @@ def contrast(pair: Pair) -> Contrast:
     """Return how the means of two samples differ, with Student's intervals."""
     first, second = both = [mean_and_error(each) for each in pair]
     parts = [(each.error**2, each.freedom) for each in both]
-    difference = student_estimate(second.mean - first.mean, *welch(parts))
+    bound = math.inf if all(each.observed.all() for each in pair) else min(each.horizon for each in pair)
+    difference = _within(student_estimate(second.mean - first.mean, *welch(parts)), bound)
     log_parts, log_ratio = [], UNDETERMINED
     is_positive = min(first.mean, second.mean) > 0
     if is_positive:
         log_parts = [((each.error / each.mean) ** 2, each.freedom) for each in both]
         log_ratio = student_estimate(math.log(second.mean / first.mean), *welch(log_parts))
     is_spread = min(first.error, second.error) > 0
-    return Contrast(difference, parts, log_ratio, log_parts, is_spread, is_spread and is_positive)
+    return Contrast(difference, bound, parts, log_ratio, log_parts, is_spread, is_spread and is_positive)
 
 
 def mean_log_ratio(contrasts: Sequence[Contrast]) -> Estimate:
@@ -99,7 +101,13 @@ def mean_log_ratio(contrasts: Sequence[Contrast]) -> Estimate:
 def mean_difference(contrasts: Sequence[Contrast]) -> Estimate:
     """Return the mean of the differences of several pairs, each of which counts alike."""
     known = [each for each in contrasts if each.is_spread]
-    return _mean([each.difference for each in known], [each.parts for each in known])
+    mean = _mean([each.difference for each in known], [each.parts for each in known])
+    return _within(mean, sum(each.bound for each in known) / max(len(known), 1))
+
+
+def _within(difference: Estimate, bound: float) -> Estimate:
+    """Return a difference whose interval has no ends that cannot be."""
+    return difference._replace(low=max(difference.low, -bound), high=min(difference.high, bound))
 
 
 def _mean(terms: Sequence[Estimate], parts: Sequence[Parts]) -> Estimate:

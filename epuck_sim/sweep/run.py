@@ -71,7 +71,7 @@ def run_sweep(
         total = sum(map(len, wanted))
         # a share that got further points may have trials that now belong to others
         stored = sum(starmap(finished.count, enumerate(wanted)))
-        progress = SweepProgress(total, stored, store.censored(), 0, 0, narrow=_narrow(until))
+        progress = SweepProgress(total, stored, store.censored(), 0, 0, narrow=None if until is None else until.narrow)
         observer(progress)
         queue = TaskQueue(missing_tasks(all_points, wanted, finished, interpret), total - stored)
         kinds = first_of_each_kind(all_points, wanted, finished, interpret)
@@ -83,7 +83,7 @@ def run_sweep(
                         queue.add(tasks, until.width(outcome.point))
                         progress = progress._replace(trials=progress.trials + len(added))
                     progress = progress._replace(
-                        narrow=_narrow(until),
+                        narrow=None if until is None else until.narrow,
                         stored=progress.stored + is_stored,
                         censored=_censored(progress.censored, outcome) if is_stored else progress.censored,
                         failed=progress.failed + (not is_stored),
@@ -92,10 +92,6 @@ def run_sweep(
                     )
                     observer(progress)
     return progress
-
-
-def _narrow(until: "Looks | None") -> int | None:
-    return None if until is None else until.narrow
 
 
 def _censored(before: int | None, outcome: Outcome) -> int | None:

@@ -60,12 +60,6 @@ class TaskQueue:
         heappush(self._waiting, (-urgency, self._entries, iter(tasks)))
         self._count += len(tasks)
 
-    def put_back(self, tasks: Sequence[Task]) -> None:
-        """Take tasks back that were lost, but not with a worker of theirs."""
-        self._entries += 1
-        heappush(self._waiting, (-math.inf, -self._entries, iter(tasks)))
-        self._count += len(tasks)
-
     def give_back(self, tasks: Sequence[Task]) -> list[Task]:
         """Take tasks back that were lost with a worker, but return those that are lost for the second time."""
         again = [task for task in tasks if task[:2] in self._lost_once]
@@ -163,7 +157,7 @@ def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[
                 yield outcomes
     except pool.losses:
         for chunk in running.values():
-            queue.put_back(chunk)
+            queue.add(chunk, math.inf)
     return lost
 
 
@@ -195,7 +189,11 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
         except pool.deaths as death:
             timeout_s = task.scenario.trial_timeout_s or math.inf
             is_late = time.monotonic() - began_s > timeout_s
-            yield [make_outcome(task, None, out_of_time(timeout_s) if is_late else f"its worker died: {death}")]
+            died = (
+                f"its worker died: {death}; run it alone to see why, by --point {task.point} --trial {task.trial}, or "
+                "give fewer --workers if memory has run out"
+            )
+            yield [make_outcome(task, None, out_of_time(timeout_s) if is_late else died)]
             return
 
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from epuck_sim.arena import clearance_cm
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import SCENARIO_TYPES
@@ -71,11 +72,18 @@ def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
 
 
 def _has_room(scenario: EmbodiedScenario) -> bool:
-    """Return whether all robots stand at random places, and at least a twentieth of these is free for the last one.
+    """Return whether robots are apart at given poses, or a twentieth of all random places is free for the last one.
 
     A place is found within as many draws as there are (`placement.MAX_DRAWS`), 10,000, but once in 10 ** 222 trials.
     """
     radius_cm, arena = max(kind.radius_cm for kind in scenario.group_kinds), scenario.arena.build()
+    if all(group.poses for group in scenario.robots):
+        places = np.array([pose[:2] for group in scenario.robots for pose in group.poses or ()])
+        return all(
+            clearance_cm(arena, *place) >= radius_cm
+            and bool((np.hypot(*(places[:number] - place).T) >= 2 * radius_cm).all())
+            for number, place in enumerate(places)
+        )
     sides_cm = np.array([scenario.arena.width_cm, scenario.arena.height_cm]) - 2 * radius_cm
     taken = scenario.robot_count * math.pi * (2 * radius_cm) ** 2
     taken += math.pi * sum((circle[2] + radius_cm) ** 2 for circle in arena.circles)

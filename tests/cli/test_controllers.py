@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from tests.cli.commands import call, called, refused
@@ -33,11 +32,6 @@ HELPED = {
     "helper": "def halve(x):\n    raise RuntimeError('no half')\n",
     "mine": "import helper\n" + with_step("memory.x = helper.halve(sensors.step_ms)"),
 }
-
-
-def test_a_misspelt_name_ends_the_command_with_file_line_and_the_nearest_name(tmp_path):
-    command = scene(tmp_path, mine=with_step("memory.wiat = 1", MEMORY="{'wait': int}"))
-    assert f"{tmp_path}/mine.py:9: memory has no 'wiat'; did you mean 'wait'?" in refused(*command)
 
 
 def test_traceback_shows_the_controller_s_own_lines_alone(tmp_path):
@@ -116,14 +110,6 @@ def test_an_ending_is_looked_for_among_the_parameters_of_controllers_that_are_an
         {"speed_cm_s": 2.0, "gain": 2.0, "lead": 3.0},
     ]
     assert {point.scenario.overhead.gain for point in found} == {load_scenario({}).overhead.gain}
-
-
-def test_a_parameter_that_none_of_the_controllers_has_and_an_axis_that_one_lacks_are_refused(tmp_path):
-    axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0, 'gain': 1.0}")
-    with pytest.raises(ScenarioError, match=r"point 0 .*robots.0.parameters: unknown 'sped_cm_s', did you mean 'speed"):
-        points(load_scenario({"robots": [{"parameters": {"sped_cm_s": 7}}]}, axes=[axis]))
-    with pytest.raises(ScenarioError, match=r"point 0 .*unknown 'gain'"):
-        points(load_scenario({"robots": [{}]}, axes=[axis, "robots.0.parameters.gain=1,2"]))
 
 
 # --- new ----------------------------------------------------------------------------------------------

@@ -93,7 +93,7 @@ def test_nothing_heavy_is_loaded_that_is_not_needed() -> None:
     drawing = ["matplotlib", "pandas", "rerun", "rerun_sdk"]
     light = [*drawing, "av", "cv2", "scipy", "numba", "numpy", "pyarrow", "pymunk", "yaml"]
     helps = ("", "run", "replay", "film", "track", "export", "summarize", "plot", "fit", "new")
-    table = [*((f"{command} --help", light) for command in helps), ("list", drawing)]
+    table = [*((f"{command} --help", light) for command in helps), ("list", drawing), ("check spotlight", ["numba"])]
     script = (
         LOADED.format(table=table) + IMPORTED + LOADED.format(table=[("run pair --json", [*drawing, "scipy.linalg"])])
     )

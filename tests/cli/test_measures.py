@@ -71,4 +71,5 @@ def test_summarize_takes_a_measure_of_the_folder():
     assert (point["trials"], point["mean"], point["weibull_mean"]) == (3, 3.0, None)
     assert "run: Counter, with 95 % intervals" in called("summarize", "run", "--of", "Counter")
     assert "order_parameter" in called("summarize", "run", "--of", "order_parameter")
+    assert called("summarize", "run") == called("summarize", "run", "--of", "T_sync")
     assert [point["trials"] for point in json.loads(called("summarize", "run", "--json"))] == [3]

@@ -12,18 +12,12 @@ from epuck_sim.util import atomic_write
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, ROBOTS, SWEEPS, builtin_files
 from epuck_sim.util.messages import natural_order
 from tests.cli.commands import call, called, trials
+from tests.control.bench import with_step
 from tests.processes import COMMAND, start, wait_until
 
-BAD_STEP = """
-PARAMETERS = {}
-MEMORY = {"steps": int}
-def start(memory, parameters, random):
-    memory.steps = 0
-def step(sensors, memory, actuators, parameters, random):
-    memory.steps += 1
-    if memory.steps == 8:
-        raise ValueError("seven is enough")
-"""
+BAD_STEP = with_step(
+    "memory.steps += 1\n    if memory.steps == 8: raise ValueError('seven is enough')", MEMORY='{"steps": int}'
+)
 
 
 def test_json_is_one_object_a_trial_and_nothing_else_on_stdout() -> None:
@@ -90,14 +84,6 @@ def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(tmp_path
     assert list(tmp_path.glob("*.part")) == []
 
 
-def test_all_traces_are_checked_before_the_first_trial(tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "t-1.parquet").mkdir()
-    result = call("run", "pair", "--trials", "2", "--trace", "t.parquet")
-    assert result.exit_code == 2
-    assert [path.name for path in tmp_path.iterdir()] == ["t-1.parquet"]
-
-
 def test_of_millions_of_traces_only_those_that_are_there_already_are_checked_one_by_one(tmp_path, monkeypatch) -> None:
     checked = []
     check = atomic_write.check_target
@@ -106,15 +92,6 @@ def test_of_millions_of_traces_only_those_that_are_there_already_are_checked_one
         (tmp_path / name).touch()
     atomic_write.check_trial_paths(tmp_path / "t.parquet", 10_000_000)
     assert checked == ["t.parquet", "t-9999999.parquet", "t-5.parquet"]
-
-
-def test_a_placement_that_fails_names_the_file(tmp_path) -> None:
-    scene = tmp_path / "scene.yaml"
-    scene.write_text("robots: [{count: 60}]")
-    for command in ("run", "check"):
-        result = call(command, str(scene))
-        assert (result.exit_code, result.stdout) == (2, "")
-        assert f"{scene}: scene: robots.0.count: is 60; no free place" in result.stderr
 
 
 def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch) -> None:

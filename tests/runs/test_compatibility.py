@@ -1,6 +1,7 @@
 """A run folder that is older than some keys of scenarios still belongs to its sweep."""
 
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -68,25 +69,23 @@ def test_a_stored_scenario_that_today_s_keys_do_not_fit_is_compared_as_it_is():
     assert str(caught.value).splitlines()[1:] == ["  contact.bounce: 0.5 in the folder, 'nothing' now"]
 
 
-def test_trials_on_another_version_of_a_floors_picture_are_refused_wherever_it_lies(tmp_path):
+EYE = "READINGS = {{'eye': float}}\ndef sense(w, robot, readings, p, r): readings.eye = {}\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "write"),
+    [
+        ("ground.png", "arena.floor.picture={}", lambda path, n: cv2.imwrite(str(path), np.full((2, 2), n, np.uint8))),
+        ("eye.py", "robots.0.sensors=[{}]", lambda path, number: path.write_text(EYE.format(number))),
+    ],
+)
+def test_trials_with_another_version_of_a_picture_or_sensor_are_refused_wherever_it_lies(tmp_path, name, key, write):
     versions = []
-    for folder, level in (("here", 0), ("there", 0), ("edited", 255)):
+    for folder, number in (("here", 0), ("there", 0), ("edited", 255)):
         (tmp_path / folder).mkdir()
-        cv2.imwrite(str(tmp_path / folder / "ground.png"), np.full((2, 2), level, np.uint8))
-        versions.append(described(f"arena.floor.picture={tmp_path / folder / 'ground.png'}"))
+        write(tmp_path / folder / name, number)
+        versions.append(described(key.format(tmp_path / folder / name)))
     here, there, edited = versions
     check_same_sweep(FOLDER, [here], [there])
-    with pytest.raises(StoreError, match=r"arena\.floor\.picture: 'ground\.png with digest .* in the folder, 'ground"):
+    with pytest.raises(StoreError, match=rf"'{re.escape(name)} with digest .* in the folder, '{re.escape(name)} with"):
         check_same_sweep(FOLDER, [here], [edited])
-
-
-def test_trials_with_another_version_of_a_sensors_file_are_refused_wherever_it_lies(tmp_path):
-    versions = []
-    for folder, factor in (("a", 1), ("b", 1), ("c", 2)):
-        (tmp_path / folder).mkdir()
-        file = tmp_path / folder / "eye.py"
-        file.write_text(f"READINGS = {{'eye': float}}\ndef sense(w, robot, readings, p, r): readings.eye = {factor}\n")
-        versions.append(described(f"robots.0.sensors=[{file}]"))
-    check_same_sweep(FOLDER, versions[:1], [versions[1]])
-    with pytest.raises(StoreError, match=r"'eye\.py with digest "):
-        check_same_sweep(FOLDER, versions[:1], [versions[2]])

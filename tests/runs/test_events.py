@@ -1,22 +1,19 @@
 """Claims about what run folders keep of what changed during trials."""
 
 import json
-import sqlite3
-from contextlib import closing
 from functools import partial
 
 import pyarrow.csv
 import pytest
 
 from epuck_sim.runs.export import export
-from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
-from tests.runs.test_store import DEMO, fill
+from tests.runs.test_store import DEMO, fill, stored
 from tests.sweep.pool_here import pool_here
 
 SCENARIO = {
@@ -34,11 +31,6 @@ SEED = 4111783006597517648
 def run(folder, pool=pool_here, **changes):
     given = {key: value for key, value in {**SCENARIO, **changes}.items() if value is not None}
     run_sweep(load_scenario(given), folder, pool)
-
-
-def stored(folder):
-    with closing(sqlite3.connect(folder / DATABASE)) as connection:
-        return connection.execute("SELECT events FROM trials ORDER BY point, trial").fetchall()
 
 
 def test_events_are_stored_read_and_exported_to_the_bit(tmp_path):
@@ -73,8 +65,9 @@ def test_events_are_equal_after_a_resume_with_any_workers(changes, pool, tmp_pat
     run(tmp_path / "whole", **changes)
     run(tmp_path / "parted", **changes, trials=1)
     run(tmp_path / "parted", pool, **changes)
-    assert all(events for (events,) in stored(tmp_path / "whole"))
-    assert stored(tmp_path / "parted") == stored(tmp_path / "whole")
+    whole, parted = ([row["events"] for row in stored(tmp_path / name)] for name in ("whole", "parted"))
+    assert all(whole)
+    assert parted == whole
 
 
 def test_a_folder_without_events_is_exported_without_them(tmp_path):

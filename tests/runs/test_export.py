@@ -1,6 +1,5 @@
 """The exported table: every result once, in order, under the right names and types, exact, and never half of it."""
 
-import csv
 import json
 import math
 import random
@@ -17,7 +16,8 @@ from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
-from tests.runs.test_store import COUNT, DEMO, SPEED, WIDTH, fill, outcome, scenario_of
+from tests.runs.made_folders import rows
+from tests.runs.test_store import COUNT, DEMO, SPEED, WIDTH, fill, outcome, put, scenario_of
 
 RESULT = {
     "seed": pa.int64(),
@@ -41,11 +41,9 @@ def parquet_of(folder: Path) -> pa.Table:
 
 
 def csv_of(folder: Path) -> list[dict[str, str]]:
-    """Return the rows of the exported CSV, each value as it is written."""
     target = folder.with_name("results.csv")
     export(folder, target)
-    with target.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+    return rows(target)
 
 
 @pytest.fixture
@@ -93,22 +91,21 @@ def test_floats_are_read_back_exactly(folder) -> None:
     chance = random.Random(2)
     floats = [0.1 + 0.2, 1 / 3, 5e-324, 1.7976931348623157e308, math.nextafter(1, 0), 123456789.123456789, 1e22]
     floats += [chance.uniform(0, 1) * 10 ** chance.uniform(-12, 12) for _ in range(100)]
-    scenario = load_scenario(DEMO, ["trials=200"])
-    found = points(scenario)
-    with Store(folder, scenario, found) as store:
-        for trial, value in enumerate(floats):
-            store.add([outcome(found[0], trial, wall_s=value, order_parameter=-value, simulated_s=value)])
-    table, rows = parquet_of(folder), csv_of(folder)
+    changes = [{"wall_s": value, "order_parameter": -value, "simulated_s": value} for value in floats]
+    trials = ((0, trial, each) for trial, each in enumerate(changes))
+    put(folder, *trials, scenario=load_scenario(DEMO, ["trials=200"]))
+    table, written = parquet_of(folder), csv_of(folder)
     for name, expected in (("wall_s", floats), ("simulated_s", floats), ("order_parameter", [-x for x in floats])):
         assert list(map(repr, table[name].to_pylist())) == list(map(repr, expected))
-        assert [repr(float(row[name])) for row in rows] == list(map(repr, expected))
+        assert [repr(float(row[name])) for row in written] == list(map(repr, expected))
 
 
 def test_a_censored_trial_has_no_time_of_synchrony(folder) -> None:
-    found = points(DEMO)
-    with Store(folder, DEMO, found) as store:
-        store.add([outcome(found[0], 0, t_sync_cycles=0, cycles=0)])
-        store.add([outcome(found[0], 1, t_sync_cycles=None, censored=True, cycles=9)])
+    put(
+        folder,
+        (0, 0, {"t_sync_cycles": 0, "cycles": 0}),
+        (0, 1, {"t_sync_cycles": None, "censored": True, "cycles": 9}),
+    )
     table = parquet_of(folder)
     assert table["t_sync_cycles"].to_pylist() == [0, None]
     assert table["censored"].to_pylist() == [False, True]
@@ -117,8 +114,7 @@ def test_a_censored_trial_has_no_time_of_synchrony(folder) -> None:
 
 
 def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -> None:
-    with Store(folder, DEMO, points(DEMO)):
-        pass
+    put(folder)
     table = parquet_of(folder)
     assert table.num_rows == 0
     assert table.column_names == [COUNT, SPEED, *RESULT, *MAKING]
@@ -166,16 +162,3 @@ def test_values_are_under_their_own_keys_however_the_points_list_them(folder) ->
     fill(folder, scenario_of({"points": [{COUNT: 2, WIDTH: 50}, {WIDTH: 60, COUNT: 3}]}, trials=1))
     table = parquet_of(folder)
     assert (table[COUNT].to_pylist(), table[WIDTH].to_pylist()) == ([2, 3], [50, 60])
-
-
-# Mistakes
-
-
-@pytest.mark.parametrize("name", ["results.xlsx", "results", "results.csv.gz", ".csv"])
-def test_a_file_of_another_format_is_refused(folder, tmp_path, name: str) -> None:
-    fill(folder)
-    target = tmp_path / name
-    with pytest.raises(EpuckSimError) as caught:
-        export(folder, target)
-    assert str(caught.value) == f"{target}: unknown format {target.suffix!r}; allowed: .parquet or .csv"
-    assert not target.exists()

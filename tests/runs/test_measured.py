@@ -42,7 +42,7 @@ def fill(folder: Path, loaded, values: list[dict]) -> None:
             store.add([outcome(found[0], trial, measures=measures)])
 
 
-def test_values_come_back_to_the_bit(folder, mine):
+def test_values_come_back_to_the_bit_and_are_columns_of_numbers_and_lists_in_exported_tables(folder, mine, tmp_path):
     both = [{"Counter": value, "course": series} for value, series in zip(VALUES, SERIES, strict=True)]
     fill(folder, scenario(f"{mine}:Counter", f"{mine}:course"), both)
     (plain,), (counter,), (course,) = (read_points(folder, of) for of in (None, "Counter", "course"))
@@ -50,11 +50,6 @@ def test_values_come_back_to_the_bit(folder, mine):
     assert counter.measured == tuple(VALUES)
     assert course.measured == tuple(SERIES)
     assert counter.seed == plain.seed
-
-
-def test_exported_tables_have_columns_of_numbers_and_lists(folder, mine, tmp_path):
-    both = [{"Counter": value, "course": series} for value, series in zip(VALUES, SERIES, strict=True)]
-    fill(folder, scenario(f"{mine}:Counter", f"{mine}:course"), both)
     for name in ("t.parquet", "t.csv"):
         export(folder, tmp_path / name)
     table = pq.read_table(tmp_path / "t.parquet")

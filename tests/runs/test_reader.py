@@ -18,18 +18,15 @@ from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
-from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, contents, fill, outcome, scenario_of
+from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, contents, fill, outcome, put, scenario_of
 
 MADE_BY = {**versions(), "host": host()}
 
 
 def test_times_are_the_cycles_at_which_trials_ended_and_say_whether_synchrony_was_observed(tmp_path) -> None:
-    found = points(DEMO)
-    with Store(tmp_path, DEMO, found) as store:
-        store.add([outcome(found[1], 2, t_sync_cycles=7, cycles=7)])
-        store.add([outcome(found[1], 0, t_sync_cycles=None, censored=True, cycles=40)])
-        store.add([outcome(found[1], 1, error="gone")])
-        store.add([outcome(found[3], 0, t_sync_cycles=0, cycles=0)])
+    late = {"t_sync_cycles": None, "censored": True, "cycles": 40}
+    ended = (1, 2, {"t_sync_cycles": 7, "cycles": 7}), (3, 0, {"t_sync_cycles": 0, "cycles": 0})
+    put(tmp_path, *ended, (1, 0, late), (1, 1, {"error": "gone"}))
     none, some, still_none, one = read_points(tmp_path)
     assert some.times.tolist() == [40.0, 7.0]
     assert some.observed.tolist() == [False, True]
@@ -54,12 +51,9 @@ def test_after_the_sweep_has_grown_points_are_read_in_its_new_order(tmp_path) ->
 
 
 def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -> None:
-    found = points(DEMO)
-    with Store(tmp_path, DEMO, found) as store:
-        store.add([outcome(found[3], 1, error="RuntimeError: second")])
-        store.add([outcome(found[0], 0, wall_s=0.5)])
-        store.add([outcome(found[0], 1, wall_s=0.25, t_sync_cycles=None, censored=True)])
-        store.add([outcome(found[1], 2, error="RuntimeError: first")])
+    ended = (0, 0, {"wall_s": 0.5}), (0, 1, {"wall_s": 0.25, "t_sync_cycles": None, "censored": True})
+    failed = (3, 1, {"error": "RuntimeError: second"}), (1, 2, {"error": "RuntimeError: first"})
+    found = put(tmp_path, *ended, *failed)
     assert read_status(tmp_path) == Status(
         scenario="demo",
         points=4,

@@ -1,11 +1,7 @@
 """Measures that are added to a run folder: stored trials are simulated again for them, and must be the same."""
 
-import sqlite3
-from contextlib import closing
-
 import pytest
 
-from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import StoredResult, difference
@@ -14,7 +10,9 @@ from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call, called
 from tests.measures.files import COUNTER, write
 from tests.runs.made_folders import edit
+from tests.runs.test_store import stored
 from tests.sweep.pool_here import pool_here
+from tests.sweep.short_sweeps import Stopped, agents_sweep, stopper
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
@@ -29,15 +27,8 @@ def folder(tmp_path):
     return tmp_path / "run"
 
 
-def sweep(*measures, trials=3, **stop):
-    return {
-        "name": "demo",
-        "model": "particles",
-        "trials": trials,
-        "stop": {"max_cycles": 6, **stop},
-        "measures": list(measures),
-        "sweep": {"grid": {"agents.count": [5, 8]}},
-    }
+def sweep(*measures, trials=3):
+    return agents_sweep(measures, trials)
 
 
 def run(folder, scenario):
@@ -46,10 +37,7 @@ def run(folder, scenario):
 
 def everything(folder):
     """Return the rows of a folder, without what differs from run to run."""
-    with closing(sqlite3.connect(folder / DATABASE)) as connection:
-        connection.row_factory = sqlite3.Row
-        rows = connection.execute("SELECT * FROM trials ORDER BY point, trial").fetchall()
-    return [{name: row[name] for name in row.keys() if name not in ("wall_s", "checksum")} for row in rows]  # noqa: SIM118 a Row
+    return [{**row, "wall_s": None, "checksum": None} for row in stored(folder)]
 
 
 def test_stored_trials_get_the_added_measures_and_keep_their_results(folder, mine, tmp_path):
@@ -73,16 +61,8 @@ def test_so_do_those_of_a_folder_without_any_measure(folder, mine):
 
 def test_a_run_that_was_stopped_goes_on(folder, mine):
     run(folder, sweep("near_walls"))
-
-    class Stopped(Exception):  # noqa: N818 no error
-        pass
-
-    def stop(progress):
-        if progress.ended == 1:
-            raise Stopped
-
     with pytest.raises(Stopped):
-        run_sweep(sweep("near_walls", mine), folder, pool_here, stop)
+        run_sweep(sweep("near_walls", mine), folder, pool_here, stopper(1))
     status = read_status(folder)
     assert (status.stored, status.unmeasured, status.failed) == (6, 5, [])
     assert "5 of these results lack measures that were added" in called("status", folder)
@@ -117,7 +97,7 @@ def test_a_trial_that_is_no_longer_the_same_is_reported_and_stays_as_it_is(folde
     assert "2 trials failed; run again to retry them" in result.stderr
 
 
-def stored(**changes):
+def stored_result(**changes):
     fields = dict(zip(StoredResult._fields, (4, 0.5, 4.0, 80, 4, '{"a": 1}', None), strict=True))
     return StoredResult(**{**fields, **changes})
 
@@ -140,4 +120,4 @@ def test_a_trial_is_the_same_only_to_the_bit():
         ({"events": "[]"}, True),
         ({"cycles": 5}, True),
     ]:
-        assert (difference(stored(**changes), result()) is not None) == differs
+        assert (difference(stored_result(**changes), result()) is not None) == differs

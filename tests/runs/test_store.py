@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,6 +23,8 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.provenance import host, versions
+from tests.cli.commands import contents
+from tests.control.bench import with_step
 from tests.runs.made_folders import outcome
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
@@ -31,16 +34,7 @@ DATABASE = "results.sqlite"
 FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}
 """Names of the files in a run folder without users' files."""
 
-MINE = """
-PARAMETERS = {"pace": 2.0, "loud": True}
-MEMORY = {}
-
-def start(memory, parameters, random):
-    pass
-
-def step(sensors, memory, actuators, parameters, random):
-    actuators.left_cm_s = parameters.pace
-"""
+MINE = with_step("actuators.left_cm_s = parameters.pace", PARAMETERS='{"pace": 2.0, "loud": True}')
 
 
 def scenario_of(sweep: dict | None, **changes) -> Scenario:
@@ -60,6 +54,14 @@ def fill(folder: Path, scenario: Scenario = DEMO, **changes) -> tuple[Point, ...
     return found
 
 
+def put(folder: Path, *trials: tuple[Any, ...], scenario: Scenario = DEMO) -> tuple[Point, ...]:
+    """Store trials, each given by its point's number, its own, and changes of its outcome; return the points."""
+    found = points(scenario)
+    with Store(folder, scenario, found) as store:
+        store.add([outcome(found[point], trial, **dict(*changes)) for point, trial, *changes in trials])
+    return found
+
+
 def stored(folder: Path) -> list[dict]:
     """Return every row of the trials, in order of point and trial, of a database that is whole."""
     with closing(sqlite3.connect(folder / DATABASE)) as connection:
@@ -70,10 +72,6 @@ def stored(folder: Path) -> list[dict]:
         rows = [dict(row) for row in connection.execute(query)]
         assert len(rows) == connection.execute("SELECT count(*) FROM trials").fetchone()[0]
     return rows
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 # What a folder holds
@@ -105,9 +103,7 @@ def test_columns_are_in_the_same_order_whatever_the_seed_of_hashes(tmp_path) -> 
 
 
 def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_host(tmp_path) -> None:
-    found = points(DEMO)
-    with Store(tmp_path, DEMO, found) as store:
-        store.add([outcome(found[1], 2)])
+    found = put(tmp_path, (1, 2))
     (row,) = stored(tmp_path)
     assert isinstance(row.pop("checksum"), int)
     assert row == {
@@ -336,8 +332,7 @@ def test_a_user_s_file_that_has_changed_is_refused(tmp_path, key: str, axis: boo
 def test_an_axis_value_beyond_64_bits_is_stored(tmp_path) -> None:
     (tmp_path / "mine.py").write_text(MINE)
     robots = [{"controller": str(tmp_path / "mine.py")}]
-    scenario = scenario_of({"grid": {"robots.0.parameters.pace": [10**30]}}, robots=robots, trials=1)
-    fill(tmp_path / "r", scenario)
+    fill(tmp_path / "r", scenario_of({"grid": {"robots.0.parameters.pace": [10**30]}}, robots=robots, trials=1))
     assert float(stored(tmp_path / "r")[0]["robots.0.parameters.pace"]) == 1e30
 
 

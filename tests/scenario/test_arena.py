@@ -96,8 +96,6 @@ def test_floor_and_lamps_stay_where_a_schedule_moves_walls(ground):
     load_scenario({**pictured, "schedule": [{"at_s": 1, "set": {"arena.obstacles": []}}]})
     with pytest.raises(ScenarioError, match=r"schedule\.0\.set: sets arena\.height_cm, and arena\.floor\.picture is"):
         load_scenario({**pictured, "schedule": narrow})
-    with pytest.raises(ScenarioError, match=r"set: arena\.lamps cannot change during a trial"):
-        load_scenario({"schedule": [{"at_s": 1, "set": {"arena.lamps": []}}]})
 
 
 def test_opencv_is_imported_for_a_picture_alone(ground):
@@ -131,17 +129,3 @@ def test_each_entry_makes_the_arena_that_its_values_say_with_what_stays():
     assert wide.movables == narrow.movables == scenario.arena.movables
     assert largest_cm(scenario) == (90, 60)
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
-
-
-def test_entries_whose_order_would_decide_are_refused():
-    schedule = [{"at_s": 1, "set": {"arena.obstacles": []}}, {"at_s": 2, "set": {"arena.width_cm": 70}}]
-    message = r"schedule\.1\.set: sets arena\.width_cm, and .*schedule\.0\.set sets arena\.obstacles; give all entries"
-    with pytest.raises(ScenarioError, match=message):
-        load_scenario({**SCENARIO, "schedule": schedule})
-
-
-def test_arenas_are_checked_at_each_point_of_a_sweep():
-    schedule = [{"at_s": 1, "set": {"arena.width_cm": 20}}]
-    swept = load_scenario({"schedule": schedule, "sweep": {"grid": {"robots.0.count": [5, 40]}}})
-    with pytest.raises(ScenarioError, match=r"point 1 .*schedule\.0\.set: 40 robots of 7\.4 cm do not fit"):
-        points(swept)

@@ -1,5 +1,6 @@
 """Scenarios: what is read, that what is written is read again, and quick versions."""
 
+import ast
 from contextlib import suppress
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import epuck_sim
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.simulation import ParticleSimulation
@@ -21,6 +23,7 @@ from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from tests.cli.commands import call, refused
+from tests.control.bench import with_step
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
@@ -44,11 +47,7 @@ def test_a_model_alone_is_the_base_case_of_chapter_5() -> None:
 
 
 def test_a_file_is_read_with_what_lies_beside_it_and_is_called_after_itself(tmp_path) -> None:
-    (tmp_path / "mine.py").write_text(
-        "PARAMETERS = {'pace': 2.0}\nMEMORY = {}\n"
-        "def start(memory, parameters, random): pass\n"
-        "def step(sensors, memory, actuators, parameters, random): actuators.left_cm_s = parameters.pace\n"
-    )
+    (tmp_path / "mine.py").write_text(with_step("pass", PARAMETERS="{'pace': 2.0}"))
     (tmp_path / "scene.yaml").write_text("robots: [{controller: mine.py, count: 1}]")
     scenario = load_scenario(tmp_path / "scene.yaml")
     assert scenario == load_scenario(str(tmp_path / "scene.yaml"))
@@ -84,9 +83,7 @@ def test_all_mistakes_are_named_at_once_each_with_the_origin() -> None:
     assert [line[:6] for line in lines] == ["here: "] * 3
 
 
-def test_a_file_that_is_not_there_is_named() -> None:
-    with pytest.raises(ScenarioError, match=r"gone\.yaml: there is no such file"):
-        load_scenario("gone.yaml")
+def test_one_text_is_no_list_of_texts() -> None:
     with pytest.raises(ScenarioError, match=r"settings is 'a=1'; allowed: a list of such texts"):
         load_scenario({}, "a=1")
 
@@ -105,6 +102,13 @@ def test_a_description_is_followed_by_the_changes_that_may_have_made_it_untrue(s
     assert load_scenario({}, settings, axes).description == ""
 
 
+def test_scenarios_are_read_at_the_edge_alone() -> None:
+    """By commands, the public functions that take what is read, and where a scenario names another one."""
+    trees = [ast.parse(path.read_bytes()) for path in Path(epuck_sim.__file__).parent.rglob("*.py")]
+    calls = [node.func for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    assert sum(getattr(function, "id", "") == "load_scenario" for function in calls) <= 8
+
+
 # --- written and read again, and what is just allowed -------------------------------------------------
 
 STILL = {"robots.0.parameters.speed_cm_s": 0}
@@ -115,6 +119,7 @@ ROBOTS = [
         "robots": [{"count": 3, "controller": "constant"}, {"count": 3}],
         "stop": {"reference_robot": 3},
         "faults": [{"kind": "restart", "robots": [3, 5]}],
+        "schedule": [{"at_s": 3, "displace": {"by_cycles": 0.5, "robots": [4]}}],
     },
     {
         "faults": [{"kind": "ring_dead", "scheduled": True}],

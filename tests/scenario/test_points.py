@@ -11,20 +11,12 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.seeds import point_seed
+from tests.control.bench import with_step
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
 CONTROLLER = "robots.0.controller"
 
-MINE = """
-PARAMETERS = {"pace": 2.0}
-MEMORY = {}
-
-def start(memory, parameters, random):
-    pass
-
-def step(sensors, memory, actuators, parameters, random):
-    actuators.left_cm_s = parameters.pace
-"""
+MINE = with_step("actuators.left_cm_s = parameters.pace", PARAMETERS='{"pace": 2.0}')
 
 
 def grid(**axes):

@@ -5,7 +5,6 @@ import math
 import pytest
 
 from epuck_sim import Simulation, epuck
-from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
@@ -107,6 +106,4 @@ def test_a_pogobot_tells_how_bright_it_is_on_three_sides() -> None:
 
 def test_the_kind_is_changed_with_the_whole_section() -> None:
     thesis = load_scenario("thesis", ["robots.0.signal={kind: radio}"])
-    with pytest.raises(ScenarioError, match=r"--set robot\.kind=kilobot: .* give robot=kilobot instead"):
-        load_scenario(thesis, ["robot.kind=kilobot"])
     assert load_scenario(thesis, ["robot=kilobot"]).robot == load_scenario("kilobots").robot

@@ -19,8 +19,6 @@ def test_aliases_and_merge_keys_work() -> None:
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path) -> None:
-    with pytest.raises(ScenarioError, match=r"gone\.yaml: cannot be read: No such file"):
-        read_yaml(tmp_path / "gone.yaml")
     with pytest.raises(ScenarioError, match="cannot be read: Is a directory"):
         read_yaml(tmp_path)
     path = tmp_path / "huge.yaml"

@@ -274,6 +274,15 @@ def test_where_all_trials_of_one_side_are_censored_there_is_a_p_value_and_no_int
     assert not point.difference.has_interval
 
 
+def test_where_most_trials_are_censored_no_difference_is_beyond_the_limit() -> None:
+    found = compared(
+        in_memory(sweep({SPEED: [1]}), lambda _: ended([5, *[5000] * 4], [True] + [False] * 4)),
+        in_memory(sweep({SPEED: [1]}), lambda _: ended([5, 8, *[5000] * 18], [True] * 2 + [False] * 18)),
+    )
+    for difference in (found.points[0].difference, found.difference):
+        assert (difference.low, difference.high) == (-5000, 5000)
+
+
 def test_trials_that_ran_out_of_time_are_compared_by_their_ranks() -> None:
     def early(point):
         made = weibull(point, 60)

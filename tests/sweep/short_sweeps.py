@@ -1,12 +1,14 @@
 """What the tests of sweeps share: a sweep of short trials, and a run folder's table without what may differ."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from subprocess import Popen
 from types import MappingProxyType
+from typing import Any
 
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.folder import DATABASE
+from epuck_sim.runs.records import SweepProgress
 from tests.processes import COMMAND, start
 
 
@@ -25,6 +27,12 @@ sweep:
 """
     )
     return path
+
+
+def agents_sweep(measures: Sequence[Any], trials: int = 3, **sections: Any) -> dict[str, Any]:
+    """Return the keys of a sweep of point agents over two sizes of the swarm, with measures."""
+    given = {"name": "demo", "model": "particles", "trials": trials, "stop": {"max_cycles": 6}}
+    return {**given, "measures": [*measures], "sweep": {"grid": {"agents.count": [5, 8]}}, **sections}
 
 
 def table(folder: Path) -> list[tuple]:
@@ -54,3 +62,17 @@ def stored(folder: Path) -> int:
 def begin(*arguments: str | Path, folder: Path, mark: str = "", env: Mapping[str, str] = MappingProxyType({})) -> Popen:
     """Start a run in `folder`, with `env` added to the environment; `mark` is in that of all its processes."""
     return start([*COMMAND, "run", *arguments], mark, cwd=folder, env=env)
+
+
+class Stopped(Exception):  # noqa: N818 no error
+    """A run is stopped."""
+
+
+def stopper(after: int) -> Callable[[SweepProgress], None]:
+    """Return an observer that stops a run after so many trials."""
+
+    def stop(progress: SweepProgress) -> None:
+        if progress.ended == after:
+            raise Stopped
+
+    return stop

@@ -21,6 +21,7 @@ from epuck_sim.sweep.executors import Pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.scheduler import TaskQueue, schedule
 from epuck_sim.sweep.worker import make_outcome, run_chunk
+from tests.control.bench import EMPTY
 from tests.processes import start, wait_until
 from tests.sweep.pool_here import Here, pool_here
 from tests.sweep.short_sweeps import begin, short_sweep, stored, table
@@ -29,19 +30,6 @@ from tests.sweep.test_scheduler import outcomes_of_length, task
 DOCS = Path(__file__).parents[2] / "docs" / "clusters.md"
 
 HERE = ("--host", "127.0.0.1", "--no-dashboard")
-
-OWN = """
-PARAMETERS = {}
-MEMORY = {}
-
-
-def start(memory, parameters, random):
-    pass
-
-
-def step(sensors, memory, actuators, parameters, random):
-    pass
-"""
 
 JOBQUEUE = '''
 """Stands in for dask-jobqueue: its SLURMCluster starts a local process, however many are asked for."""
@@ -76,7 +64,7 @@ def test_a_worker_with_another_version_is_refused_in_words(monkeypatch) -> None:
 
 def test_a_worker_with_another_controller_is_refused_in_words(tmp_path) -> None:
     path = tmp_path / "own.py"
-    path.write_text(OWN)
+    path.write_text(EMPTY)
     scenario = load_scenario({"robots": [{"controller": str(path)}]})
     given = [Task(0, 0, "", scenario, False)]
     executor = SameVersionsExecutor(Here())

@@ -10,7 +10,6 @@ import pytest
 
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.records import SweepProgress
 from epuck_sim.runs.share import Share
 from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
@@ -22,7 +21,7 @@ from epuck_sim.sweep.looks import Looks
 from epuck_sim.sweep.run import run_sweep
 from tests.cli.commands import call
 from tests.sweep.pool_here import pool_here
-from tests.sweep.short_sweeps import short_sweep, table
+from tests.sweep.short_sweeps import Stopped, short_sweep, stopper, table
 
 MOST, ASKED, MORE, TOO_MUCH = 67, "24%", "19%", "14%"
 """Most trials at a point, and what is asked: some points end sooner than others, and the last is too much for some."""
@@ -89,13 +88,8 @@ def test_trials_that_fail_are_looked_at_as_ended_and_left_out_of_intervals(tmp_p
 def test_workers_and_interruptions_do_not_change_what_is_run(tmp_path, all_trials) -> None:
     scenario, folder = four_points(tmp_path), tmp_path / "run"
     ends, rows = expected(all_trials, ASKED)
-
-    def stop(progress: SweepProgress) -> None:
-        if progress.ended == sum(ends) - 30:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run_sweep(scenario, folder, partial(local_pool, 2), stop, until=Looks(ASKED))
+    with pytest.raises(Stopped):
+        run_sweep(scenario, folder, partial(local_pool, 2), stopper(sum(ends) - 30), until=Looks(ASKED))
     assert set(table(folder)) < set(rows)
     run_sweep(scenario, folder, pool_here, until=Looks(ASKED))
     assert table(folder) == rows
@@ -147,11 +141,7 @@ def test_the_command_says_how_narrow_intervals_are(all_trials) -> None:
 
 def test_a_share_has_too_few_trials_for_a_look(tmp_path) -> None:
     scenario = load_scenario(short_sweep(tmp_path, 20))
-    with pytest.raises(KeyboardInterrupt):
-        run_sweep(scenario, tmp_path / "run", pool_here, _interrupt, share=Share(1, 20))
+    with pytest.raises(Stopped):
+        run_sweep(scenario, tmp_path / "run", pool_here, stopper(0), share=Share(1, 20))
     with pytest.raises(StoreError, match="share 1/20; --until looks at all trials of a point"):
         run_sweep(scenario, tmp_path / "run", pool_here, until=Looks("10%"))
-
-
-def _interrupt(_: SweepProgress) -> None:
-    raise KeyboardInterrupt

@@ -17,21 +17,9 @@ from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from tests.measures.files import COUNTER, write
 from tests.sweep.pool_here import pool_here
-from tests.sweep.short_sweeps import table
+from tests.sweep.short_sweeps import Stopped, agents_sweep, stopper, table
 
 SETTLED = "def settled(simulation): return bool(simulation.positions()[0, 0] > 50)\n"
-
-
-class Stopped(Exception):  # noqa: N818 no error
-    """A run is stopped."""
-
-
-def stopper(after):
-    def stop(progress):
-        if progress.ended == after:
-            raise Stopped
-
-    return stop
 
 
 @pytest.fixture(scope="module")
@@ -40,15 +28,8 @@ def mine(tmp_path_factory):
 
 
 def sweep(measures, trials, **sections):
-    return {
-        "name": "demo",
-        "model": "particles",
-        "trials": trials,
-        "stop": {"when": "order_parameter > 0.6", "max_cycles": 5},
-        "measures": measures,
-        "sweep": {"grid": {"agents.count": [5, 8]}},
-        **sections,
-    }
+    ends = {"stop": {"when": "order_parameter > 0.6", "max_cycles": 5}}
+    return agents_sweep(measures, trials, **{**ends, **sections})
 
 
 def content(folder):

@@ -7,6 +7,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.sweep import pilot
 from epuck_sim.sweep.pilot import time_trials
+from tests.control.bench import with_step
 
 
 def made(*settings: str, speeds: str = "1,2,4,8"):
@@ -46,10 +47,7 @@ def test_what_compiling_takes_is_not_counted_and_each_trial_may_take_what_is_lef
 
 
 def test_a_trial_that_fails_is_reported(tmp_path) -> None:
-    (tmp_path / "bad.py").write_text(
-        "PARAMETERS = {}\nMEMORY = {'n': int}\n\ndef start(memory, parameters, random):\n    pass\n\n"
-        "def step(sensors, memory, actuators, parameters, random):\n    actuators.left_cm_s = 1 / memory.n\n"
-    )
+    (tmp_path / "bad.py").write_text(with_step("1 / 0"))
     scenario = load_scenario("pair", [f"robots=[{{controller: {tmp_path}/bad.py, count: 2}}]"])
     with pytest.raises(ScenarioError, match="point 0: a trial fails"):
         time_trials(points(scenario), 1)

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import re
 import threading
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
@@ -57,10 +58,10 @@ def test_tasks_are_taken_in_the_order_of_their_urgency() -> None:
     taken = [*waiting.take(2)]
     for trials, urgency in (([10, 11], 2.0), ([20], math.inf), ([30, 31], 5.0), ([40], 2.0)):
         waiting.add([task(trial) for trial in trials], urgency)
-    waiting.put_back(taken[1:])
+    waiting.add(taken[1:], math.inf)
     assert len(waiting) == 8
     order = [each.trial for count in (3, 2, 9) for each in waiting.take(count)]
-    assert order == [1, 2, 20, 30, 31, 10, 11, 40]
+    assert order == [2, 20, 1, 30, 31, 10, 11, 40]
     assert not waiting
 
 
@@ -86,10 +87,10 @@ class FakeExecutor:
         return future
 
 
-def opened(deadly: set[int], slots: int, raises: Exception | None = None):
+def opened(deadly: set[int], slots: int, raises: Exception | None = None, kind=FakeExecutor):
     @contextmanager
     def open_pool():
-        yield Pool(FakeExecutor(deadly, raises), lambda: slots, (BrokenExecutor,))
+        yield Pool(kind(deadly, raises), lambda: slots, (BrokenExecutor,))
 
     return open_pool
 
@@ -100,13 +101,18 @@ def test_every_trial_has_one_outcome_and_only_those_that_kill_their_worker_fail(
     assert sorted(each.trial for each in found) == list(range(count))
     assert {each.trial for each in found if each.error} == {trial for trial in deadly if trial < count}
     assert all((each.result is None) == (each.error is not None) for each in found)
-    assert all("its worker died" in each.error for each in found if each.error)
+    told = r"its worker died: .*; run it alone to see why, by --point 0 --trial \d+, or give fewer --workers if memory"
+    assert all(re.match(told, each.error) for each in found if each.error)
 
 
 def test_a_kind_whose_compilation_kills_its_worker_is_compiled_ahead_once() -> None:
-    opens = 0
+    opens = []
 
     class Dies(FakeExecutor):
+        def __init__(self, *given) -> None:
+            super().__init__(*given)
+            opens.append(self)
+
         def submit(self, function, tasks) -> Future:
             future = super().submit(function, tasks)
             if function is run_chunk:
@@ -115,16 +121,10 @@ def test_a_kind_whose_compilation_kills_its_worker_is_compiled_ahead_once() -> N
             died.set_exception(BrokenExecutor("killed"))
             return died
 
-    @contextmanager
-    def open_pool():
-        nonlocal opens
-        opens += 1
-        yield Pool(Dies(set()), lambda: 2, (BrokenExecutor,))
-
-    found = list(chain.from_iterable(schedule(queue(10), [task(0)], open_pool)))
+    found = list(chain.from_iterable(schedule(queue(10), [task(0)], opened(set(), 2, kind=Dies))))
     assert sorted(each.trial for each in found) == list(range(10))
     assert not any(each.error for each in found)
-    assert opens == 2
+    assert len(opens) == 2
 
 
 def test_trials_that_failed_do_not_make_chunks_longer() -> None:
@@ -245,12 +245,8 @@ def test_waiting_does_not_lock_futures_that_are_under_way_again_and_again() -> N
                 pending.append(future)
             return future
 
-    @contextmanager
-    def open_pool():
-        yield Pool(Counted(set()), lambda: 3, ())
-
     taken = []
-    for outcomes in schedule(queue(100), [], open_pool):
+    for outcomes in schedule(queue(100), [], opened(set(), 3, kind=Counted)):
         if len(taken) == 9:
             pending[0].set_result([])
         taken.append(len(outcomes) and pending[0]._condition.taken)
