@@ -10,12 +10,12 @@ may push or be pushed into, one by the other. All others are farther from a cand
 were as fast as the fastest robot and contacts moved each `PUSHED_CM` farther.
 
 Nothing bounds how far contacts move a robot: rows of robots that drive at each other squeeze out one between them, the
-faster the longer the rows. So whoever moves bodies looks before each physics step for candidates that have come farther
-than the fastest robot and `PUSHED_CM`, and brings in whom these may touch in that step, `add_reached`; and whom those
-may touch that were brought in. The others touch nobody: a candidate that has not come too far may take a step longer
-than the fastest robot's by `PUSHED_CM` and still be out of reach. Thus a contact is found in the same step as with all
-robots in the space, unless contacts or the correction of overlaps move a robot that has not come too far by more than
-`PUSHED_CM` beyond the fastest robot's step in a single physics step; then it is found a physics step later.
+faster the longer the rows. So whoever moves bodies looks before each physics step for candidates whose velocities take
+them farther than the fastest robot and `PUSHED_CM`, and brings in whom these may touch in that step, `add_reached`; and
+whom those may touch that were brought in. The others touch nobody: two that have not come too far are out of each
+other's reach by another `PUSHED_CM`. This is left for the correction of overlaps, which no velocity shows. Thus a
+contact is found in the same step as with all robots in the space, unless corrections alone move a robot by more than
+that in a single physics step; then it is found a physics step later.
 """
 
 import math
