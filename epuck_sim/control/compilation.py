@@ -11,9 +11,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from epuck_sim.control.interface import Described
 from epuck_sim.control.names import first_use
-from epuck_sim.errors import ControllerError
+from epuck_sim.errors import ControllerError, EpuckSimError
 from epuck_sim.user_files import fingerprint
 from epuck_sim.util.jit import bind, compile_call, digest, kernel_digest, name_after
 from epuck_sim.util.native import WITHOUT_WRAPPERS
@@ -21,18 +20,28 @@ from epuck_sim.util.native import WITHOUT_WRAPPERS
 _compiled: dict[Hashable, Any] = {}
 
 
-def compile_for(user: Described, function: Any, room_digest: str, names: Mapping[str, Any], contents: str = "") -> Any:
+def compile_for(
+    user: Any,
+    function: Any,
+    room_digest: str,
+    names: Mapping[str, Any],
+    contents: str = "",
+    *,
+    takes: tuple[Any, ...] = (),
+    error: type[EpuckSimError] = ControllerError,
+    instead: str = "; --interpret runs it as plain Python",
+) -> Any:
     """Compile a function (block, addresses, number) that calls a user's functions, cached by all it is made from.
 
     Args:
-        user: What the file describes.
+        user: What the file describes, with its `sources` and `modules`.
         function: The function.
         room_digest: The `kernel_digest` of the function's room.
         names: What the function's global names stand for: functions of the file, types of records, or kernels.
         contents: Stands for what those kernels are made from.
-
-    Raises:
-        ControllerError: The file cannot be compiled.
+        takes: numba's types of the function's arguments, if they are others.
+        error: What is raised if the file cannot be compiled.
+        instead: What to do then.
     """
     types = tuple(value for value in names.values() if isinstance(value, np.dtype))
     values = frozen_values(user.modules.values())
@@ -44,16 +53,15 @@ def compile_for(user: Described, function: Any, room_digest: str, names: Mapping
         bound = bind(function, **{**names, **dict(zip(own, compiled, strict=True))})
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
-                _compiled[key] = compile_call(bound, contents_digest)
-        except Exception as error:  # numba's own errors, and what escapes it
-            instead = "; --interpret runs it as plain Python"
-            raise ControllerError(explain_refusal(error, user.path, user.sources, instead)) from error
+                warnings.simplefilter("ignore", numba.NumbaWarning)
+                _compiled[key] = compile_call(bound, contents_digest, *takes)
+        except Exception as refusal:  # numba's own errors, and what escapes it
+            raise error(explain_refusal(refusal, user.sources, instead)) from refusal
     return _compiled[key]
 
 
 @lru_cache  # as it takes long, of what cannot change in a file that is loaded
-def _static_digest(user: Described, types: tuple[np.dtype[Any], ...], contents: str) -> str:
+def _static_digest(user: Any, types: tuple[np.dtype[Any], ...], contents: str) -> str:
     return digest([digest_sources(user.sources, user.modules).encode(), repr(types).encode(), contents.encode()])
 
 
@@ -123,7 +131,7 @@ INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised fr
 """Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
 
 
-def explain_refusal(error: Exception, path: Path, sources: Mapping[Path, bytes], instead: str = "") -> str:
+def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: str) -> str:
     """Return what to say of a file that numba cannot compile: place, what to do instead, reason, and the line."""
     _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
     lines = [line.strip() for line in innermost.splitlines()]
@@ -131,7 +139,7 @@ def explain_refusal(error: Exception, path: Path, sources: Mapping[Path, bytes],
     reason = re.sub(r"^(Cannot cast .*?): .*", r"\1", reason)  # and not the value as LLVM writes it
     place = _place(reason, innermost, sources)
     if place is None:
-        return f"{path}: cannot be compiled{instead}: {reason}"
+        return f"{next(iter(sources))}: cannot be compiled{instead}: {reason}"
     file, line = place
     code = sources[file].decode().splitlines()[line - 1].strip()
     return f"{file}:{line}: cannot be compiled{instead}: {reason}\n    {code}"

@@ -1,7 +1,7 @@
 """What may fail in robots while a trial runs (thesis 4.4), and what changes: the sections `faults` and `schedule`."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import Field, model_validator
@@ -300,9 +300,12 @@ class TimedEntries(Generic[_Moment]):
     next: _Moment
     """When the next of them is carried out; `never` after the last."""
 
-    def __init__(self, moments: Sequence[tuple[_Moment, int]], never: _Moment) -> None:
-        """Begin with the first of some moments and numbers of entries, in order; `never` is later than any moment."""
-        self._moments = [*moments, (never, -1)]
+    def __init__(
+        self, schedule: Sequence[ScheduleEntry], moment_of: Callable[[float], _Moment], never: _Moment
+    ) -> None:
+        """Begin with the first; moment_of: takes a time, s; `never` is later than any moment."""
+        timed = [(moment_of(entry.at_s), number) for number, entry in enumerate(schedule) if entry.at_s is not None]
+        self._moments = [*sorted(timed), (never, -1)]
         self.restart()
 
     def restart(self) -> None:

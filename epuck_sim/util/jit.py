@@ -30,9 +30,6 @@ SHARED = ("util", "control")
 VALUE_FILES = ("elementary.py", "epuck.py", "util/native.py", "control/interface.py", "embodied/swarm.py")
 """Files without kernels on whose functions, constants, types or ways of compiling compiled code depends."""
 
-WITHOUT_ALLOCATION = {"_nrt": False}
-"""Option of numba's `njit` with which a function that allocates an array is refused, and nothing counts references."""
-
 _redirecting = threading.Lock()
 
 
@@ -120,10 +117,16 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
 class Kernel:
     """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
 
-    def __init__(self, function: Any, **options: object) -> None:
+    def __init__(self, function: Any, *, allocates: bool = False, inline: bool = False) -> None:
         self.function = function
         self.__doc__ = function.__doc__
-        self._options = options
+        self._allocates, self._is_inlined = allocates, inline
+
+    @property
+    def _options(self) -> dict[str, object]:
+        from epuck_sim.util.native import WITHOUT_ALLOCATION
+
+        return {"forceinline": self._is_inlined} | ({} if self._allocates else WITHOUT_ALLOCATION)
 
     @cached_property
     def for_python(self) -> Any:
@@ -140,7 +143,9 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        return self.part._numba_type_
+        from numba import typeof
+
+        return typeof(self.part)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""
@@ -149,25 +154,28 @@ class Kernel:
 
 def jit(function: Function) -> Function:
     """Return a kernel that may allocate arrays."""
-    return cast(Function, Kernel(function))
+    return cast(Function, Kernel(function, allocates=True))
 
 
 def jit_no_alloc(function: Function) -> Function:
     """Return a kernel that allocates no arrays, nor does what it calls: counting references takes long."""
-    return cast(Function, Kernel(function, **WITHOUT_ALLOCATION))
+    return cast(Function, Kernel(function))
 
 
 def jit_inline(function: Function) -> Function:
     """Return a kernel as `jit_no_alloc` does, which is inlined wherever it is called: passing arrays takes time."""
-    return cast(Function, Kernel(function, **WITHOUT_ALLOCATION, forceinline=True))
+    return cast(Function, Kernel(function, inline=True))
 
 
-def compile_call(function: Any, contents_digest: str) -> Any:
-    """Compile a function (block, addresses, number) that other code calls by its address; errors are Python's."""
+def compile_call(function: Any, contents_digest: str, *takes: Any) -> Any:
+    """Compile a function that other code calls by its address, which takes (block, addresses, number) if nothing else.
+
+    Errors are Python's.
+    """
     from epuck_sim.util.native import ADDRESSES, BLOCK, INTP, is_recursive
 
     compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
-    compiled.compile((BLOCK, ADDRESSES, INTP))
+    compiled.compile(takes or (BLOCK, ADDRESSES, INTP))
     if is_recursive(compiled):  # numba would end the process that takes it from the cache
         shutil.rmtree(_open_cache(contents_digest), ignore_errors=True)
     return compiled

@@ -51,19 +51,6 @@ def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tm
         assert find_controller(name, folder).parameters == {"gain": found}
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("fierfly", r"^unknown 'fierfly', did you mean 'firefly'\?; controllers: firefly, .* and \d+ more; or"),
-        ("obstacle-avoidance", "^unknown 'obstacle-avoidance', did you mean 'obstacle_avoidance'"),
-        ("zzz", r"^unknown 'zzz'; controllers: (\w+, ){4}\w+ and \d+ more; or give a file"),
-    ],
-)
-def test_an_unknown_name_gets_the_nearest_shipped_ones(name, said):
-    with pytest.raises(ControllerError, match=said):
-        find_controller(name)
-
-
 # --- loading --------------------------------------------------------------------------------------
 
 

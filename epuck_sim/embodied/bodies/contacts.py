@@ -272,12 +272,12 @@ def _push(one: Any, other: Any, steps: int, step_s: float, reach_cm: float) -> M
 
 @jit_no_alloc
 def move_lone(swarm: Swarm, number: int, steps: int) -> None:
-    """Move a robot and its partner by some physics steps."""
+    """Move a robot and its partner by some physics steps, and have them go on as these leave them."""
     robot = swarm.robots[number]
     other, time_s = swarm.robots[robot.partner], steps * swarm.scene[0].physics_s
     moved = lone_motion(swarm, number, steps, math.inf)
-    other.x, other.y = moved.other_x, moved.other_y
-    robot.x, robot.y = moved.x, moved.y
+    other.x, other.y, other.vx, other.vy = moved.other_x, moved.other_y, moved.other_vx, moved.other_vy
+    robot.x, robot.y, robot.vx, robot.vy = moved.x, moved.y, moved.vx, moved.vy
     robot.heading += robot.spin * time_s
     if robot.partner != number:
         other.heading += other.spin * time_s
@@ -331,9 +331,7 @@ def _add(swarm: Swarm, number: int, past: int, found: int) -> int:
     if robot.partner == NOBODY:
         move_straight(robot, past * swarm.scene[0].physics_s)
     else:
-        other, moved = swarm.robots[robot.partner], lone_motion(swarm, number, past, math.inf)
         move_lone(swarm, number, past)
-        other.vx, other.vy, robot.vx, robot.vy = moved.other_vx, moved.other_vy, moved.vx, moved.vy
     for index in range(len(swarm.members)):
         if swarm.members[index].robot in (number, robot.partner):
             swarm.robots[swarm.members[index].robot].may_touch = True
