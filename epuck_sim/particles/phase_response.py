@@ -19,7 +19,7 @@ from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
 from epuck_sim.scenario.particles import ResponseSection, find_curve
 from epuck_sim.user_files import line_of_error, record_type
 from epuck_sim.util.elementary import expm1, sin
-from epuck_sim.util.jit import jit, jit_inline, kernel_digest
+from epuck_sim.util.jit import jit, jit_inline
 from epuck_sim.util.native import BLOCK, array_at, evaluate, function_address, unlikely
 
 CURVES = ("multiplicative", "sawtooth", "sine", "additive", "mirollo_strogatz", "piecewise_linear")
@@ -160,8 +160,8 @@ def _address_of(section: ResponseSection, kind: np.dtype[Any]) -> int:
     """Return the address of a user's curve, compiled, where it stays until the process ends."""
     curve = find_curve(section.curve)
     names = {"_shift": curve.phase_shift, "_PARAMETERS": kind}
-    how: dict[str, Any] = {"takes": (BLOCK, types.float64), "error": CurveError, "instead": ""}
-    return function_address(compile_for(curve, shift_at, kernel_digest("particles"), names, **how))
+    compiled = compile_for(curve, shift_at, names, takes=(BLOCK, types.float64), error=CurveError)
+    return function_address(compiled)
 
 
 def record_of(section: ResponseSection) -> np.dtype[Any]:

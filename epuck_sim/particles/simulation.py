@@ -33,7 +33,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.util.generators import seed_words
-from epuck_sim.util.jit import compile_kernel
+from epuck_sim.util.native import compile_kernel
 
 UNLIMITED = 2**62
 """Larger than any count or cycle number."""

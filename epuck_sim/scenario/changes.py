@@ -206,7 +206,7 @@ class Displacement(ConfigModel):
     def __str__(self) -> str:
         """Return the displacement in words."""
         (members,) = (value for key, value in self if key != "by_cycles")
-        whose = "all phases" if members is None else f"phases of {_listed(members)}"
+        whose = "all phases" if members is None else f"phases of {', '.join(map(str, members))}"
         return f"{whose} {self.by_cycles if isinstance(self.by_cycles, str) else f'by {self.by_cycles:g} cycles'}"
 
 
@@ -222,10 +222,6 @@ class RobotDisplacement(Displacement):
 
     robots: Members | None = None
     """Numbers of the robots; all by default."""
-
-
-def _listed(numbers: Sequence[int]) -> str:
-    return ", ".join(map(str, numbers))
 
 
 class ScheduleEntry(ConfigModel):
@@ -300,11 +296,9 @@ class TimedEntries(Generic[_Moment]):
     next: _Moment
     """When the next of them is carried out; `never` after the last."""
 
-    def __init__(
-        self, schedule: Sequence[ScheduleEntry], moment_of: Callable[[float], _Moment], never: _Moment
-    ) -> None:
-        """Begin with the first; moment_of: takes a time, s; `never` is later than any moment."""
-        timed = [(moment_of(entry.at_s), number) for number, entry in enumerate(schedule) if entry.at_s is not None]
+    def __init__(self, schedule: Sequence[ScheduleEntry], moment: Callable[[float], _Moment], never: _Moment) -> None:
+        """Begin with the first, by the moments of times in s; `never` is later than any of them."""
+        timed = [(moment(entry.at_s), number) for number, entry in enumerate(schedule) if entry.at_s is not None]
         self._moments = [*sorted(timed), (never, -1)]
         self.restart()
 
@@ -384,7 +378,8 @@ class RobotScheduleEntry(ScheduleEntry):
         begin = [f"faults.{number} begins" for number in self.begin]
         ended = [f"faults.{number} ends" for number in self.end]
         moved = (("removes", self.remove), ("adds", self.add))
-        return [*super().in_words(), *begin, *ended, *(f"{verb} {_listed(robots)}" for verb, robots in moved if robots)]
+        in_words = (f"{verb} {', '.join(map(str, robots))}" for verb, robots in moved if robots)
+        return [*super().in_words(), *begin, *ended, *in_words]
 
     def numbers(self) -> dict[str, Sequence[int]]:
         """Return the numbers of robots that it names, by key."""

@@ -8,11 +8,10 @@ files, which import kernels, needs none.
 import hashlib
 import os
 import re
-import shutil
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
@@ -57,7 +56,12 @@ def kernel_digest(room: str = "util", package: Path = PACKAGE) -> str:
     return digest(path.read_bytes() for path in kernel_files(room, package))
 
 
-def _open_cache(contents_digest: str) -> Path:
+def digest_of_room(function: Any) -> str:
+    """Return the digest of all files that the kernels of a function's room depend on."""
+    return kernel_digest(function.__module__.partition(".")[2].partition(".")[0])  # tests mirror the rooms
+
+
+def open_cache(contents_digest: str) -> Path:
     """Return the cache folder of these contents, marked as used now; unused ones are removed when a new one is made."""
     folder = cache_root() / contents_digest
     with suppress(OSError):  # numba copes with a folder that it cannot use
@@ -102,7 +106,7 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
     with _redirecting:  # numba reads the folder once, when a function is decorated
         settings = vars(config)
         before = settings["CACHE_DIR"]
-        settings["CACHE_DIR"] = str(_open_cache(contents_digest))
+        settings["CACHE_DIR"] = str(open_cache(contents_digest))
         try:
             division: Literal["python", "numpy"] = "python" if careful else "numpy"
             compiler: Any = njit  # its types lack some of its options
@@ -131,8 +135,7 @@ class Kernel:
     @cached_property
     def for_python(self) -> Any:
         """The function as Python calls it."""
-        room = self.function.__module__.partition(".")[2].partition(".")[0]  # tests mirror the rooms
-        return compile_cached(self.function, kernel_digest(room), careful=False, nogil=True, **self._options)
+        return compile_cached(self.function, digest_of_room(self.function), careful=False, nogil=True, **self._options)
 
     @cached_property
     def part(self) -> Any:
@@ -165,35 +168,3 @@ def jit_no_alloc(function: Function) -> Function:
 def jit_inline(function: Function) -> Function:
     """Return a kernel as `jit_no_alloc` does, which is inlined wherever it is called: passing arrays takes time."""
     return cast(Function, Kernel(function, inline=True))
-
-
-def compile_call(function: Any, contents_digest: str, *takes: Any) -> Any:
-    """Compile a function that other code calls by its address, which takes (block, addresses, number) if nothing else.
-
-    Errors are Python's.
-    """
-    from epuck_sim.util.native import ADDRESSES, BLOCK, INTP, is_recursive
-
-    compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
-    compiled.compile(takes or (BLOCK, ADDRESSES, INTP))
-    if is_recursive(compiled):  # numba would end the process that takes it from the cache
-        shutil.rmtree(_open_cache(contents_digest), ignore_errors=True)
-    return compiled
-
-
-def compile_kernel(kernel: Any, *further: Any) -> Any:
-    """Compile a kernel (block, addresses, ...) with further arguments of these types, before any clock runs."""
-    from epuck_sim.util.native import ADDRESSES, BLOCK
-
-    compiled = kernel.for_python
-    if not compiled.overloads:
-        compiled.compile((BLOCK, ADDRESSES, *further))
-    return compiled
-
-
-@cache
-def address_of(kernel: Any, *further: Any) -> int:
-    """Return the address of a kernel (block, addresses, ...); types of further arguments: one whole number if none."""
-    from epuck_sim.util.native import INTP, function_address
-
-    return function_address(compile_kernel(kernel, *(further or (INTP,))))

@@ -10,26 +10,27 @@ import io
 import math
 import pickle
 import re
+import shutil
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-import numba
 import numpy as np
-from numba import from_dtype, njit, types
-from numba.extending import intrinsic
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.util.jit import PACKAGE, compile_cached, name_after, open_cache
 
 try:
+    import numba
     from llvmlite import binding, ir
-    from numba import _dynfunc  # type: ignore[attr-defined]
+    from numba import _dynfunc, from_dtype, njit, types  # type: ignore[attr-defined]
     from numba.core import cgutils, event
     from numba.core.caching import IndexDataCacheFile
     from numba.core.codegen import JITCodeLibrary
@@ -39,11 +40,11 @@ try:
     from numba.core.errors import NumbaTypeError
     from numba.core.imputils import lower_cast
     from numba.core.typed_passes import NativeLowering
+    from numba.extending import intrinsic
     from numba.np.arrayobj import array0d_to_scalar, populate_array
 except ImportError as error:
-    raise EpuckSimError(
-        f"numba {numba.__version__}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
-    ) from error
+    said = f"numba {version('numba')}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
+    raise EpuckSimError(said) from error
 
 
 def _load_without(name: str, module: str) -> None:
@@ -141,9 +142,6 @@ def compile_part(function: Any, **options: object) -> Any:
     compiler: Any = njit
     return compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
 
-
-PACKAGE = Path(__file__).parents[1]
-"""Folder of this package."""
 
 SHIPPED = PACKAGE / "compiled"
 """Folder of a release's compiled code, laid out as a cache folder is: see `make dist`."""
@@ -275,11 +273,33 @@ def function_address(function: Any) -> int:
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
 
 
-def is_recursive(function: Any) -> bool:
-    """Return whether a function, or one that it calls, calls itself: at an address that no other process can know."""
-    (result,) = function.overloads.values()
+def compile_call(function: Any, contents_digest: str, *takes: Any) -> Any:
+    """Compile a function that other code calls by its address, which takes (block, addresses, number) if nothing else.
+
+    Errors are Python's.
+    """
+    compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
+    compiled.compile(takes or (BLOCK, ADDRESSES, INTP))
+    (result,) = compiled.overloads.values()
     module = result.library._get_module_for_linking()
-    return any(each.name.startswith(".numba.unresolved$") for each in module.global_variables)
+    if any(each.name.startswith(".numba.unresolved$") for each in module.global_variables):
+        # it calls itself, at an address of this process: numba would end another that takes it from the cache
+        shutil.rmtree(open_cache(contents_digest), ignore_errors=True)
+    return compiled
+
+
+def compile_kernel(kernel: Any, *further: Any) -> Any:
+    """Compile a kernel (block, addresses, ...) with further arguments of these types, before any clock runs."""
+    compiled = kernel.for_python
+    if not compiled.overloads:
+        compiled.compile((BLOCK, ADDRESSES, *further))
+    return compiled
+
+
+@cache
+def address_of(kernel: Any, *further: Any) -> int:
+    """Return the address of a kernel (block, addresses, ...); types of further arguments: one whole number if none."""
+    return function_address(compile_kernel(kernel, *(further or (INTP,))))
 
 
 def compile_elsewhere(parts: Mapping[str, tuple[Any, tuple[Any, ...]]], target: str, features: str) -> bytes:

@@ -141,12 +141,6 @@ def test_names_are_followed_into_helpers_and_other_files(tmp_path):
         check_sensed(write_controller(tmp_path / "mine.py", text))
 
 
-@pytest.mark.parametrize("part", ["start(memory, parameters, random)", "check(parameters)"])
-def test_names_in_start_and_check_are_looked_at(part, tmp_path):
-    with pytest.raises(ControllerError, match=r"mine\.py:11: parameters have no 'gain'; known: none"):
-        write_controller(tmp_path / "mine.py", EMPTY + f"def {part}:\n    parameters.gain\n")
-
-
 @pytest.mark.parametrize(
     "line",
     [
