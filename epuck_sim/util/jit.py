@@ -121,16 +121,16 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
 class Kernel:
     """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
 
-    def __init__(self, function: Any, *, allocates: bool = False, inline: bool = False) -> None:
+    def __init__(self, function: Any, *, allocates: bool = False, **options: object) -> None:
         self.function = function
         self.__doc__ = function.__doc__
-        self._allocates, self._is_inlined = allocates, inline
+        self._allocates, self._own_options = allocates, options
 
     @property
     def _options(self) -> dict[str, object]:
         from epuck_sim.util.native import WITHOUT_ALLOCATION
 
-        return {"forceinline": self._is_inlined} | ({} if self._allocates else WITHOUT_ALLOCATION)
+        return self._own_options if self._allocates else self._own_options | WITHOUT_ALLOCATION
 
     @cached_property
     def for_python(self) -> Any:
@@ -167,4 +167,4 @@ def jit_no_alloc(function: Function) -> Function:
 
 def jit_inline(function: Function) -> Function:
     """Return a kernel as `jit_no_alloc` does, which is inlined wherever it is called: passing arrays takes time."""
-    return cast(Function, Kernel(function, inline=True))
+    return cast(Function, Kernel(function, forceinline=True))

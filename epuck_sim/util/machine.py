@@ -80,8 +80,8 @@ _CGROUP_FILES = (
 def in_bytes(count: float) -> str:
     """Return an amount of memory, or the size of a file.
 
-    >>> in_bytes(999), in_bytes(64_000_000), in_bytes(5.4e9), in_bytes(2e13)
-    ('1 kB', '64 MB', '5.4 GB', '20000 GB')
+    >>> [in_bytes(count) for count in (145, 145_000, 999_999, 1_000_000, 64_000_000, 5.4e9, 2e13)]
+    ['0.14 kB', '145 kB', '1000 kB', '1 MB', '64 MB', '5.4 GB', '20000 GB']
     """
     unit, name = (1e3, "kB") if count < 1e6 else (1e6, "MB") if count < 1e9 else (1e9, "GB")
     return f"{count / unit:.2g} {name}" if count < 100 * unit else f"{count / unit:.0f} {name}"
