@@ -90,9 +90,10 @@ class UserCode(ABC):
         self._undo(block, swarm, robot)
         others = np.arange(len(swarm.robots)) != robot
         swarm.robots.present[others] = swarm.robots.starts[others] = False
+        again = self._interpreted(swarm)
         try:
             with _time_limit(AGAIN_S):
-                self._interpreted(swarm)(block, np.zeros(0, np.int64), self._number)
+                again(block, np.zeros(0, np.int64), self._number)
         except KeyboardInterrupt:
             raise
         except BaseException as second:
