@@ -26,6 +26,7 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.scenario.yaml_io import parse_yaml, write_yaml
 from tests.cli.commands import call, called, contents
 from tests.runs.made_folders import COUNT, SPEED, SPEEDS, WIDTH, Law, ended, store, store_measured, sweep, weibull
+from tests.tools import needs_compiler
 
 TABLE = Path(__file__).with_name("mistakes.yaml")
 
@@ -112,7 +113,13 @@ def rows() -> list[dict[str, Any]]:
     return [row for part in parts for row in parse_yaml(f"# {part}", str(TABLE)) or ()]
 
 
-@pytest.mark.parametrize("row", rows(), ids=lambda row: row["says"][:70])
+def marked(row: dict[str, Any]) -> Any:
+    """Return a row as a parameter; firmware in C is compiled where there is a compiler."""
+    in_c = any(name.endswith(".c") for name in row.get("files", ()))
+    return pytest.param(row, marks=needs_compiler if in_c else (), id=row["says"][:70])
+
+
+@pytest.mark.parametrize("row", list(map(marked, rows())))
 def test_a_mistake_ends_the_command_with_one_message_before_anything_runs(row, shelf, tmp_path, monkeypatch) -> None:
     for name in row.get("beside", ()):
         if not (shelf / name).exists():

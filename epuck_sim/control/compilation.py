@@ -11,32 +11,32 @@ from typing import Any
 import numba
 import numpy as np
 
-from epuck_sim.control.interface import Described
 from epuck_sim.control.names import first_use
-from epuck_sim.errors import ControllerError
+from epuck_sim.errors import ControllerError, EpuckSimError
 from epuck_sim.user_files import fingerprint
-from epuck_sim.util.jit import bind, compile_call, digest, kernel_digest, name_after
-from epuck_sim.util.native import WITHOUT_WRAPPERS
+from epuck_sim.util.jit import bind, digest, digest_of_room, kernel_digest, name_after
+from epuck_sim.util.native import WITHOUT_WRAPPERS, compile_call
 
 _compiled: dict[Hashable, Any] = {}
 
 
-def compile_for(user: Described, function: Any, room_digest: str, names: Mapping[str, Any], contents: str = "") -> Any:
+def compile_for(
+    user: Any,
+    function: Any,
+    names: Mapping[str, Any],
+    contents: str = "",
+    takes: tuple[Any, ...] = (),
+    error: type[EpuckSimError] = ControllerError,
+) -> Any:
     """Compile a function (block, addresses, number) that calls a user's functions, cached by all it is made from.
 
-    Args:
-        user: What the file describes.
-        function: The function.
-        room_digest: The `kernel_digest` of the function's room.
-        names: What the function's global names stand for: functions of the file, types of records, or kernels.
-        contents: Stands for what those kernels are made from.
-
-    Raises:
-        ControllerError: The file cannot be compiled.
+    A user's file has `sources` and `modules`. Names are the function's global ones, of functions of the file, types of
+    records, or kernels; `contents` stands for what those are made from. `takes` has numba's types of arguments, if they
+    are others. If the file cannot be compiled, `error` is raised.
     """
     types = tuple(value for value in names.values() if isinstance(value, np.dtype))
-    values = frozen_values(user.modules.values())
-    contents_digest = digest([_static_digest(user, types, contents).encode(), *values, room_digest.encode()])
+    made_from = _static_digest(user, types, contents).encode(), digest_of_room(function).encode()
+    contents_digest = digest([*made_from, *frozen_values(user.modules.values())])
     key = user, function, contents_digest
     if key not in _compiled:
         own = {name: value for name, value in names.items() if isinstance(value, FunctionType)}
@@ -44,24 +44,21 @@ def compile_for(user: Described, function: Any, room_digest: str, names: Mapping
         bound = bind(function, **{**names, **dict(zip(own, compiled, strict=True))})
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
-                _compiled[key] = compile_call(bound, contents_digest)
-        except Exception as error:  # numba's own errors, and what escapes it
-            instead = "; --interpret runs it as plain Python"
-            raise ControllerError(explain_refusal(error, user.path, user.sources, instead)) from error
+                warnings.simplefilter("ignore", numba.NumbaWarning)
+                _compiled[key] = compile_call(bound, contents_digest, *takes)
+        except Exception as refusal:  # numba's own errors, and what escapes it
+            instead = "; --interpret runs it as plain Python" if error is ControllerError else ""
+            raise error(explain_refusal(refusal, user.sources, instead)) from refusal
     return _compiled[key]
 
 
 @lru_cache  # as it takes long, of what cannot change in a file that is loaded
-def _static_digest(user: Described, types: tuple[np.dtype[Any], ...], contents: str) -> str:
-    return digest([digest_sources(user.sources, user.modules).encode(), repr(types).encode(), contents.encode()])
-
-
-def digest_sources(sources: Mapping[Path, bytes], modules: Mapping[Path, ModuleType]) -> str:
-    """Return the digest of the sources, and of the values in modules that a user's file imports from elsewhere."""
-    own = modules.values()
+def _static_digest(user: Any, types: tuple[np.dtype[Any], ...], contents: str) -> str:
+    """Return the digest of sources, types and contents, and of values in modules that the file imports."""
+    own = user.modules.values()
     imported = {value: None for module in own for value in vars(module).values() if isinstance(value, ModuleType)}
-    return digest([kernel_digest().encode(), *sources.values(), *frozen_values(imported)])
+    made_from = [kernel_digest().encode(), *user.sources.values(), *frozen_values(imported)]
+    return digest([*made_from, repr(types).encode(), contents.encode()])
 
 
 def frozen_values(modules: Iterable[ModuleType]) -> list[bytes]:
@@ -123,7 +120,7 @@ INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised fr
 """Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
 
 
-def explain_refusal(error: Exception, path: Path, sources: Mapping[Path, bytes], instead: str = "") -> str:
+def explain_refusal(error: Exception, sources: Mapping[Path, bytes], instead: str) -> str:
     """Return what to say of a file that numba cannot compile: place, what to do instead, reason, and the line."""
     _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
     lines = [line.strip() for line in innermost.splitlines()]
@@ -131,7 +128,7 @@ def explain_refusal(error: Exception, path: Path, sources: Mapping[Path, bytes],
     reason = re.sub(r"^(Cannot cast .*?): .*", r"\1", reason)  # and not the value as LLVM writes it
     place = _place(reason, innermost, sources)
     if place is None:
-        return f"{path}: cannot be compiled{instead}: {reason}"
+        return f"{next(iter(sources))}: cannot be compiled{instead}: {reason}"
     file, line = place
     code = sources[file].decode().splitlines()[line - 1].strip()
     return f"{file}:{line}: cannot be compiled{instead}: {reason}\n    {code}"

@@ -20,8 +20,8 @@ from epuck_sim.control.names import check_sensed
 from epuck_sim.embodied.sensors.own import completion, names_of_readings
 from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, swarm_at
 from epuck_sim.embodied.user_code import UserCode, as_python, view_at
-from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest
-from epuck_sim.util.native import array_at, call_c, function_address
+from epuck_sim.util.jit import bind, jit_no_alloc
+from epuck_sim.util.native import address_of, array_at, call_c, function_address
 
 Records = npt.NDArray[np.void]
 
@@ -154,7 +154,7 @@ class GroupControllers(UserCode):
         else:
             contents = repr([(each.name, each.readings) for each in sensors])
             names = self._names(completion(self._sensors))
-            self.run = compile_for(controller, run_group, kernel_digest("embodied"), names, contents)
+            self.run = compile_for(controller, run_group, names, contents)
             self._entries[0] = function_address(self.run)
 
     def addresses(self, first: int) -> list[int]:

@@ -128,7 +128,6 @@ def set_bodies(swarm: Swarm, kinds: Sequence[RobotKind]) -> None:
 def set_arena(swarm: Swarm, arena: Arena, least_cm: float) -> None:
     """Write walls, obstacles and movables to a swarm, for which there is room; least_cm: least side of a cell."""
     scene = swarm.scene[0]
-    scene.width_cm, scene.height_cm = arena.width_cm, arena.height_cm
     scene.circles, scene.edges, scene.first_movable = len(arena.circles), len(arena.edges), arena.first_movable
     if len(arena.circles):
         circles = swarm.circles[: len(arena.circles)]

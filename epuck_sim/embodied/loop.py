@@ -23,8 +23,8 @@ from epuck_sim.embodied.swarm import FLOAT64, HIDE, INT64, Swarm, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.elementary import log
-from epuck_sim.util.jit import address_of, bind, jit_no_alloc
-from epuck_sim.util.native import array_at, call
+from epuck_sim.util.jit import bind, jit_no_alloc
+from epuck_sim.util.native import address_of, array_at, call
 from epuck_sim.util.rng import uniform
 
 DONE, FIRED = -1, -2

@@ -71,8 +71,8 @@ def _take(swarm: Swarm, robot: int) -> None:
 
 
 @jit_no_alloc
-def _is_apart(swarm: Swarm, x: float, y: float, radius: float) -> bool:
-    """Return whether a robot at (x, y) touches none of those whose places, in the cells around, are taken."""
+def is_free(swarm: Swarm, x: float, y: float, radius: float) -> bool:
+    """Return whether a robot at (x, y) touches none whose place is taken, no wall, no obstacle and no movable."""
     near = cells_around(x, y, swarm.scene[0])
     for row in range(near.first_row, near.end_row):
         for column in range(near.first_column, near.last_column + 1):
@@ -83,14 +83,7 @@ def _is_apart(swarm: Swarm, x: float, y: float, radius: float) -> bool:
                 if dx * dx + dy * dy < apart * apart:
                     return False
                 other = swarm.numbers[other - 1]
-    return True
-
-
-@jit_no_alloc
-def is_free(swarm: Swarm, x: float, y: float, radius: float) -> bool:
-    """Return whether a robot at (x, y) touches none whose place is taken, no wall, no obstacle and no movable."""
-    is_apart = _is_apart(swarm, x, y, radius)
-    return is_apart and clearance_cm(swarm, x, y, swarm.scene[0].circles) >= radius - TOLERANCE_CM
+    return clearance_cm(swarm, x, y, swarm.scene[0].circles) >= radius - TOLERANCE_CM
 
 
 @jit_no_alloc

@@ -4,6 +4,7 @@ Within a step all robots sense the same instant, then every controller runs, the
 bodies move. What a controller commands in one step is seen by the other robots in the next.
 """
 
+import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.attendance import put_in, take_out
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
 from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
-from epuck_sim.embodied.changes.schedule import begin_or_end, check_bodies_outside, displace_phases, timed_entries
+from epuck_sim.embodied.changes.schedule import begin_or_end, check_bodies_outside, displace_phases
 from epuck_sim.embodied.commands import Commands
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.history import MOST_STEPS, History, Stretch
@@ -36,7 +37,7 @@ from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.embodied.user_code import RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario.changes import TrialEvent
+from epuck_sim.scenario.changes import TimedEntries, TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after, arena_entries
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.robot_kind import cell_cm, sensor_parameters
@@ -130,7 +131,7 @@ class Simulation:
         later = (arena_after(scenario, entry).build() for entry in arena_entries(scenario))
         self._arenas = [scenario.arena.build(), *later]
         self.period_ms = np.empty(scenario.robot_count)
-        self._timed = timed_entries(scenario.schedule, self._step_ms)
+        self._timed = TimedEntries(scenario.schedule, self._first_step, sys.maxsize)
         self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # steps at once
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         controllers = [find_controller(group.controller) for group in scenario.robots]
@@ -341,6 +342,10 @@ class Simulation:
         first, has_movables = self.steps, self._arena.first_movable < len(self._arena.circles)
         self._run(min(self._unchanged(first), steps, 1 if has_movables else MOST_STEPS), history=self._history)
         return self._history.stretch(first, self.steps - first, self.last_step.arena)
+
+    def _first_step(self, at_s: float) -> int:
+        """Return the number of the first control step that is not before a time."""
+        return math.ceil(round(at_s * 1000, 6) / self._step_ms)
 
     def _unchanged(self, taken: int) -> int:
         """Carry out the entries of the schedule that are due; return how many steps may follow at once."""

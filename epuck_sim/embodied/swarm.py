@@ -365,6 +365,13 @@ def swarm_at(block: ByteArray) -> Swarm:
     return arrays
 
 
+@jit_inline
+def copy_array(source: Any, target: Any) -> None:
+    """Copy an array; a loop, as numba compiles the assignment of an array for four seconds."""
+    for place in range(len(target)):
+        target[place] = source[place]
+
+
 def make_block(lengths: Mapping[str, int]) -> ByteArray:
     """Return a block of zeros; lengths: that of each array of a `Swarm` but the scene, or 0 if it is left out."""
     sizes = [dtype.itemsize * lengths.get(name, name == "scene") for name, dtype in DTYPES.items()]

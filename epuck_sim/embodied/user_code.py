@@ -8,7 +8,6 @@ from abc import ABC, abstractmethod
 from bdb import BdbQuit
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -84,13 +83,23 @@ class UserCode(ABC):
         return RobotError(self._user, robot, error, place)
 
     def _line_again(self, error: BaseException, robot: int) -> str | None:
+        """Return FILE:LINE of an error by running what failed again in plain Python; None if it does not fail so."""
+        expected = ArithmeticError if isinstance(error, ArithmeticError) else type(error)  # numpy's of 1 / 0 is its own
         block = self._block.copy()
         swarm = open_block(block)
         self._undo(block, swarm, robot)
         others = np.arange(len(swarm.robots)) != robot
         swarm.robots.present[others] = swarm.robots.starts[others] = False
-        again = partial(self._interpreted(swarm), block, np.zeros(0, np.int64), self._number)
-        return line_again(again, error, self._user)
+        again = self._interpreted(swarm)
+        try:
+            with _time_limit(AGAIN_S):
+                again(block, np.zeros(0, np.int64), self._number)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as second:
+            if isinstance(second, expected):
+                return line_of_error(second, self._user.sources)
+        return None
 
 
 def as_python(function: Any, swarm: Swarm, names: dict[str, Any]) -> Any:
@@ -102,20 +111,6 @@ def as_python(function: Any, swarm: Swarm, names: dict[str, Any]) -> Any:
 def view_at(block: Any, first: int, end: int, dtype: np.dtype[Any]) -> Any:
     """Do what `native.array_at` does, in plain Python."""
     return block[first:end].view(dtype).view(np.recarray)
-
-
-def line_again(run: Callable[[], object], error: BaseException, user: Described) -> str | None:
-    """Return FILE:LINE of an error by running what has failed again in plain Python; None if it does not fail so."""
-    expected = ArithmeticError if isinstance(error, ArithmeticError) else type(error)  # numpy's of 1 / 0 is its own
-    try:
-        with _time_limit(AGAIN_S):
-            run()
-    except KeyboardInterrupt:
-        raise
-    except BaseException as second:
-        if isinstance(second, expected):
-            return line_of_error(second, user.sources)
-    return None
 
 
 @contextmanager

@@ -5,7 +5,6 @@ the LLVM that numba brings, without fast-math: each number is the program's, to 
 """
 
 import gzip
-import re
 import subprocess
 import sys
 import tarfile
@@ -15,13 +14,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import get_args
 
-import llvmlite.binding as llvm
-
 from epuck_sim.embodied.bodies.chipmunk import FUNCTIONS
 from epuck_sim.page.kernels import FOLDER, Model
 from epuck_sim.page.roots import Root, digest_kernels, roots
 from epuck_sim.util.machine import in_bytes
-from epuck_sim.util.native import portable_module, stay_portable
+from epuck_sim.util.native import compile_elsewhere
 
 TARGET = "wasm32-unknown-unknown"
 FEATURES = "+nontrapping-fptoint,+sign-ext,+bulk-memory,+mutable-globals"
@@ -41,40 +38,8 @@ LEFT_OUT = ("cpHastySpace", "cpPolyline", "cpMarch", "cpSpaceDebug")
 
 def compile_kernels(named: Mapping[str, Root]) -> bytes:
     """Return the object file of kernels, which are known outside by their names; ends what else a process compiles."""
-    stay_portable()
-    llvm.initialize_all_targets()
-    llvm.initialize_all_asmprinters()
-    machine = llvm.Target.from_triple(TARGET).create_target_machine(opt=3, features=FEATURES)
-    whole = llvm.parse_assembly("")
-    for name, (kernel, arguments) in named.items():
-        text, symbol = portable_module(kernel.part, *arguments)
-        module = llvm.parse_assembly(_retarget(text, str(machine.target_data)))
-        for each in (*module.functions, *module.global_variables):
-            if not each.is_declaration:
-                each.linkage = llvm.Linkage.internal
-        root = module.get_function(symbol)
-        root.name, root.linkage = name, llvm.Linkage.external
-        whole.link_in(module)
-    whole.verify()
-    _optimize(whole, machine)
-    return bytes(machine.emit_object(whole))
-
-
-def _retarget(text: str, layout: str) -> str:
-    """Return a module of LLVM with another target."""
-    text = re.sub(r"^target datalayout.*$", f'target datalayout = "{layout}"', text, flags=re.MULTILINE)
-    text = re.sub(r"^target triple.*$", f'target triple = "{TARGET}"', text, flags=re.MULTILINE)
-    return re.sub(r'"target-(cpu|features)"="[^"]*"', "", text)
-
-
-def _optimize(module: llvm.ModuleRef, machine: llvm.TargetMachine) -> None:
-    """Optimise a module, with reference counts pruned between, as numba does."""
-    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
-    builder.getModulePassManager().run(module, builder)
-    pruning = llvm.create_new_module_pass_manager()
-    pruning.add_refprune_pass()
-    pruning.run(module, builder)
-    builder.getModulePassManager().run(module, builder)
+    parts = {name: (kernel.part, arguments) for name, (kernel, arguments) in named.items()}
+    return compile_elsewhere(parts, TARGET, FEATURES)
 
 
 def link(kernels: bytes, names: Iterable[str], folder: Path, *sources: object) -> bytes:

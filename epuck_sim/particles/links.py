@@ -13,8 +13,8 @@ from epuck_sim.particles.neighbours import find_receivers, search_of
 from epuck_sim.particles.rules import rules_of
 from epuck_sim.particles.swarm import SEARCH, Arrays, Neighbours, entry_of
 from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
-from epuck_sim.util.jit import address_of, jit
-from epuck_sim.util.native import carve
+from epuck_sim.util.jit import jit
+from epuck_sim.util.native import address_of, carve
 
 SHIFTS_ONLY = 50
 """Swarms of this size or larger have links of pulses only where a phase was shifted: if all fire, all receive all."""

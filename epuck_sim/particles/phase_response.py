@@ -4,25 +4,22 @@ Shipped curves are branches of a kernel. A user's is compiled by itself and call
 """
 
 import math
-import warnings
-from collections.abc import Callable, Hashable
-from pathlib import Path
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from numba import types
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.control.compilation import digest_sources, explain_refusal, frozen_values, jit_functions
+from epuck_sim.control.compilation import compile_for
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
 from epuck_sim.scenario.particles import ResponseSection, find_curve
 from epuck_sim.user_files import line_of_error, record_type
 from epuck_sim.util.elementary import expm1, sin
-from epuck_sim.util.jit import bind, compile_cached, digest, jit, jit_inline, kernel_digest, name_after
+from epuck_sim.util.jit import jit, jit_inline
 from epuck_sim.util.native import BLOCK, array_at, evaluate, function_address, unlikely
 
 CURVES = ("multiplicative", "sawtooth", "sine", "additive", "mirollo_strogatz", "piecewise_linear")
@@ -140,7 +137,6 @@ if TYPE_CHECKING:  # `bind` provides them
     _PARAMETERS: np.dtype[Any]
 
 _NOTHING = np.dtype({"names": [], "formats": [], "offsets": [], "itemsize": WORD_BYTES})
-_compiled: dict[Hashable, int] = {}
 
 
 def make_response(section: ResponseSection) -> Response:
@@ -163,22 +159,9 @@ def make_response(section: ResponseSection) -> Response:
 def _address_of(section: ResponseSection, kind: np.dtype[Any]) -> int:
     """Return the address of a user's curve, compiled, where it stays until the process ends."""
     curve = find_curve(section.curve)
-    sources = digest_sources(curve.sources, curve.modules).encode()
-    whole = digest(
-        [kernel_digest("particles").encode(), sources, *frozen_values(curve.modules.values()), repr(kind).encode()]
-    )
-    if whole not in _compiled:
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
-                (function,) = jit_functions([curve.phase_shift], curve.modules, whole)
-                wrapper = name_after(bind(shift_at, _shift=function, _PARAMETERS=kind), whole)
-                compiled: Any = compile_cached(wrapper, whole, careful=True, nogil=True)
-                compiled.compile((BLOCK, types.float64))
-        except Exception as error:  # numba's own errors, and what escapes it
-            raise CurveError(explain_refusal(error, Path(curve.name), curve.sources)) from error
-        _compiled[whole] = function_address(compiled)
-    return _compiled[whole]
+    names = {"_shift": curve.phase_shift, "_PARAMETERS": kind}
+    compiled = compile_for(curve, shift_at, names, takes=(BLOCK, types.float64), error=CurveError)
+    return function_address(compiled)
 
 
 def record_of(section: ResponseSection) -> np.dtype[Any]:

@@ -15,7 +15,7 @@ from epuck_sim.particles.oscillators import BRANCHES, FLAT, METRIC_CODES, forget
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
 from epuck_sim.particles.swarm import BEGIN_RUN, CALLS, CONTINUE, CURVE, REORIENT, SEARCH, Arrays, make_block
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
-from epuck_sim.util.jit import address_of, compile_kernel
+from epuck_sim.util.native import address_of, compile_kernel
 
 
 class Rules(NamedTuple):

@@ -4,14 +4,13 @@ Nothing here is compiled, so that a trial without a schedule runs the same code 
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES, forget_earliest
 from epuck_sim.particles.swarm import Arrays
-from epuck_sim.scenario.changes import AgentDisplacement, AgentScheduleEntry, TimedEntries
+from epuck_sim.scenario.changes import AgentDisplacement
 
 Moment = tuple[float, float]
 """A cycle, from 0, and the time in it, 0 to 1."""
@@ -21,12 +20,6 @@ NEVER: Moment = (math.inf, 0.0)
 
 SCHEDULE_SEED = 4
 """Index of the seed of schedules among the children of a trial's seed, after those of `initial_conditions`."""
-
-
-def timed_entries(schedule: Sequence[AgentScheduleEntry], period_s: float) -> TimedEntries[Moment]:
-    """Return the entries that have a time, by their moments."""
-    timed = [(entry.at_s, number) for number, entry in enumerate(schedule) if entry.at_s is not None]
-    return TimedEntries([(divmod(at_s / period_s, 1.0), number) for at_s, number in sorted(timed)], NEVER)
 
 
 def last_firing_before(moment: Moment) -> Moment:

@@ -26,15 +26,14 @@ from epuck_sim.particles.schedule import (
     change_speeds,
     displace_phases,
     last_firing_before,
-    timed_entries,
 )
 from epuck_sim.particles.swarm import Arrays
-from epuck_sim.scenario.changes import TrialEvent
+from epuck_sim.scenario.changes import TimedEntries, TrialEvent
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.util.generators import seed_words
-from epuck_sim.util.jit import compile_kernel
+from epuck_sim.util.native import compile_kernel
 
 UNLIMITED = 2**62
 """Larger than any count or cycle number."""
@@ -133,7 +132,8 @@ class ParticleSimulation:
         start(self._arrays.block, self._addresses, seed_words(self.seed))
         self.events = []
         self._present = self.scenario  # with what the schedule has set
-        self._timed = timed_entries(self.scenario.schedule, self.scenario.clocks.period_s)
+        period_s = self.scenario.clocks.period_s
+        self._timed = TimedEntries(self.scenario.schedule, lambda at_s: divmod(at_s / period_s, 1.0), NEVER)
         self._is_changed = False  # by the schedule since the last event
 
     def _renew(self, rules: Rules) -> None:

@@ -1,7 +1,7 @@
 """What may fail in robots while a trial runs (thesis 4.4), and what changes: the sections `faults` and `schedule`."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import Field, model_validator
@@ -190,7 +190,7 @@ class Displacement(ConfigModel):
     def __str__(self) -> str:
         """Return the displacement in words."""
         (members,) = (value for key, value in self if key != "by_cycles")
-        whose = "all phases" if members is None else f"phases of {_listed(members)}"
+        whose = "all phases" if members is None else f"phases of {', '.join(map(str, members))}"
         return f"{whose} {self.by_cycles if isinstance(self.by_cycles, str) else f'by {self.by_cycles:g} cycles'}"
 
 
@@ -206,10 +206,6 @@ class RobotDisplacement(Displacement):
 
     robots: Members | None = None
     """Numbers of the robots; all by default."""
-
-
-def _listed(numbers: Sequence[int]) -> str:
-    return ", ".join(map(str, numbers))
 
 
 class ScheduleEntry(ConfigModel):
@@ -284,9 +280,10 @@ class TimedEntries(Generic[_Moment]):
     next: _Moment
     """When the next of them is carried out; `never` after the last."""
 
-    def __init__(self, moments: Sequence[tuple[_Moment, int]], never: _Moment) -> None:
-        """Begin with the first of some moments and numbers of entries, in order; `never` is later than any moment."""
-        self._moments = [*moments, (never, -1)]
+    def __init__(self, schedule: Sequence[ScheduleEntry], moment: Callable[[float], _Moment], never: _Moment) -> None:
+        """Begin with the first, by the moments of times in s; `never` is later than any of them."""
+        timed = [(moment(entry.at_s), number) for number, entry in enumerate(schedule) if entry.at_s is not None]
+        self._moments = [*sorted(timed), (never, -1)]
         self.restart()
 
     def restart(self) -> None:
@@ -366,7 +363,8 @@ class RobotScheduleEntry(ScheduleEntry):
         begin = [f"faults.{number} begins" for number in self.begin]
         ended = [f"faults.{number} ends" for number in self.end]
         moved = (("removes", self.remove), ("adds", self.add))
-        return [*super().in_words(), *begin, *ended, *(f"{verb} {_listed(robots)}" for verb, robots in moved if robots)]
+        in_words = (f"{verb} {', '.join(map(str, robots))}" for verb, robots in moved if robots)
+        return [*super().in_words(), *begin, *ended, *in_words]
 
     def numbers(self) -> dict[str, Sequence[int]]:
         """Return the numbers of robots that it names, by key."""

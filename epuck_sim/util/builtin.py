@@ -9,22 +9,11 @@ import epuck_sim
 
 _PACKAGE = Path(epuck_sim.__file__).resolve().parent
 
-ARENAS = "arenas"
-"""Kind of file, and its folder: arenas with one scenario each."""
-
-SWEEPS = "arenas/sweeps"
-"""Kind of file, and its folder: sweeps of scenarios."""
-
-ROBOTS = "arenas/robots"
-"""Kind of file, and its folder: robots."""
-
-CONTROLLERS = "controllers"
-"""Kind of file, and its folder: controllers of robots."""
+ARENAS, SWEEPS, ROBOTS, CONTROLLERS = "arenas", "arenas/sweeps", "arenas/robots", "controllers"
+"""Kinds of files, and their folders: arenas with one scenario each, sweeps of scenarios, robots, their controllers."""
 
 TEMPLATES = "arenas/new"
 """Folder of the commented files that `epuck-sim new` copies: NAME in them is the name that the user has given."""
-
-_SUFFIX = {ARENAS: ".yaml", SWEEPS: ".yaml", ROBOTS: ".yaml", CONTROLLERS: ".py"}
 
 
 def builtin_folder(kind: str) -> Path:
@@ -36,4 +25,5 @@ def builtin_folder(kind: str) -> Path:
 @cache
 def builtin_files(kind: str) -> Mapping[str, Path]:
     """Return the built-in files of a kind by their names, which have no suffix."""
-    return MappingProxyType({path.stem: path for path in sorted(builtin_folder(kind).glob(f"*{_SUFFIX[kind]}"))})
+    files = builtin_folder(kind).glob("*.py" if kind == CONTROLLERS else "*.yaml")
+    return MappingProxyType({path.stem: path for path in sorted(files)})

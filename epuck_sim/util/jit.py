@@ -8,11 +8,10 @@ files, which import kernels, needs none.
 import hashlib
 import os
 import re
-import shutil
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
@@ -29,9 +28,6 @@ SHARED = ("util", "control")
 
 VALUE_FILES = ("elementary.py", "epuck.py", "util/native.py", "control/interface.py", "embodied/swarm.py")
 """Files without kernels on whose functions, constants, types or ways of compiling compiled code depends."""
-
-WITHOUT_ALLOCATION = {"_nrt": False}
-"""Option of numba's `njit` with which a function that allocates an array is refused, and nothing counts references."""
 
 _redirecting = threading.Lock()
 
@@ -60,7 +56,12 @@ def kernel_digest(room: str = "util", package: Path = PACKAGE) -> str:
     return digest(path.read_bytes() for path in kernel_files(room, package))
 
 
-def _open_cache(contents_digest: str) -> Path:
+def digest_of_room(function: Any) -> str:
+    """Return the digest of all files that the kernels of a function's room depend on."""
+    return kernel_digest(function.__module__.partition(".")[2].partition(".")[0])  # tests mirror the rooms
+
+
+def open_cache(contents_digest: str) -> Path:
     """Return the cache folder of these contents, marked as used now; unused ones are removed when a new one is made."""
     folder = cache_root() / contents_digest
     with suppress(OSError):  # numba copes with a folder that it cannot use
@@ -105,7 +106,7 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
     with _redirecting:  # numba reads the folder once, when a function is decorated
         settings = vars(config)
         before = settings["CACHE_DIR"]
-        settings["CACHE_DIR"] = str(_open_cache(contents_digest))
+        settings["CACHE_DIR"] = str(open_cache(contents_digest))
         try:
             division: Literal["python", "numpy"] = "python" if careful else "numpy"
             compiler: Any = njit  # its types lack some of its options
@@ -120,16 +121,21 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
 class Kernel:
     """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
 
-    def __init__(self, function: Any, **options: object) -> None:
+    def __init__(self, function: Any, *, allocates: bool = False, **options: object) -> None:
         self.function = function
         self.__doc__ = function.__doc__
-        self._options = options
+        self._allocates, self._own_options = allocates, options
+
+    @property
+    def _options(self) -> dict[str, object]:
+        from epuck_sim.util.native import WITHOUT_ALLOCATION
+
+        return self._own_options if self._allocates else self._own_options | WITHOUT_ALLOCATION
 
     @cached_property
     def for_python(self) -> Any:
         """The function as Python calls it."""
-        room = self.function.__module__.partition(".")[2].partition(".")[0]  # tests mirror the rooms
-        return compile_cached(self.function, kernel_digest(room), careful=False, nogil=True, **self._options)
+        return compile_cached(self.function, digest_of_room(self.function), careful=False, nogil=True, **self._options)
 
     @cached_property
     def part(self) -> Any:
@@ -140,7 +146,9 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        return self.part._numba_type_
+        from numba import typeof
+
+        return typeof(self.part)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""
@@ -149,43 +157,14 @@ class Kernel:
 
 def jit(function: Function) -> Function:
     """Return a kernel that may allocate arrays."""
-    return cast(Function, Kernel(function))
+    return cast(Function, Kernel(function, allocates=True))
 
 
 def jit_no_alloc(function: Function) -> Function:
     """Return a kernel that allocates no arrays, nor does what it calls: counting references takes long."""
-    return cast(Function, Kernel(function, **WITHOUT_ALLOCATION))
+    return cast(Function, Kernel(function))
 
 
 def jit_inline(function: Function) -> Function:
     """Return a kernel as `jit_no_alloc` does, which is inlined wherever it is called: passing arrays takes time."""
-    return cast(Function, Kernel(function, **WITHOUT_ALLOCATION, forceinline=True))
-
-
-def compile_call(function: Any, contents_digest: str) -> Any:
-    """Compile a function (block, addresses, number) that other code calls by its address; errors are Python's."""
-    from epuck_sim.util.native import ADDRESSES, BLOCK, INTP, is_recursive
-
-    compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
-    compiled.compile((BLOCK, ADDRESSES, INTP))
-    if is_recursive(compiled):  # numba would end the process that takes it from the cache
-        shutil.rmtree(_open_cache(contents_digest), ignore_errors=True)
-    return compiled
-
-
-def compile_kernel(kernel: Any, *further: Any) -> Any:
-    """Compile a kernel (block, addresses, ...) with further arguments of these types, before any clock runs."""
-    from epuck_sim.util.native import ADDRESSES, BLOCK
-
-    compiled = kernel.for_python
-    if not compiled.overloads:
-        compiled.compile((BLOCK, ADDRESSES, *further))
-    return compiled
-
-
-@cache
-def address_of(kernel: Any, *further: Any) -> int:
-    """Return the address of a kernel (block, addresses, ...); types of further arguments: one whole number if none."""
-    from epuck_sim.util.native import INTP, function_address
-
-    return function_address(compile_kernel(kernel, *(further or (INTP,))))
+    return cast(Function, Kernel(function, forceinline=True))

@@ -50,14 +50,6 @@ def blocked(*names: str) -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def address_space() -> int | None:
-    """Return how many bytes of addresses this process may take in all (`ulimit -v`); None if there is no limit."""
-    if resource is None:
-        return None
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return None if limit == resource.RLIM_INFINITY else limit
-
-
 def allow_files(needed: int) -> int | None:
     """Have this process keep this many files open, if it may; return how many it may where that is less."""
     if resource is None:
@@ -88,8 +80,8 @@ _CGROUP_FILES = (
 def in_bytes(count: float) -> str:
     """Return an amount of memory, or the size of a file.
 
-    >>> in_bytes(999), in_bytes(64_000_000), in_bytes(5.4e9), in_bytes(2e13)
-    ('1 kB', '64 MB', '5.4 GB', '20000 GB')
+    >>> [in_bytes(count) for count in (145, 145_000, 999_999, 1_000_000, 64_000_000, 5.4e9, 2e13)]
+    ['0.14 kB', '145 kB', '1000 kB', '1 MB', '64 MB', '5.4 GB', '20000 GB']
     """
     unit, name = (1e3, "kB") if count < 1e6 else (1e6, "MB") if count < 1e9 else (1e9, "GB")
     return f"{count / unit:.2g} {name}" if count < 100 * unit else f"{count / unit:.0f} {name}"
@@ -112,18 +104,13 @@ def available_bytes() -> int:
 
 def _of_limits() -> Iterator[int]:
     """Yield what `ulimit -v` leaves."""
-    limit, pages = address_space(), _read("/proc/self/statm").split()
-    if limit is not None and pages:
+    pages = _read("/proc/self/statm").split()
+    if resource is not None and pages and (limit := resource.getrlimit(resource.RLIMIT_AS)[0]) >= 0:
         yield limit - int(pages[0]) * mmap.PAGESIZE
 
 
 def _of_cgroups(root: Path, groups: str) -> Iterator[int]:
-    """Yield what each control group leaves that this process is in.
-
-    Args:
-        root: Where control groups are mounted.
-        groups: The contents of /proc/self/cgroup: a line HIERARCHY:CONTROLLERS:PATH for each hierarchy.
-    """
+    """Yield what each control group below `root` leaves; groups: this process's lines HIERARCHY:CONTROLLERS:PATH."""
     for line in groups.splitlines():
         _, controllers, path = line.split(":", 2)
         if controllers in ("", "memory"):

@@ -9,26 +9,28 @@ import hashlib
 import io
 import math
 import pickle
+import re
+import shutil
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-import numba
 import numpy as np
-from numba import from_dtype, njit, types
-from numba.extending import intrinsic
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.util.jit import PACKAGE, compile_cached, name_after, open_cache
 
 try:
+    import numba
     from llvmlite import binding, ir
-    from numba import _dynfunc  # type: ignore[attr-defined]
+    from numba import _dynfunc, from_dtype, njit, types  # type: ignore[attr-defined]
     from numba.core import cgutils, event
     from numba.core.caching import IndexDataCacheFile
     from numba.core.codegen import JITCodeLibrary
@@ -38,11 +40,11 @@ try:
     from numba.core.errors import NumbaTypeError
     from numba.core.imputils import lower_cast
     from numba.core.typed_passes import NativeLowering
+    from numba.extending import intrinsic
     from numba.np.arrayobj import array0d_to_scalar, populate_array
 except ImportError as error:
-    raise EpuckSimError(
-        f"numba {numba.__version__}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
-    ) from error
+    said = f"numba {version('numba')}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
+    raise EpuckSimError(said) from error
 
 
 def _load_without(name: str, module: str) -> None:
@@ -68,6 +70,9 @@ ADDRESSES = types.Array(types.int64, 1, "C")
 
 WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of numba's `njit` for functions that compiled code alone calls, which compile in two thirds of the time."""
+
+WITHOUT_ALLOCATION: dict[str, object] = {"_nrt": False}
+"""Option with which a function that allocates an array is refused, and nothing counts references."""
 
 
 @lower_cast(types.float64, types.int64)  # type: ignore[untyped-decorator]
@@ -137,9 +142,6 @@ def compile_part(function: Any, **options: object) -> Any:
     compiler: Any = njit
     return compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
 
-
-PACKAGE = Path(__file__).parents[1]
-"""Folder of this package."""
 
 SHIPPED = PACKAGE / "compiled"
 """Folder of a release's compiled code, laid out as a cache folder is: see `make dist`."""
@@ -271,33 +273,72 @@ def function_address(function: Any) -> int:
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
 
 
-def is_recursive(function: Any) -> bool:
-    """Return whether a function, or one that it calls, calls itself: at an address that no other process can know."""
-    (result,) = function.overloads.values()
+def compile_call(function: Any, contents_digest: str, *takes: Any) -> Any:
+    """Compile a function that other code calls by its address, which takes (block, addresses, number) if nothing else.
+
+    Errors are Python's.
+    """
+    compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
+    compiled.compile(takes or (BLOCK, ADDRESSES, INTP))
+    (result,) = compiled.overloads.values()
     module = result.library._get_module_for_linking()
-    return any(each.name.startswith(".numba.unresolved$") for each in module.global_variables)
+    if any(each.name.startswith(".numba.unresolved$") for each in module.global_variables):
+        # it calls itself, at an address of this process: numba would end another that takes it from the cache
+        shutil.rmtree(open_cache(contents_digest), ignore_errors=True)
+    return compiled
 
 
-def stay_portable() -> None:
-    """Leave out from now on what makes code depend on this machine; nothing compiled then may be kept on disk."""
+def compile_kernel(kernel: Any, *further: Any) -> Any:
+    """Compile a kernel (block, addresses, ...) with further arguments of these types, before any clock runs."""
+    compiled = kernel.for_python
+    if not compiled.overloads:
+        compiled.compile((BLOCK, ADDRESSES, *further))
+    return compiled
+
+
+@cache
+def address_of(kernel: Any, *further: Any) -> int:
+    """Return the address of a kernel (block, addresses, ...); types of further arguments: one whole number if none."""
+    return function_address(compile_kernel(kernel, *(further or (INTP,))))
+
+
+def compile_elsewhere(parts: Mapping[str, tuple[Any, tuple[Any, ...]]], target: str, features: str) -> bytes:
+    """Return the object file, for another machine, of parts with their types of arguments, by their names there.
+
+    What depends on this machine is left out from then on: nothing that the process compiles may be kept on disk.
+    """
     for name in ("_optimize_functions", "_optimize_final_module"):
         setattr(JITCodeLibrary, name, lambda *_: None)
-
-
-def portable_module(part: Any, *arguments: Any) -> tuple[str, str]:
-    """Return a part, with all that it calls, as text of LLVM, and its name there, after `stay_portable`."""
-    part.compile(arguments)
-    result = part.overloads[arguments]
-    with global_compiler_lock:
-        return str(result.library._get_module_for_linking()), str(result.fndesc.llvm_func_name)
+    binding.initialize_all_targets()
+    binding.initialize_all_asmprinters()
+    machine = binding.Target.from_triple(target).create_target_machine(opt=3, features=features)
+    whole = binding.parse_assembly("")
+    for name, (part, arguments) in parts.items():
+        part.compile(arguments)
+        result = part.overloads[arguments]
+        with global_compiler_lock:
+            text = str(result.library._get_module_for_linking())
+        text = re.sub(
+            r"^target datalayout.*$", f'target datalayout = "{machine.target_data}"', text, flags=re.MULTILINE
+        )
+        text = re.sub(r"^target triple.*$", f'target triple = "{target}"', text, flags=re.MULTILINE)
+        module = binding.parse_assembly(re.sub(r'"target-(cpu|features)"="[^"]*"', "", text))
+        for each in (*module.functions, *module.global_variables):
+            if not each.is_declaration:
+                each.linkage = binding.Linkage.internal
+        root = module.get_function(str(result.fndesc.llvm_func_name))
+        root.name, root.linkage = name, binding.Linkage.external
+        whole.link_in(module)
+    whole.verify()
+    builder = binding.create_pass_builder(machine, binding.create_pipeline_tuning_options(speed_level=3))
+    pruning = binding.create_new_module_pass_manager()  # of reference counts, as numba does
+    pruning.add_refprune_pass()
+    for passes in (builder.getModulePassManager(), pruning, builder.getModulePassManager()):
+        passes.run(whole, builder)
+    return bytes(machine.emit_object(whole))
 
 
 _intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments
-
-
-def _takes(result: Any, kinds: Any) -> Any:
-    """Return the signature of what takes an address and further arguments, of constants as other numbers like them."""
-    return result(types.intp, types.Tuple(tuple(map(types.unliteral, kinds))))
 
 
 def _call_compiled(result: Any) -> Any:
@@ -348,7 +389,8 @@ def _caller(result: Any, generate: Any) -> Any:
 
     @_intrinsic
     def call_at(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
-        return _takes(result, arguments), generate
+        kinds = types.Tuple(tuple(map(types.unliteral, arguments)))  # of constants as of other numbers like them
+        return result(types.intp, kinds), generate
 
     return call_at
 

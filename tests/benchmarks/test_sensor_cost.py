@@ -15,8 +15,8 @@ from epuck_sim.embodied.sensing import brightness_at, distance_cm
 from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.start import draw_start
 from epuck_sim.embodied.swarm import swarm_at
-from epuck_sim.util.jit import address_of, jit, jit_no_alloc
-from epuck_sim.util.native import call
+from epuck_sim.util.jit import jit, jit_no_alloc
+from epuck_sim.util.native import address_of, call
 from epuck_sim.util.rng import uniform
 from tests.benchmarks.measuring import take_turns
 

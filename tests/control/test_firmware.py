@@ -163,23 +163,6 @@ def test_a_library_runs_as_its_source_does_and_an_edit_of_either_or_of_what_it_i
 # --- what is refused ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("step", "head", "said"),
-    [
-        ("memory->y = 1;", "", r"mine\.c: cc cannot compile it:\n(?s:.*)mine\.c:6:\d+: error: .*'?y'?"),
-        ("e_set_lde(1, 1);", "", r"mine\.c:6:\d+: error: implicit declaration .*e_set_lde.*\n(?s:.*)e_set_led"),
-        ("nowhere();", "void nowhere(void);", r"cannot compile it:\n(?s:.*)undefined reference to `nowhere'"),
-        ("", '#include "nowhere.h"', r"mine\.c:4:\d+: fatal error: nowhere\.h: No such file"),
-        ("count++;", "int count;", r"mine\.c:4: 'count' is a variable that all robots would share; make it a part o"),
-        ("static int n = 1; n++; e_set_led(n, 1);", "", r"mine\.c:6: 'n' is a variable that all robots would share"),
-        ("e_set_led(rand(), 1);", "#include <stdlib.h>", r"mine\.c:6: rand\(\) is shared by all robots; use e_randint"),
-    ],
-)
-def test_what_cannot_be_compiled_or_would_be_shared_is_refused_with_its_line(step, head, said, tmp_path):
-    with pytest.raises(ControllerError, match=said):
-        write_firmware(tmp_path / "mine.c", step, head=head)
-
-
 def test_tables_of_constants_are_no_shared_variables_and_neither_list_is_needed(tmp_path):
     head = 'static const char *const NAMES[] = {"a", "b"}; static const double GAINS[] = {1, 2};'
     write_firmware(tmp_path / "mine.c", "e_set_led((unsigned)NAMES[e_get_red(1)][0], GAINS[1]);", head=head)
@@ -189,30 +172,13 @@ def test_tables_of_constants_are_no_shared_variables_and_neither_list_is_needed(
     Bench(firmware, robots=2).control.step()
 
 
-def test_a_library_that_is_none_or_of_something_else_is_refused_and_a_name_that_a_record_cannot_have(tmp_path):
+def test_a_library_that_is_none_or_of_something_else_is_refused(tmp_path):
     (tmp_path / "other.c").write_text("int answer(void) { return 42; }\n")
     subprocess.run(["cc", "-shared", "-fPIC", "other.c", "-o", "other.so"], cwd=tmp_path, check=True)
     (tmp_path / "text.so").write_bytes(b"no library")
     for name, said in (("text", ""), ("other", ".*e_version")):
         with pytest.raises(ControllerError, match=rf"{name}\.so: is no firmware, which includes <epuck\.h>: {said}"):
             find_controller(str(tmp_path / f"{name}.so"))
-    with pytest.raises(ControllerError, match=r"mine\.c: PARAMETERS or MEMORY: 'size' is not a name"):
-        write_firmware(tmp_path / "mine.c", memory="E_INT(size)")
-
-
-@pytest.mark.parametrize(
-    ("text", "found"),
-    [
-        ('#include "p30F6014A.h"\n', r":1: 'p30F6014A\.h'"),
-        ("#include <motor.h>\n\nint main(void) { return 0; }\n", ":3: 'main'"),
-        ("void start(void) {\n  e_init_motors();\n}\n", ":2: 'e_init_motors'"),
-    ],
-)
-def test_firmware_for_the_robot_itself_is_told_what_to_change(tmp_path, text, found):
-    (tmp_path / "classic.c").write_text(text)
-    said = rf"classic\.c{found}: is for the robot itself; .* #include <epuck\.h> .* void start.* void step"
-    with pytest.raises(ControllerError, match=said):
-        load_firmware(tmp_path / "classic.c")
 
 
 def test_a_library_whose_end_is_missing_is_refused_before_it_is_loaded(tmp_path):

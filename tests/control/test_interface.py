@@ -51,19 +51,6 @@ def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tm
         assert find_controller(name, folder).parameters == {"gain": found}
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("fierfly", r"^unknown 'fierfly', did you mean 'firefly'\?; controllers: firefly, .* and \d+ more; or"),
-        ("obstacle-avoidance", "^unknown 'obstacle-avoidance', did you mean 'obstacle_avoidance'"),
-        ("zzz", r"^unknown 'zzz'; controllers: (\w+, ){4}\w+ and \d+ more; or give a file"),
-    ],
-)
-def test_an_unknown_name_gets_the_nearest_shipped_ones(name, said):
-    with pytest.raises(ControllerError, match=said):
-        find_controller(name)
-
-
 # --- loading --------------------------------------------------------------------------------------
 
 
@@ -152,12 +139,6 @@ def test_names_are_followed_into_helpers_and_other_files(tmp_path):
     text = "import helper\ndef deep(s, m):\n    m.x = helper.see(s, 1)\n" + with_step("deep(sensors, memory)")
     with pytest.raises(ControllerError, match=r"helper\.py:2: sensors have no 'cammera'; did you mean 'camera'\?"):
         check_sensed(write_controller(tmp_path / "mine.py", text))
-
-
-@pytest.mark.parametrize("part", ["start(memory, parameters, random)", "check(parameters)"])
-def test_names_in_start_and_check_are_looked_at(part, tmp_path):
-    with pytest.raises(ControllerError, match=r"mine\.py:11: parameters have no 'gain'; known: none"):
-        write_controller(tmp_path / "mine.py", EMPTY + f"def {part}:\n    parameters.gain\n")
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from epuck_sim.embodied.placement import Placement, begin_placement, is_free
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import Part, draw_start, spawned
 from epuck_sim.embodied.swarm import poses_of
-from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 
@@ -109,20 +108,6 @@ def test_robots_are_placed_where_a_slow_twin_places_them(groups, has_obstacles, 
 def test_poses_are_taken_as_given_and_may_touch():
     poses = [[3.7, 3.7, 1.0], [11.1, 3.7, -20.0], [3.7, 11.1, 0.0], [56.3, 56.3, 7.0]]
     np.testing.assert_array_equal(placed({"poses": poses}), poses)
-
-
-@pytest.mark.parametrize(
-    ("count", "width", "why"),
-    [
-        (76, 60, "do not fit into the arena"),
-        (100_000, 60, "do not fit into the arena"),
-        (75, 60, "no free place was found"),
-        (3, 14, "no free place was found"),
-    ],
-)
-def test_more_robots_than_the_arena_can_hold_are_refused(count, width, why):
-    with pytest.raises(ScenarioError, match=why):
-        placed({"count": count}, width=width, height=width)
 
 
 # --- what robots remember at the start --------------------------------------------------------------

@@ -13,7 +13,7 @@ from epuck_sim.particles.neighbours import NEAREST, search_cone, search_nearest
 from epuck_sim.particles.oscillators import forget_earliest
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.particles.swarm import SEARCH
-from epuck_sim.util.jit import address_of
+from epuck_sim.util.native import address_of
 from tests.particles.naive_model import NaiveModel
 
 TOO_CLOSE = 1e-11

@@ -1,11 +1,9 @@
 """A user's response curve: found, compiled, called with its parameters, and refused in words."""
 
-import re
-
 import numpy as np
 import pytest
 
-from epuck_sim.errors import CurveError, ScenarioError
+from epuck_sim.errors import CurveError
 from epuck_sim.particles.phase_response import make_response, order_change, phase_shift
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.loader import load_scenario
@@ -94,33 +92,6 @@ def test_curves_and_their_parameters_can_be_swept_and_a_path_is_relative_to_the_
     assert found[2].scenario.response.parameters == {"bend": 1.0, "times": 1}
     (_, bent) = points({**scenario_of(power), "sweep": {"grid": {"response.parameters.bend": [1, 2]}}})
     assert bent.scenario.response.parameters == {"bend": 2.0, "times": 1}
-
-
-@pytest.mark.parametrize(
-    ("source", "message"),
-    [
-        ("x = 1", "a response curve needs a function phase_shift(phase, coupling, parameters)"),
-        (
-            "PARAMETERS = 3\ndef phase_shift(phase, coupling, parameters): return 0",
-            "PARAMETERS is 3; allowed: a mapping",
-        ),
-        ("def phase_shift(phase, coupling, parameters): return 1 / phase", "curve.py:1: at phase 0: ZeroDivisionError"),
-        ("def phase_shift(phase, coupling, parameters): return 1e999", "phase_shift returns inf at phase 0"),
-        ("def phase_shift(phase): return 0", "at phase 0: TypeError"),
-    ],
-    ids=lambda text: text[:30],
-)
-def test_what_is_no_curve_is_refused_when_a_scenario_is_read(source, message, tmp_path):
-    path = write(tmp_path, source)
-    with pytest.raises(ScenarioError, match=rf"(?s)scenario: response.*{re.escape(str(path))}") as caught:
-        load_scenario(scenario_of(path))
-    assert message in str(caught.value)
-
-
-def test_what_numba_cannot_compile_is_refused_before_a_trial(tmp_path):
-    path = write(tmp_path, "def phase_shift(phase, coupling, parameters):\n    return float(str(phase) or '0')")
-    with pytest.raises(CurveError, match=r"curve.py:2: cannot be compiled: "):
-        ParticleSimulation(scenario_of(path))
 
 
 @pytest.mark.parametrize(

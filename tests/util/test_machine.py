@@ -20,7 +20,6 @@ from epuck_sim.util.machine import (
     available_bytes,
     check_port,
     free_port,
-    in_bytes,
     is_open_to_others,
     is_ours,
     lack_of_memory,
@@ -184,12 +183,6 @@ print((most() - before) / large.memory_bytes)
 """
     ratio = float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
     assert 1 / TOO_LARGE < ratio < TOO_LARGE
-
-
-def test_sizes_are_given_in_the_largest_unit_of_which_there_is_one() -> None:
-    assert [in_bytes(count) for count in (145, 145_000, 999_999, 1_000_000, 123_456_789)] == [
-        *("0.14 kB", "145 kB", "1000 kB", "1 MB", "123 MB"),
-    ]
 
 
 # --- ports --------------------------------------------------------------------------------------------

@@ -117,7 +117,7 @@ def _step_space(block: ByteArray, addresses: IntArray, inside: int, fastest_cm_s
 def _bring_in(
     block: ByteArray, addresses: IntArray, candidates: int, inside: int, fastest_cm_s: float, past: int
 ) -> int:
-    """Bring into the space whom robots may touch that have come too far, and those that have been brought in before.
+    """Bring into the space whom robots may touch that come too far, and those that have been brought in before.
 
     The list begins with `candidates` robots, then has who was brought in, `inside` in all; returns its new length.
     """
@@ -128,10 +128,11 @@ def _bring_in(
         start = swarm.members[swarm.numbers[index]]
         body = addresses[first + 2 * start.robot]
         x, y = vector_from_c(addresses[_GET_POSITION], body)
-        dx, dy = x - start.x, y - start.y
-        if dx * dx + dy * dy > path_cm * path_cm or index >= candidates:
-            vx, vy = vector_from_c(addresses[_GET_VELOCITY], body)
-            entered, inside = inside, add_reached(block, inside, x, y, hypot(vx, vy) + fastest_cm_s, past)
+        vx, vy = vector_from_c(addresses[_GET_VELOCITY], body)
+        speed_cm_s = hypot(vx, vy)
+        ahead_cm = max(speed_cm_s - fastest_cm_s, 0.0) * swarm.scene[0].physics_s
+        if hypot(x - start.x, y - start.y) + ahead_cm > path_cm or index >= candidates:
+            entered, inside = inside, add_reached(block, inside, x, y, speed_cm_s + fastest_cm_s, past)
             for entering in range(entered, inside):
                 _enter(swarm, addresses, swarm.members[swarm.numbers[entering]].robot)
         index += 1

@@ -10,12 +10,12 @@ may push or be pushed into, one by the other. All others are farther from a cand
 were as fast as the fastest robot and contacts moved each `PUSHED_CM` farther.
 
 Nothing bounds how far contacts move a robot: rows of robots that drive at each other squeeze out one between them, the
-faster the longer the rows. So whoever moves bodies looks before each physics step for candidates that have come farther
-than the fastest robot and `PUSHED_CM`, and brings in whom these may touch in that step, `add_reached`; and whom those
-may touch that were brought in. The others touch nobody: a candidate that has not come too far may take a step longer
-than the fastest robot's by `PUSHED_CM` and still be out of reach. Thus a contact is found in the same step as with all
-robots in the space, unless contacts or the correction of overlaps move a robot that has not come too far by more than
-`PUSHED_CM` beyond the fastest robot's step in a single physics step; then it is found a physics step later.
+faster the longer the rows. So whoever moves bodies looks before each physics step for candidates whose velocities take
+them farther than the fastest robot and `PUSHED_CM`, and brings in whom these may touch in that step, `add_reached`; and
+whom those may touch that were brought in. The others touch nobody: two that have not come too far are out of each
+other's reach by another `PUSHED_CM`. This is left for the correction of overlaps, which no velocity shows. Thus a
+contact is found in the same step as with all robots in the space, unless corrections alone move a robot by more than
+that in a single physics step; then it is found a physics step later.
 """
 
 import math
@@ -272,12 +272,12 @@ def _push(one: Any, other: Any, steps: int, step_s: float, reach_cm: float) -> M
 
 @jit_no_alloc
 def move_lone(swarm: Swarm, number: int, steps: int) -> None:
-    """Move a robot and its partner by some physics steps."""
+    """Move a robot and its partner by some physics steps, and have them go on as these leave them."""
     robot = swarm.robots[number]
     other, time_s = swarm.robots[robot.partner], steps * swarm.scene[0].physics_s
     moved = lone_motion(swarm, number, steps, math.inf)
-    other.x, other.y = moved.other_x, moved.other_y
-    robot.x, robot.y = moved.x, moved.y
+    other.x, other.y, other.vx, other.vy = moved.other_x, moved.other_y, moved.other_vx, moved.other_vy
+    robot.x, robot.y, robot.vx, robot.vy = moved.x, moved.y, moved.vx, moved.vy
     robot.heading += robot.spin * time_s
     if robot.partner != number:
         other.heading += other.spin * time_s
@@ -331,9 +331,7 @@ def _add(swarm: Swarm, number: int, past: int, found: int) -> int:
     if robot.partner == NOBODY:
         move_straight(robot, past * swarm.scene[0].physics_s)
     else:
-        other, moved = swarm.robots[robot.partner], lone_motion(swarm, number, past, math.inf)
         move_lone(swarm, number, past)
-        other.vx, other.vy, robot.vx, robot.vy = moved.other_vx, moved.other_vy, moved.vx, moved.vy
     for index in range(len(swarm.members)):
         if swarm.members[index].robot in (number, robot.partner):
             swarm.robots[swarm.members[index].robot].may_touch = True

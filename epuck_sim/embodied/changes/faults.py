@@ -16,7 +16,7 @@ import numpy as np
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.sensors.infrared import read_nothing
-from epuck_sim.embodied.swarm import FLOAT64, INT64, SENSED_BYTES, Swarm, open_block, swarm_at
+from epuck_sim.embodied.swarm import FLOAT64, INT64, SENSED_BYTES, Swarm, copy_array, open_block, swarm_at
 from epuck_sim.scenario.changes import FAULTS, FaultSection, SensorDead, TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.elementary import log
@@ -221,7 +221,7 @@ def hold(block: ByteArray, _addresses: IntArray, number: int) -> None:
     for index in range(len(swarm.senses)):
         own = swarm.senses[index]
         if own.first == group.first:
-            _copy(swarm.sensed, own.kept, own.readings, own.random - own.readings)
+            copy_array(swarm.sensed[own.kept :], swarm.sensed[own.readings : own.random])
     if group.phase < 0:
         return
     period = group.parameters + group.period
@@ -241,12 +241,6 @@ def hold(block: ByteArray, _addresses: IntArray, number: int) -> None:
         robot.held_ring = robot.actuators.ring_on
 
 
-@jit_inline
-def _copy(array: ByteArray, source: int, target: int, size: int) -> None:
-    for index in range(size):
-        array[target + index] = array[source + index]
-
-
 @jit_no_alloc
 def blank_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
     """Write what a group's dead sensors read: 0, and no distance."""
@@ -260,8 +254,9 @@ def blank_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
         own = swarm.senses[index]
         if own.first != group.first:
             continue
-        _copy(swarm.sensed, own.readings, own.kept, own.random - own.readings)
-        size = (own.random - own.readings) // own.count
+        readings = swarm.sensed[own.readings : own.random]
+        copy_array(readings, swarm.sensed[own.kept : own.kept + len(readings)])
+        size = len(readings) // own.count
         for member in range(own.count):
             for fault in range(len(swarm.faults)):
                 is_active = swarm.affected[fault * len(swarm.robots) + own.first + member].is_active

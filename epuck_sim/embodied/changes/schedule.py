@@ -1,7 +1,6 @@
-"""Parts of a schedule of robots: when entries are carried out, new walls, displaced phases, and scheduled faults."""
+"""Parts of a schedule of robots: new walls, displaced phases, and scheduled faults."""
 
 import math
-import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,20 +10,10 @@ from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.placement import clearance_cm
 from epuck_sim.embodied.swarm import Swarm
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.changes import RobotDisplacement, RobotScheduleEntry, TimedEntries
+from epuck_sim.scenario.changes import RobotDisplacement
 
 DEEPEST_CM = 2 * MARGIN_CM
 """How far a body may reach into new walls and obstacles, cm: as far as bodies may overlap that press on each other."""
-
-
-def timed_entries(schedule: Sequence[RobotScheduleEntry], step_ms: int) -> TimedEntries[int]:
-    """Return the entries that have a time, by the control steps, `step_ms` long, before which they are carried out."""
-    steps = [
-        (math.ceil(round(entry.at_s * 1000, 6) / step_ms), number)
-        for number, entry in enumerate(schedule)
-        if entry.at_s is not None
-    ]
-    return TimedEntries(sorted(steps), sys.maxsize)
 
 
 def check_bodies_outside(swarm: Swarm, origin: str) -> None:

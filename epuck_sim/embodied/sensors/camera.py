@@ -40,7 +40,7 @@ from epuck_sim.embodied.sensors.sight import (
     to_disc,
     to_segment,
 )
-from epuck_sim.embodied.swarm import Swarm, swarm_at
+from epuck_sim.embodied.swarm import Swarm, copy_array, swarm_at
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import CameraSection
 from epuck_sim.util.elementary import sin_cos
@@ -418,19 +418,12 @@ def take_pictures(block: ByteArray, addresses: IntArray, number: int) -> None:  
         waiting = swarm.pixels[group.waiting + first : group.waiting + first + length]
         robot.sensors.new_picture = robot.picture_arrives == step
         if robot.sensors.new_picture:
-            _copy_picture(waiting, row)
+            copy_array(waiting, row)
         instant = robot.first_picture + robot.pictures * interval
         if instant < step + 1.0:
             robot.pictures += 1
-            _copy_picture(in_view, waiting)
+            copy_array(in_view, waiting)
             robot.picture_arrives = int(instant + latency * uniform(robot.signal_random))
             if robot.picture_arrives == step:
                 robot.sensors.new_picture = True
-                _copy_picture(in_view, row)
-
-
-@jit_inline
-def _copy_picture(source: IntArray, target: IntArray) -> None:
-    """Copy a picture; a loop, as numba compiles the assignment of an array for four seconds."""
-    for pixel in range(len(target)):
-        target[pixel] = source[pixel]
+                copy_array(in_view, row)

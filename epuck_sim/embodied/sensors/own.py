@@ -17,7 +17,7 @@ from epuck_sim.embodied.start import Part
 from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, Swarm, swarm_at
 from epuck_sim.embodied.user_code import UserCode, as_python
 from epuck_sim.user_files import line_of_definition
-from epuck_sim.util.jit import WITHOUT_ALLOCATION, Kernel, jit_inline, kernel_digest
+from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.native import array_at, function_address, record_type
 from epuck_sim.util.seeds import robot_streams
 
@@ -115,7 +115,7 @@ class OwnSensor(UserCode):
         if interpret:
             self.run, self.address = self._interpreted(swarm), 0
             return
-        self.run = compile_for(sensor, run_sensor, kernel_digest("embodied"), self._names)
+        self.run = compile_for(sensor, run_sensor, self._names)
         self.address = function_address(self.run)
 
     def _interpreted(self, swarm: Swarm) -> Any:
@@ -204,7 +204,7 @@ def completion(sensors: tuple[Sensor, ...]) -> Any:
     ]
     exec("\n".join(source), known)
     complete = known["complete"]
-    kernel = Kernel(complete, **WITHOUT_ALLOCATION, forceinline=True)
+    kernel: Any = jit_inline(complete)
     kernel.for_python = complete
     return kernel
 

@@ -59,20 +59,23 @@ def test_candidates_are_those_of_the_slow_twin(seed, robots, side):
     seed=st.integers(0, 2**32 - 1),
     robots=st.integers(1, 16),
     aside=st.floats(0.2, 3),
-    step=st.sampled_from([(10, 100), (5, 50), (20, 200)]),
+    met=st.just((0.0, 0.0)) | st.tuples(st.floats(0.05, 0.095), st.sampled_from([6.0, 10.0, 12.8])),
+    step=st.sampled_from([(10, 100), (5, 100), (20, 200)]),
+    others=st.sampled_from([0, 300]),
 )
-@example(seed=0, robots=8, aside=1.1, step=(10, 100))
-@example(seed=0, robots=15, aside=1.1, step=(10, 100))
-def test_no_contact_is_missed_however_far_robots_are_squeezed_out(seed, robots, aside, step):
+@example(seed=0, robots=8, aside=1.1, met=(0.0, 0.0), step=(10, 100), others=300)
+@example(seed=0, robots=15, aside=1.1, met=(0.0, 0.0), step=(10, 100), others=300)
+@example(seed=0, robots=12, aside=0.536, met=(0.071, 10.0), step=(10, 100), others=0)  # far in the last physics step
+def test_no_contact_is_missed_however_far_and_late_robots_are_squeezed_out(seed, robots, aside, met, step, others):
     """Who is not in the space has touched nobody, and has moved as in the slow twin, where all are in the space."""
     random = np.random.default_rng(seed)
     steps, physics_hz = step
-    arena, poses, velocities = squeeze(robots, aside)
-    for x, y in random.uniform(100, 150, (300, 2)):
+    arena, poses, velocities = squeeze(robots, aside, *met)
+    for x, y in random.uniform(100, 150, (others, 2)):
         if np.hypot(poses[:, 0] - x, poses[:, 1] - y).min() > 2 * RADIUS_CM:
             poses = np.vstack([poses, [x, y, 0]])
-    others = len(poses) - len(velocities)
-    velocities = np.vstack([velocities, np.pad(random.uniform(-1, 1, (others, 2)), ((0, 0), (0, 1)))])
+    placed = random.uniform(-1, 1, (len(poses) - len(velocities), 2))
+    velocities = np.vstack([velocities, np.pad(placed, ((0, 0), (0, 1)))])
     worlds = [kind(arena, poses, 0.0, physics_hz) for kind in (MovedWorld, FullSpaceWorld)]
     world, twin = advanced(worlds, velocities, steps)
     apart = np.linalg.norm(world.poses[:, None, :2] - world.poses[None, :, :2], axis=2) + 100 * np.eye(len(poses))

@@ -9,7 +9,6 @@ from epuck_sim import epuck
 from epuck_sim.arena import make_arena
 from epuck_sim.embodied.bodies.shapes import DYNES_PER_NEWTON, GRAVITY_CM_S2
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from tests.embodied.bodies.worlds import MovedWorld
 
@@ -135,12 +134,5 @@ def test_a_strong_robot_that_touches_nothing_moves_as_where_there_is_nothing_to_
     assert ways[0][0, 2] == pytest.approx(ways[1][0, 2], abs=1e-9)
 
 
-def test_movables_begin_where_nothing_else_stands():
+def test_movables_may_begin_side_by_side():
     load_scenario(scene([([10, 10, 0], 0, False)], movables=[DISC, DISC | {"x_cm": 62}]))
-    for arena, said in (
-        ([DISC, DISC | {"x_cm": 61.9}], r"movables\.1 overlaps"),
-        ([DISC | {"x_cm": 5}], "beyond the walls"),
-        ([DISC | {"x_cm": 12}], "into a wall, an obstacle or a movable"),
-    ):
-        with pytest.raises(ScenarioError, match=said):
-            Simulation(scene([([10, 30, 0], 0, False)], movables=arena), 1)

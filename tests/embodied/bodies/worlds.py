@@ -114,14 +114,15 @@ def overlap_cm(positions: FloatArray) -> float:
     return float(2 * EPUCK.radius_cm - apart.min())
 
 
-def squeeze(robots: int, aside_cm: float = 1.1):
+def squeeze(robots: int, aside_cm: float = 1.1, late_s: float = 0.0, speed_cm_s: float = 0.0):
     """Return an arena, poses and velocities: rows of robots drive at each other, and squeeze out one between them.
 
-    It stands a little off their line, and another one drives at it.
+    It is then a little off their line, on its way to another one that drives at it.
     """
-    ahead = np.sqrt(7.4**2 - aside_cm**2) + 7.4 * np.arange(robots)
-    rows = [[125 - x, 125 - aside_cm, 0.0] for x in ahead] + [[125 + x, 125 - aside_cm, np.pi] for x in ahead]
-    poses = np.array([[125, 125, 0], *rows, [125, 135.321, -np.pi / 2]])
-    speeds = np.array([0.0] + [12.8] * (2 * robots + 1))
+    ahead = np.sqrt(7.4**2 - aside_cm**2) + 7.4 * np.arange(robots) + 12.8 * late_s
+    y = 125 + speed_cm_s * late_s - aside_cm
+    rows = [[125 - x, y, 0.0] for x in ahead] + [[125 + x, y, np.pi] for x in ahead]
+    poses = np.array([[125, 125, np.pi / 2], *rows, [125, 135.321, -np.pi / 2]])
+    speeds = np.array([speed_cm_s] + [12.8] * (2 * robots + 1))
     velocities = np.column_stack([speeds * np.cos(poses[:, 2]), speeds * np.sin(poses[:, 2]), 0 * speeds])
     return make_arena(250, 250, [], []), poses, velocities

@@ -12,7 +12,8 @@ from epuck_sim.arena import make_arena
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.sensors.camera import look
 from epuck_sim.embodied.swarm import HIDE, swarm_at
-from epuck_sim.util.jit import address_of, jit_no_alloc
+from epuck_sim.util.jit import jit_no_alloc
+from epuck_sim.util.native import address_of
 from tests.embodied.scenes import (
     ADDRESSES,
     BODIES,
