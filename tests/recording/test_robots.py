@@ -16,11 +16,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
+from epuck_sim import RecordingError, Scenario, Simulation, TrialResult, load_scenario, record, run_trial
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.observers import find_sightings, make_scene
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step, memory_values
-from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.recording import Level, recorder
 from epuck_sim.recording.layers import robots as layers
 from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
@@ -28,15 +27,12 @@ from epuck_sim.recording.layout import layout_of
 from epuck_sim.recording.process import PROGRAM, run_rerun
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
-from epuck_sim.recording.recorder import record
 from epuck_sim.recording.rows import RobotBuffer
 from epuck_sim.recording.rrd_file import SEAL
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.embodied import SynchronyWatch
-from epuck_sim.trial.model import run_trial
-from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import versions
 from tests.embodied.steps import bare_step
 from tests.recording.recordings import Array, Found, compare, recorded, towards
@@ -474,11 +470,12 @@ def test_the_same_trial_is_recorded_alike_and_another_otherwise(tmp_path) -> Non
     assert len(set(names)) == 3
 
 
-def test_a_trial_of_no_steps_has_no_rows_and_what_it_leaves_out_is_written_out(tmp_path) -> None:
-    with record(tmp_path / "t.rrd", EmbodiedScenario(), 0, Level.FULL):
+@pytest.mark.parametrize("bare", [EmbodiedScenario(), ParticleScenario(model="particles")])
+def test_a_trial_of_no_events_has_no_rows_and_what_it_leaves_out_is_written_out(tmp_path, bare: Scenario) -> None:
+    with record(tmp_path / "t.rrd", bare, 0, Level.FULL):
         pass
     read = read_recording(tmp_path / "t.rrd")
-    assert (read.scenario, read.cycles, read.synchronised) == (load_scenario(EmbodiedScenario()), 0, False)
+    assert (read.scenario, read.cycles, read.synchronised) == (load_scenario(bare), 0, False)
     assert {len(value) for value in read if isinstance(value, np.ndarray)} == {0}
     assert not Found(tmp_path / "t.rrd").moving
 
@@ -545,20 +542,6 @@ def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(tmp_pa
     for level in Level:
         assert {"/events", "/memory/phase_ms"} <= set(origins(level, scenario, fields))
         assert not {"/events", "/memory/phase_ms"} & set(origins(level, load_scenario("thesis"), []))
-
-
-@pytest.mark.parametrize(
-    ("scenario", "field", "message"),
-    [
-        ("thesis", "phase", "memory: unknown 'phase', did you mean 'phase_ms'"),
-        ("particles", "phase_ms", "model is 'particles'; robots alone have a memory to record"),
-    ],
-)
-def test_fields_that_nobody_remembers_are_refused(scenario: str, field: str, message: str, tmp_path) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        recorded(tmp_path / "t.rrd", load_scenario(scenario), memory=[field])
-    assert message in str(caught.value)
-    assert list(tmp_path.iterdir()) == []
 
 
 # --- made-up steps -----------------------------------------------------------------------------------
