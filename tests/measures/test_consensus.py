@@ -41,24 +41,6 @@ def test_a_known_word_is_said_and_each_is_as_likely():
     assert abs(said.count(0) - 500) < 80  # five standard deviations
 
 
-def test_voters_who_meet_at_random_agree_after_the_time_of_the_closed_form():
-    """Backwards in time, k opinions become k - 1 with probability k (k - 1) / (n (n - 1)): (n - 1)^2 on average."""
-    count, trials = 8, 400
-    words = listeners(count, "voter")
-    random = np.random.default_rng(1)
-    lengths = []
-    for _ in range(trials):
-        words.knows[:] = np.eye(count, dtype=bool)
-        length = 0
-        while words.words > 1:
-            speaker, hearer = random.choice(count, 2, replace=False)
-            words.hear(hearer, words.say(speaker))
-            length += 1
-        lengths.append(length)
-    error = np.std(lengths) / np.sqrt(trials)
-    assert abs(np.mean(lengths) - (count - 1) ** 2) < 4 * error
-
-
 class SlowWords:
     """The same as sets of words, one robot or agent after the other."""
 

@@ -40,9 +40,6 @@ def test_a_name_without_a_file_and_a_file_that_is_not_there_are_refused(tmp_path
         find_measure("coverage:A", tmp_path)
 
 
-# --- parameters and models ------------------------------------------------------------------------
-
-
 @pytest.fixture
 def counter(tmp_path) -> Measure:
     write(tmp_path / "mine.py", COUNTER)

@@ -4,10 +4,8 @@ import json
 
 import pytest
 
-from epuck_sim.errors import ScenarioError
+from epuck_sim import ScenarioError, load_scenario, points
 from epuck_sim.runs.compatibility import stored_point
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
 from tests.measures.test_shipped import CYCLES, ROBOTS, at_cycles, run
 
 MIXED = {**ROBOTS, "robots": [{"controller": "obstacle_avoidance", "count": 2}, {"count": 3}], "stop": {}}

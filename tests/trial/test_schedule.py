@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim import ParticleSimulation, Simulation, load_scenario, read_recording, record
 from epuck_sim.recording import Level
-from epuck_sim.recording.reader import read_recording
-from epuck_sim.recording.recorder import record
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 
 STOP = {"max_cycles": 12, "order_parameter": None}
@@ -104,8 +100,6 @@ def test_a_condition_on_a_measure_of_steps_acts_in_the_next_one_or_after_firings
     assert steps == {"schedule.0": 60, "schedule.1": holds[0] + 1}
     assert holds[0] > 60
 
-
-# --- point agents -----------------------------------------------------------------------------------
 
 CHANGES = [
     {"at_cycle": 3, "set": {"agents.speed_cm_s": 0, "neighbourhood.k": 2}},
