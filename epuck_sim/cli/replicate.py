@@ -10,7 +10,6 @@ import typer
 
 from epuck_sim.cli.errors import print_stderr, reject_first
 from epuck_sim.cli.options import DaskOption, WorkersOption
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.util.messages import counted
 
 if TYPE_CHECKING:  # or --help would wait for numba
