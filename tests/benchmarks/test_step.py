@@ -4,9 +4,7 @@ import subprocess
 import sys
 import time
 
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.model import run_trial
+from epuck_sim import Simulation, load_scenario, run_trial
 from epuck_sim.util.seeds import trial_seed
 
 CURVE_TARGET_S = 14

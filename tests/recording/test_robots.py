@@ -12,8 +12,6 @@ import cv2
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
-from hypothesis import given
-from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
 from epuck_sim import RecordingError, Scenario, Simulation, TrialResult, load_scenario, record, run_trial
@@ -27,14 +25,12 @@ from epuck_sim.recording.layout import layout_of
 from epuck_sim.recording.process import PROGRAM, run_rerun
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
-from epuck_sim.recording.rows import RobotBuffer
 from epuck_sim.recording.rrd_file import SEAL
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.provenance import versions
-from tests.embodied.steps import bare_step
 from tests.recording.recordings import Array, Found, compare, recorded, towards
 
 RADIUS_CM = 3.7
@@ -542,43 +538,3 @@ def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(tmp_pa
     for level in Level:
         assert {"/events", "/memory/phase_ms"} <= set(origins(level, scenario, fields))
         assert not {"/events", "/memory/phase_ms"} & set(origins(level, load_scenario("thesis"), []))
-
-
-# --- made-up steps -----------------------------------------------------------------------------------
-
-
-@st.composite
-def stories(draw: st.DrawFn) -> tuple[BoolArray, FloatArray]:
-    """Rings and phases of some robots, step by step; those of robots that are no oscillators are NaN."""
-    steps, robots = draw(st.integers(1, 40)), draw(st.integers(1, 4))
-    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    phases = 1000.0 * random.integers(0, 5, (steps, robots))
-    phases[:, random.random(robots) < 0.3] = np.nan
-    return random.random((steps, robots)) < random.choice([0.2, 0.5, 0.9, 1.0]), phases
-
-
-@given(stories(), st.integers(1, 50))
-def test_flashes_and_firings_of_made_up_steps(story: tuple[BoolArray, FloatArray], size: int) -> None:
-    rings, phases = story
-    scenario = load_scenario({"robots": [{"count": rings.shape[1]}], "stop": {"reference_robot": 0}})
-    periods = np.where(np.isnan(phases[0]), np.nan, 5000.0)
-    watch = SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=periods, events=[]))
-    buffer, batches, counted = RobotBuffer(scenario, Level.SUMMARY, size), [], []
-    for number, (ring_on, phase_ms) in enumerate(zip(rings, phases, strict=True)):
-        step = bare_step(number, number / 10, ring_on, phase_ms)
-        cycles = watch.cycles
-        watch.look(step)
-        buffer.append(step, watch)
-        if watch.cycles > cycles and watch.order_parameter is not None:
-            counted.append((number, watch.order_parameter))
-        assert buffer.is_full == (buffer.row_count == size)
-        if buffer.is_full or number == len(rings) - 1:
-            batches.append((number + 1 - buffer.row_count, buffer.flush()))
-    flashes = [(first + row, robot, cycle) for first, batch in batches for row, robot, cycle in batch.flashes.tolist()]
-    assert flashes == slow_flashes([*range(len(rings))], rings, phases)
-    fired = [(first + row, order) for first, batch in batches for row, order in zip(*batch[5:7], strict=True)]
-    assert fired == counted
-    if not np.isnan(periods[0]):
-        assert [row for row, _ in fired] == [row for row, robot, _ in flashes if robot == 0]
-    before = np.concatenate([batch.ring_before for _, batch in batches])
-    np.testing.assert_array_equal(before, np.concatenate([np.zeros_like(rings[:1]), rings[:-1]]))
