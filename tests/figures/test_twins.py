@@ -15,7 +15,6 @@ from epuck_sim.figures.style import choose_looks
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.axes import FigureSection
 from tests.figures.drawn import laid_out, legend_texts, written
-from tests.runs.made_folders import SPEED as WHEELS
 from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep
 
 SPEED = "agents.speed_cm_s"
@@ -81,14 +80,6 @@ def test_trials_are_those_that_have_a_result_and_points_without_are_left_out(for
     expected = trial.deviation.mean(axis=1) if isinstance(form, Courses) else trial.deviation
     assert read.axes == {SPEED: 3}
     np.testing.assert_array_equal(read.deviation, expected)
-
-
-def test_robots_with_bodies_have_no_course() -> None:
-    found = in_memory(sweep({WHEELS: [1, 2]}, trials=2, name="robots"), lambda _: ended([3, 4]))
-    with pytest.raises(
-        EpuckSimError, match="robots: model is 'embodied'; the forms perturbation and course need model"
-    ):
-        read_as(Courses, found)
 
 
 def test_a_sweep_in_which_nothing_can_deviate_is_refused_and_not_drawn_blank() -> None:
