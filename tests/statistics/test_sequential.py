@@ -8,7 +8,6 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
 from epuck_sim.statistics.measured import cut
 from epuck_sim.statistics.sequential import (
@@ -111,12 +110,6 @@ def test_a_width_is_that_of_half_the_interval_over_what_is_asked() -> None:
     assert Precision.parse("4").width(Estimate(40, 34, 50)) == pytest.approx(2)
     for found in (UNDETERMINED, Estimate(40), Estimate(40, 34, math.inf), Estimate(0, -1, 1)):
         assert Precision.parse("10%").width(found) == math.inf
-
-
-def test_what_is_no_precision_is_refused() -> None:
-    for text in ["", "%", "0", "0%", "-3", "1e3", "10%%", "ten", "nan", "inf"]:
-        with pytest.raises(EpuckSimError, match="allowed: half the width of an interval, in per cent of the estimate"):
-            Precision.parse(text)
 
 
 def test_the_last_look_is_at_the_limit_and_not_close_behind_another() -> None:

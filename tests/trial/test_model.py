@@ -3,7 +3,7 @@
 import pytest
 
 from epuck_sim import ParticleSimulation, ScenarioError, Simulation
-from epuck_sim.scenario.loader import load_scenario, validate
+from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.result import TrialResult, TrialState
 
@@ -22,13 +22,6 @@ class Shown:
 
 def without_wall(result: TrialResult) -> TrialResult:
     return result._replace(wall_s=0.0)
-
-
-def test_a_model_that_is_none_is_refused_with_those_there_are() -> None:
-    for model in ["Particles", "", None, True, ["particles"], {"particles": 1}]:
-        with pytest.raises(ScenarioError) as caught:
-            validate({"model": model, "seed": -1}, "here")
-        assert str(caught.value) == f"here: model: is {model!r}; allowed: 'embodied' or 'particles'"
 
 
 def test_robots_are_interpreted_if_wanted_and_particles_have_nothing_to_interpret() -> None:
