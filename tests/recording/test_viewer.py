@@ -284,20 +284,14 @@ def test_where_the_viewer_breaks_down_nothing_is_left_of_a_picture(
     assert [file.name for file in tmp_path.iterdir()] == ["stand"]
 
 
-@pytest.mark.parametrize(("wish", "analytics"), [(None, "0"), ("1", "1")])
-@pytest.mark.parametrize("command", ["viewer", "program"])
-def test_no_use_is_reported_to_rerun_unless_the_user_allows_it(
-    stand: Stand, display, monkeypatch, command: str, wish: str | None, analytics: str
-) -> None:
+def test_no_use_is_reported_to_rerun_unless_the_user_allows_it(stand: Stand, display, monkeypatch) -> None:
     display({"DISPLAY": ":0"})
     monkeypatch.delenv("RERUN_ANALYTICS", raising=False)
-    if wish is not None:
-        monkeypatch.setenv("RERUN_ANALYTICS", wish)
-    if command == "viewer":
-        show(Path("t.rrd"))
-    else:
-        run_rerun("rrd", "verify", "t.rrd")
-    assert stand.received["analytics"] == analytics
+    for analytics in ("0", "1"):
+        for use in (lambda: show(Path("t.rrd")), lambda: run_rerun("rrd", "verify", "t.rrd")):
+            use()
+            assert stand.received["analytics"] == analytics
+        monkeypatch.setenv("RERUN_ANALYTICS", "1")
 
 
 def test_a_command_that_fails_is_reported(stand: Stand, tmp_path, monkeypatch) -> None:

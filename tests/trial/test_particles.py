@@ -45,24 +45,6 @@ def test_the_order_parameter_is_measured_at_each_firing_of_the_reference(metric,
         assert swarm.is_synchronised == synchronised
 
 
-def test_the_order_parameter_at_any_time_is_the_one_reported_event_by_event():
-    swarm, by_event = (
-        make_simulation(1, response={"coupling": 0}, clocks={"jitter": 0.2}, agents={"count": 5}) for _ in range(2)
-    )
-    for time_s in np.arange(0.05, 8, 0.05):
-        swarm.run_to(time_s)
-        while next_time(by_event) <= time_s:
-            next(by_event)
-        assert swarm.cycles == by_event.cycles
-        assert swarm.order_parameter == pytest.approx(by_event.order_parameter)
-
-
-def next_time(swarm):
-    """Return when the next event of a swarm is, in s."""
-    soonest = min(swarm._arrays.next_firing.min(), swarm._arrays.scene.earliest_end)
-    return (swarm._arrays.scene.cycle + soonest) * swarm.scenario.clocks.period_s
-
-
 def test_t_sync_counts_the_references_firings_from_1_the_last_one_too():
     natural = make_resting([0.9, 0.85], stop={"order_parameter": THRESHOLD})  # it makes the other one fire
     elicited = make_resting([0.85, 0.9], stop={"order_parameter": THRESHOLD})  # the other one makes it fire
