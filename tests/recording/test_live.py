@@ -22,17 +22,7 @@ from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial, simulate
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
-from tests.recording.viewers import (
-    ARENA,
-    DARK,
-    LIT,
-    answer,
-    discs,
-    listening,
-    nothing_left,
-    pixels,
-    replace_rerun,
-)
+from tests.recording.viewers import ARENA, DARK, LIT, answer, discs, listening, nothing_left, pixels, replace_rerun
 
 FAST = 1000.0
 SCENARIO = load_scenario("thesis")

@@ -61,6 +61,11 @@ in step:
   agents: {count: 4, speed_cm_s: 5}
   start: {phases: synchronised, displacement: 0.3}
   response: {curve: sine, coupling: 0.1}
+changing:
+  agents: {count: 6, speed_cm_s: 20}
+  schedule:
+  - {at_s: 2.5, set: {agents.speed_cm_s: 0}}
+  - {at_s: 3.7, set: {agents.speed_cm_s: 20}, displace: {by_cycles: 0.3}}
 alone: {agents: {count: 1, speed_cm_s: 0}, neighbourhood: {kind: all}}
 many:
   agents: {count: 180, speed_cm_s: 3}
@@ -180,6 +185,7 @@ def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
     read = trial.recorded
     assert (read.scenario, read.seed, read.level) == (trial.scenario, 4, Level.FULL)
     assert (read.cycles, read.synchronised) == (trial.result.cycles, trial.result.t_sync_cycles is not None)
+    assert [time_s for time_s, _ in read.events] == pytest.approx([event.time_s for event in trial.result.events])
     run_rerun("rrd", "verify", str(trial.path))
 
 
@@ -316,6 +322,7 @@ def check_entities(path: Path, scenario: ParticleScenario, level: Level) -> None
     kind, is_full, numbered = scenario.neighbourhood.kind, level is Level.FULL, range(scenario.agents.count)
     there = {
         "/order/threshold": scenario.stop.order_parameter is not None,
+        "/events": scenario.has_events,
         "/arena/ranges": is_full and kind == "range",
         "/arena/cones": is_full and kind.startswith("cone") and scenario.space.dimensions == 2,
         **{f"/arena/numbers/{n}": level is not Level.SUMMARY and len(numbered) < UNLABELLED for n in numbered},

@@ -31,16 +31,7 @@ from epuck_sim.errors import PortError, RecordingError
 from epuck_sim.recording import Level, process, viewer
 from epuck_sim.recording.process import NO_GRAPHICS, in_background, run_rerun
 from epuck_sim.recording.recorded import Recorded
-from epuck_sim.recording.viewer import (
-    MESSAGE_COLUMNS,
-    MESSAGE_GREY,
-    MESSAGE_ROWS,
-    draw_screenshot,
-    has_display,
-    serve,
-    show,
-    web_viewer,
-)
+from epuck_sim.recording.viewer import draw_screenshot, has_display, serve, show, web_viewer
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
@@ -182,8 +173,8 @@ def test_camera_rows_are_red_where_a_lit_ring_is_seen(moment: Moment) -> None:
 
 
 def test_no_message_covers_the_picture(moment: Moment) -> None:
-    corner = moment.picture[MESSAGE_ROWS, MESSAGE_COLUMNS]
-    assert (corner == MESSAGE_GREY).all(axis=-1).mean() < 0.1
+    corner = moment.picture[viewer.MESSAGE_ROWS, viewer.MESSAGE_COLUMNS]
+    assert (corner == viewer.MESSAGE_GREY).all(axis=-1).mean() < 0.1
 
 
 @pytest.mark.parametrize("size", [(900, 1600), (300, 400)])
@@ -192,7 +183,7 @@ def test_a_picture_is_taken_once_its_message_has_gone(monkeypatch, size: tuple[i
     monkeypatch.setattr("time.sleep", lambda _: None)
     clear = np.full((*size, 3), 13, np.uint8)
     covered = clear.copy()
-    covered[30:112, -340:-8] = MESSAGE_GREY
+    covered[30:112, -340:-8] = viewer.MESSAGE_GREY
     taken = [BytesIO() for _ in range(5)]
     for png, picture in zip(taken, [covered] * 3 + [clear] * 2, strict=True):
         Image.fromarray(picture).save(png, "PNG")
