@@ -67,6 +67,12 @@ KILOBOTS = {
     "robots": [{"count": 20, "parameters": {"period_s": 1.0}}],
     "arena": {"width_cm": 25, "height_cm": 25},
 }
+FROZEN = {
+    "robots": [{"count": 3, "memory": {"phase_ms": [4900, 4900, 2400]}}],
+    "faults": [{"kind": "oscillator_frozen", "robots": [1], "at_s": 0.2}],
+}
+"""A ring that stays lit with one phase fires once."""
+
 UNSURE = {"robots": [{"count": 2, "controller": "constant"}, {"count": 4}]}
 """The reference is no oscillator."""
 
@@ -83,6 +89,7 @@ CASES: dict[str, tuple[Any, list[str], str]] = {
     "pair, synchronised": ("pair", [], "a second"),
     "mixed": (MIXED, ["max_time_s=20"], "73 rows"),
     "dazzled": (DAZZLED, ["max_time_s=8"], "a row"),
+    "frozen": (FROZEN, ["max_time_s=3"], "a second"),
     "spotlight": ("spotlight", ["max_time_s=3"], "73 rows"),
     "push": ("push", ["max_time_s=5"], "a second"),
     "arc": ("arc", ["max_time_s=5"], "one window"),
