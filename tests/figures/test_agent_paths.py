@@ -4,6 +4,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -72,6 +73,22 @@ def test_nothing_is_drawn_where_the_agent_was_not(seed: int, step_cm: float, dim
         assert farthest(path, pieces) < 3 * TOLERANCE * SIDE_CM
         assert (np.diff(drawn[:, 0]) >= -1e-4).all()
     assert {*map(tuple, positions.astype(np.float32).tolist())} <= {*map(tuple, drawn[:, 1:].tolist())}
+
+
+def test_a_corner_at_a_wall_is_not_cut() -> None:
+    # 5 cm a row: 3 cm to the wall, 2 cm back at a right angle to the way there
+    half = math.sqrt(0.5)
+    positions = np.array([[40 - 3 * half, 5], [40, 5 + 3 * half], [40 - 2 * half, 5 + 5 * half]])
+    start = positions[0] - 5 * half * np.array([1, 1])
+    path = agent_path(
+        np.array([0.0, 1.0, 2.0]),
+        np.array([start, positions[0], positions[2]], np.float32),
+        np.array([math.pi / 4, math.pi / 4, 3 * math.pi / 4]),
+        40.0,
+        is_cyclic=False,
+    )
+    np.testing.assert_allclose(path[:, 1:], [start, positions[0], positions[1], positions[2]], atol=1e-4)
+    assert path[2, 0] == pytest.approx(1.6)
 
 
 def test_an_agent_that_stands_still_stays_where_it_is() -> None:
