@@ -9,8 +9,7 @@ import tempfile
 from itertools import islice
 from pathlib import Path
 
-from epuck_sim import ParticleSimulation, Simulation, load_scenario, run_sweep, run_trial
-from epuck_sim.report.page import write_report
+from epuck_sim import ParticleSimulation, Simulation, load_scenario, run_sweep, run_trial, write_report
 from epuck_sim.trial.model import simulate
 from tests import golden
 from tests.sweep.pool_here import pool_here

@@ -18,11 +18,8 @@ import numpy as np
 import pytest
 
 import epuck_sim
-from epuck_sim.embodied.simulation import Simulation
+from epuck_sim import Simulation, load_scenario, points, read_recording
 from epuck_sim.recording import live, viewer
-from epuck_sim.recording.reader import read_recording
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial, simulate
 from tests.cli.commands import call

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim import Simulation, load_scenario
 from epuck_sim.statistics.comparison import Samples, compare
 from epuck_sim.testing import TestRobot
 

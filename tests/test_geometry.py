@@ -21,21 +21,6 @@ def ring(corners, turns=1, first=0.0):
     return np.column_stack([np.cos(around), np.sin(around)])
 
 
-# --- boxes ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("heading", "corners"),
-    [
-        (0, [(8, 4), (12, 4), (12, 6), (8, 6)]),
-        (math.pi / 2, [(11, 3), (11, 7), (9, 7), (9, 3)]),
-        (math.pi, [(12, 6), (8, 6), (8, 4), (12, 4)]),
-    ],
-)
-def test_a_box_4_by_2_around_10_5_has_these_corners(heading, corners):
-    np.testing.assert_allclose(box_corners(10, 5, 4, 2, heading), corners, atol=1e-12)
-
-
 @given(st.floats(-50, 50), st.floats(-50, 50), lengths, lengths, angles)
 def test_a_turned_box_keeps_its_centre_and_sides_and_goes_counter_clockwise(x, y, width, height, heading):
     corners = box_corners(x, y, width, height, heading)
@@ -44,9 +29,6 @@ def test_a_turned_box_keeps_its_centre_and_sides_and_goes_counter_clockwise(x, y
     np.testing.assert_allclose(corners.mean(axis=0), (x, y), atol=1e-9)
     np.testing.assert_allclose(sides, [width * along, height * across, -width * along, -height * across], atol=1e-9)
     assert polygon_area(corners) == pytest.approx(width * height)
-
-
-# --- areas ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -64,9 +46,6 @@ def test_a_turned_box_keeps_its_centre_and_sides_and_goes_counter_clockwise(x, y
 def test_the_area_of_a_polygon_in_closed_form_from_whichever_corner_it_begins(corners, area):
     for shift in range(len(corners)):
         assert polygon_area(np.roll(corners, shift, axis=0)) == pytest.approx(area, abs=1e-9)
-
-
-# --- convex or not ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -95,9 +74,6 @@ def test_convex_polygons_are_convex_from_whichever_corner_they_begin(corners):
 )
 def test_what_is_no_convex_polygon_is_refused_from_whichever_corner_it_begins(corners):
     assert not any(is_convex(np.roll(corners, shift, axis=0)) for shift in range(len(corners)))
-
-
-# --- inside or not ----------------------------------------------------------------------------------
 
 
 def test_points_inside_and_on_the_edge_are_contained_and_others_are_not():

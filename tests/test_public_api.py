@@ -80,8 +80,3 @@ def test_a_seed_that_is_none_is_refused(kind: type, seed: object) -> None:
     name = "thesis" if kind is Simulation else "particles"
     with pytest.raises(EpuckSimError, match=f"seed is {seed!r}; allowed: whole numbers from 0"):
         kind(name, seed)
-
-
-def test_a_trial_of_something_else_than_a_simulation_is_refused() -> None:
-    with pytest.raises(TypeError, match=r"a trial is of a simulation, such as Simulation\('thesis', seed=1\)"):
-        run_trial("thesis")

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.model import run_trial
+from epuck_sim import Simulation, load_scenario, run_trial
 from epuck_sim.util.seeds import trial_seed
 
 

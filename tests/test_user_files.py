@@ -10,18 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epuck_sim import user_files
+from epuck_sim import Simulation, points, run_sweep, user_files
 from epuck_sim.control.loader import CONTROLLER, SENSOR, find_controller
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments.rewards import REWARD, find_reward
 from epuck_sim.errors import ControllerError, CurveError, ScenarioError
 from epuck_sim.measures.loader import MEASURE, find_measure
 from epuck_sim.runs.compatibility import own_files
 from epuck_sim.scenario.loader import SCENARIO, load_scenario
 from epuck_sim.scenario.particles import CURVE, find_curve
-from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robot_kind import ROBOT
-from epuck_sim.sweep.run import run_sweep
 from tests.cli.commands import call, called, refused
 from tests.control.bench import EMPTY
 from tests.sweep.pool_here import pool_here
@@ -83,9 +80,6 @@ def write(path: Path, text: str) -> Path:
     return path
 
 
-# --- two packages as users write them ---------------------------------------------------------------
-
-
 @pytest.mark.usefixtures("plugins")
 def test_what_packages_offer_is_listed_with_their_names():
     listed = json.loads(called("list", "--json"))
@@ -140,9 +134,6 @@ def test_the_docs_show_one_of_them():
     shown = (Path(__file__).parents[1] / "docs" / "plugins.md").read_text()
     for file in ("pyproject.toml", "crowding/nearest.py", "crowding/plaza.yaml"):
         assert (PACKAGES / "crowding" / file).read_text() in shown
-
-
-# --- files and names ----------------------------------------------------------------------------------
 
 
 def test_a_curve_and_a_reward_may_come_from_packages(site):

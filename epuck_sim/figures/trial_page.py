@@ -130,13 +130,9 @@ def draw_arena(axes: Axes, recorded: Recorded, population: Population) -> None:
     duration_s = recorded.time_s[moment] - recorded.time_s[begin]
     digits = max(0, 1 - math.floor(math.log10(population.path_s)))
     when = f"at {recorded.time_s[moment]:.{digits + 1}f} s, with the paths of {duration_s:.{digits}f} s"
-    what = "a cube seen from above: x and y of three dimensions\n" if _is_cube(recorded.scenario) else ""
+    what = "a cube seen from above: x and y of three dimensions\n" if population.is_cube else ""
     axes.set_title(what + when, fontsize="medium")
     axes.set_xlabel("x (cm)")
-
-
-def _is_cube(scenario: Scenario) -> bool:
-    return isinstance(scenario, ParticleScenario) and scenario.space.dimensions == 3
 
 
 def _paths(recorded: Recorded, population: Population, rows: slice) -> Iterator[FloatArray]:
@@ -147,7 +143,7 @@ def _paths(recorded: Recorded, population: Population, rows: slice) -> Iterator[
     scenario, time_s = recorded.scenario, recorded.time_s[rows]
     for number in range(population.size):
         positions, headings = recorded.positions[rows, number], recorded.headings[rows, number]
-        if isinstance(scenario, ParticleScenario) and not _is_cube(scenario):
+        if isinstance(scenario, ParticleScenario) and not population.is_cube:
             side_cm = scenario.space.side_cm
             yield agent_path(time_s, positions, headings, side_cm, is_cyclic=population.is_cyclic)
         else:

@@ -23,7 +23,7 @@ from epuck_sim.recording.layers.series import (
     time_series,
 )
 from epuck_sim.recording.layout import arrangement_of, layout_file
-from epuck_sim.recording.rows import AgentBuffer, make_buffer, population_of
+from epuck_sim.recording.rows import AgentBuffer, RobotBuffer, population_of
 from epuck_sim.recording.rrd_file import rrd_file, static_chunk, strict_mode
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import complete, write_scenario
@@ -89,12 +89,15 @@ class Recorder:
         self._threshold = scenario.stop.order_parameter
         self._state: TrialState | None = None
         capacity = max(1, int(min(buffer_s * population.rows_per_s, BUFFER_ROWS / population.size)))
-        self._buffer = make_buffer(scenario, seed, level, capacity)
+        self._buffer: Any
         self._layers: RobotLayers | AgentLayers | None = None
-        if level is Level.FULL and isinstance(scenario, EmbodiedScenario):
-            self._layers = RobotLayers(scenario, population)
-        elif level is Level.FULL and isinstance(scenario, ParticleScenario):
-            self._layers = AgentLayers(scenario, population)
+        if isinstance(scenario, EmbodiedScenario):
+            self._buffer = RobotBuffer(scenario, level, capacity)
+            self._layers = RobotLayers(scenario, population) if level is Level.FULL else None
+        else:
+            assert isinstance(scenario, ParticleScenario), "other models have no population"
+            self._buffer = AgentBuffer(scenario, seed, level, capacity)
+            self._layers = AgentLayers(scenario, population) if level is Level.FULL else None
         self._memory = MemorySeries(scenario, memory, population)
         self._events_written = 0
         self._now = Now()

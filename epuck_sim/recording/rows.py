@@ -307,14 +307,6 @@ class AgentBuffer:
         return batch
 
 
-def make_buffer(scenario: Scenario, seed: int, level: Level, capacity: int) -> Any:
-    """Return a buffer for a trial that must be flushed after some `capacity` rows."""
-    if isinstance(scenario, EmbodiedScenario):
-        return RobotBuffer(scenario, level, capacity)
-    assert isinstance(scenario, ParticleScenario), "other models have no population"
-    return AgentBuffer(scenario, seed, level, capacity)
-
-
 def _firing_columns(firings: Sequence[tuple[int, float]]) -> dict[str, Any]:
     rows, order = np.array(firings, float).reshape(-1, 2).T
     return {"firings": rows.astype(np.int64), "firing_order": order}

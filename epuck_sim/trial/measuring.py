@@ -99,10 +99,6 @@ class Measuring(NamedTuple):
     conditions: Conditions
     """Conditions on measures, and whether they have come to hold."""
 
-    def values(self) -> dict[str, Value]:
-        """Return the value of each measure of a trial that is over."""
-        return {name: value() for name, value in self.final.items()}
-
 
 def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
     """Make the measures of a scenario, of which a fresh simulation, with a seed, is about to run."""

@@ -165,7 +165,7 @@ def run_trial(
     observers = (*observers, *measuring.at_events)
     run = MODELS[simulation.scenario.model].run
     result = run(simulation, observers, progress, measuring.at_cycles, measuring.conditions)
-    return result._replace(measures=measuring.values())
+    return result._replace(measures={name: value() for name, value in measuring.final.items()})
 
 
 def check_room(scenario: Scenario) -> None:

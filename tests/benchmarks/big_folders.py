@@ -11,12 +11,11 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from epuck_sim import Point, Scenario, points
 from epuck_sim.runs.compatibility import stored_point
 from epuck_sim.runs.database import RESULT, new_database, sign
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario, write_scenario
-from epuck_sim.scenario.points import Point, points
-from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.provenance import PROVENANCE, host, versions
 
 SPEED = "robots.0.parameters.speed_cm_s"

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from epuck_sim import EmbodiedScenario, load_scenario
 from epuck_sim.arrays import FloatArray
-from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario
 
 Work = Callable[[], object]
 

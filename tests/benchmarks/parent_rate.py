@@ -13,11 +13,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from epuck_sim import TrialResult, run_sweep
 from epuck_sim.runs.records import Outcome, Task
 from epuck_sim.sweep.executors import Pool
-from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.worker import run_chunk
-from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import host, versions
 from tests.benchmarks.big_folders import scenario_of
 

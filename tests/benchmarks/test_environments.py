@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation
+from epuck_sim import ArenaView, Simulation, load_scenario
 from epuck_sim.environments import parallel_env, vector_env
-from epuck_sim.overhead.render import ArenaView
-from epuck_sim.scenario.loader import load_scenario
 from tests.benchmarks.measuring import Work, take_turns
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of other packages, which are many

@@ -8,8 +8,7 @@ import time
 
 import pytest
 
-from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.trial.model import run_trial
+from epuck_sim import ParticleSimulation, run_trial
 from tests.particles.simulations import search_all
 
 CONE = {"kind": "cone_of_vision", "radius_cm": 40, "angle_deg": 60}

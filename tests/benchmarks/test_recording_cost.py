@@ -7,10 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation
+from epuck_sim import Simulation, load_scenario, record
 from epuck_sim.recording import Level
-from epuck_sim.recording.recorder import record
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.embodied import SynchronyWatch
 from tests.benchmarks.measuring import swarm_of
 

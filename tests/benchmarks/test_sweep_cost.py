@@ -9,10 +9,9 @@ import sys
 import time
 from pathlib import Path
 
+from epuck_sim import load_scenario, points
 from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.runs.status import read_status
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
 from epuck_sim.sweep.run import missing_tasks
 from epuck_sim.sweep.worker import run_chunk
 

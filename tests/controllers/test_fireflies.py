@@ -58,8 +58,6 @@ def test_with_a_speed_of_its_own_a_firefly_turns_away_from_walls_as_fast_as_ever
     assert (robot.left_cm_s, robot.right_cm_s) == (-12.8, 12.8)
 
 
-# --- switching ------------------------------------------------------------------------------------
-
 IN_WINDOW_MS, ELSEWHERE_MS = 300, 2000
 
 
@@ -97,8 +95,6 @@ def test_a_flash_that_lasts_counts_once_and_one_that_makes_it_fire_is_in_its_win
     assert switching.memory.flashes_in_window == 2
 
 
-# --- varied_firefly -------------------------------------------------------------------------------
-
 VARIED = {"speed_cm_s": 2.0, "speed_spread": 0.5}
 
 
@@ -130,8 +126,6 @@ def test_a_robot_draws_a_new_speed_after_exponential_times():
     expected = len(speeds) * (1 - math.exp(-0.1 / 0.5))
     assert abs(len(changed) - expected) < 4 * math.sqrt(expected)
 
-
-# --- pushing --------------------------------------------------------------------------------------
 
 CYCLES_PER_HOUR = 720
 LIT_S = 0.4  # of the steps at phases 0, 100, 200 and 300 ms

@@ -1,4 +1,4 @@
-"""The oscillator does what thesis section 4.1.2 says: branch by branch, then beside a literal Algorithm 1 and 2."""
+"""The oscillator does what thesis section 4.1.2 says: it is compared with a literal Algorithm 1 and 2."""
 
 from math import floor
 from types import SimpleNamespace
@@ -23,57 +23,10 @@ def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pi
     return robot.memory.phase_ms, robot.ring_on
 
 
-# --- a step, branch by branch ---------------------------------------------------------------------
-
-LIT, DARK, FLASH, DELAYED = {"ring_on": True}, {}, {"flash": True}, {"flash": True, "delay_ms": 62}
-TO_5000 = {"flash": True, "coupling": 0.25}
-WIDE = {"flash": True, "pixels": 1000}
-
-
-STEPS = [
-    *((1000, {"step_ms": step_ms}, (1000 + step_ms, False)) for step_ms in (1, 25, 100)),
-    # at tau the phase becomes 0 and the ring goes on
-    (4899, DARK, (4999, False)),
-    *((before, DARK, (0, True)) for before in (4900, 4901, 4999)),
-    # the ring goes off past phi_led, not at it; a phase within the flash alone does not light it
-    *((before, LIT, (before + 100, before <= 275)) for before in (0, 274, 275, 276, 3000)),
-    (100, DARK, (200, False)),
-    # no update up to and at phi_ref, one past it, and none without a flash
-    *((before, FLASH, (before + 100, False)) for before in (400, 649, 650)),
-    (651, FLASH, (826, False)),
-    (652, FLASH, (827, False)),
-    (3000, DARK, (3100, False)),
-    # an update that reaches tau or beyond fires, and so does a complete cycle with a flash in view
-    (4445, FLASH, (4999, False)),
-    *((before, FLASH, (0, True)) for before in (4446, 4800, 4900, 4950, 4999)),
-    (3900, TO_5000, (0, True)),
-    # so many red pixels are a flash, however wide the camera is
-    *((1000, FLASH | {"red": red, "flash_pixels": red}, (1210, False)) for red in (1, 2)),
-    *((1000, FLASH | {"red": red, "flash_pixels": red + 1}, (1100, False)) for red in (1, 60)),
-    *((1000, WIDE | {"red": red}, (1210, False)) for red in (255, 256, 512, 1000)),
-    # Algorithm 2: the update acts on the phase at the flash, which must be past phi_ref, too
-    (1000, DELAYED, (1038 * 11 // 10 + 62, False)),
-    (2345, DELAYED, (2683, False)),
-    (651, DELAYED, (751, False)),
-    (712, DELAYED, (812, False)),
-    (713, DELAYED, (813 + 75, False)),
-    # a cycle that began at the flash is delta old; one that completed before or after it fires
-    *((before, DELAYED, (62, True)) for before in (4600, 4950, 4961, 4962, 4999)),
-    (3962, TO_5000 | {"delay_ms": 62}, (0, True)),
-]
-"""Phase before, what else is given, and phase and ring after."""
-
-
-def test_a_step_leads_to_the_phase_and_the_ring_of_the_thesis():
-    for before, given_, after in STEPS:
-        assert stepped(before, **given_) == after, (before, given_)
-
-
-def test_with_a_delay_a_phase_of_tau_at_the_flash_fires_only_once_delta_is_added():
-    assert function("updated", "oscillator")(4062, settings("oscillator", coupling=0.25, delay_ms=62)) == (5062, False)
-
-
-# --- sightings, and pictures that are not new -----------------------------------------------------
+@pytest.mark.parametrize(("pixels", "red"), [(60, 1), (60, 2), (1000, 255), (1000, 256), (1000, 512), (1000, 1000)])
+def test_so_many_red_pixels_are_a_flash_however_wide_the_camera_is(pixels, red):
+    assert stepped(1000, flash=True, red=red, pixels=pixels, flash_pixels=red) == (1210, False)
+    assert stepped(1000, flash=True, red=red, pixels=pixels, flash_pixels=red + 1) == (1100, False)
 
 
 ONCE = {"once_per_sighting": True}
@@ -101,9 +54,6 @@ def test_each_new_picture_of_a_flash_updates_or_the_first_of_a_sighting_alone(fl
         robot.step()
         found.append(robot.memory.phase_ms)
     assert found == phases
-
-
-# --- beside the thesis's own text -----------------------------------------------------------------
 
 
 class World:
@@ -214,9 +164,6 @@ def test_long_sequences_are_the_thesis_s_own(name):
         expected = [algorithm_1(*state, seen, world) for state, seen in zip(expected, flash, strict=True)]
         found = list(zip(bench.memory["phase_ms"].tolist(), bench.actuators["ring_on"].tolist(), strict=True))
         assert found == expected, f"step {number}"
-
-
-# --- start ------------------------------------------------------------------------------
 
 
 def test_phases_begin_uniform_over_all_whole_milliseconds_below_tau():

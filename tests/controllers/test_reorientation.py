@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.trial.model import run_trial
+from epuck_sim import Simulation, run_trial
 
 ARENA = {"width_cm": 100, "height_cm": 100}
 AHEAD = {"controller": "constant", "parameters": {"left_cm_s": 5, "right_cm_s": 5}}

@@ -8,11 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from epuck_sim import ParticleSimulation, load_scenario
 from epuck_sim.arena import make_arena, make_floor
 from epuck_sim.display.arena_svg import DARK, LIT, draw_arena
 from epuck_sim.display.html import element, table, to_html
-from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 
 SQUARE = np.array([[10.0, 10.0], [20.0, 10.0], [20.0, 20.0], [10.0, 20.0]])

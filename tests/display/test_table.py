@@ -40,9 +40,6 @@ def tables(draw) -> Table:
     return Table("A title of some words " * 5, rows, ["A note of some words. " * 6])
 
 
-# What is shown of an estimate
-
-
 def test_an_estimate_has_the_digits_that_its_interval_leaves() -> None:
     for ends, text in [
         ((44.21, 28.9, 66.8), "44 [29, 67]"),
@@ -73,9 +70,6 @@ def test_an_interval_is_shown_as_wide_as_it_is(estimate: Estimate) -> None:
     for shown, true in ((low, estimate.low), (high, estimate.high)):
         if shown != "?":
             assert float(shown) == pytest.approx(true, rel=0.00501, abs=0.051 * width)
-
-
-# On a terminal
 
 
 @settings(max_examples=40)
@@ -135,9 +129,6 @@ def test_shortest_endings_are_unique_and_shortest(keys: list[str]) -> None:
         assert key == ending or key.endswith(f".{ending}")
         shorter = ending.partition(".")[2]
         assert not shorter or any(f".{other}".endswith(f".{shorter}") for other in keys if other != key)
-
-
-# For programs
 
 
 @settings(max_examples=40)

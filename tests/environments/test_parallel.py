@@ -8,12 +8,8 @@ import pytest
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
 from pettingzoo.utils import AssertOutOfBoundsWrapper, OrderEnforcingWrapper, parallel_to_aec
 
-from epuck_sim import epuck
-from epuck_sim.embodied.simulation import Simulation
+from epuck_sim import ScenarioError, Simulation, epuck, load_scenario, run_trial
 from epuck_sim.environments import parallel_env
-from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.model import run_trial
 
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
 DANCERS = {"name": "dancers", "robots": [{"count": 4, "controller": "external_wheels"}]}

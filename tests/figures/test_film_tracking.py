@@ -10,7 +10,6 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, StepPatch
 
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.films import ACROSS, COLUMNS, FOUND, MARK, choose_moments, draw_track, save_track_figure
 from epuck_sim.overhead.synchrony import evaluate, first_synchronised
 from epuck_sim.overhead.track import Snapshot, Track
@@ -47,9 +46,6 @@ PICTURE = Snapshot(9.0, np.zeros((48, 64, 3), np.uint8), np.array([[10.0, 20.0, 
 LONG = make_track(20, narrow_from=12)
 
 
-# --- moments ----------------------------------------------------------------------------------------
-
-
 def test_rows_are_the_first_period_then_evaluations_up_to_synchrony_and_after_it():
     rounded = LONG._replace(histogram_s=LONG.histogram_s * (1 + 1e-15))
     first, second, third = choose_moments(rounded)
@@ -72,9 +68,6 @@ def test_no_evaluation_is_shown_twice_and_short_films_show_fewer(cycles):
         assert len(shown) >= min(len(film.evaluations), ACROSS)
         if film.histogram_s is None:
             assert [evaluation for _, evaluation in third] == list(film.evaluations[-ACROSS:])
-
-
-# --- the figure -------------------------------------------------------------------------------------
 
 
 def panels(figure: Figure) -> list:
@@ -121,9 +114,6 @@ def test_a_picture_has_its_rings_circled_in_green():
     assert first.get_title() == "1.4 periods: 2 rings"
 
 
-# --- files ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("film", "snapshot"),
     [(LONG, PICTURE), (make_track(1), None), (make_track(0, seconds=0.15), PICTURE)],
@@ -143,17 +133,3 @@ def test_figure_and_table_are_written_for_films_of_any_length(tmp_path, film, sn
     if film is LONG:
         again = save_track_figure(tmp_path / "again.png", film, snapshot)
         assert [file.read_bytes() for file in again] == [file.read_bytes() for file in files]
-
-
-@pytest.mark.parametrize(
-    ("name", "folder", "says"),
-    [
-        ("track", "other", r"allowed: \.png"),
-        ("track.png", "track.csv", "is a directory"),
-    ],
-)
-def test_a_file_that_cannot_be_written_is_refused_before_anything_is_written(tmp_path, name, folder, says):
-    (tmp_path / folder).mkdir()
-    with pytest.raises(EpuckSimError, match=says):
-        save_track_figure(tmp_path / name, LONG)
-    assert [file.name for file in tmp_path.iterdir()] == [folder]

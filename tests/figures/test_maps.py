@@ -71,9 +71,6 @@ def is_covered(panel: Axes, x: float, y: float) -> bool:
     return any(path.contains_point([x, y], radius=1e-6) for path in drawn.get_paths() if len(path.vertices))
 
 
-# What is read
-
-
 def test_every_point_is_in_its_place_in_the_map_of_its_other_axes_whatever_the_order_of_the_sweep() -> None:
     shuffled = {SPEED: [2.0, 0.2, 5.0, 1.0, 0.5], WIDTH: [80, 40, 100, 60], PIXELS: PANELS}
     for maps in (MAPS, read_maps(measured(shuffled), SPEED, WIDTH)):
@@ -96,9 +93,6 @@ def test_a_point_has_a_value_just_if_fewer_than_half_of_its_trials_are_censored(
     (only,) = read_maps(made, SPEED, WIDTH, statistic)
     assert only.is_tried.all()
     assert np.isnan(only.values).any() != is_shown
-
-
-# What is drawn
 
 
 def test_cells_hold_logarithms_in_one_set_of_colours_and_what_is_undetermined_is_grey_and_hatched(figure) -> None:

@@ -34,9 +34,6 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-# What is written
-
-
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory) -> Path:
     """Return the stem of a figure's files."""
@@ -73,9 +70,6 @@ def test_the_same_figure_gives_the_same_files_byte_for_byte_and_another_one_othe
     assert [file.read_bytes() for file in save_figure(target, draw, {".csv": tables()[".csv"]})] == first
     other = save_figure(target, lambda: draw("other"), {".csv": tables(2.5)[".csv"]})
     assert all(file.read_bytes() != before for file, before in zip(other, first, strict=True))
-
-
-# Where it is written
 
 
 def test_a_target_is_a_stem_or_one_picture() -> None:

@@ -29,6 +29,7 @@ from epuck_sim.figures.style import (
     typeset,
 )
 from epuck_sim.overhead.annotate import CYAN
+from epuck_sim.recording.layers.arena import DARK, LIT, NIGHT
 
 MIN_CONTRAST = 3.0
 """Least contrast of graphical objects with what is behind them (Web Content Accessibility Guidelines 2.1, 1.4.11)."""
@@ -74,6 +75,11 @@ def distance(one: str, other: str, vision: str) -> float:
 def test_lines_and_marks_have_contrast_on_white() -> None:
     for colour in [*COLOURS, GREY, LINE]:
         assert contrast_with_white(colour) >= MIN_CONTRAST
+
+
+def test_white_numbers_of_robots_have_contrast_on_their_discs() -> None:
+    for below in (LIT, DARK, NIGHT):
+        assert contrast_with_white(to_hex(np.array(below) / 255)) >= 4.5
 
 
 def test_violins_have_as_much_contrast_as_the_line_over_them_leaves() -> None:

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from epuck_sim import figures
-from epuck_sim.errors import EpuckSimError
+from epuck_sim import EpuckSimError, figures
 from epuck_sim.figures.sweep_figure import read_form
 from tests.figures.drawn import legend_texts, written
 from tests.runs.made_folders import (
@@ -33,15 +32,6 @@ AGENTS = sweep(
     stop={"order_parameter": None, "max_cycles": 5},
 )
 DISPLACED = in_memory(AGENTS, lambda point: censored(point, 2))
-UNDISTURBED = [
-    point._replace(
-        scenario=point.scenario.model_copy(
-            update={"start": point.scenario.start.model_copy(update={"displacement": 0.0})}
-        )
-    )
-    for point in DISPLACED
-]
-
 SIGNED = [point._replace(of="mine", measured=(-1.0,) * 9) for point in POINTS]
 SERIES = [point._replace(of="mine", measured=([1, 2, 3],) * 9) for point in POINTS if point.axes[SPEED] in SPEEDS[:2]]
 
@@ -133,9 +123,6 @@ def test_axes_are_those_asked_for_or_else_the_scenario_s() -> None:
         assert {name: getattr(form, name) for name in expected} == expected
 
 
-# Several folders
-
-
 def two_folders(tmp_path, **changes) -> list[Path]:
     """Make two run folders, of which the second has these changes."""
     grid = {COUNT: [3, 5], SPEED: SPEEDS}
@@ -216,9 +203,6 @@ def test_axes_are_named_by_the_endings_of_their_keys(form: str) -> None:
     assert read_form(POINTS, {"panels": "width_cm"}).titles == ["L = 40 cm", "L = 60 cm"]
 
 
-# What does not fit
-
-
 def test_what_does_not_fit_is_refused_in_words() -> None:
     for draw, message in [
         (lambda: figures.plot(POINTS, form="violins", ax=Figure().subplots()), "has 2 panels, but ax is 1 Axes"),
@@ -230,7 +214,6 @@ def test_what_does_not_fit_is_refused_in_words() -> None:
         (lambda: figures.plot(POINTS, width=3), "figure.width: unknown 'width', did you mean 'width_cm'"),
         (lambda: figures.plot(SIGNED, scale="log"), "--log: mine has values that are not positive, such as -1"),
         (lambda: figures.plot(SERIES, form="curves"), "mine is a series"),
-        (lambda: figures.plot(UNDISTURBED, form="perturbation"), "nothing deviates"),
     ]:
         with pytest.raises(EpuckSimError, match=message):
             draw()

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from epuck_sim import load_scenario, read_points
 from epuck_sim.figures.forms.theory import EDGE, PredictedCurves
 from epuck_sim.figures.sweep_figure import read_form
-from epuck_sim.runs.reader import read_points
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.theory.predict import predict
 from tests.figures.drawn import laid_out, legend_texts, written
 from tests.runs.made_folders import store, weibull

@@ -14,24 +14,18 @@ from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon, Rectangle
 
-from epuck_sim import epuck
+from epuck_sim import RecordingError, epuck, load_scenario, read_recording
 from epuck_sim.arrays import FloatArray
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.errors import RecordingError
 from epuck_sim.figures import trial_page
 from epuck_sim.figures.saving import Target, save_figure
 from epuck_sim.figures.trial_page import RED, check_drawable, draw_page, page_title
-from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording import Level
 from epuck_sim.recording.layers.arena import UNLABELLED
-from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
-from epuck_sim.recording.recorder import record
-from epuck_sim.recording.rows import PATH_S
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.model import run_trial
+from epuck_sim.recording.rows import PATH_S, population_of
 from tests.cli.commands import call
 from tests.figures.drawn import laid_out
+from tests.recording import recordings
 
 ENDINGS = (".png", ".svg")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -49,10 +43,7 @@ MIXED = {
 
 def recorded(path: Path, scenario: Any, seed: int = 0, level: Level = Level.POSES) -> Recorded:
     """Return a trial that is recorded into a file."""
-    loaded = load_scenario(scenario)
-    model = ParticleSimulation if loaded.model == "particles" else Simulation
-    with record(path, loaded, seed, level) as recorder:
-        run_trial(model(loaded, seed), [recorder])
+    recordings.recorded(path, load_scenario(scenario), seed, level)
     return read_recording(path)
 
 
@@ -93,7 +84,9 @@ def file(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def trials(file, tmp_path_factory) -> dict[str, Recorded]:
-    return {"thesis": read_recording(file), "mixed": recorded(tmp_path_factory.mktemp("mixed") / "t.rrd", MIXED)}
+    folder = tmp_path_factory.mktemp("trials")
+    agents = recorded(folder / "agents.rrd", load_scenario("particles", ["stop.max_cycles=8"]))
+    return {"thesis": read_recording(file), "mixed": recorded(folder / "mixed.rrd", MIXED), "agents": agents}
 
 
 @pytest.fixture(scope="module")
@@ -114,9 +107,6 @@ def saved_page(trial: Recorded, stem: Path, formats: tuple[str, ...] = (".svg",)
     return save_figure(Target(stem, formats), lambda: draw_page(trial))
 
 
-# What is drawn over time
-
-
 def test_each_flash_is_a_mark_at_its_time_in_the_row_of_its_robot(trials, pages) -> None:
     trial, axes = trials["thesis"], pages["thesis"][1]
     (marks,) = axes.collections
@@ -130,30 +120,28 @@ def test_each_flash_is_a_mark_at_its_time_in_the_row_of_its_robot(trials, pages)
     assert bottom < -0.4 < 9.4 < top < 10
 
 
-@pytest.mark.parametrize("name", ["thesis", "mixed"])
+@pytest.mark.parametrize("name", ["thesis", "mixed", "agents"])
 def test_phases_are_relative_to_the_reference_at_its_firings(trials, pages, name: str) -> None:
     trial, axes = trials[name], pages[name][2]
     drawn = [points(line) for line in axes.get_lines()]
-    periods = [
-        group.parameters.get("period_s", math.nan) for group in trial.scenario.robots for _ in range(group.count)
-    ]
+    population = population_of(trial.scenario)
     rows = [[*trial.time_s].index(firing) for firing in trial.firing_s]
-    angles = 2 * math.pi * trial.phase_ms[rows] / (1000 * np.array(periods))
-    reference = trial.scenario.stop.reference_robot
-    assert len(drawn) == trial.scenario.robot_count
+    angles = 2 * math.pi * trial.phase_ms[rows] / population.period_ms
+    reference = population.reference
+    assert len(drawn) == population.size
     assert len(rows) > 3
     for robot, marks in enumerate(drawn):
         np.testing.assert_array_equal(marks[:, 0], trial.firing_s)
         expected = np.exp(1j * (angles[:, robot] - angles[:, reference]))
         np.testing.assert_allclose(np.exp(2j * math.pi * marks[:, 1]), expected, atol=1e-9)
         assert (np.abs(marks[:, 1][~np.isnan(marks[:, 1])]) <= 0.5).all()
-        assert np.isnan(marks[:, 1]).all() == np.isnan(periods[robot])
+        assert np.isnan(marks[:, 1]).all() == np.isnan(population.period_ms[robot])
     assert (drawn[reference][:, 1] == 0).all()
     bottom, top = axes.get_ylim()
     assert bottom < -0.5 < 0.5 < top
 
 
-@pytest.mark.parametrize("name", ["thesis", "mixed"])
+@pytest.mark.parametrize("name", ["thesis", "mixed", "agents"])
 def test_the_order_parameter_is_drawn_at_steps_and_at_firings_with_its_threshold(trials, pages, name: str) -> None:
     trial, axes = trials[name], pages[name][3]
     steps, firings, threshold = axes.get_lines()
@@ -163,7 +151,7 @@ def test_the_order_parameter_is_drawn_at_steps_and_at_firings_with_its_threshold
     assert axes.get_ylim()[0] == 0
     assert 1 < axes.get_ylim()[1] < 1.1
     names = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert names[:2] == ["at each step", "at firings of the reference"]
+    assert names[:2] == [f"at each {population_of(trial.scenario).moment}", "at firings of the reference"]
     box = axes.get_legend().get_window_extent()
     assert axes.figure.bbox.y0 <= box.y0 < box.y1 < axes.get_window_extent().y0
 
@@ -212,9 +200,6 @@ def test_a_cube_is_said_to_be_seen_from_above(tmp_path, dimensions: int) -> None
     settings = [f"space.dimensions={dimensions}", "agents.count=4", "stop.max_cycles=2"]
     arena, *_ = laid_out(draw_page(recorded(tmp_path / "t.rrd", load_scenario("particles", settings)))).axes
     assert ("a cube seen from above" in arena.get_title()) == (dimensions == 3)
-
-
-# The arena
 
 
 @pytest.mark.parametrize("name", ["thesis", "mixed"])
@@ -273,9 +258,6 @@ def test_any_trial_can_be_drawn_undistorted(tmp_path, scenario: Any) -> None:
     assert box.width / (right - left) == pytest.approx(box.height / (top - bottom), rel=0.01)
 
 
-# The files
-
-
 def test_a_name_is_no_formula(trials, tmp_path) -> None:
     name = "a $\\frac{$ & <b> {0} 50 % [/red] 群れ"
     trial = trials["mixed"]._replace(scenario=trials["mixed"].scenario.model_copy(update={"name": name}))
@@ -296,14 +278,6 @@ def test_of_many_marks_the_svg_holds_a_picture(trials, pages, saved, tmp_path, m
     pictures = [[*ElementTree.parse(svg).iter(f"{SVG}image")] for svg in (written, saved.with_name("page.svg"))]
     assert len(pictures[0]) >= 3
     assert pictures[1] == []
-
-
-def test_the_same_trial_gives_the_same_files_byte_for_byte_and_another_one_others(trials, saved, tmp_path) -> None:
-    again, other = (saved_page(trials[name], tmp_path / name, ENDINGS) for name in ("thesis", "mixed"))
-    for ending, same, different in zip(ENDINGS, again, other, strict=True):
-        first = saved.with_name(f"page{ending}").read_bytes()
-        assert same.read_bytes() == first
-        assert different.read_bytes() != first
 
 
 def test_a_summary_has_nothing_to_draw(tmp_path) -> None:

@@ -8,15 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import LogNorm, to_hex
 
-from epuck_sim.errors import EpuckSimError
+from epuck_sim import EpuckSimError, points
 from epuck_sim.figures.forms.form import Choices
 from epuck_sim.figures.forms.twins import MAX_MOMENTS, MIN_DEVIATION, Course, Courses, Perturbation, choose_moments
 from epuck_sim.figures.style import choose_looks
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.axes import FigureSection
-from epuck_sim.scenario.points import points
 from tests.figures.drawn import laid_out, legend_texts, written
-from tests.runs.made_folders import SPEED as WHEELS
 from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep
 
 SPEED = "agents.speed_cm_s"
@@ -58,9 +56,6 @@ def test_moments_are_in_the_middle_of_periods_all_or_a_limited_number_from_the_f
     assert (moments % 1 == 0.5).all()
 
 
-# What is read
-
-
 def test_a_course_is_the_mean_of_all_agents_and_trials_and_a_perturbation_the_first_trial() -> None:
     for course, shown, point in zip(READ.courses, SHOWN.shown, points(SCENARIO), strict=True):
         assert course.axes == shown.axes == point.axes
@@ -87,14 +82,6 @@ def test_trials_are_those_that_have_a_result_and_points_without_are_left_out(for
     np.testing.assert_array_equal(read.deviation, expected)
 
 
-def test_robots_with_bodies_have_no_course() -> None:
-    found = in_memory(sweep({WHEELS: [1, 2]}, trials=2, name="robots"), lambda _: ended([3, 4]))
-    with pytest.raises(
-        EpuckSimError, match="robots: model is 'embodied'; the forms perturbation and course need model"
-    ):
-        read_as(Courses, found)
-
-
 def test_a_sweep_in_which_nothing_can_deviate_is_refused_and_not_drawn_blank() -> None:
     start = {"phases": "synchronised"}
     with pytest.raises(EpuckSimError, match=r"nothing deviates .* would be blank; --form course shows"):
@@ -102,9 +89,6 @@ def test_a_sweep_in_which_nothing_can_deviate_is_refused_and_not_drawn_blank() -
     jittered = in_memory(particles({SPEED: [3]}, start=start, clocks={"jitter": 0.01}), never)
     assert read_as(Perturbation, jittered).shown
     assert not read_as(Courses, jittered).courses[0].is_displaced
-
-
-# What is drawn and written
 
 
 def test_where_agents_are_displaced_the_deviation_is_below_the_order_parameter() -> None:

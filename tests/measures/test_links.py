@@ -126,18 +126,6 @@ def test_the_spanning_time_is_when_the_links_so_far_connect_all(sections, watch,
     assert value == expected
 
 
-def test_cones_of_emission_and_of_vision_change_as_many_links():
-    hardly_coupled = {**LIVELY, "response": {"coupling": 1e-9}}
-    rates = []
-    for kind in ("cone_of_vision", "cone_of_emission"):
-        _, series = run(
-            "neighbour_change", **{**hardly_coupled, "neighbourhood": {**LIVELY["neighbourhood"], "kind": kind}}
-        )
-        rates.append(series)
-    assert rates[0] == rates[1]
-    assert max(rates[0][1:]) > 0
-
-
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
 def test_links_are_found_by_cells_as_without(boundary):
     sections = {"model": "particles", "agents": {"count": 450, "speed_cm_s": 5}, "space": {"boundary": boundary}}

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
+from epuck_sim import Simulation, load_scenario, run_trial
 from epuck_sim.embodied.observers import find_sightings, make_scene
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.model import run_trial
 
 PERIOD_S = 5.0
 FACE_TO_FACE = [[20.0, 30.0, 0.0], [40.0, 30.0, np.pi]]

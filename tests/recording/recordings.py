@@ -10,13 +10,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from rerun.chunk import RrdReader
 
+from epuck_sim import Scenario, TrialResult, record
 from epuck_sim.recording import Level
 from epuck_sim.recording.process import run_rerun
-from epuck_sim.recording.recorder import record
 from epuck_sim.recording.rrd_file import SEAL
-from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import Observer, run_trial, simulate
-from epuck_sim.trial.result import TrialResult
 
 Array = npt.NDArray[Any]
 

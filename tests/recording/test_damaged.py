@@ -10,14 +10,13 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from rerun.chunk import Chunk, LazyChunkStream
 
-from epuck_sim.errors import RecordingError
+from epuck_sim import RecordingError, load_scenario
 from epuck_sim.recording import Level, recorder
 from epuck_sim.recording import reader as entities
 from epuck_sim.recording.layout import arrangement_of, layout_file
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.reader import last_moment_s, read_layout, read_recording
 from epuck_sim.recording.rrd_file import is_whole
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.provenance import versions
 from tests.recording.recordings import recorded
 

@@ -12,31 +12,17 @@ import numpy as np
 import pytest
 from rerun.experimental import ViewerClient
 
-from epuck_sim.embodied.step import Step
-from epuck_sim.errors import RecordingError
+from epuck_sim import RecordingError, Scenario, Step, TrialResult, load_scenario
 from epuck_sim.recording import Level
 from epuck_sim.recording import live as live_module
 from epuck_sim.recording import viewer as viewer_module
 from epuck_sim.recording.live import END, MOST_LATE_S, PAUSE, STEP, Pace, live, live_viewer
 from epuck_sim.recording.process import NO_GRAPHICS, ViewerProcess, in_background, proxy_url
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial, simulate
-from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
-from tests.recording.viewers import (
-    ARENA,
-    DARK,
-    LIT,
-    answer,
-    discs,
-    listening,
-    nothing_left,
-    pixels,
-    replace_rerun,
-)
+from tests.recording.viewers import ARENA, DARK, LIT, answer, discs, listening, nothing_left, pixels, replace_rerun
 
 FAST = 1000.0
 SCENARIO = load_scenario("thesis")

@@ -6,11 +6,8 @@ from types import SimpleNamespace
 import pytest
 from rerun import notebook
 
-from epuck_sim.errors import EpuckSimError, RecordingError
+from epuck_sim import EpuckSimError, RecordingError, load_scenario, read_recording, show
 from epuck_sim.recording import Level
-from epuck_sim.recording.notebook import show
-from epuck_sim.recording.reader import read_recording
-from epuck_sim.scenario.loader import load_scenario
 from tests.recording.recordings import recorded
 
 

@@ -1,6 +1,5 @@
 """A recording of point-like agents holds what an unrecorded twin does, and is read, drawn and shown correctly."""
 
-import math
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -10,8 +9,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
+from epuck_sim import EpuckSimError, ParticleScenario, TrialResult, load_scenario, read_recording, record, run_trial
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.trial_page import draw_page
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles import links as pulses
@@ -19,14 +18,9 @@ from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import Level, recorder, rows
 from epuck_sim.recording.layers.arena import UNLABELLED
 from epuck_sim.recording.process import run_rerun
-from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
-from epuck_sim.recording.recorder import record
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.trial.model import run_trial
-from epuck_sim.trial.result import TrialResult
+from tests.particles.naive_model import receivers_of
 from tests.recording.recordings import Found, recorded
 
 GLOW, FRAMES = 0.075, 20
@@ -67,7 +61,12 @@ in step:
   agents: {count: 4, speed_cm_s: 5}
   start: {phases: synchronised, displacement: 0.3}
   response: {curve: sine, coupling: 0.1}
-alone: {agents: {count: 1, speed_cm_s: 0}}
+changing:
+  agents: {count: 6, speed_cm_s: 20}
+  schedule:
+  - {at_s: 2.5, set: {agents.speed_cm_s: 0}}
+  - {at_s: 3.7, set: {agents.speed_cm_s: 20}, displace: {by_cycles: 0.3}}
+alone: {agents: {count: 1, speed_cm_s: 0}, neighbourhood: {kind: all}}
 many:
   agents: {count: 180, speed_cm_s: 3}
   neighbourhood: {kind: range, radius_cm: 5}
@@ -186,6 +185,7 @@ def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
     read = trial.recorded
     assert (read.scenario, read.seed, read.level) == (trial.scenario, 4, Level.FULL)
     assert (read.cycles, read.synchronised) == (trial.result.cycles, trial.result.t_sync_cycles is not None)
+    assert [time_s for time_s, _ in read.events] == pytest.approx([event.time_s for event in trial.result.events])
     run_rerun("rrd", "verify", str(trial.path))
 
 
@@ -249,26 +249,6 @@ def test_agents_that_have_just_fired_are_lit(trial: Trial) -> None:
 # --- pulse links ------------------------------------------------------------------------------------
 
 
-def receivers(scenario: ParticleScenario, positions: FloatArray, headings: FloatArray, agent: int) -> set[int]:
-    """Return the agents that receive an agent's pulse, found slowly."""
-    rule, away = scenario.neighbourhood, positions - positions[agent]
-    if scenario.space.boundary == "cyclic":
-        away -= scenario.space.side_cm * np.round(away / scenario.space.side_cm)
-    distances = np.linalg.norm(away, axis=1)
-    others = [other for other in range(len(positions)) if other != agent]
-    if rule.kind == "all":
-        return set(others)
-    if rule.kind == "nearest":
-        return set(sorted(others, key=lambda other: distances[other])[: rule.k])
-    near = [other for other in others if rule.radius_cm is None or distances[other] <= rule.radius_cm]
-    if rule.kind == "range":
-        return set(near)
-    sign = -1 if rule.kind == "cone_of_vision" else 1
-    ahead = headings if rule.kind == "cone_of_vision" else np.broadcast_to(headings[agent], headings.shape)
-    cosines = np.einsum("ij,ij->i", sign * away, ahead) / np.where(distances > 0, distances, 1)
-    return {other for other in near if cosines[other] >= math.cos(math.radians(rule.angle_deg / 2))}
-
-
 def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial: Trial) -> None:
     found, side_cm = Found(trial.path), trial.scenario.space.side_cm
     parts = [found.lists("/arena/links", f"Arrows2D:{part}") for part in ("origins", "vectors", "class_ids")]
@@ -280,7 +260,8 @@ def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial
     for row, each in zip(trial.places, trial.instants, strict=True):
         waits, expected = {*each.event.received.tolist()}, []
         for agent in each.event.fired.tolist():
-            reached = receivers(trial.scenario, each.positions, headings[each.time_ns], agent)
+            receives, _ = receivers_of(trial.scenario, each.positions, headings[each.time_ns], agent)
+            reached = {*np.flatnonzero(receives).tolist()}
             for other in reached if trial.scenario.agents.count < pulses.SHIFTS_ONLY else reached & waits:
                 way = each.positions[other] - each.positions[agent]
                 if trial.scenario.space.boundary == "cyclic":
@@ -341,6 +322,7 @@ def check_entities(path: Path, scenario: ParticleScenario, level: Level) -> None
     kind, is_full, numbered = scenario.neighbourhood.kind, level is Level.FULL, range(scenario.agents.count)
     there = {
         "/order/threshold": scenario.stop.order_parameter is not None,
+        "/events": scenario.has_events,
         "/arena/ranges": is_full and kind == "range",
         "/arena/cones": is_full and kind.startswith("cone") and scenario.space.dimensions == 2,
         **{f"/arena/numbers/{n}": level is not Level.SUMMARY and len(numbered) < UNLABELLED for n in numbered},
@@ -362,27 +344,6 @@ def test_each_level_holds_what_it_should_and_no_more(tmp_path, of, name: str, le
     for field in ("phase_ms", "positions", "headings", "ring_on"):
         found, expected = getattr(read, field), getattr(full, field)
         np.testing.assert_array_equal(found, expected[:0] if level is Level.SUMMARY else expected)
-
-
-@pytest.mark.parametrize(("bound", "value"), [("BUFFER_ROWS", 1), ("BUFFER_S", 0.3)])
-def test_buffer_sizes_make_no_difference(tmp_path, monkeypatch, of, bound: str, value: float) -> None:
-    whole = Found(of("cyclic").path)
-    monkeypatch.setattr(recorder, bound, value)
-    recorded(tmp_path / "parts.rrd", load("cyclic"), 4)
-    parts = Found(tmp_path / "parts.rrd")
-    assert len(whole.moving["/order/steps"]) < len(parts.moving["/order/steps"])
-    for entity in set(whole.moving) - {"/order/threshold"}:
-        assert whole.times(entity) == parts.times(entity)
-        component = next(name for name in whole.moving[entity][0].schema.names if ":" in name)
-        assert whole.lists(entity, component) == parts.lists(entity, component)
-
-
-def test_a_trial_of_no_events_has_no_rows(tmp_path) -> None:
-    with record(tmp_path / "t.rrd", load("thesis"), 1):
-        pass
-    read = read_recording(tmp_path / "t.rrd")
-    assert (read.cycles, read.synchronised) == (0, False)
-    assert {len(value) for value in read if isinstance(value, np.ndarray)} == {0}
 
 
 # --- what cannot be recorded ------------------------------------------------------------------------
@@ -412,21 +373,6 @@ def test_a_trial_that_outlasts_the_clock_is_refused_in_words(tmp_path, monkeypat
 
 
 # --- the page ---------------------------------------------------------------------------------------
-
-
-def test_the_page_shows_flashes_phases_and_the_order_parameter(trial: Trial) -> None:
-    read, page = trial.recorded, draw_page(trial.recorded)
-    _, flashes, phases, order = page.axes
-    marks = np.array(flashes.collections[0].get_segments())
-    np.testing.assert_array_equal(marks[:, 0, 0], read.flash_s)
-    np.testing.assert_allclose(marks[:, :, 1].mean(axis=1), read.flash_robot)
-    at = {each.time_ns / 1e9: each.phases for each in trial.instants}
-    ahead = np.array([at[time] - at[time][trial.scenario.stop.reference] for time in read.firing_s])
-    drawn = np.array([line.get_ydata() for line in phases.get_lines()]).T
-    np.testing.assert_allclose(np.exp(2j * math.pi * drawn), np.exp(2j * math.pi * ahead))
-    np.testing.assert_array_equal(order.get_lines()[0].get_ydata(), read.order_parameter)
-    np.testing.assert_array_equal(order.get_lines()[1].get_ydata(), read.firing_order)
-    assert len(order.get_lines()) == 2 + (trial.scenario.stop.order_parameter is not None)
 
 
 @pytest.mark.parametrize("name", ["cyclic", "cyclic cube"])

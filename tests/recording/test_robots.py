@@ -12,15 +12,12 @@ import cv2
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
-from hypothesis import given
-from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
+from epuck_sim import RecordingError, Scenario, Simulation, TrialResult, load_scenario, record, run_trial
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.observers import find_sightings, make_scene
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step, memory_values
-from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.recording import Level, recorder
 from epuck_sim.recording.layers import robots as layers
 from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
@@ -28,17 +25,12 @@ from epuck_sim.recording.layout import layout_of
 from epuck_sim.recording.process import PROGRAM, run_rerun
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
-from epuck_sim.recording.recorder import record
-from epuck_sim.recording.rows import RobotBuffer
 from epuck_sim.recording.rrd_file import SEAL
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.embodied import SynchronyWatch
-from epuck_sim.trial.model import run_trial
-from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import versions
-from tests.embodied.steps import bare_step
 from tests.recording.recordings import Array, Found, compare, recorded, towards
 
 RADIUS_CM = 3.7
@@ -75,6 +67,12 @@ KILOBOTS = {
     "robots": [{"count": 20, "parameters": {"period_s": 1.0}}],
     "arena": {"width_cm": 25, "height_cm": 25},
 }
+FROZEN = {
+    "robots": [{"count": 3, "memory": {"phase_ms": [4900, 4900, 2400]}}],
+    "faults": [{"kind": "oscillator_frozen", "robots": [1], "at_s": 0.2}],
+}
+"""A ring that stays lit with one phase fires once."""
+
 UNSURE = {"robots": [{"count": 2, "controller": "constant"}, {"count": 4}]}
 """The reference is no oscillator."""
 
@@ -91,6 +89,7 @@ CASES: dict[str, tuple[Any, list[str], str]] = {
     "pair, synchronised": ("pair", [], "a second"),
     "mixed": (MIXED, ["max_time_s=20"], "73 rows"),
     "dazzled": (DAZZLED, ["max_time_s=8"], "a row"),
+    "frozen": (FROZEN, ["max_time_s=3"], "a second"),
     "spotlight": ("spotlight", ["max_time_s=3"], "73 rows"),
     "push": ("push", ["max_time_s=5"], "a second"),
     "arc": ("arc", ["max_time_s=5"], "one window"),
@@ -474,11 +473,12 @@ def test_the_same_trial_is_recorded_alike_and_another_otherwise(tmp_path) -> Non
     assert len(set(names)) == 3
 
 
-def test_a_trial_of_no_steps_has_no_rows_and_what_it_leaves_out_is_written_out(tmp_path) -> None:
-    with record(tmp_path / "t.rrd", EmbodiedScenario(), 0, Level.FULL):
+@pytest.mark.parametrize("bare", [EmbodiedScenario(), ParticleScenario(model="particles")])
+def test_a_trial_of_no_events_has_no_rows_and_what_it_leaves_out_is_written_out(tmp_path, bare: Scenario) -> None:
+    with record(tmp_path / "t.rrd", bare, 0, Level.FULL):
         pass
     read = read_recording(tmp_path / "t.rrd")
-    assert (read.scenario, read.cycles, read.synchronised) == (load_scenario(EmbodiedScenario()), 0, False)
+    assert (read.scenario, read.cycles, read.synchronised) == (load_scenario(bare), 0, False)
     assert {len(value) for value in read if isinstance(value, np.ndarray)} == {0}
     assert not Found(tmp_path / "t.rrd").moving
 
@@ -545,57 +545,3 @@ def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(tmp_pa
     for level in Level:
         assert {"/events", "/memory/phase_ms"} <= set(origins(level, scenario, fields))
         assert not {"/events", "/memory/phase_ms"} & set(origins(level, load_scenario("thesis"), []))
-
-
-@pytest.mark.parametrize(
-    ("scenario", "field", "message"),
-    [
-        ("thesis", "phase", "memory: unknown 'phase', did you mean 'phase_ms'"),
-        ("particles", "phase_ms", "model is 'particles'; robots alone have a memory to record"),
-    ],
-)
-def test_fields_that_nobody_remembers_are_refused(scenario: str, field: str, message: str, tmp_path) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        recorded(tmp_path / "t.rrd", load_scenario(scenario), memory=[field])
-    assert message in str(caught.value)
-    assert list(tmp_path.iterdir()) == []
-
-
-# --- made-up steps -----------------------------------------------------------------------------------
-
-
-@st.composite
-def stories(draw: st.DrawFn) -> tuple[BoolArray, FloatArray]:
-    """Rings and phases of some robots, step by step; those of robots that are no oscillators are NaN."""
-    steps, robots = draw(st.integers(1, 40)), draw(st.integers(1, 4))
-    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    phases = 1000.0 * random.integers(0, 5, (steps, robots))
-    phases[:, random.random(robots) < 0.3] = np.nan
-    return random.random((steps, robots)) < random.choice([0.2, 0.5, 0.9, 1.0]), phases
-
-
-@given(stories(), st.integers(1, 50))
-def test_flashes_and_firings_of_made_up_steps(story: tuple[BoolArray, FloatArray], size: int) -> None:
-    rings, phases = story
-    scenario = load_scenario({"robots": [{"count": rings.shape[1]}], "stop": {"reference_robot": 0}})
-    periods = np.where(np.isnan(phases[0]), np.nan, 5000.0)
-    watch = SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=periods, events=[]))
-    buffer, batches, counted = RobotBuffer(scenario, Level.SUMMARY, size), [], []
-    for number, (ring_on, phase_ms) in enumerate(zip(rings, phases, strict=True)):
-        step = bare_step(number, number / 10, ring_on, phase_ms)
-        cycles = watch.cycles
-        watch.look(step)
-        buffer.append(step, watch)
-        if watch.cycles > cycles and watch.order_parameter is not None:
-            counted.append((number, watch.order_parameter))
-        assert buffer.is_full == (buffer.row_count == size)
-        if buffer.is_full or number == len(rings) - 1:
-            batches.append((number + 1 - buffer.row_count, buffer.flush()))
-    flashes = [(first + row, robot, cycle) for first, batch in batches for row, robot, cycle in batch.flashes.tolist()]
-    assert flashes == slow_flashes([*range(len(rings))], rings, phases)
-    fired = [(first + row, order) for first, batch in batches for row, order in zip(*batch[5:7], strict=True)]
-    assert fired == counted
-    if not np.isnan(periods[0]):
-        assert [row for row, _ in fired] == [row for row, robot, _ in flashes if robot == 0]
-    before = np.concatenate([batch.ring_before for _, batch in batches])
-    np.testing.assert_array_equal(before, np.concatenate([np.zeros_like(rings[:1]), rings[:-1]]))

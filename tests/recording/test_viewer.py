@@ -24,25 +24,14 @@ from PIL import Image
 from rerun.chunk import RrdReader
 from scipy import ndimage
 
+from epuck_sim import Step, load_scenario, read_recording
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.step import Step
 from epuck_sim.epuck import RADIUS_CM
 from epuck_sim.errors import PortError, RecordingError
 from epuck_sim.recording import Level, process, viewer
 from epuck_sim.recording.process import NO_GRAPHICS, in_background, run_rerun
-from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
-from epuck_sim.recording.viewer import (
-    MESSAGE_COLUMNS,
-    MESSAGE_GREY,
-    MESSAGE_ROWS,
-    draw_screenshot,
-    has_display,
-    serve,
-    show,
-    web_viewer,
-)
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.recording.viewer import draw_screenshot, has_display, serve, show, web_viewer
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
@@ -184,8 +173,8 @@ def test_camera_rows_are_red_where_a_lit_ring_is_seen(moment: Moment) -> None:
 
 
 def test_no_message_covers_the_picture(moment: Moment) -> None:
-    corner = moment.picture[MESSAGE_ROWS, MESSAGE_COLUMNS]
-    assert (corner == MESSAGE_GREY).all(axis=-1).mean() < 0.1
+    corner = moment.picture[viewer.MESSAGE_ROWS, viewer.MESSAGE_COLUMNS]
+    assert (corner == viewer.MESSAGE_GREY).all(axis=-1).mean() < 0.1
 
 
 @pytest.mark.parametrize("size", [(900, 1600), (300, 400)])
@@ -194,29 +183,13 @@ def test_a_picture_is_taken_once_its_message_has_gone(monkeypatch, size: tuple[i
     monkeypatch.setattr("time.sleep", lambda _: None)
     clear = np.full((*size, 3), 13, np.uint8)
     covered = clear.copy()
-    covered[30:112, -340:-8] = MESSAGE_GREY
+    covered[30:112, -340:-8] = viewer.MESSAGE_GREY
     taken = [BytesIO() for _ in range(5)]
     for png, picture in zip(taken, [covered] * 3 + [clear] * 2, strict=True):
         Image.fromarray(picture).save(png, "PNG")
     pictures = iter(taken)
     assert viewer._settled(lambda: next(pictures).getvalue()) == taken[-1].getvalue()
     assert next(pictures, None) is None
-
-
-def test_patches_of_the_floor_are_shown_where_they_are_with_y_up(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(viewer, "MESSAGES_S", 0)  # they are elsewhere
-    patches = np.array([(12, 48, 8), (14, 12, 5), (46, 50, 6)])
-    shapes = [
-        {"shape": "circle", "x_cm": x, "y_cm": y, "radius_cm": r, "brightness": 1} for x, y, r in patches.tolist()
-    ]
-    arena = {"floor": {"brightness": 0, "patches": shapes}}
-    scenario = load_scenario({"arena": arena, "robots": [{"poses": [[50, 10, 0]]}], "stop": {"max_time_s": 0.2}})
-    recorded(tmp_path / "t.rrd", scenario, 3)
-    shown = discs(drawn(tmp_path / "t.rrd", 0.1, tmp_path / "p.png")[ARENA], (255, 255, 255))
-    scale = (shown[2, 0] - shown[0, 0]) / 34
-    expected = shown[0] + scale * (patches - patches[0]) * (1, -1, 1)
-    np.testing.assert_allclose(shown, expected, rtol=0, atol=1.5)
-    assert shown[0, 2] == pytest.approx(8 * scale, abs=1.5)
 
 
 def test_without_a_graphics_driver_an_error_says_what_to_install(thesis, tmp_path, monkeypatch) -> None:
@@ -302,20 +275,14 @@ def test_where_the_viewer_breaks_down_nothing_is_left_of_a_picture(
     assert [file.name for file in tmp_path.iterdir()] == ["stand"]
 
 
-@pytest.mark.parametrize(("wish", "analytics"), [(None, "0"), ("1", "1")])
-@pytest.mark.parametrize("command", ["viewer", "program"])
-def test_no_use_is_reported_to_rerun_unless_the_user_allows_it(
-    stand: Stand, display, monkeypatch, command: str, wish: str | None, analytics: str
-) -> None:
+def test_no_use_is_reported_to_rerun_unless_the_user_allows_it(stand: Stand, display, monkeypatch) -> None:
     display({"DISPLAY": ":0"})
     monkeypatch.delenv("RERUN_ANALYTICS", raising=False)
-    if wish is not None:
-        monkeypatch.setenv("RERUN_ANALYTICS", wish)
-    if command == "viewer":
-        show(Path("t.rrd"))
-    else:
-        run_rerun("rrd", "verify", "t.rrd")
-    assert stand.received["analytics"] == analytics
+    for analytics in ("0", "1"):
+        for use in (lambda: show(Path("t.rrd")), lambda: run_rerun("rrd", "verify", "t.rrd")):
+            use()
+            assert stand.received["analytics"] == analytics
+        monkeypatch.setenv("RERUN_ANALYTICS", "1")
 
 
 def test_a_command_that_fails_is_reported(stand: Stand, tmp_path, monkeypatch) -> None:
@@ -355,10 +322,13 @@ def test_without_a_display_the_error_names_the_other_ways() -> None:
         show(Path("t.rrd"))
 
 
-def test_a_window_shows_the_recording_until_it_is_closed(stand: Stand, display, tmp_path, monkeypatch) -> None:
+def test_a_window_shows_the_recording_until_it_is_closed_from_any_thread(
+    stand: Stand, display, tmp_path, monkeypatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     display({"WAYLAND_DISPLAY": "0"})
-    show(Path("--t.rrd"))
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(show, Path("--t.rrd")).result()
     file, *options = stand.received["arguments"]
     assert file == str(tmp_path / "--t.rrd")
     assert options[options.index("--bind") + 1] == "127.0.0.1"
@@ -463,20 +433,6 @@ def test_the_viewer_ends_even_if_the_process_that_serves_is_killed(thesis, tmp_p
         wait_until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE)
 
 
-def look_at(recording: Path, look: Callable[[str], None]) -> None:
-    """Serve a recording, call `look` with the address of its chunks, and press Ctrl-C."""
-    looked = []
-
-    def look_and_end(address: str) -> None:
-        assert answer(address)
-        look(parse_qs(urlsplit(address).query)["url"][0])
-        looked.append(address)
-        raise KeyboardInterrupt
-
-    serve(recording, free_port(), look_and_end)
-    assert looked
-
-
 def test_a_browser_gets_the_whole_recording_with_its_layout_and_nothing_is_done_while_none_looks(
     thesis, tmp_path
 ) -> None:
@@ -528,13 +484,6 @@ def test_a_handler_of_the_program_s_own_stays(stand: Stand) -> None:
             wait_until(lambda: caught == [signal.SIGTERM])
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def test_a_viewer_can_be_opened_in_another_thread(stand: Stand, display) -> None:
-    display({"DISPLAY": ":0"})
-    with ThreadPoolExecutor(1) as pool:
-        pool.submit(show, Path("t.rrd")).result()
-    assert stand.received["arguments"]
 
 
 def test_a_second_ctrl_c_while_a_viewer_that_ignores_signals_is_ended_leaves_none_behind(

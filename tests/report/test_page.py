@@ -7,15 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim import EpuckSimError, StoreError, load_scenario, read_points, run_sweep, summarize
 from epuck_sim.figures.style import COLOURS
 from epuck_sim.report import page as contents_module
 from epuck_sim.report.page import MOST_FAILURES, make_page, read_contents, write_report
-from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import Failure
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.statistics.statistic import summarize
-from epuck_sim.sweep.run import run_sweep
 from epuck_sim.util.provenance import host
 from tests.browsers import picture
 from tests.runs.made_folders import COUNT, COUPLING, SPEED, SPEEDS, censored, ended, store, sweep, weibull

@@ -7,7 +7,14 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.statistics.extrema import smooth_logs
+from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.survival import local_fits, make_curve, make_sample, weibull_means
+
+
+def measured(values, observed=None, limit: float = math.inf, seed: int = 0) -> Measured:
+    """Return values as they are measured; all of them observed by default."""
+    values = np.array(values, float)
+    return Measured(values, np.ones(len(values), bool) if observed is None else np.array(observed), limit, seed)
 
 
 class Weibull(NamedTuple):

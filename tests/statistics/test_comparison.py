@@ -32,13 +32,9 @@ from epuck_sim.statistics.two_samples import (
     studentised,
 )
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, SPEEDS, WIDTH, ended, in_memory, sweep, weibull
+from tests.statistics.fits import measured
 
 FIRST, SECOND = 2, 5
-
-
-def measured(values, observed=None, limit: float = 5000, seed: int = 0) -> Measured:
-    values = np.array(values, float)
-    return Measured(values, np.ones(len(values), bool) if observed is None else np.array(observed), limit, seed)
 
 
 def drawn(mean: float, trials: int, seed, limit: float = math.inf) -> Measured:
@@ -69,9 +65,6 @@ def both(mean, trials: int = 40, stop: int = 5000, **changes):
         )
         for which in (0, 1)
     ]
-
-
-# Which points are compared
 
 
 def test_points_of_two_folders_are_matched_by_their_axis_values_and_others_are_counted() -> None:
@@ -142,9 +135,6 @@ def test_folders_whose_measures_have_other_units_are_refused(tmp_path) -> None:
         folders(*made)
     (tmp_path / "1/mine.py").unlink()
     assert len(folders(made[0], made[1]).matches) == 2
-
-
-# The numbers of a point
 
 
 @given(
@@ -246,9 +236,6 @@ def test_intervals_of_the_difference_and_the_ratio_hold_the_truth_as_often_as_th
     assert (np.mean(held, axis=0) > 0.9).all()
 
 
-# All points together
-
-
 def test_points_with_few_trials_have_values_and_no_interval_or_p_and_do_not_count() -> None:
     first, second = both(lambda *_: 50)
     second[1] = second[1]._replace(times=second[1].times[:4], observed=second[1].observed[:4])
@@ -293,9 +280,6 @@ def test_trials_that_ran_out_of_time_are_compared_by_their_ranks() -> None:
     found = compared(first, second)
     assert found.test == LOG_RANK
     assert found.p_value < min(point.p_value for point in found.points) < 0.01
-
-
-# More than two
 
 
 def three(key: str = COUNT, values=(2, 4, 8)):

@@ -7,12 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim import points, summarize
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis, distinguishing_axes
-from epuck_sim.scenario.points import points
 from epuck_sim.statistics.curves import read_curves
 from epuck_sim.statistics.names import Statistic
-from epuck_sim.statistics.statistic import summarize
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -46,9 +45,6 @@ def rows_of(*rows: dict, empty: Collection[int] = ()) -> list[PointTrials]:
     (point,) = points(sweep(None))
     numbered = (point._replace(number=number, axes=row) for number, row in enumerate(rows))
     return [of_point(each, ended([] if each.number in empty else [each.number + 1])) for each in numbered]
-
-
-# Curves
 
 
 def test_the_numbers_of_a_curve_are_those_of_the_summary() -> None:
@@ -105,23 +101,14 @@ def test_every_point_with_trials_is_on_the_curve_of_its_other_axes_once(order, e
 @pytest.mark.parametrize(
     ("scenario_sweep", "x", "expected"),
     [
-        ({"grid": {SPEED: [1, 2]}}, SPEED, [({}, [1, 2])]),
         ({"zip": {WIDTH: [40, 60, 80], HEIGHT: [40, 60, 80]}}, WIDTH, [({}, [40, 60, 80])]),
-        (
-            {"points": [{COUPLING: 0.1, SPEED: 1}, {COUPLING: 0.1, SPEED: 3}, {COUPLING: 0.2, SPEED: 2}]},
-            SPEED,
-            [({COUPLING: 0.1}, [1, 3]), ({COUPLING: 0.2}, [2])],
-        ),
         ({"points": [{WIDTH: 60, SPEED: 1}, {SPEED: 2, WIDTH: 60.0}]}, SPEED, [({}, [1, 2])]),
     ],
-    ids=["alone", "with another that goes along", "other values on each curve", "equal values, written otherwise"],
+    ids=["with another that goes along", "equal values, written otherwise"],
 )
 def test_which_curves_a_sweep_makes(scenario_sweep: dict, x: str, expected: list) -> None:
     curves = read_curves(with_axes(scenario_sweep), x)
     assert [(curve.axes, curve.x.tolist()) for curve in curves] == expected
-
-
-# The axis
 
 
 def test_the_axis_is_the_speed_or_else_the_one_with_most_numbers() -> None:
@@ -134,9 +121,6 @@ def test_the_axis_is_the_speed_or_else_the_one_with_most_numbers() -> None:
         ({"robots.0.parameters.once_per_sighting": [True, False], COUNT: [3]}, COUNT),
     ]:
         assert choose_axis(axes_of(with_axes({"grid": grid}))) == expected
-
-
-# The second axis
 
 
 @pytest.mark.parametrize(
@@ -160,9 +144,6 @@ def test_axes_that_go_along_count_as_one_and_those_with_x_as_none() -> None:
     made = with_axes(scenario_sweep, robots=both)
     assert choose_second_axis(axes_of(made), SPEED) == WIDTH
     assert choose_second_axis(axes_of(made), HEIGHT) == SPEED
-
-
-# What distinguishes curves
 
 
 def partition(values: list) -> frozenset:

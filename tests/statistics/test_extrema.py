@@ -189,9 +189,6 @@ def test_intervals_are_percentiles_of_the_resamples_that_have_a_pair():
     assert (slow < fast).all()
 
 
-# Where they are looked for
-
-
 def curve_of(law, speeds=MANY_SPEEDS, trials: int = 60, **changes) -> Curve:
     (curve,) = read_curves(in_memory(sweep({SPEED: speeds}, trials=trials, **changes), law), SPEED)
     return curve
@@ -219,13 +216,6 @@ def test_few_speeds_are_said_to_be_few_and_the_one_at_rest_does_not_count() -> N
     assert search_extrema(curve_of(falling, [1, 2, 3, 4, 5])).reason == "5 speeds; a minimum and a peak take 6"
     assert search_extrema(curve_of(lambda _: ended(range(1, 40)), range(6))).reason.startswith("5 speeds;")
     assert search_extrema(curve_of(falling, range(1, MIN_SPEEDS + 1))).reason == ""
-
-
-def test_robots_at_rest_have_no_part_in_the_search() -> None:
-    curve = curve_of(lambda point: bumpy(point) if point.axes[SPEED] else ended(range(1, 61)), [0, *MANY_SPEEDS])
-    expected = find_minimum_and_peak(curve.x[1:], curve.values[1:], curve.resampled[:, 1:])
-    assert expected.is_found
-    assert_same(search_extrema(curve).extrema, expected)
 
 
 def half_censored():

@@ -13,6 +13,7 @@ from epuck_sim.statistics.mean import estimate_mean, resample_means
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
+from tests.statistics.fits import measured
 
 LAWS = {
     "Weibull, 1.35": lambda random, n: random.weibull(1.35, n),
@@ -20,11 +21,6 @@ LAWS = {
     "log-normal, 0.8": lambda random, n: random.lognormal(0, 0.8, n),
     "Weibull, 0.7": lambda random, n: random.weibull(0.7, n),
 }
-
-
-def measured(values, observed=None, limit: float = 1e9, seed: int = 0) -> Measured:
-    values = np.array(values, float)
-    return Measured(values, np.ones(len(values), bool) if observed is None else np.array(observed), limit, seed)
 
 
 def cut(values, limit: float, seed: int = 0) -> Measured:

@@ -13,6 +13,7 @@ from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.planning import plan_trials, trials_for_shares, trials_needed
 from epuck_sim.statistics.two_samples import contrast, mean_log_ratio, pair_up
 from tests.runs.made_folders import SPEED, SPEEDS, ended, in_memory, sweep, weibull
+from tests.statistics.fits import measured
 
 SHAPE = 1.35
 SPREAD = math.sqrt(math.gamma(1 + 2 / SHAPE) / math.gamma(1 + 1 / SHAPE) ** 2 - 1)
@@ -21,7 +22,7 @@ SPREAD = math.sqrt(math.gamma(1 + 2 / SHAPE) / math.gamma(1 + 1 / SHAPE) ** 2 - 
 
 def drawn(mean: float, trials: int, seed) -> Measured:
     times = mean * np.random.default_rng(seed).weibull(SHAPE, trials) / math.gamma(1 + 1 / SHAPE)
-    return Measured(times, np.ones(trials, bool), 1e9, 0)
+    return measured(times)
 
 
 def share_seen(difference: float, points: int, trials: int) -> float:
@@ -71,9 +72,6 @@ def test_each_point_has_its_number_and_points_without_a_spread_none() -> None:
     spreads = [point.spread for point in plan.points[2:]]
     assert [point.trials for point in plan.points[2:]] == [trials_needed([each], 0.25, 0.9) for each in spreads]
     assert plan.over_all == trials_needed(spreads, 0.25, 0.9)
-
-
-# --- measures -------------------------------------------------------------------------------------
 
 
 def of_measure(*values_of_points):

@@ -82,9 +82,6 @@ def json_of(capsys, curves) -> dict:
     return json.loads(printed(capsys, curves, as_json=True), parse_constant=no_constant)
 
 
-# Minimum and peak
-
-
 def test_minimum_and_peak_lie_in_their_intervals_which_are_narrow(sizes, couplings) -> None:
     units, held = [*SIZE_UNITS.values(), *COUPLING_UNITS.values()], []
     for curve, unit in zip([*sizes, *couplings], units, strict=True):
@@ -109,9 +106,6 @@ def test_a_falling_curve_has_no_extrema_and_there_are_no_laws(tmp_path, capsys) 
     assert read["laws"] == fit_laws(curves)._asdict()
     assert [read["curves"][0][name] for name in NAMES] == [None] * 4
     assert 0.05 < read["curves"][0]["p_value"] <= 1
-
-
-# The laws
 
 
 def test_several_folders_make_one_law(sizes, couplings) -> None:

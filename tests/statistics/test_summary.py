@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.runs.reader import read_points
-from epuck_sim.scenario.points import points
+from epuck_sim import points, read_points
 from epuck_sim.statistics.mean import estimate_mean, wilson_interval
 from epuck_sim.statistics.measured import measure_t_sync
 from epuck_sim.statistics.statistic import summarize as summaries_of
@@ -118,9 +117,6 @@ def test_the_horizon_is_the_longest_follow_up_where_trials_ran_out_of_time_befor
     assert (followed.horizon, followed.restricted_mean) == (40, pytest.approx(10 + 30 * 2 / 3))
 
 
-# Measures
-
-
 def test_statistics_of_a_measure_are_those_of_the_sample() -> None:
     values = [-3.0, -1.0, 0.0, 2.0, 4.0, 5.5]
     summary = of_measure(*values)
@@ -139,9 +135,6 @@ def test_undetermined_values_do_not_count_and_truth_values_are_shares() -> None:
     assert (summary.mean_low, summary.mean_high) == pytest.approx(wilson_interval(4 / 6, 6))
     assert summary.is_share
     assert not of_measure(True, 0.5).is_share
-
-
-# What is printed
 
 
 def test_json_is_one_array_with_all_fields_of_each_point_and_no_nan(folder) -> None:

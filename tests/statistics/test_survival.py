@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from lifelines import KaplanMeierFitter
 from lifelines.utils import median_survival_times
 from scipy.optimize import curve_fit
-from scipy.stats import CensoredData, ecdf
 
 from epuck_sim.statistics.survival import (
     MIN_UNCENSORED,
@@ -69,18 +68,6 @@ def test_the_estimate_is_appendix_a_done_trial_by_trial(given_trials):
     expected = dict(appendix_a(*given_trials))  # of tied trials the last one's R
     assert times.tolist() == list(expected)
     assert survival == pytest.approx([float(r) for r in expected.values()], abs=1e-12)
-
-
-def test_the_estimate_is_lifelines_and_scipys():
-    times, observed = messy_trials(0)
-    assert len(np.unique(times)) < len(times)
-    assert 5 < observed.sum() < len(times) - 5
-    moments, survival = kaplan_meier(times, observed)
-    with np.errstate():  # lifelines sets numpy's for good
-        theirs = KaplanMeierFitter().fit(times, observed).survival_function_at_times(moments)
-    assert survival == pytest.approx(theirs.to_numpy(), abs=1e-12)
-    scipys = ecdf(CensoredData(times[observed], right=times[~observed])).sf
-    assert survival == pytest.approx(scipys.evaluate(moments), abs=1e-12)
 
 
 @given(trials)
@@ -143,15 +130,6 @@ def test_the_fit_is_scipys_on_every_uncensored_trials_point(censored, shape, who
     precise = {"ftol": 1e-14, "xtol": 1e-14, "gtol": 1e-14}
     logs, _ = curve_fit(cdf, time, 1 - r, p0=(math.log(50), math.log(shape)), **precise)
     assert fit_weibull(times, observed) == pytest.approx(np.exp(logs), rel=1e-5)
-
-
-@given(st.integers(1, 10**7), st.integers(1, 10**6), st.integers(1, 9), st.integers(2, 9), st.integers(0, 9))
-def test_with_two_event_times_the_fit_goes_through_both(first, later, d1, d2, c):
-    n = d1 + d2 + c
-    times = np.repeat([first, first + later, first + later], [d1, d2, c]).astype(float)
-    fit = fit_weibull(times, np.arange(n) < d1 + d2)
-    middles = [1 - (d1 + 1) / 2 / n, (d2 + c - (d2 + 1) / 2) / n]  # R in the middle of each step
-    assert np.exp(-((times[[0, -1]] / fit.scale) ** fit.shape)) == pytest.approx(middles, rel=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -66,9 +66,6 @@ def test_the_most_prominent_peak_is_not_always_the_highest():
     assert (places[0], places[2]) == (4, 2)
 
 
-# --- of run folders -------------------------------------------------------------------------------
-
-
 def folder_of(path, law, measures=("near_walls",), axis=SPEED, trials=30, **grid):
     scenario = sweep({axis: X.tolist(), **grid}, measures=list(measures))
     random = np.random.default_rng(4)

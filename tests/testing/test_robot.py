@@ -111,9 +111,6 @@ def test_a_robot_hears_pulses_sends_and_turns(interpret, tmp_path):
     assert (robot.send, robot.turn_rad) == (42, 1.0)
 
 
-# --- scenes ---------------------------------------------------------------------------------------
-
-
 def test_a_robot_faces_a_wall_at_the_given_distance():
     near, far = (facing_wall("constant", gap_cm=gap).advance(1) for gap in (2.0, 50.0))
     assert near.distance_mm[0, [0, 7]].max() < 40
@@ -126,9 +123,6 @@ def test_a_robot_faces_a_robot_that_is_lit_or_dark():
     assert lit.camera[0, 29:31].all()
     assert not dark.camera.any()
     assert lit.poses[1, 0] - lit.poses[0, 0] == pytest.approx(20 + 2 * 3.7)
-
-
-# --- the plugin of pytest ----------------------------------------------------------------------------------
 
 
 def test_the_plugin_is_named_in_the_package_and_loads_nothing_heavy():

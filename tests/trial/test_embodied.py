@@ -5,11 +5,8 @@ import contextlib
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation, Step
-from epuck_sim.errors import ControllerError
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim import ControllerError, Simulation, Step, load_scenario, run_trial
 from epuck_sim.trial.embodied import SynchronyWatch
-from epuck_sim.trial.model import run_trial
 
 
 def outcome(result):
@@ -61,14 +58,6 @@ def test_a_trial_without_synchrony_is_censored_at_its_limit_of_cycles(max_cycles
     assert (result.censored, result.t_sync_cycles) == (True, None)
     assert result.cycles == max_cycles == len(firings(recorder.rings, 0))
     assert 0 < result.order_parameter < 1
-
-
-def test_synchrony_at_the_very_limit_of_cycles_is_not_censored():
-    free = run_trial(Simulation("thesis", 2))
-    limited = run_trial(Simulation(load_scenario("thesis", [f"stop.max_cycles={free.cycles}"]), 2))
-    assert outcome(limited) == outcome(free)
-    stopped = run_trial(Simulation(load_scenario("thesis", [f"stop.max_cycles={free.cycles - 1}"]), 2))
-    assert (stopped.censored, stopped.cycles) == (True, free.cycles - 1)
 
 
 @pytest.mark.parametrize("further", [1, 3])
@@ -154,11 +143,6 @@ def test_a_reference_that_never_fires_does_not_keep_a_trial_for_ever(max_cycles,
 def test_a_phase_that_is_no_number_is_an_error(tmp_path):
     with pytest.raises(ControllerError, match="step 0: an oscillator's phase is not a number"):
         of_its_own(tmp_path, "float('inf')", True)
-
-
-def test_one_oscillator_alone_is_never_synchronised():
-    result = run_trial(Simulation({"robots": [{"count": 1}], "stop": {"max_cycles": 3}}))
-    assert (result.censored, result.cycles) == (True, 3)
 
 
 def test_a_firing_counts_though_the_ring_is_lit_already():

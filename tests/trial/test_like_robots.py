@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from epuck_sim import ParticleSimulation, Simulation, load_scenario, run_trial, start_like
-from epuck_sim.errors import ScenarioError
+from epuck_sim import ParticleSimulation, ScenarioError, Simulation, load_scenario, points, run_trial, start_like
 from epuck_sim.scenario.loader import write_scenario
-from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import simulate
 

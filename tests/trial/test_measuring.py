@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from epuck_sim.errors import MeasureError
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim import MeasureError, load_scenario
 from epuck_sim.trial.measuring import as_value
 from epuck_sim.trial.model import run_trial, simulate
 from tests.measures.files import COUNTER, TELLTALE, write
@@ -81,8 +80,6 @@ def test_a_function_is_called_with_the_simulation_at_the_end(scenario, tmp_path)
     path = write(tmp_path / "mine.py", "def product(simulation, *, factor=2): return factor * simulation.seed")
     assert measured(scenario, [str(path)], seed=21).measures == {"product": 42}
 
-
-# --- failing --------------------------------------------------------------------------------------
 
 RAISING = """
 class Mine:

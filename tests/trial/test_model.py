@@ -2,10 +2,8 @@
 
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.errors import ScenarioError
-from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.scenario.loader import load_scenario, validate
+from epuck_sim import ParticleSimulation, ScenarioError, Simulation
+from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.result import TrialResult, TrialState
 
@@ -24,13 +22,6 @@ class Shown:
 
 def without_wall(result: TrialResult) -> TrialResult:
     return result._replace(wall_s=0.0)
-
-
-def test_a_model_that_is_none_is_refused_with_those_there_are() -> None:
-    for model in ["Particles", "", None, True, ["particles"], {"particles": 1}]:
-        with pytest.raises(ScenarioError) as caught:
-            validate({"model": model, "seed": -1}, "here")
-        assert str(caught.value) == f"here: model: is {model!r}; allowed: 'embodied' or 'particles'"
 
 
 def test_robots_are_interpreted_if_wanted_and_particles_have_nothing_to_interpret() -> None:
@@ -64,8 +55,39 @@ def test_a_trial_is_run_as_its_model_s_once_and_progress_is_shown_before_observe
 
 
 def test_what_is_no_simulation_is_refused() -> None:
-    with pytest.raises(TypeError, match="a trial is of a simulation, such as"):
+    with pytest.raises(TypeError, match=r"a trial is of a simulation, such as Simulation\('thesis', seed=1\)"):
         run_trial("thesis")
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"), [("thesis", []), ("particles", ["agents.speed_cm_s=50", "agents.count=6"])]
+)
+def test_synchrony_at_the_very_limit_of_cycles_is_not_censored(name: str, settings: list[str]) -> None:
+    free = run_trial(simulate(load_scenario(name, settings), 2))
+    assert free.t_sync_cycles > 1
+    limited, stopped = (
+        run_trial(simulate(load_scenario(name, [*settings, f"stop.max_cycles={limit}"]), 2))
+        for limit in (free.cycles, free.cycles - 1)
+    )
+    assert without_wall(limited) == without_wall(free)
+    assert (stopped.censored, stopped.t_sync_cycles, stopped.cycles) == (True, None, free.cycles - 1)
+
+
+@pytest.mark.parametrize("metric", ["complex", "reference"])
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("thesis", ["robots.0.count=1"]),
+        *(
+            ("particles", ["agents.count=1", f"neighbourhood={{kind: {rule}}}"])
+            for rule in ("nearest", "all", "cone_of_vision, angle_deg: 90")
+        ),
+    ],
+)
+def test_one_oscillator_alone_is_never_synchronised(name: str, settings: list[str], metric: str) -> None:
+    stop = ["stop.max_cycles=5", f"stop.metric={metric}"]
+    result = run_trial(simulate(load_scenario(name, [*settings, *stop]), 1))
+    assert (result.censored, result.t_sync_cycles, result.cycles, result.order_parameter) == (True, None, 5, 1)
 
 
 def test_progress_of_a_long_trial_is_shown_more_than_once() -> None:

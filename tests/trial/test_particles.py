@@ -18,9 +18,6 @@ def without_wall(result):
     return result._replace(wall_s=0.0)
 
 
-# --- the metric -------------------------------------------------------------------------------------
-
-
 def of_phases(metric, phases):
     """Return eq. 5.7, or eq. 3.4, of phases at a firing of the reference."""
     angles = 2 * math.pi * np.asarray(phases)
@@ -46,27 +43,6 @@ def test_the_order_parameter_is_measured_at_each_firing_of_the_reference(metric,
         assert swarm.cycles == cycles
         assert swarm.order_parameter == (None if order is None else pytest.approx(order, abs=1e-12))
         assert swarm.is_synchronised == synchronised
-
-
-def test_the_order_parameter_at_any_time_is_the_one_reported_event_by_event():
-    swarm, by_event = (
-        make_simulation(1, response={"coupling": 0}, clocks={"jitter": 0.2}, agents={"count": 5}) for _ in range(2)
-    )
-    for time_s in np.arange(0.05, 8, 0.05):
-        swarm.run_to(time_s)
-        while next_time(by_event) <= time_s:
-            next(by_event)
-        assert swarm.cycles == by_event.cycles
-        assert swarm.order_parameter == pytest.approx(by_event.order_parameter)
-
-
-def next_time(swarm):
-    """Return when the next event of a swarm is, in s."""
-    soonest = min(swarm._arrays.next_firing.min(), swarm._arrays.scene.earliest_end)
-    return (swarm._arrays.scene.cycle + soonest) * swarm.scenario.clocks.period_s
-
-
-# --- synchronised -----------------------------------------------------------------------------------
 
 
 def test_t_sync_counts_the_references_firings_from_1_the_last_one_too():
@@ -99,9 +75,6 @@ def test_many_whose_order_parameter_is_1_are_synchronised_at_a_threshold_of_1():
     assert swarm.is_synchronised == (swarm.order_parameter >= 1.0)
 
 
-# --- the end of a trial -----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("max_cycles", [1, 7, 1000])
 def test_a_trial_is_censored_once_the_reference_has_fired_max_cycles_times(max_cycles):
     swarm = make_simulation(response={"coupling": 0}, stop={"order_parameter": THRESHOLD, "max_cycles": max_cycles})
@@ -111,25 +84,6 @@ def test_a_trial_is_censored_once_the_reference_has_fired_max_cycles_times(max_c
     assert result.simulated_s == pytest.approx(first + max_cycles - 1)
     assert result.order_parameter < THRESHOLD
     assert result.steps == swarm.instants
-
-
-def test_synchrony_at_the_very_last_cycle_counts():
-    given = {"agents": {"count": 6, "speed_cm_s": 50.0}, "neighbourhood": {"kind": "all"}}
-    cycles = run_trial(make_simulation(3, stop={"order_parameter": THRESHOLD}, **given)).t_sync_cycles
-    assert cycles > 1
-    for limit, t_sync in [(cycles - 1, None), (cycles, cycles), (cycles + 1, cycles)]:
-        result = run_trial(make_simulation(3, stop={"order_parameter": THRESHOLD, "max_cycles": limit}, **given))
-        assert (result.t_sync_cycles, result.censored) == (t_sync, t_sync is None)
-        assert result.cycles == min(limit, cycles)
-
-
-@pytest.mark.parametrize("kind", [{"kind": "nearest"}, {"kind": "all"}, {"kind": "cone_of_vision", "angle_deg": 90}])
-@pytest.mark.parametrize("metric", ["complex", "reference"])
-def test_one_agent_alone_is_never_synchronised(kind, metric):
-    stop = {"order_parameter": 0.5, "max_cycles": 20, "metric": metric}
-    result = run_trial(make_simulation(agents={"count": 1}, neighbourhood=kind, stop=stop))
-    assert (result.censored, result.t_sync_cycles, result.cycles) == (True, None, 20)
-    assert result.order_parameter == 1
 
 
 def silenced(**stop):
@@ -155,9 +109,6 @@ def test_a_trial_whose_reference_never_fires_lasts_twice_max_cycles_observed_or_
     monkeypatch.setattr(particles, "SLICE_S", 0.0)
     slowly = run_trial(silenced(max_cycles=20))
     assert without_wall(alone) == without_wall(watched) == without_wall(slowly)
-
-
-# --- repeatable -------------------------------------------------------------------------------------
 
 
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))

@@ -1,14 +1,8 @@
 """Claims about schedules of trials: entries that wait for cycles or for the order parameter."""
 
-import numpy as np
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.recording import Level
-from epuck_sim.recording.reader import read_recording
-from epuck_sim.recording.recorder import record
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim import ParticleSimulation, Simulation, load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 
 STOP = {"max_cycles": 12, "order_parameter": None}
@@ -105,8 +99,6 @@ def test_a_condition_on_a_measure_of_steps_acts_in_the_next_one_or_after_firings
     assert holds[0] > 60
 
 
-# --- point agents -----------------------------------------------------------------------------------
-
 CHANGES = [
     {"at_cycle": 3, "set": {"agents.speed_cm_s": 0, "neighbourhood.k": 2}},
     {"at_cycle": 5, "displace": {"by_cycles": "random"}},
@@ -154,28 +146,3 @@ def test_a_condition_on_a_measure_of_events_changes_a_swarm_at_the_event(tmp_pat
         next(events)
     result = run_trial(ParticleSimulation(scenario, 3))
     assert [(event.time_s, event.step) for event in result.events] == [(events.time_s, events.instants)]
-
-
-def test_recordings_show_agents_where_they_are_after_a_change(tmp_path):
-    schedule = [
-        {"at_s": 2.5, "set": {"agents.speed_cm_s": 0}},
-        {"at_cycle": 4, "set": {"agents.speed_cm_s": 20}, "displace": {"by_cycles": 0.3}},
-    ]
-    simulation = ParticleSimulation({**AGENTS, "schedule": schedule}, 2)
-    with record(tmp_path / "it.rrd", simulation.scenario, 2, Level.FULL) as recorder:
-        result = run_trial(simulation, [recorder])
-    recorded = read_recording(tmp_path / "it.rrd")
-    assert [time_s for time_s, _ in recorded.events] == pytest.approx([event.time_s for event in result.events])
-    again = ParticleSimulation(simulation.scenario, 2)
-    times, positions = recorded.time_s, recorded.positions
-    second_s = result.events[1].time_s
-    is_regular = np.abs(20 * times - np.rint(20 * times)) < 1e-9  # others are firings, whose times are rounded
-    for row in np.flatnonzero(is_regular & (times < second_s)):
-        again.run_to(times[row])
-        assert positions[row] == pytest.approx(again.positions(), abs=1e-3)
-    again.run_to(second_s)
-    again.carry_out_scheduled(1)
-    for row in np.flatnonzero(is_regular & (times > second_s)):
-        again.run_to(times[row])
-        assert positions[row] == pytest.approx(again.positions(), abs=1e-3)
-        assert recorded.phase_ms[row] / 1000 == pytest.approx(again.phases(), abs=1e-3)

@@ -32,9 +32,6 @@ def same(one, other):
     return one._replace(wall_s=0.0) == other._replace(wall_s=0.0)
 
 
-# --- conditions -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("observers", [(), (onlooking,)])
 @pytest.mark.parametrize(("kind", "when", "cycles"), [("list", "> 2", 3), ("tuple", "<= 0", 4), ("list", "> 3", 12)])
@@ -79,9 +76,6 @@ def test_a_measure_that_is_told_of_every_event_ends_the_trial_after_any(model, t
 def test_true_counts_as_one_and_what_is_undetermined_ends_nothing(model, value, cycles, tmp_path):
     path = write(tmp_path / "mine.py", COUNTER.replace("self.offset + self.weight * self.told", value))
     assert trial(model, {"when": "Counter >= 1"}, [str(path)]).cycles == cycles
-
-
-# --- times ----------------------------------------------------------------------------------------
 
 
 @settings(max_examples=40, deadline=None)

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from epuck_sim import ScenarioError, load_scenario, points, read_points, run_sweep, run_trial, summarize
+from epuck_sim import Scenario, ScenarioError, load_scenario, points, read_points, run_sweep, run_trial, summarize
 from epuck_sim.order_parameter import Firing
 from epuck_sim.scenario.base import Number
 from epuck_sim.scenario.loader import SCENARIO_TYPES
-from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.stop import StopSection
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.trial.model import MODELS, Model, register_model, simulate

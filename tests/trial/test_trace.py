@@ -1,19 +1,14 @@
 """A trace holds what the simulation's arrays held, and never half of it."""
 
 import json
-import os
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.errors import EpuckSimError
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim import Simulation, Trace, load_scenario, run_trial
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial import trace as trace_module
-from epuck_sim.trial.model import run_trial
-from epuck_sim.trial.trace import Trace
 from epuck_sim.util.provenance import versions
 
 COLUMNS = [
@@ -79,21 +74,6 @@ def test_where_the_trial_fails_an_older_trace_stays_and_nothing_else_is_left(tmp
     with pytest.raises(ZeroDivisionError), Trace(path, load_scenario("thesis"), 0):
         1 / 0  # noqa: B018
     assert [each.read_text() for each in tmp_path.iterdir()] == ["older"]
-
-
-@pytest.mark.parametrize(
-    ("name", "reason"),
-    [("gone/t.parquet", "there is no directory"), (".", "is a directory"), ("pipe", "is not a regular file")],
-)
-def test_a_path_that_cannot_be_written_is_refused_before_anything_runs(tmp_path, name: str, reason: str) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(EpuckSimError, match=f"cannot be written: {reason}"):
-        Trace(tmp_path / name, load_scenario("thesis"), 0)
-    with pytest.raises(EpuckSimError, match="thesis: memory: unknown 'phase', did you mean 'phase_ms'"):
-        Trace(tmp_path / "t.parquet", load_scenario("thesis"), 0, memory=["phase"])
-
-
-# --- what is asked for ----------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("small_chunks")
