@@ -71,9 +71,9 @@ class Decider:
 
     def __init__(self, chosen: Sequence[Claim], scenarios: dict[str, Scenario], folders: dict[str, Path]) -> None:
         """Take the claims, and the sweeps that they are asked of with the trials of their version, which are stored."""
-        self._scenarios, self._folders = scenarios, folders
+        self._scenarios, self._folders, self._trials = scenarios, folders, RunFolders(folders)
         self._status = {name: read_status(folder) for name, folder in folders.items()}
-        self._findings = {claim.id: (claim, check_claim(claim, RunFolders(folders))) for claim in chosen}
+        self._findings = {claim.id: (claim, check_claim(claim, self._trials)) for claim in chosen}
 
     def answers(self) -> list[Answer]:
         """Return the answers after the last looks."""
@@ -99,7 +99,7 @@ class Decider:
             spent_s += self._status[look.sweep].wall_s - before_s
             for name, (claim, _) in self._findings.items():
                 if claim.sweep == look.sweep:
-                    self._findings[name] = claim, check_claim(claim, RunFolders(self._folders))
+                    self._findings[name] = claim, check_claim(claim, self._trials)
             found = (each for each in self.answers() if each.claim.id in look.claims)
             yield ", ".join(f"{each.claim.id} {each.verdict}" for each in found)
 
