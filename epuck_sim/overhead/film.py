@@ -308,6 +308,7 @@ ENCODER_OPTIONS = {"crf": "24", "preset": "veryfast", "mbtree": "0"}
 
 The macroblock tree (mbtree) is off: it coarsens short-lived detail such as flashes, and with AVX-512 instructions it
 makes a different file from the same frames each time. A crf of 24 without it is about as good as 20 with it.
+`ultrafast` makes a film in 0.6 of the time, but rings whose size, from which scales follow, is 8 % off.
 """
 
 CLOCK = {"movie_timescale": str(TICKS_PER_S)}  # gives the time of the first frame the resolution of the others
