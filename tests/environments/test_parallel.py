@@ -58,7 +58,7 @@ def test_observations_are_in_their_space_and_mean_what_is_documented(actions):
             np.testing.assert_allclose(part["infrared"], near, atol=1e-6)
         chosen = {agent: env.action_space(agent).sample() for agent in env.agents}
         if actions == "continuous":
-            speeds = np.array([chosen[agent] for agent in env.agents])
+            speeds = np.array([chosen[agent] for agent in env.agents], float)  # actions have float32
             alone.command(12.8 * speeds[:, 0], 12.8 * speeds[:, 1], speeds[:, 2] > 0)
         else:
             motions = np.array([(0, 0), (1, 1), (-1, -1), (-1, 1), (1, -1), (0.5, 1), (1, 0.5)]) * 12.8
