@@ -17,9 +17,11 @@ from collections.abc import Collection, Iterator, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.measures.interface import Value
 from epuck_sim.replication.claims import SHIPPED, Check, Claims, read_claims
 from epuck_sim.replication.page import read_contents, write_replication
@@ -53,6 +55,7 @@ class Tables:
     def __init__(self, scenarios: dict[str, Scenario]) -> None:
         """Take the scenario of each sweep."""
         self._points = {sweep: points(scenario) for sweep, scenario in scenarios.items()}
+        self._times = read_times()
 
     @property
     def sweeps(self) -> Collection[str]:
@@ -62,40 +65,53 @@ class Tables:
     def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
         """Return the points of a sweep, with what a check takes of their measure."""
         table, of = read_table(sweep), None if check is None else check.of
-        has_t_sync = all(table["censored"])
-        times = np.array([cycles or "nan" for cycles in table["cycles"]], float)
-        observed = np.array(table["censored"]) == "0"
-        measured = [json.loads(value) for value in table[column(check)]] if check and of else None
+        measured = [json.loads(value) for value in table.columns[column(check)]] if check and of else None
         swept = self._points[sweep]
-        numbers = np.array(table["point"], int)
-        places = np.searchsorted(numbers, np.arange(len(swept) + 1))
+        places = np.searchsorted(table.points, np.arange(len(swept) + 1))
         return [
             PointTrials(
                 number=point.number,
                 key=point.key,
                 axes=point.axes,
                 scenario=point.scenario,
-                times=times[first:end],
-                observed=observed[first:end],
+                times=table.times[first:end],
+                observed=table.observed[first:end],
                 seeds=[],  # no test takes them
                 measured=tuple(measured[first:end]) if measured else (),
                 of=of,
-                has_t_sync=has_t_sync,
+                has_t_sync=table.has_t_sync,
             )
             for point, (first, end) in zip(swept, pairwise(places), strict=True)
         ]
 
     def effort(self, sweep: str) -> Effort:
         """Return what the trials of a sweep have taken; a table has no trials that failed."""
-        return Effort(read_times()[sweep], 0)
+        return Effort(self._times[sweep], 0)
+
+
+class Table(NamedTuple):
+    """A table of trials."""
+
+    points: IntArray  # (trials,) numbers of points, rising
+    times: FloatArray  # (trials,) cycles at which they ended; NaN if it is not known
+    observed: BoolArray  # (trials,) whether they are not censored
+    has_t_sync: bool
+    columns: dict[str, tuple[str, ...]]  # as they are written
 
 
 @cache
-def read_table(sweep: str) -> dict[str, tuple[str, ...]]:
-    """Return the columns of a table by their names."""
+def read_table(sweep: str) -> Table:
+    """Return the table of a sweep."""
     with gzip.open(TABLES / f"{sweep}.csv.gz", "rt", encoding="utf-8", newline="") as file:
         names, *rows = csv.reader(file)
-    return dict(zip(names, zip(*rows, strict=True), strict=True))
+    columns = dict(zip(names, zip(*rows, strict=True), strict=True))
+    return Table(
+        points=np.array(columns["point"], int),
+        times=np.array([cycles or "nan" for cycles in columns["cycles"]], float),
+        observed=np.array(columns["censored"]) == "0",
+        has_t_sync=all(columns["censored"]),
+        columns=columns,
+    )
 
 
 def read_times() -> dict[str, float]:

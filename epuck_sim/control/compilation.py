@@ -30,9 +30,13 @@ def compile_for(
 ) -> Any:
     """Compile a function (block, addresses, number) that calls a user's functions, cached by all it is made from.
 
-    A user's file has `sources` and `modules`. Names are the function's global ones, of functions of the file, types of
-    records, or kernels; `contents` stands for what those are made from. `takes` has numba's types of arguments, if they
-    are others. If the file cannot be compiled, `error` is raised.
+    Args:
+        user: What the file describes, with its `sources` and `modules`.
+        function: The function.
+        names: What its global names stand for: functions of the file, types of records, or kernels.
+        contents: Stands for what those kernels are made from.
+        takes: Numba's types of the arguments, if the function takes others.
+        error: What is raised if the file cannot be compiled.
     """
     types = tuple(value for value in names.values() if isinstance(value, np.dtype))
     made_from = _static_digest(user, types, contents).encode(), digest_of_room(function).encode()

@@ -245,14 +245,20 @@ class RingCounter:
         is_known = self._geometry.knows_floor
         return [ring for ring in rings if not is_known or (0 <= ring.x_cm <= width_cm and 0 <= ring.y_cm <= height_cm)]
 
+    @property
+    def lit(self) -> tuple[FloatArray, IntArray]:
+        """(frames,) s: times of the trial's frames; (frames,) lit rings in each."""
+        return np.array(self._times, np.float64), np.array(self._counts, np.int64)
+
     def counted(self) -> CountedRings:
         """Return what has been counted so far."""
+        times_s, counts = self.lit
         background = self._background.levels
         return CountedRings(
             frames=len(self._rings),
             start_s=self.start_s,
-            times_s=np.array(self._times, np.float64),
-            counts=np.array(self._counts, np.int64),
+            times_s=times_s,
+            counts=counts,
             areas_px=np.array(self._areas, np.int64),
             flashes=self.linker.flashes,
             outside=self._outside,

@@ -197,8 +197,7 @@ def track_frames(
         steady = counter.linker.lit_since(frame.time_s - period_s / 2)  # rings that stay lit do not count
         evaluation = detector.update(frame.time_s, max(0, len(rings) - steady))
         if evaluation is not None and histogram_s is None:
-            counted = counter.counted()
-            threshold_s = options.threshold_s(period_s, _flash_s(counted.times_s, counted.counts, period_s))
+            threshold_s = options.threshold_s(period_s, _flash_s(*counter.lit, period_s))
             histogram_s = evaluation.time_s if is_synchronised(evaluation, threshold_s) else None
         yield TrackedFrame(frame, rings, counter.start_s, evaluation, histogram_s)
 
