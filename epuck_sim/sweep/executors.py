@@ -78,14 +78,11 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         try:
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
         except BaseException:
-            executor.shutdown(wait=False, cancel_futures=True)
-            ours = set(multiprocessing.active_children()) - others
-            for process in ours:
+            for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
-            for process in ours:  # one that is just starting needs what this process is about to remove
-                process.join()
             raise
-        executor.shutdown()
+        finally:  # the executor's thread waits for its workers, of which one that is starting needs what exit removes
+            executor.shutdown(cancel_futures=True)
 
 
 def _context() -> "ForkServerContext | SpawnContext":
