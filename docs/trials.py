@@ -2,7 +2,7 @@
 
 It writes the page docs/replication.md with its tables and figures anew from the tables in docs/trials, and ends with 1
 if a text was another before. `python -m docs.trials FOLDER` first writes the tables of the sweeps that have run folders
-in FOLDER, that of `epuck-sim replicate --quick --out FOLDER`.
+in FOLDER, that of `epuck-sim replicate --out FOLDER`.
 
 The rows of a point are its trials 0, 1, ... in order. Seeds, which would take four fifths of the room, are not in them:
 `epuck_sim.points(scenario)[point].seed(trial)` gives each.
@@ -25,7 +25,7 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.measures.interface import Value
 from epuck_sim.replication.claims import SHIPPED, Check, Claims, read_claims
 from epuck_sim.replication.page import read_contents, write_replication
-from epuck_sim.replication.sweeps import Effort, RunFolders, Trials, Version, needed_sweeps, sweep_folder
+from epuck_sim.replication.sweeps import Effort, RunFolders, Trials, needed_sweeps, sweep_folder
 from epuck_sim.replication.verdicts import reduction
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.points import Point, points
@@ -50,7 +50,7 @@ def column(check: Check) -> str:
 
 
 class Tables:
-    """The trials of the quick version in docs/trials."""
+    """The trials in docs/trials."""
 
     def __init__(self, scenarios: dict[str, Scenario]) -> None:
         """Take the scenario of each sweep."""
@@ -152,18 +152,18 @@ def _measured(stored: Sequence[PointTrials]) -> list[Value]:
 
 
 def write_page(claims: Claims, scenarios: dict[str, Scenario], folder: Path) -> None:
-    """Write the page of the quick version, with its tables and figures, into a folder."""
+    """Write the page, with its tables and figures, into a folder."""
     tables = Tables(scenarios)
-    contents = read_contents(claims, claims.claims, tables, Version.QUICK, WRITTEN_BY)
+    contents = read_contents(claims, claims.claims, tables, WRITTEN_BY)
     write_replication(contents, tables, folder)
 
 
 def main(*folders: str) -> None:
     """Write the tables of the run folders in a folder, if one is given; then the page, and say what is new in it."""
     claims = read_claims(SHIPPED)
-    scenarios = needed_sweeps(claims, claims.claims, Version.QUICK)
+    scenarios = needed_sweeps(claims, claims.claims)
     for given in folders:
-        found = {sweep: sweep_folder(Path(given), sweep, Version.QUICK) for sweep in scenarios}
+        found = {sweep: sweep_folder(Path(given), sweep) for sweep in scenarios}
         write_tables(claims, scenarios, RunFolders({name: path for name, path in found.items() if path.exists()}))
     before = {file: file.read_text(encoding="utf-8") for file in PAGE}
     write_page(claims, scenarios, DOCS)

@@ -26,12 +26,6 @@ def replicate(
     claims: Annotated[
         list[str] | None, typer.Argument(metavar="CLAIM...", help="Claims, such as R36; all by default.")
     ] = None,
-    full: Annotated[
-        bool,
-        typer.Option(
-            "--full/--quick", help="Ask with many and long trials, or within two hours or so; quick by default."
-        ),
-    ] = False,
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder of the page and its run folders.")] = Path(
         "replication"
     ),
@@ -65,18 +59,17 @@ def replicate(
             typer.echo(f"{claim.id:4} {claim.section:12} {claim.claim}{'' if claim.checks else ' (no trials)'}")
         return
     from epuck_sim.replication.page import read_contents, write_replication
-    from epuck_sim.replication.sweeps import RunFolders, Version, needed_sweeps, sweep_folder
+    from epuck_sim.replication.sweeps import RunFolders, needed_sweeps, sweep_folder
     from epuck_sim.sweep.cluster import DaskCluster
     from epuck_sim.sweep.executors import local_pool
 
     open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
-    version = Version.FULL if full else Version.QUICK
     budget_s = (math.inf if cpu_hours is None else 3600 * cpu_hours) if until_decided else None
-    needed = needed_sweeps(known, chosen, version)
-    folders = {name: sweep_folder(out, name, version) for name in needed}
+    needed = needed_sweeps(known, chosen)
+    folders = {name: sweep_folder(out, name) for name in needed}
     failed, undecided = _run_claims(chosen, needed, folders, open_pool, budget_s)
     trials = RunFolders(folders)
-    contents = read_contents(known, chosen, trials, version, out)
+    contents = read_contents(known, chosen, trials, out)
     file = write_replication(contents, trials, out)
     for answer in contents.answers:
         typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")

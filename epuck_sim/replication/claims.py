@@ -151,14 +151,10 @@ class Check(ConfigModel):
 
 
 class AskedSweep(ConfigModel):
-    """A sweep that claims are asked of, in two versions."""
+    """A sweep that claims are asked of."""
 
     scenario: Text  # a shipped scenario, or a YAML file
-    keys: dict[str, Any] = Field(default_factory=dict)
-    """Keys in which both versions differ from it, as in a scenario's `quick`."""
-    quick: dict[str, Any] | None = None
-    """Further keys of the quick version; without any the full version alone is asked."""
-    full: dict[str, Any]  # further keys of the full version
+    keys: dict[str, Any] = Field(default_factory=dict)  # in which the sweep differs from it, as in its `quick`
 
 
 class Claim(ConfigModel):

@@ -1,6 +1,6 @@
 """Looks at claims while trials are added to their sweeps, until each is decided.
 
-A sweep is looked at when it has the trials of its version, and whenever it has half as many more, `LOOKS` times at
+A sweep is looked at when it has the trials of its scenario, and whenever it has half as many more, `LOOKS` times at
 most. Each p-value is that of a decision at any of these looks (`looks_p_value`), and these are corrected by Holm's
 method: so the level of a page holds whatever made trials be added, or looks end.
 """
@@ -32,12 +32,12 @@ HOUR_S = 3600.0
 
 
 def trials_at_looks(first: int) -> list[int]:
-    """Return the numbers of trials of a point at which its sweep is looked at; its version has the first of them."""
+    """Return the numbers of trials of a point at which its sweep is looked at; its scenario has the first of them."""
     return [math.ceil(first * size) for size in relative_sizes(LOOKS)]
 
 
 def begun(scenario: Scenario, folder: Path) -> Scenario:
-    """Return a sweep with the trials of the last look that was begun in its run folder, or else of its version."""
+    """Return a sweep with the trials of the last look that was begun in its run folder, or else as it is."""
     if not (folder / DATABASE).exists():
         return scenario
     return scenario.model_copy(update={"trials": max(scenario.trials, planned_trials(folder))})
@@ -49,9 +49,9 @@ def planned_trials(folder: Path) -> int:
         return max(point.trials for point in read_stored_points(connection))
 
 
-def counted_looks(versions: Iterable[tuple[Scenario, int]]) -> int:
-    """Return how many looks count, of sweeps with the trials of their points: one if none has more than its version."""
-    return LOOKS if any(trials > scenario.trials for scenario, trials in versions) else 1
+def counted_looks(sweeps: Iterable[tuple[Scenario, int]]) -> int:
+    """Return how many looks count, of sweeps and the trials of their points: one if none has more than it asks."""
+    return LOOKS if any(trials > scenario.trials for scenario, trials in sweeps) else 1
 
 
 class NextLook(NamedTuple):
@@ -70,7 +70,7 @@ class Decider:
     """Adds trials to sweeps, one look after the other, as long as claims on them are undecided."""
 
     def __init__(self, chosen: Sequence[Claim], scenarios: dict[str, Scenario], folders: dict[str, Path]) -> None:
-        """Take the claims, and the sweeps that they are asked of with the trials of their version, which are stored."""
+        """Take the claims, and the sweeps that they are asked of, whose trials are stored."""
         self._scenarios, self._folders, self._trials = scenarios, folders, RunFolders(folders)
         self._status = {name: read_status(folder) for name, folder in folders.items()}
         self._findings = {claim.id: (claim, check_claim(claim, self._trials)) for claim in chosen}

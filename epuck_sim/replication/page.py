@@ -19,11 +19,10 @@ from epuck_sim.figures.labels import format_axis_values, key_name
 from epuck_sim.figures.style import style
 from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
 from epuck_sim.replication.looks import counted_looks
-from epuck_sim.replication.sweeps import Effort, Trials, Version, check_claim, estimate_cost, sweep_scenario
+from epuck_sim.replication.sweeps import Effort, Trials, check_claim, sweep_scenario
 from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, points_at, reduction
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, choose_axis
-from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.atomic_write import atomic_write
 
 ALL, SOME = "replication", "chosen"
@@ -47,7 +46,6 @@ RULES = (
 )
 """How verdicts come about; the number of tests follows."""
 
-FULL_ONLY = "--full alone asks it"
 EXPLAINED = (Verdict.CONTRADICTED, Verdict.UNDECIDED, Verdict.READING)
 
 
@@ -56,19 +54,17 @@ class Asked(NamedTuple):
 
     points: Sequence[PointTrials]
     effort: Effort
-    full: tuple[float, float] | None  # what its full version would cost, least and most s; None if this is it
 
 
 class Contents(NamedTuple):
     """Everything on the page."""
 
-    version: Version
     folder: Path  # of the replication, as it was given
     chosen: Sequence[Claim]
     answers: list[Answer]
     sweeps: dict[str, Asked]  # the sweeps that were asked
     claims: Claims  # the file of claims
-    looks: int  # most looks at a sweep; 1 if no sweep has more trials than its version
+    looks: int  # most looks at a sweep; 1 if no sweep has more trials than its scenario
 
     @property
     def has_all(self) -> bool:
@@ -76,25 +72,19 @@ class Contents(NamedTuple):
         return len(self.chosen) == len(self.claims.claims)
 
 
-def read_contents(claims: Claims, chosen: Sequence[Claim], trials: Trials, version: Version, folder: Path) -> Contents:
+def read_contents(claims: Claims, chosen: Sequence[Claim], trials: Trials, folder: Path) -> Contents:
     """Test the chosen claims on the trials that are stored.
 
     Raises:
         StoreError: A run folder is missing or damaged.
     """
     findings = [(claim, check_claim(claim, trials)) for claim in chosen]
-    sweeps = {name: _read_sweep(name, trials, sweep_scenario(claims, name, Version.FULL)) for name in trials.sweeps}
+    sweeps = {name: Asked(trials.read(name), trials.effort(name)) for name in trials.sweeps}
     looks = counted_looks(
-        (sweep_scenario(claims, name, version), max(len(point.times) for point in asked.points))
+        (sweep_scenario(claims, name), max(len(point.times) for point in asked.points))
         for name, asked in sweeps.items()
     )
-    return Contents(version, folder, chosen, judge_claims(findings, looks), sweeps, claims, looks)
-
-
-def _read_sweep(name: str, trials: Trials, full: Scenario) -> Asked:
-    points, effort = trials.read(name), trials.effort(name)
-    is_full = points[0].scenario.name == full.name
-    return Asked(points, effort, None if is_full else estimate_cost(points, effort.wall_s, full))
+    return Contents(folder, chosen, judge_claims(findings, looks), sweeps, claims, looks)
 
 
 def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
@@ -139,9 +129,8 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
 
     Relative paths of figures are given by their claims' ids, those of tables by what their rows are.
     """
-    version = f"--{contents.version}"
     names = [] if contents.has_all else [claim.id for claim in contents.chosen]
-    command = " ".join(["epuck-sim replicate", *names, version, f"--out {contents.folder}"])
+    command = " ".join(["epuck-sim replicate", *names, f"--out {contents.folder}"])
     counts = Counter(answer.verdict for answer in contents.answers)
     parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
     links = ", ".join(f"[{name}]({path})" for name, path in tables.items())
@@ -162,17 +151,13 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     if contents.claims.notes:
         yield "## Slips in the text"
         yield "\n".join(escaped(f"- {note}") for note in contents.claims.notes)
-    costs = [each.full for each in contents.sweeps.values() if each.full]
-    if costs:
-        least, most = (sum(each) for each in zip(*costs, strict=True))
-        yield f"The full version would take {time_range((least, most))} of one core."
 
 
 def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
     """Return a row of the table, with a link to what explains the verdict, or else to the figure."""
     claim = answer.claim
     said = f'"{claim.quote}"' if claim.quote else claim.claim
-    ours = escaped(claim.untested or FULL_ONLY)
+    ours = escaped(claim.untested)
     decisive = _decisive(answer)
     if decisive and not claim.untested:
         ours = escaped(_in_short(decisive[0]))
@@ -270,19 +255,12 @@ def _sweep_cells(name: str, asked: Asked) -> dict[str, object]:
         "failed": asked.effort.failed,
         "limit_of_cycles": asked.points[0].scenario.stop.max_cycles,
         "time_of_trials": in_words(asked.effort.wall_s),
-        "time_of_full_version": time_range(asked.full) if asked.full else None,
     }
 
 
 def sweep_table(contents: Contents) -> Table:
-    """Return a row for each sweep that was asked: its trials, the time they took, and that of its full version."""
+    """Return a row for each sweep that was asked: its trials, and the time they took."""
     return Table("sweeps", [Row({}, _sweep_cells(name, each)) for name, each in contents.sweeps.items()])
-
-
-def time_range(cost: tuple[float, float]) -> str:
-    """Return how long a sweep takes, as a range if it depends on trials that are censored."""
-    least, most = map(in_words, cost)
-    return least if least == most else f"{least} to {most}"
 
 
 def describe_check(check: Check) -> str:

@@ -11,13 +11,13 @@ SPEED = "agents.speed_cm_s"
 SWEEP = {
     "scenario": "particles",
     "keys": {
+        "trials": 12,
+        "stop": {"max_cycles": 500},
         "neighbourhood": {"k": 3},
         "agents": {"count": 4},
         "sweep": {"grid": {"response.coupling": [0.05, 0.4], SPEED: [1, 10, 100]}},
         "figure": {"panels": "response.coupling"},
     },
-    "quick": {"trials": 12, "stop": {"max_cycles": 500}},
-    "full": {"trials": 14, "stop": {"max_cycles": 500}},
 }
 """Agents that all hear all: with a strong coupling they are several times as fast, whatever their speed."""
 

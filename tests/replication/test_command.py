@@ -77,9 +77,9 @@ def test_tables_beside_the_page_have_all_that_is_known_of_claims_tests_and_sweep
     assert (tests[3]["ours_low"], tests[3]["p"]) == ("", "")
     (sweep,) = read_table(folder, "replication-sweeps.csv")
     assert [sweep[name] for name in ("sweep", "points", "trials", "stored", "failed")] == ["tiny", "6", "72", "72", "0"]
-    assert {point.scenario.seed for point in read_points(folder / "runs/tiny-quick")} == {5}
+    assert {point.scenario.seed for point in read_points(folder / "runs/tiny")} == {5}
     means = [
-        next(p.times.mean() for p in read_points(folder / "runs/tiny-quick") if p.axes == {**axes, SPEED: 1})
+        next(p.times.mean() for p in read_points(folder / "runs/tiny") if p.axes == {**axes, SPEED: 1})
         for axes in ({"response.coupling": 0.05}, {"response.coupling": 0.4})
     ]
     ratios = [float(row["ours"]) for row in tests if row["test"].endswith("over that where V = 1 cm/s, ε = 0.05")]
@@ -89,9 +89,9 @@ def test_tables_beside_the_page_have_all_that_is_known_of_claims_tests_and_sweep
 def test_the_same_command_runs_nothing_again_and_writes_the_same_page(replicated) -> None:
     file, folder = replicated
     page = folder / "replication.md"
-    before, contents = read_wall_times(folder / "runs/tiny-quick"), page.read_bytes()
+    before, contents = read_wall_times(folder / "runs/tiny"), page.read_bytes()
     assert call("replicate", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
-    assert read_wall_times(folder / "runs/tiny-quick") == before
+    assert read_wall_times(folder / "runs/tiny") == before
     assert page.read_bytes() == contents
 
 
@@ -101,7 +101,7 @@ def test_chosen_claims_have_a_page_of_their_own(replicated) -> None:
     assert call("replicate", "A2", "A5", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
     page = (folder / "chosen.md").read_text()
     assert "2 claims: holds 1, contradicted 1." in page
-    assert f"`epuck-sim replicate A2 A5 --quick --out {folder}`" in page
+    assert f"`epuck-sim replicate A2 A5 --out {folder}`" in page
     assert (folder / "replication.md").read_bytes() == whole
     assert [row["id"] for row in read_table(folder, "chosen.csv")] == ["A2", "A5"]
     assert (folder / "chosen-sweeps.csv").is_file()
@@ -120,23 +120,12 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch) -> None:
 
     monkeypatch.setattr(run, "run_sweep", stop_after_ten)
     assert call(*words).exit_code == 130
-    stored = [seed for point in read_points(tmp_path / "out/runs/tiny-quick") for seed in point.seeds]
+    stored = [seed for point in read_points(tmp_path / "out/runs/tiny") for seed in point.seeds]
     assert 10 <= len(stored) < 72
     assert not (tmp_path / "out/replication.md").exists()
     monkeypatch.setattr(run, "run_sweep", run_sweep)
     assert call(*words).exit_code == 0
     assert read_table(tmp_path / "out", "replication-sweeps.csv")[0]["stored"] == "72"
-
-
-def test_the_full_version_has_a_run_folder_of_its_own(tmp_path) -> None:
-    file = write_claims(tmp_path, EVERY_VERDICT[:1])
-    words = ["replicate", "--full", "--claims", file, "--out", tmp_path / "out", "--workers", 1]
-    assert call(*words).exit_code == 0
-    page = (tmp_path / "out/replication.md").read_text()
-    assert read_table(tmp_path / "out", "replication-sweeps.csv")[0]["stored"] == "84"
-    assert "--quick" not in page
-    assert "full version" not in page
-    assert (tmp_path / "out/runs/tiny-full").is_dir()
 
 
 def test_the_list_runs_nothing(tmp_path) -> None:
@@ -215,15 +204,15 @@ def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
     checks = [{**final, "take": "largest", "above": 0.99}, {**final, "take": "first", "below": 0.99}]
     file = write_claims(tmp_path, [claim("A1", *checks)], sweep)
     assert call("replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1).exit_code == 0
-    series = next(p for p in read_points(tmp_path / "out/runs/tiny-quick", "order_parameter") if p.number == 3).measured
+    series = next(p for p in read_points(tmp_path / "out/runs/tiny", "order_parameter") if p.number == 3).measured
     found = {row["test"]: float(row["ours"]) for row in read_table(tmp_path / "out", "replication-tests.csv")}
     for take, values in (("largest", map(max, series)), ("first", [values[0] for values in series])):
         assert found[f"{take} order_parameter where ε = 0.4, V = 1 cm/s"] == pytest.approx(np.mean(list(values)))
 
 
 def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
-    keys = {**SWEEP["keys"], "neighbourhood": {"k": 1}, "measures": ["neighbour_change"]}
-    sweep = {**SWEEP, "keys": keys, "quick": {"trials": 20, "stop": {"max_cycles": 5000}}}
+    longer = {"neighbourhood": {"k": 1}, "measures": ["neighbour_change"], "trials": 20, "stop": {"max_cycles": 5000}}
+    sweep = {**SWEEP, "keys": {**SWEEP["keys"], **longer}}
     checks = [
         {"test": "superiority", "between": FASTER["between"], "where": {SPEED: 1}, "below": 0.5},
         {"test": "share_difference", "between": FASTER["between"], "where": {SPEED: 1}, "above": 0},
@@ -252,16 +241,3 @@ def test_one_trial_is_compared_with_one(tmp_path) -> None:
     file = write_claims(tmp_path, [claim("A1", check)])
     told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
     assert told == "error: claim A1: where all points: 6 points; superiority is of one at each place\n"
-
-
-def test_a_sweep_without_a_quick_version_is_asked_by_the_full_one_alone(tmp_path) -> None:
-    sweep = {key: value for key, value in SWEEP.items() if key != "quick"}
-    file = write_claims(tmp_path, EVERY_VERDICT[:1], sweep)
-    words = ["replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1]
-    assert call(*words).exit_code == 0
-    page = (tmp_path / "out/replication.md").read_text()
-    assert "1 claims: not asked 1." in page
-    assert "| --full alone asks it | not asked\n" in page
-    assert not (tmp_path / "out/runs").exists()
-    assert call(*words, "--full").exit_code == 0
-    assert "1 claims: holds 1." in (tmp_path / "out/replication.md").read_text()

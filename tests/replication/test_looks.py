@@ -11,7 +11,7 @@ import pytest
 from epuck_sim.estimate import LEVEL
 from epuck_sim.replication.claims import read_claims
 from epuck_sim.replication.looks import LOOKS, Decider, begun, trials_at_looks
-from epuck_sim.replication.sweeps import Version, needed_sweeps, sweep_folder
+from epuck_sim.replication.sweeps import needed_sweeps, sweep_folder
 from epuck_sim.replication.verdicts import Verdict
 from epuck_sim.runs.reader import read_points
 from epuck_sim.statistics.sequential import look_boundary, looks_p_value
@@ -22,7 +22,7 @@ from tests.runs.made_folders import ended, store
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
-TINY = {**SWEEP, "quick": {"trials": 6, "stop": {"max_cycles": 500}}}
+TINY = {**SWEEP, "keys": {**SWEEP["keys"], "trials": 6}}
 NEAR = {**FASTER, "between": [{"response.coupling": 0.4}, {"response.coupling": 0.05}], "above": 2.4}
 """Six trials a point are too few to see it."""
 NEVER = {**FASTER, "where": {}, "within": [0.192, 0.194]}
@@ -35,7 +35,7 @@ def replicate(file: Path, folder: Path, *words: object):
 
 
 def trials(folder: Path) -> set[int]:
-    return {len(point.seeds) for point in read_points(folder / "runs/tiny-quick")}
+    return {len(point.seeds) for point in read_points(folder / "runs/tiny")}
 
 
 def test_chance_decides_as_often_as_one_look_would_though_there_are_many() -> None:
@@ -101,8 +101,8 @@ def test_the_time_until_a_verdict_is_that_of_the_look_at_which_effects_as_they_a
     file = write_claims(tmp_path, [claim("B1", NEAR), claim("B2", NEVER)], TINY)
     assert replicate(file, tmp_path / "out").exit_code == 0
     claims = read_claims(file)
-    scenarios = needed_sweeps(claims, claims.claims, Version.QUICK)
-    folders = {"tiny": sweep_folder(tmp_path / "out", "tiny", Version.QUICK)}
+    scenarios = needed_sweeps(claims, claims.claims)
+    folders = {"tiny": sweep_folder(tmp_path / "out", "tiny")}
     assert begun(scenarios["tiny"], folders["tiny"]).trials == 6
     decider = Decider(claims.claims, scenarios, folders)
     near, never = decider.answers()
@@ -119,7 +119,7 @@ def test_the_time_until_a_verdict_is_that_of_the_look_at_which_effects_as_they_a
 def test_no_trials_are_added_where_points_scatter_by_far_more_than_their_errors(tmp_path) -> None:
     slope = {"test": "power_exponent", "along": SPEED, "where": {"response.coupling": 0.4}, "above": 0}
     claims = read_claims(write_claims(tmp_path, [claim("B1", slope)], TINY))
-    scenarios = needed_sweeps(claims, claims.claims, Version.QUICK)
+    scenarios = needed_sweeps(claims, claims.claims)
     trials = [9.0, 10.0, 11.0, 9.0, 10.0, 11.0]
     heights = {1: 1, 10: 30, 100: 2}
     store(tmp_path / "tiny", scenarios["tiny"], lambda point: ended(np.multiply(trials, heights[point.axes[SPEED]])))

@@ -5,10 +5,9 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-import pytest
 
 from epuck_sim.replication.claims import read_claims
-from epuck_sim.replication.sweeps import Version, is_asked, needed_sweeps
+from epuck_sim.replication.sweeps import needed_sweeps
 from epuck_sim.replication.verdicts import run_check
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
@@ -21,13 +20,13 @@ CLAIMS = read_claims()
 
 
 @cache
-def sweeps_of(version: Version) -> dict[str, Scenario]:
-    return needed_sweeps(CLAIMS, CLAIMS.claims, version)
+def sweeps() -> dict[str, Scenario]:
+    return needed_sweeps(CLAIMS, CLAIMS.claims)
 
 
 @cache
-def points_of(version: Version) -> dict[str, tuple[Point, ...]]:
-    return {name: points(scenario) for name, scenario in sweeps_of(version).items()}
+def swept() -> dict[str, tuple[Point, ...]]:
+    return {name: points(scenario) for name, scenario in sweeps().items()}
 
 
 def without_trials(point) -> PointTrials:
@@ -35,15 +34,13 @@ def without_trials(point) -> PointTrials:
     return PointTrials(point.number, point.key, point.axes, point.scenario, none, none == 1, ())
 
 
-@pytest.mark.parametrize("version", Version)
-def test_every_test_finds_its_points(version: Version) -> None:
-    sweeps = {name: [without_trials(point) for point in found] for name, found in points_of(version).items()}
-    asked = {name for name, sweep in CLAIMS.sweeps.items() if version == Version.FULL or sweep.quick is not None}
-    assert sweeps.keys() == asked
+def test_every_test_finds_its_points() -> None:
+    found = {name: [without_trials(point) for point in of_sweep] for name, of_sweep in swept().items()}
+    assert found.keys() == CLAIMS.sweeps.keys()
     for claim in CLAIMS.claims:
         for check in claim.checks:
-            if check.test != "formula" and claim.sweep in asked:
-                stored = [point._replace(of=check.of) for point in sweeps[claim.sweep]]
+            if check.test != "formula":
+                stored = [point._replace(of=check.of) for point in found[claim.sweep]]
                 assert math.isnan(run_check(check, stored).effect.estimate.low), claim.id
                 measured = [section.name for section in stored[0].scenario.measures]
                 assert check.of in (None, *measured), claim.id
@@ -51,8 +48,7 @@ def test_every_test_finds_its_points(version: Version) -> None:
 
 def test_all_72_claims_are_there() -> None:
     assert [claim.id for claim in CLAIMS.claims] == [f"R{number}" for number in range(1, 73)]
-    assert sum(is_asked(CLAIMS, claim, Version.FULL) for claim in CLAIMS.claims) >= 58
-    assert sum(is_asked(CLAIMS, claim, Version.QUICK) for claim in CLAIMS.claims) >= 53
+    assert sum(bool(claim.checks) for claim in CLAIMS.claims) >= 58
 
 
 def test_each_is_a_short_sentence_of_a_line_of_the_text_in_the_order_of_its_sections() -> None:
@@ -88,22 +84,20 @@ def test_rises_have_one_margin_and_thresholds_of_ratios_are_positive() -> None:
                 assert all(each > 0 for each in check.predicted if each is not None)
 
 
-@pytest.mark.parametrize("version", Version)
-def test_every_sweep_can_be_run(version: Version) -> None:
-    for found in points_of(version).values():
+def test_every_sweep_can_be_run() -> None:
+    for found in swept().values():
         check_sweep(found)
 
 
 def test_sweeps_have_a_seed_that_no_earlier_page_and_no_figure_had() -> None:
-    for version in Version:
-        assert {scenario.seed for scenario in sweeps_of(version).values()} == {CLAIMS.seed}
+    assert {scenario.seed for scenario in sweeps().values()} == {CLAIMS.seed}
     assert CLAIMS.seed not in (0, 19, 20, 21)
     assert f"one seed, {CLAIMS.seed}" in CLAIMS.pooled
 
 
 def test_two_groups_that_look_at_opposite_walls_never_synchronise_with_300_degrees() -> None:
     """The swarm with which R43 is asked; with 360 degrees it does."""
-    _, blind = points(sweeps_of(Version.QUICK)["static-cones"])
+    _, blind = swept()["static-cones"]
     assert isinstance(blind.scenario, ParticleScenario)
     for angle, is_observed in ((300, False), (360, True)):
         cone = blind.scenario.neighbourhood.model_copy(update={"angle_deg": angle})

@@ -8,7 +8,7 @@ import pytest
 from docs.trials import DOCS, PAGE, TABLES, Tables, write_page
 from epuck_sim.replication.claims import SHIPPED, read_claims
 from epuck_sim.replication.page import describe_check
-from epuck_sim.replication.sweeps import Version, check_claim, needed_sweeps, sweep_scenario
+from epuck_sim.replication.sweeps import check_claim, needed_sweeps, sweep_scenario
 
 CLAIMS = read_claims(SHIPPED)
 SMALL_BYTES = 20_000
@@ -19,7 +19,7 @@ SMALL = sorted(file.name.removesuffix(".csv.gz") for file in TABLES.glob("*.gz")
 
 @pytest.mark.parametrize("sweep", SMALL)
 def test_a_table_gives_the_effects_of_its_claims(sweep: str) -> None:
-    tables = Tables({sweep: sweep_scenario(CLAIMS, sweep, Version.QUICK)})
+    tables = Tables({sweep: sweep_scenario(CLAIMS, sweep)})
     found = {
         (claim.id, describe_check(finding.check)): finding.effect.estimate.value
         for claim in CLAIMS.claims
@@ -35,6 +35,6 @@ def test_a_table_gives_the_effects_of_its_claims(sweep: str) -> None:
 
 @pytest.mark.slow
 def test_the_tables_give_the_page_to_the_byte(tmp_path: Path) -> None:
-    write_page(CLAIMS, needed_sweeps(CLAIMS, CLAIMS.claims, Version.QUICK), tmp_path)
+    write_page(CLAIMS, needed_sweeps(CLAIMS, CLAIMS.claims), tmp_path)
     for file in PAGE:
         assert (tmp_path / file.name).read_text(encoding="utf-8") == file.read_text(encoding="utf-8")
