@@ -7,6 +7,7 @@ from docutils import nodes
 from docutils.parsers.rst import Directive
 from sphinx.application import Sphinx
 
+from epuck_sim import load_scenario
 from epuck_sim.page.writer import write_page
 
 FOLDER = "_static/play"
@@ -27,7 +28,7 @@ class Play(Directive):  # type: ignore[misc]
             return []
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_page(name, path)
+            write_page(load_scenario(name), path, name)
         up = "../" * environment.docname.count("/")
         frame = f'<iframe src="{up}{FOLDER}/{name}.html" title="{name}, to play with" loading="lazy"'
         return [nodes.raw("", f'{frame} style="width:100%;height:62em;border:0"></iframe>', format="html")]

@@ -13,7 +13,7 @@ from epuck_sim.runs.status import verify
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
-from tests.cli.commands import call
+from tests.cli.commands import call, refused
 from tests.runs.test_store import COUNT, MINE, fill, rewrite, scenario_of, stored
 
 MEASURE = """
@@ -146,6 +146,16 @@ def test_what_shows_a_folder_runs_none_of_its_code(foreign: Path, tmp_path: Path
     found = call(name, *([foreign] * (name != "list")), *options)
     assert not (tmp_path / "was-run").exists(), found.stdout
     assert name == "verify" or found.exit_code == 0, found.stderr
+
+
+@pytest.mark.parametrize("command", ["page --out x.html", "play", "predict", "compare-film"])
+def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(
+    foreign: Path, tmp_path: Path, command: str
+) -> None:
+    name, *options = command.split()
+    film = [tmp_path / "film.mp4"] if name == "compare-film" else []
+    assert "brings code that you have not run" in refused(name, *film, foreign, *options)
+    assert not (tmp_path / "was-run").exists()
 
 
 @pytest.mark.parametrize("command", ["run", "plan", "replay --point 0 --trial 0"])
