@@ -74,6 +74,8 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         probe = context.Process(target=str)  # which ends at once
         probe.start()
         probe.join()
+        if (probe.exitcode or 0) > 0:  # it has imported the script again, which begins the sweep
+            raise EpuckSimError('workers cannot start; in a script, begin sweeps below `if __name__ == "__main__":`')
         executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
         try:
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))

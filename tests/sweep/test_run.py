@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -23,7 +24,7 @@ from epuck_sim.sweep.worker import run_chunk
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util.messages import counted
 from tests.cli.commands import call
-from tests.processes import processes_marked, wait_until
+from tests.processes import processes_marked, start, wait_until
 from tests.runs.made_folders import edit
 from tests.sweep.pool_here import pool_here
 from tests.sweep.short_sweeps import begin, errors, short_sweep, stored, table
@@ -190,6 +191,23 @@ def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path, times: int) -> None:
         assert run.returncode == 130, err
         assert "Traceback" not in out + err
         wait_until(lambda mark=mark: not processes_marked(mark))
+
+
+UNGUARDED = """
+from epuck_sim import load_scenario, run_sweep
+
+run_sweep(load_scenario("short.yaml"), "run")
+"""
+
+
+def test_a_script_that_begins_a_sweep_wherever_it_is_imported_is_told_so(tmp_path) -> None:
+    short_sweep(tmp_path, 1)
+    (tmp_path / "script.py").write_text(UNGUARDED)
+    run = start([sys.executable, "script.py"], cwd=tmp_path)
+    _, err = run.communicate(timeout=300)
+    assert run.returncode == 1
+    assert err.endswith('workers cannot start; in a script, begin sweeps below `if __name__ == "__main__":`\n')
+    assert stored(tmp_path / "run") == 0
 
 
 # --- trials that fail ---------------------------------------------------------------------------------
