@@ -79,10 +79,6 @@ def _robots(row: Row) -> dict[str, Any]:
     }
 
 
-RADIUS_CM = 3.7
-"""By how much farther than R Enki's camera sees, cm: a robot's radius."""
-
-
 def _robots_of_chapter_3(row: Row) -> dict[str, Any]:
     side, radius = float(row["L_cm"]), float(row["R_cm"])
     return {
@@ -90,9 +86,8 @@ def _robots_of_chapter_3(row: Row) -> dict[str, Any]:
         "robots.0.count": int(row["N"]),
         "robots.0.parameters.period_s": float(row["tau_s"]),
         "robots.0.parameters.coupling": float(row["epsilon"]),
-        "robots.0.signal.kind": "cone",
         "robots.0.signal.angle_deg": float(row["theta_deg"]),
-        "robots.0.signal.range_cm": 1.5 * side if radius < 0 else radius + RADIUS_CM,
+        "robots.0.signal.range_cm": 1.5 * side if radius < 0 else radius,
         "robots.0.parameters.speed_cm_s": float(row["V_cm_s"]),
         LIMIT: 500,
     }
@@ -220,8 +215,7 @@ with the normal distribution (a shift). p-values of all points, and of all table
 something is found if the smallest of either is below {level}. The ratio of means, ours over theirs, is the geometric
 mean over points, with its 95 % interval; means are restricted to the limit.
 
-Enki sees robots whose centre is nearer than R + {radius} cm; here, chapter 3's robots see as far with an ideal cone
-instead of their default camera ([signals.md](signals.md)).
+Robots of chapter 3 see by Enki's camera in both ([signals.md](signals.md)).
 
 ![Ratios of means, and z of all points beside the normal distribution](figures/validation.png)
 
@@ -268,7 +262,6 @@ def write_page(tables: Sequence[Overall], page: Path, figure: Path, command: str
         command=command,
         seed=SEED,
         level=LEVEL,
-        radius=RADIUS_CM,
         verdict=verdict,
         tables=_table(heads, rows),
         farthest=_table(["", "point", "mean, theirs", "ours", "smallest p"], _farthest(tables)),
