@@ -7,7 +7,6 @@ from docutils import nodes
 from docutils.parsers.rst import Directive
 from sphinx.application import Sphinx
 
-from epuck_sim import load_scenario
 from epuck_sim.page.writer import write_page
 
 FOLDER = "_static/play"
@@ -28,7 +27,7 @@ class Play(Directive):  # type: ignore[misc]
             return []
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_page(load_scenario(name), path, name)
+            write_page(name, path)
         up = "../" * environment.docname.count("/")
         frame = f'<iframe src="{up}{FOLDER}/{name}.html" title="{name}, to play with" loading="lazy"'
         return [nodes.raw("", f'{frame} style="width:100%;height:62em;border:0"></iframe>', format="html")]

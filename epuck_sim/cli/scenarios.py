@@ -79,22 +79,24 @@ def page(
     settings: options.SetOption = None,
 ) -> None:
     """Write SCENARIO as one HTML file in which it runs: with the program's own kernels, without server and network."""
-    loaded = options.read_scenario(scenario, settings)
     from epuck_sim.page.writer import write_page
+    from epuck_sim.runs.sources import check_trusted
 
+    check_trusted(scenario)
     with word_if_slow(f"making the page of {scenario}"), print_warnings():
-        write_page(loaded, out, str(scenario), settings or ())
+        write_page(scenario, out, settings or ())
     typer.echo(out)
 
 
 @scenarios.command()
 def play(scenario: options.ScenarioArgument = "thesis", settings: options.SetOption = None) -> None:
     """Open SCENARIO as a page in the browser, from a temporary file."""
-    loaded = options.read_scenario(scenario, settings)
     from epuck_sim.page.writer import open_page
+    from epuck_sim.runs.sources import check_trusted
 
+    check_trusted(scenario)
     with word_if_slow(f"making the page of {scenario}"), print_warnings():
-        path = open_page(loaded, str(scenario), settings or ())
+        path = open_page(scenario, settings or ())
     typer.echo(path)
 
 

@@ -20,7 +20,7 @@ from epuck_sim.page.own import compile_own
 from epuck_sim.page.robots import robots_facts, robots_settings
 from epuck_sim.page.settings import Setting, Value, values_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import robots_like
+from epuck_sim.scenario.loader import load_scenario, robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.statistics.mean import student_quantile
 from epuck_sim.util.atomic_write import atomic_write, check_target
@@ -37,32 +37,30 @@ HELP = (
 )
 
 
-def write_page(
-    scenario: EmbodiedScenario | ParticleScenario, path: Path, source: str, settings: Sequence[str] = ()
-) -> None:
+def write_page(scenario: str | Path, path: Path | str, settings: Sequence[str] = ()) -> None:
     """Write a scenario as a page: one HTML file that runs its trials in a browser, without a server or a network.
 
     Args:
-        scenario: The scenario.
+        scenario: What `load_scenario` takes: a name or a file.
         path: The page, whose name ends in `.html`.
-        source: What `epuck-sim run` takes for it: a name or a file.
-        settings: Changes of the source, as `key=value`.
+        settings: Changes as `key=value`.
 
     Raises:
-        ScenarioError: The scenario cannot be a page; the message names the key.
+        ScenarioError: The scenario is not allowed, or cannot be a page; the message names the key.
         EpuckSimError: The page cannot be written.
     """
-    check_suffix(path)
-    check_target(path)
-    page = make_page(scenario, source, settings)
-    with atomic_write(path) as part:
+    target = Path(path)
+    check_suffix(target)
+    check_target(target)
+    page = make_page(load_scenario(scenario, settings), str(scenario), settings)
+    with atomic_write(target) as part:
         part.write_text(page, encoding="utf-8")
 
 
-def open_page(scenario: EmbodiedScenario | ParticleScenario, source: str, settings: Sequence[str] = ()) -> Path:
+def open_page(scenario: str | Path, settings: Sequence[str] = ()) -> Path:
     """Write a scenario as a page to a temporary file, and open it in the browser; return the file."""
     path = Path(tempfile.mkdtemp(prefix="epuck-sim-")) / "page.html"
-    write_page(scenario, path, source, settings)
+    write_page(scenario, path, settings)
     webbrowser.open(path.as_uri())
     return path
 

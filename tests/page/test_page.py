@@ -104,7 +104,7 @@ REFUSED = {
 def test_what_cannot_be_a_page_is_refused_with_its_key_and_nothing_is_written(tmp_path: Path, key: str) -> None:
     scenario, changes = REFUSED[key]
     with pytest.raises(ScenarioError, match=rf": {re.escape(key)}: .*; `epuck-sim run` does$"):
-        write_page(load_scenario(scenario, changes), tmp_path / "x.html", scenario, changes)
+        write_page(scenario, tmp_path / "x.html", changes)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -144,7 +144,7 @@ def test_files_of_ones_own_need_ziglang(tmp_path: Path, monkeypatch: pytest.Monk
     (tmp_path / "mine.py").write_text(CURVE.format("coupling * phase"))
     monkeypatch.setattr(own, "find_spec", lambda _: None)
     with pytest.raises(ScenarioError, match=r"response curves in files .* pip install 'epuck-sim\[page\]'"):
-        write_page(load_scenario("particles", [f"response.curve={tmp_path / 'mine.py'}"]), tmp_path / "x.html", "mine")
+        write_page("particles", tmp_path / "x.html", [f"response.curve={tmp_path / 'mine.py'}"])
     assert not (tmp_path / "x.html").exists()
 
 
@@ -156,14 +156,14 @@ def test_firmware_is_refused_by_name(tmp_path: Path) -> None:
     )
     changes = [f"robots.0.controller={tmp_path / 'mine.c'}", "robots.0.parameters={}"]
     with pytest.raises(ScenarioError, match=r"robots\.controller: is .*mine.*; pages have controllers in Python"):
-        write_page(load_scenario("thesis", changes), tmp_path / "x.html", "thesis")
+        write_page("thesis", tmp_path / "x.html", changes)
 
 
 def test_a_page_is_named_as_such(tmp_path: Path) -> None:
     with pytest.raises(EpuckSimError, match=r"unknown format '\.txt'; allowed: \.html"):
-        write_page(load_scenario("particles"), tmp_path / "x.txt", "particles")
+        write_page("particles", tmp_path / "x.txt")
     with pytest.raises(EpuckSimError, match="there is no directory"):
-        write_page(load_scenario("particles"), tmp_path / "missing" / "x.html", "particles")
+        write_page("particles", tmp_path / "missing" / "x.html")
 
 
 def test_the_command_writes_a_page_and_says_where(tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_simulations_show_themselves_as_pages_in_notebooks() -> None:
 @pytest.mark.parametrize("name", ["particles", "thesis"])
 def test_a_page_opens_from_disk_without_network_and_without_complaint(browser: Driven, pages: Path, name: str) -> None:
     path = pages / f"{name}.html"
-    write_page(load_scenario(name), path, name)
+    write_page(name, path)
     browser.said.clear()
     browser.open(path.as_uri())
     for control in ("step", "again", "next", "play"):
@@ -213,7 +213,7 @@ def test_a_page_opens_from_disk_without_network_and_without_complaint(browser: D
 @pytest.mark.parametrize("width", [360, 1200])
 def test_a_page_fits_its_window_and_has_names_for_what_can_be_pressed(browser: Driven, pages: Path, width: int) -> None:
     path = pages / "thesis.html"
-    write_page(load_scenario("thesis"), path, "thesis")
+    write_page("thesis", path)
     browser.set_window(width, 900, is_dark=width == 360)
     browser.open(path.as_uri())
     assert browser.run("document.documentElement.scrollWidth") <= width
@@ -227,7 +227,7 @@ def test_a_page_fits_its_window_and_has_names_for_what_can_be_pressed(browser: D
 @needs_browser
 def test_a_link_brings_values_and_seed_back(browser: Driven, pages: Path) -> None:
     path = pages / "particles.html"
-    write_page(load_scenario("particles"), path, "particles")
+    write_page("particles", path)
     browser.open(path.as_uri())
     browser.run("page.change({'agents.speed_cm_s': 2, 'neighbourhood.kind': 'range'}); page.take_seed(12n)")
     link, command = browser.run("[location.href, page.command]")
@@ -242,7 +242,7 @@ def test_a_link_brings_values_and_seed_back(browser: Driven, pages: Path) -> Non
 def test_a_push_and_a_drag_change_the_swarm(browser: Driven, pages: Path) -> None:
     for name in ("particles", "thesis"):
         path = pages / f"{name}.html"
-        write_page(load_scenario(name), path, name)
+        write_page(name, path)
         browser.open(path.as_uri())
         before, after = browser.run(
             "(() => { const phase = () => page.swarm.look().phases[3]; const before = phase();"
