@@ -56,9 +56,18 @@ def stored_point(point: Point) -> StoredPoint:
     )
 
 
-def read_stored_points(connection: sqlite3.Connection, trials: str = "trials") -> list[StoredPoint]:
-    """Return the points of a database in the order of the sweep, with the number of trials that an SQL term gives."""
-    columns = f"key, number, {trials}, axes, scenario, controllers, measures"
+WITH_VALUES = """
+    (SELECT json_group_object(one.key, json(one.value)) FROM json_each(measures) AS one WHERE EXISTS (
+        SELECT 1 FROM trials WHERE point = points.key AND json_type(measured, '$."' || one.key || '"') IS NOT NULL))
+"""
+"""SQL term: the measures of a point of which a trial has a value; the others may be replaced, or left out."""
+
+
+def read_stored_points(
+    connection: sqlite3.Connection, trials: str = "trials", measures: str = "measures"
+) -> list[StoredPoint]:
+    """Return the points of a database in the order of the sweep, with trials and measures that SQL terms give."""
+    columns = f"key, number, {trials}, axes, scenario, controllers, {measures}"
     return [StoredPoint(*row) for row in connection.execute(f"SELECT {columns} FROM points ORDER BY number")]
 
 

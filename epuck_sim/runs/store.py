@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.compatibility import check_same_sweep, read_stored_points, stored_point
+from epuck_sim.runs.compatibility import WITH_VALUES, check_same_sweep, read_stored_points, stored_point
 from epuck_sim.runs.database import (
     ENTER_POINT,
     NULL,
@@ -64,7 +64,7 @@ class Store:
             if not is_new:
                 with reading(folder) as connection:
                     last = "(SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key)"
-                    check_same_sweep(folder, read_stored_points(connection, last), rows)
+                    check_same_sweep(folder, read_stored_points(connection, last, WITH_VALUES), rows)
                     was = read_share(connection)
                 if share not in (None, was):
                     what = "the whole sweep" if was == WHOLE else f"share {was}"
@@ -88,6 +88,10 @@ class Store:
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
                 sign(self._connection, "points")
+                again = (
+                    "UPDATE trials SET measuring_error = NULL WHERE measuring_error IS NOT NULL RETURNING point, trial"
+                )
+                sign(self._connection, "trials", self._connection.execute(again).fetchall())
             self._has_measures = bool(measures_in(self._connection))
             columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
             self._insert = (

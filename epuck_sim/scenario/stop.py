@@ -127,7 +127,10 @@ class MeasureSection(ConfigModel):
             ((name, parameters),) = given.items()
             if isinstance(name, str) and (parameters is None or isinstance(parameters, dict)):
                 others = {key: value for key, value in (parameters or {}).items() if key != AS}
-                return {"measure": name, "parameters": others, "shown_as": (parameters or {}).get(AS)}
+                shown_as = (parameters or {}).get(AS)
+                if shown_as is not None and not (isinstance(shown_as, str) and re.fullmatch(r"[\w-]+", shown_as)):
+                    raise ValueError(f"{AS} is {short_repr(shown_as)}; allowed: letters, digits, _ and -")
+                return {"measure": name, "parameters": others, "shown_as": shown_as}
         raise ValueError(f"is {short_repr(given)}; allowed: {ONE_MEASURE}")
 
     @property

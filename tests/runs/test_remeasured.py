@@ -121,3 +121,19 @@ def test_a_trial_is_the_same_only_to_the_bit():
         ({"cycles": 5}, True),
     ]:
         assert (difference(stored_result(**changes), result()) is not None) == differs
+
+
+@pytest.mark.parametrize("mended", [True, False], ids=["mended", "left out"])
+def test_a_measure_that_gave_no_value_may_be_mended_or_left_out(folder, tmp_path, mended):
+    run(folder, sweep("near_walls"))
+    before = everything(folder)
+    broken = str(write(tmp_path / "broken.py", "def half(simulation):\n    return 1 / 0\n"))
+    assert run(folder, sweep("near_walls", broken)).failed == 6
+    assert len(read_status(folder).failed) == 6
+    write(tmp_path / "broken.py", "def half(simulation):\n    return 0.5\n")
+    progress = run(folder, sweep("near_walls", *[broken] * mended))
+    assert (progress.stored, progress.failed, read_status(folder).failed) == (6, 0, [])
+    if mended:
+        assert [point.measured for point in read_points(folder, "half")] == [(0.5,) * 3] * 2
+    else:
+        assert everything(folder) == before
