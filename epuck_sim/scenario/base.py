@@ -204,6 +204,8 @@ def _place(
     path: list[str] = []
     here, around, union, union_at = [kind], [kind], list[type[ConfigModel]](), -1
     for part in location:
+        if part.endswith("]") and part[0] != "[":  # how pydantic names a type of several
+            continue
         if len(here) > 1 and (chosen := [each for each in here if part in tagged(each)[1]]):
             here = chosen
             continue

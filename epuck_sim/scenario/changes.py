@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
@@ -177,8 +177,17 @@ class TrialEvent(NamedTuple):
     """Numbers of the robots in which a fault began or ended; none for a schedule."""
 
 
-Members = tuple[Annotated[WholeNumber, Field(ge=0)], ...]
+def _each_once(numbers: tuple[int, ...]) -> tuple[int, ...]:
+    if len(set(numbers)) < len(numbers):
+        raise ValueError("each number once")
+    return numbers
+
+
+Members = Annotated[tuple[Annotated[WholeNumber, Field(ge=0)], ...], AfterValidator(_each_once)]
 """Numbers of robots or agents, or of faults."""
+
+Displaced = Annotated[Members, Field(min_length=1)] | None
+"""Numbers of those that are displaced; None for all."""
 
 
 class Displacement(ConfigModel):
@@ -197,14 +206,14 @@ class Displacement(ConfigModel):
 class AgentDisplacement(Displacement):
     """A displacement of phases of agents."""
 
-    agents: Members | None = None
+    agents: Displaced = None
     """Numbers of the agents; all by default."""
 
 
 class RobotDisplacement(Displacement):
     """A displacement of phases of robots; rings of the displaced are commanded dark."""
 
-    robots: Members | None = None
+    robots: Displaced = None
     """Numbers of the robots; all by default."""
 
 
@@ -354,8 +363,6 @@ class RobotScheduleEntry(ScheduleEntry):
                 f"poses has {len(self.poses)} poses; allowed: one for each robot that is added, of which "
                 f"there are {len(self.add)}"
             )
-        if len(set(self.add)) < len(self.add):
-            raise ValueError(f"add is {list(self.add)}; allowed: each robot once")
         return self
 
     def in_words(self) -> list[str]:
