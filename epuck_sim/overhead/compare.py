@@ -39,6 +39,7 @@ CUT = 4.74
 freedom, which the range of draws from a uniform distribution approaches."""
 GRID = 81  # values of each parameter for which the likelihood is computed
 LEAST_ERROR = 1e-12  # least standard error of a value, in its unit, so that values that are all 0 have a density
+SPEED = "robots.0.parameters.speed_cm_s"
 FEW = 3  # robots, or flashes of a robot, below which nothing is said about their differences
 
 
@@ -49,7 +50,7 @@ def fit_film(track: Track, robots: Robots) -> dict[str, Estimate]:
     """
     group, period_s = "robots.0.parameters", track.period_s
     speed, speeds = _fit_speeds(robots)
-    fitted = {f"{group}.speed_cm_s": speed}
+    fitted = {SPEED: speed}
     if robots.identities.unsure <= MANY_UNSURE:  # else each seeming robot is some of several
         period, clocks = _fit_clocks(robots, track)
         fitted |= {"spread.wheel_speed": speeds, f"{group}.period_s": period, "spread.clock_rate": clocks}
@@ -410,6 +411,8 @@ def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Estimate]) -> Emb
     check_one_group(scenario)
     digits = {key: 3 if key.endswith(".period_s") else 6 for key in fitted}  # periods are whole milliseconds
     values = {key: round(value.value, digits[key]) for key, value in fitted.items()}
+    if SPEED in values:  # which may be measured beyond what wheels can do
+        values[SPEED] = min(values[SPEED], scenario.group_kinds[0].wheel_limit_cm_s)
     longest_ms = 1000 / values.get("overhead.frames_per_s", scenario.overhead.frames_per_s)
     if scenario.overhead.exposure_ms > longest_ms:
         values["overhead.exposure_ms"] = longest_ms

@@ -80,6 +80,7 @@ def test_a_film_without_a_description_has_the_floor_of_the_scenario(film, tmp_pa
     words = ["--period-s", 2, "--trials", 1, *(word for setting in wide for word in ("--set", setting))]
     bare = call("compare-film", "bare.mp4", "thesis", *words)
     assert (bare.exit_code, "warning: the film's floor" in bare.stderr) == (0, False), bare.stderr
-    described = call("compare-film", film, "thesis", *words)
+    described = call("compare-film", film, "thesis", *words, "--set", "robots.1.count=1")
     assert described.exit_code == 0, described.stderr
+    assert "warning: the film shows 4 robots, thesis has 3" in described.stderr
     assert "warning: the film's floor is 60 x 60 cm, that of thesis 90 x 60 cm" in described.stderr

@@ -7,6 +7,7 @@ import pytest
 
 from epuck_sim import load_scenario
 from epuck_sim.errors import FilmError
+from epuck_sim.estimate import Estimate
 from epuck_sim.overhead.compare import (
     QUANTITIES,
     UNLIKE,
@@ -119,6 +120,11 @@ def test_robots_of_several_groups_are_not_fitted_but_shown() -> None:
     assert values.keys() == {"overhead.frames_per_s"}
     with pytest.raises(FilmError, match=r"has 2 groups of robots; allowed: one"):
         fit_scenario(both, values)
+
+
+def test_a_speed_beyond_the_wheels_limit_is_fitted_as_the_limit() -> None:
+    fast = {"robots.0.parameters.speed_cm_s": Estimate(12.9, 12.5, 13.3)}
+    assert fit_scenario(SCENARIO, fast).robots[0].parameters["speed_cm_s"] == 12.8
 
 
 @pytest.mark.parametrize(("told", "expected"), [(None, None), (9, 4)])
