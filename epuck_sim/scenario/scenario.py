@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, describe_problem, keys_of, refused_at
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, describe_problem, keys_of, problems_in, refused_at
 from epuck_sim.scenario.changes import condition_key
 from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
 from epuck_sim.scenario.yaml_io import write_yaml
@@ -63,7 +63,7 @@ class Scenario(ConfigModel):
             return cls.model_validate(given)
         except ValidationError as error:
             keys = cls.all_keys(given)
-            problems = (describe_problem(cls, origin, each, keys) for each in error.errors())
+            problems = (describe_problem(cls, origin, each, keys) for each in problems_in(error))
             raise ScenarioError("\n".join(problems)) from error
 
     @property
