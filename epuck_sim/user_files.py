@@ -363,7 +363,8 @@ def run_check(
     except BaseException as error:  # whatever a user's file may raise
         said = describe_error(error)
         where = line_of_error(error, sources) or "check"
-        raise ValueError(said.partition(": ")[2] if isinstance(error, ValueError) else f"{where}: {said}") from error
+        text = said.partition(": ")[2] or f"{where}: refuses the parameters"
+        raise ValueError(text if isinstance(error, ValueError) else f"{where}: {said}") from error
 
 
 def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:

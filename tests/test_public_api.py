@@ -4,6 +4,7 @@ import pydoc
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import epuck_sim
@@ -80,3 +81,10 @@ def test_a_seed_that_is_none_is_refused(kind: type, seed: object) -> None:
     name = "thesis" if kind is Simulation else "particles"
     with pytest.raises(EpuckSimError, match=f"seed is {seed!r}; allowed: whole numbers from 0"):
         kind(name, seed)
+
+
+@pytest.mark.parametrize("kind", [Simulation, ParticleSimulation])
+def test_a_seed_may_be_a_whole_number_of_numpy(kind: type) -> None:
+    simulation = kind("pair" if kind is Simulation else "particles", np.uint8(200))
+    simulation.reset(np.int64(7))
+    assert type(simulation.seed) is int

@@ -11,6 +11,7 @@
 `step` reads `sensors` (see `Sensors`), keeps what it needs in `memory`, and sets the fields of `actuators` (see
 `ACTUATORS`). `random` is the robot's own stream for `epuck_sim.util.rng`.
 A robot whose memory has `phase_ms` and whose parameters have `period_s` is an oscillator: its synchrony is measured.
+Its period is a float, even where the default is written as a whole number.
 A controller may import files that lie beside it, and the built-in controllers, by name.
 """
 
@@ -168,10 +169,14 @@ class Controller(Described):
     """What is commanded from outside, of `EXTERNAL`."""
 
     @property
+    def has_phase(self) -> bool:
+        """Whether its robots have a phase, one number."""
+        return "phase_ms" in (self.memory.names or ()) and self.memory["phase_ms"].shape == ()
+
+    @property
     def is_oscillator(self) -> bool:
-        """Whether its robots have a phase, one number, and a period."""
-        has_phase = "phase_ms" in (self.memory.names or ()) and self.memory["phase_ms"].shape == ()
-        return has_phase and isinstance(self.parameters.get("period_s"), float)
+        """Whether its robots have a phase, and a period."""
+        return self.has_phase and isinstance(self.parameters.get("period_s"), float)
 
     def check_values(self, values: Mapping[str, Value]) -> None:
         """Raise ValueError if an oscillator's period is not above 0."""

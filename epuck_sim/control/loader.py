@@ -14,10 +14,12 @@ keep their values until they are set again. `random` is a stream of the robot's 
 that nobody reads changes no outcome. The functions of `epuck_sim.embodied.sensing` tell what is at a place.
 """
 
+import inspect
 import keyword
 import math
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -71,11 +73,13 @@ def _load(place: Place) -> Controller:
         raise file.refusal("EXTERNAL", f"EXTERNAL is {short_repr(external)}; allowed: a tuple of {allowed}")
     controller = Controller(
         **vars(_described(place, file)),
-        memory=file.record_type("MEMORY"),
+        memory=_record_type(file, "MEMORY"),
         start=parts["start"],
         step=parts["step"],
         external=external,
     )
+    if controller.has_phase and type(period_s := controller.parameters.get("period_s")) is int:
+        controller = replace(controller, parameters={**controller.parameters, "period_s": float(period_s)})
     check_own_names(controller)
     return controller
 
@@ -85,6 +89,30 @@ def _check_parts(file: PythonFile, noun: str, parts: Mapping[str, str]) -> None:
         found = file.parts.get(part)
         if not (isinstance(found, dict) if part.isupper() else callable(found)):
             raise file.refusal(part, f"{noun} needs {part}: {wanted}")
+        if part in ARGUMENTS:
+            try:
+                arguments = inspect.signature(file.parts[part], follow_wrapped=False)
+            except ValueError:  # of what is compiled already
+                continue
+            try:
+                arguments.bind(*ARGUMENTS[part])
+            except TypeError:
+                said = f"{part} takes {len(arguments.parameters)} arguments; allowed: {', '.join(ARGUMENTS[part])}"
+                raise file.refusal(part, said) from None
+
+
+MOST_NUMBERS = {"READINGS": 10_000, "MEMORY": 1_000_000}
+"""Most numbers of a reading, and of a part of the memory."""
+
+
+def _record_type(file: PythonFile, part: str) -> np.dtype[Any]:
+    """Return the record type of readings or of a memory, none of which is empty or huge."""
+    record, most = file.record_type(part), MOST_NUMBERS[part]
+    for name in record.names or ():
+        shape = record[name].shape
+        if not 0 < math.prod(shape) <= most:
+            raise file.refusal(part, f"{part}: {name!r} has the shape {shape}; allowed: 1 to {most} numbers")
+    return record
 
 
 def _described(place: Place, file: PythonFile) -> Described:
@@ -101,9 +129,6 @@ SENSOR_PARTS = {
     "READINGS": "a mapping of names to types",
     "sense": "a function sense(world, robot, readings, parameters, random)",
 }
-
-MOST_NUMBERS = 10_000
-"""Most numbers of a reading."""
 
 
 def find_sensor(name: str, folder: Path | None = None) -> Sensor:
@@ -124,17 +149,9 @@ def _load_sensor(place: Place) -> Sensor:
             raise file.refusal("READINGS", said)
         if keyword.iskeyword(name) or str(name).startswith("_"):
             raise file.refusal("READINGS", f"READINGS: {name!r} is no name that `sensors` can have; choose another")
-    readings = file.record_type("READINGS")
-    for name in readings.names or ():
-        if not 0 < math.prod(readings[name].shape) <= MOST_NUMBERS:
-            said = f"READINGS: {name!r} has the shape {readings[name].shape}; allowed: 1 to {MOST_NUMBERS} numbers"
-            raise file.refusal("READINGS", said)
+    readings = _record_type(file, "READINGS")
     if "file" in file.parameters():
         raise file.refusal("PARAMETERS", "PARAMETERS: 'file' is the key of the sensor's file; choose another")
-    code = getattr(sense, "__code__", None)
-    if code is not None and code.co_argcount != len(ARGUMENTS["sense"]):
-        said = f"sense takes {code.co_argcount} arguments; allowed: {', '.join(ARGUMENTS['sense'])}"
-        raise file.refusal("sense", said)
     sensor = Sensor(**vars(_described(place, file)), readings=_floats_first(readings), sense=sense)
     check_own_names(sensor)
     return sensor

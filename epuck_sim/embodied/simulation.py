@@ -45,6 +45,7 @@ from epuck_sim.scenario.robots import resolve_parameters
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.user_files import Value
 from epuck_sim.util.machine import lack_of_memory
+from epuck_sim.util.messages import whole
 
 
 class Change(NamedTuple):
@@ -316,13 +317,11 @@ class Simulation:
             The last step; its arrays are overwritten by the next one.
 
         Raises:
-            ValueError: There is no step to take.
+            ValueError: The number of steps is not a whole number from 1.
             ControllerError: See `__next__`.
         """
-        if steps < 1:
-            raise ValueError(f"steps is {steps}; allowed: 1 and above")
         taken = self.steps
-        end = taken + steps
+        end = taken + whole("steps", steps)
         while True:
             self._run(min(self._unchanged(taken), end - taken), until_firing=until_firing)
             taken = self.steps
@@ -336,8 +335,10 @@ class Simulation:
             steps: Largest number of steps to take, at least 1; they may be fewer.
 
         Raises:
+            ValueError: See `advance`.
             ControllerError: See `__next__`.
         """
+        steps = whole("steps", steps)
         self._history = self._history or History(self.scenario, self._block, self._swarm, self._loop)
         first, has_movables = self.steps, self._arena.first_movable < len(self._arena.circles)
         self._run(min(self._unchanged(first), steps, 1 if has_movables else MOST_STEPS), history=self._history)

@@ -18,10 +18,14 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import arena_entries
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.embodied import SynchronyWatch
+from epuck_sim.util.messages import whole
 from epuck_sim.util.seeds import trial_seed
 
 ScenarioLike = Scenario | str | Path | Mapping[str, Any]
 """What `load_scenario` takes."""
+
+ACTIONS = ("continuous", "discrete")
+"""What agents may act in: speeds, or numbers of motions."""
 
 
 class Task(TypedDict, total=False):
@@ -61,9 +65,11 @@ class SwarmBatch:
         """Build the swarms; see `Task` and `vector_env` for the arguments."""
         self._reward = find_reward(reward)
         self._terminate = terminate
-        for name, value in (("swarms", swarms), ("control_steps", control_steps), ("threads", threads)):
-            if not isinstance(value, int) or value < 1:
-                raise ValueError(f"{name} is {value!r}; allowed: whole numbers from 1")
+        if terminate is not None and not callable(terminate):
+            raise ValueError(f"terminate is {terminate!r}; allowed: a function, or None")
+        if actions not in ACTIONS:
+            raise ValueError(f"actions is {actions!r}; allowed: {' or '.join(ACTIONS)}")
+        swarms, threads = whole("swarms", swarms), whole("threads", threads)
         first = _commanded(Simulation(scenario))
         if first.scenario.members_change or arena_entries(first.scenario):
             raise ScenarioError(
@@ -75,11 +81,11 @@ class SwarmBatch:
         arena = first.scenario.arena.build()
         self._scene = make_scene(first.scenario.robots, first.scenario.group_kinds, arena)
         self._oscillators_exist = not np.isnan(first.period_ms).all()
-        self.control_steps = control_steps
+        self.control_steps = whole("control_steps", control_steps)
+        if not isinstance(episode_s, int | float | np.number) or not episode_s >= first.step_s:
+            raise ValueError(f"episode_s is {episode_s!r}; allowed: at least a control step, {first.step_s:g} s")
         self._last_step = episode_s / first.step_s - 1e-6  # 6 s are 60 steps, however 0.1 s is rounded
-        if not episode_s >= first.step_s:
-            raise ValueError(f"episode_s is {episode_s}; allowed: at least a control step, {first.step_s:g} s")
-        master = first.seed if seed is None else seed
+        master = first.seed if seed is None else whole("seed", seed, 0)
         self._masters = [master + swarm for swarm in range(swarms)]
         self._episodes = [-1] * swarms
         self._steps: list[Step] = [None] * swarms  # type: ignore[list-item] # until `begin`
@@ -94,7 +100,7 @@ class SwarmBatch:
         """
         for swarm, seed in enumerate(seeds):
             if seed is not None:
-                self._masters[swarm], self._episodes[swarm] = int(seed), -1
+                self._masters[swarm], self._episodes[swarm] = seed, -1
         for swarm in swarms:
             simulation = self.simulations[swarm]
             self._episodes[swarm] += 1
@@ -131,6 +137,8 @@ class SwarmBatch:
 
     def look(self) -> Situation:
         """Return where all robots are and what they do."""
+        if self._steps[0] is None:
+            raise ValueError("no episode has begun; call reset()")
         arena, steps = self.simulations[0].scenario.arena, self._steps
         ring_on = gather([step.ring_on for step in steps])
         if self._oscillators_exist:
@@ -194,11 +202,12 @@ def seeds_from(seed: int | Sequence[int | None] | None, swarms: int) -> Sequence
     """Return the seeds of swarms: those given, or `seed`, `seed + 1`, and so on; none if it is None."""
     if seed is None:
         return ()
-    if isinstance(seed, int | np.integer):
-        return [seed + swarm for swarm in range(swarms)]
+    if not isinstance(seed, Sequence | np.ndarray):
+        first = whole("seed", seed, 0)
+        return [first + swarm for swarm in range(swarms)]
     if len(seed) != swarms:
         raise ValueError(f"seed holds {len(seed)} seeds; allowed: one for each of {swarms} swarms, or one")
-    return seed
+    return [None if each is None else whole("seed", each, 0) for each in seed]
 
 
 def _commanded(simulation: Simulation) -> Simulation:

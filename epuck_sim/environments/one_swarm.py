@@ -18,6 +18,7 @@ from epuck_sim.environments.vector import SwarmVectorEnv, vector_env
 from epuck_sim.errors import ScenarioError
 from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.render import ArenaView
+from epuck_sim.util.messages import whole
 
 ROBOT_ENV = "epuck_sim/Robot-v0"
 """Name of the environment of one robot for `gymnasium.make`."""
@@ -50,6 +51,8 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
     """A swarm whose robots are agents, `robot_0` and so on by their numbers; see `parallel_env`."""
 
     def __init__(self, scenario: ScenarioLike, render_mode: RenderMode | None, task: Task) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise ValueError(f"render_mode is {render_mode!r}; allowed: {' or '.join(RENDER_MODES)}, or None")
         self._rows = vector_env(scenario, 1, **task)  # an agent each
         self._batch = batch = self._rows.batch
         self.render_mode: str | None = render_mode
@@ -83,8 +86,8 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         options: dict[str, Any] | None = None,  # noqa: ARG002 PettingZoo's signature
     ) -> tuple[dict[str, Float32Array], dict[str, dict[str, Any]]]:
         """Begin an episode; without a seed, the one that follows the last one in a row that the last seed began."""
-        self.agents = list(self.possible_agents)
         rows, infos = self._rows.reset(seed=seed)
+        self.agents = list(self.possible_agents)
         return self._of_agents(rows), self._infos_of_agents(infos)
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
@@ -187,6 +190,7 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
         options: dict[str, Any] | None = None,
     ) -> tuple[Float32Array, dict[str, Any]]:
         """Begin an episode; without a seed, the one that follows the last one in a row that the last seed began."""
+        seed = None if seed is None else whole("seed", seed, 0)  # Gymnasium takes none of numpy's
         gymnasium.Env.reset(self, seed=seed, options=options)
         observations, infos = self._swarm.reset(seed)
         self._show()

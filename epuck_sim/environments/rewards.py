@@ -115,8 +115,10 @@ def find_reward(reward: SituationFunction | str) -> SituationFunction:
     Raises:
         ScenarioError: There is no such reward, or the file has none.
     """
-    if not isinstance(reward, str):
+    if callable(reward):
         return reward
+    if not isinstance(reward, str):
+        raise ScenarioError(f"reward is {reward!r}; allowed: a name, a function, or a file that ends in .py")
     place = REWARD.locate(reward)
     if place.path is None:
         return REWARDS[reward]

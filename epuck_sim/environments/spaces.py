@@ -95,7 +95,8 @@ class AgentSpaces:
             seen[..., self.fields["phase"]] = np.nan_to_num(np.stack([np.cos(angles), np.sin(angles)], axis=-1))
         for name, size in self._readings.items():
             values = gather([step.readings[name] for step in steps])[:, self.robots]
-            seen[..., self.fields[READING + name]] = np.nan_to_num(values.reshape(*values.shape[:2], size))
+            flat = values.reshape(*values.shape[:2], size)
+            seen[..., self.fields[READING + name]] = np.nan_to_num(flat, posinf=np.inf, neginf=-np.inf)
         return seen
 
     def command(self, actions: npt.ArrayLike) -> Commanded:

@@ -33,6 +33,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.util.generators import seed_words
+from epuck_sim.util.messages import whole
 from epuck_sim.util.native import compile_kernel
 
 UNLIMITED = 2**62
@@ -218,7 +219,11 @@ class ParticleSimulation:
             pulses: Limit of pulses whose receivers are looked for, 1 or more, counted from now: a measure of the time
                 that the call takes. The instant that reaches it is completed. None for no limit.
             share: Part of a period, below 1, by which the limit of periods lies later.
+
+        Raises:
+            ValueError: `cycles` is not a whole number from 0.
         """
+        cycles = whole("cycles", cycles, 0)
         last_cycle = UNLIMITED if periods is None else self.period + periods
         last_pulse = UNLIMITED if pulses is None else int(self._scene["pulses"]) + pulses
         self._advance_through((last_cycle, share), last_pulse, cycles)
@@ -233,7 +238,9 @@ class ParticleSimulation:
             ValueError: The time is in the past, or not finite.
         """
         period_s = self.scenario.clocks.period_s
-        if not self.time_s - 1e-9 * period_s <= time_s < math.inf:
+        if not math.isfinite(time_s):
+            raise ValueError(f"time_s is {time_s}; allowed: a finite number")
+        if time_s < self.time_s - 1e-9 * period_s:
             raise ValueError(f"time_s is {time_s}; the simulation is at {self.time_s} s and cannot go back")
         cycle, time = divmod(time_s / period_s, 1.0)
         # between events the order parameter at the reference's last firing may be asked for: always measure it

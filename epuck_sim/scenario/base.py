@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
@@ -170,6 +170,13 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
     if longer is not None and longer not in known:
         return f"unknown {name!r}, did you mean {longer} ({endings[longer]})?"
     return f"unknown {name!r}" + (f", did you mean {longer or near!r}?" if longer or near else "")
+
+
+def problems_in(error: ValidationError) -> list[ErrorDetails]:
+    """Return what is wrong; a list is not too short for pydantic's leaving out its wrong elements when it counts."""
+    return [
+        each for each in error.errors() if each["type"] != "too_short" or len(each["input"]) < each["ctx"]["min_length"]
+    ]
 
 
 def describe_problem(kind: type[ConfigModel], origin: str, detail: ErrorDetails, keys: Sequence[str] = ()) -> str:

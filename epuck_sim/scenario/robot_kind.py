@@ -19,7 +19,7 @@ from epuck_sim import epuck
 from epuck_sim.control.interface import SENSORS, Wheels
 from epuck_sim.control.loader import find_sensor
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, describe_problem, refused_at
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, describe_problem, problems_in, refused_at
 from epuck_sim.scenario.yaml_io import line_of_key, read_yaml
 from epuck_sim.user_files import Kind, Place, Value, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
@@ -175,7 +175,7 @@ def _check_values(keys: Mapping[str, Any], path: Path) -> None:
     try:
         RobotKind.model_validate(keys)
     except ValidationError as error:
-        problems = error.errors()
+        problems = problems_in(error)
         places = [".".join(map(str, each["loc"])) or str(each["ctx"]["error"]).split()[0] for each in problems]
         raise ScenarioError(
             "\n".join(

@@ -1,7 +1,6 @@
 """The scenario: what those of all models have in common. Validated and immutable."""
 
 from collections.abc import Mapping, Sequence
-from numbers import Integral
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
@@ -9,11 +8,11 @@ from pydantic import Field, ValidationError
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, describe_problem, keys_of
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, describe_problem, keys_of, problems_in, refused_at
 from epuck_sim.scenario.changes import condition_key
 from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
 from epuck_sim.scenario.yaml_io import write_yaml
-from epuck_sim.util.messages import counted
+from epuck_sim.util.messages import counted, whole
 
 WITHOUT_EFFECT = {"name", "description", "trials", "trial_timeout_s", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
@@ -64,7 +63,7 @@ class Scenario(ConfigModel):
             return cls.model_validate(given)
         except ValidationError as error:
             keys = cls.all_keys(given)
-            problems = (describe_problem(cls, origin, each, keys) for each in error.errors())
+            problems = (describe_problem(cls, origin, each, keys) for each in problems_in(error))
             raise ScenarioError("\n".join(problems)) from error
 
     @property
@@ -165,7 +164,5 @@ def seed_of_trial(scenario: Scenario, seed: int | None) -> int:
     """Return the seed with which to simulate one trial: `seed`, or the scenario's own if that is None."""
     if scenario.sweep is not None:
         raise ScenarioError(f"{scenario.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`")
-    chosen = scenario.seed if seed is None else seed
-    if not isinstance(chosen, Integral) or chosen < 0:
-        raise ScenarioError(f"{scenario.name}: seed is {chosen!r}; allowed: whole numbers from 0")
-    return chosen
+    with refused_at(scenario.name):
+        return whole("seed", scenario.seed if seed is None else seed, 0)

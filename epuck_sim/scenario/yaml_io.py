@@ -74,7 +74,7 @@ def line_of_key(path: Path, key: str) -> int:
     node, line = yaml.compose(path.read_text(encoding="utf-8"), _Loader), 1
     for part in key.split("."):
         pairs = {pair[0].value: pair for pair in node.value} if isinstance(node, yaml.MappingNode) else {}
-        if isinstance(node, yaml.SequenceNode) and part.isdecimal():
+        if isinstance(node, yaml.SequenceNode) and part.isdecimal() and int(part) < len(node.value):
             pairs = {part: (node.value[int(part)],) * 2}
         if part not in pairs:
             break

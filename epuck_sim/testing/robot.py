@@ -17,6 +17,7 @@ from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.user_files import Value
+from epuck_sim.util.messages import whole
 from epuck_sim.util.seeds import robot_streams
 
 T = TypeVar("T")
@@ -141,7 +142,7 @@ class TestRobot:
         self._senses = Record("sensors", swarm.robots[:1].sensors)
         self._actuators = Record("actuators", swarm.robots[:1].actuators)
         self._pixels = Record("sensors", swarm.pixels.view([("camera", swarm.pixels.dtype, pixels)]))
-        self.step_ms, self.distance_mm, self.new_picture = step_ms, OUT_OF_RANGE_MM, True
+        self.step_ms, self.distance_mm, self.new_picture = whole("step_ms", step_ms), OUT_OF_RANGE_MM, True
         self._controllers = GroupControllers(block, swarm, 0, found, own, interpret=interpret)
         self._controllers.parameters[:] = record
         self._controllers.start()
@@ -160,6 +161,9 @@ class TestRobot:
         invalid = np.flatnonzero(~np.isfinite(self.infrared))
         if len(invalid):
             raise ValueError(f"infrared[{invalid[0]}] is {self.infrared[invalid[0]]}; allowed: counts")
+        for name in dir(self.readings):
+            if np.isnan(getattr(self.readings, name)).any():
+                raise ValueError(f"readings.{name} is {getattr(self.readings, name)}; allowed: numbers")
         for _ in range(steps):
             self._controllers.step()
 
@@ -188,6 +192,9 @@ class Record:
 
     def __setattr__(self, name: str, value: object) -> None:
         self._field(name)[0] = value
+
+    def __reduce__(self) -> str:
+        raise TypeError(f"{self._kind} of a robot cannot be copied; make another TestRobot")
 
     def __dir__(self) -> list[str]:
         return list(self._values)

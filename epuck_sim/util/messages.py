@@ -3,6 +3,7 @@
 import difflib
 import re
 from collections.abc import Iterable, Mapping
+from numbers import Integral
 
 
 def did_you_mean(name: str, known: Mapping[str, object] | list[str]) -> str:
@@ -53,6 +54,13 @@ def counted(number: int, what: str) -> str:
     ('1 point', '2 points')
     """
     return f"{number} {what}" + ("" if number == 1 else "s")
+
+
+def whole(name: str, value: object, least: int = 1) -> int:
+    """Return a whole number, which may be numpy's, as Python's; ValueError says what is allowed."""
+    if not isinstance(value, Integral) or value < least:
+        raise ValueError(f"{name} is {value!r}; allowed: whole numbers from {least}")
+    return int(value)
 
 
 def short_repr(value: object) -> str:

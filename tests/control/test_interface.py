@@ -131,6 +131,20 @@ def test_check_sees_all_parameters_and_what_it_raises_comes_through_errors_with_
         controller.resolve({"low": 0.0})
 
 
+def test_a_check_that_says_nothing_is_named_by_its_line(tmp_path):
+    text = f"{EMPTY}\ndef check(parameters):\n    raise ValueError\n"
+    controller = write_controller(tmp_path / "mine.py", text)
+    with pytest.raises(ValueError, match=r"mine\.py:12: refuses the parameters$"):
+        controller.resolve({})
+
+
+def test_a_period_whose_default_is_written_as_a_whole_number_makes_an_oscillator(tmp_path):
+    text = EMPTY.replace("{}", '{"period_s": 5}').replace('"x"', '"phase_ms"')
+    controller = write_controller(tmp_path / "mine.py", text)
+    assert controller.is_oscillator
+    assert type(controller.resolve({})["period_s"]) is float
+
+
 # --- names that there are not ------------------------------------------------------------------------
 
 

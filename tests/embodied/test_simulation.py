@@ -76,8 +76,14 @@ def test_the_seed_is_the_scenarios_own_unless_it_is_given():
     assert fingerprint(load_scenario("thesis", ["seed=11"]), None, steps=20) == fingerprint("thesis", 11, steps=20)
     with pytest.raises(ScenarioError, match=r"pair: seed is -1; allowed: whole numbers from 0"):
         Simulation("pair", -1)
-    with pytest.raises(ValueError, match="steps is 0; allowed: 1 and above"):
-        Simulation("pair").advance(0)
+
+
+@pytest.mark.parametrize("steps", [0, 2.5, 0.7 / 0.1, math.nan, "3"])
+def test_steps_are_whole_numbers_from_1(steps):
+    for take in (Simulation("pair").advance, Simulation("pair").stretch):
+        with pytest.raises(ValueError, match=f"steps is {steps!r}; allowed: whole numbers from 1"):
+            take(steps)
+    assert Simulation("pair").advance(np.int32(3)).number == 2
 
 
 # --- controllers for these tests --------------------------------------------------------------------

@@ -158,6 +158,30 @@ def test_a_seed_begins_a_row_of_episodes_which_all_differ():
     assert len({tuple(row) for row in first}) == 3
 
 
+def test_a_refused_seed_changes_nothing():
+    env = parallel_env(SWARM, seed=np.int64(4), render_mode="rgb_array")
+    for look in (env.state, env.render):
+        with pytest.raises(ValueError, match="call reset"):
+            look()
+    for seed in (-1, 1.5, [1.5]):
+        with pytest.raises(ValueError, match=r"seed is -?1(\.5)?; allowed: whole numbers from 0"):
+            env.reset(seed)
+    assert env.agents == []
+    seen, expected = (each.reset()[0]["robot_0"] for each in (env, parallel_env(SWARM, seed=4)))
+    np.testing.assert_array_equal(seen, expected)
+
+
+def test_infinite_readings_are_observed_as_they_are(tmp_path):
+    path = tmp_path / "far.py"
+    path.write_text(
+        "import math\nREADINGS = {'far': (float, 2)}\n"
+        "def sense(world, robot, readings, parameters, random):\n"
+        "    readings.far[0], readings.far[1] = math.inf, -math.inf\n"
+    )
+    env = parallel_env({**SWARM, "sensors": [str(path)]})
+    assert env.reset()[0]["robot_0"][env.observation_fields["sensors.far"]].tolist() == [math.inf, -math.inf]
+
+
 def test_rewards_are_given_to_each_agent_or_to_all():
     given = []
 
@@ -191,6 +215,12 @@ def test_pictures_show_the_arena_from_above():
         (SWARM, {"episode_s": 0.0}, ValueError, "episode_s is 0.0; allowed"),
         (SWARM, {"episode_s": float("nan")}, ValueError, "episode_s is nan; allowed"),
         (SWARM, {"control_steps": 0}, ValueError, "control_steps is 0; allowed"),
+        (SWARM, {"episode_s": "5"}, ValueError, "episode_s is '5'; allowed"),
+        (SWARM, {"actions": "discret"}, ValueError, "actions is 'discret'; allowed: continuous or discrete"),
+        (SWARM, {"render_mode": "x"}, ValueError, "render_mode is 'x'; allowed: human or rgb_array, or None"),
+        (SWARM, {"reward": 3}, ScenarioError, "reward is 3; allowed: a name, a function"),
+        (SWARM, {"terminate": 3}, ValueError, "terminate is 3; allowed: a function"),
+        (SWARM, {"seed": -1}, ValueError, "seed is -1; allowed: whole numbers from 0"),
     ],
 )
 def test_environments_that_make_no_sense_are_refused(scenario, given, kind, message):

@@ -90,7 +90,7 @@ def test_a_batch_of_robots_has_the_same_episodes_as_robots_one_by_one():
 
 def test_a_window_shows_each_step_by_itself_and_closes(windows):
     robot = RobotEnv(AMONG_FIREFLIES, render_mode="human")
-    robot.reset(seed=1)
+    robot.reset(seed=np.int64(1))
     robot.step(np.zeros(3))
     assert len(windows) == 2
     robot.close()

@@ -105,7 +105,14 @@ def test_swarms_of_one_seed_move_alike_whatever_their_oscillators_do(other, dime
 def test_a_simulation_cannot_go_back_nor_to_a_time_that_is_not_finite(time_s):
     swarm = make_simulation(1)
     swarm.run_to(4.0)
-    with pytest.raises(ValueError, match=r"the simulation is at 4\.0 s and cannot go back"):
+    said = r"the simulation is at 4\.0 s and cannot go back" if math.isfinite(time_s) else "allowed: a finite number"
+    with pytest.raises(ValueError, match=said):
         swarm.run_to(time_s)
     swarm.run_to(4.0)
     assert swarm.time_s == 4.0
+
+
+@pytest.mark.parametrize("cycles", [-1, 1.5, "3"])
+def test_cycles_are_whole_numbers(cycles):
+    with pytest.raises(ValueError, match=f"cycles is {cycles!r}; allowed: whole numbers from 0"):
+        make_simulation(1).run(cycles)

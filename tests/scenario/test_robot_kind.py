@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from epuck_sim import Simulation, epuck
+from epuck_sim import ScenarioError, Simulation, epuck
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
@@ -107,3 +107,8 @@ def test_a_pogobot_tells_how_bright_it_is_on_three_sides() -> None:
 def test_the_kind_is_changed_with_the_whole_section() -> None:
     thesis = load_scenario("thesis", ["robots.0.signal={kind: radio}"])
     assert load_scenario(thesis, ["robot=kilobot"]).robot == load_scenario("kilobots").robot
+
+
+def test_a_list_with_a_wrong_element_is_not_said_to_be_too_short() -> None:
+    with pytest.raises(ScenarioError, match=r"infrared\.sensors\.0\.2: is missing$"):
+        load_scenario({"robot": {"infrared": {"sensors": [[1, 2]]}}})
