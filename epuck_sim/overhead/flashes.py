@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.overhead.camera import Frame, Geometry
-from epuck_sim.overhead.light import Background, LightMeter, RingLight
+from epuck_sim.overhead.camera import Frame, Geometry, Light
+from epuck_sim.overhead.light import LIT_LEVEL, Background, LightMeter, RingLight
 from epuck_sim.overhead.rings import Ring, RingFinder
 
 REACH_CM = 2.5  # largest distance of a ring from its place in the frame before; less than the radius of a robot
 MAX_MISSED = 2  # number of frames in a row in which a lit ring may be missed
+_COS, _SIN = (function(np.linspace(0, 2 * np.pi, 8, endpoint=False)) for function in (np.cos, np.sin))
 
 
 class Flash(NamedTuple):
@@ -188,8 +189,17 @@ class CountedRings(NamedTuple):
     always_lit: Sequence[Ring]
     """Rings on the floor that never went off."""
     geometry: Geometry
+    dazzled: float = 0.0
+    """Share of the floor that always shines, as bright as rings."""
     rings: Sequence[Sequence[Ring]] = ()
     """Rings on the floor in each frame, including those of a lit beginning; empty if it was not filmed."""
+
+
+def steady_light(background: Light, ring: Ring) -> float:
+    """Return the mean level of the background on the circle of a ring."""
+    columns = np.clip(np.rint(ring.x_px + ring.radius_px * _COS), 0, background.shape[1] - 1).astype(int)
+    rows = np.clip(np.rint(ring.y_px + ring.radius_px * _SIN), 0, background.shape[0] - 1).astype(int)
+    return float(background[rows, columns].mean())
 
 
 class RingCounter:
@@ -215,16 +225,19 @@ class RingCounter:
         White papers of tags, (4, 2) corners each, are no light.
         """
         light = self._background.light_beyond(frame)
-        seen = self._finder.find(light)
-        rings = self._on_floor(seen)
         lit = light.room_is_lit
+        steady = None if lit else self._background.levels
+        seen = self._finder.find(light)
+        if steady is not None:  # a lamp that flickers may have the shape of a ring
+            seen = [ring for ring in seen if ring.light >= steady_light(steady, ring)]
+        rings = self._on_floor(seen)
         if not self._rings or (self._was_lit and not lit and not self._has_begun):
             self._begin(frame.time_s)
         self._was_lit = lit
         self._has_begun |= bool(rings) and not lit
         for paper_px in papers_px:
             cv2.fillConvexPoly(light.levels, np.round(paper_px).astype(np.int32), (0,))
-        area_px = self._meter.lit_px(light.levels)
+        area_px = self._meter.lit_px(light.levels, steady)
         self._times.append(frame.time_s)  # all at once: Ctrl-C, which ends a live film, must not come in between
         self._counts.append(len(rings))
         self._areas.append(area_px)
@@ -254,6 +267,7 @@ class RingCounter:
         """Return what has been counted so far."""
         times_s, counts = self.lit
         background = self._background.levels
+        bright = max(LIT_LEVEL, self._geometry.ring_light)
         return CountedRings(
             frames=len(self._rings),
             start_s=self.start_s,
@@ -264,5 +278,6 @@ class RingCounter:
             outside=self._outside,
             always_lit=[] if background is None else self._on_floor(self._finder.find(RingLight(background, False))),
             geometry=self._geometry,
+            dazzled=0.0 if background is None else self._meter.share(background, bright),
             rings=self._rings,
         )

@@ -94,18 +94,27 @@ class LightMeter:
             cv2.fillPoly(floor, [np.round(geometry.floor_outline_px()).astype(np.int32)], (1,))
         self._floor = floor[:: self._step, :: self._step] > 0
 
-    def lit_px(self, levels: Light) -> int:
+    def lit_px(self, levels: Light, background: Light | None = None) -> int:
         """Return about how many of (height_px, width_px) levels on the floor, or anywhere if it is not known, are lit.
 
-        Lamps that flicker do not count: they raise whole rows where a camera exposes one row after the other, whole
-        columns if the film is turned, and else all pixels.
+        Lamps that flicker do not count. Those that light the room raise whole rows where a camera exposes one row after
+        the other, whole columns if the film is turned, and else all pixels. Those in the picture, and screens, shine by
+        less than twice their least light, which is in the background.
         """
         if cv2.minMaxLoc(levels)[1] < LEAST_LIGHT:
             return 0
         light = np.asarray(cv2.blur(levels, (SMOOTH_PX, SMOOTH_PX)), np.uint8)[:: self._step, :: self._step]
         beyond = _beyond_usual(light, self._floor)
         beyond = _beyond_usual(beyond.T, self._floor.T).T
-        return self._step**2 * int(np.count_nonzero((beyond >= LEAST_LIGHT) & self._floor))
+        is_light = (beyond >= LEAST_LIGHT) & self._floor
+        if background is not None:
+            is_light &= beyond >= background[:: self._step, :: self._step]
+        return self._step**2 * int(np.count_nonzero(is_light))
+
+    def share(self, levels: Light, least: float) -> float:
+        """Return the share of the floor, or of the picture if it is not known, that has such a level or more."""
+        bright = levels[:: self._step, :: self._step] >= least
+        return float(np.mean(bright[self._floor]))
 
 
 def _beyond_usual(light: Light, floor: BoolArray) -> Light:
