@@ -17,17 +17,22 @@ from tests.overhead.effects import KINDS, padded
     ("kind", "strength"),
     [
         ("burnt out", 40.0),
-        ("lamp", 0.06),
         *(
             pytest.param(kind, strengths[-1], marks=pytest.mark.slow)
             for kind, (_, strengths) in KINDS.items()
-            if kind not in {"burnt out", "lamp", "rolling shutter"}  # flashes of 1.4 frames are cut in the middle
+            if kind not in {"burnt out", "rolling shutter"}  # flashes of 1.4 frames are cut in the middle
         ),
     ],
 )
 def test_an_answer_is_right_or_doubtful(kind: str, strength: float) -> None:
     _, confidence, is_right = examine(KINDS[kind][0](strength), 1, 1)
     assert is_right or confidence != "high"
+
+
+@pytest.mark.parametrize(("kind", "strength"), [("lamp", 0.03), ("lamp", 0.06), ("screen", 0.08)])
+def test_what_shines_and_flickers_is_told_from_rings_and_doubted(kind: str, strength: float) -> None:
+    _, confidence, is_right = examine(KINDS[kind][0](strength), 1, 1)
+    assert (is_right, confidence) == (True, "low")
 
 
 def test_groups_apart_are_not_synchronised() -> None:
