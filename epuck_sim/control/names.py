@@ -25,6 +25,9 @@ ARGUMENTS: Mapping[str, tuple[str, ...]] = {
 """What a controller's functions, and a sensor's, are given, in this order."""
 
 
+FIXED: Mapping[type, Sequence[str]] = {Sensor: ("world", "robot", "parameters"), Controller: ("parameters",)}
+"""What is not set: a sensor would change outcomes, and a controller what all robots of its group have."""
+
 SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "number")
 """What a sensor sees of a robot's record."""
 
@@ -33,32 +36,13 @@ def check_own_names(user: Controller | Sensor) -> None:
     """Raise ControllerError, with line, for names that memory, actuators, readings, world or parameters lack."""
     own: dict[str, Sequence[str]] = {"parameters": tuple(user.parameters)}
     if isinstance(user, Sensor):
-        _check_nothing_set(user)
         role, record = "readings", user.readings
         own |= {"world": World._fields, "robot": SEEN_OF_ROBOTS}
     else:
         role, record = "memory", user.memory
         own |= {"actuators": ACTUATORS.names or ()}
     own[role] = record.names or ()
-    _check_names(user, own, {(role, name) for name in own[role] if record[name].shape})
-
-
-def _check_nothing_set(sensor: Sensor) -> None:
-    """Refuse a sensor that sets anything of the world, a robot or its parameters: it would change outcomes."""
-    if not isinstance(sensor.sense, FunctionType):
-        return
-    definition = _definition_of(sensor.sense, {str(sensor.path): ast.parse(sensor.sources[sensor.path])})
-    names = _names_of_arguments(definition, ARGUMENTS["sense"]) if definition else {}
-    for node in ast.walk(definition) if definition else ():
-        if isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(node.ctx, ast.Load):
-            root: ast.expr = node
-            while isinstance(root, ast.Attribute | ast.Subscript):
-                root = root.value
-            role = names.get(root.id) if isinstance(root, ast.Name) else None
-            if role in ("world", "robot", "parameters"):
-                raise ControllerError(
-                    f"{sensor.path}:{node.lineno}: sets {ast.unparse(node)}; a sensor sets its readings alone"
-                )
+    _check_names(user, own, {(role, name) for name in own[role] if record[name].shape}, FIXED[type(user)])
 
 
 @lru_cache
@@ -68,11 +52,15 @@ def check_sensed(controller: Controller, readings: tuple[str, ...] = ()) -> None
 
 
 def _check_names(
-    user: Described, known: Mapping[str, Sequence[str]], several: Collection[tuple[str, str]] = ()
+    user: Described,
+    known: Mapping[str, Sequence[str]],
+    several: Collection[tuple[str, str]] = (),
+    fixed: Sequence[str] = (),
 ) -> None:
     """Check names by these roles; functions that are handed what has a role are followed, assignments are not.
 
-    Those of `several` numbers, by role and name, are not set as a whole: numba copies whatever lies there.
+    Those of `several` numbers, by role and name, are not set as a whole: numba copies whatever lies there. Nothing of
+    what has a role in `fixed` is set.
     """
     trees = {str(path): ast.parse(source) for path, source in user.sources.items() if path.suffix == ".py"}
     todo: list[tuple[object, tuple[str | None, ...]]] = [
@@ -88,6 +76,7 @@ def _check_names(
         if definition is not None:
             names = _names_of_arguments(definition, roles)
             _check_attributes(definition, names, known, several, function.__code__.co_filename)
+            _check_fixed(definition, names, fixed, function.__code__.co_filename)
             for node in ast.walk(definition):
                 if isinstance(node, ast.Call):
                     given = tuple(names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args)
@@ -137,6 +126,29 @@ def _check_attributes(
         if (role, node.attr) in several and not isinstance(node.ctx, ast.Load):
             said = ast.unparse(node)
             raise ControllerError(f"{file}:{node.lineno}: sets {said}, which is several numbers; set {said}[:] instead")
+
+
+def _check_fixed(definition: ast.FunctionDef, names: Mapping[str, str], fixed: Sequence[str], file: str) -> None:
+    """Refuse what sets a part of what is fixed, under another name, too."""
+    roles = dict(names)
+    for node in ast.walk(definition):
+        if isinstance(node, ast.Assign | ast.For):
+            part, targets = (node.iter, [node.target]) if isinstance(node, ast.For) else (node.value, node.targets)
+            if role := roles.get(_root(part)):
+                roles |= {each.id: role for each in targets if isinstance(each, ast.Name)}
+    for node in ast.walk(definition):
+        if not isinstance(node, ast.Attribute | ast.Subscript) or isinstance(node.ctx, ast.Load):
+            continue
+        if roles.get(_root(node)) in fixed:
+            why = "a sensor sets its readings alone" if "world" in fixed else "all robots share them; use memory"
+            raise ControllerError(f"{file}:{node.lineno}: sets {ast.unparse(node)}; {why}")
+
+
+def _root(node: ast.AST) -> str:
+    """Return the name that an attribute or a part of an array belongs to, over all dots and brackets."""
+    while isinstance(node, ast.Attribute | ast.Subscript):
+        node = node.value
+    return node.id if isinstance(node, ast.Name) else ""
 
 
 def unknown_name(role: str, name: str, names: Sequence[str]) -> str:
