@@ -90,6 +90,19 @@ def test_two_values_of_an_axis_are_matched_over_the_others_and_what_is_tied_to_i
     ]
 
 
+def test_values_of_an_axis_that_have_no_order_are_matched() -> None:
+    values = [None, 30, {"kind": "cone"}]
+    made = [
+        point._replace(axes={SPEED: point.axes[SPEED], "mixed": values[point.number % 3]})
+        for point in in_memory(sweep({SPEED: [1, 2], COUNT: [3, 4, 5]}), lambda point: ended([point.number]))
+    ]
+    matches = match_values(made, "mixed", values[:2]).matches
+    assert [(axes, *(point.number for point in both)) for axes, both in matches] == [
+        ({SPEED: 1}, 0, 1),
+        ({SPEED: 2}, 3, 4),
+    ]
+
+
 def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
     one = in_memory(sweep({SPEED: [1, 2], COUNT: [3]}), lambda point: ended([point.number + 1] * 5))
     other = in_memory(sweep({COUPLING: [0.1, 0.2, 0.3], COUNT: [3]}), lambda point: ended([point.number + 11] * 5))
