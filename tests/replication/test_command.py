@@ -164,6 +164,14 @@ RISE = {"test": "largest_rise", "along": SPEED}
             [{**claim("A1", {"test": "formula", "number": "sigma_c", "above": 1}), "sweep": None}],
             "A1.checks.0: number: unknown 'sigma_c', did you mean 'sigma_b'?; allowed: largest_shift",
         ),
+        ([claim("A1", {**FASTER, "within": [0, 2]})], "A1.checks.0: a ratio of means lies above 0: give numbers above"),
+        ([claim("A1", {**RISE, "below": 0})], "A1.checks.0: a ratio of means lies above 0: give numbers above 0"),
+        ([claim("A1", {"test": "share", "above": 3})], "A1.checks.0: a share, or a chance, lies between 0 and 1"),
+        (
+            [claim("A1", {"test": "likelier", "law": "gamma", "than": "gamma", "above": 0})],
+            "A1.checks.0: than is gamma, as law is; allowed: another law",
+        ),
+        ([claim("A1", {**RISE, "take": "final", "above": 1})], "A1.checks.0: take is given without of"),
     ],
 )
 def test_a_file_of_claims_that_is_wrong_is_refused_in_words(claims, message, tmp_path) -> None:
