@@ -206,6 +206,37 @@ def test_a_test_of_points_that_the_sweep_lacks_names_its_claim(tmp_path) -> None
     assert told == "error: claim A1: where all points: 6 points; level is of one\n"
 
 
+@pytest.mark.parametrize(
+    ("check", "message"),
+    [
+        (
+            {**RISE, "along": "speed", "above": 1},
+            f"along: unknown 'speed'; axes with numbers: response.coupling, {SPEED}",
+        ),
+        ({**RISE, "along": "neighbourhood", "above": 1}, "along: neighbourhood has other values; axes with numbers: "),
+        (
+            {"test": "place_exponent", "place": "V_m", "along": SPEED, "over": "count", "above": 1},
+            "over: unknown 'count'; axes with numbers: ",
+        ),
+        (
+            {**RISE, "of": "oder_parameter", "above": 1},
+            "of: unknown 'oder_parameter', did you mean 'order_parameter'?; m",
+        ),
+        (
+            {"test": "ratio", "between": [{SPEED: 1}, {"response.coupling": 0.4}], "above": 1},
+            f"between {SPEED} = 1 and response.coupling = 0.4: no pairs",
+        ),
+    ],
+)
+def test_a_test_of_what_the_sweep_lacks_is_refused_before_it_runs(check, message, tmp_path) -> None:
+    grid = {**SWEEP["keys"]["sweep"]["grid"], "neighbourhood": [{"kind": "nearest", "k": k} for k in (1, 2)]}
+    keys = {**SWEEP["keys"], "measures": ["order_parameter"], "sweep": {"grid": grid}}
+    file = write_claims(tmp_path, [claim("A1", check)], {**SWEEP, "keys": keys})
+    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
+    assert told.startswith(f"error: claim A1: {message}")
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
     sweep = {**SWEEP, "keys": {**SWEEP["keys"], "measures": ["order_parameter"]}}
     final = {"test": "level", "of": "order_parameter", "where": {"response.coupling": 0.4, SPEED: 1}}
