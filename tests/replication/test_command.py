@@ -58,6 +58,8 @@ def test_the_page_has_a_row_for_each_claim_and_explains_those_that_do_not_hold(r
     assert "- A misprint." in page
     assert str(file.parent / "claims.yaml") not in page
     assert page.count("epuck-sim replicate") == 1
+    assert page.startswith("# Replication, claim by claim\n")
+    assert "thesis" not in page
     assert re.findall(r"^!\[(A\d)\]\((.*)\)$", page, re.MULTILINE) == [("A3", "figures/claim-A3.png")]
     assert image.imread(folder / "figures/claim-A3.png").shape[1] == pytest.approx(8.5 / 2.54 * 120, abs=1)
 
@@ -101,7 +103,7 @@ def test_chosen_claims_have_a_page_of_their_own(replicated) -> None:
     assert call("replicate", "A2", "A5", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
     page = (folder / "chosen.md").read_text()
     assert "2 claims: holds 1, contradicted 1." in page
-    assert f"`epuck-sim replicate A2 A5 --out {folder}`" in page
+    assert f"`epuck-sim replicate A2 A5 --claims claims.yaml --out {folder}`" in page
     assert (folder / "replication.md").read_bytes() == whole
     assert [row["id"] for row in read_table(folder, "chosen.csv")] == ["A2", "A5"]
     assert (folder / "chosen-sweeps.csv").is_file()
