@@ -297,6 +297,10 @@ def _notes(compared: Sequence[Comparison]) -> Iterator[str]:
     if few:
         none = "with a value" if compared[0].of else "that synchronised"
         yield f"-: fewer than {MIN_TRIALS} trials on one side, or none {none}, at {counted(few, 'point')}."
+    unaveraged = sum(each.compared - each.averaged for each in compared)
+    if unaveraged:
+        alike = "the trials of one side are all censored or alike" + ", or a mean is not above 0" * bool(compared[0].of)
+        yield f"In p over all, and not in the ratio: {counted(unaveraged, 'point')}, where {alike}."
     left_out = sum(each.left_out for each in compared)
     if left_out:
         yield f"Left out: {counted(left_out, 'point')} with trials on one side only."

@@ -274,6 +274,19 @@ def test_where_all_trials_of_one_side_are_censored_there_is_a_p_value_and_no_int
     assert not point.difference.has_interval
 
 
+def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() -> None:
+    def slow(point):
+        return ended([5000] * 20, [False] * 20) if point.axes[SPEED] == 1 else ended(range(40, 60))
+
+    first, second = (
+        in_memory(sweep({SPEED: [1, 2]}), slow),
+        in_memory(sweep({SPEED: [1, 2]}), lambda _: ended(range(20, 40))),
+    )
+    (table,) = comparison_tables([compared(first, second)], first)
+    assert any(note.startswith("In p over all, and not in the ratio: 1 point, where") for note in table.notes)
+    assert "the geometric mean of 1 point; p = " in table.notes[-1]
+
+
 def test_where_most_trials_are_censored_no_difference_is_beyond_the_limit() -> None:
     found = compared(
         in_memory(sweep({SPEED: [1]}), lambda _: ended([5, *[5000] * 4], [True] + [False] * 4)),
