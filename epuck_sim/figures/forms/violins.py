@@ -16,9 +16,9 @@ from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_t
 from epuck_sim.figures.labels import undetermined_label
 from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.style import (
-    BAND,
     GREY,
     count_trials,
+    draw_intervals,
     format_tick,
     has_log_scale,
     is_logarithmic,
@@ -137,7 +137,7 @@ class Violins(Form):
         low, high = np.nan_to_num(curve.intervals, posinf=1e12, nan=np.nan).T
         label = "Weibull mean (Appendix A)" if self.of is None else "mean"
         panel.plot(curve.x, curve.values, ".-", color=LINE, label=label)
-        panel.fill_between(curve.x, low, high, color=LINE, alpha=BAND, linewidth=0, label="its 95 % interval")
+        draw_intervals(panel, curve.x, low, high, LINE, "its 95 % interval")
         unknown = curve.x[np.isnan(curve.values)]
         if len(unknown):
             at, place = np.full(len(unknown), CROSS_AT), panel.get_xaxis_transform()
