@@ -64,6 +64,10 @@ class Violins(Form):
         check_has_values(points, cls.name)
         axis = choose_axis([point.axes for point in points], *choices.axis("x"))
         censored_at = choices.section.censored_at_cycles if points[0].of is None else None
+        limit = max(point.scenario.stop.max_cycles for point in points)
+        if "censored_at_cycles" in choices.given and censored_at is not None and censored_at > limit:
+            name = "--censored-at" if choices.prefix else "censored_at_cycles"
+            raise EpuckSimError(f"{name} is {censored_at}; allowed: up to {limit}, the limit of the trials")
         return cls(axis=axis, curves=read_violins(points, axis, censored_at), censored_at=censored_at)
 
     @property
