@@ -340,7 +340,11 @@ def plan(
     )
     processes = workers or available_cores()
     if is_folder:
-        planned = plan_trials(read_points(folder, of=of), (difference or 20) / 100, power / 100)
+        stored, planned = read_points(folder, of=of), None
+        if of or difference or all(point.has_t_sync for point in stored):
+            planned = plan_trials(stored, (difference or 20) / 100, power / 100)
+        else:
+            typer.echo("note: trials have no T_sync; --of NAME tells how many trials a measure takes", err=True)
         duration = duration_of_folder(folder, trials, processes, trusted=trust)
         print_plan(sweep, duration, planned, as_json=as_json)
         return

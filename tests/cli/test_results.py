@@ -282,6 +282,24 @@ def test_plan_of_a_folder_tells_how_long_more_trials_take(two) -> None:
     assert (duration["wall_s"], duration["left"], duration["timed"]) == (pytest.approx(100), 400_000, 240)
 
 
+def test_plan_of_a_folder_without_t_sync_tells_how_long_it_takes_alone(tmp_path) -> None:
+    scenario = sweep({SPEED: [1, 2]}, trials=3, stop={"order_parameter": None, "max_cycles": 9})
+    result = call("plan", store(tmp_path / "run", scenario, lambda _: ended([9] * 3, [False] * 3)))
+    assert result.exit_code == 0
+    assert "2 points, 3 trials each: all are stored." in result.stdout
+    assert result.stderr.startswith("note: trials have no T_sync; --of NAME")
+
+
+def test_plan_names_the_share_that_a_folder_is_for(tmp_path) -> None:
+    call("run", "pair", "--set", "stop.max_cycles=2", "--trials", 2, "--share", "1/2", "--out", tmp_path / "run")
+    assert "2 trials each: all of share 1/2 are stored." in called("plan", tmp_path / "run")
+
+
+def test_plan_says_that_censored_trials_tell_nothing(tmp_path) -> None:
+    folder = store(tmp_path / "run", sweep({SPEED: [1, 2]}), lambda _: ended([5000] * 9, [False] * 9))
+    assert "in 80 % of all cases: all are censored at their limit." in called("plan", folder)
+
+
 def test_plan_of_a_scenario_times_some_of_its_trials() -> None:
     options = ("--sweep", f"{SPEED}=1,2,4,8,10,12", "--set", "stop.max_cycles=2", "--trials", 1000, "--workers", 2)
     stdout = called("plan", "pair", *options)
