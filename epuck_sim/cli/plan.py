@@ -39,6 +39,8 @@ class Duration(NamedTuple):
     """Whether the last of these was cut: then it takes longer."""
     at_limit: Sequence[PointAtLimit] = ()
     """Points whose trials, of these, have all reached their limit."""
+    share: str | None = None
+    """Share of the sweep that the run folder is for, such as 3/40; None if it is for all of it."""
 
 
 def duration_of_folder(folder: Path, trials: int | None, workers: int, *, trusted: bool) -> Duration:
@@ -50,7 +52,7 @@ def duration_of_folder(folder: Path, trials: int | None, workers: int, *, truste
     left = {number: max(0, len(share.trials(number, wanted)) - len(of_point)) for number, of_point in stored.items()}
     compute_s = sum(left[number] * np.mean(of_point or times or [0.0]) for number, of_point in stored.items())
     seconds, count = Estimate(float(compute_s)), sum(left.values())
-    return Duration(len(stored), wanted, count, workers, seconds, len(times), False, status.at_limit)
+    return Duration(len(stored), wanted, count, workers, seconds, len(times), False, status.at_limit, status.share)
 
 
 def duration_of_scenario(points: Sequence[Point], wanted: int, budget_s: float, workers: int) -> Duration:
@@ -74,16 +76,17 @@ def print_plan(name: str, duration: Duration, plan: TrialPlan | None, *, as_json
     if plan:
         show([plan.table(name)], None, as_json=False)
     total = f"{name}: {counted(duration.points, 'point')}, {counted(duration.trials, 'trial')} each"
+    of_share = f" of share {duration.share}" if duration.share else ""
     if not duration.left:
-        lines = [f"{total}: all are stored."]
+        lines = [f"{total}: all{of_share} are stored."]
     elif not duration.timed:
-        lines = [f"{total}: {duration.left} are left; none has been timed."]
+        lines = [f"{total}: {duration.left}{of_share} are left; none has been timed."]
     else:
         computing, with_workers = (_in_words(each, duration.is_cut) for each in (duration.compute_s, wall_s))
         workers = counted(duration.workers, "worker")
         cut = "; the last was cut, so that it is more" if duration.is_cut else ""
         lines = [
-            f"{total}: {duration.left} are left: {computing} of computing, {with_workers} with {workers}.",
+            f"{total}: {duration.left}{of_share} are left: {computing} of computing, {with_workers} with {workers}.",
             f"That follows from {counted(duration.timed, 'trial')}{cut}.",
         ]
     print("\n".join(map(folded, [*lines, *describe_at_limit(duration.at_limit)])))

@@ -69,13 +69,13 @@ def replicate(
     folders = {name: sweep_folder(out, name) for name in needed}
     failed, undecided = _run_claims(chosen, needed, folders, open_pool, budget_s)
     trials = RunFolders(folders)
-    contents = read_contents(known, chosen, trials, out)
-    file = write_replication(contents, trials, out)
+    contents = read_contents(known, chosen, trials, out, file)
+    page = write_replication(contents, trials, out)
     for answer in contents.answers:
         typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")
     if undecided is not None:
         typer.echo(undecided.to_text(terminal_width()))
-    typer.echo(file)
+    typer.echo(page)
     if failed:
         typer.echo(f"{counted(failed, 'trial')} failed; give the command again to retry them", err=True)
         raise typer.Exit(1)

@@ -103,7 +103,7 @@ def compare(
         list[Path], typer.Argument(metavar="FOLDER...", help="Run folders with the same axes; or one, for --axis.")
     ],
     axis: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(metavar="KEY=A,B,...", help="Compare values of an axis of one folder: robots.0.count=5,10"),
     ] = None,
     points: Annotated[
@@ -128,14 +128,18 @@ def compare(
 
     reject_first(
         options.both(as_json, as_csv),
-        (axis is not None and bool(points), "--axis is of one folder, --points of several: give one of them"),
-        ((len(folders) == 1) == (axis is None), "give two or more run folders, or one and --axis KEY=A,B"),
+        (bool(axis and points), "--axis is of one folder, --points of several: give one of them"),
+        (len(axis or ()) > 1, f"--axis is given {len(axis or ())} times; allowed: once"),
+        ((len(folders) == 1) == (not axis), "give two or more run folders, or one and --axis KEY=A,B"),
+    )
+    names = list(map(str, folders))
+    reject_first(
+        *((not points and names.count(name) > 1, f"{name} is given twice; allowed: other folders") for name in names)
     )
     read = [read_points(folder, of) for folder in folders]
-    names = list(map(str, folders))
-    if axis is not None:
-        typed, values = parse_axis(axis, "--axis")
-        key = axis_key(typed, [point.axes for point in read[0]], f"--axis {axis}")
+    if axis:
+        typed, values = parse_axis(axis[0], "--axis")
+        key = axis_key(typed, [point.axes for point in read[0]], f"--axis {axis[0]}")
         samples = match_values(read[0], key, values)
     elif points:
         allowed = "allowed: numbers of points, one of each folder, as in 3,0"
@@ -340,7 +344,11 @@ def plan(
     )
     processes = workers or available_cores()
     if is_folder:
-        planned = plan_trials(read_points(folder, of=of), (difference or 20) / 100, power / 100)
+        stored, planned = read_points(folder, of=of), None
+        if of or difference or all(point.has_t_sync for point in stored):
+            planned = plan_trials(stored, (difference or 20) / 100, power / 100)
+        else:
+            typer.echo("note: trials have no T_sync; --of NAME tells how many trials a measure takes", err=True)
         duration = duration_of_folder(folder, trials, processes, trusted=trust)
         print_plan(sweep, duration, planned, as_json=as_json)
         return

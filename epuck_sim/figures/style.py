@@ -210,6 +210,15 @@ PLAIN = (1e-3, 1e5)
 """Ends of the range whose numbers are written out; where a panel has others, all are powers of ten."""
 
 
+def draw_intervals(panel: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colour: str, label: str = "") -> None:
+    """Draw intervals as a band, and those without a neighbour, where a band has no area, as bars; NaN where none is."""
+    panel.fill_between(x, low, high, color=colour, alpha=BAND, linewidth=0, label=label)
+    known = np.pad(~np.isnan(low), 1)
+    alone = known[1:-1] & ~known[:-2] & ~known[2:]
+    if alone.any():
+        panel.vlines(x[alone], low[alone], high[alone], color=colour, linewidth=1)
+
+
 def is_logarithmic(key: str, values: FloatArray) -> bool:
     """Return whether an axis with these values, (n,), is logarithmic: they are positive, and speeds or far apart."""
     return spans_decades(key, float(values.min()), float(values.max()))

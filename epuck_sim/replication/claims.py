@@ -108,7 +108,7 @@ class Check(ConfigModel):
     of: str | None = None  # measure that is tested; T_sync by default
     take: Literal["first", "final", "mean", "largest", "growth"] | None = None
     """Which of a series's values stands for a trial; `growth`: the slope of its logarithm over cycles."""
-    between: tuple[Values, Values] = ({}, {})  # two places that are compared; points are paired in the sweep's order
+    between: tuple[Values, Values] = ({}, {})  # two places; a ratio pairs points that agree in all other axes
     along: str = ""  # axis along which means go, or curves are drawn
     over: str = ""  # axis in which curves differ
     place: Literal["V_m", "T_m", "V_p", "T_p", "V_f"] = "V_m"  # place on each curve
@@ -141,12 +141,25 @@ class Check(ConfigModel):
             raise ValueError("give one of above, below and within")
         if self.within is not None and self.within[0] >= self.within[1]:
             raise ValueError("within: the first number must be the lower one")
-        if self.test == "share_difference" and any(self.predicted):
-            raise ValueError("a difference of shares is tested against 0: give above: 0 or below: 0")
-        if self.test == "rank_trend" and not all(-1 < each < 1 for each in self.predicted if each is not None):
-            raise ValueError("a correlation lies between -1 and 1")
         if self.test == "formula" and self.number not in FORMULAS:
             raise ValueError(f"number: {did_you_mean(self.number, dict(FORMULAS))}; allowed: {comma_list(FORMULAS)}")
+        return self
+
+    @model_validator(mode="after")
+    def _can_be_decided(self) -> "Check":
+        if self.test == "share_difference" and any(self.predicted):
+            raise ValueError("a difference of shares is tested against 0: give above: 0 or below: 0")
+        thresholds = [each for each in self.predicted if each is not None]
+        if self.test == "rank_trend" and not all(-1 < each < 1 for each in thresholds):
+            raise ValueError("a correlation lies between -1 and 1")
+        if self.test in ("share", "superiority") and not all(0 <= each <= 1 for each in thresholds):
+            raise ValueError("a share, or a chance, lies between 0 and 1")
+        if self.test in ("ratio", "largest_rise", "weibull_ratio") and min(thresholds) <= 0:
+            raise ValueError("a ratio of means lies above 0: give numbers above 0")
+        if self.test == "likelier" and self.law == self.than:
+            raise ValueError(f"than is {self.than}, as law is; allowed: another law")
+        if self.take is not None and self.of is None:
+            raise ValueError("take is given without of, the measure whose values it takes")
         return self
 
 

@@ -35,8 +35,6 @@ MIN_VALUES = 3  # fewest values of an axis that are drawn as a curve
 MOST_TESTS = 4  # most tests of a claim that are written out
 LEAST_P = 1e-4  # p-values below this are given as this one
 
-TITLE = "Replication of the thesis, claim by claim"
-
 RULES = (
     "A claim holds if all its tests do, and is contradicted if any is; else it is undecided. An identity cannot fail. "
     "A reading is decided by a limit or a wording of ours. Shown is the first test that decides, with its 95 % "
@@ -65,6 +63,7 @@ class Contents(NamedTuple):
     sweeps: dict[str, Asked]  # the sweeps that were asked
     claims: Claims  # the file of claims
     looks: int  # most looks at a sweep; 1 if no sweep has more trials than its scenario
+    file: Path | None = None  # the file of claims, if they are not the thesis's
 
     @property
     def has_all(self) -> bool:
@@ -72,7 +71,9 @@ class Contents(NamedTuple):
         return len(self.chosen) == len(self.claims.claims)
 
 
-def read_contents(claims: Claims, chosen: Sequence[Claim], trials: Trials, folder: Path) -> Contents:
+def read_contents(
+    claims: Claims, chosen: Sequence[Claim], trials: Trials, folder: Path, file: Path | None = None
+) -> Contents:
     """Test the chosen claims on the trials that are stored.
 
     Raises:
@@ -84,7 +85,7 @@ def read_contents(claims: Claims, chosen: Sequence[Claim], trials: Trials, folde
         (sweep_scenario(claims, name), max(len(point.times) for point in asked.points))
         for name, asked in sweeps.items()
     )
-    return Contents(folder, chosen, judge_claims(findings, looks), sweeps, claims, looks)
+    return Contents(folder, chosen, judge_claims(findings, looks), sweeps, claims, looks, file)
 
 
 def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
@@ -130,18 +131,21 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     Relative paths of figures are given by their claims' ids, those of tables by what their rows are.
     """
     names = [] if contents.has_all else [claim.id for claim in contents.chosen]
-    command = " ".join(["epuck-sim replicate", *names, f"--out {contents.folder}"])
+    file = contents.file
+    asked = [] if file is None else [f"--claims {file.name if file.is_absolute() else file}"]
+    command = " ".join(["epuck-sim replicate", *names, *asked, f"--out {contents.folder}"])
     counts = Counter(answer.verdict for answer in contents.answers)
     parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
     links = ", ".join(f"[{name}]({path})" for name, path in tables.items())
     count = sum(each.tested.check.test != "formula" for answer in contents.answers for each in answer.checks)
-    yield f"# {TITLE}"
+    yield f"# Replication{' of the thesis' * (file is None)}, claim by claim"
     yield f"{len(contents.answers)} claims: {', '.join(parts)}. Written by `{command}`, with all numbers: {links}."
     looked = f"Each sweep was looked at up to {contents.looks} times, for which p is corrected, too."
     rules = [f"{RULES}{count}.", looked if contents.looks > 1 else "", contents.claims.pooled]
     yield escaped(" ".join(filter(None, rules)))
     rows = [_verdict_row(answer, pictures) for answer in contents.answers]
-    yield "\n".join(["claim | the thesis says | ours | verdict", "--- | --- | --- | ---", *rows])
+    said = "the thesis says" if file is None else "what is claimed"
+    yield "\n".join([f"claim | {said} | ours | verdict", "--- | --- | --- | ---", *rows])
     for verdict in EXPLAINED:
         answers = [answer for answer in contents.answers if answer.verdict == verdict]
         if answers:

@@ -38,7 +38,7 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim]) -> dict[str, Scenario
     """Return the scenarios of the sweeps that the chosen claims are asked of, by name.
 
     Raises:
-        EpuckSimError: One of them cannot be run, or lacks a point that a claim names; then none is.
+        EpuckSimError: One of them cannot be run, or lacks what a claim names; then none is.
     """
     names = dict.fromkeys(claim.sweep for claim in chosen if claim.checks and claim.sweep is not None)
     scenarios = {name: sweep_scenario(claims, name) for name in names}

@@ -14,13 +14,13 @@ from epuck_sim.replication import criteria
 from epuck_sim.replication.claims import FORMULAS, TESTS, Check, Claim, Values
 from epuck_sim.replication.criteria import Drawn, Effect
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import canonical_text
+from epuck_sim.scenario.axes import canonical_text, choose_axis, other_axes
 from epuck_sim.scenario.points import Point
 from epuck_sim.statistics.comparison import holm
 from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes
 from epuck_sim.statistics.measured import Measured, measure, measure_t_sync
 from epuck_sim.statistics.sequential import looks_p_value
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SMALLEST, LARGEST = 1e-12, 1e-3
 """Deviations, in cycles, between which growth is judged: above rounding, and far below where it must end."""
@@ -79,10 +79,22 @@ def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
 
 
 def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
-    """Return the points of a sweep that a check uses; raise EpuckSimError for none, or more than the test is of."""
+    """Return the points of a sweep that a check uses.
+
+    Raises:
+        EpuckSimError: There is none, or more than the test is of; or they lack a measure or an axis that it names.
+    """
     test = TESTS[check.test]
     places = check.between if "between" in test.takes else ({},)
     used = [each for place in places for each in points_at({**check.where, **place}, points)]
+    if check.test == "ratio":
+        used = [each for side in zip(*pair_points(check, used), strict=True) for each in side]
+    measured: list[str] = [measure.name for measure in used[0].scenario.measures]
+    if check.of is not None and check.of not in measured:
+        raise EpuckSimError(f"of: {did_you_mean(check.of, measured)}; measured: {comma_list(measured)}")
+    for key in ("along", "over"):
+        if key in test.takes:
+            choose_axis([point.axes for point in used], getattr(check, key), key)
     if test.points not in (None, len(used)):
         of = "one at each place" if test.points == 2 else "one"
         raise EpuckSimError(f"where {_in_text(check.where)}: {len(used)} points; {check.test} is of {of}")
@@ -95,11 +107,22 @@ def points_at(values: Values, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     found = [
         point
         for point in points
-        if all(canonical_text({"value": point.axes.get(key)}) == text for key, text in wanted.items())
+        if all(key in point.axes and canonical_text({"value": point.axes[key]}) == text for key, text in wanted.items())
     ]
     if not found:
         raise EpuckSimError(f"where {_in_text(values)}: the sweep has no such point")
     return found
+
+
+def pair_points(check: Check, points: Sequence[AnyPoint]) -> list[tuple[AnyPoint, AnyPoint]]:
+    """Return the points at the first place of a check that have one at the second, with it: all other axes agree."""
+    sides: list[list[AnyPoint]] = [points_at({**check.where, **place}, points) for place in check.between]
+    others = other_axes([point.axes for side in sides for point in side], *check.between[0], *check.between[1])
+    one, other = ({canonical_text({key: point.axes[key] for key in others}): point for point in side} for side in sides)
+    pairs = [(point, other[text]) for text, point in one.items() if text in other]
+    if not pairs or [len(one), len(other)] != [*map(len, sides)]:
+        raise EpuckSimError(f"between {_in_text(check.between[0])} and {_in_text(check.between[1])}: no pairs")
+    return pairs
 
 
 def _in_text(values: Values) -> str:
@@ -112,10 +135,7 @@ Find: TypeAlias = Callable[[Check, Points, Samples], Effect]
 
 
 def _ratio(check: Check, points: Points, samples: Samples) -> Effect:
-    first, second = (points_at({**check.where, **place}, points) for place in check.between)
-    if len(first) != len(second):
-        raise EpuckSimError(f"between {_in_text(check.between[0])} and {_in_text(check.between[1])}: no pairs")
-    return criteria.ratio([(samples[a.key], samples[b.key]) for a, b in zip(first, second, strict=True)])
+    return criteria.ratio([(samples[a.key], samples[b.key]) for a, b in pair_points(check, points)])
 
 
 def _of_each(test: Callable[..., Effect]) -> Find:

@@ -9,8 +9,7 @@ from epuck_sim.display.table import Row, Share, Table
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS, Estimate, significant
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import canonical_text
-from epuck_sim.statistics.curves import group_by_other_axes
+from epuck_sim.scenario.axes import canonical_text, group_rows
 from epuck_sim.statistics.mean import estimate_mean, estimate_share, share_difference
 from epuck_sim.statistics.measured import Measured, measure, measure_unit, quantity
 from epuck_sim.statistics.names import Statistic, statistic_name
@@ -138,7 +137,8 @@ def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
             values_known = comma_list([*map(short_repr, known.values())])
             raise EpuckSimError(f"--axis: {key} is never {short_repr(value)}; its values: {values_known}")
     matches = []
-    for axes, group in group_by_other_axes(points, key):
+    for axes, places in group_rows([point.axes for point in points], key):
+        group = [points[place] for place in places if len(points[place].times)]
         found = {canonical_text({key: point.axes[key]}): point for point in group}
         matches.append((axes, [found.get(text) for text in texts]))
     return _check(Samples([f"{key} = {value}" for value in values], matches))
@@ -297,6 +297,10 @@ def _notes(compared: Sequence[Comparison]) -> Iterator[str]:
     if few:
         none = "with a value" if compared[0].of else "that synchronised"
         yield f"-: fewer than {MIN_TRIALS} trials on one side, or none {none}, at {counted(few, 'point')}."
+    unaveraged = sum(each.compared - each.averaged for each in compared)
+    if unaveraged:
+        alike = "the trials of one side are all censored or alike" + ", or a mean is not above 0" * bool(compared[0].of)
+        yield f"In p over all, and not in the ratio: {counted(unaveraged, 'point')}, where {alike}."
     left_out = sum(each.left_out for each in compared)
     if left_out:
         yield f"Left out: {counted(left_out, 'point')} with trials on one side only."

@@ -78,7 +78,7 @@ class Laws(NamedTuple):
     exponents: list[Comparison]
     offset_laws: dict[str, OffsetLaw]  # laws of T_m and T_p, by name
     reason: str  # why there are no laws, or nothing
-    left_out: int = 0  # number of curves with a minimum and a peak that differ from these in another setting
+    left_out: int = 0  # number of curves with a minimum and a peak, or V_f, that differ from these in another setting
 
 
 def fit_curves(folder: Path, statistic: Statistic = Statistic.MEAN) -> list[FittedCurve]:
@@ -130,7 +130,7 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
     except ValueError as error:
         return Laws(model, len(alike), [], {}, str(error))
     if not exponents:
-        several = f"{counted(len(alike), 'curve')} with a minimum and a peak"
+        several = f"{counted(len(alike), 'curve')} with {FOUND.get(model, FOUND['embodied'])}"
         return Laws(model, len(alike), [], {}, f"{several}, none of which differ in epsilon, L, N or tau")
     offset_laws = {} if model == "particles" else _offset_laws(parameters, quantities)
     return Laws(model, len(alike), exponents, offset_laws, "", len(found) - len(alike))
@@ -160,6 +160,9 @@ def _offset_laws(parameters: Parameters, quantities: Mapping[str, Quantity]) -> 
             laws[name] = fit_offset_law(parameters, *quantities[name])
     return laws
 
+
+FOUND = {"embodied": "a minimum and a peak", "particles": "a minimum and a peak, or V_f"}
+"""What curves have that laws are of, by model."""
 
 NOUNS = {"embodied": "robots", "particles": "point agents"}  # names of the models
 
@@ -214,7 +217,7 @@ def _laws_table(laws: Laws) -> Table:
         NOTES.get(laws.model, NOTES["embodied"]),
     ]
     if laws.left_out:
-        several = f"{laws.left_out} curves with a minimum and a peak"
+        several = f"{laws.left_out} curves with {FOUND.get(laws.model, FOUND['embodied'])}"
         notes.append(f"{several} are left out: they differ in more than V, epsilon, L, N and tau.")
     return Table(f"Scaling laws of {laws.curves} curves of {NOUNS.get(laws.model, laws.model)}", rows, notes)
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.estimate import LEVEL, Estimate
+from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
 from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import Measured
 
@@ -146,8 +146,10 @@ def look_interval(measured: Measured, limit: int) -> Estimate:
     """Return the mean at a look, restricted where trials are censored, with its interval; `limit` is that of trials.
 
     Where all trials are censored, no more of them than the binomial distribution allows would end sooner (Clopper and
-    Pearson 1934).
+    Pearson 1934). Nothing is known where all trials have failed.
     """
+    if not len(measured.values):
+        return UNDETERMINED
     level = look_level(look_sizes(limit))
     if measured.observed.any():
         return estimate_mean(measured, level)

@@ -264,11 +264,12 @@ def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> Non
     assert f"B / A = {Estimate(**found['ratio'])}, the geometric mean of 4 points; p = 0.0002" in stdout
 
 
-def test_compare_says_where_trials_are_too_few(few) -> None:
-    stdout = called("compare", few, few)
+def test_compare_says_where_trials_are_too_few(few, tmp_path) -> None:
+    other = shutil.copytree(few, tmp_path / "other")
+    stdout = called("compare", few, other)
     assert "-: fewer than 5 trials on one side, or none that synchronised, at 13 points." in stdout
     assert "Over all" not in stdout
-    assert json.loads(called("compare", few, few, "--json"))["p_value"] is None
+    assert json.loads(called("compare", few, other, "--json"))["p_value"] is None
 
 
 # plan
@@ -280,6 +281,24 @@ def test_plan_of_a_folder_tells_how_long_more_trials_take(two) -> None:
     duration = json.loads(called("plan", two[0], "--trials", 100_060, "--workers", 4, "--json"))["duration"]
     assert duration["compute_s"]["value"] == pytest.approx(400)
     assert (duration["wall_s"], duration["left"], duration["timed"]) == (pytest.approx(100), 400_000, 240)
+
+
+def test_plan_of_a_folder_without_t_sync_tells_how_long_it_takes_alone(tmp_path) -> None:
+    scenario = sweep({SPEED: [1, 2]}, trials=3, stop={"order_parameter": None, "max_cycles": 9})
+    result = call("plan", store(tmp_path / "run", scenario, lambda _: ended([9] * 3, [False] * 3)))
+    assert result.exit_code == 0
+    assert "2 points, 3 trials each: all are stored." in result.stdout
+    assert result.stderr.startswith("note: trials have no T_sync; --of NAME")
+
+
+def test_plan_names_the_share_that_a_folder_is_for(tmp_path) -> None:
+    call("run", "pair", "--set", "stop.max_cycles=2", "--trials", 2, "--share", "1/2", "--out", tmp_path / "run")
+    assert "2 trials each: all of share 1/2 are stored." in called("plan", tmp_path / "run")
+
+
+def test_plan_says_that_censored_trials_tell_nothing(tmp_path) -> None:
+    folder = store(tmp_path / "run", sweep({SPEED: [1, 2]}), lambda _: ended([5000] * 9, [False] * 9))
+    assert "in 80 % of all cases: all are censored at their limit." in called("plan", folder)
 
 
 def test_plan_of_a_scenario_times_some_of_its_trials() -> None:

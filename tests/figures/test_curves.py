@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
@@ -186,6 +187,13 @@ def test_the_bands_span_the_intervals_in_the_colour_of_their_lines(panel) -> Non
         corners = {(float(x), float(y)) for path in band.get_paths() for x, y in path.vertices}
         assert corners == {*zip(x, low, strict=True), *zip(x, high, strict=True)}
         assert to_hex(band.get_facecolor()[0]) == to_hex(line.get_color())
+
+
+def test_an_interval_without_a_neighbour_is_a_bar() -> None:
+    curve = curve_of([50.0, 40.0, 30.0, 20.0, 10.0], undetermined=[1])
+    (bars,) = [each for each in axes_of([curve]).collections if isinstance(each, LineCollection)]
+    (bar,) = bars.get_segments()
+    assert [*map(tuple, bar)] == [(curve.x[0], end) for end in curve.intervals[0]]
 
 
 def test_markers_are_hollow_exactly_where_trials_are_censored() -> None:

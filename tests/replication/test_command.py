@@ -58,6 +58,8 @@ def test_the_page_has_a_row_for_each_claim_and_explains_those_that_do_not_hold(r
     assert "- A misprint." in page
     assert str(file.parent / "claims.yaml") not in page
     assert page.count("epuck-sim replicate") == 1
+    assert page.startswith("# Replication, claim by claim\n")
+    assert "thesis" not in page
     assert re.findall(r"^!\[(A\d)\]\((.*)\)$", page, re.MULTILINE) == [("A3", "figures/claim-A3.png")]
     assert image.imread(folder / "figures/claim-A3.png").shape[1] == pytest.approx(8.5 / 2.54 * 120, abs=1)
 
@@ -101,7 +103,7 @@ def test_chosen_claims_have_a_page_of_their_own(replicated) -> None:
     assert call("replicate", "A2", "A5", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
     page = (folder / "chosen.md").read_text()
     assert "2 claims: holds 1, contradicted 1." in page
-    assert f"`epuck-sim replicate A2 A5 --out {folder}`" in page
+    assert f"`epuck-sim replicate A2 A5 --claims claims.yaml --out {folder}`" in page
     assert (folder / "replication.md").read_bytes() == whole
     assert [row["id"] for row in read_table(folder, "chosen.csv")] == ["A2", "A5"]
     assert (folder / "chosen-sweeps.csv").is_file()
@@ -164,6 +166,14 @@ RISE = {"test": "largest_rise", "along": SPEED}
             [{**claim("A1", {"test": "formula", "number": "sigma_c", "above": 1}), "sweep": None}],
             "A1.checks.0: number: unknown 'sigma_c', did you mean 'sigma_b'?; allowed: largest_shift",
         ),
+        ([claim("A1", {**FASTER, "within": [0, 2]})], "A1.checks.0: a ratio of means lies above 0: give numbers above"),
+        ([claim("A1", {**RISE, "below": 0})], "A1.checks.0: a ratio of means lies above 0: give numbers above 0"),
+        ([claim("A1", {"test": "share", "above": 3})], "A1.checks.0: a share, or a chance, lies between 0 and 1"),
+        (
+            [claim("A1", {"test": "likelier", "law": "gamma", "than": "gamma", "above": 0})],
+            "A1.checks.0: than is gamma, as law is; allowed: another law",
+        ),
+        ([claim("A1", {**RISE, "take": "final", "above": 1})], "A1.checks.0: take is given without of"),
     ],
 )
 def test_a_file_of_claims_that_is_wrong_is_refused_in_words(claims, message, tmp_path) -> None:
@@ -196,6 +206,37 @@ def test_a_test_of_points_that_the_sweep_lacks_names_its_claim(tmp_path) -> None
     several = write_claims(tmp_path, [claim("A1", {"test": "level", "above": 1})])
     told = refused("replicate", "--claims", several, "--out", tmp_path / "out")
     assert told == "error: claim A1: where all points: 6 points; level is of one\n"
+
+
+@pytest.mark.parametrize(
+    ("check", "message"),
+    [
+        (
+            {**RISE, "along": "speed", "above": 1},
+            f"along: unknown 'speed'; axes with numbers: response.coupling, {SPEED}",
+        ),
+        ({**RISE, "along": "neighbourhood", "above": 1}, "along: neighbourhood has other values; axes with numbers: "),
+        (
+            {"test": "place_exponent", "place": "V_m", "along": SPEED, "over": "count", "above": 1},
+            "over: unknown 'count'; axes with numbers: ",
+        ),
+        (
+            {**RISE, "of": "oder_parameter", "above": 1},
+            "of: unknown 'oder_parameter', did you mean 'order_parameter'?; m",
+        ),
+        (
+            {"test": "ratio", "between": [{SPEED: 1}, {"response.coupling": 0.4}], "above": 1},
+            f"between {SPEED} = 1 and response.coupling = 0.4: no pairs",
+        ),
+    ],
+)
+def test_a_test_of_what_the_sweep_lacks_is_refused_before_it_runs(check, message, tmp_path) -> None:
+    grid = {**SWEEP["keys"]["sweep"]["grid"], "neighbourhood": [{"kind": "nearest", "k": k} for k in (1, 2)]}
+    keys = {**SWEEP["keys"], "measures": ["order_parameter"], "sweep": {"grid": grid}}
+    file = write_claims(tmp_path, [claim("A1", check)], {**SWEEP, "keys": keys})
+    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
+    assert told.startswith(f"error: claim A1: {message}")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:

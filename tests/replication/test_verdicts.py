@@ -4,8 +4,8 @@ import pytest
 
 from epuck_sim.replication.claims import Check, Claim
 from epuck_sim.replication.criteria import Effect, student
-from epuck_sim.replication.verdicts import Finding, Verdict, decide, judge_claims, p_values, run_check
-from tests.runs.made_folders import ended, in_memory, sweep
+from epuck_sim.replication.verdicts import Finding, Verdict, decide, judge_claims, p_values, pair_points, run_check
+from tests.runs.made_folders import COUNT, COUPLING, SPEED, ended, in_memory, sweep
 
 HOLDS, CONTRADICTED, UNDECIDED = Verdict.HOLDS, Verdict.CONTRADICTED, Verdict.UNDECIDED
 
@@ -48,6 +48,19 @@ def test_points_are_compared_up_to_the_lowest_of_their_limits() -> None:
     trials = {100: ended([10, 20, 30, 40, 100], [True] * 4 + [False]), 1000: ended([10, 20, 30, 40, 900])}
     points = in_memory(sweep({limit: [100, 1000]}, trials=5), lambda point: trials[point.axes[limit]])
     ratio = Check.model_validate({"test": "ratio", "between": [{limit: 100}, {limit: 1000}], "above": 1})
+    assert run_check(ratio, points).effect.estimate.value == pytest.approx(1)
+
+
+def test_points_of_a_ratio_are_paired_by_their_other_axes() -> None:
+    """Not by their order; and those without another do not count."""
+    rows = [(0.1, 1, 3), (0.1, 10, 3), (0.1, 7, 3), (0.2, 10, 5), (0.2, 1, 5)]
+    listed = [
+        dict(zip((COUPLING, SPEED, COUNT), row, strict=True)) for row in rows
+    ]  # the count is tied to the coupling
+    times = {1: [10, 20, 30, 40, 50], 10: [1, 2, 3, 4, 5], 7: [60] * 5}
+    points = in_memory(sweep(sweep={"points": listed}, trials=5), lambda point: ended(times[point.axes[SPEED]]))
+    ratio = Check.model_validate({"test": "ratio", "between": [{COUPLING: 0.1}, {COUPLING: 0.2}], "above": 1})
+    assert [tuple(p.number for p in pair) for pair in pair_points(ratio, points)] == [(0, 4), (1, 3)]
     assert run_check(ratio, points).effect.estimate.value == pytest.approx(1)
 
 

@@ -90,6 +90,19 @@ def test_two_values_of_an_axis_are_matched_over_the_others_and_what_is_tied_to_i
     ]
 
 
+def test_values_of_an_axis_that_have_no_order_are_matched() -> None:
+    values = [None, 30, {"kind": "cone"}]
+    made = [
+        point._replace(axes={SPEED: point.axes[SPEED], "mixed": values[point.number % 3]})
+        for point in in_memory(sweep({SPEED: [1, 2], COUNT: [3, 4, 5]}), lambda point: ended([point.number]))
+    ]
+    matches = match_values(made, "mixed", values[:2]).matches
+    assert [(axes, *(point.number for point in both)) for axes, both in matches] == [
+        ({SPEED: 1}, 0, 1),
+        ({SPEED: 2}, 3, 4),
+    ]
+
+
 def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
     one = in_memory(sweep({SPEED: [1, 2], COUNT: [3]}), lambda point: ended([point.number + 1] * 5))
     other = in_memory(sweep({COUPLING: [0.1, 0.2, 0.3], COUNT: [3]}), lambda point: ended([point.number + 11] * 5))
@@ -259,6 +272,19 @@ def test_where_all_trials_of_one_side_are_censored_there_is_a_p_value_and_no_int
     assert point.statistic == "restricted mean"
     assert point.p_value < 0.001
     assert not point.difference.has_interval
+
+
+def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() -> None:
+    def slow(point):
+        return ended([5000] * 20, [False] * 20) if point.axes[SPEED] == 1 else ended(range(40, 60))
+
+    first, second = (
+        in_memory(sweep({SPEED: [1, 2]}), slow),
+        in_memory(sweep({SPEED: [1, 2]}), lambda _: ended(range(20, 40))),
+    )
+    (table,) = comparison_tables([compared(first, second)], first)
+    assert any(note.startswith("In p over all, and not in the ratio: 1 point, where") for note in table.notes)
+    assert "the geometric mean of 1 point; p = " in table.notes[-1]
 
 
 def test_where_most_trials_are_censored_no_difference_is_beyond_the_limit() -> None:

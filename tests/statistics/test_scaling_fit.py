@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.cli.tables import show
+from epuck_sim.estimate import Estimate
 from epuck_sim.statistics.extrema import SpeedExtrema
 from epuck_sim.statistics.fit import FittedCurve, fit_curves, fit_laws, fit_tables
 from tests.cli.commands import cells
@@ -151,9 +152,14 @@ def test_what_a_law_does_not_account_for_and_trials_depend_on_tells_scenarios_ap
     assert len(texts) == 1 + is_told_apart
 
 
+LEVEL = lawful()._replace(model="particles", extrema=None, v_f=(Estimate(9.0, 8, 10), np.full(400, 9.0)))
+"""A curve of agents without a minimum and a peak, and with V_f."""
+
+
 @pytest.mark.parametrize(
     ("curves", "reason"),
     [
+        ([LEVEL], "1 curve with a minimum and a peak, or V_f, none of which differ in epsilon, L, N or tau"),
         ([lawful(run="one"), lawful(run="two")], "2 curves with a minimum and a peak, none of which differ in epsilon"),
         ([lawful(), lawful(L=40, tau=3)], "2 curves do not determine 3 unknowns: a prefactor and L, tau."),
         ([lawful(L=size, tau=size / 12) for size in (40, 60, 90)], "the curves do not distinguish L, tau: they vary"),

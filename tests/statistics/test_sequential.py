@@ -105,6 +105,10 @@ def test_where_all_trials_are_censored_few_can_end_sooner() -> None:
     assert widths[0] > 1 > widths[1]
 
 
+def test_nothing_is_known_of_a_point_whose_trials_have_all_failed() -> None:
+    assert look_interval(measured([]), LIMIT) == UNDETERMINED
+
+
 def test_a_width_is_that_of_half_the_interval_over_what_is_asked() -> None:
     assert Precision.parse("10%").width(Estimate(40, 34, 50)) == pytest.approx(2)
     assert Precision.parse("4").width(Estimate(40, 34, 50)) == pytest.approx(2)

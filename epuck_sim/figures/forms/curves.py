@@ -20,6 +20,7 @@ from epuck_sim.figures.style import (
     Look,
     choose_looks,
     count_trials,
+    draw_intervals,
     has_log_scale,
     is_logarithmic,
     make_logarithmic,
@@ -249,7 +250,7 @@ def _draw_curve(
 ) -> None:
     known = ~np.isnan(curve.values)
     low, high = np.where(known[:, None], np.nan_to_num(curve.intervals, nan=np.nan, posinf=beyond), np.nan).T
-    panel.fill_between(curve.x, low, high, color=look.colour, alpha=BAND, linewidth=0)
+    draw_intervals(panel, curve.x, low, high, look.colour)
     style = "--" if is_base_case(curve) else "-"
     panel.plot(curve.x, curve.values, style, color=look.colour)  # with a gap where it is undetermined
     for censored, face in ((False, look.colour), (True, "white")):

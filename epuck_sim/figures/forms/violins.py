@@ -16,9 +16,9 @@ from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_t
 from epuck_sim.figures.labels import undetermined_label
 from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.style import (
-    BAND,
     GREY,
     count_trials,
+    draw_intervals,
     format_tick,
     has_log_scale,
     is_logarithmic,
@@ -64,6 +64,10 @@ class Violins(Form):
         check_has_values(points, cls.name)
         axis = choose_axis([point.axes for point in points], *choices.axis("x"))
         censored_at = choices.section.censored_at_cycles if points[0].of is None else None
+        limit = max(point.scenario.stop.max_cycles for point in points)
+        if "censored_at_cycles" in choices.given and censored_at is not None and censored_at > limit:
+            name = "--censored-at" if choices.prefix else "censored_at_cycles"
+            raise EpuckSimError(f"{name} is {censored_at}; allowed: up to {limit}, the limit of the trials")
         return cls(axis=axis, curves=read_violins(points, axis, censored_at), censored_at=censored_at)
 
     @property
@@ -137,7 +141,7 @@ class Violins(Form):
         low, high = np.nan_to_num(curve.intervals, posinf=1e12, nan=np.nan).T
         label = "Weibull mean (Appendix A)" if self.of is None else "mean"
         panel.plot(curve.x, curve.values, ".-", color=LINE, label=label)
-        panel.fill_between(curve.x, low, high, color=LINE, alpha=BAND, linewidth=0, label="its 95 % interval")
+        draw_intervals(panel, curve.x, low, high, LINE, "its 95 % interval")
         unknown = curve.x[np.isnan(curve.values)]
         if len(unknown):
             at, place = np.full(len(unknown), CROSS_AT), panel.get_xaxis_transform()
