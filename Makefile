@@ -28,9 +28,10 @@ run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
 	@echo; echo "What comes next:"; echo "  source $(BIN)/activate"; echo "  epuck-sim run thesis --live --web"
 
-test: lint ## lint, types and all tests but the slow ones, or those of one room: ROOM=particles
-	@echo "compiling the kernels of robots and of agents, once for all tests"
-	$(if $(ROOM),,$(BIN)/python -m tests.compiled agents & $(BIN)/python -m tests.compiled robots; wait)
+test: $(VENV)/test-tools ## lint, types and all tests but the slow ones, or those of one room: ROOM=particles
+	@echo "lint and types; beside them, the kernels of robots and of agents are compiled, once for all tests"
+	$(if $(ROOM),,$(BIN)/python -m tests.compiled robots & $(BIN)/python -m tests.compiled agents &) \
+	    $(MAKE) --no-print-directory lint; found=$$?; wait; exit $$found
 	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist worksteal \
 	    $(ROOM:%=tests/%)
 
