@@ -304,8 +304,11 @@ def plan(
     ] = None,
     of: options.OfOption = None,
     power: Annotated[
-        float, typer.Option(metavar="PERCENT", min=5.0, max=99.9, help="How often it is to be seen, with p < 0.05.")
-    ] = 80.0,
+        float | None,
+        typer.Option(
+            metavar="PERCENT", min=5.0, max=99.9, help="How often it is to be seen, with p < 0.05; 80 by default."
+        ),
+    ] = None,
     trials: options.TrialsOption = None,
     settings: options.SetOption = None,
     axes: options.AxesOption = None,
@@ -336,17 +339,19 @@ def plan(
     reject_first(
         (is_folder and bool(settings or axes or quick), "--set, --sweep and --quick are for scenarios"),
         (is_folder and seconds is not None, "--seconds is for scenarios; the trials of a run folder are timed"),
-        (not is_folder and of is not None, "--of needs trials: give a run folder"),
-        (
-            not is_folder and difference is not None,
-            "--difference needs trials: give a run folder, as `run --trials 20 --out FOLDER` makes it",
+        *(
+            (
+                not is_folder and given is not None,
+                f"{name} needs trials: give a run folder, as `run --trials 20 --out FOLDER` makes it",
+            )
+            for name, given in (("--difference", difference), ("--of", of), ("--power", power))
         ),
     )
     processes = workers or available_cores()
     if is_folder:
         stored, planned = read_points(folder, of=of), None
         if of or difference or all(point.has_t_sync for point in stored):
-            planned = plan_trials(stored, (difference or 20) / 100, power / 100)
+            planned = plan_trials(stored, (difference or 20) / 100, (power or 80) / 100)
         else:
             typer.echo("note: trials have no T_sync; --of NAME tells how many trials a measure takes", err=True)
         duration = duration_of_folder(folder, trials, processes, trusted=trust)

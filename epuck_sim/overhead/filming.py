@@ -122,7 +122,7 @@ def _states(recorded: Recorded) -> Iterator[tuple[int, float | None]]:
 
 
 def _require_rings(scenario: Scenario, origin: str) -> EmbodiedScenario:
-    return require_model(scenario, EmbodiedScenario, "its agents have no rings; allowed: 'embodied'", origin)
+    return require_model(scenario, EmbodiedScenario, "its agents have no rings; `run --film` films agents", origin)
 
 
 def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], source: str) -> EmbodiedScenario:
