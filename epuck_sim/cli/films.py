@@ -352,9 +352,9 @@ def compare_film(
             f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
             f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they are the same, check --arena-cm or SCENARIO"
         )
-    told, count = track.options.robots, loaded.robot_count
-    if track.robots_seen > count or told not in (None, count):
-        print_stderr(f"warning: the film shows {told or track.robots_seen} robots, {loaded.name} has {count}")
+    shown, count = track.options.robots or track.robots_seen, loaded.robot_count
+    if shown > count or track.options.robots not in (None, count):
+        print_stderr(f"warning: the film shows {shown} robots, {loaded.name} has {count}")
     rows = compare.compare_film(track, found, loaded, trials, trials_bar(trials))
     fitted = compare.fitted_values(loaded, track, found)
     (print_comparison_json if as_json else print_comparison)(film, loaded.name, rows, fitted)

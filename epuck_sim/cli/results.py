@@ -132,9 +132,12 @@ def compare(
         (len(axis or ()) > 1, f"--axis is given {len(axis or ())} times; allowed: once"),
         ((len(folders) == 1) == (not axis), "give two or more run folders, or one and --axis KEY=A,B"),
     )
-    names = list(map(str, folders))
+    names, places = [*map(str, folders)], [folder.resolve() for folder in folders]
     reject_first(
-        *((not points and names.count(name) > 1, f"{name} is given twice; allowed: other folders") for name in names)
+        *(
+            (not points and places.count(place) > 1, f"{name} is given twice; allowed: other folders")
+            for name, place in zip(names, places, strict=True)
+        )
     )
     read = [read_points(folder, of) for folder in folders]
     if axis:

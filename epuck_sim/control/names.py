@@ -5,6 +5,7 @@ sensors in files of their own. What a controller reads of its sensors depends on
 """
 
 import ast
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -129,13 +130,16 @@ def _check_attributes(
 
 
 def _check_fixed(definition: ast.FunctionDef, names: Mapping[str, str], fixed: Sequence[str], file: str) -> None:
-    """Refuse what sets a part of what is fixed, under another name, too."""
+    """Refuse what sets a part of what is fixed, also under a name that is given to such a part alone."""
     roles = dict(names)
+    given = Counter(
+        each.id for each in ast.walk(definition) if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load)
+    )
     for node in ast.walk(definition):
         if isinstance(node, ast.Assign | ast.For):
             part, targets = (node.iter, [node.target]) if isinstance(node, ast.For) else (node.value, node.targets)
             if role := roles.get(_root(part)):
-                roles |= {each.id: role for each in targets if isinstance(each, ast.Name)}
+                roles |= {each.id: role for each in targets if isinstance(each, ast.Name) and given[each.id] == 1}
     for node in ast.walk(definition):
         if not isinstance(node, ast.Attribute | ast.Subscript) or isinstance(node.ctx, ast.Load):
             continue

@@ -213,7 +213,7 @@ PLAIN = (1e-3, 1e5)
 def draw_intervals(panel: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colour: str, label: str = "") -> None:
     """Draw intervals as a band, and those without a neighbour, where a band has no area, as bars; NaN where none is."""
     panel.fill_between(x, low, high, color=colour, alpha=BAND, linewidth=0, label=label)
-    known = np.pad(~np.isnan(low), 1)
+    known = np.pad(~np.isnan(low + high), 1)
     alone = known[1:-1] & ~known[:-2] & ~known[2:]
     if alone.any():
         panel.vlines(x[alone], low[alone], high[alone], color=colour, linewidth=1)

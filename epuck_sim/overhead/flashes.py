@@ -196,7 +196,7 @@ class CountedRings(NamedTuple):
 
 
 def steady_light(background: Light, ring: Ring) -> float:
-    """Return the mean level of the background on the circle of a ring."""
+    """Return the mean level on the circle of a ring."""
     columns = np.clip(np.rint(ring.x_px + ring.radius_px * _COS), 0, background.shape[1] - 1).astype(int)
     rows = np.clip(np.rint(ring.y_px + ring.radius_px * _SIN), 0, background.shape[0] - 1).astype(int)
     return float(background[rows, columns].mean())
@@ -226,7 +226,7 @@ class RingCounter:
         """
         light = self._background.light_beyond(frame)
         lit = light.room_is_lit
-        steady = None if lit else self._background.levels
+        steady = None if lit else self._background.uneven()
         seen = self._finder.find(light)
         if steady is not None:  # a lamp that flickers may have the shape of a ring
             seen = [ring for ring in seen if ring.light >= steady_light(steady, ring)]

@@ -15,6 +15,7 @@ LEAST_LIGHT = 12  # level from which a pixel shows light; noise in the dark hard
 RISE_PER_S = 10.0  # levels by which the background follows light that stays; a flash of half a second adds 5 of 255
 SMOOTH_PX = 3  # side of the square over which noise is averaged
 SAMPLED = 4  # distance of the counted pixels of a row, or of a column, from which its usual light is measured
+SPARSE = 8  # distance of the pixels, across and down, by which the usual level of the background is measured
 SAMPLED_LINES = 240  # rows and columns of a picture, about, in which lit pixels are counted
 
 
@@ -81,6 +82,13 @@ class Background:
         )
         return RingLight(np.asarray(cv2.subtract(light.levels, self.levels), np.uint8), False)
 
+    def uneven(self) -> Light | None:
+        """Return the background beyond its median, to which the light of a room is near; None if it is not known."""
+        if self.levels is None:
+            return None
+        usual = np.uint8(median(self.levels[::SPARSE, ::SPARSE]))
+        return np.asarray(np.maximum(self.levels, usual) - usual, np.uint8)
+
 
 class LightMeter:
     """Measures the lit area in pictures of one camera."""
@@ -94,12 +102,12 @@ class LightMeter:
             cv2.fillPoly(floor, [np.round(geometry.floor_outline_px()).astype(np.int32)], (1,))
         self._floor = floor[:: self._step, :: self._step] > 0
 
-    def lit_px(self, levels: Light, background: Light | None = None) -> int:
+    def lit_px(self, levels: Light, steady: Light | None = None) -> int:
         """Return about how many of (height_px, width_px) levels on the floor, or anywhere if it is not known, are lit.
 
         Lamps that flicker do not count. Those that light the room raise whole rows where a camera exposes one row after
         the other, whole columns if the film is turned, and else all pixels. Those in the picture, and screens, shine by
-        less than twice their least light, which is in the background.
+        less than twice their least light, which is steady.
         """
         if cv2.minMaxLoc(levels)[1] < LEAST_LIGHT:
             return 0
@@ -107,8 +115,8 @@ class LightMeter:
         beyond = _beyond_usual(light, self._floor)
         beyond = _beyond_usual(beyond.T, self._floor.T).T
         is_light = (beyond >= LEAST_LIGHT) & self._floor
-        if background is not None:
-            is_light &= beyond >= background[:: self._step, :: self._step]
+        if steady is not None:
+            is_light &= beyond >= steady[:: self._step, :: self._step]
         return self._step**2 * int(np.count_nonzero(is_light))
 
     def share(self, levels: Light, least: float) -> float:

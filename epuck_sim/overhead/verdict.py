@@ -32,7 +32,7 @@ advance phases. All of 40 films that ended with T_sync had more, and 17 % of 186
 LIGHT_TOLERANCE = 1.5  # factor by which spreads by the total light and by rings may differ without contradiction
 LATE_PERIODS = 0.75  # time in periods by which the total light may be synchronised before the rings
 MOST_BURNT = 0.15  # share of the flashes that may be burnt out to discs
-MOST_DAZZLED = 0.002  # share of the floor, more than a ring's, that may always shine
+MOST_DAZZLED = 0.002  # share of the floor that may always shine where no ring does
 MOST_UNSEEN = 0.05  # share of the light that may be of no ring: 0.01 where all were found, more with a rolling shutter
 ENOUGH_BEFORE = 1.8  # flashes of each robot before T_sync from which their number tells whether some are missed
 FEW = 5  # flashes below which nothing is said about them
@@ -250,7 +250,7 @@ def doubts(evidence: Evidence) -> list[str]:
             f"rings that stayed lit for longer than half a period, and are left out: {evidence.lit_always}; check "
             "--period-s, or leave lamps beside the floor out by --corners"
         )
-    if counted.dazzled > MOST_DAZZLED:
+    elif counted.dazzled > MOST_DAZZLED:
         found.append(
             f"{100 * counted.dazzled:.1f} % of the floor always shines as brightly as rings, which are not seen there: "
             "switch lamps and screens off, or leave them out by --corners"

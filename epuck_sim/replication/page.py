@@ -132,7 +132,7 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
     """
     names = [] if contents.has_all else [claim.id for claim in contents.chosen]
     file = contents.file
-    asked = [] if file is None else [f"--claims {file.name if file.is_absolute() else file}"]
+    asked = [] if file is None else [f"--claims {file}"]
     command = " ".join(["epuck-sim replicate", *names, *asked, f"--out {contents.folder}"])
     counts = Counter(answer.verdict for answer in contents.answers)
     parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]

@@ -86,9 +86,10 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     """
     test = TESTS[check.test]
     places = check.between if "between" in test.takes else ({},)
-    used = [each for place in places for each in points_at({**check.where, **place}, points)]
     if check.test == "ratio":
-        used = [each for side in zip(*pair_points(check, used), strict=True) for each in side]
+        used = [each for side in zip(*pair_points(check, points), strict=True) for each in side]
+    else:
+        used = [each for place in places for each in points_at({**check.where, **place}, points)]
     measured: list[str] = [measure.name for measure in used[0].scenario.measures]
     if check.of is not None and check.of not in measured:
         raise EpuckSimError(f"of: {did_you_mean(check.of, measured)}; measured: {comma_list(measured)}")

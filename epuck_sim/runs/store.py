@@ -89,9 +89,9 @@ class Store:
                 self._connection.executemany(ENTER_POINT, rows)
                 sign(self._connection, "points")
                 again = (
-                    "UPDATE trials SET measuring_error = NULL WHERE measuring_error IS NOT NULL RETURNING point, trial"
+                    f"UPDATE trials SET measuring_error = NULL WHERE measuring_error IS NOT NULL AND NOT {UNMEASURED}"
                 )
-                sign(self._connection, "trials", self._connection.execute(again).fetchall())
+                sign(self._connection, "trials", self._connection.execute(f"{again} RETURNING point, trial").fetchall())
             self._has_measures = bool(measures_in(self._connection))
             columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
             self._insert = (

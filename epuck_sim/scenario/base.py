@@ -4,6 +4,7 @@ Throughout `scenario`, an `origin` begins every line of an error message, and fi
 that of the scenario's file, and then in the working directory.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -211,7 +212,7 @@ def _place(
     path: list[str] = []
     here, around, union, union_at = [kind], [kind], list[type[ConfigModel]](), -1
     for part in location:
-        if part.endswith("]") and part[0] != "[":  # how pydantic names a type of several
+        if re.fullmatch(r"(literal|function-\w+)\[.*\]", part):  # how pydantic names a type of several
             continue
         if len(here) > 1 and (chosen := [each for each in here if part in tagged(each)[1]]):
             here = chosen

@@ -74,17 +74,19 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         probe = context.Process(target=str)  # which ends at once
         probe.start()
         probe.join()
-        if (probe.exitcode or 0) > 0:  # it has imported the script again, which begins the sweep
-            raise EpuckSimError('workers cannot start; in a script, begin sweeps below `if __name__ == "__main__":`')
+        if (
+            probe.exitcode or 0
+        ) > 0:  # it has imported the script again, which began the sweep, and says what was wrong
+            raise EpuckSimError('workers cannot start; a script must begin sweeps below `if __name__ == "__main__":`')
         executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
         try:
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
         except BaseException:
             for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
+            executor.shutdown(cancel_futures=True)  # waits: a worker that is starting needs what exit removes
             raise
-        finally:  # the executor's thread waits for its workers, of which one that is starting needs what exit removes
-            executor.shutdown(cancel_futures=True)
+        executor.shutdown()
 
 
 def _context() -> "ForkServerContext | SpawnContext":

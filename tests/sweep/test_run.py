@@ -206,7 +206,7 @@ def test_a_script_that_begins_a_sweep_wherever_it_is_imported_is_told_so(tmp_pat
     run = start([sys.executable, "script.py"], cwd=tmp_path)
     _, err = run.communicate(timeout=300)
     assert run.returncode == 1
-    assert err.endswith('workers cannot start; in a script, begin sweeps below `if __name__ == "__main__":`\n')
+    assert err.endswith('workers cannot start; a script must begin sweeps below `if __name__ == "__main__":`\n')
     assert stored(tmp_path / "run") == 0
 
 
