@@ -2,25 +2,16 @@
 
 import multiprocessing
 import os
-import shutil
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, suppress
-from functools import lru_cache
+from contextlib import AbstractContextManager, contextmanager
 from multiprocessing import forkserver, resource_tracker
-from multiprocessing.util import get_temp_dir
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.util.machine import allow_files, blocked, is_ours
+from epuck_sim.util.machine import allow_files, blocked
 
-try:
-    import fcntl
-except ImportError:  # on Windows, whose workers have no sockets in folders
-    fcntl = None  # type: ignore[assignment]
 if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
 
@@ -29,13 +20,6 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 
 PRELOADED = ["epuck_sim.sweep.worker", "epuck_sim.trial.embodied", "epuck_sim.trial.particles"]
 """Modules that the server from which local workers are forked has loaded, so that no worker loads them itself."""
-
-LOCK = "epuck-sim.lock"
-"""Name of a locked file in the temporary folder, pymp-*, that multiprocessing makes for the sockets of a pool.
-
-It says that the folder is ours, and for how long it is in use: the system releases the lock when the process is gone,
-however that comes about. Folders of processes that were killed are removed by the next.
-"""
 
 
 class Pool(NamedTuple):
@@ -100,10 +84,8 @@ def _context() -> "ForkServerContext | SpawnContext":
     context.set_forkserver_preload(PRELOADED)
     with blocked("SIGHUP"):  # it ignores other signals by itself, and ends when no process needs it any more
         resource_tracker.ensure_running()  # later it would unblock SIGINT
-    remove_stale_folders()
     with blocked("SIGINT"):
         forkserver.ensure_running()
-    mark_temporary_folder()
     return context
 
 
@@ -137,33 +119,3 @@ def _environment(settings: dict[str, str]) -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-
-
-@lru_cache
-def mark_temporary_folder() -> None:
-    """Mark the temporary folder of this process, until it ends, as in use."""
-    if fcntl is None:
-        return
-    folder = Path(get_temp_dir())
-    with suppress(OSError):  # on a file system without locks the folder stays unmarked, and nobody removes it
-        unlocked = folder / f"{LOCK}.new"
-        file = os.open(unlocked, os.O_CREAT | os.O_RDWR, 0o600)  # stays open, and is in no process that we start
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        unlocked.rename(folder / LOCK)  # whoever sees it finds it locked
-
-
-def remove_stale_folders() -> None:
-    """Remove the marked folders of this user's processes that are gone, and no others."""
-    for lock in Path(tempfile.gettempdir()).glob(f"pymp-*/{LOCK}"):
-        with suppress(OSError):  # it is another user's, in use, or was removed just now
-            if fcntl is not None and not lock.parent.is_symlink() and is_ours(lock.parent):
-                _remove_if_unlocked(lock)
-
-
-def _remove_if_unlocked(lock: Path) -> None:
-    file = os.open(lock, os.O_RDWR | os.O_NOFOLLOW)
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        shutil.rmtree(lock.parent)
-    finally:
-        os.close(file)

@@ -7,18 +7,15 @@ import socket
 import subprocess
 import sys
 import time
-from multiprocessing.util import get_temp_dir
-from pathlib import Path
 from threading import Thread
 from types import SimpleNamespace
 
 import pytest
 
 from epuck_sim.errors import ClusterError
-from epuck_sim.sweep import cluster, executors
+from epuck_sim.sweep import cluster
 from epuck_sim.sweep.cluster import DaskCluster
-from epuck_sim.sweep.executors import LOCK, ONE_THREAD, local_pool, remove_stale_folders
-from epuck_sim.util import machine
+from epuck_sim.sweep.executors import ONE_THREAD, local_pool
 from tests.cli.commands import call
 from tests.processes import wait_until
 from tests.sweep.short_sweeps import short_sweep
@@ -58,12 +55,10 @@ def test_workers_load_what_a_simulation_needs_and_run_one_thread_each(tmp_path) 
     assert {environment[name] for name in ONE_THREAD} == {"1"}
 
 
-def test_an_error_in_the_block_ends_the_workers_at_once_and_leaves_environment_and_folder_as_they_were() -> None:
+def test_an_error_in_the_block_ends_the_workers_at_once_and_leaves_the_environment_as_it_was() -> None:
     def fail_while_they_sleep() -> None:
         with local_pool(2) as pool:
             pool.executor.submit(time.sleep, 600)
-            remove_stale_folders()
-            assert (Path(get_temp_dir()) / LOCK).exists()  # which is in use
             raise RuntimeError("enough")
 
     environment, before = dict(os.environ), set(multiprocessing.active_children())
@@ -71,25 +66,6 @@ def test_an_error_in_the_block_ends_the_workers_at_once_and_leaves_environment_a
         fail_while_they_sleep()
     assert dict(os.environ) == environment
     wait_until(lambda: set(multiprocessing.active_children()) <= before)
-
-
-def test_links_and_the_folders_of_others_stay(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(executors.tempfile, "gettempdir", lambda: str(tmp_path))
-    outside = tmp_path / "outside"
-    for folder in (outside, tmp_path / "pymp-ours", tmp_path / "pymp-linked"):
-        folder.mkdir()
-    (outside / LOCK).touch()
-    (tmp_path / "pymp-link").symlink_to(outside)
-    (tmp_path / "pymp-linked" / LOCK).symlink_to(outside / LOCK)
-    (tmp_path / "pymp-ours" / LOCK).touch()
-    monkeypatch.setattr(machine, "USER", -1)
-    remove_stale_folders()
-    assert (tmp_path / "pymp-ours").is_dir()
-    monkeypatch.undo()
-    monkeypatch.setattr(executors.tempfile, "gettempdir", lambda: str(tmp_path))
-    remove_stale_folders()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["outside", "pymp-link", "pymp-linked"]
-    assert (outside / LOCK).exists()
 
 
 def test_a_cluster_without_workers_is_told_of_once_whenever_it_has_none(monkeypatch, capsys) -> None:
