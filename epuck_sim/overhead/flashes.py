@@ -195,7 +195,7 @@ class CountedRings(NamedTuple):
     """Rings on the floor in each frame, including those of a lit beginning; empty if it was not filmed."""
 
 
-def steady_light(background: Light, ring: Ring) -> float:
+def light_on_circle(background: Light, ring: Ring) -> float:
     """Return the mean level on the circle of a ring."""
     columns = np.clip(np.rint(ring.x_px + ring.radius_px * _COS), 0, background.shape[1] - 1).astype(int)
     rows = np.clip(np.rint(ring.y_px + ring.radius_px * _SIN), 0, background.shape[0] - 1).astype(int)
@@ -226,10 +226,10 @@ class RingCounter:
         """
         light = self._background.light_beyond(frame)
         lit = light.room_is_lit
-        steady = None if lit else self._background.uneven()
+        background, usual = None if lit else self._background.levels, self._background.usual()
         seen = self._finder.find(light)
-        if steady is not None:  # a lamp that flickers may have the shape of a ring
-            seen = [ring for ring in seen if ring.light >= steady_light(steady, ring)]
+        if background is not None:  # a lamp that flickers may have the shape of a ring
+            seen = [ring for ring in seen if ring.light + usual >= light_on_circle(background, ring)]
         rings = self._on_floor(seen)
         if not self._rings or (self._was_lit and not lit and not self._has_begun):
             self._begin(frame.time_s)
@@ -237,7 +237,7 @@ class RingCounter:
         self._has_begun |= bool(rings) and not lit
         for paper_px in papers_px:
             cv2.fillConvexPoly(light.levels, np.round(paper_px).astype(np.int32), (0,))
-        area_px = self._meter.lit_px(light.levels, steady)
+        area_px = self._meter.lit_px(light.levels, background, usual)
         self._times.append(frame.time_s)  # all at once: Ctrl-C, which ends a live film, must not come in between
         self._counts.append(len(rings))
         self._areas.append(area_px)

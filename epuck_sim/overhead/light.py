@@ -82,12 +82,9 @@ class Background:
         )
         return RingLight(np.asarray(cv2.subtract(light.levels, self.levels), np.uint8), False)
 
-    def uneven(self) -> Light | None:
-        """Return the background beyond its median, to which the light of a room is near; None if it is not known."""
-        if self.levels is None:
-            return None
-        usual = np.uint8(median(self.levels[::SPARSE, ::SPARSE]))
-        return np.asarray(np.maximum(self.levels, usual) - usual, np.uint8)
+    def usual(self) -> float:
+        """Return its median level, to which the even light of a room is near; 0 if there is no background yet."""
+        return 0.0 if self.levels is None else median(self.levels[::SPARSE, ::SPARSE])
 
 
 class LightMeter:
@@ -102,12 +99,12 @@ class LightMeter:
             cv2.fillPoly(floor, [np.round(geometry.floor_outline_px()).astype(np.int32)], (1,))
         self._floor = floor[:: self._step, :: self._step] > 0
 
-    def lit_px(self, levels: Light, steady: Light | None = None) -> int:
+    def lit_px(self, levels: Light, background: Light | None = None, usual: float = 0.0) -> int:
         """Return about how many of (height_px, width_px) levels on the floor, or anywhere if it is not known, are lit.
 
         Lamps that flicker do not count. Those that light the room raise whole rows where a camera exposes one row after
         the other, whole columns if the film is turned, and else all pixels. Those in the picture, and screens, shine by
-        less than twice their least light, which is steady.
+        less than twice their least light, by which the background exceeds its usual level.
         """
         if cv2.minMaxLoc(levels)[1] < LEAST_LIGHT:
             return 0
@@ -115,8 +112,8 @@ class LightMeter:
         beyond = _beyond_usual(light, self._floor)
         beyond = _beyond_usual(beyond.T, self._floor.T).T
         is_light = (beyond >= LEAST_LIGHT) & self._floor
-        if steady is not None:
-            is_light &= beyond >= steady[:: self._step, :: self._step]
+        if background is not None:
+            is_light &= beyond + usual >= background[:: self._step, :: self._step]
         return self._step**2 * int(np.count_nonzero(is_light))
 
     def share(self, levels: Light, least: float) -> float:

@@ -58,9 +58,7 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         probe = context.Process(target=str)  # which ends at once
         probe.start()
         probe.join()
-        if (
-            probe.exitcode or 0
-        ) > 0:  # it has imported the script again, which began the sweep, and says what was wrong
+        if probe.exitcode == 1:  # it imported the script again, which began the sweep, and has said what was wrong
             raise EpuckSimError('workers cannot start; a script must begin sweeps below `if __name__ == "__main__":`')
         executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
         try:
