@@ -130,10 +130,10 @@ def prepare(folder: Path) -> None:
     """Make what commands need: a sweep, run whole as `f` and in shares `a` and `b`, and claims."""
     (folder / "tmp").mkdir(parents=True)
     (folder / "s.yaml").write_text(SWEEP)
-    keys = {"agents": {"count": 3}, "sweep": {"grid": {"response.coupling": [0.05, 0.4]}}}
     limits = {"trials": 2, "stop": {"max_cycles": 9}}
+    keys = {**limits, "agents": {"count": 3}, "sweep": {"grid": {"response.coupling": [0.05, 0.4]}}}
     between = {"test": "ratio", "between": FASTER["between"], "above": 1}
-    tiny = {"scenario": "particles", "keys": keys, "quick": limits, "full": limits}
+    tiny = {"scenario": "particles", "keys": keys}
     write_claims(folder, [claim("A1", between)], tiny)
     os.chdir(folder)
     executors.local_pool = pool_here
