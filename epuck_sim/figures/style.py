@@ -210,7 +210,9 @@ PLAIN = (1e-3, 1e5)
 """Ends of the range whose numbers are written out; where a panel has others, all are powers of ten."""
 
 
-def draw_intervals(panel: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colour: str, label: str = "") -> None:
+def draw_intervals(
+    panel: Axes, x: FloatArray | IntArray, low: FloatArray, high: FloatArray, colour: str, label: str = ""
+) -> None:
     """Draw intervals as a band, and those without a neighbour, where a band has no area, as bars; NaN where none is."""
     panel.fill_between(x, low, high, color=colour, alpha=BAND, linewidth=0, label=label)
     known = np.pad(~np.isnan(low + high), 1)

@@ -18,6 +18,7 @@ from epuck_sim.figures.style import (
     choose_looks,
     count_trials,
     draw_course,
+    draw_intervals,
     has_log_scale,
     make_logarithmic,
     typeset,
@@ -79,7 +80,7 @@ class Series(Form):
         for place, ((_, series), label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
             mean, low, high = series.mean.T
             complete = int(np.count_nonzero(series.trials == series.trials[0]))
-            panel.fill_between(series.cycles, low, high, color=look.colour, alpha=BAND, linewidth=0)
+            draw_intervals(panel, series.cycles, low, high, look.colour)
             draw_course(panel, series.cycles[:complete], mean[:complete], place, look, typeset(label))
             if complete < len(mean):
                 panel.plot(series.cycles[complete - 1 :], mean[complete - 1 :], "--", color=look.colour)
