@@ -154,7 +154,7 @@ def _measured(stored: Sequence[PointTrials]) -> list[Value]:
 def write_page(claims: Claims, scenarios: dict[str, Scenario], folder: Path) -> None:
     """Write the page, with its tables and figures, into a folder."""
     tables = Tables(scenarios)
-    contents = read_contents(claims, claims.claims, tables, WRITTEN_BY)
+    contents = read_contents(claims, claims.claims, scenarios, tables, WRITTEN_BY)
     write_replication(contents, tables, folder)
 
 

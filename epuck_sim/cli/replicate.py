@@ -69,7 +69,7 @@ def replicate(
     folders = {name: sweep_folder(out, name) for name in needed}
     failed, undecided = _run_claims(chosen, needed, folders, open_pool, budget_s)
     trials = RunFolders(folders)
-    contents = read_contents(known, chosen, trials, out, file)
+    contents = read_contents(known, chosen, needed, trials, out, file)
     page = write_replication(contents, trials, out)
     for answer in contents.answers:
         typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")

@@ -126,18 +126,16 @@ def compare(
     from epuck_sim.statistics.comparison import compare as compare_samples
     from epuck_sim.statistics.comparison import comparison_tables, match_folders, match_points, match_values
 
+    names, places = [*map(str, folders)], [folder.resolve() for folder in folders]
     reject_first(
         options.both(as_json, as_csv),
         (bool(axis and points), "--axis is of one folder, --points of several: give one of them"),
         (len(axis or ()) > 1, f"--axis is given {len(axis or ())} times; allowed: once"),
         ((len(folders) == 1) == (not axis), "give two or more run folders, or one and --axis KEY=A,B"),
-    )
-    names, places = [*map(str, folders)], [folder.resolve() for folder in folders]
-    reject_first(
         *(
             (not points and places.count(place) > 1, f"{name} is given twice; allowed: other folders")
             for name, place in zip(names, places, strict=True)
-        )
+        ),
     )
     read = [read_points(folder, of) for folder in folders]
     if axis:

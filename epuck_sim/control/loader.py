@@ -63,9 +63,9 @@ def load_controller(path: Path) -> Controller:
 
 @kept
 def _load(place: Place) -> Controller:
-    if place.path is not None and place.path.suffix not in CONTROLLER.suffixes:
-        raise ControllerError(f"{place.path}: is no controller; allowed: files that end in .py, .c or .so")
     if place.path is not None and place.path.suffix != ".py":
+        if place.path.suffix not in CONTROLLER.suffixes:
+            raise ControllerError(f"{place.path}: is no controller; allowed: files that end in .py, .c or .so")
         return load_firmware(place.path)
     file = load_python_file(place, ControllerError, (builtin_folder(CONTROLLERS),))
     _check_parts(file, "a controller", CONTROLLER_PARTS)

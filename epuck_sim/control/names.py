@@ -61,7 +61,7 @@ def _check_names(
     """Check names by these roles; functions that are handed what has a role are followed, assignments are not.
 
     Those of `several` numbers, by role and name, are not set as a whole: numba copies whatever lies there. Nothing of
-    what has a role in `fixed` is set.
+    what has a role in `fixed` is set, also under another name.
     """
     trees = {str(path): ast.parse(source) for path, source in user.sources.items() if path.suffix == ".py"}
     todo: list[tuple[object, tuple[str | None, ...]]] = [

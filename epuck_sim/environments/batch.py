@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,7 @@ from epuck_sim.util.seeds import trial_seed
 ScenarioLike = Scenario | str | Path | Mapping[str, Any]
 """What `load_scenario` takes."""
 
-ACTIONS = ("continuous", "discrete")
+Actions = Literal["continuous", "discrete"]
 """What agents may act in: speeds, or numbers of motions."""
 
 
@@ -38,7 +38,7 @@ class Task(TypedDict, total=False):
     file with such a function, called `reward`; or the name of a reward that an installed package offers."""
     terminate: Callable[[Situation], BoolArray] | None
     """Function of a `Situation` that returns (swarms,) whether the task is done; none by default."""
-    actions: Literal["continuous", "discrete"]
+    actions: Actions
     """Speeds, the default, or numbers of motions."""
     episode_s: float
     """Simulated seconds after which an episode is truncated, 60 by default."""
@@ -57,7 +57,7 @@ class SwarmBatch:
         seed: int | None = None,
         reward: SituationFunction | str = "aggregation",
         terminate: Callable[[Situation], BoolArray] | None = None,
-        actions: Literal["continuous", "discrete"] = "continuous",
+        actions: Actions = "continuous",
         episode_s: float = 60.0,
         control_steps: int = 1,
         threads: int = 1,
@@ -67,8 +67,8 @@ class SwarmBatch:
         self._terminate = terminate
         if terminate is not None and not callable(terminate):
             raise ValueError(f"terminate is {terminate!r}; allowed: a function, or None")
-        if actions not in ACTIONS:
-            raise ValueError(f"actions is {actions!r}; allowed: {' or '.join(ACTIONS)}")
+        if actions not in get_args(Actions):
+            raise ValueError(f"actions is {actions!r}; allowed: {' or '.join(get_args(Actions))}")
         swarms, threads = whole("swarms", swarms), whole("threads", threads)
         first = _commanded(Simulation(scenario))
         if first.scenario.members_change or arena_entries(first.scenario):

@@ -226,7 +226,8 @@ class RingCounter:
         """
         light = self._background.light_beyond(frame)
         lit = light.room_is_lit
-        background, usual = None if lit else self._background.levels, self._background.usual()
+        background = None if lit else self._background.levels
+        usual = self._background.usual()
         seen = self._finder.find(light)
         if background is not None:  # a lamp that flickers may have the shape of a ring
             seen = [ring for ring in seen if ring.light + usual >= light_on_circle(background, ring)]

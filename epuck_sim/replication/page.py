@@ -19,10 +19,11 @@ from epuck_sim.figures.labels import format_axis_values, key_name
 from epuck_sim.figures.style import style
 from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
 from epuck_sim.replication.looks import counted_looks
-from epuck_sim.replication.sweeps import Effort, Trials, check_claim, sweep_scenario
+from epuck_sim.replication.sweeps import Effort, Trials, check_claim
 from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, points_at, reduction
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, choose_axis
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.atomic_write import atomic_write
 
 ALL, SOME = "replication", "chosen"
@@ -72,9 +73,14 @@ class Contents(NamedTuple):
 
 
 def read_contents(
-    claims: Claims, chosen: Sequence[Claim], trials: Trials, folder: Path, file: Path | None = None
+    claims: Claims,
+    chosen: Sequence[Claim],
+    scenarios: Mapping[str, Scenario],
+    trials: Trials,
+    folder: Path,
+    file: Path | None = None,
 ) -> Contents:
-    """Test the chosen claims on the trials that are stored.
+    """Test the chosen claims on the trials that are stored of their sweeps, whose scenarios are given by name.
 
     Raises:
         StoreError: A run folder is missing or damaged.
@@ -82,8 +88,7 @@ def read_contents(
     findings = [(claim, check_claim(claim, trials)) for claim in chosen]
     sweeps = {name: Asked(trials.read(name), trials.effort(name)) for name in trials.sweeps}
     looks = counted_looks(
-        (sweep_scenario(claims, name), max(len(point.times) for point in asked.points))
-        for name, asked in sweeps.items()
+        (scenarios[name], max(len(point.times) for point in asked.points)) for name, asked in sweeps.items()
     )
     return Contents(folder, chosen, judge_claims(findings, looks), sweeps, claims, looks, file)
 

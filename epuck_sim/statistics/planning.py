@@ -52,10 +52,8 @@ class TrialPlan(NamedTuple):
         wanted = f"a difference of {100 * self.difference:g} {unit} in {100 * self.power:g} % of all cases"
         if any(point.trials is not None for point in self.points):
             said = f"Trials: those at a point, of each of two sweeps, that show {wanted}, with p < 0.05."
-        elif any(point.stored >= MIN_TRIALS for point in self.points):
-            is_limited = all(
-                point.statistic == "restricted mean" for point in self.points if point.stored >= MIN_TRIALS
-            )
+        elif known := [point for point in self.points if point.stored >= MIN_TRIALS]:
+            is_limited = all(point.statistic == "restricted mean" for point in known)
             why = "are censored at their limit" if is_limited else "have one value, or no share can differ by so much"
             said = f"No number of trials shows {wanted}: all {why}."
         else:
