@@ -5,6 +5,7 @@ bit.
 """
 
 import ctypes
+import math
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -172,6 +173,11 @@ class GroupControllers(UserCode):
     def parameters(self) -> Records:
         """(1,) the parameters of all robots, in place."""
         return self._block[self._group.parameters : self._group.memory].view(self.controller.parameter_type)
+
+    @property
+    def period_ms(self) -> float:
+        """Period of the oscillators; NaN if the robots are none."""
+        return float(self.parameters["period_s"][0]) * 1000 if self.controller.is_oscillator else math.nan
 
     def start(self, members: Sequence[int] | None = None) -> None:
         """Start controllers of all robots, or of some by their numbers in the group, who forget all before."""

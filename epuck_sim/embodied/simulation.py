@@ -7,7 +7,7 @@ bodies move. What a controller commands in one step is seen by the other robots 
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -65,12 +65,8 @@ class Snapshot:
     seed: int
     steps: int
     """Control steps taken."""
-    changes: tuple[Change, ...]
+    changes: tuple[Change, ...] = field(repr=False)
     """What was commanded and changed from outside, in order."""
-
-    def __repr__(self) -> str:
-        """Return one line."""
-        return f"Snapshot({self.scenario!r}, seed={self.seed}, steps={self.steps}, changes={len(self.changes)})"
 
 
 class Simulation:
@@ -93,14 +89,12 @@ class Simulation:
     seed: int
     step_s: float
     """Seconds from one control step to the next."""
-    period_ms: FloatArray
-    """(robots,) ms: the oscillators' periods; NaN for robots without an oscillator."""
     events: list[TrialEvent]
     """Entries of the schedule that were carried out, and faults that began and ended, in the order of their steps."""
     is_firing: bool
     """Whether the reference, an oscillator, fires in the last step (thesis 4.2.1)."""
     commands: Commands
-    """What is commanded from outside; `command` checks it first, and snapshots know of it."""
+    """Carries out commands from outside; `command` checks them first, and snapshots know of them."""
 
     def __init__(
         self,
@@ -131,7 +125,6 @@ class Simulation:
         self.step_s = self._step_ms / 1000
         later = (arena_after(scenario, entry).build() for entry in arena_entries(scenario))
         self._arenas = [scenario.arena.build(), *later]
-        self.period_ms = np.empty(scenario.robot_count)
         self._timed = TimedEntries(scenario.schedule, self._first_step, sys.maxsize)
         self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # steps at once
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
@@ -166,10 +159,7 @@ class Simulation:
         self._loop = ControlLoop(
             *(scenario, block, swarm, self._world, self._sensors, self._groups), interpret=self._interpret
         )
-        counts = [section.count for section in scenario.robots]
-        self.commands = Commands(controllers, counts, block, self._loop.addresses)
-        self._find_periods()
-        self._first_periods = self.period_ms.copy()
+        self.commands = Commands(controllers, block, swarm, self._loop.addresses)
         self._history: History | None = None
         swarm.robots["starts"] = self._starts[0] = True
         self._template = block[: swarm.scene[0].at[PIXELS]].copy()
@@ -214,7 +204,6 @@ class Simulation:
             self._show(self._arenas[0])
         if scenario.faults:
             restart_faults(block, scenario, spawned(self.seed, Part.FAULTS))
-        self.commands.restart()
         for number, (group, section) in enumerate(zip(self._groups, scenario.robots, strict=True)):
             if section.signal.kind == "camera" and section.camera.frames_per_s is not None:
                 begin_pictures(block, number)
@@ -225,7 +214,6 @@ class Simulation:
             for name, value in section.memory.items():
                 group.memory[name] = value
         self._starts[0] = False
-        self.period_ms[:] = self._first_periods
         if scenario.members_change:
             take_out(self._absent, self._swarm, self._world, self._groups)
 
@@ -234,25 +222,25 @@ class Simulation:
         block[: len(self._template)] = self._template
         block[len(self._template) : self._swarm.scene[0].at[PATCHES]] = 0
 
-    def _find_periods(self) -> None:
-        for group in self._groups:
-            is_oscillator = group.controller.is_oscillator
-            self.period_ms[group.robots] = float(group.parameters["period_s"][0]) * 1000 if is_oscillator else np.nan
-
     @property
     def controllers(self) -> list[Controller]:
         """What runs on the robots of each group."""
         return [group.controller for group in self._groups]
 
     @property
+    def period_ms(self) -> FloatArray:
+        """(robots,) ms: the oscillators' periods; NaN for robots without an oscillator."""
+        return np.repeat([group.period_ms for group in self._groups], self._swarm.groups["count"])
+
+    @property
     def external_wheels(self) -> IntArray:
         """(n,) numbers of the robots whose wheels are commanded from outside; see `command`."""
-        return self.commands.wheel_robots
+        return self.commands.robots["wheels"]
 
     @property
     def external_rings(self) -> IntArray:
         """(m,) numbers of the robots whose rings are commanded from outside."""
-        return self.commands.ring_robots
+        return self.commands.robots["ring"]
 
     @property
     def steps(self) -> int:
@@ -403,10 +391,10 @@ class Simulation:
             ValueError: An array has another shape, a speed is not a number, there is no such robot, or nothing is
                 given; then nothing is commanded.
         """
-        given = (left_cm_s, right_cm_s, ring_on)
-        self.commands.set(*given)
-        self.commands.carry_out()
-        self._note("command", *(None if each is None else np.array(each) for each in given))
+        given = {"left_cm_s": left_cm_s, "right_cm_s": right_cm_s, "ring_on": ring_on}
+        self.commands.check(**given)
+        self.commands.carry_out(**given)
+        self._note("command", **{name: None if each is None else np.array(each) for name, each in given.items()})
 
     def set_parameters(self, group: int = 0, /, **values: Value) -> None:
         """Change parameters of a group's controllers from the next step on; its robots keep what they remember.
@@ -430,7 +418,6 @@ class Simulation:
         given = {**controller.parameter_values(changed.parameters[0]), **values}
         resolved = resolve_parameters(controller, given, self._step_ms, origin)
         changed.parameters[:] = controller.parameter_record(resolved)
-        self._find_periods()
 
     def _set_sensor(self, group: int, name: str, values: Mapping[str, Value]) -> None:
         of = name, self._groups[group].robots
@@ -512,7 +499,6 @@ class Simulation:
             vars(self).update(before)
             self._world.use(self._block, self._swarm, self._loop.addresses)
             raise
-        self._find_periods()
         self._replaced_at = self.steps
         self._show(before["_arena"])
         return replaced

@@ -123,12 +123,9 @@ class SwarmBatch:
         wheels, rings = commanded
         for swarm in swarms:
             simulation = self.simulations[swarm]
-            commands = simulation.commands
-            if wheels is not None:
-                commands.wheels_cm_s[:] = wheels[swarm]
-            if rings is not None:
-                commands.rings[:] = rings[swarm]
-            commands.carry_out()
+            left, right = (None, None) if wheels is None else wheels[swarm].T
+            rings_on = None if rings is None else rings[swarm]
+            simulation.commands.carry_out(left_cm_s=left, right_cm_s=right, ring_on=rings_on)
             watch, end = self._watches[swarm], simulation.steps + self.control_steps
             while simulation.steps < end:
                 step = simulation.advance(end - simulation.steps, until_firing=watch.measures)

@@ -222,47 +222,36 @@ def seal_cache(compiled: Any) -> None:
     compiled._cache._cache_file.__class__ = _SealedFiles
 
 
-class _Compilations(event.Listener):
-    """Counts the functions that this process compiles, for those who wait."""
-
-    def __init__(self) -> None:
-        self.planned: set[CodeType] = set()
-        self.done: set[CodeType] = set()
-        self.begun: list[CodeType] = []  # and not yet done: the last one for the one before it
-
-    def on_start(self, event: Any) -> None:
-        function = event.data["dispatcher"].py_func
-        self._plan(function)
-        self.begun.append(function.__code__)
-
-    def on_end(self, event: Any) -> None:
-        code = event.data["dispatcher"].py_func.__code__
-        self.begun.remove(code)
-        self.done.add(code)
-
-    def _plan(self, function: Any) -> None:
-        if function.__code__ in self.planned:
-            return
-        self.planned.add(function.__code__)
-        for name in function.__code__.co_names:
-            kernel = function.__globals__.get(name)
-            if isinstance(part := getattr(kernel, "function", None), FunctionType):
-                self._plan(part)
+_recorder = event.RecordingListener()
+event.register("numba:compile", _recorder)
 
 
-_compilations = _Compilations()
-event.register("numba:compile", _compilations)
+def _compilations() -> list[tuple[bool, Any]]:
+    """Return what this process has compiled, and is compiling: whether that began or ended, and the function."""
+    return [(each.is_start, each.data["dispatcher"].py_func) for _, each in list(_recorder.buffer)]
 
 
 def count_compiled() -> tuple[int, int]:
     """Return how many functions this process has compiled, of how many; what the cache holds does not count."""
-    return len(_compilations.done & _compilations.planned), len(_compilations.planned)
+    planned: set[CodeType] = set()
+    events = _compilations()
+    todo = [function for _, function in events]
+    while todo:
+        function = todo.pop()
+        if function.__code__ not in planned:
+            planned.add(function.__code__)
+            kernels = map(function.__globals__.get, function.__code__.co_names)
+            todo += [each.function for each in kernels if isinstance(getattr(each, "function", None), FunctionType)]
+    return len({function.__code__ for begins, function in events if not begins}), len(planned)
 
 
 def compiled_now() -> Path | None:
     """Return the file of which a function is being compiled, but this package's and numba's own; None if none is."""
+    begun: list[Any] = []
+    for begins, function in _compilations():
+        (begun.append if begins else begun.remove)(function)
     ours = {PACKAGE, Path(numba.__file__).parent}
-    files = [Path(code.co_filename) for code in reversed(_compilations.begun)]
+    files = [Path(function.__code__.co_filename) for function in reversed(begun)]
     return next((file for file in files if file.suffix == ".py" and ours.isdisjoint(file.parents)), None)
 
 
@@ -371,17 +360,12 @@ def _call_c(result: ir.Type) -> Any:
         returned = builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), values)
         if isinstance(result, ir.PointerType):
             return builder.ptrtoint(returned, context.get_value_type(types.intp))
+        if isinstance(result, ir.LiteralStructType):
+            numbers = [builder.extract_value(returned, index) for index in range(len(result.elements))]
+            return context.make_tuple(builder, signature.return_type, numbers)
         return context.get_dummy_value() if isinstance(result, ir.VoidType) else returned
 
     return generate
-
-
-def _vector_from_c(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    """Generate a call of a C function that returns a struct of two doubles, which becomes a tuple."""
-    generate = _call_c(ir.LiteralStructType([ir.DoubleType(), ir.DoubleType()]))
-    returned = generate(context, builder, signature, arguments)
-    numbers = [builder.extract_value(returned, index) for index in range(2)]
-    return context.make_tuple(builder, signature.return_type, numbers)
 
 
 def _caller(result: Any, generate: Any) -> Any:
@@ -410,7 +394,7 @@ pointer_from_c = _caller(types.intp, _call_c(_POINTER))
 double_from_c = _caller(types.float64, _call_c(ir.DoubleType()))
 """Returns the double that the C function at an address returns."""
 
-vector_from_c = _caller(types.UniTuple(types.float64, 2), _vector_from_c)
+vector_from_c = _caller(types.UniTuple(types.float64, 2), _call_c(ir.LiteralStructType([ir.DoubleType()] * 2)))
 """Returns the struct of two doubles that the C function at an address returns, as a tuple."""
 
 

@@ -45,7 +45,7 @@ def displace_phases(
     for group in controllers:
         if not group.controller.is_oscillator:
             continue
-        phase_ms, period_ms = group.memory["phase_ms"], float(group.parameters["period_s"][0]) * 1000
+        phase_ms, period_ms = group.memory["phase_ms"], group.period_ms
         if isinstance(by_cycles, str):
             displaced = drawn[group.robots] * period_ms
         else:
