@@ -14,21 +14,16 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, IntArray
-from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.interface import ACTUATORS, Controller, Sensor, Sensors, Wheels
 from epuck_sim.control.names import check_sensed
 from epuck_sim.embodied.sensors.own import completion, names_of_readings
 from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, swarm_at
-from epuck_sim.embodied.user_code import UserCode, as_python, view_at
-from epuck_sim.util.jit import bind, jit_no_alloc
-from epuck_sim.util.native import address_of, array_at, call_c, function_address
+from epuck_sim.embodied.user_code import UserCode
+from epuck_sim.util.jit import jit_no_alloc
+from epuck_sim.util.native import address_of, array_at, call_c
 
 Records = npt.NDArray[np.void]
-
-ENTRIES = 4
-"""Number of a group's entries in the addresses: what runs its controllers, and for firmware its `e_start_all`, its
-`e_step_all` and the first of the robots' records."""
 
 E_GROUP = np.dtype(
     [
@@ -138,30 +133,29 @@ class GroupControllers(UserCode):
         interpret: bool = False,
     ) -> None:
         """Prepare a group's controllers, without starting them: the block, in which it has bytes, stays as it is."""
-        self._group, is_compiled = swarm.groups[number], not (interpret or isinstance(controller, Firmware))
-        super().__init__(controller, block, swarm, number, self._group, is_compiled=is_compiled)
+        self._group = swarm.groups[number]
+        super().__init__(controller, block, swarm, number, self._group)
         check_sensed(controller, names_of_readings(sensors))
-        self.controller, self._sensors = controller, tuple(sensors)
-        self._entries = [0] * ENTRIES
-        # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
+        self.controller, self._of_firmware = controller, list[int]()
         if isinstance(controller, Firmware):
             self._e_groups = _e_groups(swarm, number)
             functions = (controller.library.e_start_all, controller.library.e_step_all)
-            self._entries[1:3] = [ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions]
-            self._entries[3] = self._e_groups.ctypes.data
-            self.run, self._entries[0] = _run_firmware, address_of(_run_firmware)
-        elif interpret:
-            self.run = self._interpreted(swarm)
+            self._of_firmware = [ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions]
+            self._of_firmware.append(self._e_groups.ctypes.data)
+            self.run, self.address = _run_firmware, address_of(_run_firmware)
         else:
+            names = {"start": controller.start, "step": controller.step, "complete": completion(tuple(sensors))}
+            types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
             contents = repr([(each.name, each.readings) for each in sensors])
-            names = self._names(completion(self._sensors))
-            self.run = compile_for(controller, run_group, names, contents)
-            self._entries[0] = function_address(self.run)
+            self._make_run(run_group, names | types, contents, interpret=interpret)
 
     def addresses(self, first: int) -> list[int]:
-        """Have the group's record say that its entries in the addresses begin at index `first`, and return them."""
+        """Have the group's record say that its entries in the addresses begin at index `first`, and return them.
+
+        They are of what runs its controllers, and of firmware's `e_start_all`, `e_step_all` and first robot's record.
+        """
         self._group.controller = first
-        return self._entries
+        return [self.address, *self._of_firmware]
 
     @property
     def memory(self) -> Records:
@@ -195,7 +189,7 @@ class GroupControllers(UserCode):
 
     def step(self) -> None:
         """Run one control step of each robot that is in the arena; raise RobotError where a controller does."""
-        addresses = np.array([0] * self._group.controller + self._entries)
+        addresses = np.array([0] * self._group.controller + self.addresses(self._group.controller))
         try:
             self.run(self._block, addresses, self._number)
         except BaseException as error:  # whatever a user's controller may raise
@@ -213,15 +207,8 @@ class GroupControllers(UserCode):
         memory = group.memory + (robot - group.first) * group.memory_bytes
         block[memory:][: group.memory_bytes] = block[kept:][: group.memory_bytes]
 
-    def _names(self, complete: Any) -> dict[str, Any]:
-        """Return what `run_group` calls by names that it lacks."""
-        controller = self.controller
-        types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
-        return {"start": controller.start, "step": controller.step, "complete": complete, **types}
-
     def _interpreted(self, swarm: Swarm) -> Any:
-        complete = bind(completion(self._sensors).function, array_at=view_at)
-        return as_python(run_group, _views(swarm), self._names(complete))
+        return super()._interpreted(_views(swarm))
 
 
 def _views(swarm: Swarm) -> Swarm:

@@ -6,7 +6,7 @@ Compiled code does not know the line at which it has raised. What has failed run
 import sys
 from abc import ABC, abstractmethod
 from bdb import BdbQuit
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from time import perf_counter
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.interface import Described, Sensor
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.embodied.swarm import Swarm, open_block
@@ -21,6 +22,7 @@ from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import line_of_error
 from epuck_sim.util.jit import bind
 from epuck_sim.util.messages import describe_error
+from epuck_sim.util.native import function_address
 
 AGAIN_S = 1.0
 """Time for which what has failed runs again, to find the line; compiled, it may have run through a long loop."""
@@ -47,21 +49,36 @@ class UserCode(ABC):
     """Numbers of the robots."""
     run: Callable[[ByteArray, IntArray, int], None]
     """Runs it on each of them; takes the block, the addresses and its number. Compiled, unless it is interpreted."""
+    address: int
+    """Address of `run` in this process; 0 if it is interpreted."""
+    _is_compiled = False
 
-    def __init__(
-        self, user: Described, block: ByteArray, swarm: Swarm, number: int, record: Any, *, is_compiled: bool
-    ) -> None:
+    def __init__(self, user: Described, block: ByteArray, swarm: Swarm, number: int, record: Any) -> None:
         """Find the robots of a user's code by its GROUP or SENSE, of this number, in a block."""
         check_imported_copies(user)
         self._user, self._block, self._swarm, self._number = user, block, swarm, number
-        self._scene, self._is_compiled = swarm.scene[0], is_compiled
+        self._scene = swarm.scene[0]
         self.robots = slice(int(record.first), int(record.first + record.count))
+
+    def _make_run(self, function: Any, names: Mapping[str, Any], contents: str = "", *, interpret: bool) -> None:
+        """Make `run` of a function, see `compile_for`; now, as it belongs to no trial's time."""
+        self._function, self._names, self._is_compiled = function, names, not interpret
+        if interpret:
+            self.run, self.address = self._interpreted(self._swarm), 0
+        else:
+            self.run = compile_for(self._user, function, names, contents)
+            self.address = function_address(self.run)
+
+    def _interpreted(self, swarm: Swarm) -> Any:
+        """Return the function as plain Python, which raises where compiled code does: at 1 / 0."""
+        known = {"swarm_at": lambda _: swarm, "array_at": view_at}
+        kernels = {
+            name: bind(each.function, **known) for name, each in self._names.items() if hasattr(each, "function")
+        }
+        return np.errstate(divide="raise", invalid="raise")(bind(self._function, **known, **{**self._names, **kernels}))
 
     @abstractmethod
     def _is_at_work(self) -> bool: ...
-
-    @abstractmethod
-    def _interpreted(self, swarm: Swarm) -> Any: ...
 
     @abstractmethod
     def _undo(self, block: ByteArray, swarm: Swarm, robot: int) -> None:
@@ -100,12 +117,6 @@ class UserCode(ABC):
             if isinstance(second, expected):
                 return line_of_error(second, self._user.sources)
         return None
-
-
-def as_python(function: Any, swarm: Swarm, names: dict[str, Any]) -> Any:
-    """Return a function (block, addresses, number) as plain Python, which raises where compiled code does: at 1 / 0."""
-    bound = bind(function, swarm_at=lambda _: swarm, array_at=view_at, **names)
-    return np.errstate(divide="raise", invalid="raise")(bound)
 
 
 def view_at(block: Any, first: int, end: int, dtype: np.dtype[Any]) -> Any:

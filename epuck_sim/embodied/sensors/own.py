@@ -11,14 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, IntArray
-from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.interface import Sensor, Sensors, World
 from epuck_sim.embodied.start import Part
 from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, Swarm, swarm_at
-from epuck_sim.embodied.user_code import UserCode, as_python
+from epuck_sim.embodied.user_code import UserCode
 from epuck_sim.user_files import line_of_definition
 from epuck_sim.util.jit import jit_inline
-from epuck_sim.util.native import array_at, function_address, record_type
+from epuck_sim.util.native import array_at, record_type
 from epuck_sim.util.seeds import robot_streams
 
 STREAM = record_type([("words", "u8", 4)])
@@ -97,8 +96,6 @@ class OwnSensor(UserCode):
     sensor: Sensor
     name: str
     """Its name in the scenario."""
-    address: int
-    """Address of `run` in this process; 0 if it is interpreted."""
 
     def __init__(
         self, block: ByteArray, swarm: Swarm, number: int, name: str, sensor: Sensor, *, interpret: bool = False
@@ -109,17 +106,10 @@ class OwnSensor(UserCode):
             ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
         """
         self._own = swarm.senses[number]
-        super().__init__(sensor, block, swarm, number, self._own, is_compiled=not interpret)
+        super().__init__(sensor, block, swarm, number, self._own)
         self.sensor, self.name = sensor, name
-        self._names = {"sense": sensor.sense, "READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
-        if interpret:
-            self.run, self.address = self._interpreted(swarm), 0
-            return
-        self.run = compile_for(sensor, run_sensor, self._names)
-        self.address = function_address(self.run)
-
-    def _interpreted(self, swarm: Swarm) -> Any:
-        return as_python(run_sensor, swarm, self._names)
+        types = {"READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
+        self._make_run(run_sensor, {"sense": sensor.sense, **types}, interpret=interpret)
 
     @property
     def readings(self) -> npt.NDArray[np.void]:
@@ -129,11 +119,8 @@ class OwnSensor(UserCode):
     @property
     def parameters(self) -> npt.NDArray[np.void]:
         """(1,) the parameters, in place."""
-        own = self._own
-        parameters: npt.NDArray[np.void] = self._swarm.sensed[own.parameters : own.readings].view(
-            self.sensor.parameter_type
-        )
-        return parameters
+        first, kind = int(self._scene.at[SENSED_BYTES]), self.sensor.parameter_type
+        return self._block[first + self._own.parameters : first + self._own.readings].view(kind)
 
     @property
     def keys(self) -> tuple[int, int]:
@@ -203,10 +190,7 @@ def completion(sensors: tuple[Sensor, ...]) -> Any:
         f"    return Complete({', '.join(fields)})",
     ]
     exec("\n".join(source), known)
-    complete = known["complete"]
-    kernel: Any = jit_inline(complete)
-    kernel.for_python = complete
-    return kernel
+    return jit_inline(known["complete"])
 
 
 @jit_inline
