@@ -19,7 +19,7 @@ from epuck_sim.embodied.sensors.infrared import set_infrared
 from epuck_sim.embodied.sensors.own import assign_sense
 from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
 from epuck_sim.embodied.sensors.radio import set_radio, slots_of
-from epuck_sim.embodied.swarm import Swarm, make_block, open_block
+from epuck_sim.embodied.swarm import Swarm, group_of, make_block, open_block
 from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
 from epuck_sim.scenario.robots import CameraSignal, RadioSignal, RobotGroup
@@ -205,7 +205,7 @@ def set_signal(swarm: Swarm, group: Any, section: RobotGroup, kind: RobotKind, t
 
 def _set_reference(swarm: Swarm, robot: int) -> None:
     scene = swarm.scene[0]
-    group = next(group for group in swarm.groups if group.first <= robot < group.first + group.count)
+    group = swarm.groups[group_of(swarm, robot)]
     scene.reference, scene.lit_phase = robot if group.phase >= 0 else -1, math.nan
     scene.reference_phase = group.memory + (robot - group.first) * group.memory_bytes + group.phase
     scene.reference_is_float = group.phase_is_float

@@ -6,6 +6,7 @@ counted from 1, and the scratch numbers the next one behind each robot.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.robots import members
 from epuck_sim.util.elementary import hypot
 from epuck_sim.util.generators import choose, integer_between, next_double
 from epuck_sim.util.jit import jit, jit_no_alloc
@@ -166,21 +168,17 @@ class Placement:
     def __init__(self, swarm: Swarm, scenario: EmbodiedScenario) -> None:
         """Put the robots with given poses there, which depend on no seed, and park all others far outside."""
         self._scenario = scenario
-        ends = np.cumsum([group.count for group in scenario.robots]).tolist()
-        self._groups = [
-            (number, group.placement, first, end)
-            for number, (group, first, end) in enumerate(zip(scenario.robots, [0, *ends], ends, strict=False))
-            if group.present
-        ]
+        self._groups = [each for each in members(scenario.robots) if each[1].present]
         swarm.robots["x"] = swarm.robots["y"] = OUTSIDE_CM - APART_CM * np.arange(len(swarm.robots))
-        for number, placement, first, _ in self._groups:
-            if placement == "poses":
-                self._put_at_given_poses(swarm, number, first)
+        for number, group, numbers in self._groups:
+            key = f"{scenario.name}: robots.{number}.poses"
+            self._put_at_given_poses(swarm, group.poses or (), numbers.start, key)
 
-    def _put_at_given_poses(self, swarm: Swarm, number: int, first: int) -> None:
+    @staticmethod
+    def _put_at_given_poses(swarm: Swarm, poses: Sequence[Sequence[float]], first: int, of: str) -> None:
         robots, radius_cm = swarm.robots, float(swarm.robots[first].radius_cm)
-        for row, (x, y, heading) in enumerate(self._scenario.robots[number].poses or ()):
-            key = f"{self._scenario.name}: robots.{number}.poses.{row}"
+        for row, (x, y, heading) in enumerate(poses):
+            key = f"{of}.{row}"
             gap = clearance_cm(swarm, float(x), float(y), swarm.scene[0].circles) - radius_cm
             if gap < -TOLERANCE_CM:
                 raise ScenarioError(
@@ -200,18 +198,18 @@ class Placement:
     def place(self, block: ByteArray) -> None:
         """Put robots on the grid, and at random places, by draws; raise ScenarioError if they do not fit."""
         begin_placement(block)
-        for number, placement, first, end in self._groups:
-            if placement == "grid" and (free := place_on_grid(block, first, end)) != PLACED:
-                arena = self._scenario.arena
-                columns, rows = (max(1, int(side / GRID_SPACING_CM) - 1) for side in (arena.width_cm, arena.height_cm))
+        name, arena = self._scenario.name, self._scenario.arena
+        for number, group, robots in self._groups:
+            if group.placement == "grid" and (free := place_on_grid(block, robots.start, robots.stop)) != PLACED:
+                columns, rows = _grid_points(arena.width_cm), _grid_points(arena.height_cm)
                 raise ScenarioError(
-                    f"{self._scenario.name}: robots.{number}.count: is {end - first}; allowed: up to {free}, the free "
-                    f"points of the grid of {columns} x {rows} in this arena; give fewer robots or a larger arena"
+                    f"{name}: robots.{number}.count: is {group.count}; allowed: up to {free}, the free points of the "
+                    f"grid of {columns} x {rows} in this arena; give fewer robots or a larger arena"
                 )
-        for number, placement, first, end in self._groups:
-            if placement == "random" and (robot := place_at_random(block, first, end)) != PLACED:
+        for number, group, robots in self._groups:
+            if group.placement == "random" and (robot := place_at_random(block, robots.start, robots.stop)) != PLACED:
                 raise ScenarioError(
-                    f"{self._scenario.name}: robots.{number}.count: is {end - first}; no free place was found for "
-                    f"robot {robot - first} in {MAX_DRAWS} draws: random placement fills at most about half of the "
+                    f"{name}: robots.{number}.count: is {group.count}; no free place was found for robot "
+                    f"{robot - robots.start} in {MAX_DRAWS} draws: random placement fills at most about half of the "
                     "floor; give fewer robots, a larger arena, or poses"
                 )

@@ -14,6 +14,7 @@ from epuck_sim.embodied.observers import Scene, find_all_sightings, find_contact
 from epuck_sim.embodied.swarm import Swarm, offset_of, poses_of
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.robots import members
 from epuck_sim.util.messages import comma_list, did_you_mean
 
 
@@ -211,12 +212,10 @@ def check_field(scenario: EmbodiedScenario, field: str, robot: int | None = None
     if scenario.sweep is not None and any(key.endswith(".controller") for key in scenario.sweep.keys):
         return  # nothing is known yet
     fields: dict[str, tuple[int, ...]] = {}
-    first = 0
-    for group in scenario.robots:
-        if robot is None or first <= robot < first + group.count:
+    for _, group, robots in members(scenario.robots):
+        if robot is None or robot in robots:
             memory = find_controller(group.controller).memory
             fields |= {name: memory[name].shape for name in memory.names or ()}
-        first += group.count
     if field not in fields:
         raise ValueError(f"{did_you_mean(field, fields)}; what is remembered: {comma_list(fields)}")
     if fields[field]:

@@ -396,6 +396,11 @@ def _array(block: ByteArray, first: int, end: int, dtype: np.dtype[Any]) -> npt.
     return array
 
 
+def group_of(swarm: Swarm, robot: int) -> int:
+    """Return the number of the group that a robot belongs to."""
+    return int(np.searchsorted(swarm.groups["first"], robot, side="right")) - 1
+
+
 def offset_of(field: str) -> int:
     """Return the offset of a field in the record of a robot, in bytes."""
     assert ROBOT.fields

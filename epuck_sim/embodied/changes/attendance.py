@@ -18,12 +18,12 @@ from epuck_sim.embodied.placement import (
     PLACED,
     TOLERANCE_CM,
     begin_placement,
-    clearance_cm,
+    is_free,
     place_at_random,
 )
 from epuck_sim.embodied.sensors.infrared import read_nothing
 from epuck_sim.embodied.sensors.radio import forget_signals
-from epuck_sim.embodied.swarm import Swarm, open_block, swarm_at
+from epuck_sim.embodied.swarm import Swarm, group_of, open_block, swarm_at
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.jit import jit_no_alloc
@@ -77,9 +77,8 @@ def take_out(robots: Sequence[int], swarm: Swarm, world: "World", controllers: S
         robot = swarm.robots[number]
         robot.present = robot.ring_command = robot.ring_on = robot.ring_before = False
         robot.actuators = np.zeros(1, ACTUATORS)[0]
-        group, member = _place_of(swarm, number)
-        memory = controllers[group].memory
-        memory[member] = np.zeros(1, memory.dtype)[0]
+        group = controllers[group_of(swarm, number)]
+        group.memory[number - group.robots.start] = np.zeros(1, group.memory.dtype)[0]
 
 
 def put_in(
@@ -104,35 +103,23 @@ def put_in(
         record = swarm.robots[robot]
         if record.present:
             continue
+        begin_placement(block)
         if poses is None:
-            begin_placement(block)
             if place_at_random(block, robot, robot + 1) != PLACED:
                 raise ScenarioError(f"{origin}: no free place was found for robot {robot}")
             world.move(robot, (record.x, record.y, record.heading))
         else:
-            _check_free(swarm, robot, poses[number], origin)
-            world.move(robot, poses[number])
+            x, y, _ = pose = poses[number]
+            if not is_free(swarm, float(x), float(y), float(record.radius_cm) - TOLERANCE_CM):
+                raise ScenarioError(
+                    f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an "
+                    "obstacle or a movable; give a free place, or no poses"
+                )
+            world.move(robot, pose)
         record.present = True
-        group, member = _place_of(swarm, robot)
+        group = group_of(swarm, robot)
+        member = robot - controllers[group].robots.start
         controllers[group].start([member])
         for name, value in scenario.robots[group].memory.items():
             controllers[group].memory[name][member] = value if np.ndim(value) == 0 else value[member]
         forget_signals(swarm, robot)
-
-
-def _check_free(swarm: Swarm, robot: int, pose: Sequence[float], origin: str) -> None:
-    radius_cm, others = float(swarm.robots[robot].radius_cm), swarm.robots[swarm.robots.present]
-    x, y, _ = pose
-    apart_cm = np.sqrt((others.x - x) ** 2 + (others.y - y) ** 2)
-    is_apart = (apart_cm >= others.radius_cm + radius_cm - TOLERANCE_CM).all()
-    if not is_apart or clearance_cm(swarm, x, y, swarm.scene[0].circles) < radius_cm - TOLERANCE_CM:
-        raise ScenarioError(
-            f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an obstacle "
-            "or a movable; give a free place, or no poses"
-        )
-
-
-def _place_of(swarm: Swarm, robot: int) -> tuple[int, int]:
-    """Return the number of a robot's group, and the robot's number in it."""
-    group = int(np.searchsorted(swarm.groups.first, robot, side="right")) - 1
-    return group, robot - int(swarm.groups.first[group])

@@ -11,7 +11,7 @@ from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import MAX_MESSAGES
 from epuck_sim.embodied.sensors.camera import NEVER
 from epuck_sim.embodied.sensors.flash_cone import in_cone
-from epuck_sim.embodied.swarm import Swarm, swarm_at
+from epuck_sim.embodied.swarm import Swarm, group_of, swarm_at
 from epuck_sim.scenario.robots import RadioSignal, SignalSection
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.rng import uniform
@@ -83,6 +83,6 @@ def _take_from_air(swarm: Swarm, group: Any, senders: int, number: int, pulses: 
 def forget_signals(swarm: Swarm, robot: int) -> None:
     """Have neither a picture nor a pulse be on its way to a robot; its camera goes on at its instants."""
     swarm.robots[robot].picture_arrives = NEVER
-    group = next(group for group in swarm.groups if group.first <= robot < group.first + group.count)
+    group = swarm.groups[group_of(swarm, robot)]
     first = group.radio.first + robot - group.first
     swarm.air.count[first : first + group.radio.slots * group.count : group.count] = 0
