@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from epuck_sim.control.interface import EPUCK_WHEELS, Controller
+from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import find_controller
-from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
-from epuck_sim.embodied.swarm import SENSED, make_block, open_block
+from epuck_sim.embodied.swarm import SENSED
 from epuck_sim.epuck import OUT_OF_RANGE_MM
+from epuck_sim.testing.robot import controlled_swarm
 from epuck_sim.user_files import Value
-from epuck_sim.util.seeds import robot_streams
 
 MODES = pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])
 """Runs a test of controllers twice."""
@@ -53,23 +52,15 @@ class Bench:
         if isinstance(controller, str):
             controller = find_controller(controller)
         self._step_ms = step_ms
-        room = bytes_needed(controller, robots)
-        self.block = make_block({"robots": robots, "groups": 1, "pixels": robots * pixels, "bytes": room})
-        self.swarm = open_block(self.block)
-        members, self.swarm.scene[0].serving = self.swarm.robots, -1
-        members.wheel_limit_cm_s, members.wheel_base_cm = EPUCK_WHEELS
-        self.swarm.groups[0].count, self.swarm.groups[0].pixels = robots, pixels
+        made = controlled_swarm([controller], [robots], pixels, seed=seed, interpret=interpret)
+        _, self.swarm, (self.control,) = made
+        members = self.swarm.robots
         self.actuators, self.streams = members.actuators, members.random
         self.senses = SimpleNamespace(
             **{name: members.sensors[name] for name in SENSED.names or ()},
             camera=self.swarm.pixels.reshape(robots, pixels),
         )
-        self.senses.step_ms[:], self.senses.new_picture[:] = step_ms, True
-        self.senses.distance_mm[:] = OUT_OF_RANGE_MM
-        members.present = True
-        self.streams[:] = robot_streams(np.random.SeedSequence(seed), robots)
-        assign_bytes(self.swarm, 0, controller, 0)
-        self.control = GroupControllers(self.block, self.swarm, 0, controller, interpret=interpret)
+        self.senses.step_ms[:] = step_ms
         self.control.parameters[:] = controller.parameter_record(controller.resolve(given or {}))
         self.memory = self.control.memory
         if start:

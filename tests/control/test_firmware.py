@@ -31,9 +31,6 @@ def write_firmware(path: Path, step: str = "", head: str = "", memory: str = "E_
     return find_controller(str(path))
 
 
-# --- as in Python ---------------------------------------------------------------------------------
-
-
 def test_the_firefly_in_c_has_the_parameters_and_the_memory_of_the_one_in_python():
     firmware, controller = find_controller(str(FIREFLY)), find_controller("firefly")
     assert firmware.parameters == controller.parameters
@@ -89,9 +86,6 @@ def test_random_numbers_are_those_of_python(tmp_path):
         bench.control.step()
         assert bench.memory.tolist() == [(uniform(stream), randint(stream, 1000)) for stream in streams]
     assert (bench.streams == streams).all()
-
-
-# --- the header -----------------------------------------------------------------------------------
 
 
 @MODES
@@ -160,9 +154,6 @@ def test_a_library_runs_as_its_source_does_and_an_edit_of_either_or_of_what_it_i
             assert bench.memory["x"].tolist() == [number]
 
 
-# --- what is refused ------------------------------------------------------------------------------
-
-
 def test_tables_of_constants_are_no_shared_variables_and_neither_list_is_needed(tmp_path):
     head = 'static const char *const NAMES[] = {"a", "b"}; static const double GAINS[] = {1, 2};'
     write_firmware(tmp_path / "mine.c", "e_set_led((unsigned)NAMES[e_get_red(1)][0], GAINS[1]);", head=head)
@@ -195,9 +186,6 @@ def test_without_a_compiler_the_way_out_is_said(tmp_path, monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler -m32")
     with pytest.raises(ControllerError, match=r"mine\.c: needs a C compiler, and no-such-compiler is not found; inst"):
         write_firmware(tmp_path / "mine.c")
-
-
-# --- the cache ------------------------------------------------------------------------------------
 
 
 def test_a_file_is_compiled_once_for_its_contents_and_again_by_another_compiler_or_when_damaged(tmp_path, monkeypatch):

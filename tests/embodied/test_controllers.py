@@ -88,9 +88,6 @@ def outcome(controller, interpret=False):
     return bench.memory["x"].tolist()[0]
 
 
-# --- compiled and interpreted are one --------------------------------------------------------------
-
-
 @pytest.mark.parametrize("parameters", [{}, {"gain": -0.9, "turns": 1}], ids=str)
 def test_a_user_s_own_controller_does_the_same_compiled_and_interpreted(parameters, tmp_path):
     """With helpers, constants, arrays in memory, a sibling file, parts of shipped controllers, and chance."""
@@ -160,8 +157,6 @@ def test_each_robot_has_its_own_senses_memory_stream_and_actuators_which_keep_th
     assert whole.tolist() == [1_101_020, 102_041, 2_003_060]
     assert len(set(chance)) == 3
 
-
-# --- failures --------------------------------------------------------------------------------------
 
 FAILING = """
 import sibling
@@ -282,9 +277,6 @@ def test_controllers_of_absent_robots_do_not_run_and_robots_can_start_alone(inte
     assert bench.actuators.send.tolist() == [7, 0, 0]
 
 
-# --- edits: no stale code --------------------------------------------------------------------------
-
-
 @pytest.fixture
 def _caches(tmp_path, monkeypatch):
     """A cache of compiled code that begins empty."""
@@ -348,9 +340,6 @@ def test_an_edit_takes_effect_at_once_in_this_process_and_in_the_next_which_runs
     assert [outcome(find_controller(str(file))) for file in files] == [1, 4]
 
 
-# --- compiling leaves the controller as it is ----------------------------------------------------------
-
-
 HELPERS = """
 from collections import namedtuple
 
@@ -403,8 +392,6 @@ def test_what_cannot_be_compiled_runs_interpreted(tmp_path):
     assert outcome(controller, interpret=True) == 1
 
 
-# --- values that a program sets from outside -----------------------------------------------------------
-
 HELPER = """
 import numpy as np
 
@@ -452,9 +439,6 @@ def test_a_program_can_set_a_value_in_the_controller_s_own_copy(helped, interpre
     other.__file__, other.GAIN = str(tmp_path / "elsewhere" / "helper.py"), 7.0
     monkeypatch.setitem(sys.modules, "helper", other)
     assert outcome(controller, interpret) == 6
-
-
-# --- the debugger ---------------------------------------------------------------------------------------
 
 
 def test_leaving_the_debugger_is_no_error_of_the_controller(tmp_path):

@@ -47,9 +47,6 @@ def by_observer(found: list[list[int]], observers: int) -> list[list[int]]:
     return [[seen for _, observer, seen in found if observer == robot] for robot in range(observers)]
 
 
-# --- a slow twin ------------------------------------------------------------------------------------
-
-
 def test_sightings_are_those_of_the_slow_twin_and_a_camera_sees_red_where_one_of_them_is_lit() -> None:
     tally = Counter()
 
@@ -75,9 +72,6 @@ def test_sightings_are_those_of_the_slow_twin_and_a_camera_sees_red_where_one_of
     assert min(tally["several"], tally["red"], tally["dark"]) > 0.02 * tally["robots"]
 
 
-# --- several steps, some observers, many sightings --------------------------------------------------
-
-
 @settings(max_examples=40)
 @given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
 def test_steps_at_once_are_one_after_the_other_and_observers_are_those_of_the_group(
@@ -93,8 +87,6 @@ def test_steps_at_once_are_one_after_the_other_and_observers_are_those_of_the_gr
     wanted = [sighting for sighting in everybody if first <= sighting[1] < first + observers]
     assert sightings(poses, scene.arena, camera, first, observers) == wanted
 
-
-# --- who touches what -------------------------------------------------------------------------------
 
 GAP_CM = 2 * MARGIN_CM
 
@@ -199,8 +191,6 @@ def test_there_is_room_for_any_number_of_contacts() -> None:
     assert len(found) == len(expected) == 60 * 3
     assert np.abs(found[:, None] - np.array(expected)[None]).max(axis=2).min(axis=0).max() < 1e-9
 
-
-# --- in the present step ----------------------------------------------------------------------------
 
 CROWD = load_scenario(
     {

@@ -102,15 +102,10 @@ def test_robots_are_placed_where_a_slow_twin_places_them(groups, has_obstacles, 
     np.testing.assert_array_equal(placed_as(scenario, seed), placed_slowly(scenario, seed))
 
 
-# --- poses, and too many ----------------------------------------------------------------------------
-
-
 def test_poses_are_taken_as_given_and_may_touch():
     poses = [[3.7, 3.7, 1.0], [11.1, 3.7, -20.0], [3.7, 11.1, 0.0], [56.3, 56.3, 7.0]]
     np.testing.assert_array_equal(placed({"poses": poses}), poses)
 
-
-# --- what robots remember at the start --------------------------------------------------------------
 
 POSES = [[15, 15, 0.5], [40, 40, 2.0], [15, 40, -1.0]]
 

@@ -4,6 +4,7 @@ import copy
 import gc
 import pickle
 import random
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -12,11 +13,11 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from tests.control.bench import with_step
-from tests.embodied.test_simulation import bits, steps_of
+from tests.embodied.test_simulation import bits
 
 
-def following(simulation, steps=60):
-    return [bits(step) for step in steps_of(simulation, steps)]
+def following(simulation, steps):
+    return [bits(step) for step in islice(simulation, steps)]
 
 
 UNLIKE = load_scenario(
@@ -60,9 +61,6 @@ def test_many_resets_in_crowds_leave_no_body_behind():
     used = crowds[0]
     used.reset(7)
     assert following(used, 50) == following(Simulation("crowded", 7), 50)
-
-
-# --- snapshots --------------------------------------------------------------------------------------
 
 
 def drive(simulation, steps, chance):
@@ -119,9 +117,6 @@ def test_a_snapshot_is_a_moment_which_later_steps_do_not_change_and_one_of_anoth
     assert simulation.steps == 50
     simulation.restore(snapshot)
     assert drive(simulation, 30, np.random.default_rng(2)) == first
-
-
-# --- changes on the way -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("interpret", [False, True])

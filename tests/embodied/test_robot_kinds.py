@@ -21,9 +21,6 @@ def drive(poses, left_cm_s, right_cm_s, robot="kilobot", signal=RADIO, **section
     return Simulation({"arena": FLOOR, "noise": "off", "robot": robot, "robots": [group], **sections}, 1)
 
 
-# --- wheels -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("robot", "limit", "base"),
     [
@@ -36,20 +33,6 @@ def test_a_robot_turns_on_the_spot_by_its_wheels_limit_and_distance(robot, limit
     step = drive([[25, 25, 0]], -12.8, 12.8, robot).advance(11)
     assert step.wheels_cm_s.tolist() == [[-limit, limit]]
     np.testing.assert_allclose(step.poses[0], [25, 25, 2 * limit / base], rtol=0, atol=1e-9)  # in a second
-
-
-# --- bodies -----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("robot", "apart"), [("epuck", 7.4), ("kilobot", 3.3), ({"radius_cm": 5}, 10)])
-def test_two_robots_that_meet_head_on_stop_a_diameter_apart(robot, apart):
-    step = drive([[15, 25, 0], [35, 25, math.pi]], 1, 1, robot).advance(300)
-    assert step.poses[1, 0] - step.poses[0, 0] == pytest.approx(apart, abs=0.02)
-    assert step.contacts.tolist() == [[0, 1]]
-    assert step.poses[0, 0] + step.poses[1, 0] == pytest.approx(50)
-
-
-# --- kinds that differ in a swarm ---------------------------------------------------------------------
 
 
 def mixed(*groups, interpret=False, **sections) -> Simulation:
@@ -75,10 +58,8 @@ def test_each_robot_drives_with_its_own_wheels_and_stops_where_the_two_bodies_to
     assert [0, 1] in step.contacts.tolist()
     # the faster one has pushed the other one to the wall, where pymunk leaves it up to 0.2 mm short of a contact
     assert step.poses[1, 0] == pytest.approx(50 - 1.65, abs=0.2)
-    alone = mixed(("epuck", [[25, 25, 0]], 1, {}), ("kilobot", [[10, 10, 0]], 0, {}))
-    turned = mixed(("epuck", [[25, 25, 0]], 0, {"parameters": {"left_cm_s": -1, "right_cm_s": 1}}),
-                   ("kilobot", [[10, 10, 0]], 0, {"parameters": {"left_cm_s": -1, "right_cm_s": 1}}))  # fmt: skip
-    assert alone.advance(11).poses[0, 0] == pytest.approx(26)
+    around = {"parameters": {"left_cm_s": -1, "right_cm_s": 1}}
+    turned = mixed(("epuck", [[25, 25, 0]], 0, around), ("kilobot", [[10, 10, 0]], 0, around))
     assert turned.advance(11).poses[:, 2].tolist() == pytest.approx([2 / 5.1, 2 / 2.5])
 
 
@@ -111,9 +92,6 @@ def test_own_sensors_know_the_radius_of_the_robot_that_senses_and_of_others(tmp_
     groups = ("epuck", [[10, 25, 0]], 0, sensors), ("kilobot", [[30, 25, math.pi]], 0, sensors)
     sizes = mixed(*groups, interpret=True).advance(1).readings["sizes"]
     assert sizes == pytest.approx(np.array([[3.7, 1.65, 20 - 1.65], [1.65, 3.7, 20 - 3.7]]))
-
-
-# --- sensors ----------------------------------------------------------------------------------------
 
 
 def test_a_robot_without_infrared_sensors_reads_nothing_in_range_from_all():

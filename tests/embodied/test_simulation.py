@@ -3,6 +3,7 @@
 import hashlib
 import math
 from functools import cache
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -21,12 +22,6 @@ SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(na
 LONG = ("crowded", "obstacles", "physical", "thesis")
 
 
-def steps_of(simulation, count):
-    """Yield the next `count` steps; their arrays are overwritten by the next one."""
-    for _ in range(count):
-        yield next(simulation)
-
-
 def kept(simulation, count):
     """Return the next `count` steps with arrays of their own."""
     return [
@@ -34,7 +29,7 @@ def kept(simulation, count):
             **{name: value.copy() for name, value in step._asdict().items() if isinstance(value, np.ndarray)},
             memories=tuple(memory.copy() for memory in step.memories),
         )
-        for step in steps_of(simulation, count)
+        for step in islice(simulation, count)
     ]
 
 
@@ -47,15 +42,12 @@ def bits(step):
 def fingerprint(scenario, seed=7, interpret=False, steps=None):
     """Return a hash of every bit of every array of every step."""
     hashed = hashlib.sha256()
-    for step in steps_of(Simulation(scenario, seed, interpret=interpret), steps or (150 if scenario in LONG else 60)):
+    for step in islice(Simulation(scenario, seed, interpret=interpret), steps or (150 if scenario in LONG else 60)):
         hashed.update(repr(bits(step)).encode())
     return hashed.hexdigest()
 
 
 fingerprinted = cache(fingerprint)
-
-
-# --- the same seed makes the same trial -------------------------------------------------------------
 
 
 @pytest.mark.parametrize("arena", SHIPPED)
@@ -67,9 +59,8 @@ LAMP = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"ring_o
 WATCHER = {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 0}}
 
 
-@pytest.mark.parametrize("arena", LONG)
-def test_another_seed_makes_another_trial(arena):
-    assert fingerprint(arena, seed=8) != fingerprinted(arena)
+def test_another_seed_makes_another_trial():
+    assert fingerprint("thesis", seed=8) != fingerprinted("thesis")
 
 
 def test_the_seed_is_the_scenarios_own_unless_it_is_given():
@@ -85,8 +76,6 @@ def test_steps_are_whole_numbers_from_1(steps):
             take(steps)
     assert Simulation("pair").advance(np.int32(3)).number == 2
 
-
-# --- controllers for these tests --------------------------------------------------------------------
 
 BLINK = with_step("actuators.ring_on = memory.x == 3\n    memory.x += 1")
 REACT = """
@@ -148,9 +137,6 @@ def controller(tmp_path):
     return write
 
 
-# --- all robots sense the same instant --------------------------------------------------------------
-
-
 def test_a_ring_lit_in_one_step_is_seen_in_the_next_and_only_then(controller):
     blinker = {"poses": [[50, 30, 0]], "controller": controller(BLINK)}
     watchers = {"poses": [[20, 30, 0], [50, 10, math.pi / 2]], "controller": "constant"}
@@ -159,14 +145,6 @@ def test_a_ring_lit_in_one_step_is_seen_in_the_next_and_only_then(controller):
         assert [step.ring_on.any() for step in steps] == [number == 3 for number in range(8)]
         for robot in watching:
             assert [step.camera[robot].any() for step in steps] == [number == 4 for number in range(8)]
-
-
-def test_wheels_commanded_in_one_step_within_their_limit_move_the_body_before_the_next(controller):
-    race = with_step("actuators.left_cm_s = -1e9\n    actuators.right_cm_s = float('inf')")
-    robot = {"poses": [[30, 30, 0]], "controller": controller(race)}
-    first, second = kept(Simulation({"robots": [robot], "noise": "off"}, 0, interpret=True), 2)
-    np.testing.assert_array_equal(first.wheels_cm_s, [(-12.8, 12.8)])
-    np.testing.assert_allclose(second.poses, [(30, 30, 2 * 12.8 / 5.1 * 0.1)])
 
 
 POSES = [[60, 60, 0.1], [71, 60, 2.0], [64, 71, 4.0], [90, 70, 3.0], [120, 60, 3.3], [30, 90, 5.5], [45, 40, 1.0]]
@@ -191,14 +169,10 @@ def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(contr
 
     positions = np.array([step.poses[:, :2] for step in straight])
     one, other = np.triu_indices(7, 1)
-    assert (
-        np.hypot(*np.moveaxis(positions[:, one] - positions[:, other], 2, 0)).min() > 7.4
-    )  # no two robots have touched
+    apart = np.linalg.norm(positions[:, one] - positions[:, other], axis=2)
+    assert apart.min() > 7.4  # no two robots have touched
     assert np.any([step.camera.any(axis=1) for step in straight], axis=0).all()  # but all have seen somebody
     assert np.any([step.infrared[:3].any(axis=1) for step in straight], axis=0).all()
-
-
-# --- groups side by side ----------------------------------------------------------------------------
 
 
 def test_groups_with_different_cameras_and_controllers_work_side_by_side(controller):
@@ -217,9 +191,6 @@ def test_groups_with_different_cameras_and_controllers_work_side_by_side(control
     assert [np.isnan(phase) for phase in step.phase_ms] == [True, True, False, True]
     np.testing.assert_array_equal(simulation.period_ms, [np.nan, np.nan, 2000, np.nan])
     np.testing.assert_array_equal(step.flash_seen, [False, True, True, False])
-
-
-# --- controllers that fail --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
@@ -245,21 +216,15 @@ def test_a_controller_that_fails_is_blamed_with_robot_step_and_seed(controller, 
         run()
 
 
-# --- steps ------------------------------------------------------------------------------------------
-
-
 def test_steps_are_numbered_from_0_and_their_times_are_exact():
     simulation = Simulation(load_scenario("arc", ["timing.control_hz=40", "timing.physics_hz=200"]))
     assert simulation.step_s == 1 / 40
-    assert [(step.number, step.time_s) for step in steps_of(simulation, 50)] == [(n, n / 40) for n in range(50)]
-
-
-# --- several steps at once ------------------------------------------------------------------------------
+    assert [(step.number, step.time_s) for step in islice(simulation, 50)] == [(n, n / 40) for n in range(50)]
 
 
 @pytest.mark.parametrize("scenario", CHANGING)
 def test_interpreted_steps_taken_at_once_are_the_compiled_ones_taken_one_by_one(scenario):
-    expected = [bits(step) for step in steps_of(Simulation(CHANGING[scenario], 3), 84)]
+    expected = [bits(step) for step in islice(Simulation(CHANGING[scenario], 3), 84)]
     simulation = Simulation(CHANGING[scenario], 3, interpret=True)
     for count in (1, 2, 15, 16, 17, 33):
         step = simulation.advance(count)
@@ -284,9 +249,6 @@ def test_steps_taken_at_once_end_where_the_reference_fires(reference, interpret)
     assert len(seen) > 2
 
 
-# --- phases and flashes ---------------------------------------------------------------------------------
-
-
 def test_a_robot_judges_a_flash_by_any_red_pixel_unless_its_controller_does():
     simulation = Simulation("spotlight")
     first, second = kept(simulation, 2)
@@ -301,15 +263,12 @@ def test_a_robot_judges_a_flash_by_any_red_pixel_unless_its_controller_does():
     assert not step.flash_seen[0]
 
 
-# --- noise of the sensors ---------------------------------------------------------------------------
-
-
 def test_noise_is_what_numpy_draws_with_the_seed_anew_for_each_sensor_wheel_robot_and_step():
     simulation = Simulation("thesis", 3)
     swarm = swarm_of(simulation)
     parts = (Part.INFRARED_NOISE, Part.WHEEL_NOISE)
     sensors, wheels = (np.random.Generator(np.random.SFC64(spawned(3, part))) for part in parts)
-    for _ in steps_of(simulation, 300):
+    for _ in islice(simulation, 300):
         np.testing.assert_allclose(swarm.robots.infrared_noise, sensors.standard_normal((10, 8)), rtol=1e-15)
         np.testing.assert_array_equal(swarm.robots.wheel_noise, wheels.random((10, 2)))
     assert (swarm.groups[0].infrared.noise_counts, swarm.scene[0].slip) == (10, 0.05)

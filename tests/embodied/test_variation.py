@@ -32,9 +32,6 @@ def block_of(robots, seed=4, step_ms=100):
     return block
 
 
-# --- factors ----------------------------------------------------------------------------------------
-
-
 @given(spreads, st.integers(1, 30))
 def test_robots_differ_as_a_slow_twin_draws_for_each_from_its_own_stream(spread, robots):
     block = block_of(robots)
@@ -48,9 +45,6 @@ def test_robots_differ_as_a_slow_twin_draws_for_each_from_its_own_stream(spread,
         np.testing.assert_array_equal(robot.free_gain, robot.wheel_gain)
         assert robot.own_step_ms == 100 * robot.clock_rate == 100 * (1 + clock * drawn[3])
         np.testing.assert_array_equal(robot.infrared_gain, 1 + gain * drawn[4:])
-
-
-# --- clocks -----------------------------------------------------------------------------------------
 
 
 @settings(max_examples=30)
@@ -83,9 +77,6 @@ def test_phases_run_by_the_robots_own_clocks():
     assert np.ptp(ahead) > 5
     np.testing.assert_array_equal(steps[0].poses, steps[1].poses)
     assert steps[0].time_s == steps[1].time_s
-
-
-# --- getting stuck ----------------------------------------------------------------------------------
 
 
 def stuck_over(steps, robots=1, step_ms=100):

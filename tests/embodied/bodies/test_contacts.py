@@ -51,9 +51,6 @@ def test_candidates_are_those_of_the_slow_twin(seed, robots, side):
     assert (found <= perhaps).all()
 
 
-# --- robots that come farther than candidates should --------------------------------------------------
-
-
 @settings(deadline=None, max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -84,8 +81,6 @@ def test_no_contact_is_missed_however_far_and_late_robots_are_squeezed_out(seed,
     np.testing.assert_allclose(world.poses[free], twin.poses[free], rtol=0, atol=1e-9)
     assert overlap_cm(world.poses[:, :2]) <= max(overlap_cm(twin.poses[:, :2]), 0) + 0.05
 
-
-# --- contacts of one robot with walls alone, or of two robots with each other alone ---------------------
 
 KINDS = (EPUCK, EPUCK.model_copy(update={"radius_cm": 2.5, "mass_g": 400.0}))
 WALLS = [[5.0, 30, 0], [54, 5, 1]], [(-1, 0), (1, -1)]  # two robots that press on a wall, and into a corner

@@ -40,9 +40,6 @@ def way_cm(world, speed, seconds):
     return disc.x - start
 
 
-# --- the balance of forces --------------------------------------------------------------------------
-
-
 @settings(deadline=None, max_examples=15)
 @given(
     pushers=st.integers(1, 4),
@@ -96,9 +93,6 @@ def test_what_is_pushed_by_what_is_pushed_adds_its_friction(discs, moves):
     assert (found > 25) if moves else (abs(found) < 1e-3)
 
 
-# --- what robots sense of them ----------------------------------------------------------------------
-
-
 def scene(groups, **arena):
     robots = [
         {"poses": [pose], "controller": "constant", "parameters": {"left_cm_s": v, "right_cm_s": v, "ring_on": lit}}
@@ -118,9 +112,6 @@ def test_sensors_see_a_disc_where_it_was_pushed_to_as_an_obstacle_that_stands_th
     assert (pushed.infrared[1] > 100).any()
     np.testing.assert_allclose(pushed.infrared, still.infrared, rtol=0, atol=0.5)
     assert pushed.contacts.tolist() == [[0, -1]] == still.contacts.tolist()
-
-
-# --- trials -----------------------------------------------------------------------------------------
 
 
 def test_a_strong_robot_that_touches_nothing_moves_as_where_there_is_nothing_to_push_a_physics_step_later():

@@ -3,6 +3,7 @@
 import math
 import sys
 import threading
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -26,10 +27,8 @@ def constant(poses, speed=0.0):
 def moved(groups, steps, **rest):
     arena = {"width_cm": 100, "height_cm": 60}
     simulation = Simulation({"arena": arena, "robots": groups, "noise": "off", **rest}, 0)
-    return np.array([step.poses.copy() for step, _ in zip(simulation, range(steps + 1), strict=False)])
+    return np.array([step.poses.copy() for step in islice(simulation, steps + 1)])
 
-
-# --- nothing overlaps, and nothing tunnels ------------------------------------------------------------
 
 AHEAD = {"left_cm_s": FULL_CM_S, "right_cm_s": FULL_CM_S}
 OBSTACLES = [
@@ -44,7 +43,7 @@ OBSTACLES = [
 def test_robots_are_never_more_than_a_millimetre_in_each_other_a_wall_or_an_obstacle(group, side, obstacles):
     arena = {"width_cm": side, "height_cm": side, "obstacles": obstacles}
     simulation = Simulation({"arena": arena, "robots": [{"count": 20, **group}]}, 1)
-    for step, _ in zip(simulation, range(700), strict=False):
+    for step in islice(simulation, 700):
         places = step.poses[:, :2]
         assert overlap_cm(places) <= MILLIMETRE, step.number
         clearances_cm = [clearance_cm(step.arena, x, y) for x, y in places.tolist()]
@@ -59,12 +58,8 @@ def test_two_that_meet_head_on_overlap_by_less_than_a_millimetre_and_no_longer_t
         assert overlap[-4:].max() <= TOUCH_CM + 1e-9
 
 
-# --- pushing ----------------------------------------------------------------------------------------
-
-
 def test_in_scene_push_both_move_at_half_the_pushers_speed_from_contact_on():
-    simulation = Simulation("push")
-    path = np.array([step.poses.copy() for step, _ in zip(simulation, range(41), strict=False)])
+    path = np.array([step.poses.copy() for step in islice(Simulation("push"), 41)])
     time = 0.1 * np.arange(41)[:, None]
     before = np.array([20, 30]) + FULL_CM_S * time * (1, 0)
     # together they have the momentum of the pusher alone, 7.4 cm apart
@@ -73,9 +68,6 @@ def test_in_scene_push_both_move_at_half_the_pushers_speed_from_contact_on():
     np.testing.assert_allclose(path[:, :, 0], np.where(touches, after, before), rtol=0, atol=TOUCH_CM)
     np.testing.assert_allclose(np.diff(path[5:, :, 0], axis=0), FULL_CM_S / 2 * 0.1, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(path[:, :, 1:], np.broadcast_to([30, 0], (41, 2, 2)))
-
-
-# --- sliding and friction ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("friction", [0, 0.1, 0.5])
@@ -94,9 +86,6 @@ def test_a_robot_slides_along_what_it_touches_and_only_friction_turns_it(frictio
         np.testing.assert_allclose(path[..., 2], np.broadcast_to(path[0, :, 2], path.shape[:2]), rtol=0, atol=1e-9)
         assert wall[20:, 1] == pytest.approx(RADIUS_CM, abs=2 * TOUCH_CM)
         np.testing.assert_allclose(np.diff(wall[20:, 0]), FULL_CM_S * math.cos(math.pi / 6) * 0.1, rtol=0, atol=1e-9)
-
-
-# --- only robots that may touch something are in the space --------------------------------------------
 
 
 def crowded(random, obstacles):

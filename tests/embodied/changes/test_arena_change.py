@@ -1,5 +1,7 @@
 """Claims about walls and obstacles that change while a trial runs: all that moves and senses has the new ones."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 
@@ -30,7 +32,7 @@ def test_robots_pass_a_wall_once_it_is_lifted_and_stay_within_walls_that_come():
         {**GATED, "schedule": [{"at_s": 10, "set": {"arena.width_cm": 90, "arena.obstacles": []}}]}, 1
     )
     farthest = []
-    for number, step in enumerate(take(simulation, 600)):
+    for number, step in enumerate(islice(simulation, 600)):
         x, y = step.poses[:, 0], step.poses[:, 1]
         farthest.append(x.max())
         gaps = np.column_stack([x, y, (60 if number < 100 else 90) - x, 60 - y]).min(axis=1)
@@ -40,10 +42,6 @@ def test_robots_pass_a_wall_once_it_is_lifted_and_stay_within_walls_that_come():
         assert touching == set(np.flatnonzero(gaps <= 3.7 + 0.16).tolist())
     assert max(farthest[:100]) < 26
     assert max(farthest[100:]) > 70
-
-
-def take(simulation, steps):
-    return (next(simulation) for _ in range(steps))
 
 
 def test_a_step_shows_the_arena_of_its_time_with_movables_where_they_are():

@@ -9,13 +9,12 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.cells import set_cells
 from epuck_sim.embodied.changes.attendance import blank, parked, put_in, rest, take_out
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.swarm import open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from tests.control.bench import with_step
-from tests.embodied.changes.blocks import controlled_block
+from tests.embodied.changes.blocks import started_swarm
 from tests.embodied.changing import NOWHERE, SIGNALS, steps_of
 
 POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40, 20, 5]]
@@ -34,8 +33,7 @@ class Bodies:
 
 def test_who_is_taken_out_is_parked_and_forgets_senses_and_does_nothing():
     controller = find_controller("firefly")
-    block, runs = controlled_block([controller, controller], [2, 3])
-    swarm = open_block(block)
+    block, swarm, runs = started_swarm([controller, controller], [2, 3])
     block[swarm.scene[0].at[1] : swarm.scene[0].at[2]] = 1  # all that robots have is something else than 0
     swarm.pixels[:] = 1
     for run in runs:
@@ -70,9 +68,8 @@ def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_sa
     groups = [{"count": 3, "controller": "firefly"}, {"count": 4, "controller": "firefly", "memory": memory}]
     scenario = load_scenario({"robots": groups})
     controller = find_controller("firefly")
-    block, runs = controlled_block([controller, controller], [3, 4])
-    swarm, sequence = open_block(block), np.random.SeedSequence(7, spawn_key=(7, 2, 0))
-    bodies, robots = Bodies(swarm), swarm.robots
+    block, swarm, runs = started_swarm([controller, controller], [3, 4])
+    bodies, robots, sequence = Bodies(swarm), swarm.robots, np.random.SeedSequence(7, spawn_key=(7, 2, 0))
     robots.radius_cm = RADIUS_CM
     set_cells(swarm, 40, 50, 8)
     swarm.scene[0].circles = len(obstacle)

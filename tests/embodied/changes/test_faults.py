@@ -35,9 +35,6 @@ def with_fault(kind, **keys):
     return {"faults": [{"kind": kind, **keys}]}
 
 
-# --- who, and when ----------------------------------------------------------------------------------
-
-
 def faulty_block(faults, robots, seed):
     """Return a block of robots that begin a trial with faults."""
     size = {"width_cm": 500, "height_cm": 500}
@@ -109,9 +106,6 @@ def test_random_faults_last_and_stay_away_for_exponential_times_as_a_slow_twin_d
     found = active_over({"kind": "wheels_dead", **when}, steps, robots)
     np.testing.assert_array_equal(found, np.transpose(changes) % 2 == 1)
     assert found.any(axis=0).sum() > robots / 2
-
-
-# --- what they do -----------------------------------------------------------------------------------
 
 
 def test_a_fault_changes_nothing_before_it_begins():
@@ -270,9 +264,6 @@ def test_oscillators_start_anew_at_uniform_phases_with_dark_rings():
     assert abs(np.corrcoef(ideal["phase_ms"][20], faulty["phase_ms"][20])[0, 1]) < 0.5
 
 
-# --- events -----------------------------------------------------------------------------------------
-
-
 def test_events_are_the_beginnings_and_ends_of_faults_in_whom_they_began_and_ended():
     """The slow twin looks at who has which fault in each step."""
     simulation = Simulation(FAULTY, 3)
@@ -314,9 +305,3 @@ def test_changes_are_told_once_by_their_times_and_the_log_has_room_for_all():
     assert ended == begun._replace(step=5, time_s=0.5, what="ring_dead ends")
     assert [event.step for event in events] == sorted(event.step for event in events)
     assert take_events(swarm) == []
-    often = {"robots": [{"count": 3}], "faults": faults[:1]}
-    at_once, by_step = Simulation(often, 1), Simulation(often, 1)
-    at_once.advance(5 * LOGGED_STEPS)
-    for _ in range(5 * LOGGED_STEPS):
-        next(by_step)
-    assert at_once.events == by_step.events

@@ -154,9 +154,6 @@ def test_a_new_one_that_is_wrong_is_refused_and_the_old_one_goes_on_to_the_bit(
         assert_alike(next(simulation), next(twin))
 
 
-# --- files that are watched -------------------------------------------------------------------------
-
-
 def watched(simulation: Simulation) -> tuple[ControllerFiles, list[str]]:
     said: list[str] = []
     return ControllerFiles(simulation, said.append), said

@@ -6,9 +6,8 @@ import pytest
 from epuck_sim.control.loader import find_controller, load_controller
 from epuck_sim.embodied.changes.schedule import displace_phases
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.swarm import open_block
 from epuck_sim.scenario.changes import RobotDisplacement, TrialEvent
-from tests.embodied.changes.blocks import controlled_block
+from tests.embodied.changes.blocks import started_swarm
 from tests.embodied.changing import SCHEDULED, steps_of, swarm_of
 
 APART = {key: SCHEDULED[key] for key in ("robots", "noise", "arena")}
@@ -72,8 +71,7 @@ def test_whole_and_broken_phases_are_displaced_as_a_slow_twin_says(by_cycles, ro
     path.write_text(find_controller("oscillator").path.read_text().replace('"phase_ms": int', '"phase_ms": float'))
     controllers = [find_controller("firefly"), find_controller("random_walk"), load_controller(path)]
     assert [each.is_oscillator for each in controllers] == [True, False, True]
-    block, runs = controlled_block(controllers, [3, 1, 2])
-    swarm = open_block(block)
+    _, swarm, runs = started_swarm(controllers, [3, 1, 2])
     swarm.robots.actuators.ring_on = 1
     for run, phases in zip(runs[::2], ([0, 1449, 4999], [3.5, 77.25]), strict=True):
         run.memory["phase_ms"] = phases

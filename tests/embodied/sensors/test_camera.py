@@ -48,17 +48,11 @@ def _row(heading, others, lit, camera=None, obstacles=((), ())):
     return rows(Scene(poses, np.array([False, *lit]), arena), camera or CameraSettings())[0].tolist()
 
 
-# --- what a robot covers ----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("camera", [CameraSettings(), ALL_ROUND])
 @given(heading=headings, distance=st.floats(3.8, 90), bearing=st.floats(-0.6, 0.6) | st.floats(-math.pi, math.pi))
 def test_a_lit_robot_covers_the_pixels_within_its_half_width_as_seen_from_the_nose(heading, distance, bearing, camera):
     expected = covered(distance, bearing, camera)
     assert _row(heading, [_at(heading, distance, bearing)], [True], camera) == expected
-
-
-# --- what hides what --------------------------------------------------------------------------------
 
 
 def test_of_two_robots_as_near_the_lit_one_is_seen():
@@ -88,9 +82,6 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
         assert block.swarm.scene[0].columns == block.swarm.scene[0].rows == 10  # cells are 20 cm wide
         look(block.bytes, ADDRESSES, 0)
         assert block.swarm.pixels[0] == near_is_lit
-
-
-# --- a slow twin, order, groups ---------------------------------------------------------------------
 
 
 def test_rows_are_those_of_the_slow_twin():

@@ -72,9 +72,6 @@ def distance_mm(reading):
     return inverse_response_mm(reading, E_PUCKS)
 
 
-# --- the response and the distances it stands for ---------------------------------------------------
-
-
 @given(distances)
 @example(0.3)
 @example(12.0)
@@ -100,9 +97,6 @@ def test_the_firmware_s_table_is_linear_between_its_entries(reading):
 def test_the_firmware_s_table_ends_at_29_counts():
     assert firmware_table_mm(math.nextafter(29.0, 0.0)) == firmware_table_mm(0.0) == NOTHING_MM
     assert firmware_table_mm(5000.0) == 0
-
-
-# --- closed forms -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("distance", [0.2, 0.3, 1.0, 5.0, 11.9])
@@ -144,9 +138,6 @@ def test_readings_are_amplified_and_noisy_within_0_and_the_peak_and_distances_ar
             assert found == (firmware_table_mm(reading) if by_table else distance_mm(reading))
         else:
             assert found == NOTHING_MM
-
-
-# --- a slow twin ------------------------------------------------------------------------------------
 
 
 def test_readings_are_those_of_the_slow_twin():

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -43,9 +44,6 @@ def seen_by_first(poses, lit, camera: CameraSettings = MIRRORS, obstacles=((), (
     return mirrored_rows(scene, camera)[0].tolist()
 
 
-# --- a slow twin ------------------------------------------------------------------------------------
-
-
 def test_rows_are_those_of_the_slow_twin() -> None:
     tally = Counter()
 
@@ -66,9 +64,6 @@ def test_rows_are_those_of_the_slow_twin() -> None:
     assert tally["pixels"] > 5000
     assert tally["mirrored"] > 0.01 * tally["pixels"]
     assert tally["doubtful"] < 0.02 * tally["pixels"]
-
-
-# --- closed forms -----------------------------------------------------------------------------------
 
 
 @given(st.floats(8, 90), st.floats(-150, -10), st.floats(-90, 90), st.integers(0, 3))
@@ -95,9 +90,6 @@ def test_a_robot_that_presses_its_nose_against_a_wall_sees_its_own_ring_at_most(
         assert seen_by_first(poses, [own, others_are_lit, others_are_lit]) == [int(own)] * 60
 
 
-# --- in a simulation ----------------------------------------------------------------------------------
-
-
 def facing_a_wall(range_cm=200, **keys):
     """Return a scenario of a robot that faces a wall, and one behind it whose ring is lit from the start for 0.3 s."""
     still = {"speed_cm_s": 0.0, "flash_fraction": 0.075}
@@ -109,7 +101,7 @@ def facing_a_wall(range_cm=200, **keys):
 def pictures(scenario, steps=60, **keys):
     """Return (steps, robots, pixels) pictures, and (steps, robots) lit rings."""
     simulation = Simulation(scenario, seed=2, **keys)
-    shown = [(step.camera.copy(), step.ring_on.copy()) for step in (next(simulation) for _ in range(steps))]
+    shown = [(step.camera.copy(), step.ring_on.copy()) for step in islice(simulation, steps)]
     return tuple(np.array(each) for each in zip(*shown, strict=True))
 
 

@@ -60,8 +60,6 @@ def test_a_ray_ends_at_a_segment():
         assert to_segment(0.0, 0.0, 1.0, 0.0, *map(float, ends)) == distance
 
 
-# --- views ------------------------------------------------------------------------------------------
-
 REACH_CM = RADIUS_CM + SLACK_CM
 headings = st.floats(-math.pi, math.pi) | st.integers(-4, 4).map(lambda eighths: eighths * math.pi / 4)
 
