@@ -29,6 +29,9 @@ SHARED = ("util", "control")
 VALUE_FILES = ("elementary.py", "epuck.py", "util/native.py", "control/interface.py", "embodied/swarm.py")
 """Files without kernels on whose functions, constants, types or ways of compiling compiled code depends."""
 
+WITHOUT_ALLOCATION = {"_nrt": False}
+"""Option of numba with which a function that allocates an array is refused, and nothing counts references."""
+
 _redirecting = threading.Lock()
 
 
@@ -121,16 +124,9 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
 class Kernel:
     """A function of this package that Python and compiled code can call; what it calls must be kernels, too."""
 
-    def __init__(self, function: Any, *, allocates: bool = False, **options: object) -> None:
-        self.function = function
+    def __init__(self, function: Any, **options: object) -> None:
+        self.function, self._options = function, options
         self.__doc__ = function.__doc__
-        self._allocates, self._own_options = allocates, options
-
-    @property
-    def _options(self) -> dict[str, object]:
-        from epuck_sim.util.native import WITHOUT_ALLOCATION
-
-        return self._own_options if self._allocates else self._own_options | WITHOUT_ALLOCATION
 
     @cached_property
     def for_python(self) -> Any:
@@ -157,14 +153,14 @@ class Kernel:
 
 def jit(function: Function) -> Function:
     """Return a kernel that may allocate arrays."""
-    return cast(Function, Kernel(function, allocates=True))
+    return cast(Function, Kernel(function))
 
 
 def jit_no_alloc(function: Function) -> Function:
     """Return a kernel that allocates no arrays, nor does what it calls: counting references takes long."""
-    return cast(Function, Kernel(function))
+    return cast(Function, Kernel(function, **WITHOUT_ALLOCATION))
 
 
 def jit_inline(function: Function) -> Function:
     """Return a kernel as `jit_no_alloc` does, which is inlined wherever it is called: passing arrays takes time."""
-    return cast(Function, Kernel(function, forceinline=True))
+    return cast(Function, Kernel(function, forceinline=True, **WITHOUT_ALLOCATION))
