@@ -22,7 +22,7 @@ from epuck_sim.embodied.sensors.radio import set_radio, slots_of
 from epuck_sim.embodied.swarm import Swarm, group_of, make_block, open_block
 from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
-from epuck_sim.scenario.robots import CameraSignal, RadioSignal, RobotGroup
+from epuck_sim.scenario.robots import CameraSignal, RadioSignal, RobotGroup, members
 
 
 def make_swarm_block(
@@ -40,8 +40,7 @@ def make_swarm_block(
         block = make_block(_lengths(scenario, arenas, controllers, sensors))
         swarm = open_block(block)
         _set_scene(swarm.scene[0], scenario)
-        set_bodies(swarm, scenario.robot_kinds)
-        set_arena(swarm, arenas[0], cell_cm(scenario.group_kinds))
+        furnish(swarm, scenario.robots, scenario.group_kinds, arenas[0], scenario.timing)
         _set_floor(swarm, arenas[0])
         _set_robots(swarm.robots, scenario)
         _set_groups(swarm, scenario, controllers)
@@ -56,6 +55,41 @@ def make_swarm_block(
 _last: dict[str, Any] = {}
 
 
+def room_for(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arenas: Sequence[Arena]) -> dict[str, int]:
+    """Return how long those arrays of a block are that `furnish` fills, with room for all arenas, and scratch."""
+    robots, pixels = sum(group.count for group in groups), max(group.pixels for group in groups)
+    least_cm = cell_cm(kinds)
+    return {
+        "robots": robots,
+        "groups": len(groups),
+        "cells": max(cells_needed(each.width_cm, each.height_cm, robots, least_cm) for each in arenas) + 1,
+        "members": robots,
+        "circles": max(len(arena.circles) for arena in arenas),
+        "edges": max(len(arena.edges) for arena in arenas),
+        "rays": sum(group.pixels for group in groups),
+        "numbers": 3 * robots + 2 * pixels,
+        "depths": 3 * pixels,
+    }
+
+
+def furnish(
+    swarm: Swarm, groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arena: Arena, timing: TimingSection
+) -> None:
+    """Write an arena to a swarm, and groups of robots, each of a kind: their bodies, and how flashes reach them."""
+    set_bodies(swarm, [kind for kind, group in zip(kinds, groups, strict=True) for _ in range(group.count)])
+    set_arena(swarm, arena, cell_cm(kinds))
+    ray = 0
+    for group, (_, section, robots), kind in zip(swarm.groups, members(groups), kinds, strict=True):
+        group.first, group.count, group.pixels, group.ray = robots.start, section.count, section.pixels, ray
+        ray += section.pixels
+        if isinstance(section.signal, CameraSignal):
+            set_camera(group.camera, swarm.rays[group.ray : ray], section.camera, kind, timing.control_hz)
+        else:
+            set_cone(group.cone, section.signal, kind.camera_forward_cm)
+        if isinstance(section.signal, RadioSignal):
+            set_radio(group.radio, section.signal, timing.step_ms)
+
+
 def _lengths(
     scenario: EmbodiedScenario,
     arenas: Sequence[Arena],
@@ -63,27 +97,18 @@ def _lengths(
     sensors: Sequence[Sequence[Sensor]],
 ) -> dict[str, int]:
     """Return how long each array of the block is."""
-    robots, faults = scenario.robot_count, len(scenario.faults)
-    groups, least_cm = scenario.robots, cell_cm(scenario.group_kinds)
+    groups, faults = scenario.robots, len(scenario.faults)
     own = [(each, group.count) for group, listed in zip(groups, sensors, strict=True) for each in listed]
     # of the swarm: imperfections, faults; of a group: sensors, controllers, faults
     most_calls = 7 + 9 * len(groups) + len(own)
     return {
-        "robots": robots,
-        "groups": len(groups),
+        **room_for(groups, scenario.group_kinds, arenas),
         "calls": most_calls,
-        "cells": max(cells_needed(each.width_cm, each.height_cm, robots, least_cm) for each in arenas) + 1,
-        "members": robots,
-        "circles": max(len(arena.circles) for arena in arenas),
-        "edges": max(len(arena.edges) for arena in arenas),
         "pixels": sum(group.pictures * group.count * group.pixels for group in groups),
-        "rays": sum(group.pixels for group in groups),
         "air": sum(slots_of(group.signal, scenario.timing.step_ms) * group.count for group in groups),
         "faults": faults,
-        "affected": faults * robots,
+        "affected": faults * scenario.robot_count,
         "log": log_length(scenario),
-        "numbers": 3 * robots + 2 * scenario.camera_pixels,
-        "depths": 3 * scenario.camera_pixels,
         "patches": len(arenas[0].floor.patches),
         "patch_edges": len(arenas[0].floor.edges),
         "lamps": len(arenas[0].lamps),
@@ -163,21 +188,18 @@ def _set_robots(robots: Any, scenario: EmbodiedScenario) -> None:
 
 
 def _set_groups(swarm: Swarm, scenario: EmbodiedScenario, controllers: Sequence[Controller]) -> None:
-    robot, row, ray, pulses, byte = 0, 0, 0, 0, 0
+    row, pulses, byte = 0, 0, 0
     later = sum(section.count * section.pixels for section in scenario.robots)  # behind all rows that controllers read
     sections = zip(scenario.robots, scenario.group_kinds, controllers, strict=True)
     for number, (section, kind, controller) in enumerate(sections):
-        group = swarm.groups[number]
-        group.first, group.count, group.pixels = robot, section.count, section.pixels
-        rows = section.count * section.pixels
-        group.row, group.in_view, group.waiting, group.ray = row, row, row, ray
+        group, rows = swarm.groups[number], section.count * section.pixels
+        group.row, group.in_view, group.waiting = row, row, row
         if section.pictures > 1:
             group.in_view, group.waiting, later = later, later + rows, later + 2 * rows
-        set_signal(swarm, group, section, kind, scenario.timing)
         group.radio.first = pulses
         set_infrared(group.infrared, kind, section.infrared, scenario.noise.infrared_counts)
         assign_bytes(swarm, number, controller, byte)
-        robot, row, ray = robot + section.count, row + rows, ray + section.pixels
+        row += rows
         pulses += slots_of(section.signal, scenario.timing.step_ms) * section.count
         byte += bytes_needed(controller, section.count)
 
@@ -190,17 +212,6 @@ def _set_senses(swarm: Swarm, scenario: EmbodiedScenario, sensors: Sequence[Sequ
             swarm.senses[number].name = scenario.sensor_names.index(name)
             assign_sense(swarm.senses[number], sensor, group.first, group.count, byte)
             number, byte = number + 1, byte + sensed_bytes_needed(sensor, group.count)
-
-
-def set_signal(swarm: Swarm, group: Any, section: RobotGroup, kind: RobotKind, timing: TimingSection) -> None:
-    """Set how flashes reach a group's robots, which are of a kind; the group knows its pixels and rays."""
-    if not isinstance(section.signal, CameraSignal):
-        set_cone(group.cone, section.signal, kind.camera_forward_cm)
-    else:
-        rays = swarm.rays[group.ray : group.ray + section.pixels]
-        set_camera(group.camera, rays, section.camera, kind, timing.control_hz)
-    if isinstance(section.signal, RadioSignal):
-        set_radio(group.radio, section.signal, timing.step_ms)
 
 
 def _set_reference(swarm: Swarm, robot: int) -> None:

@@ -14,14 +14,14 @@ import numpy as np
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies.contacts import SLOP_CM
-from epuck_sim.embodied.cells import cells_around, cells_needed, members_in_row, sort_into_cells
-from epuck_sim.embodied.layout import set_arena, set_bodies, set_signal
+from epuck_sim.embodied.cells import cells_around, members_in_row, sort_into_cells
+from epuck_sim.embodied.layout import furnish, room_for
 from epuck_sim.embodied.sensors.camera import see
 from epuck_sim.embodied.sensors.flash_cone import perceives
 from epuck_sim.embodied.sensors.sight import list_labelled
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block, swarm_at
 from epuck_sim.scenario.embodied import TimingSection
-from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
+from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.jit import jit, jit_inline
 
@@ -41,28 +41,9 @@ class Scene(NamedTuple):
 
 def make_scene(groups: Sequence[RobotGroup], kinds: Sequence[RobotKind], arena: Arena) -> Scene:
     """Return a scene in a block of its own, with robots, of each group's kind, which have no places yet."""
-    robots, pixels = sum(group.count for group in groups), [group.pixels for group in groups]
-    block = make_block(
-        {
-            "robots": robots,
-            "groups": len(groups),
-            "cells": cells_needed(arena.width_cm, arena.height_cm, robots, cell_cm(kinds)) + 1,
-            "members": robots,
-            "circles": len(arena.circles),
-            "edges": len(arena.edges),
-            "rays": sum(pixels),
-            "numbers": 2 * robots,
-            "depths": max(pixels),
-        }
-    )
+    block = make_block(room_for(groups, kinds, [arena]))
     swarm = open_block(block)
-    set_bodies(swarm, [kind for kind, group in zip(kinds, groups, strict=True) for _ in range(group.count)])
-    set_arena(swarm, arena, cell_cm(kinds))
-    first = ray = 0
-    for group, section, kind in zip(swarm.groups, groups, kinds, strict=True):
-        group.first, group.count, group.pixels, group.ray = first, section.count, section.pixels, ray
-        set_signal(swarm, group, section, kind, TimingSection())
-        first, ray = first + section.count, ray + section.pixels
+    furnish(swarm, groups, kinds, arena, TimingSection())
     return Scene(groups, block, swarm)
 
 
