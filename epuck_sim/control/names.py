@@ -6,7 +6,7 @@ sensors in files of their own. What a controller reads of its sensors depends on
 
 import ast
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -76,8 +76,8 @@ def _check_names(
         definition = _definition_of(function, trees)
         if definition is not None:
             names = _names_of_arguments(definition, roles)
-            _check_attributes(definition, names, known, several, function.__code__.co_filename)
-            _check_fixed(definition, names, fixed, function.__code__.co_filename)
+            for line, said in _mistakes(definition, names, known, several, fixed):
+                raise ControllerError(f"{function.__code__.co_filename}:{line}: {said}")
             for node in ast.walk(definition):
                 if isinstance(node, ast.Call):
                     given = tuple(names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args)
@@ -106,46 +106,41 @@ def _names_of_arguments(definition: ast.FunctionDef, roles: Sequence[str | None]
     return {name: role for name, role in pairs if role and name not in assigned | inner}
 
 
-def _check_attributes(
+def _mistakes(
     definition: ast.FunctionDef,
     names: Mapping[str, str],
     known: Mapping[str, Sequence[str]],
     several: Collection[tuple[str, str]],
-    file: str,
-) -> None:
-    used = [
-        node
-        for node in ast.walk(definition)
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names
-    ]
-    for node in sorted(used, key=lambda node: (node.lineno, node.col_offset)):
-        assert isinstance(node.value, ast.Name)
-        role = names[node.value.id]
-        kind = {"sensors": Sensors, "world": World}.get(role, np.record)  # whose own attributes are allowed, too
-        if role in known and node.attr not in known[role] and not hasattr(kind, node.attr):
-            raise ControllerError(f"{file}:{node.lineno}: {unknown_name(role, node.attr, known[role])}")
-        if (role, node.attr) in several and not isinstance(node.ctx, ast.Load):
-            said = ast.unparse(node)
-            raise ControllerError(f"{file}:{node.lineno}: sets {said}, which is several numbers; set {said}[:] instead")
+    fixed: Sequence[str],
+) -> Iterator[tuple[int, str]]:
+    """Yield lines of a function, whose arguments have roles by their names, and what is wrong there."""
+    parts = [node for node in ast.walk(definition) if isinstance(node, ast.Attribute | ast.Subscript)]
+    also_named = _names_of_parts(definition, names)
+    for node in sorted(parts, key=lambda node: (node.lineno, node.col_offset)):
+        said, is_set = ast.unparse(node), not isinstance(node.ctx, ast.Load)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names:
+            role = names[node.value.id]
+            kind = {"sensors": Sensors, "world": World}.get(role, np.record)  # whose own attributes are allowed, too
+            if role in known and node.attr not in known[role] and not hasattr(kind, node.attr):
+                yield node.lineno, unknown_name(role, node.attr, known[role])
+            if (role, node.attr) in several and is_set:
+                yield node.lineno, f"sets {said}, which is several numbers; set {said}[:] instead"
+        if is_set and also_named.get(_root(node)) in fixed:
+            why = "a sensor sets its readings alone" if "world" in fixed else "all robots share them; use memory"
+            yield node.lineno, f"sets {said}; {why}"
 
 
-def _check_fixed(definition: ast.FunctionDef, names: Mapping[str, str], fixed: Sequence[str], file: str) -> None:
-    """Refuse what sets a part of what is fixed, also under a name that is given to such a part alone."""
+def _names_of_parts(definition: ast.FunctionDef, names: Mapping[str, str]) -> dict[str, str]:
+    """Return roles by names, also by those that are given to a part of what has a role, and to nothing else."""
     roles = dict(names)
-    given = Counter(
-        each.id for each in ast.walk(definition) if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load)
-    )
+    named = [each for each in ast.walk(definition) if isinstance(each, ast.Name)]
+    given = Counter(each.id for each in named if not isinstance(each.ctx, ast.Load))
     for node in ast.walk(definition):
         if isinstance(node, ast.Assign | ast.For):
             part, targets = (node.iter, [node.target]) if isinstance(node, ast.For) else (node.value, node.targets)
             if role := roles.get(_root(part)):
                 roles |= {each.id: role for each in targets if isinstance(each, ast.Name) and given[each.id] == 1}
-    for node in ast.walk(definition):
-        if not isinstance(node, ast.Attribute | ast.Subscript) or isinstance(node.ctx, ast.Load):
-            continue
-        if roles.get(_root(node)) in fixed:
-            why = "a sensor sets its readings alone" if "world" in fixed else "all robots share them; use memory"
-            raise ControllerError(f"{file}:{node.lineno}: sets {ast.unparse(node)}; {why}")
+    return roles
 
 
 def _root(node: ast.AST) -> str:

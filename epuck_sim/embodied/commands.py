@@ -56,12 +56,11 @@ def _check(name: str, values: npt.NDArray[Any], part: str, robots: IntArray) -> 
             f"{name} has the shape {values.shape}; allowed: {robots.shape}, one value for each robot whose {part} is "
             "commanded from outside, or a single one for all"
         )
+    allowed, fits = "numbers, in cm/s", np.zeros(values.shape, np.bool_)
     if part == "ring":
-        is_other = ~np.isin(values, (0, 1))
-        if values.dtype != np.bool_ and is_other.any():
-            raise ValueError(f"ring_on holds {values[is_other].flat[0]}; allowed: true and false, or 1 and 0")
-    elif values.dtype.kind not in "iuf":
-        raise ValueError(f"{name} is of type {values.dtype}; allowed: numbers, in cm/s")
-    elif np.isnan(values).any():
-        robot = robots[np.isnan(np.broadcast_to(values, robots.shape)).argmax()]
-        raise ValueError(f"{name}: the speed of robot {robot} is not a number")
+        allowed, fits = "true and false, or 1 and 0", np.isin(values, (0, 1))
+    elif values.dtype.kind in "iuf":
+        fits = ~np.isnan(values)
+    if not fits.all():
+        robot = robots[np.broadcast_to(fits, robots.shape).argmin()]
+        raise ValueError(f"{name} is {values[~fits][0]} for robot {robot}; allowed: {allowed}")
