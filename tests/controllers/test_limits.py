@@ -8,58 +8,46 @@ from hypothesis import strategies as st
 from tests.control.bench import Bench, settings
 
 LIMIT_CM_S, BEYOND_CM_S = 12.8, np.nextafter(12.8, 13)
-NO_FLASH, LONGEST_DELAY = {"flash_fraction": 0.0}, {"period_s": 1.0, "flash_fraction": 0.125}
-
+SPEEDS_CM_S, TOO_FAST_CM_S = (-LIMIT_CM_S, LIMIT_CM_S), (-BEYOND_CM_S, BEYOND_CM_S)
 
 LIMITS = [
-    ("obstacle_avoidance", "speed_cm_s", 0.0, -5e-324, {}),
-    ("obstacle_avoidance", "speed_cm_s", LIMIT_CM_S, BEYOND_CM_S, {}),
-    ("obstacle_avoidance", "rotation_speed_cm_s", 0.0, -5e-324, {}),
-    ("obstacle_avoidance", "rotation_speed_cm_s", LIMIT_CM_S, BEYOND_CM_S, {}),
-    ("obstacle_avoidance", "proximity_threshold", 0, -1, {}),
-    ("obstacle_avoidance", "proximity_threshold", 99, 100, {}),
-    ("obstacle_avoidance", "proximity_count_threshold", 0, -1, {}),
-    ("obstacle_avoidance", "rotation_max", 1, 0, {}),
-    ("obstacle_avoidance", "rotation_max", 1_000_000, 1_000_001, {}),
-    ("oscillator", "period_s", 0.001, np.nextafter(0.001, 0), {}),
-    ("oscillator", "period_s", 86_400.0, np.nextafter(86_400, 1e6), {}),
-    ("oscillator", "coupling", 1e-6, 0.0, {}),
-    ("oscillator", "coupling", 10.0, np.nextafter(10, 11), {}),
-    ("oscillator", "refractory_fraction", np.nextafter(1, 0), 1.0, {}),
-    ("oscillator", "refractory_fraction", 0.0, -1e-300, NO_FLASH),
-    ("oscillator", "flash_fraction", 0.0, -1e-300, {}),
-    ("oscillator", "flash_fraction", 0.15, np.nextafter(0.15, 1), {}),
-    ("oscillator", "delay_ms", 0, -1, {}),
-    ("oscillator", "delay_ms", 125, 126, LONGEST_DELAY),
-    ("oscillator", "flash_pixels", 1, 0, {}),
-    ("firefly", "speed_cm_s", LIMIT_CM_S, 13.0, {}),
-    ("firefly", "coupling", 10.0, 0.0, {}),
-    ("firefly", "delay_ms", 375, 376, {}),
-    ("constant", "left_cm_s", LIMIT_CM_S, BEYOND_CM_S, {}),
-    ("constant", "left_cm_s", -LIMIT_CM_S, -BEYOND_CM_S, {}),
-    ("constant", "right_cm_s", LIMIT_CM_S, BEYOND_CM_S, {}),
-    ("constant", "right_cm_s", -LIMIT_CM_S, -BEYOND_CM_S, {}),
-    ("random_walk", "run_s", 0.1, 0.05, {}),
-    ("random_walk", "persistence", 1.0, 1.1, {}),
-    ("random_walk", "exponent", 2.0, 1.0, {}),
-    ("random_walk", "exponent", 3.0, 3.5, {}),
-    ("random_walk", "rotation_speed_cm_s", 12.8, 0, {}),
-    ("pushing", "speed_cm_s", LIMIT_CM_S, 13.0, {}),
-    ("switching", "slow_cm_s", LIMIT_CM_S, 12.9, {}),
-    ("switching", "flashes_to_settle", 1, 0, {}),
-    ("switching", "coupling", 10.0, 0.0, {}),
-    ("varied_firefly", "speed_spread", 0.0, -0.1, {}),
-    ("varied_firefly", "speed_spread", 10.0, 11.0, {}),
-    ("varied_firefly", "new_speed_s", 0.0, -1.0, {}),
+    ("obstacle_avoidance", "speed_cm_s", (0.0, LIMIT_CM_S), (-5e-324, BEYOND_CM_S), {}),
+    ("obstacle_avoidance", "rotation_speed_cm_s", (0.0, LIMIT_CM_S), (-5e-324, BEYOND_CM_S), {}),
+    ("obstacle_avoidance", "proximity_threshold", (0, 99), (-1, 100), {}),
+    ("obstacle_avoidance", "proximity_count_threshold", (0,), (-1,), {}),
+    ("obstacle_avoidance", "rotation_max", (1, 1_000_000), (0, 1_000_001), {}),
+    ("oscillator", "period_s", (0.001, 86_400.0), (np.nextafter(0.001, 0), np.nextafter(86_400, 1e6)), {}),
+    ("oscillator", "coupling", (1e-6, 10.0), (0.0, np.nextafter(10, 11)), {}),
+    ("oscillator", "refractory_fraction", (np.nextafter(1, 0), 0.0), (1.0, -1e-300), {"flash_fraction": 0.0}),
+    ("oscillator", "flash_fraction", (0.0, 0.15), (-1e-300, np.nextafter(0.15, 1)), {}),
+    ("oscillator", "delay_ms", (0, 125), (-1, 126), {"period_s": 1.0, "flash_fraction": 0.125}),
+    ("oscillator", "flash_pixels", (1,), (0,), {}),
+    ("firefly", "speed_cm_s", (LIMIT_CM_S,), (13.0,), {}),
+    ("firefly", "coupling", (10.0,), (0.0,), {}),
+    ("firefly", "delay_ms", (375,), (376,), {}),
+    ("constant", "left_cm_s", SPEEDS_CM_S, TOO_FAST_CM_S, {}),
+    ("constant", "right_cm_s", SPEEDS_CM_S, TOO_FAST_CM_S, {}),
+    ("random_walk", "run_s", (0.1,), (0.05,), {}),
+    ("random_walk", "persistence", (1.0,), (1.1,), {}),
+    ("random_walk", "exponent", (2.0, 3.0), (1.0, 3.5), {}),
+    ("random_walk", "rotation_speed_cm_s", (12.8,), (0,), {}),
+    ("pushing", "speed_cm_s", (LIMIT_CM_S,), (13.0,), {}),
+    ("switching", "slow_cm_s", (LIMIT_CM_S,), (12.9,), {}),
+    ("switching", "flashes_to_settle", (1,), (0,), {}),
+    ("switching", "coupling", (10.0,), (0.0,), {}),
+    ("varied_firefly", "speed_spread", (0.0, 10.0), (-0.1, 11.0), {}),
+    ("varied_firefly", "new_speed_s", (0.0,), (-1.0,), {}),
 ]
-"""Controller, parameter, its value at a limit and one beyond, and other parameters."""
+"""Controller, parameter, its values at limits and beyond, and other parameters."""
 
 
-def test_up_to_its_limit_a_parameter_is_allowed_and_what_lies_beyond_is_named():
+def test_up_to_its_limits_a_parameter_is_allowed_and_what_lies_beyond_is_named():
     for controller, name, inside, outside, others in LIMITS:
-        settings(controller, **others, **{name: inside})
-        with pytest.raises(ValueError, match=rf"^{name} is {outside}; allowed: ."):
-            settings(controller, **others, **{name: outside})
+        for value in inside:
+            settings(controller, **others, **{name: value})
+        for value in outside:
+            with pytest.raises(ValueError, match=rf"^{name} is {value}; allowed: ."):
+                settings(controller, **others, **{name: value})
 
 
 SPEEDS = st.floats(-12.8, 12.8)
