@@ -67,17 +67,6 @@ def test_a_swarm_of_fireflies_in_c_is_that_in_python_to_the_bit(settings, interp
     assert walls
 
 
-@MODES
-def test_what_robots_remember_at_the_start_reaches_firmware(interpret):
-    settings = ["robots.0.count=3", "robots.0.memory={phase_ms: [0, 1200, 4900]}"]
-    scenario = load_scenario("thesis", [*settings, f"robots.0.controller={FIREFLY}"])
-    simulation = Simulation(scenario, 5, interpret=interpret)
-    for _ in range(2):
-        assert simulation._groups[0].memory["phase_ms"].tolist() == [0, 1200, 4900]
-        simulation.advance(50)
-        simulation.reset()
-
-
 def test_random_numbers_are_those_of_python(tmp_path):
     step = "memory->x = e_uniform(); memory->n = e_randint(1000);"
     bench = Bench(write_firmware(tmp_path / "mine.c", step, memory="E_FLOAT(x) E_INT(n)"), robots=3)

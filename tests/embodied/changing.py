@@ -1,12 +1,11 @@
 """Scenarios in which much changes while a trial runs, and what their steps show."""
 
-from itertools import islice
-
 import numpy as np
 
 from epuck_sim.embodied.changes.faults import KINDS
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import open_block
+from tests.embodied.steps import kept
 
 SHOWN = ("poses", "ring_on", "ring_commands", "camera", "infrared", "distance_mm", "phase_ms")
 NOWHERE = np.zeros(0, np.int64)
@@ -18,10 +17,8 @@ def swarm_of(simulation):
 
 
 def steps_of(scenario, steps, seed=3):
-    taken = [
-        {name: np.array(getattr(step, name)) for name in SHOWN} for step in islice(Simulation(scenario, seed), steps)
-    ]
-    return {name: np.array([step[name] for step in taken]) for name in SHOWN}
+    taken = kept(Simulation(scenario, seed), steps)
+    return {name: np.array([getattr(step, name) for step in taken]) for name in SHOWN}
 
 
 EVERYTHING = [

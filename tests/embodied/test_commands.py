@@ -8,7 +8,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.loader import load_scenario
 from tests.control.bench import EMPTY
-from tests.embodied.test_simulation import kept
+from tests.embodied.steps import kept
 
 POLICY = """
 PARAMETERS = {"spin_cm_s": 3.0}

@@ -15,18 +15,13 @@ from epuck_sim.embodied.start import Part, draw_start, spawned
 from epuck_sim.embodied.swarm import poses_of
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
+from epuck_sim.scenario.robots import members
 
 RADIUS_CM = 3.7
 OBSTACLES = [
     {"shape": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 8},
     {"shape": "box", "x_cm": 60, "y_cm": 60, "width_cm": 40, "height_cm": 4, "heading_rad": 0.6},
 ]
-
-
-def placed(*groups, width=60, height=60):
-    """Return (robots, 3) the poses at the start of a trial."""
-    arena = {"width_cm": width, "height_cm": height}
-    return placed_as(load_scenario({"arena": arena, "robots": list(groups)}), 0)
 
 
 def placed_as(scenario, seed):
@@ -41,7 +36,7 @@ def placed_slowly(scenario, seed):
     """Return what `placed_as` does: with numpy's generator, and each robot compared with all before it."""
     arena, radii = scenario.arena.build(), [kind.radius_cm for kind in scenario.robot_kinds]
     random = np.random.default_rng(spawned(seed, Part.PLACEMENT))
-    poses, first = {}, 0
+    poses = {}
 
     def is_free_of_all(x, y, radius):
         apart = (
@@ -50,10 +45,7 @@ def placed_slowly(scenario, seed):
         )
         return all(apart) and clearance_cm(arena, x, y) >= radius - 1e-6
 
-    numbered = []
-    for group in scenario.robots:
-        numbered.append((group, range(first, first + group.count)))
-        first += group.count
+    numbered = [(group, numbers) for _, group, numbers in members(scenario.robots)]
     for group, numbers in numbered:
         if group.placement == "poses":
             poses.update(zip(numbers, group.poses, strict=True))
@@ -73,7 +65,7 @@ def placed_slowly(scenario, seed):
                     y = radius + (arena.height_cm - 2 * radius) * random.random()
                     free = is_free_of_all(x, y, radius)
                 poses[number] = (x, y, 2 * math.pi * random.random())
-    return np.array([poses[number] for number in range(first)])
+    return np.array([poses[number] for number in range(len(radii))])
 
 
 def grid_sizes(arena):
@@ -104,7 +96,8 @@ def test_robots_are_placed_where_a_slow_twin_places_them(groups, has_obstacles, 
 
 def test_poses_are_taken_as_given_and_may_touch():
     poses = [[3.7, 3.7, 1.0], [11.1, 3.7, -20.0], [3.7, 11.1, 0.0], [56.3, 56.3, 7.0]]
-    np.testing.assert_array_equal(placed({"poses": poses}), poses)
+    scenario = load_scenario({"arena": {"width_cm": 60, "height_cm": 60}, "robots": [{"poses": poses}]})
+    np.testing.assert_array_equal(placed_as(scenario, 0), poses)
 
 
 POSES = [[15, 15, 0.5], [40, 40, 2.0], [15, 40, -1.0]]

@@ -13,7 +13,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from tests.control.bench import with_step
-from tests.embodied.test_simulation import bits
+from tests.embodied.steps import bits
 
 
 def following(simulation, steps):

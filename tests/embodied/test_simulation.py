@@ -17,26 +17,10 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.builtin import ARENAS, builtin_files
 from tests.control.bench import with_step
 from tests.embodied.changing import CHANGING, swarm_of
+from tests.embodied.steps import bits, kept
 
 SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
 LONG = ("crowded", "obstacles", "physical", "thesis")
-
-
-def kept(simulation, count):
-    """Return the next `count` steps with arrays of their own."""
-    return [
-        step._replace(
-            **{name: value.copy() for name, value in step._asdict().items() if isinstance(value, np.ndarray)},
-            memories=tuple(memory.copy() for memory in step.memories),
-        )
-        for step in islice(simulation, count)
-    ]
-
-
-def bits(step):
-    """Return every bit of every array of a step, with types and shapes."""
-    arrays = [np.array([step.number, step.time_s]), *(each for each in step if isinstance(each, np.ndarray))]
-    return [(each.shape, each.dtype.str, each.tobytes()) for each in (*arrays, *step.memories)]
 
 
 def fingerprint(scenario, seed=7, interpret=False, steps=None):

@@ -2,7 +2,6 @@
 
 import math
 from collections import Counter
-from itertools import islice
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from epuck_sim.arena import make_arena
 from epuck_sim.arrays import IntArray
 from epuck_sim.embodied.sensors.camera import add_reflections, look
 from epuck_sim.embodied.simulation import Simulation
+from tests.embodied.changing import steps_of
 from tests.embodied.scenes import (
     ADDRESSES,
     BODIES,
@@ -98,16 +98,10 @@ def facing_a_wall(range_cm=200, **keys):
     return {"noise": "off", "robots": robots, **keys}
 
 
-def pictures(scenario, steps=60, **keys):
-    """Return (steps, robots, pixels) pictures, and (steps, robots) lit rings."""
-    simulation = Simulation(scenario, seed=2, **keys)
-    shown = [(step.camera.copy(), step.ring_on.copy()) for step in islice(simulation, steps)]
-    return tuple(np.array(each) for each in zip(*shown, strict=True))
-
-
 def test_robots_see_what_walls_mirror_where_the_key_is_set_and_see_whom_they_see_directly():
-    camera, lit = pictures(facing_a_wall())
-    assert pictures(facing_a_wall(0))[0][:, 0].sum() == 0
+    shown = steps_of(facing_a_wall(), 60, 2)
+    camera, lit = shown["camera"], shown["ring_on"]
+    assert steps_of(facing_a_wall(0), 60, 2)["camera"][:, 0].sum() == 0
     seen = camera[:, 0].any(axis=1)
     assert 2 < seen.sum() < 30
     np.testing.assert_array_equal(seen[1:], lit[:-1].any(axis=1))  # its own ring, too
@@ -127,6 +121,8 @@ def test_robots_see_what_walls_mirror_where_the_key_is_set_and_see_whom_they_see
 )
 def test_a_fault_hides_reflections_as_it_hides_rings_once_it_has_begun(fault):
     until_own_flash = 30
-    healthy, faulty = (pictures(facing_a_wall(**keys), until_own_flash)[0] for keys in ({}, {"faults": [fault]}))
+    healthy, faulty = (
+        steps_of(facing_a_wall(**keys), until_own_flash, 2)["camera"] for keys in ({}, {"faults": [fault]})
+    )
     assert healthy[:, 0].any()
     np.testing.assert_array_equal(faulty[:, 0], healthy[:, 0] if "at_s" in fault else 0)
