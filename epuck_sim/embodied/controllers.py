@@ -230,22 +230,16 @@ def _e_groups(swarm: Swarm, number: int) -> npt.NDArray[np.void]:
     """Return (robots + 1,) the record of each robot for its firmware; what firmware says that it serves goes behind."""
     group = swarm.groups[number]
     members = swarm.robots[group.first :][: group.count]
-    sensors = members.sensors
     records = np.zeros(group.count + 1, E_GROUP)
     records["robots"], records["pixels"] = 1, group.pixels
     records["serving"] = records[-1:].ctypes.data
-    each = records[:-1]
+    each, block, numbers = records[:-1], swarm.scene.ctypes.data, np.arange(group.count)
+    camera = swarm.pixels[group.row :][: group.count * group.pixels].reshape(group.count, -1)
+    rows = {name: members[name] for name in ("actuators", "random", "present")} | {"camera": camera}
     for name in ("step_ms", "distance_mm", "infrared", "new_picture", "pulses", "messages"):
-        each[name] = _rows(sensors[name])
-    each["camera"] = _rows(swarm.pixels[group.row :][: group.count * group.pixels].reshape(group.count, -1))
-    each["actuators"], each["random"], each["present"] = map(
-        _rows, (members.actuators, members.random, members.present)
-    )
-    block = swarm.scene.ctypes.data
-    each["memory"] = block + group.memory + group.memory_bytes * np.arange(group.count)
+        rows[name] = members.sensors[name]
+    for name, array in rows.items():
+        each[name] = int(array.ctypes.data) + array.strides[0] * numbers
+    each["memory"] = block + group.memory + group.memory_bytes * numbers
     each["parameters"] = block + group.parameters
     return records
-
-
-def _rows(array: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
-    return int(array.ctypes.data) + array.strides[0] * np.arange(len(array))

@@ -168,16 +168,9 @@ def controlled_swarm(
     interpret: bool = True,
     **rooms: int,
 ) -> tuple[ByteArray, Swarm, list[GroupControllers]]:
-    """Return the block of a swarm of e-pucks near which nothing is, the swarm, and controllers that have not started.
+    """Return the block of groups of e-pucks near which nothing is, the swarm, and controllers that have not started.
 
-    Args:
-        controllers: Controller of each group, with its default parameters.
-        counts: Number of robots of each group.
-        pixels: Length of the row of each camera.
-        sensors: Sensors in files of their own of the first group, if that has one robot.
-        seed: Seed of the robots' random numbers.
-        interpret: Whether controllers run as plain Python.
-        rooms: Lengths of further arrays of the block.
+    Sensors in files of their own are for a single robot; rooms are lengths of further arrays of the block.
     """
     robots, sizes = sum(counts), list(map(bytes_needed, controllers, counts))
     sensed = [sensed_bytes_needed(sensor, 1) for sensor in sensors]

@@ -7,23 +7,16 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.loader import load_scenario
-from tests.control.bench import EMPTY
+from tests.control.bench import EMPTY, with_step
 from tests.embodied.steps import kept
 
-POLICY = """
-PARAMETERS = {"spin_cm_s": 3.0}
-MEMORY = {"steps": int}
-
-def start(memory, parameters, random):
-    pass
-
-def step(sensors, memory, actuators, parameters, random):
-    seen = sensors.camera.sum() > 0
-    actuators.left_cm_s = 12.8 - sensors.infrared[7] / 50.0
-    actuators.right_cm_s = -parameters.spin_cm_s if seen else 40.0
+POLICY = with_step(
+    """actuators.left_cm_s = 12.8 - sensors.infrared[7] / 50.0
+    actuators.right_cm_s = -3.0 if sensors.camera.sum() > 0 else 40.0
     actuators.ring_on = sensors.distance_mm.min() < 60 or memory.steps % 17 == 0
-    memory.steps += 1
-"""
+    memory.steps += 1""",
+    MEMORY="{'steps': int}",
+)
 
 
 def act(simulation, step):

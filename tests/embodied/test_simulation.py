@@ -62,51 +62,24 @@ def test_steps_are_whole_numbers_from_1(steps):
 
 
 BLINK = with_step("actuators.ring_on = memory.x == 3\n    memory.x += 1")
-REACT = """
-PARAMETERS = {"beat": 7}
-MEMORY = {"clock": int, "pixels": int}
-
-
-def start(memory, parameters, random):
-    memory.clock = 0
-
-
-def step(sensors, memory, actuators, parameters, random):
+REACT = with_step(
+    """red = sensors.camera.sum()
     memory.pixels = len(sensors.camera)
-    red = 0
-    for pixel in sensors.camera:
-        red += int(pixel)
-    near = 0.0
-    for reading in sensors.infrared:
-        near += reading
     memory.clock += 1 + red % 3
-    actuators.ring_on = memory.clock % parameters.beat < 3
+    actuators.ring_on = memory.clock % 7 < 3
     actuators.left_cm_s = -4.0 + 0.02 * red
-    actuators.right_cm_s = 4.0 + 0.0005 * near
-"""
-
-FAIL = """
-import math
-
-PARAMETERS = {"way": 0}
-MEMORY = {"taken": int}
-
-
-def start(memory, parameters, random):
-    if parameters.way == 2:
-        raise ValueError("not today")
-
-
-def step(sensors, memory, actuators, parameters, random):
-    memory.taken += 1
-    if memory.taken == 4 and sensors.infrared[7] > 1000:
-        if parameters.way == 0:
-            raise ValueError("too near")
-        if parameters.way == 1:
-            actuators.right_cm_s = math.nan
-    if parameters.way == 3:
-        actuators.left_cm_s = 1 / (50 - memory.taken)
-"""
+    actuators.right_cm_s = 4.0 + 0.0005 * sensors.infrared.sum()""",
+    MEMORY="{'clock': int, 'pixels': int}",
+)
+FAIL = with_step(
+    """memory.taken += 1
+    is_due = memory.taken == 4 and sensors.infrared[7] > 1000
+    if is_due and parameters.way == 0: raise ValueError("too near")
+    if is_due and parameters.way == 1: actuators.right_cm_s = float("nan")
+    if parameters.way == 3: actuators.left_cm_s = 1 / (50 - memory.taken)""",
+    PARAMETERS="{'way': 0}",
+    MEMORY="{'taken': int}",
+).replace("    pass", "    if parameters.way == 2: raise ValueError('not today')", 1)
 
 
 @pytest.fixture

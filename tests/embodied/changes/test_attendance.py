@@ -7,7 +7,7 @@ import pytest
 
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.cells import set_cells
-from epuck_sim.embodied.changes.attendance import blank, parked, put_in, rest, take_out
+from epuck_sim.embodied.changes.attendance import put_in, take_out
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.errors import ScenarioError
@@ -15,7 +15,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from tests.control.bench import with_step
 from tests.embodied.changes.blocks import started_swarm
-from tests.embodied.changing import NOWHERE, SIGNALS, steps_of
+from tests.embodied.changing import SIGNALS, steps_of
 
 POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40, 20, 5]]
 MOVABLES = [{"x_cm": 25, "y_cm": 30, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]
@@ -29,36 +29,6 @@ class Bodies:
 
     def move(self, robot, pose):
         self.robots.x[robot], self.robots.y[robot], self.robots.heading[robot] = pose
-
-
-def test_who_is_taken_out_is_parked_and_forgets_senses_and_does_nothing():
-    controller = find_controller("firefly")
-    block, swarm, runs = started_swarm([controller, controller], [2, 3])
-    block[swarm.scene[0].at[1] : swarm.scene[0].at[2]] = 1  # all that robots have is something else than 0
-    swarm.pixels[:] = 1
-    for run in runs:
-        run.memory["phase_ms"] = 700
-    take_out([1, 4], swarm, Bodies(swarm), runs)
-    for group in range(2):
-        blank(block, NOWHERE, group)
-    rest(block, NOWHERE, 0)
-    outside, robots = np.array([False, True, False, False, True]), swarm.robots
-    assert (~robots.present).tolist() == outside.tolist()
-    nothing = {
-        **dict.fromkeys(("ring_command", "ring_on", "ring_before"), False),
-        **dict.fromkeys(("left_cm_s", "right_cm_s", "vx", "vy", "spin"), 0),
-    }
-    for name, value in nothing.items():
-        assert ((robots[name] == value) == outside).all(), name
-    sensors = robots.sensors
-    assert ((sensors.distance_mm == OUT_OF_RANGE_MM).all(axis=1) == outside).all()
-    for read in (sensors.infrared, swarm.pixels.reshape(3, 5).T):
-        assert ((read == 0).all(axis=1) == outside).all()
-    phases = [*runs[0].memory["phase_ms"], *runs[1].memory["phase_ms"]]
-    assert phases == [700, 0, 700, 700, 0]
-    assert not robots.actuators[outside].tobytes().strip(b"\0")
-    poses = np.column_stack([robots.x, robots.y, robots.heading])
-    assert poses[outside].tobytes() == parked(np.full((5, 3), np.nan))[outside].tobytes()
 
 
 @pytest.mark.parametrize("obstacle", [[], [(20, 30, 7.5)]])
@@ -76,7 +46,10 @@ def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_sa
     for number, circle in enumerate(obstacle):
         swarm.circles[number] = circle
     robots.x[[0, 2, 4]], robots.y[[0, 2, 4]] = [5, 15, 30], [6, 14, 20]
+    robots.actuators.send = 3
     take_out([1, 3, 5, 6], swarm, bodies, runs)
+    forgotten = [*runs[0].memory[[1]], *runs[1].memory[[0, 2, 3]], *robots.actuators[[1, 3, 5, 6]]]
+    assert not any(each.tobytes().strip(b"\0") for each in forgotten)
     random, taken, expected = np.random.default_rng(sequence), [(5, 6), (15, 14), (30, 20)], []
     while len(expected) < 3:
         x, y = (RADIUS_CM + (side - 2 * RADIUS_CM) * random.random() for side in (40, 50))

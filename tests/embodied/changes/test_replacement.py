@@ -13,6 +13,7 @@ from epuck_sim.embodied.changes.replacement import SETTLED_S, ControllerFiles
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.loader import load_scenario
+from tests.embodied.steps import bits
 
 COUNTER = """
 from epuck_sim.util.rng import uniform
@@ -61,12 +62,6 @@ def twins(path: Path, interpret: bool, steps: int) -> tuple[Simulation, Simulati
     return simulation, twin
 
 
-def assert_alike(step, other) -> None:
-    for name in ("poses", "infrared"):
-        assert getattr(step, name).tobytes() == getattr(other, name).tobytes()
-    assert [each.tobytes() for each in step.memories] == [each.tobytes() for each in other.memories]
-
-
 def memory(simulation: Simulation):
     return next(simulation).memories[0]
 
@@ -78,7 +73,7 @@ def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: boo
     save(path, source() + "# another line\n")  # which changes nothing, to the bit
     simulation.replace_controller(0, load_controller(path))
     for _ in range(10):
-        assert_alike(next(simulation), next(twin))
+        assert bits(next(simulation)) == bits(next(twin))
     save(path, source(rise="100"))
     replaced = simulation.replace_controller(0, load_controller(path))
     assert (replaced.kept, replaced.started) == (("steps", "drawn"), ())
@@ -151,7 +146,7 @@ def test_a_new_one_that_is_wrong_is_refused_and_the_old_one_goes_on_to_the_bit(
     with pytest.raises(EpuckSimError, match=re.escape(message)):
         simulation.replace_controller(0, load_controller(path))
     for _ in range(30):
-        assert_alike(next(simulation), next(twin))
+        assert bits(next(simulation)) == bits(next(twin))
 
 
 def watched(simulation: Simulation) -> tuple[ControllerFiles, list[str]]:

@@ -4,24 +4,19 @@ import numpy as np
 import pytest
 
 from epuck_sim.embodied.simulation import Simulation
+from tests.control.bench import with_step
 
-SENDER = """
-PARAMETERS = {"first": 3, "every": 1000, "message": 0}
-MEMORY = {"steps": int, "pulses": int, "heard": (int, 8), "total": int}
-
-def start(memory, parameters, random):
-    memory.steps = 0
-
-def step(sensors, memory, actuators, parameters, random):
-    due = memory.steps >= parameters.first and (memory.steps - parameters.first) % parameters.every == 0
+SENDER = with_step(
+    """due = memory.steps >= parameters.first and (memory.steps - parameters.first) % parameters.every == 0
     actuators.ring_on = due and parameters.message == 0
     actuators.send = parameters.message if due else 0
     memory.pulses = sensors.pulses
     memory.total += sensors.pulses
-    for place in range(8):
-        memory.heard[place] = sensors.messages[place]
-    memory.steps += 1
-"""
+    memory.heard[:] = sensors.messages
+    memory.steps += 1""",
+    PARAMETERS="{'first': 3, 'every': 1000, 'message': 0}",
+    MEMORY="{'steps': int, 'pulses': int, 'heard': (int, 8), 'total': int}",
+)
 
 
 @pytest.fixture
