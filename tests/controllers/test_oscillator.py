@@ -140,32 +140,6 @@ def test_each_step_is_the_thesis_s_own(world, chance):
         assert (memory.phase_ms, actuators.ring_on) == algorithm_1(phase, ring, flash, world), f"from {phase}, {flash}"
 
 
-WORLDS = {
-    "thesis": World(),
-    "robots": World(step_ms=25, delay_ms=62),
-    "delay below a step": World(delay_ms=62),
-    "strong": World(coupling=0.75, refractory=0.075),
-    "weak": World(step_ms=25, period_s=1.2, coupling=0.013, flash=0.0, refractory=0.0),
-}
-
-
-@pytest.mark.parametrize("name", WORLDS)
-def test_long_sequences_are_the_thesis_s_own(name):
-    """A swarm under flashes of random length, step by step beside the literal algorithms."""
-    world, robots = WORLDS[name], 20
-    bench = Bench("oscillator", world.parameters(), robots=robots, step_ms=world.dt, interpret=False)
-    expected = [(int(phase), False) for phase in bench.memory["phase_ms"]]
-    chance = np.random.default_rng(5)
-    flash = np.zeros(robots, bool)
-    for number in range(1000):
-        flash ^= chance.random(robots) < np.where(flash, 0.25, 0.03)
-        bench.senses.camera[:, 7] = flash
-        bench.control.step()
-        expected = [algorithm_1(*state, seen, world) for state, seen in zip(expected, flash, strict=True)]
-        found = list(zip(bench.memory["phase_ms"].tolist(), bench.actuators["ring_on"].tolist(), strict=True))
-        assert found == expected, f"step {number}"
-
-
 def test_phases_begin_uniform_over_all_whole_milliseconds_below_tau():
     phases = Bench("oscillator", {"period_s": 0.02}, robots=20_000, interpret=False).memory["phase_ms"]
     counts = np.bincount(phases, minlength=20)

@@ -87,15 +87,6 @@ def test_a_robot_is_seen_if_a_ray_of_a_fan_meets_it_first(scene, section, occlus
     assert (found <= perhaps).all()
 
 
-@pytest.mark.parametrize(
-    ("aside", "occlusion", "seen"), [(3, True, True), (1, True, False), (1, False, True)], ids=["part", "all", "none"]
-)
-def test_a_ring_is_hidden_only_where_all_of_it_is(aside, occlusion, seen):
-    scene = Scene(np.array([[20.0, 50, 0], [60, 50, 0], [40, 50 + aside, 0]]), np.ones(3, bool), empty_arena())
-    found = pairs(scene, EnkiCameraSignal(kind="enki_camera"), occlusion)
-    assert found[0].tolist() == [False, seen, True]
-
-
 @pytest.mark.parametrize(("distance_cm", "bearing"), [(10, 0.4), (40, -0.9)])
 def test_a_robot_covers_the_arc_that_its_radius_does_at_the_distance_of_its_centre(distance_cm, bearing):
     x, y = 50 + RADIUS_CM + distance_cm * math.cos(bearing), 50 + distance_cm * math.sin(bearing)

@@ -99,15 +99,6 @@ def test_the_firmware_s_table_ends_at_29_counts():
     assert firmware_table_mm(5000.0) == 0
 
 
-@pytest.mark.parametrize("distance", [0.2, 0.3, 1.0, 5.0, 11.9])
-def test_a_wall_straight_ahead_reads_what_the_centre_ray_alone_would(distance):
-    for sensor in range(8):
-        for direction in np.radians([0, 90, 180, 270]):
-            at = 50 + (50 - distance) * np.array([math.cos(direction), math.sin(direction)])
-            reading = sensed([facing(sensor, *at, direction)], empty_arena(100, 100))[0][0, sensor]
-            assert reading == pytest.approx(f(max(distance, 0.3)), rel=1e-9)
-
-
 @pytest.mark.parametrize("by_table", [False, True])
 def test_a_wall_at_exactly_12_cm_is_in_range_and_a_hair_further_is_not(by_table):
     at_range, beyond = (sensed([(50.0, y, 0.0)], empty_arena(100, 30.6), by_table) for y in (15.3, 15.3 - 1e-9))

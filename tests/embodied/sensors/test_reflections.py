@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
@@ -64,22 +64,6 @@ def test_rows_are_those_of_the_slow_twin() -> None:
     assert tally["pixels"] > 5000
     assert tally["mirrored"] > 0.01 * tally["pixels"]
     assert tally["doubtful"] < 0.02 * tally["pixels"]
-
-
-@given(st.floats(8, 90), st.floats(-150, -10), st.floats(-90, 90), st.integers(0, 3))
-def test_the_image_of_a_ring_behind_is_as_far_beyond_the_wall_as_the_ring_before_it(wall_cm, back, aside, quarter):
-    # a robot whose nose is `wall_cm` before the wall that it faces; the ring is `back` from the nose and `aside`
-    assume(abs(aside) > 2 * RADIUS_CM + 1)
-    ahead = 2 * wall_cm - back
-    robots = np.array([(SIDE - wall_cm - RADIUS_CM, 100.0), (SIDE - wall_cm + back, 100.0 + aside)])
-    assume(robots[1, 0] > RADIUS_CM)
-    for _ in range(quarter):
-        robots = np.column_stack([SIDE - robots[:, 1], robots[:, 0]])
-    bearing, half_width = math.atan2(aside, ahead), math.asin(RADIUS_CM / math.hypot(ahead, aside))
-    in_own_shadow = math.asin(RADIUS_CM / (2 * wall_cm + RADIUS_CM))
-    assume(abs(bearing) > half_width + in_own_shadow)
-    poses = np.column_stack([robots, np.full(2, quarter * math.pi / 2)])
-    assert seen_by_first(poses, [False, True]) == covered(math.hypot(ahead, aside), bearing, MIRRORS)
 
 
 @pytest.mark.parametrize("beyond_cm", [0.0, 0.03])
