@@ -125,9 +125,6 @@ class TestRobot:
         if isinstance(sensors, str | Path):
             raise ValueError(f"sensors is {str(sensors)!r}; allowed: a list of files")  # noqa: TRY004
         own = [find_sensor(str(sensor)) for sensor in sensors]
-        told = [name for sensor in own for name in sensor.readings.names or ()]
-        if twice := next((name for name in told if told.count(name) > 1), None):
-            raise ValueError(f"two of the sensors tell {twice!r}; give one of them")
         _, swarm, (self._controllers,) = controlled_swarm([found], [1], pixels, own, seed=seed, interpret=interpret)
         swarm.robots.wheel_limit_cm_s, swarm.robots.wheel_base_cm = wheels
         self._senses = Record("sensors", swarm.robots.sensors)

@@ -84,16 +84,6 @@ def test_arrays_of_the_wrong_shape_and_what_is_no_number_are_refused(mine):
         TestRobot(mine, step_ms=0)
 
 
-def test_a_reading_may_be_infinite_and_not_nan(mine, tmp_path):
-    (tmp_path / "far.py").write_text("READINGS = {'far': float}\ndef sense(*_): ...\n")
-    robot = TestRobot(mine, sensors=[tmp_path / "far.py"])
-    robot.readings.far = np.inf
-    robot.step()
-    robot.readings.far = np.nan
-    with pytest.raises(ValueError, match=r"readings\.far is nan; allowed: numbers"):
-        robot.step()
-
-
 def test_a_robot_is_not_copied_as_its_records_lie_in_one_block(mine):
     with pytest.raises(TypeError, match="sensors of a robot cannot be copied; make another TestRobot"):
         copy.deepcopy(TestRobot(mine)._senses)

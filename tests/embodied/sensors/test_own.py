@@ -240,6 +240,11 @@ def test_a_robot_of_a_unit_test_reads_what_is_set(interpret):
     assert (robot.left_cm_s, robot.memory.seen) == (1.25, 3.25)
     with pytest.raises(AttributeError, match="did you mean 'ground'"):
         _ = robot.readings.grond
+    robot.readings.ground[1] = np.inf
+    robot.step()
+    robot.readings.ground[1] = np.nan
+    with pytest.raises(ValueError, match=r"readings\.ground is \[0.25  +nan\]; allowed: numbers"):
+        robot.step()
 
 
 def test_an_edited_sensor_is_compiled_anew(files):
