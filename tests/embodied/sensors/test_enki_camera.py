@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.scenario.robots import EnkiCameraSignal
-from tests.embodied.scenes import BODIES, EDGE_CM, RADIUS_CM, Scene, empty_arena, scenes
+from tests.embodied.scenes import BODIES, EDGE_CM, RADIUS_CM, Scene, cast_on_segments, empty_arena, scenes
 from tests.embodied.sensors.test_flash_cone import lit_pair, pairs
 
 RAYS = 3600
 ANGLES = np.arange(RAYS) * 2 * math.pi / RAYS
+DIRECTIONS = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 
 sections = st.builds(
     EnkiCameraSignal,
@@ -37,15 +38,6 @@ def wide(each: BoolArray) -> BoolArray:
     return ~narrow(~each)
 
 
-def depths(x: float, y: float, edges: FloatArray) -> FloatArray:
-    """Return (rays, edges) cm along each ray from (x, y) to each edge."""
-    dx, dy = np.cos(ANGLES)[:, None], np.sin(ANGLES)[:, None]
-    (ax, ay), (ex, ey) = (edges[:, :2] - [x, y]).T, (edges[:, 2:4] - edges[:, :2]).T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        depth, share = (ax * ey - ay * ex) / (dx * ey - dy * ex), (ax * dy - ay * dx) / (dx * ey - dy * ex)
-    return np.where((depth >= 0) & (share >= 0) & (share <= 1), depth, math.inf)
-
-
 def slow_camera(
     scene: Scene, section: EnkiCameraSignal, occlusion: bool, observers: slice
 ) -> tuple[BoolArray, BoolArray]:
@@ -62,7 +54,7 @@ def slow_camera(
         )
         away = np.hypot(discs[:, 0] - x, discs[:, 1] - y)
         covers = offsets(np.arctan2(discs[:, 1] - y, discs[:, 0] - x)) <= np.arctan(discs[:, 2] / away)
-        edge_depths = depths(x, y, scene.arena.edges)
+        edge_depths, _ = cast_on_segments(np.tile((x, y), (RAYS, 1)), DIRECTIONS, scene.arena.edges)
         view = offsets(np.array([heading])) <= math.radians(section.angle_deg / 2) + 1e-12
         for other in range(robots):
             gap = math.hypot(*(discs[other, :2] - [centre_x, centre_y])) - discs[other, 2]
