@@ -40,25 +40,16 @@ SENSORS = np.array(
 """(8, 3) x cm, y cm, direction in degrees."""
 
 
-def kind_of(
-    radius_cm=RADIUS_CM,
-    forward_cm=RADIUS_CM,
-    sensors=SENSORS,
-    spread_deg=15,
-    range_cm=12,
-    peak_counts=3731,
-    peak_cm=0.3,
-    width_cm2=0.7,
-) -> RobotKind:
-    """Return a kind of robot; the e-puck by the facts."""
-    response = {"range_cm": range_cm, "peak_counts": peak_counts, "peak_cm": peak_cm, "width_cm2": width_cm2}
-    infrared = ProximitySection(sensors=list(map(tuple, sensors.tolist())), spread_deg=spread_deg, **response)
+def kind_of(radius_cm, forward_cm, sensors, spread_deg, *response) -> RobotKind:
+    named = dict(zip(("range_cm", "peak_counts", "peak_cm", "width_cm2"), response, strict=True))
+    infrared = ProximitySection(sensors=list(map(tuple, sensors.tolist())), spread_deg=spread_deg, **named)
     camera = CameraMount(forward_cm=forward_cm)
     return RobotKind(radius_cm=radius_cm, wheel_base_cm=radius_cm, camera=camera, infrared=infrared)
 
 
-E_PUCK = kind_of()
-SMALL = kind_of(1.65, 0.5, np.array([(1.5, 0.4, 10.0), (-1.0, -1.2, -140.0), (0.2, 1.6, 95.0)]), 25, 7, 900, 0.5, 1.5)
+E_PUCK = kind_of(RADIUS_CM, RADIUS_CM, SENSORS, 15, 12, 3731, 0.3, 0.7)  # by the facts
+FEW = np.array([(1.5, 0.4, 10.0), (-1.0, -1.2, -140.0), (0.2, 1.6, 95.0)])
+SMALL = kind_of(1.65, 0.5, FEW, 25, 7, 900, 0.5, 1.5)
 LARGE = kind_of(6.0, 4.0, np.array([(5.5, 2.0, 20.0), (-5.9, 0.0, 180.0)]), 5, 21, 4500, 0.0, 3.0)
 BODIES = (E_PUCK, SMALL, LARGE)
 
@@ -310,6 +301,13 @@ def cast_on_segments(origins: FloatArray, directions: FloatArray, segments: Floa
     return distance, by_an_end | (crosses & (np.abs(crossing) < EDGE_CM))
 
 
+def walls_of(arena: Arena, out: float = 100.0) -> FloatArray:
+    """Return (4, 4) cm: left, right, lower and upper wall; out: how much longer, so that no ray slips through."""
+    right, top = arena.width_cm, arena.height_cm
+    upright = [(x, -out, x, top + out) for x in (0, right)]
+    return np.array([*upright, *((-out, y, right + out, y) for y in (0, top))], float)
+
+
 def _bodies(scene: Scene) -> FloatArray:
     return np.column_stack([scene.poses[:, :2], scene.radii_cm])
 
@@ -336,15 +334,7 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
     written, doubtful = np.empty((len(scene.poses), count)), np.empty((len(scene.poses), count), bool)
     spread = np.array((-1, 0, 1)) * infrared.spread_deg
     bodies = _bodies(scene)
-    right, top, out = scene.arena.width_cm, scene.arena.height_cm, 100  # out: that no ray slips through a corner
-    walls = np.array(
-        [
-            (-out, 0, right + out, 0),
-            (-out, top, right + out, top),
-            (0, -out, 0, top + out),
-            (right, -out, right, top + out),
-        ]
-    )
+    walls = walls_of(scene.arena)
     for robot, (x, y, heading) in enumerate(scene.poses):
         forward, left = _towards(heading), _towards(heading + math.pi / 2)
         positions = (x, y) + sensors[:, :1] * forward + sensors[:, 1:2] * left
@@ -423,9 +413,7 @@ def _slow_images(scene, camera, rays, reach) -> tuple[BoolArray, BoolArray]:
     Everything is mirrored in each wall, and counts from there on, where nothing is met before: within (rays,) reach.
     """
     arena, lit, robots = scene.arena, scene.lit, len(scene.poses)
-    right, top = arena.width_cm, arena.height_cm
-    walls = np.array([(0, 0, 0, top), (right, 0, right, top), (0, 0, right, 0), (0, top, right, top)])
-    to_walls, by_wall = cast_on_segments(*rays, walls)
+    to_walls, by_wall = cast_on_segments(*rays, walls_of(arena, 0))
     red, doubt = np.zeros(len(reach), bool), by_wall.any(axis=1)
     for wall in range(4):
         towards = to_walls[:, wall] < np.inf

@@ -6,6 +6,7 @@ import pytest
 
 from epuck_sim import Simulation
 from epuck_sim.arena import brightness_at, clearance_cm, light_at
+from tests.embodied.scenes import cast_on_discs, cast_on_segments, walls_of
 
 LOOKS = """
 import math
@@ -50,18 +51,15 @@ PATCHES = [
 ]
 
 
-def walk_along(step, number, range_cm):
-    """Return the distance from a robot, straight ahead, to the first body or wall, by steps into what room there is."""
+def distance_ahead(step, number, range_cm):
+    """Return the distance from a robot's centre, straight ahead, to the first body or wall."""
     x, y, heading = step.poses[number]
-    others = np.delete(step.poses[:, :2], number, axis=0)
-    distance = 0.0
-    while distance < range_cm:
-        here = np.array([x + distance * np.cos(heading), y + distance * np.sin(heading)])
-        room = min(clearance_cm(step.arena, *here), np.hypot(*(others - here).T).min() - 3.7)
-        if room <= 0:
-            return distance
-        distance += max(room, 0.01)
-    return np.inf
+    ray = np.array([[x, y]]), np.array([[np.cos(heading), np.sin(heading)]])
+    others = np.insert(np.delete(step.poses[:, :2], number, axis=0), 2, 3.7, axis=1)
+    discs, _ = cast_on_discs(*ray, np.vstack([others, step.arena.circles]))
+    flats, _ = cast_on_segments(*ray, np.vstack([walls_of(step.arena), step.arena.edges]))
+    nearest = min(discs.min(), flats.min())
+    return nearest if nearest <= range_cm else np.inf
 
 
 @pytest.mark.parametrize(("interpret", "has_picture"), [(False, True), (True, False)])
@@ -89,7 +87,7 @@ def test_slow_twins_see_the_same(tmp_path, monkeypatch, interpret, has_picture):
             seen["clearance"], [clearance_cm(step.arena, *each) for each in zip(x, y, strict=True)]
         )
         for robot in range(30):
-            np.testing.assert_allclose(seen["distance"][robot], walk_along(step, robot, 20), atol=0.011)
+            np.testing.assert_allclose(seen["distance"][robot], distance_ahead(step, robot, 20))
         levels |= set(seen["brightness"])
     assert {0.25, 0.5} <= levels
     assert len(levels) > 3
