@@ -273,16 +273,7 @@ class Simulation:
         return self
 
     def __next__(self) -> Step:
-        """Take one control step and return it.
-
-        Bodies move, unless this is the first step; then all robots sense, and their controllers command.
-
-        Returns:
-            The step; its arrays are overwritten by the next one.
-
-        Raises:
-            ControllerError: A controller raises, or sets a wheel speed or a turn that is not a number.
-        """
+        """Take one control step and return it, as `advance` does."""
         return self.advance(1)
 
     def advance(self, steps: int, *, until_firing: bool = False) -> Step:
@@ -297,7 +288,7 @@ class Simulation:
 
         Raises:
             ValueError: The number of steps is not a whole number from 1.
-            ControllerError: See `__next__`.
+            ControllerError: A controller raises, or sets a wheel speed or a turn that is not a number.
         """
         taken = self.steps
         end = taken + whole("steps", steps)
@@ -313,9 +304,7 @@ class Simulation:
         Args:
             steps: Largest number of steps to take, at least 1; they may be fewer.
 
-        Raises:
-            ValueError: See `advance`.
-            ControllerError: See `__next__`.
+        Raises what `advance` does.
         """
         steps = whole("steps", steps)
         self._history = self._history or History(self.scenario, self._block, self._swarm, self._loop)
