@@ -12,7 +12,7 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.embodied.observers import Scene, find_all_sightings, find_contacts
 from epuck_sim.embodied.swarm import Swarm, offset_of, poses_of
-from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import members
 from epuck_sim.util.messages import comma_list, did_you_mean
@@ -224,8 +224,6 @@ def check_field(scenario: EmbodiedScenario, field: str, robot: int | None = None
 
 def check_fields(scenario: EmbodiedScenario, fields: Sequence[str]) -> None:
     """Raise ScenarioError unless controllers of a scenario remember these fields; see `check_field`."""
-    for field in fields:
-        try:
+    with refused_at(f"{scenario.name}: memory"):
+        for field in fields:
             check_field(scenario, field)
-        except ValueError as error:
-            raise ScenarioError(f"{scenario.name}: memory: {error}") from error

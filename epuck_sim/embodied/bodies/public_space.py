@@ -12,7 +12,6 @@ from operator import attrgetter
 from types import FunctionType, SimpleNamespace
 from typing import Any
 
-import numba
 import numpy as np
 import pymunk
 
@@ -100,8 +99,3 @@ def moved_by(way: Any) -> list[float]:
     addresses = np.array([0] * chipmunk.FIRST + way.function_addresses())
     way.try_calls(addresses, np.array([way.address(thing) for thing in things]), moved)
     return moved.tolist()
-
-
-def versions() -> str:
-    """Return the versions of what moves bodies."""
-    return f"pymunk {pymunk.version} and numba {numba.__version__}"

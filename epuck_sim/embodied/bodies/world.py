@@ -17,12 +17,13 @@ import numpy.typing as npt
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.bodies import chipmunk
-from epuck_sim.embodied.bodies.public_space import public_way, reason_for_public_way, versions
+from epuck_sim.embodied.bodies.public_space import public_way, reason_for_public_way
 from epuck_sim.embodied.bodies.shapes import Bodies, count_surfaces, make_bodies, make_surfaces
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, SPACE, Swarm
 from epuck_sim.scenario.embodied import ContactSection
 from epuck_sim.scenario.robot_kind import RobotKind
+from epuck_sim.util.provenance import format_versions, versions
 
 
 class World:
@@ -47,8 +48,8 @@ class World:
         self.is_public = bool(reason)
         if self.is_public:
             warnings.warn(
-                f"{versions()}: {reason}; robots are moved by pymunk's public interface, to the same outcome, "
-                "but many times as slowly; install pymunk 7.3",
+                f"{format_versions(versions())}: {reason}; robots are moved by pymunk's public interface, to the same "
+                "outcome, but many times as slowly; install pymunk 7.3",
                 stacklevel=2,
             )
 
