@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from hypothesis import assume, reject
+from hypothesis import assume
 from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, clearance_cm, make_arena
@@ -353,15 +353,6 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
 
 
 # --- the camera's twin ------------------------------------------------------------------------------
-
-
-def covered(distance_cm: float, bearing: float, camera: CameraSettings, radius_cm: float = RADIUS_CM) -> list[int]:
-    """Return the row of a disc that nothing hides: pixels within asin(r / d) of its bearing, by the shorter way."""
-    off = np.abs(np.remainder(camera.angles() - bearing + math.pi, 2 * math.pi) - math.pi)
-    half_width = math.asin(radius_cm / distance_cm)
-    if (np.abs(off - half_width) < 1e-9).any():
-        reject()
-    return (off < half_width).astype(int).tolist()
 
 
 class Pixels(NamedTuple):
