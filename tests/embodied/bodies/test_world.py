@@ -58,18 +58,6 @@ def test_two_that_meet_head_on_overlap_by_less_than_a_millimetre_and_no_longer_t
         assert overlap[-4:].max() <= TOUCH_CM + 1e-9
 
 
-def test_in_scene_push_both_move_at_half_the_pushers_speed_from_contact_on():
-    path = np.array([step.poses.copy() for step in islice(Simulation("push"), 41)])
-    time = 0.1 * np.arange(41)[:, None]
-    before = np.array([20, 30]) + FULL_CM_S * time * (1, 0)
-    # together they have the momentum of the pusher alone, 7.4 cm apart
-    after = (50 + FULL_CM_S * time) / 2 + np.array([-RADIUS_CM, RADIUS_CM])
-    touches = time > (30 - 20 - 2 * RADIUS_CM) / FULL_CM_S
-    np.testing.assert_allclose(path[:, :, 0], np.where(touches, after, before), rtol=0, atol=TOUCH_CM)
-    np.testing.assert_allclose(np.diff(path[5:, :, 0], axis=0), FULL_CM_S / 2 * 0.1, rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(path[:, :, 1:], np.broadcast_to([30, 0], (41, 2, 2)))
-
-
 @pytest.mark.parametrize("friction", [0, 0.1, 0.5])
 def test_a_robot_slides_along_what_it_touches_and_only_friction_turns_it(friction):
     groups = [constant([[20, 30, 0], [20, 10, -math.pi / 6]], FULL_CM_S), constant([[32, 34, 0]])]

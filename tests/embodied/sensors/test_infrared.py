@@ -9,7 +9,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import epuck
-from epuck_sim.arena import make_arena
 from epuck_sim.embodied.sensors.infrared import (
     firmware_table_mm,
     inverse_response_mm,
@@ -44,14 +43,6 @@ distances = st.floats(0.3, 12)
 def f(x):
     """F of the facts, from 0.3 cm to 12 cm."""
     return 3731 * (0.7 - 0.3**2) / (x**2 - 2 * 0.3 * x + 0.7)
-
-
-def facing(sensor, x, y, direction):
-    """Return the pose that puts a sensor at (x, y) and lets it look in a direction."""
-    ahead, aside, degrees = SENSORS[sensor]
-    heading = direction - math.radians(degrees)
-    cos, sin = math.cos(heading), math.sin(heading)
-    return x - ahead * cos + aside * sin, y - ahead * sin - aside * cos, heading
 
 
 def sensed(poses, arena, by_table=False, noise_counts=0.0, noise=0.0, gain=1.0):
@@ -105,16 +96,6 @@ def test_a_wall_at_exactly_12_cm_is_in_range_and_a_hair_further_is_not(by_table)
     assert at_range[0][0, 5] == response(12.0) > 16
     assert at_range[1][0, 5] in ({NOTHING_MM} if by_table else {119, 120})
     assert (beyond[0][0, 5], beyond[1][0, 5]) == (0.0, NOTHING_MM)
-
-
-def test_a_reading_is_neither_more_than_the_peak_nor_negative():
-    # two posts, one on each side ray of sensor 0 and none on its centre ray: twice the peak, but for the clamp
-    pose, spread = facing(0, 50, 50, 0.0), math.radians(15)
-    posts = [(50 + 0.4 * math.cos(spread), 50 + side * 0.4 * math.sin(spread), 0.1) for side in (-1, 1)]
-    assert sensed([pose], make_arena(100, 100, posts, []))[0][0, 0] == 3731.0
-    # a post on the centre ray alone, where the correction takes off more than the ray puts on
-    assert f(5.0) < 2 * f(5.0 / math.cos(spread))
-    assert sensed([pose], make_arena(100, 100, [(55.5, 50, 0.5)], []))[0][0, 0] == 0.0
 
 
 @settings(max_examples=50)
