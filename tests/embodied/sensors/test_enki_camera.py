@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.scenario.robots import EnkiCameraSignal
-from tests.embodied.scenes import BODIES, EDGE_CM, RADIUS_CM, Scene, cast_on_segments, empty_arena, scenes
+from tests.embodied.scenes import BODIES, EDGE_CM, Scene, cast_on_segments, scenes
 from tests.embodied.sensors.test_flash_cone import lit_pair, pairs
 
 RAYS = 3600
@@ -77,16 +77,6 @@ def test_a_robot_is_seen_if_a_ray_of_a_fan_meets_it_first(scene, section, occlus
     found = pairs(scene, section, occlusion)[observers]
     assert (surely <= found).all()
     assert (found <= perhaps).all()
-
-
-@pytest.mark.parametrize(("distance_cm", "bearing"), [(10, 0.4), (40, -0.9)])
-def test_a_robot_covers_the_arc_that_its_radius_does_at_the_distance_of_its_centre(distance_cm, bearing):
-    x, y = 50 + RADIUS_CM + distance_cm * math.cos(bearing), 50 + distance_cm * math.sin(bearing)
-    scene = Scene(np.array([[50.0, 50, 0], [x, y, 0]]), np.ones(2, bool), empty_arena())
-    nearest_deg = math.degrees(abs(bearing) - math.atan(RADIUS_CM / distance_cm))
-    for beyond_deg in (-1e-6, 1e-6):
-        section = EnkiCameraSignal(kind="enki_camera", angle_deg=2 * (nearest_deg + beyond_deg))
-        assert pairs(scene, section, occlusion=False)[0, 1] == (beyond_deg > 0)
 
 
 @pytest.mark.parametrize(("apart_cm", "seen"), [(28.69, 1), (28.71, 0)])
