@@ -7,14 +7,14 @@ from typing import Any, ClassVar, Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.control.interface import EPUCK_WHEELS, Controller, Sensor, Wheels
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.control.interface import EPUCK_WHEELS, Wheels
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.control.names import unknown_name
 from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
 from epuck_sim.embodied.sensors.own import assign_sense, readings_of
 from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
-from epuck_sim.embodied.swarm import Swarm, make_block, open_block
+from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import whole
@@ -125,12 +125,21 @@ class TestRobot:
         if isinstance(sensors, str | Path):
             raise ValueError(f"sensors is {str(sensors)!r}; allowed: a list of files")  # noqa: TRY004
         own = [find_sensor(str(sensor)) for sensor in sensors]
-        _, swarm, (self._controllers,) = controlled_swarm([found], [1], pixels, own, seed=seed, interpret=interpret)
-        swarm.robots.wheel_limit_cm_s, swarm.robots.wheel_base_cm = wheels
-        self._senses = Record("sensors", swarm.robots.sensors)
-        self._actuators = Record("actuators", swarm.robots.actuators)
+        sizes = [sensed_bytes_needed(sensor, 1) for sensor in own]
+        lengths = {"robots": 1, "groups": 1, "pixels": pixels, "bytes": bytes_needed(found, 1)}
+        block = make_block({**lengths, "senses": len(own), "sensed": sum(sizes)})
+        swarm = open_block(block)
+        for number, sensor in enumerate(own):
+            assign_sense(swarm.senses[number], sensor, 0, 1, sum(sizes[:number]))
+        robots, swarm.scene[0].serving = swarm.robots, -1
+        robots.wheel_limit_cm_s, robots.wheel_base_cm = wheels
+        swarm.groups.count, swarm.groups.pixels = 1, pixels
+        robots.present, robots.random = True, robot_streams(np.random.SeedSequence(seed), 1)
+        assign_bytes(swarm, 0, found, 0)
+        self._senses, self._actuators = Record("sensors", robots.sensors), Record("actuators", robots.actuators)
         self._pixels = Record("sensors", swarm.pixels.view([("camera", swarm.pixels.dtype, pixels)]))
-        self._senses.step_ms = whole("step_ms", step_ms)
+        self.step_ms, self.distance_mm, self.new_picture = whole("step_ms", step_ms), OUT_OF_RANGE_MM, True
+        self._controllers = GroupControllers(block, swarm, 0, found, own, interpret=interpret)
         self._controllers.parameters[:] = record
         self._controllers.start()
         self.memory = Record("memory", self._controllers.memory)
@@ -153,42 +162,6 @@ class TestRobot:
                 raise ValueError(f"readings.{name} is {getattr(self.readings, name)}; allowed: numbers")
         for _ in range(steps):
             self._controllers.step()
-
-
-def controlled_swarm(
-    controllers: Sequence[Controller],
-    counts: Sequence[int],
-    pixels: int,
-    sensors: Sequence[Sensor] = (),
-    *,
-    seed: int = 0,
-    interpret: bool = True,
-    **rooms: int,
-) -> tuple[ByteArray, Swarm, list[GroupControllers]]:
-    """Return the block of groups of e-pucks near which nothing is, the swarm, and controllers that have not started.
-
-    Sensors in files of their own are for a single robot; rooms are lengths of further arrays of the block.
-    """
-    robots, sizes = sum(counts), list(map(bytes_needed, controllers, counts))
-    sensed = [sensed_bytes_needed(sensor, 1) for sensor in sensors]
-    lengths = {"robots": robots, "groups": len(counts), "pixels": robots * pixels, "bytes": sum(sizes)}
-    block = make_block({**lengths, "senses": len(sensors), "sensed": sum(sensed), **rooms})
-    swarm = open_block(block)
-    for number, sensor in enumerate(sensors):
-        assign_sense(swarm.senses[number], sensor, 0, 1, sum(sensed[:number]))
-    members, groups, swarm.scene[0].serving = swarm.robots, swarm.groups, -1
-    groups.first, groups.count, groups.pixels = np.cumsum([0, *counts])[:-1], counts, pixels
-    groups.row = groups.first * pixels
-    members.present, members.random = True, robot_streams(np.random.SeedSequence(seed), robots)
-    members.wheel_limit_cm_s, members.wheel_base_cm = EPUCK_WHEELS
-    members.sensors.distance_mm, members.sensors.new_picture = OUT_OF_RANGE_MM, True
-    runs = []
-    for number, controller in enumerate(controllers):
-        assign_bytes(swarm, number, controller, sum(sizes[:number]))
-        run = GroupControllers(block, swarm, number, controller, sensors, interpret=interpret)
-        run.parameters[:] = controller.parameter_record(controller.parameters)
-        runs.append(run)
-    return block, swarm, runs
 
 
 class Record:

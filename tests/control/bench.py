@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from epuck_sim.control.interface import Controller
+from epuck_sim.control.interface import EPUCK_WHEELS, Controller
 from epuck_sim.control.loader import find_controller
-from epuck_sim.embodied.swarm import SENSED
+from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
+from epuck_sim.embodied.swarm import SENSED, make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
-from epuck_sim.testing.robot import controlled_swarm
 from epuck_sim.user_files import Value
+from epuck_sim.util.seeds import robot_streams
 
 MODES = pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])
 """Runs a test of controllers twice."""
@@ -32,6 +33,30 @@ def step(sensors, memory, actuators, parameters, random):
     pass
 """
 """A controller that does nothing: tests replace parts of it."""
+
+
+def controlled_swarm(controllers, counts, pixels, *, seed=0, interpret=True, **rooms):
+    """Return the block of groups of e-pucks near which nothing is, the swarm, and controllers that have not started.
+
+    Rooms are lengths of further arrays of the block.
+    """
+    robots, sizes = sum(counts), list(map(bytes_needed, controllers, counts))
+    lengths = {"robots": robots, "groups": len(counts), "pixels": robots * pixels, "bytes": sum(sizes)}
+    block = make_block({**lengths, **rooms})
+    swarm = open_block(block)
+    members, groups, swarm.scene[0].serving = swarm.robots, swarm.groups, -1
+    groups.first, groups.count, groups.pixels = np.cumsum([0, *counts])[:-1], counts, pixels
+    groups.row = groups.first * pixels
+    members.present, members.random = True, robot_streams(np.random.SeedSequence(seed), robots)
+    members.wheel_limit_cm_s, members.wheel_base_cm = EPUCK_WHEELS
+    members.sensors.distance_mm, members.sensors.new_picture = OUT_OF_RANGE_MM, True
+    runs = []
+    for number, controller in enumerate(controllers):
+        assign_bytes(swarm, number, controller, sum(sizes[:number]))
+        run = GroupControllers(block, swarm, number, controller, interpret=interpret)
+        run.parameters[:] = controller.parameter_record(controller.parameters)
+        runs.append(run)
+    return block, swarm, runs
 
 
 class Bench:

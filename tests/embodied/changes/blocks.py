@@ -1,6 +1,6 @@
 """Small swarms of robots with controllers, but without bodies and sensors."""
 
-from epuck_sim.testing.robot import controlled_swarm
+from tests.control.bench import controlled_swarm
 
 
 def started_swarm(controllers, counts):
