@@ -17,7 +17,7 @@ from scipy.special import bdtr, bdtrc, stdtr, stdtrit
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.extrema import find_fast_speed, search_extrema
+from epuck_sim.statistics.extrema import Place, find_fast_speed, search_extrema
 from epuck_sim.statistics.mean import MeanError, mean_and_error, student_estimate, wilson_interval
 from epuck_sim.statistics.mean import share_difference as estimate_difference
 from epuck_sim.statistics.measured import Measured, cut
@@ -33,9 +33,6 @@ LAWS = {"Weibull": stats.weibull_min, "gamma": stats.gamma, "log-normal": stats.
 
 FITTED_TRIALS = 20  # fewest of a point whose distribution is fitted
 FITTED_VALUES = 6  # fewest that these have: T_sync of a few cycles is too coarse to tell distributions apart
-
-COLUMNS = ("V_m", "T_m", "V_p", "T_p")
-"""Places of a minimum and a peak, as in the resamples of `SpeedExtrema`."""
 
 
 class Effect(NamedTuple):
@@ -324,23 +321,9 @@ def weibull_ratio(sample: Measured, limit: float) -> Effect:
     return exponentiate(resampled(log_ratio(sample.values), np.array(resamples), len(sample.values) - 1))
 
 
-class Place(NamedTuple):
-    """A place on a curve."""
-
-    value: float
-    resampled: FloatArray  # (B,) that of the resamples; NaN where they have none
-
-
 def find_place(curve: Curve, name: str) -> Place | None:
     """Return a place of a curve of T_sync over speed; None if it has none beyond noise, or with too few trials."""
-    if name == "V_f":
-        found = find_fast_speed(curve)
-        return found and Place(found[0].value, found[1])
-    extrema = search_extrema(curve).extrema
-    if extrema is None or not extrema.is_found:
-        return None
-    column = COLUMNS.index(name)
-    return Place(float(extrema[column]), extrema.resampled[:, column])
+    return find_fast_speed(curve) if name == "V_f" else search_extrema(curve).places.get(name)
 
 
 def place_exponent(x: FloatArray, places: Sequence[Place | None], trials: int) -> Effect:
@@ -355,7 +338,7 @@ def place_exponent(x: FloatArray, places: Sequence[Place | None], trials: int) -
     errors = np.array([np.nanstd(np.log(place.resampled), ddof=1) for _, place in known])
     if not (errors > 0).all():
         return student(math.nan, 0.0, 0)
-    logs = np.log([place.value for _, place in known])
+    logs = np.log([place.estimate.value for _, place in known])
     return weighted_slope(np.log([at for at, _ in known]), logs, errors, trials - 1)
 
 

@@ -48,17 +48,24 @@ QUINTIC_SCALE = 240
 """Divisor of -|distance| ^ 5 in the covariance of a threefold integral of white noise, up to parabolas."""
 
 
-class SpeedExtrema(NamedTuple):
-    """The local minimum (V_m, T_m) and the later peak (V_p, T_p); NaN where the smoothed curve has no such pair."""
+PLACES = ("V_m", "T_m", "V_p", "T_p")
+"""Speed, cm/s, and T_sync, cycles, of the local minimum and of the later peak."""
 
-    v_m: float  # cm/s
-    t_m: float  # cycles
-    v_p: float
-    t_p: float
-    intervals: FloatArray  # (4, 2) 95 % intervals of v_m, t_m, v_p, t_p: low and high
-    rise: float  # rise of log T from the minimum to the peak
+
+class Place(NamedTuple):
+    """A speed, cm/s, or a time, cycles, at a place of a curve."""
+
+    estimate: Estimate
+    resampled: FloatArray  # (B,) that of each resample; NaN where it has no such place
+
+
+class SpeedExtrema(NamedTuple):
+    """The local minimum and the later peak, in the order of `PLACES`; NaN where a curve has no such pair."""
+
+    values: FloatArray  # (4,)
+    intervals: FloatArray  # (4, 2) 95 % intervals: low and high
     p_value: float  # probability that noise on a falling curve rises by at least the strength of this pair
-    resampled: FloatArray  # (B, 4) v_m, t_m, v_p, t_p of each resample; NaN where it has no such pair
+    resampled: FloatArray  # (B, 4) that of each resample
 
     @property
     def is_found(self) -> bool:
@@ -67,10 +74,12 @@ class SpeedExtrema(NamedTuple):
         return self.p_value < SIGNIFICANCE and kept > 1 - SIGNIFICANCE
 
     @property
-    def estimates(self) -> dict[str, Estimate | None]:
-        """The four with their intervals, by name; None where they may be noise."""
-        ends = zip(self._fields[:4], self[:4], self.intervals.tolist(), strict=True)
-        return {name: Estimate(value, *interval) if self.is_found else None for name, value, interval in ends}
+    def places(self) -> dict[str, Place]:
+        """The four by name; none where they may be noise."""
+        if not self.is_found:
+            return {}
+        columns = zip(PLACES, self.values.tolist(), self.intervals.tolist(), self.resampled.T, strict=True)
+        return {name: Place(Estimate(value, *ends), drawn) for name, value, ends, drawn in columns}
 
 
 def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SpeedExtrema | None:
@@ -90,14 +99,13 @@ def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: Floa
     on_falling, _ = _largest_rises(fit.speeds, falling @ fit.smoother.T)
     pair, (strength,) = _largest_rises(fit.speeds, (fit.smoother @ fit.logs)[None])
     pairs, _ = _largest_rises(fit.speeds, fit.resampled @ fit.smoother.T)
-    v_m, t_m, v_p, t_p = pair[0].tolist()
     if strength == 0:
-        return SpeedExtrema(v_m, t_m, v_p, t_p, np.full((4, 2), np.nan), 0.0, 1.0, pairs)
+        return SpeedExtrema(pair[0], np.full((4, 2), np.nan), 1.0, pairs)
     # the curve itself counts as one more draw, so that no finite number of resamples gives a p-value of 0
     p_value = (1 + np.count_nonzero(np.log(on_falling[:, 3] / on_falling[:, 1]) >= strength)) / (1 + len(noise))
     own = pairs[~np.isnan(pairs[:, 0])]
     intervals = np.percentile(own if len(own) else pair, [2.5, 97.5], axis=0).T
-    return SpeedExtrema(v_m, t_m, v_p, t_p, intervals, float(np.log(t_p / t_m)), p_value, pairs)
+    return SpeedExtrema(pair[0], intervals, p_value, pairs)
 
 
 class SmoothedLogs(NamedTuple):
@@ -187,8 +195,8 @@ def _largest_rises(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, Fl
 class ExtremaSearch(NamedTuple):
     """What has been found on a curve."""
 
-    extrema: SpeedExtrema | None
-    """The pair, which may be noise (`SpeedExtrema.is_found`); None where it cannot be looked for."""
+    places: dict[str, Place]  # those of the pair, by the names in `PLACES`; none where there is none beyond noise
+    p_value: float | None  # None where it cannot be looked for
     reason: str  # why it cannot, and what would be enough; empty where it can
 
 
@@ -202,9 +210,11 @@ def search_extrema(curve: Curve) -> ExtremaSearch:
     usable = tried & (curve.censored < MOST_CENSORED) & np.isfinite(curve.values)
     reason = _reason_against(curve, moving, tried, usable)
     if reason:
-        return ExtremaSearch(None, reason)
+        return ExtremaSearch({}, None, reason)
     found = find_minimum_and_peak(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
-    return ExtremaSearch(found, "" if found else f"at fewer than {MIN_SPEEDS} speeds T_sync is known well enough")
+    if found is None:
+        return ExtremaSearch({}, None, f"at fewer than {MIN_SPEEDS} speeds T_sync is known well enough")
+    return ExtremaSearch(found.places, found.p_value, "")
 
 
 def _reason_against(curve: Curve, moving: BoolArray, tried: BoolArray, usable: BoolArray) -> str:
@@ -308,14 +318,14 @@ It is a multiple of T_sync at the largest speed. A curve that falls on, like a p
 """
 
 
-def find_fast_speed(curve: Curve) -> tuple[Estimate, FloatArray] | None:
+def find_fast_speed(curve: Curve) -> Place | None:
     """Find V_f, the speed from which on T_sync is less than twice that at the largest speed.
 
     Where T_sync is unknown because all trials are censored, it counts as the limit of cycles.
 
     Returns:
-        V_f, cm/s, with its percentile interval, and that of the resamples, (B,); None where T_sync is nowhere that
-        long or still falls at the largest speeds, and where a point has fewer than `extrema.MIN_TRIALS` trials.
+        V_f, cm/s, with its percentile interval; None where T_sync is nowhere that long or still falls at the largest
+        speeds, and where a point has fewer than `extrema.MIN_TRIALS` trials.
     """
     moving = curve.x > 0
     if np.count_nonzero(moving) < 2 or curve.trials[moving].min() < MIN_TRIALS or curve.censored[-1] > 0:
@@ -331,8 +341,7 @@ def find_fast_speed(curve: Curve) -> tuple[Estimate, FloatArray] | None:
     halfway = np.interp(math.log(value * speeds[-1]) / 2, np.log(speeds), np.log(times[0]))
     if halfway > math.log(LEVEL_FACTOR * times[0, -1]):
         return None
-    low, high = np.percentile(known, [2.5, 97.5]).tolist()
-    return Estimate(value, low, high), resampled
+    return Place(Estimate(value, *np.percentile(known, [2.5, 97.5]).tolist()), resampled)
 
 
 def _last_crossings(x: FloatArray, logs: FloatArray) -> FloatArray:

@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray
 from epuck_sim.display.table import Row, Table
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.estimate import Estimate, significant
+from epuck_sim.estimate import UNDETERMINED, significant
 from epuck_sim.scenario.axes import SPEED
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.statistics.curves import Curve, folder_curves
@@ -21,7 +20,8 @@ from epuck_sim.statistics.extrema import (
     FAST_FACTOR,
     MIN_SPEEDS,
     MIN_TRIALS,
-    SpeedExtrema,
+    PLACES,
+    Place,
     TurningPoint,
     find_fast_speed,
     find_minimum,
@@ -41,6 +41,9 @@ from epuck_sim.statistics.scaling_laws import (
 )
 from epuck_sim.util.messages import counted
 
+QUANTITIES = (*PLACES, "V_f")
+"""What a curve of T_sync may have, in the order of tables."""
+
 
 class FittedCurve(NamedTuple):
     """The local minimum and the peak of one curve of a run folder."""
@@ -51,23 +54,15 @@ class FittedCurve(NamedTuple):
     others: str  # all other settings of its scenario, as text; only curves that share them can follow one law
     model: str
     names: list[str]  # names of the statistic of T_sync at its points, each once
-    extrema: SpeedExtrema | None  # None where they cannot be looked for
+    places: dict[str, Place]  # by the names in `LAWS`: those that noise could not explain, V_f of point agents alone
+    p_value: float | None  # of minimum and peak; None where they cannot be looked for
     reason: str  # why they cannot, and what would be enough; empty where they can
-    v_f: tuple[Estimate, FloatArray] | None
-    """V_f of point agents, cm/s, and that of the resamples, (B,); None where there is no fast regime."""
 
     def record(self) -> dict[str, Any]:
         """Return the fit as JSON holds it; None for estimates that noise could explain."""
-        places = self.extrema.estimates if self.extrema else dict.fromkeys(("v_m", "t_m", "v_p", "t_p"))
-        return {
-            "run": self.run,
-            "axes": self.axes,
-            "statistic": self.names,
-            "p_value": self.extrema and self.extrema.p_value,
-            "reason": self.reason,
-            **places,
-            "v_f": self.v_f and self.v_f[0],
-        }
+        head = {"run": self.run, "axes": self.axes, "statistic": self.names}
+        found = {name.lower(): self.places[name].estimate if name in self.places else None for name in QUANTITIES}
+        return {**head, "p_value": self.p_value, "reason": self.reason, **found}
 
 
 class Laws(NamedTuple):
@@ -90,7 +85,8 @@ def fit_curves(folder: Path, statistic: Statistic = Statistic.MEAN) -> list[Fitt
 
 
 def _fit_curve(run: str, curve: Curve) -> FittedCurve:
-    model = curve.scenario.model
+    model, search = curve.scenario.model, search_extrema(curve)
+    v_f = find_fast_speed(curve) if "V_f" in LAWS.get(model, {}) else None
     return FittedCurve(
         run=run,
         axes=curve.axes,
@@ -98,8 +94,9 @@ def _fit_curve(run: str, curve: Curve) -> FittedCurve:
         others=_other_settings(curve.scenario),
         model=model,
         names=list(dict.fromkeys(curve.names)),
-        **search_extrema(curve)._asdict(),
-        v_f=find_fast_speed(curve) if "V_f" in LAWS.get(model, {}) else None,
+        places=search.places | ({"V_f": v_f} if v_f else {}),
+        p_value=search.p_value,
+        reason=search.reason,
     )
 
 
@@ -117,7 +114,7 @@ def _other_settings(scenario: Scenario) -> str:
 
 def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
     """Fit the laws to the largest group of curves that differ in nothing but speed, epsilon, L, N and tau."""
-    found = [curve for curve in curves if _quantities([curve])]
+    found = [curve for curve in curves if curve.places]
     if not found:
         return Laws("", 0, [], {}, "no curve has a local minimum and a peak")
     ((most, _),) = Counter(curve.others for curve in found).most_common(1)
@@ -137,19 +134,15 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
 
 
 def _quantities(curves: Sequence[FittedCurve]) -> dict[str, Quantity]:
-    columns: dict[str, list[tuple[float, FloatArray] | None]] = {}
-    for column, name in enumerate(("V_m", "T_m", "V_p", "T_p")):
-        found = [curve.extrema if curve.extrema and curve.extrema.is_found else None for curve in curves]
-        columns[name] = [each and (float(each[column]), each.resampled[:, column]) for each in found]
-    columns["V_f"] = [curve.v_f and (curve.v_f[0].value, curve.v_f[1]) for curve in curves]
-    return {name: _quantity(known) for name, known in columns.items() if any(known)}
+    resamples = max(len(place.resampled) for curve in curves for place in curve.places.values())
+    missing = Place(UNDETERMINED, np.full(resamples, math.nan))
+    names = [name for name in QUANTITIES if any(name in curve.places for curve in curves)]
+    return {name: _quantity([curve.places.get(name, missing) for curve in curves]) for name in names}
 
 
-def _quantity(known: Sequence[tuple[float, FloatArray] | None]) -> Quantity:
-    resamples = max(len(each[1]) for each in known if each)
-    missing = math.nan, np.full(resamples, math.nan)
-    values, resampled = zip(*(each or missing for each in known), strict=True)
-    return Quantity(np.array(values), np.stack(resampled, axis=1))
+def _quantity(places: Sequence[Place]) -> Quantity:
+    values = np.array([place.estimate.value for place in places])
+    return Quantity(values, np.stack([place.resampled for place in places], axis=1))
 
 
 def _offset_laws(parameters: Parameters, quantities: Mapping[str, Quantity]) -> dict[str, OffsetLaw]:

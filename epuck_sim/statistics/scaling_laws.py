@@ -47,9 +47,8 @@ MIN_VARIANCE = 1e-12  # relative; keeps values without noise solvable
 
 
 class PowerLaw(NamedTuple):
-    """A fitted law: the prefactor times the product of the parameters' terms."""
+    """A fitted law: a product of the parameters' terms."""
 
-    prefactor: Estimate
     exponents: dict[str, Estimate]  # exponent of each parameter that varies among the curves
     misfit: float
     """Scatter of the curves about the law, relative to that of their noise; NaN if no degree of freedom is left.
@@ -98,12 +97,11 @@ def fit_power_law(law: Law, parameters: Parameters, values: FloatArray, resample
     logs, log_resampled = np.log(values), np.log(resampled)
     weights = 1 / np.maximum(log_resampled.var(axis=0, ddof=1), MIN_VARIANCE)
     solution = _least_squares(design, weights, list(varying))
-    estimates = _estimates(solution @ logs, log_resampled @ solution.T)
-    surplus = len(values) - len(estimates)
+    _, *exponents = _estimates(solution @ logs, log_resampled @ solution.T)
+    surplus = len(values) - design.shape[1]
     deviations = logs - design @ (solution @ logs)
     misfit = float(np.sqrt((weights * deviations**2).sum() / surplus)) if surplus else np.nan
-    prefactor = estimates[0].apply(math.exp)
-    return PowerLaw(prefactor, dict(zip(varying, estimates[1:], strict=True)), misfit)
+    return PowerLaw(dict(zip(varying, exponents, strict=True)), misfit)
 
 
 def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatArray) -> OffsetLaw:

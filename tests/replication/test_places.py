@@ -8,8 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim import load_scenario
-from epuck_sim.replication.criteria import Course, Drawn, Place, collapse, find_place, place_exponent, spread
+from epuck_sim.estimate import Estimate
+from epuck_sim.replication.criteria import Course, Drawn, collapse, find_place, place_exponent, spread
 from epuck_sim.statistics.curves import Curve
+from epuck_sim.statistics.extrema import Place
 from epuck_sim.statistics.names import Statistic
 
 SPEEDS = np.geomspace(0.05, 100, 15)
@@ -34,16 +36,16 @@ def bump(place: float, height: float = 2.0) -> np.ndarray:
 
 
 def place(value: float, error: float, seed: int) -> Place:
-    return Place(value, value * np.exp(error * np.random.default_rng(seed).normal(size=500)))
+    return Place(Estimate(value), value * np.exp(error * np.random.default_rng(seed).normal(size=500)))
 
 
 def test_places_of_a_curve_are_those_of_fit() -> None:
     found = find_place(curve(bump(3)), "V_p")
     assert found is not None
-    assert found.value == pytest.approx(3, rel=0.15)
+    assert found.estimate.value == pytest.approx(3, rel=0.15)
     fast = find_place(curve(np.maximum(1000 / SPEEDS, 100)), "V_f")
     assert fast is not None
-    assert fast.value == pytest.approx(5, rel=0.05)
+    assert fast.estimate.value == pytest.approx(5, rel=0.05)
 
 
 def test_a_curve_without_a_peak_or_with_few_trials_has_no_place() -> None:

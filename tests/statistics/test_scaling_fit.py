@@ -8,7 +8,7 @@ import pytest
 
 from epuck_sim.cli.tables import show
 from epuck_sim.estimate import Estimate
-from epuck_sim.statistics.extrema import SpeedExtrema
+from epuck_sim.statistics.extrema import PLACES, Place
 from epuck_sim.statistics.fit import FittedCurve, fit_curves, fit_laws, fit_tables
 from tests.cli.commands import cells
 from tests.runs.made_folders import (
@@ -64,9 +64,9 @@ def lawful(run: str = "run", **changes: float) -> FittedCurve:
     speed, time = epsilon * size, size * math.exp(robots - 10) / tau**2
     found = np.array([0.3 * speed * robots**-1.5, 20 * time + 30, speed * robots**-0.5, 40 * time + 30])
     resampled = found * np.exp(0.02 * np.random.default_rng(0).standard_normal((400, 4)))
-    intervals = np.percentile(resampled, [2.5, 97.5], axis=0).T
-    extrema = SpeedExtrema(*found, intervals, math.log(found[3] / found[1]), 0.001, resampled)
-    return FittedCurve(run, {}, parameters, "the same", "embodied", ["mean"], extrema, "", None)
+    columns = zip(PLACES, found.tolist(), resampled.T, strict=True)
+    places = {name: Place(Estimate(value), drawn) for name, value, drawn in columns}
+    return FittedCurve(run, {}, parameters, "the same", "embodied", ["mean"], places, 0.001, "")
 
 
 def printed(capsys, curves, as_json: bool = False) -> str:
@@ -86,9 +86,9 @@ def json_of(capsys, curves) -> dict:
 def test_minimum_and_peak_lie_in_their_intervals_which_are_narrow(sizes, couplings) -> None:
     units, held = [*SIZE_UNITS.values(), *COUPLING_UNITS.values()], []
     for curve, unit in zip([*sizes, *couplings], units, strict=True):
-        assert curve.extrema.is_found
-        for name, (low, high) in zip(NAMES, curve.extrema.intervals, strict=True):
-            assert getattr(curve.extrema, name) == pytest.approx(extremes(*unit)[name], rel=0.2)
+        for name, place in zip(NAMES, curve.places.values(), strict=True):
+            value, low, high = place.estimate.ends
+            assert value == pytest.approx(extremes(*unit)[name], rel=0.2)
             assert high < 1.9 * low
             held.append(low <= extremes(*unit)[name] <= high)
     assert np.mean(held) >= 0.8  # of 95 % intervals; 24 of them
@@ -99,7 +99,7 @@ def test_minimum_and_peak_lie_in_their_intervals_which_are_narrow(sizes, couplin
 
 def test_a_falling_curve_has_no_extrema_and_there_are_no_laws(tmp_path, capsys) -> None:
     curves = fit_curves(store(tmp_path, sweep({SPEED: MANY_SPEEDS}, trials=60), falling))
-    assert not curves[0].extrema.is_found
+    assert not curves[0].places
     stdout = printed(capsys, curves)
     assert "No laws: no curve has a local minimum and a peak." in stdout
     assert "-: no minimum and peak that noise could not explain" in stdout
@@ -121,8 +121,7 @@ def test_several_folders_make_one_law(sizes, couplings) -> None:
 
 
 def test_curves_without_extrema_or_that_differ_in_something_else_are_left_out_of_the_laws(sizes) -> None:
-    without = sizes[0]._replace(extrema=sizes[0].extrema._replace(p_value=0.4))
-    laws = fit_laws([without, *sizes[1:], sizes[0]._replace(extrema=None)])
+    laws = fit_laws([sizes[0]._replace(places={}), *sizes[1:]])
     assert laws.curves == 2
     assert {row.parameter for row in laws.exponents} == {"L"}
     others = [lawful(), lawful(epsilon=0.2)]
@@ -152,7 +151,7 @@ def test_what_a_law_does_not_account_for_and_trials_depend_on_tells_scenarios_ap
     assert len(texts) == 1 + is_told_apart
 
 
-LEVEL = lawful()._replace(model="particles", extrema=None, v_f=(Estimate(9.0, 8, 10), np.full(400, 9.0)))
+LEVEL = lawful()._replace(model="particles", places={"V_f": Place(Estimate(9.0, 8, 10), np.full(400, 9.0))})
 """A curve of agents without a minimum and a peak, and with V_f."""
 
 

@@ -68,7 +68,6 @@ def test_a_power_law_without_noise_is_recovered(quantity, exponents, prefactor):
     assert {name: estimate.value for name, estimate in fit.exponents.items()} == pytest.approx(truth, abs=1e-9)
     for name, estimate in fit.exponents.items():
         assert estimate.ends == pytest.approx((truth[name],) * 3, abs=1e-9)
-    assert fit.prefactor.ends == pytest.approx((prefactor,) * 3, rel=1e-8)
 
 
 @pytest.mark.parametrize("quantity", ["V_m", "T_p"])
@@ -79,7 +78,6 @@ def test_the_intervals_hold_the_truth_as_often_as_they_say_and_the_misfit_is_abo
     fits = [fit_power_law(law, PARAMETERS, *noisy(values, spread, seed)) for seed in range(200)]
     for name, term in law.items():
         assert 0.9 <= np.mean([held(fit.exponents[name], term.exponent) for fit in fits]) <= 0.99
-    assert 0.9 <= np.mean([held(fit.prefactor, 0.1) for fit in fits]) <= 0.99
     assert np.mean([fit.misfit**2 for fit in fits]) == pytest.approx(1, abs=0.15)
 
 
