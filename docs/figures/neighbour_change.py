@@ -16,7 +16,7 @@ from epuck_sim import read_points
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import Estimate
 from epuck_sim.figures.style import choose_looks
-from epuck_sim.replication.criteria import Drawn, Effect, collapse, exponentiate, find_place, resampled
+from epuck_sim.replication.criteria import Effect, collapse, exponentiate, find_place, resampled
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import require_model
@@ -124,7 +124,7 @@ def write_numbers(lines: list[Line], trials: int) -> None:
         "those with a peak, in two dimensions": [line for line in peaked if line.dimensions == 2],
     }
     for name, group in groups.items():
-        apart = collapse([Drawn(line.times, line.rates) for line in group], trials)
+        apart = collapse([(line.times, line.rates) for line in group], trials)
         rows.append(f"distance of curves over the rate, relative to that over the speed, {name}: {in_words(apart)}")
     for name, group in list(groups.items())[1:]:
         rates, speeds = [line.rate_at_peak() for line in group], [line.peak for line in group if line.peak]

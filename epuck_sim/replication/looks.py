@@ -16,7 +16,7 @@ from epuck_sim.display.html import in_words
 from epuck_sim.display.table import Row, Table
 from epuck_sim.estimate import LEVEL
 from epuck_sim.replication.claims import Claim
-from epuck_sim.replication.sweeps import RunFolders, check_claim
+from epuck_sim.replication.sweeps import Trials, check_claim
 from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, p_values
 from epuck_sim.runs.compatibility import read_stored_points
 from epuck_sim.runs.database import reading
@@ -71,7 +71,7 @@ class Decider:
 
     def __init__(self, chosen: Sequence[Claim], scenarios: dict[str, Scenario], folders: dict[str, Path]) -> None:
         """Take the claims, and the sweeps that they are asked of, whose trials are stored."""
-        self._scenarios, self._folders, self._trials = scenarios, folders, RunFolders(folders)
+        self._scenarios, self._folders, self._trials = scenarios, folders, Trials(folders)
         self._status = {name: read_status(folder) for name, folder in folders.items()}
         self._findings = {claim.id: (claim, check_claim(claim, self._trials)) for claim in chosen}
 

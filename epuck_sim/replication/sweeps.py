@@ -1,8 +1,7 @@
 """The sweeps of claims: their scenarios and their trials."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.replication.claims import Check, Claim, Claims
@@ -54,41 +53,12 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim]) -> dict[str, Scenario
     return scenarios
 
 
-class Effort(NamedTuple):
-    """What the trials of a sweep have taken."""
-
-    wall_s: float  # computing time of all trials together
-    failed: int  # trials
-
-
-class Trials(Protocol):
-    """The trials of claims' sweeps, wherever they are stored."""
-
-    @property
-    def sweeps(self) -> Collection[str]:
-        """Names of the sweeps."""
-        ...
-
-    def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
-        """Return the points of a sweep, with what a check takes of their measure."""
-        ...
-
-    def effort(self, sweep: str) -> Effort:
-        """Return what the trials of a sweep have taken."""
-        ...
-
-
-class RunFolders:
-    """Trials in run folders."""
+class Trials:
+    """The trials of claims' sweeps, in run folders."""
 
     def __init__(self, folders: Mapping[str, Path]) -> None:
         """Take the run folder of each sweep."""
-        self._folders = folders
-
-    @property
-    def sweeps(self) -> Collection[str]:
-        """Names of the sweeps."""
-        return self._folders.keys()
+        self.folders = folders
 
     def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
         """Return the points of a sweep, with what a check takes of their measure.
@@ -97,13 +67,13 @@ class RunFolders:
             StoreError: The run folder is missing or damaged.
         """
         if check is None:
-            return read_points(self._folders[sweep])
-        return taken(check, read_points(self._folders[sweep], check.of))
+            return read_points(self.folders[sweep])
+        return taken(check, read_points(self.folders[sweep], check.of))
 
-    def effort(self, sweep: str) -> Effort:
-        """Return what the trials of a sweep have taken."""
-        status = read_status(self._folders[sweep])
-        return Effort(status.wall_s, len(status.failed))
+    def effort(self, sweep: str) -> tuple[float, int]:
+        """Return the computing time of a sweep's trials together, s, and the number of those that failed."""
+        status = read_status(self.folders[sweep])
+        return status.wall_s, len(status.failed)
 
 
 def check_claim(claim: Claim, trials: Trials) -> list[Finding]:

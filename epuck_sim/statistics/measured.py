@@ -1,6 +1,7 @@
 """One measure of the trials of a point: their values, and which of these are censored."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +60,14 @@ def cut(measured: Measured, limit: float) -> Measured:
     return measured._replace(
         values=np.minimum(measured.values, limit), observed=observed, limit=min(limit, measured.limit)
     )
+
+
+def restrict(samples: Sequence[Measured]) -> list[Measured]:
+    """Return samples cut at the lowest of their horizons, if trials of any are censored: then their means compare."""
+    if all(each.observed.all() for each in samples):
+        return list(samples)
+    horizon = min(each.horizon for each in samples)
+    return [cut(each, horizon) for each in samples]
 
 
 def quantity(of: str | None, unit: str = "") -> str:

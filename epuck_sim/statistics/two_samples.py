@@ -19,7 +19,7 @@ from scipy.special import erfc
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
 from epuck_sim.statistics.mean import mean_and_error, student_estimate
-from epuck_sim.statistics.measured import Measured, cut
+from epuck_sim.statistics.measured import Measured, restrict
 
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
 
@@ -72,10 +72,7 @@ class Contrast(NamedTuple):
 
 def pair_up(first: Measured, second: Measured) -> Pair:
     """Return two samples, cut at the lower of their horizons where trials of either are censored."""
-    if first.observed.all() and second.observed.all():
-        return Pair(first, second)
-    horizon = min(first.horizon, second.horizon)
-    return Pair(cut(first, horizon), cut(second, horizon))
+    return Pair(*restrict((first, second)))
 
 
 def contrast(pair: Pair) -> Contrast:

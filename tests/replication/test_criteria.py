@@ -16,12 +16,11 @@ from epuck_sim.replication.criteria import (
     mean_with_error,
     power_exponent,
     ratio,
-    restrict,
     share,
     share_difference,
-    share_effect,
     weighted_slope,
 )
+from epuck_sim.statistics.measured import restrict
 from epuck_sim.statistics.two_samples import contrast, pair_up
 from tests.replication.samples import LIMIT, drawn, times, truths, uncensored
 
@@ -43,7 +42,7 @@ def test_a_level_is_tested_as_students_test_does(values, threshold) -> None:
 
 @given(st.integers(5, 60).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))), st.floats(0.05, 0.95))
 def test_a_share_is_tested_by_the_exact_binomial_test(counts, threshold) -> None:
-    effect = share_effect(*counts)
+    effect = share(truths(*counts))
     for p, side in ((effect.p_above, "greater"), (effect.p_below, "less")):
         assert p(threshold) == pytest.approx(stats.binomtest(*counts, threshold, alternative=side).pvalue, abs=1e-9)
     assert effect.estimate.low <= effect.estimate.value <= effect.estimate.high
