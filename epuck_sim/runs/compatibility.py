@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from epuck_sim.control.loader import CONTROLLER, find_controller, find_sensor
+from epuck_sim.display.table import leaves
 from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import validate
@@ -45,14 +46,15 @@ class StoredPoint(NamedTuple):
 def stored_point(point: Point) -> StoredPoint:
     """Return a point as it is stored, of the whole sweep."""
     scenario = point.scenario
+    measures = {section.name: {"measure": _measure(section), **section.parameters} for section in scenario.measures}
     return StoredPoint(
         point.key,
         point.number,
         scenario.trials,
         json.dumps(point.axes),
         scenario.model_dump_json(),
-        json.dumps(_named(scenario)),
-        json.dumps(dict(map(_measure, scenario.measures))),
+        json.dumps([_named(*each) for each in _used(scenario)]),
+        json.dumps(measures),
     )
 
 
@@ -73,8 +75,7 @@ def read_stored_points(
 
 def own_files(scenario: Scenario) -> tuple[str, ...]:
     """Return names, with digests, of what a scenario's trials need: controllers, sensors, curve, picture, measures."""
-    measures = (str(_measure(section)[1]["measure"]) for section in scenario.measures)
-    return (*_named(scenario), *measures)
+    return (*(_named(*each) for each in _used(scenario)), *map(_measure, scenario.measures))
 
 
 def own_sources(scenario: Scenario) -> dict[Path, bytes]:
@@ -83,36 +84,30 @@ def own_sources(scenario: Scenario) -> dict[Path, bytes]:
     return {path: data for each in (*(files for _, files in _used(scenario)), *measures) for path, data in each.items()}
 
 
-def _named(scenario: Scenario) -> list[str]:
-    return [_with_digest(name, sources) if sources else name for name, sources in _used(scenario)]
-
-
 def _used(scenario: Scenario) -> Iterator[tuple[str, Mapping[Path, bytes]]]:
     """Yield names and sources of controllers, sensors in files, a floor's picture and a user's response curve."""
     for name in scenario.controllers:
-        shipped = name in CONTROLLER.shipped()
-        yield (name, {}) if shipped else (Path(name).name, find_controller(name).sources)
+        yield name, {} if name in CONTROLLER.shipped() else find_controller(name).sources
     if isinstance(scenario, EmbodiedScenario):
         files = (sensor["file"] for group in scenario.robots for sensor in group.sensors.values())
-        yield from ((Path(file).name, find_sensor(file).sources) for file in files)
-        if scenario.arena.floor.picture is not None:
-            path = Path(scenario.arena.floor.picture)
-            yield path.name, {path: path.read_bytes()}
+        yield from ((file, find_sensor(file).sources) for file in files)
+        if (picture := scenario.arena.floor.picture) is not None:
+            yield picture, {Path(picture): Path(picture).read_bytes()}
     if isinstance(scenario, ParticleScenario):
         curve = find_curve(scenario.response.curve)
         if curve.sources:
-            yield Path(curve.name).name, curve.sources
+            yield curve.name, curve.sources
 
 
-def _measure(section: MeasureSection) -> tuple[str, dict[str, Any]]:
+def _measure(section: MeasureSection) -> str:
     measure = section.find()
-    name = Path(measure.stored_name).name
-    shown = _with_digest(name, measure.sources) if measure.sources else name
-    return measure.name, {"measure": shown, **section.parameters}
+    return _named(measure.stored_name, measure.sources)
 
 
-def _with_digest(name: str, sources: Mapping[Path, bytes]) -> str:
-    return f"{name} with digest {hashlib.sha256(b''.join(sources.values())).hexdigest()[:12]}"
+def _named(path: str, sources: Mapping[Path, bytes]) -> str:
+    """Return the name of what is used, and the digest of its sources if it is a user's."""
+    digest = f" with digest {hashlib.sha256(b''.join(sources.values())).hexdigest()[:12]}" if sources else ""
+    return Path(path).name + digest
 
 
 def check_same_sweep(
@@ -139,7 +134,7 @@ def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str)
     if point.key not in given:
         yield f"a point that this sweep lacks: {point.key}; add it, or give another folder"
     now = given[point.key]
-    before, after = (dict(_flat("", _with_effect(each))) for each in (point, now))
+    before, after = ({k: v for k, v in leaves(_with_effect(each)) if v not in ([], {})} for each in (point, now))
     if differences := _differences(before, after, other):
         more = ["..."] if len(differences) > MOST_SHOWN else []
         lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
@@ -187,13 +182,3 @@ def _with_defaults(scenario: dict[str, Any]) -> dict[str, Any]:
         return validate(scenario, "stored").model_dump(mode="json")
     except ScenarioError:
         return scenario
-
-
-def _flat(key: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the dotted key and the value of every plain value inside `value`."""
-    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
-    if parts is None:
-        yield key, value
-    else:
-        for name, part in parts:
-            yield from _flat(f"{key}.{name}" if key else str(name), part)
