@@ -164,7 +164,7 @@ def compare_table(peer: Peer, points: Sequence[Compared]) -> Overall:
     shift = float(z.sum()) / math.sqrt(len(z))
     p_values = {"chi-square": float(stats.chi2.sf(chi_square, len(z))), "shift": float(2 * stats.norm.sf(abs(shift)))}
     means = [contrast(pair_up(each.theirs, each.ours)) for each in points]
-    ratio = mean_log_ratio([each for each in means if each.has_interval]).apply(math.exp)
+    ratio = mean_log_ratio(means).apply(math.exp)
     return Overall(peer, points, len(z), chi_square, ratio, p_values)
 
 

@@ -54,10 +54,6 @@ class Estimate(NamedTuple):
         value, low, high = map(function, self.ends)
         return self._replace(value=value, low=low, high=high)
 
-    def without_interval(self) -> "Estimate":
-        """Return the same value without an interval."""
-        return self._replace(low=math.nan, high=math.nan)
-
     def __str__(self) -> str:
         """Return the value and its interval in the digits that the interval leaves to them, three at most.
 

@@ -174,7 +174,6 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
     p_values, p_value = _log_rank_test(good) if is_early else _permutation_test(good)
     tested = iter(p_values)
     contrasts = list(map(contrast, good))
-    known = [each for each in contrasts if each.has_interval]
     return Comparison(
         a=samples.names[a],
         b=samples.names[b],
@@ -184,8 +183,8 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
         ],
         compared=len(good),
         left_out=sum((first is None) != (second is None) for _, first, second in sides),
-        averaged=len(known),
-        ratio=mean_log_ratio(known).apply(math.exp),
+        averaged=sum(each.log_ratio.has_interval for each in contrasts),
+        ratio=mean_log_ratio(contrasts).apply(math.exp),
         p_value=p_value,
         p_holm=math.nan,
         test=LOG_RANK if is_early else PERMUTATION,
@@ -197,12 +196,6 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
 def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float) -> PointComparison:
     first, second = map(_mean, pair)
     means = contrast(pair)
-    difference = share_difference(*pair) if pair.is_share else means.difference
-    log_ratio = means.log_ratio
-    if not (pair.is_comparable and means.has_interval):
-        log_ratio = log_ratio.without_interval()
-    if not pair.is_share and not (pair.is_comparable and means.is_spread):
-        difference = difference.without_interval()
     return PointComparison(
         axes=axes,
         trials=(first.n, second.n),
@@ -210,8 +203,8 @@ def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float) -> PointCom
         statistic=first.name if first.censored else second.name,
         first=first,
         second=second,
-        difference=difference,
-        ratio=log_ratio.apply(math.exp),
+        difference=share_difference(*pair) if pair.is_share else means.difference,
+        ratio=means.log_ratio.apply(math.exp),
         p_value=p_value,
     )
 

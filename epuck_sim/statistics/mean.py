@@ -17,7 +17,6 @@ from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.survival import (
     SurvivalCurves,
     make_curve,
-    make_sample,
     resample_counts,
     resampled_curves,
     restricted_means,
@@ -92,7 +91,7 @@ def mean_and_error(measured: Measured) -> MeanError:
     if measured.observed.all():
         spread = float(values.std(ddof=1)) if trials > 1 else 0.0
         return MeanError(float(values.mean()), spread / math.sqrt(trials), freedom)
-    curve = make_curve(make_sample(values, measured.observed))
+    curve = make_curve(values, measured.observed)
     error = math.sqrt(_variance(curve, measured.horizon) * trials / max(trials - 1, 1))
     return MeanError(float(restricted_means(curve, measured.horizon)[0]), error, freedom)
 

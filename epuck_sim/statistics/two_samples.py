@@ -61,13 +61,11 @@ Parts = list[tuple[float, int]]
 class Contrast(NamedTuple):
     """How the means of two samples differ."""
 
-    difference: Estimate  # the second minus the first
+    difference: Estimate  # the second minus the first; no interval where one has few trials, or is without an error
     bound: float  # the largest that it can be, either way: the horizon where trials are censored, else inf
     parts: Parts  # of the difference
     log_ratio: Estimate  # logarithm of the second over the first; undetermined unless both are positive
     log_parts: Parts
-    is_spread: bool  # whether both are known with an error: those of trials that are all censored are not
-    has_interval: bool  # whether their ratio has one: both are positive, and known with an error
 
 
 def pair_up(first: Measured, second: Measured) -> Pair:
@@ -78,26 +76,29 @@ def pair_up(first: Measured, second: Measured) -> Pair:
 def contrast(pair: Pair) -> Contrast:
     """Return how the means of two samples differ, with Student's intervals."""
     first, second = both = [mean_and_error(each) for each in pair]
-    parts = [(each.error**2, each.freedom) for each in both]
+    is_known = pair.is_comparable and min(first.error, second.error) > 0  # trials that are all censored show no error
     bound = math.inf if all(each.observed.all() for each in pair) else min(each.horizon for each in pair)
-    difference = _within(student_estimate(second.mean - first.mean, *welch(parts)), bound)
-    log_parts, log_ratio = [], UNDETERMINED
-    is_positive = min(first.mean, second.mean) > 0
-    if is_positive:
+    parts = [(each.error**2, each.freedom) for each in both]
+    difference, log_parts, log_ratio = Estimate(second.mean - first.mean), [], UNDETERMINED
+    if is_known:
+        difference = _within(student_estimate(difference.value, *welch(parts)), bound)
+    if min(first.mean, second.mean) > 0:
         log_parts = [((each.error / each.mean) ** 2, each.freedom) for each in both]
-        log_ratio = student_estimate(math.log(second.mean / first.mean), *welch(log_parts))
-    is_spread = min(first.error, second.error) > 0
-    return Contrast(difference, bound, parts, log_ratio, log_parts, is_spread, is_spread and is_positive)
+        log_ratio = Estimate(math.log(second.mean / first.mean))
+        if is_known:
+            log_ratio = student_estimate(log_ratio.value, *welch(log_parts))
+    return Contrast(difference, bound, parts, log_ratio, log_parts)
 
 
 def mean_log_ratio(contrasts: Sequence[Contrast]) -> Estimate:
-    """Return the mean of the log ratios of several pairs that have intervals, each of which counts alike."""
-    return _mean([each.log_ratio for each in contrasts], [each.log_parts for each in contrasts])
+    """Return the mean of the log ratios that have intervals, each of which counts alike."""
+    known = [each for each in contrasts if each.log_ratio.has_interval]
+    return _mean([each.log_ratio for each in known], [each.log_parts for each in known])
 
 
 def mean_difference(contrasts: Sequence[Contrast]) -> Estimate:
-    """Return the mean of the differences of several pairs, each of which counts alike."""
-    known = [each for each in contrasts if each.is_spread]
+    """Return the mean of the differences that have intervals, each of which counts alike."""
+    known = [each for each in contrasts if each.difference.has_interval]
     mean = _mean([each.difference for each in known], [each.parts for each in known])
     return _within(mean, sum(each.bound for each in known) / max(len(known), 1))
 
@@ -122,11 +123,12 @@ def welch(parts: Parts) -> tuple[float, float]:
     return math.sqrt(variance), variance**2 / spread if spread else math.inf
 
 
-class Permuted(NamedTuple):
-    """What a pair has for a difference, and then what it has after permutations, each (1 + B,)."""
+Permuted = tuple[FloatArray, FloatArray]
+"""What a pair has for a difference, and after permutations, (1 + B,), and the variances of these, (1 + B,).
 
-    differences: FloatArray  # second mean minus the first, or the logarithm of their ratio
-    variances: FloatArray  # variances of these, as each permutation shows them
+The difference is that of the means, the second minus the first, or of their logarithms; variances are as each
+permutation shows them.
+"""
 
 
 def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTATIONS) -> Permuted:
@@ -142,7 +144,8 @@ def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTAT
     pooled = np.concatenate([np.sort(each.values) for each in pair])
     first = len(pair.first.values)
     blocks = [_contrasts(block, first, of_logarithms) for block in _permutations(pooled, seed, count)]
-    return Permuted(*(np.concatenate(each) for each in zip(*blocks, strict=True)))
+    differences, variances = (np.concatenate(each) for each in zip(*blocks, strict=True))
+    return differences, variances
 
 
 def _permutations(pooled: FloatArray, seed: int, count: int) -> Iterator[FloatArray]:

@@ -8,7 +8,7 @@ import numpy as np
 from epuck_sim.arrays import FloatArray
 from epuck_sim.statistics.extrema import smooth_logs
 from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.survival import local_fits, make_curve, make_sample, weibull_means
+from epuck_sim.statistics.survival import local_fits, make_curve, weibull_means
 
 
 def measured(values, observed=None, limit: float = math.inf, seed: int = 0) -> Measured:
@@ -30,7 +30,7 @@ class Weibull(NamedTuple):
 
 def fit_weibull(times, observed) -> Weibull | None:
     """Return the distribution nearest to the Kaplan-Meier estimate (Appendix A), or None where none fits."""
-    lines = local_fits(make_curve(make_sample(times, observed)))
+    lines = local_fits(make_curve(times, observed))
     if not len(lines):
         return None
     offset, shape = lines[0].tolist()
@@ -41,7 +41,7 @@ def fit_weibull(times, observed) -> Weibull | None:
 
 def kaplan_meier(times, observed) -> tuple[FloatArray, FloatArray]:
     """Return the distinct event times, (k,) cycles, ascending, and R after each, (k,)."""
-    curve = make_curve(make_sample(times, observed))
+    curve = make_curve(times, observed)
     return curve.times, curve.survival[0, 1:]
 
 

@@ -15,7 +15,6 @@ from epuck_sim.statistics.survival import (
     MIN_UNCENSORED,
     confidence_interval,
     make_curve,
-    make_sample,
     median_time,
     resample_counts,
     restricted_means,
@@ -32,7 +31,7 @@ trials = st.lists(st.tuples(whole_cycles, st.booleans()), min_size=1, max_size=4
 
 def restricted_mean(times, observed, horizon):
     """Return the restricted mean of one sample."""
-    return restricted_means(make_curve(make_sample(times, observed)), horizon)[0]
+    return restricted_means(make_curve(times, observed), horizon)[0]
 
 
 def appendix_a(times, observed):
