@@ -21,8 +21,8 @@ from epuck_sim.statistics.extrema import (
     MIN_SPEEDS,
     MIN_TRIALS,
     PLACES,
+    Extrema,
     Place,
-    TurningPoint,
     find_fast_speed,
     find_minimum,
     find_peak,
@@ -223,14 +223,20 @@ class MeasureFit(NamedTuple):
     axis: str
     axes: dict[str, Any]  # values of the other axes
     statistic: str
-    minimum: TurningPoint | None
-    peak: TurningPoint | None  # None where the curve has none, or where they cannot be looked for
+    minimum: Extrema | None
+    peak: Extrema | None  # None where they cannot be looked for
     reason: str  # why they cannot, and what would be enough; empty where they can
 
     def record(self) -> dict[str, Any]:
-        """Return the fit as JSON holds it."""
-        found = {name: point and point.record() for name, point in (("minimum", self.minimum), ("peak", self.peak))}
-        return {**self._asdict(), **found}
+        """Return the fit as JSON holds it: place and value are None where they may be noise."""
+        return {**self._asdict(), "minimum": _record(self.minimum), "peak": _record(self.peak)}
+
+
+def _record(found: Extrema | None) -> dict[str, Any] | None:
+    if found is None or math.isnan(found.values[0]):
+        return None
+    place, value = [each.estimate for each in found.places] or (None, None)
+    return {"place": place, "value": value, "p_value": found.p_value}
 
 
 def fit_measure(

@@ -137,7 +137,7 @@ def test_a_certain_curve_without_both_extremes_has_no_pair(logs):
     pair = find_minimum_and_peak(SPEEDS, *certain(logs))
     assert np.isnan(pair.values).all()
     assert np.isnan(pair.intervals).all()
-    assert (pair.p_value, pair.places) == (1, {})
+    assert (pair.p_value, pair.places) == (1, [])
 
 
 PLATEAU = 4 - 1.6 * np.minimum(X + 0.5, 0) - 1.3 * np.maximum(X - 0.3, 0)
@@ -160,7 +160,7 @@ def test_a_pair_that_noise_would_undo_is_none(kept, is_found):
     lost = pair.resampled.copy()
     lost[round(kept * len(lost)) :] = np.nan
     assert pair._replace(resampled=lost).is_found == is_found
-    assert pair._replace(p_value=0.06).places == {}
+    assert pair._replace(p_value=0.06).places == []
 
 
 @pytest.mark.parametrize(
