@@ -24,7 +24,7 @@ from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.provenance import host, versions
 from tests.cli.commands import contents
-from tests.control.bench import with_step
+from tests.control.bench import with_step, write_soon_after
 from tests.runs.made_folders import outcome
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
@@ -297,13 +297,6 @@ def test_what_does_not_belong_to_the_folder_is_refused(tmp_path, changes: dict, 
     assert says in refused(tmp_path, scenario_of(**{"sweep": DEMO_SWEEP, **changes}))
 
 
-def rewrite(path: Path, text: str) -> None:
-    """Write a file so that its time of change differs, however quickly it is done."""
-    later = path.stat().st_mtime_ns + 10**9
-    path.write_text(text)
-    os.utime(path, ns=(later, later))
-
-
 CURVE = "def phase_shift(phase, coupling, parameters):\n    return coupling\n"
 
 
@@ -320,12 +313,14 @@ def test_a_user_s_file_that_has_changed_is_refused(tmp_path, key: str, axis: boo
     sweep = {"grid": {key: [str(path), shipped]} if axis else {other: [2, 3]}}
     given |= {} if axis else one
     fill(tmp_path / "r", scenario_of(sweep, **given))
-    rewrite(path, text.replace("return coupling", "return 2 * coupling").replace("= parameters", "= 2 * parameters"))
+    write_soon_after(
+        path, text.replace("return coupling", "return 2 * coupling").replace("= parameters", "= 2 * parameters")
+    )
     message = refused(tmp_path / "r", scenario_of(sweep, **given))
     assert f"\n  {key}: 'mine.py with digest " in message
     there, here = (part.split()[0] for part in message.split("digest ")[1:])
     assert there != here
-    rewrite(path, text)
+    write_soon_after(path, text)
     assert len(fill(tmp_path / "r", scenario_of(sweep, **given))) == 2
 
 
