@@ -18,7 +18,7 @@ from epuck_sim.scenario.points import Point
 from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.planning import TrialPlan
-from epuck_sim.sweep.pilot import time_trials
+from epuck_sim.sweep.checks import time_trials
 from epuck_sim.util.messages import counted
 
 

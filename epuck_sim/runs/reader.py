@@ -177,12 +177,6 @@ def measures_in(connection: sqlite3.Connection) -> list[str]:
     return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))
 
 
-def read_measure_names(folder: Path | str) -> list[str]:
-    """Return the names of the measures in a run folder, in their order."""
-    with reading(folder) as connection:
-        return measures_in(connection)
-
-
 def read_finished(connection: sqlite3.Connection, measured: bool = False) -> FinishedTrials:
     """Return the trials that have a result, and if that is asked for a value of each measure of their point."""
     condition = f"AND NOT {UNMEASURED}" if measured else ""

@@ -37,11 +37,6 @@ class Measured(NamedTuple):
         return len(self.values) >= MIN_TRIALS and len(np.unique(self.values)) > 1
 
     @property
-    def is_time(self) -> bool:
-        """Whether the values are times until something happens, which may be censored."""
-        return self.limit < math.inf
-
-    @property
     def horizon(self) -> float:
         """Value up to which the distribution is known: the limit, or the longest trial where some are censored sooner.
 

@@ -30,7 +30,7 @@ MOST_CENSORED = 0.5
 
 def check_statistic(measured: Measured, statistic: Statistic) -> None:
     """Raise EpuckSimError for a statistic that makes no sense of a measure."""
-    if statistic == Statistic.WEIBULL_MEAN and not measured.is_time:
+    if statistic == Statistic.WEIBULL_MEAN and measured.limit == math.inf:
         raise EpuckSimError("the Weibull mean is of T_sync alone; allowed for measures: mean or median")
     if statistic != Statistic.MEAN and measured.is_share:
         raise EpuckSimError("truth values have no median; allowed: mean, the share of trials in which they are true")
@@ -177,7 +177,7 @@ def _summarize_point(point: PointTrials) -> PointSummary:
         return PointSummary(point.number, point.axes, 0, 0.0, nothing, measured.limit)
     mean = estimate(measured, Statistic.MEAN)
     restricted = mean if measured.observed.any() else Estimate(measured.horizon)  # the area under the survival curve
-    is_time = measured.is_time
+    is_time = measured.limit < math.inf
     estimates = (
         measured.described(UNDETERMINED, "mean") if measured.censored else mean,
         UNDETERMINED if measured.is_share else estimate(measured, Statistic.MEDIAN),

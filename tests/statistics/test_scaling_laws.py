@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.statistics.scaling_laws import LAWS, Quantity, compare_laws, fit_offset_law, fit_power_law
+from epuck_sim.statistics.fit import LAWS, Quantity, compare_laws, fit_offset_law, fit_power_law
 
 PARAMETERS = {
     "epsilon": np.array([0.1, 0.05, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1]),
