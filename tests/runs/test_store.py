@@ -15,7 +15,7 @@ import pytest
 
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.export import export
-from epuck_sim.runs.folder import current_holder
+from epuck_sim.runs.folder import DATABASE, current_holder
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
@@ -25,11 +25,9 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.provenance import host, versions
 from tests.cli.commands import contents
 from tests.control.bench import with_step, write_soon_after
-from tests.runs.made_folders import outcome
+from tests.runs.made_folders import COUNT, SPEED, WIDTH, outcome
 
-COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
 CONTROLLER = "robots.0.controller"
-DATABASE = "results.sqlite"
 
 FILES = {".lock", DATABASE, "scenario.yaml", "SHA256SUMS"}
 """Names of the files in a run folder without users' files."""
