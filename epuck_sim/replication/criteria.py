@@ -262,24 +262,17 @@ def likelier(samples: Sequence[Measured], law: str, than: str) -> Effect:
     a case of the other. Points with censored trials, with fewer than `FITTED_TRIALS` trials or with fewer than
     `FITTED_VALUES` values are left out.
     """
-    gains = [_gains(each.values, law, than) for each in samples if _can_be_fitted(each)]
+    gains = []
+    for each in samples:
+        values, is_known = each.values, each.observed.all() and (each.values > 0).all()
+        if is_known and len(values) >= FITTED_TRIALS and len(np.unique(values)) >= FITTED_VALUES:
+            one, other = (LAWS[name].logpdf(values, *LAWS[name].fit(values, floc=0)) for name in (law, than))
+            gains.append(one - other)
     trials = sum(map(len, gains))
     if not trials:
         return NOTHING
     spread = sum(float(each.var(ddof=1)) * len(each) for each in gains)
     return student(float(np.concatenate(gains).mean()), math.sqrt(spread) / trials, trials - len(gains))
-
-
-def _can_be_fitted(sample: Measured) -> bool:
-    values = sample.values
-    enough = len(values) >= FITTED_TRIALS and len(np.unique(values)) >= FITTED_VALUES
-    return enough and bool(sample.observed.all()) and bool((values > 0).all())
-
-
-def _gains(values: FloatArray, law: str, than: str) -> FloatArray:
-    """Return the logarithm of the ratio of the two fitted densities at each value, (n,)."""
-    one, other = (LAWS[name].logpdf(values, *LAWS[name].fit(values, floc=0)) for name in (law, than))
-    return np.asarray(one - other)
 
 
 def weibull_ratio(sample: Measured, limit: float) -> Effect:

@@ -52,8 +52,7 @@ class Contents(NamedTuple):
     """Everything on the page."""
 
     folder: Path  # of the replication, as it was given
-    chosen: Sequence[Claim]
-    answers: list[Answer]
+    answers: list[Answer]  # those of the chosen claims
     sweeps: Mapping[str, tuple[Sequence[PointTrials], float, int]]
     """The sweeps that were asked: points, computing time, s, and number of trials that failed."""
     claims: Claims  # the file of claims
@@ -63,7 +62,7 @@ class Contents(NamedTuple):
     @property
     def has_all(self) -> bool:
         """Whether all claims were chosen."""
-        return len(self.chosen) == len(self.claims.claims)
+        return len(self.answers) == len(self.claims.claims)
 
 
 def read_contents(
@@ -84,7 +83,7 @@ def read_contents(
     looks = counted_looks(
         (scenarios[name], max(len(point.times) for point in points)) for name, (points, *_) in sweeps.items()
     )
-    return Contents(folder, chosen, judge_claims(findings, looks), sweeps, claims, looks, file)
+    return Contents(folder, judge_claims(findings, looks), sweeps, claims, looks, file)
 
 
 def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
@@ -129,7 +128,7 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
 
     Relative paths of figures are given by their claims' ids, those of tables by what their rows are.
     """
-    names = [] if contents.has_all else [claim.id for claim in contents.chosen]
+    names = [] if contents.has_all else [answer.claim.id for answer in contents.answers]
     file = contents.file
     asked = [] if file is None else [f"--claims {file}"]
     command = " ".join(["epuck-sim replicate", *names, *asked, f"--out {contents.folder}"])

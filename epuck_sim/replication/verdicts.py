@@ -234,8 +234,7 @@ def judge_claims(asked: Sequence[tuple[Claim, Sequence[Finding]]], looks: int = 
     contradicted if any is.
     """
     tested = [each for _, checks in asked for each in checks if each.check.test != "formula"]
-    p_once = [two_sided(*p_values(each.check, each.effect)) for each in tested]
-    corrected = iter(holm([looks_p_value(each, looks) for each in p_once]))
+    corrected = iter(holm([looks_p_value(_judge(each, None).p_value, looks) for each in tested]))
     answers = []
     for claim, checks in asked:
         judged = tuple(_judge(each, None if each.check.test == "formula" else next(corrected)) for each in checks)
@@ -269,16 +268,10 @@ def p_values(check: Check, effect: Effect) -> tuple[float, float]:
     return max(inside), min(1.0, len(sides) * min(outside))
 
 
-def two_sided(one: float, other: float) -> float:
-    """Return the p-value of a decision that may go either way."""
-    return min(1.0, 2 * min(one, other))
-
-
 def _judge(tested: Finding, p_holm: float | None) -> Judged:
     """Return the verdict of a check; a formula needs no correction."""
     for_it, against = p_values(tested.check, tested.effect)
-    p_value = two_sided(for_it, against)
+    p_value = min(1.0, 2 * min(for_it, against))  # of a decision that may go either way
     corrected = p_value if p_holm is None else p_holm
-    if corrected >= 1 - LEVEL:
-        return Judged(tested, p_value, corrected, Verdict.UNDECIDED)
-    return Judged(tested, p_value, corrected, Verdict.HOLDS if for_it < against else Verdict.CONTRADICTED)
+    decided = Verdict.HOLDS if for_it < against else Verdict.CONTRADICTED
+    return Judged(tested, p_value, corrected, decided if corrected < 1 - LEVEL else Verdict.UNDECIDED)

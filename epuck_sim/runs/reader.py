@@ -98,13 +98,9 @@ def _trial_rows(point: PointTrials) -> Iterator[dict[str, Any]]:
     measured = point.measured if point.of is not None else [None] * len(point.times)
     columns = (point.seeds, point.times.tolist(), point.observed.tolist(), measured)
     for seed, cycles, observed, value in zip(*columns, strict=True):
-        ends = {
-            "cycles": cycles,
-            "censored": not observed if point.has_t_sync else None,
-            "t_sync_cycles": cycles if observed else np.nan,
-        }
-        values = {} if point.of is None else {point.of: value}
-        yield {"point": point.number, **point.axes, "seed": seed, **ends, **values}
+        censored = not observed if point.has_t_sync else None
+        ends = {"cycles": cycles, "censored": censored, "t_sync_cycles": cycles if observed else np.nan}
+        yield {"point": point.number, **point.axes, "seed": seed, **ends, **({point.of: value} if point.of else {})}
 
 
 def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:

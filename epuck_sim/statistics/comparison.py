@@ -103,7 +103,11 @@ def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequen
             if not 0 <= number < len(points):
                 raise EpuckSimError(f"--points: {name} has no point {number}; allowed: 0 to {len(points) - 1}")
         chosen_points.append([folder[number] for number, folder in zip(numbers, folders, strict=True)])
-    shared = [key for key in folders[0][0].axes if all(_is_shared(key, points) for points in chosen_points)]
+    shared = [
+        key
+        for key in folders[0][0].axes
+        if all(len({canonical_text({key: point.axes.get(key)}) for point in points}) == 1 for points in chosen_points)
+    ]
     matches = [
         (
             {"points": ", ".join(map(str, numbers)), **{key: points[0].axes[key] for key in shared}},
@@ -112,11 +116,6 @@ def match_points(folders: Sequence[Points], names: Sequence[str], chosen: Sequen
         for numbers, points in zip(chosen, chosen_points, strict=True)
     ]
     return _check(Samples([*names], matches))
-
-
-def _is_shared(key: str, points: Points) -> bool:
-    """Return whether an axis has the same value at points of several sweeps."""
-    return len({canonical_text({key: point.axes.get(key)}) for point in points}) == 1
 
 
 def match_values(points: Points, key: str, values: Sequence[Any]) -> Samples:
@@ -171,7 +170,11 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
     pairs = [pair_up(measure(first), measure(second)) for _, first, second in matches]
     good = [pair for pair in pairs if pair.is_comparable]
     is_early = any(pair.is_censored_early for pair in good)
-    p_values, p_value = _log_rank_test(good) if is_early else _permutation_test(good)
+    if is_early:
+        parts = [log_rank_parts(pair) for pair in good]
+        p_values, p_value = [log_rank([each]) for each in parts], log_rank(parts)
+    else:
+        p_values, p_value = _permutation_test(good)
     tested = iter(p_values)
     contrasts = list(map(contrast, good))
     return Comparison(
@@ -217,20 +220,15 @@ def _mean(measured: Measured) -> Estimate:
 
 
 def _permutation_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
-    if not pairs:
-        return [], math.nan
+    """Return the p-value of each pair, and that of all together; NaN without any."""
     of_logarithms = all(pair.is_positive and not pair.is_share for pair in pairs)
     # two samples may be of one seed, and two points of two sweeps too
     permuted = [
         permute(pair, number + pair.first.seed // 2 + pair.second.seed // 2, of_logarithms=of_logarithms)
         for number, pair in enumerate(pairs)
     ]
-    return [share_as_large(studentised([each])) for each in permuted], share_as_large(studentised(permuted))
-
-
-def _log_rank_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
-    parts = [log_rank_parts(pair) for pair in pairs]
-    return [log_rank([each]) for each in parts], log_rank(parts)
+    together = share_as_large(studentised(permuted)) if permuted else math.nan
+    return [share_as_large(studentised([each])) for each in permuted], together
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

@@ -10,11 +10,28 @@ from epuck_sim.statistics.extrema import smooth_logs
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.survival import local_fits, make_curve, weibull_means
 
+LIMIT = 1000.0
+
 
 def measured(values, observed=None, limit: float = math.inf, seed: int = 0) -> Measured:
     """Return values as they are measured; all of them observed by default."""
     values = np.array(values, float)
     return Measured(values, np.ones(len(values), bool) if observed is None else np.array(observed), limit, seed)
+
+
+def times(values, limit: float = LIMIT) -> Measured:
+    """Return T_sync of trials, those of the limit or more being censored there."""
+    ended = np.array(values, float)
+    return measured(np.minimum(ended, limit), ended < limit, limit)
+
+
+def truths(true: int, trials: int) -> Measured:
+    """Return so many truth values, of which some are true."""
+    return measured(np.arange(trials) < true)._replace(is_share=True)
+
+
+def lognormal(mean: float, trials: int, seed: int) -> Measured:
+    return measured(mean * np.random.default_rng(seed).lognormal(-0.08, 0.4, trials))
 
 
 class Weibull(NamedTuple):

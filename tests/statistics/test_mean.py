@@ -14,7 +14,7 @@ from epuck_sim.statistics.mean import estimate_mean, estimate_share, resample_me
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import check_statistic, estimate
-from tests.statistics.fits import measured
+from tests.statistics.fits import measured, truths
 
 
 def cut(values, limit: float, seed: int = 0) -> Measured:
@@ -80,11 +80,6 @@ def test_resamples_are_widened_as_the_variance_of_few_trials_about_their_own_mea
 
 
 # Shares
-
-
-def truths(true: int, trials: int) -> Measured:
-    values = np.arange(trials) < true
-    return Measured(values.astype(float), np.ones(trials, bool), math.inf, 0, is_share=True)
 
 
 @pytest.mark.parametrize(
