@@ -36,8 +36,6 @@ class Estimate(NamedTuple):
     """Number of trials that it is of; 0 where it is not of trials."""
     censored: float = 0.0
     """Share of these that is censored."""
-    note: str = ""
-    """What is to be said of it."""
 
     @property
     def has_interval(self) -> bool:

@@ -16,11 +16,11 @@ from scipy.special import bdtr, bdtrc, stdtr
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
-from epuck_sim.statistics import mean
+from epuck_sim.statistics import statistic
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import Place, find_fast_speed, search_extrema
-from epuck_sim.statistics.mean import MeanError, estimate_share, mean_and_error, student_estimate
 from epuck_sim.statistics.measured import Measured, cut
+from epuck_sim.statistics.statistic import MeanError, estimate_share, mean_and_error, student_estimate
 from epuck_sim.statistics.survival import weibull_mean
 
 RESAMPLES = 200  # of a ratio of estimators
@@ -124,7 +124,7 @@ def share_difference(first: Measured, second: Measured) -> Effect:
         return NOTHING
     chance = stats.hypergeom(sum(sizes), true + int(one.values.sum()), sizes[1])
     return Effect(
-        mean.share_difference(one, other),
+        statistic.share_difference(one, other),
         lambda _: float(chance.sf(true - 1)),
         lambda _: float(chance.cdf(true)),
     )

@@ -10,9 +10,9 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS, Estimate, significant
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, group_rows
-from epuck_sim.statistics.mean import estimate_mean, estimate_share, share_difference
 from epuck_sim.statistics.measured import Measured, measure, measure_unit, quantity
 from epuck_sim.statistics.names import Statistic, statistic_name
+from epuck_sim.statistics.statistic import estimate_mean, estimate_share, share_difference
 from epuck_sim.statistics.two_samples import (
     Pair,
     contrast,

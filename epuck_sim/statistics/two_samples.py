@@ -18,8 +18,8 @@ from scipy.special import erfc
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate
-from epuck_sim.statistics.mean import mean_and_error, student_estimate
 from epuck_sim.statistics.measured import Measured, restrict
+from epuck_sim.statistics.statistic import mean_and_error, student_estimate
 
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
 

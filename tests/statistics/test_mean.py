@@ -10,10 +10,17 @@ from scipy import stats
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS
-from epuck_sim.statistics.mean import estimate_mean, estimate_share, resample_means, share_difference, wilson_interval
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
-from epuck_sim.statistics.statistic import check_statistic, estimate
+from epuck_sim.statistics.statistic import (
+    check_statistic,
+    estimate,
+    estimate_mean,
+    estimate_share,
+    resample_means,
+    share_difference,
+    wilson_interval,
+)
 from tests.statistics.fits import measured, truths
 
 
