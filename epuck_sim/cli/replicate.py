@@ -94,7 +94,7 @@ def _run_claims(
         How many trials have failed, and a table of what is undecided within the budget.
     """
     from epuck_sim.cli.progress import SweepProgressBar
-    from epuck_sim.replication.looks import Decider, begun
+    from epuck_sim.replication.sweeps import Decider, begun
     from epuck_sim.sweep.run import run_sweep
 
     failed = dict.fromkeys(needed, 0)

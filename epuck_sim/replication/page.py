@@ -18,8 +18,7 @@ from epuck_sim.figures import plot
 from epuck_sim.figures.labels import format_axis_values, key_name
 from epuck_sim.figures.style import style
 from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
-from epuck_sim.replication.looks import counted_looks
-from epuck_sim.replication.sweeps import Trials, check_claim
+from epuck_sim.replication.sweeps import Trials, check_claim, counted_looks
 from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, points_at, reduction
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, choose_axis

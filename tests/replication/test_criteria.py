@@ -23,8 +23,8 @@ from epuck_sim.replication.criteria import (
     superiority,
     weibull_ratio,
 )
+from epuck_sim.statistics.comparison import contrast, pair_up
 from epuck_sim.statistics.measured import restrict
-from epuck_sim.statistics.two_samples import contrast, pair_up
 from tests.statistics.fits import LIMIT, lognormal, measured, times, truths
 
 SOME = st.lists(st.floats(1, 100), min_size=5, max_size=12, unique=True)

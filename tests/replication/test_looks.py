@@ -10,8 +10,7 @@ import pytest
 
 from epuck_sim.estimate import LEVEL
 from epuck_sim.replication.claims import read_claims
-from epuck_sim.replication.looks import LOOKS, Decider, begun, trials_at_looks
-from epuck_sim.replication.sweeps import needed_sweeps, sweep_folder
+from epuck_sim.replication.sweeps import LOOKS, Decider, begun, needed_sweeps, sweep_folder, trials_at_looks
 from epuck_sim.replication.verdicts import Verdict
 from epuck_sim.runs.reader import read_points
 from epuck_sim.statistics.sequential import look_boundary, looks_p_value

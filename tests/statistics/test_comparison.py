@@ -17,20 +17,18 @@ from epuck_sim.statistics.comparison import (
     Samples,
     compare,
     comparison_tables,
-    match_folders,
-    match_points,
-    match_values,
-)
-from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.two_samples import (
     contrast,
     log_rank,
     log_rank_parts,
+    match_folders,
+    match_points,
+    match_values,
     pair_up,
     permute,
     share_as_large,
     studentised,
 )
+from epuck_sim.statistics.measured import Measured
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, SPEEDS, WIDTH, ended, in_memory, sweep, weibull
 from tests.statistics.fits import measured
 

@@ -6,9 +6,9 @@ from itertools import product
 import numpy as np
 import pytest
 
+from epuck_sim.statistics.comparison import contrast, mean_log_ratio, pair_up
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.planning import plan_trials, trials_for_shares, trials_needed
-from epuck_sim.statistics.two_samples import contrast, mean_log_ratio, pair_up
 from tests.runs.made_folders import SPEED, SPEEDS, ended, in_memory, sweep, weibull
 from tests.statistics.fits import measured
 
