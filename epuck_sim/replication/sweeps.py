@@ -31,8 +31,7 @@ from epuck_sim.replication.verdicts import (
 from epuck_sim.runs.compatibility import read_stored_points
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.folder import DATABASE
-from epuck_sim.runs.reader import PointTrials, read_points
-from epuck_sim.runs.status import read_status
+from epuck_sim.runs.reader import PointTrials, read_points, read_status
 from epuck_sim.scenario.keys import merge, without_quick
 from epuck_sim.scenario.loader import find_scenario, from_keys
 from epuck_sim.scenario.points import points

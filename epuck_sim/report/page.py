@@ -13,8 +13,7 @@ from epuck_sim.figures.labels import axis_label
 from epuck_sim.figures.saving import to_svg
 from epuck_sim.figures.sweep_figure import read_form
 from epuck_sim.runs.folder import database_of
-from epuck_sim.runs.reader import PointTrials, read_points
-from epuck_sim.runs.status import Status, read_status
+from epuck_sim.runs.reader import PointTrials, Status, read_points, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.statistics.series import has_series
 from epuck_sim.statistics.statistic import summarize

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.status import read_wall_times
+from epuck_sim.runs.reader import read_points, read_wall_times
 from tests.cli.commands import call, refused
 from tests.replication.claim_files import FASTER, SPEED, SWEEP, claim, replicate, write_claims
 

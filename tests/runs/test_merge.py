@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.export import export
+from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.runs.share import WHOLE, Share, merge_folders
-from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.runs import database, export, reader, status
+from epuck_sim.runs import database, export, reader
 from epuck_sim.runs.compatibility import stored_point
 from epuck_sim.runs.database import ENTER_POINT
-from epuck_sim.runs.reader import SweepTrials, read_points
-from epuck_sim.runs.status import Failure, Status, TrialsByOrigin, read_status
+from epuck_sim.runs.reader import Failure, Status, SweepTrials, TrialsByOrigin, read_points, read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
@@ -131,7 +130,7 @@ class Grown:
     ("module", "read", "expected"),
     [
         (reader, lambda folder: [len(point.times) for point in read_points(folder)], [3, 3, 3, 3]),
-        (status, lambda folder: read_status(folder)[1:4], (4, 12, 12)),
+        (reader, lambda folder: read_status(folder)[1:4], (4, 12, 12)),
         (export, lambda folder: export.export(folder, folder / "table.csv"), 0),
     ],
     ids=["points", "status", "export"],

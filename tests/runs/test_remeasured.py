@@ -2,8 +2,7 @@
 
 import pytest
 
-from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.status import read_status
+from epuck_sim.runs.reader import read_points, read_status
 from epuck_sim.runs.store import difference
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.result import TrialResult

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from epuck_sim.runs.reader import verify
 from epuck_sim.runs.share import merge_folders
 from epuck_sim.runs.sources import is_trusted
-from epuck_sim.runs.status import verify
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points

@@ -16,8 +16,7 @@ import pytest
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.export import export
 from epuck_sim.runs.folder import DATABASE, current_holder
-from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.status import read_status
+from epuck_sim.runs.reader import read_points, read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
