@@ -163,16 +163,6 @@ def largest_rise(curves: Sequence[Sequence[Measured]]) -> Effect:
     )
 
 
-def power_exponent(x: FloatArray, samples: Sequence[Measured]) -> Effect:
-    """Return the exponent of the power of x, (S,), that fits the means of S points best, in logarithms."""
-    return _slope(np.log(x), samples)
-
-
-def exponential_rate(x: FloatArray, samples: Sequence[Measured]) -> Effect:
-    """Return the rate c of the exponential exp(c x) that fits the means of S points best, in logarithms; x is (S,)."""
-    return _slope(np.asarray(x, float), samples)
-
-
 def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray, freedom: int) -> Effect:
     """Return the slope of logarithms over x by weighted least squares; all are (S,).
 
@@ -182,14 +172,15 @@ def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray, freedom:
     weights = 1 / errors**2
     away = x - np.average(x, weights=weights)
     spread = float(weights @ away**2)
-    slope = float(weights @ (away * logs)) / spread
-    deviations = logs - np.average(logs, weights=weights) - slope * away
+    found = float(weights @ (away * logs)) / spread
+    deviations = logs - np.average(logs, weights=weights) - found * away
     misfit = float(weights @ deviations**2) / (len(x) - 2)
-    found = student(slope, math.sqrt(max(misfit, 1.0) / spread), freedom if misfit <= 1 else len(x) - 2)
-    return found._replace(is_scattered=misfit > SCATTERED)
+    effect = student(found, math.sqrt(max(misfit, 1.0) / spread), freedom if misfit <= 1 else len(x) - 2)
+    return effect._replace(is_scattered=misfit > SCATTERED)
 
 
-def _slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
+def slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
+    """Return the slope over x, (S,), of the line that fits the logarithms of the means of S points best."""
     means = [mean_with_error(each) for each in samples]
     if len(means) < MIN_POINTS or not _have_logs(means) or min(each.error for each in means) == 0:
         return NOTHING

@@ -153,8 +153,7 @@ class Decider:
 
     def __init__(self, chosen: Sequence[Claim], scenarios: dict[str, Scenario], folders: dict[str, Path]) -> None:
         """Take the claims, and the sweeps that they are asked of, whose trials are stored."""
-        self._scenarios, self._folders, self._trials = scenarios, folders, Trials(folders)
-        self._status = {name: read_status(folder) for name, folder in folders.items()}
+        self._scenarios, self._trials = scenarios, Trials(folders)
         self._findings = {claim.id: (claim, check_claim(claim, self._trials)) for claim in chosen}
 
     def answers(self) -> list[Answer]:
@@ -175,10 +174,9 @@ class Decider:
         while looks := [look for look in self.next_looks() if look.cost_s <= budget_s - spent_s]:
             look = looks[0]
             yield f"{look.sweep}: {look.scenario.trials} trials a point, some {in_words(look.cost_s)} of computing"
-            before_s = self._status[look.sweep].wall_s
+            before_s, _ = self._trials.effort(look.sweep)
             add(look.sweep, look.scenario)
-            self._status[look.sweep] = read_status(self._folders[look.sweep])
-            spent_s += self._status[look.sweep].wall_s - before_s
+            spent_s += self._trials.effort(look.sweep)[0] - before_s
             for name, (claim, _) in self._findings.items():
                 if claim.sweep == look.sweep:
                     self._findings[name] = claim, check_claim(claim, self._trials)
@@ -196,8 +194,8 @@ class Decider:
         found = []
         for name, scenario in self._scenarios.items():
             asked = [each for each in answers if each.claim.sweep == name and not _needs_points(each)]
-            status = self._status[name]
-            now = planned_trials(self._folders[name])
+            folder = self._trials.folders[name]
+            status, now = read_status(folder), planned_trials(folder)
             left = [trials for trials in trials_at_looks(scenario.trials) if trials > now]
             if not left or not asked:
                 continue

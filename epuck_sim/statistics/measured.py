@@ -96,12 +96,17 @@ def measure_t_sync(point: PointTrials) -> Measured:
     return Measured(point.times, point.observed, limit, point.seed, unit="cycles")
 
 
-def measure_values(point: PointTrials) -> Measured:
-    """Return the values of the measure that `read_points` was asked for; raise StoreError if they are series.
+def measure(point: PointTrials) -> Measured:
+    """Return the values of the measure that `read_points` was asked for; T_sync if it was asked for none.
 
-    Those that are undetermined are left out. Truth values count as 1 and 0, so that their mean is the share of trials
+    Values that are undetermined are left out. Truth values count as 1 and 0, so that their mean is the share of trials
     in which they are true.
+
+    Raises:
+        StoreError: The values are series, or trials have no T_sync.
     """
+    if point.of is None:
+        return measure_t_sync(point)
     if any(isinstance(value, list) for value in point.measured):
         raise StoreError(
             f"{point.of} is a series, with a value for each cycle; this takes one value a trial: allowed are plot "
@@ -111,8 +116,3 @@ def measure_values(point: PointTrials) -> Measured:
     is_share = bool(known) and all(isinstance(value, bool) for value in known)
     ones = np.ones(len(known), np.bool_)
     return Measured(np.array(known, float), ones, math.inf, point.seed, is_share, measure_unit(point) or "")
-
-
-def measure(point: PointTrials) -> Measured:
-    """Return the values of the measure that `read_points` was asked for; T_sync if it was asked for none."""
-    return measure_t_sync(point) if point.of is None else measure_values(point)

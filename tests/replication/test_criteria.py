@@ -10,16 +10,15 @@ from scipy import stats
 
 from epuck_sim.replication import criteria
 from epuck_sim.replication.criteria import (
-    exponential_rate,
     largest_rise,
     level,
     likelier,
     mean_with_error,
-    power_exponent,
     rank_trend,
     ratio,
     share,
     share_difference,
+    slope,
     superiority,
     weibull_ratio,
 )
@@ -126,7 +125,7 @@ def test_only_rises_count_and_only_within_a_curve() -> None:
 def test_the_exponent_of_a_power_law_is_found(exponent, factor) -> None:
     x = np.array([1.0, 2, 5, 10])
     samples = [measured(factor * place**exponent * np.linspace(0.8, 1.2, 9)) for place in x]
-    effect = power_exponent(x, samples)
+    effect = slope(np.log(x), samples)
     assert effect.estimate.value == pytest.approx(exponent, abs=1e-9)
     assert effect.p_below(exponent) == pytest.approx(0.5, abs=1e-6)
 
@@ -135,7 +134,7 @@ def test_the_exponent_of_a_power_law_is_found(exponent, factor) -> None:
 def test_and_the_rate_of_an_exponential(rate) -> None:
     x = np.array([5.0, 6, 8, 12])
     samples = [measured(math.exp(rate * place) * np.linspace(0.8, 1.2, 9)) for place in x]
-    assert exponential_rate(x, samples).estimate.value == pytest.approx(rate, abs=1e-9)
+    assert slope(x, samples).estimate.value == pytest.approx(rate, abs=1e-9)
 
 
 def test_a_slope_is_that_of_weighted_least_squares_and_less_sure_where_points_scatter() -> None:
@@ -144,15 +143,15 @@ def test_a_slope_is_that_of_weighted_least_squares_and_less_sure_where_points_sc
     means = [mean_with_error(sample) for sample in samples]
     weights = [each.mean / each.error for each in means]
     logs = np.log([each.mean for each in means])
-    (slope, _), covariance = np.polyfit(x, logs, 1, w=weights, cov=True)
-    effect = exponential_rate(x, samples)
+    (expected, _), covariance = np.polyfit(x, logs, 1, w=weights, cov=True)
+    effect = slope(x, samples)
     reach = stats.t.ppf(0.975, 3) * math.sqrt(covariance[0, 0])
-    assert effect.estimate.ends == pytest.approx((slope, slope - reach, slope + reach))
+    assert effect.estimate.ends == pytest.approx((expected, expected - reach, expected + reach))
     straight = [lognormal(3 * place, 40, 5) for place in x]  # of one seed, exactly on a line
     _, unscaled = np.polyfit(
         np.log(x), np.log(x), 1, w=[m.mean / m.error for m in map(mean_with_error, straight)], cov="unscaled"
     )
-    width = power_exponent(x, straight).estimate.high - 1
+    width = slope(np.log(x), straight).estimate.high - 1
     assert width == pytest.approx(stats.t.ppf(0.975, 3) * math.sqrt(unscaled[0, 0]))
 
 
@@ -175,8 +174,8 @@ def test_little_is_not_taken_for_much() -> None:
     assert knows_nothing(share_difference(truths(0, 4), truths(40, 40)))
     assert all(knows_nothing(ratio([pair])) for pair in ((few, enough), (enough, alike), (measured([]), enough)))
     assert all(knows_nothing(largest_rise([[enough, other]])) for other in (few, alike, measured([])))
-    assert knows_nothing(power_exponent(np.array([1.0, 2]), [enough, enough]))
-    assert knows_nothing(power_exponent(np.array([1.0, 2, 3]), [enough, enough, few]))
+    assert knows_nothing(slope(np.log([1.0, 2]), [enough, enough]))
+    assert knows_nothing(slope(np.log([1.0, 2, 3]), [enough, enough, few]))
     assert knows_nothing(ratio([(lognormal(-5, 20, 1), enough)]))
 
 
