@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from epuck_sim.control.loader import CONTROLLER, find_controller, find_sensor
-from epuck_sim.display.table import leaves
 from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import validate
@@ -134,7 +133,7 @@ def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str)
     if point.key not in given:
         yield f"a point that this sweep lacks: {point.key}; add it, or give another folder"
     now = given[point.key]
-    before, after = ({k: v for k, v in leaves(_with_effect(each)) if v not in ([], {})} for each in (point, now))
+    before, after = (dict(_flat("", _with_effect(each))) for each in (point, now))
     if differences := _differences(before, after, other):
         more = ["..."] if len(differences) > MOST_SHOWN else []
         lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
@@ -182,3 +181,13 @@ def _with_defaults(scenario: dict[str, Any]) -> dict[str, Any]:
         return validate(scenario, "stored").model_dump(mode="json")
     except ScenarioError:
         return scenario
+
+
+def _flat(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the dotted key and the value of every plain value inside `value`, also in lists, which may be long."""
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
+    if parts is None:
+        yield key, value
+    else:
+        for name, part in parts:
+            yield from _flat(f"{key}.{name}" if key else str(name), part)
