@@ -264,10 +264,8 @@ def read_status(folder: Path) -> Status:
         points = connection.execute("SELECT number, trials FROM points ORDER BY number").fetchall()
         (scenario,) = connection.execute("SELECT scenario FROM points ORDER BY number LIMIT 1").fetchone()
         first = connection.execute(f"SELECT {_ORIGIN} FROM trials LIMIT 1").fetchone() or ("",) * len(PROVENANCE)
-        trials, stored, censored, wall_s, like_first = connection.execute(
-            "SELECT count(*), ifnull(sum(error IS NULL), 0), sum(censored), total(wall_s), "
-            f"ifnull(sum({_LIKE_FIRST}), 0) FROM trials",
-            first,
+        trials, censored, wall_s, like_first = connection.execute(
+            f"SELECT count(*), sum(censored), total(wall_s), ifnull(sum({_LIKE_FIRST}), 0) FROM trials", first
         ).fetchone()
         # mostly all are like the first: to group them takes four times as long
         versions = [TrialsByOrigin._make((*first, like_first))] if trials else []
@@ -275,8 +273,8 @@ def read_status(folder: Path) -> Status:
             others = f"SELECT {_ORIGIN}, count(*) FROM trials WHERE NOT {_LIKE_FIRST} GROUP BY {_ORIGIN}"
             versions += (TrialsByOrigin(*row) for row in connection.execute(others, first))
         failed = connection.execute(
-            f"SELECT number, trial, seed, {_PROBLEM} AS problem FROM trials JOIN points ON point = key "
-            "WHERE problem IS NOT NULL ORDER BY number, trial"
+            "SELECT number, trial, seed, coalesce(error, measuring_error) AS problem FROM trials "
+            "JOIN points ON point = key WHERE problem IS NOT NULL ORDER BY number, trial"
         )
         failures = [Failure(*row) for row in failed]
         unmeasured = 0
@@ -288,14 +286,13 @@ def read_status(folder: Path) -> Status:
             f"HAVING min(censored) = 1 AND count(*) >= min(trials, {FEW_TRIALS}) ORDER BY number"
         )
         points_at_limit = tuple(PointAtLimit(number, json.loads(axes), count) for number, axes, count in at_limit or ())
-        if share != WHOLE:  # one that got further points may have trials that now belong to others
-            finished = read_finished(connection)
-            ours = sum(finished.count(number, share.trials(number, count)) for number, count in points)
+        finished = read_finished(connection)  # a share that got further points may have trials that are now of others
+    stored = sum(finished.count(number, share.trials(number, count)) for number, count in points)
     return Status(
         scenario=json.loads(scenario)["name"],
         points=len(points),
         trials=sum(len(share.trials(*point)) for point in points),
-        stored=stored if share == WHOLE else ours,
+        stored=stored,
         censored=censored if stored else 0,
         failed=failures,
         wall_s=wall_s,
@@ -309,7 +306,6 @@ def read_status(folder: Path) -> Status:
 
 _ORIGIN = ", ".join(PROVENANCE)
 _LIKE_FIRST = f"({_ORIGIN}) = ({', '.join('?' * len(PROVENANCE))})"
-_PROBLEM = "coalesce(error, measuring_error)"
 
 
 def read_outcome(folder: Path, point: int, trial: int) -> tuple[int, bool | None] | None:
