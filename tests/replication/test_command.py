@@ -124,58 +124,6 @@ RISE = {"test": "largest_rise", "along": SPEED}
 
 
 @pytest.mark.parametrize(
-    ("claims", "message"),
-    [
-        (
-            [claim("A1", {**FASTER, "over": "V", "above": 1})],
-            "A1.checks.0: unknown key 'over'; ratio takes between, where",
-        ),
-        ([claim("A1", {**FASTER})], "A1.checks.0: give one of above, below and within"),
-        ([claim("A1", {**FASTER, "within": [2, 1]})], "A1.checks.0: within: the first number must be the lower one"),
-        ([claim("A1", {"test": "rise", "above": 1})], "A1.checks.0: test: unknown 'rise'; allowed: ratio, "),
-        ([claim("A1")], "A1: give either checks, which may be a reading, or one of identity, no_claim"),
-        ([claim("A1", {**FASTER, "above": 1}, not_asked="Long")], "A1: give either checks, which may be a reading, or"),
-        ([claim("A1", {**FASTER, "above": 1, "rises": True})], "A1.checks.0: give one of above, below and within"),
-        ([claim("A1", {**FASTER, "test": "share_difference", "above": 0.1})], "A1.checks.0: a difference of shares is"),
-        ([claim("A1", {**RISE, "above": 1}, sweep=None)], "A1: tests of trials take a sweep, and only these"),
-        ([claim("A1", {**RISE, "above": 1}, sweep="tinny")], "claim A1: sweep: unknown 'tinny', did you mean 'tiny'?"),
-        ([claim("A1", {**FASTER, "above": 1})] * 2, "claim A1 is there twice"),
-        (
-            [{**claim("A1", {"test": "formula", "number": "sigma_c", "above": 1}), "sweep": None}],
-            "A1.checks.0: number: unknown 'sigma_c', did you mean 'sigma_b'?; allowed: largest_shift",
-        ),
-        ([claim("A1", {**FASTER, "within": [0, 2]})], "A1.checks.0: a ratio of means lies above 0: give numbers above"),
-        ([claim("A1", {"test": "share", "above": 3})], "A1.checks.0: a share, or a chance, lies between 0 and 1"),
-        (
-            [claim("A1", {"test": "likelier", "law": "gamma", "than": "gamma", "above": 0})],
-            "A1.checks.0: than is gamma, as law is; allowed: another law",
-        ),
-        ([claim("A1", {**RISE, "take": "final", "above": 1})], "A1.checks.0: take is given without of"),
-    ],
-)
-def test_a_file_of_claims_that_is_wrong_is_refused_in_words(claims, message, tmp_path) -> None:
-    file = write_claims(tmp_path, claims)
-    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
-    assert told.startswith(f"error: {file}: {message}")
-    assert not (tmp_path / "out").exists()
-
-
-def test_what_is_not_there_is_refused_in_words(tmp_path) -> None:
-    file = write_claims(tmp_path)
-    words = ["--claims", file, "--out", tmp_path / "out"]
-    assert refused("replicate", "A9", *words) == "error: unknown 'A9'; claims: A1, A2, A3, A4, A5, A6, A7, A8\n"
-    assert "none.yaml: cannot be read: No such file" in refused("replicate", "--claims", tmp_path / "none.yaml")
-    wrong = write_claims(tmp_path, sweep={**SWEEP, "keys": {"agents": {"cuont": 3}}})
-    assert refused("replicate", "--claims", wrong, "--out", tmp_path / "out").startswith(
-        "error: sweep tiny: scenario: agents.cuont: unknown 'cuont', did you mean 'count'?"
-    )
-    assert not (tmp_path / "out").exists()
-    assert refused("replicate", *words, "--workers", 2, "--dask", "there") == (
-        "error: --workers and --dask exclude each other\n"
-    )
-
-
-@pytest.mark.parametrize(
     ("check", "message"),
     [
         (

@@ -15,7 +15,6 @@ from epuck_sim.replication.verdicts import Verdict
 from epuck_sim.runs.reader import read_points
 from epuck_sim.statistics.sequential import look_boundary, looks_p_value
 from epuck_sim.sweep import run
-from tests.cli.commands import refused
 from tests.replication.claim_files import FASTER, SPEED, SWEEP, claim, replicate, stop_at, write_claims
 from tests.runs.made_folders import ended, store
 
@@ -126,7 +125,3 @@ def test_no_trials_are_added_where_points_scatter_by_far_more_than_their_errors(
     assert answer.verdict == Verdict.UNDECIDED
     assert not decider.next_looks()
     assert "More points would decide B1, not more trials" in decider.table().to_text(200)
-
-
-def test_a_limit_of_time_without_what_it_limits_is_refused() -> None:
-    assert "--until-decided, which is not given" in refused("replicate", "--cpu-hours", 3)

@@ -115,21 +115,6 @@ def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
     assert len(comparison_tables(compare(samples), one)[0].to_csv().splitlines()) == 3
     beside_itself = match_points([one, one], ["one", "one"], [[0, 1]])
     assert comparison_tables(compare(beside_itself), one)[0].headings["difference"] == "second - first"
-    with pytest.raises(EpuckSimError, match="--points: other has no point 3; allowed: 0 to 2"):
-        match_points([one, other], ["one", "other"], [[0, 3]])
-    with pytest.raises(EpuckSimError, match="--points is given 1 number; allowed: one of each of 2"):
-        match_points([one, other], ["one", "other"], [[0]])
-
-
-def test_sweeps_of_other_axes_or_without_a_common_point_are_refused() -> None:
-    made, other, apart = (
-        in_memory(sweep({key: values}), lambda _: ended([5]))
-        for key, values in ((SPEED, [1, 2]), (COUPLING, [0.1]), (SPEED, [3]))
-    )
-    with pytest.raises(EpuckSimError, match=r"the axes differ: .*; name the points to compare: --points 0,0"):
-        folders(made, other)
-    with pytest.raises(EpuckSimError, match="no two points to compare"):
-        folders(made, apart)
 
 
 def test_folders_whose_measures_have_other_units_are_refused(tmp_path) -> None:

@@ -8,12 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import (
-    check_statistic,
     estimate,
     estimate_mean,
     estimate_share,
@@ -122,11 +120,3 @@ def test_shares_lie_in_their_intervals_and_these_between_0_and_1(trials, data):
     if found.has_interval:
         assert 0 <= found.low <= found.value <= found.high <= 1
         assert found.low < found.high  # though all trials may have one value
-
-
-def test_the_statistic_of_truth_values_is_their_share():
-    assert estimate(truths(3, 10), Statistic.MEAN).ends == estimate_share(truths(3, 10)).ends
-    with pytest.raises(EpuckSimError, match="truth values have no median; allowed: mean"):
-        check_statistic(truths(3, 10), Statistic.MEDIAN)
-    with pytest.raises(EpuckSimError, match="the Weibull mean is of T_sync alone"):
-        check_statistic(truths(3, 10), Statistic.WEIBULL_MEAN)

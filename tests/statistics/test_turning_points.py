@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.statistics.extrema import find_minimum, find_peak, most_prominent, smooth_logs
 from epuck_sim.statistics.fit import fit_measure
-from tests.measures.files import write
 from tests.runs.made_folders import COUPLING, SPEED, store_measured, sweep
 
 X = np.array([0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 6.0, 12.0])
@@ -100,15 +98,3 @@ def test_where_it_makes_no_sense_it_says_why(law, trials, said, tmp_path):
     (fit,) = fit_measure(folder_of(tmp_path, law, trials=trials), "near_walls")
     assert (fit.minimum, fit.peak) == (None, None)
     assert said in fit.reason
-
-
-def test_what_cannot_be_fitted_at_all_is_refused(tmp_path):
-    folder = folder_of(tmp_path, bump)
-    with pytest.raises(EpuckSimError, match="run: --x: unknown 'speed'"):
-        fit_measure(folder, "near_walls", "speed")
-    with pytest.raises(StoreError, match="measured: near_walls"):
-        fit_measure(folder, "far_walls")
-    path = write(tmp_path / "mine.py", "def course(simulation): return []\n")
-    series = folder_of(tmp_path / "series", lambda *_: [1.0], measures=[str(path)])
-    with pytest.raises(StoreError, match="course is a series, with a value for each cycle"):
-        fit_measure(series, "course")
