@@ -9,7 +9,7 @@ import pytest
 from matplotlib import image
 
 from epuck_sim.runs.reader import read_points, read_wall_times
-from tests.cli.commands import call, refused
+from tests.cli.commands import call
 from tests.replication.claim_files import FASTER, SPEED, SWEEP, claim, replicate, write_claims
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
@@ -118,49 +118,6 @@ def test_the_list_runs_nothing(tmp_path) -> None:
     ]
     assert not (tmp_path / "out").exists()
     assert len(call("replicate", "--list").stdout.splitlines()) == 72
-
-
-RISE = {"test": "largest_rise", "along": SPEED}
-
-
-@pytest.mark.parametrize(
-    ("check", "message"),
-    [
-        (
-            {**RISE, "where": {"response.coupling": 0.7}, "above": 1},
-            "where response.coupling = 0.7: the sweep has no such point",
-        ),
-        ({"test": "level", "above": 1}, "where all points: 12 points; level is of one"),
-        (
-            {"test": "superiority", "between": FASTER["between"], "below": 0.5},
-            "where all points: 12 points; superiority is of one at each place",
-        ),
-        (
-            {**RISE, "along": "speed", "above": 1},
-            f"along: unknown 'speed'; axes with numbers: response.coupling, {SPEED}",
-        ),
-        ({**RISE, "along": "neighbourhood", "above": 1}, "along: neighbourhood has other values; axes with numbers: "),
-        (
-            {"test": "place_exponent", "place": "V_m", "along": SPEED, "over": "count", "above": 1},
-            "over: unknown 'count'; axes with numbers: ",
-        ),
-        (
-            {**RISE, "of": "oder_parameter", "above": 1},
-            "of: unknown 'oder_parameter', did you mean 'order_parameter'?; m",
-        ),
-        (
-            {"test": "ratio", "between": [{SPEED: 1}, {"response.coupling": 0.4}], "above": 1},
-            f"between {SPEED} = 1 and response.coupling = 0.4: no pairs",
-        ),
-    ],
-)
-def test_a_test_of_what_the_sweep_lacks_is_refused_before_it_runs(check, message, tmp_path) -> None:
-    grid = {**SWEEP["keys"]["sweep"]["grid"], "neighbourhood": [{"kind": "nearest", "k": k} for k in (1, 2)]}
-    keys = {**SWEEP["keys"], "measures": ["order_parameter"], "sweep": {"grid": grid}}
-    file = write_claims(tmp_path, [claim("A1", check)], {**SWEEP, "keys": keys})
-    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
-    assert told.startswith(f"error: claim A1: {message}")
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:

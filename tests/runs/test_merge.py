@@ -153,16 +153,6 @@ def test_folders_of_another_scenario_or_controller_or_version_are_refused(tmp_pa
         merge_folders(mine, tmp_path / "merged")
 
 
-def test_a_target_that_holds_results_and_a_source_that_is_none_are_refused(tmp_path) -> None:
-    share = fill_share(tmp_path / "share", Share(1, 2))
-    target = fill_share(tmp_path / "target", Share(2, 2))
-    for folders, out in (([share], target), ([share], share), ([share, tmp_path], tmp_path / "new")):
-        before = contents(target)
-        with pytest.raises(StoreError, match=r"holds results already|is not a run folder"):
-            merge_folders(folders, out)
-        assert contents(target) == before
-
-
 def test_a_folder_stays_with_its_share(tmp_path) -> None:
     folder = fill_share(tmp_path / "share", Share(1, 2))
     with Store(folder, MANY, points(MANY)) as store:
