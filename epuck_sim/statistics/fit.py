@@ -120,11 +120,9 @@ def fit_power_law(law: Law, parameters: Parameters, values: FloatArray, resample
     design = np.column_stack([np.ones(len(values)), *(law[name].transform(array) for name, array in varying.items())])
     logs, log_resampled = np.log(values), np.log(resampled)
     weights = 1 / np.maximum(log_resampled.var(axis=0, ddof=1), LEAST_VARIANCE)
-    solution = _least_squares(design, weights, list(varying))
-    _, *exponents = _estimates(solution @ logs, log_resampled @ solution.T)
+    (_, *exponents), unexplained = _least_squares(design, weights, list(varying), logs, log_resampled)
     surplus = len(values) - design.shape[1]
-    deviations = logs - design @ (solution @ logs)
-    misfit = float(np.sqrt((weights * deviations**2).sum() / surplus)) if surplus else np.nan
+    misfit = math.sqrt(unexplained / surplus) if surplus else math.nan
     return PowerLaw(dict(zip(varying, exponents, strict=True)), misfit)
 
 
@@ -136,9 +134,7 @@ def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatA
     highest = logs.max()  # in units of the largest, e^N neither swamps the offset nor overflows
     design = np.column_stack([np.exp(logs - highest), np.ones(len(values))])
     weights = 1 / np.maximum(resampled.var(axis=0, ddof=1), LEAST_VARIANCE * values**2)
-    solution = _least_squares(design, weights, ["L e^N / tau^2"])
-    factor, offset = _estimates(solution @ values, resampled @ solution.T)
-    unexplained = weights @ (values - design @ (solution @ values)) ** 2
+    (factor, offset), unexplained = _least_squares(design, weights, ["L e^N / tau^2"], values, resampled)
     total = weights @ (values - np.average(values, weights=weights)) ** 2
     factor = factor.apply(lambda number: number * math.exp(-highest))
     return OffsetLaw(factor, offset, float(1 - unexplained / total) if total else np.nan)
@@ -174,21 +170,21 @@ def _without_gaps(values: FloatArray, resampled: FloatArray) -> tuple[BoolArray,
     return known, values[known], filled[:, known]
 
 
-def _least_squares(design: FloatArray, weights: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Return the matrix (P, C) that takes values to the least-squares coefficients of a design (C, P)."""
+def _least_squares(
+    design: FloatArray, weights: FloatArray, names: Sequence[str], values: FloatArray, resampled: FloatArray
+) -> tuple[list[Estimate], float]:
+    """Return the coefficients of a design (C, P), with percentiles of those of resamples, and the squares that stay."""
     curves, unknowns = design.shape
     if curves < unknowns:
         raise ValueError(f"{curves} curves do not determine {unknowns} unknowns: a prefactor and {', '.join(names)}")
     if np.linalg.matrix_rank(design, rtol=1e-9) < unknowns:
         raise ValueError(f"the curves do not distinguish {', '.join(names)}: they vary together")
     root = np.sqrt(weights / weights.max())
-    return np.asarray(np.linalg.pinv(root[:, None] * design) * root)
-
-
-def _estimates(values: FloatArray, resampled: FloatArray) -> list[Estimate]:
-    """Return estimates of values (P,) from their resamples (B, P)."""
-    low, high = np.percentile(resampled, [2.5, 97.5], axis=0)
-    return [Estimate(*numbers) for numbers in np.column_stack([values, low, high]).tolist()]
+    solution = np.linalg.pinv(root[:, None] * design) * root
+    fitted = solution @ values
+    low, high = np.percentile(resampled @ solution.T, [2.5, 97.5], axis=0)
+    estimates = [Estimate(*numbers) for numbers in np.column_stack([fitted, low, high]).tolist()]
+    return estimates, float(weights @ (values - design @ fitted) ** 2)
 
 
 QUANTITIES = (*PLACES, "V_f")
