@@ -16,8 +16,8 @@ from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
-from tests.runs.made_folders import rows
-from tests.runs.test_store import COUNT, DEMO, SPEED, WIDTH, fill, outcome, put, scenario_of
+from tests.runs.made_folders import WIDTH, rows
+from tests.runs.test_store import COUNT, DEMO, SPEED, fill, outcome, put, scenario_of
 
 RESULT = {
     "seed": pa.int64(),

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.extrema import smooth_logs
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.survival import local_fits, make_curve, weibull_means
 
@@ -60,19 +59,3 @@ def kaplan_meier(times, observed) -> tuple[FloatArray, FloatArray]:
     """Return the distinct event times, (k,) cycles, ascending, and R after each, (k,)."""
     curve = make_curve(times, observed)
     return curve.times, curve.survival[0, 1:]
-
-
-class SmoothCurve(NamedTuple):
-    """A smoothed curve over speed, (G,) both, and its resamples, (B, G)."""
-
-    speeds: FloatArray
-    means: FloatArray
-    resampled: FloatArray
-
-
-def smooth_curve(speeds, means, resampled) -> SmoothCurve | None:
-    """Return a curve as it is smoothed; None if fewer than six speeds are determined."""
-    fit = smooth_logs(speeds, means, resampled)
-    if fit is None:
-        return None
-    return SmoothCurve(fit.speeds, np.exp(fit.smoother @ fit.logs), np.exp(fit.resampled @ fit.smoother.T))

@@ -17,9 +17,9 @@ from epuck_sim.statistics.extrema import (
     find_fast_speed,
     find_minimum_and_peak,
     search_extrema,
+    smooth_logs,
 )
 from tests.runs.made_folders import MANY_SPEEDS, SPEED, bumpy, censored, ended, falling, in_memory, sweep, weibull
-from tests.statistics.fits import smooth_curve
 
 SPEEDS = np.geomspace(0.05, 12.8, 20)
 X = np.log10(SPEEDS)
@@ -83,8 +83,8 @@ def test_the_pair_is_the_one_with_the_largest_rise():
 @settings(max_examples=25)
 def test_a_parabola_in_logs_is_smoothed_to_itself_whatever_the_noise(coefficients, seed):
     _, resampled = trials(np.polyval(coefficients, X), 30, seed, 100)
-    curve = smooth_curve(SPEEDS, np.exp(np.polyval(coefficients, X)), resampled)
-    assert np.log(curve.means) == pytest.approx(np.polyval(coefficients, np.log10(curve.speeds)), abs=1e-6)
+    fit = smooth_logs(SPEEDS, np.exp(np.polyval(coefficients, X)), resampled)
+    assert fit.smoother @ fit.logs == pytest.approx(np.polyval(coefficients, np.log10(fit.speeds)), abs=1e-6)
 
 
 @given(st.floats(0.01, 100), st.floats(0.01, 100), st.integers(0, 99))
@@ -128,9 +128,7 @@ def test_a_few_undetermined_resamples_count_as_the_longest(missing):
 def test_a_pair_takes_six_determined_speeds(determined):
     means, resampled = certain(cubic(X))
     means[determined:] = np.nan
-    is_none = determined < 6
-    assert (find_minimum_and_peak(SPEEDS, means, resampled) is None) == is_none
-    assert (smooth_curve(SPEEDS, means, resampled) is None) == is_none
+    assert (find_minimum_and_peak(SPEEDS, means, resampled) is None) == (determined < 6)
 
 
 @pytest.mark.parametrize("logs", [-X, -(X**3), X, 0.3 * X**2, -0.3 * X**2])
