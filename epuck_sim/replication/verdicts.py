@@ -103,12 +103,9 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
 
 def points_at(values: Values, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     """Return the points of a sweep that have these values of axes; raise EpuckSimError if there is none."""
-    wanted = {key: canonical_text({"value": value}) for key, value in values.items()}
-    found = [
-        point
-        for point in points
-        if all(key in point.axes and canonical_text({"value": point.axes[key]}) == text for key, text in wanted.items())
-    ]
+    wanted, keys = canonical_text(values), values.keys()
+    having = [point for point in points if keys <= point.axes.keys()]
+    found = [point for point in having if canonical_text({key: point.axes[key] for key in keys}) == wanted]
     if not found:
         raise EpuckSimError(f"where {_in_text(values)}: the sweep has no such point")
     return found
