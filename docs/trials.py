@@ -13,7 +13,7 @@ import gzip
 import io
 import json
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +25,7 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.measures.interface import Value
 from epuck_sim.replication.claims import SHIPPED, Check, Claims, read_claims
 from epuck_sim.replication.page import read_contents, write_replication
-from epuck_sim.replication.sweeps import Effort, RunFolders, Trials, needed_sweeps, sweep_folder
+from epuck_sim.replication.sweeps import Trials, needed_sweeps, sweep_folder
 from epuck_sim.replication.verdicts import reduction
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.points import Point, points
@@ -49,18 +49,14 @@ def column(check: Check) -> str:
     return " ".join(filter(None, (check.of, reduction(check))))
 
 
-class Tables:
+class Tables(Trials):
     """The trials in docs/trials."""
 
     def __init__(self, scenarios: dict[str, Scenario]) -> None:
         """Take the scenario of each sweep."""
+        super().__init__(dict.fromkeys(scenarios, TABLES))
         self._points = {sweep: points(scenario) for sweep, scenario in scenarios.items()}
         self._times = read_times()
-
-    @property
-    def sweeps(self) -> Collection[str]:
-        """Names of the sweeps."""
-        return self._points.keys()
 
     def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
         """Return the points of a sweep, with what a check takes of their measure."""
@@ -84,9 +80,9 @@ class Tables:
             for point, (first, end) in zip(swept, pairwise(places), strict=True)
         ]
 
-    def effort(self, sweep: str) -> Effort:
-        """Return what the trials of a sweep have taken; a table has no trials that failed."""
-        return Effort(self._times[sweep], 0)
+    def effort(self, sweep: str) -> tuple[float, int]:
+        """Return the computing time of a sweep's trials; a table has none that failed."""
+        return self._times[sweep], 0
 
 
 class Table(NamedTuple):
@@ -123,7 +119,7 @@ def read_times() -> dict[str, float]:
 def write_tables(claims: Claims, scenarios: dict[str, Scenario], trials: Trials) -> None:
     """Write a table for each sweep of some trials, with a row for each trial, and their computing times."""
     times = read_times()
-    for sweep in trials.sweeps:
+    for sweep in trials.folders:
         checks = [check for claim in claims.claims if claim.sweep == sweep for check in claim.checks if check.of]
         measures = {column(check): _measured(trials.read(sweep, check)) for check in checks}
         text = io.StringIO()
@@ -133,7 +129,7 @@ def write_tables(claims: Claims, scenarios: dict[str, Scenario], trials: Trials)
             writer.writerow([*ends, *map(json.dumps, values)])
         with atomic_write(TABLES / f"{sweep}.csv.gz") as part:
             part.write_bytes(gzip.compress(text.getvalue().encode(), mtime=0))
-        times[sweep] = trials.effort(sweep).wall_s
+        times[sweep] = trials.effort(sweep)[0]
     with atomic_write(TIMES) as part:
         part.write_text("".join(["sweep,computing_s\n", *(f"{name},{round(times[name])}\n" for name in scenarios)]))
 
@@ -164,7 +160,7 @@ def main(*folders: str) -> None:
     scenarios = needed_sweeps(claims, claims.claims)
     for given in folders:
         found = {sweep: sweep_folder(Path(given), sweep) for sweep in scenarios}
-        write_tables(claims, scenarios, RunFolders({name: path for name, path in found.items() if path.exists()}))
+        write_tables(claims, scenarios, Trials({name: path for name, path in found.items() if path.exists()}))
     before = {file: file.read_text(encoding="utf-8") for file in PAGE}
     write_page(claims, scenarios, DOCS)
     changed = [file.name for file in PAGE if file.read_text(encoding="utf-8") != before[file]]

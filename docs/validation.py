@@ -25,10 +25,9 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import Estimate
 from epuck_sim.figures.labels import format_axis_values
 from epuck_sim.figures.style import COLUMN_CM, choose_looks, style
-from epuck_sim.statistics.comparison import holm
-from epuck_sim.statistics.mean import mean_and_error
+from epuck_sim.statistics.comparison import contrast, holm, log_rank, log_rank_parts, mean_log_ratio, pair_up
 from epuck_sim.statistics.measured import Measured, measure_t_sync
-from epuck_sim.statistics.two_samples import contrast, log_rank, log_rank_parts, mean_log_ratio, pair_up
+from epuck_sim.statistics.statistic import mean_and_error
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.util.atomic_write import atomic_write
 
@@ -164,7 +163,7 @@ def compare_table(peer: Peer, points: Sequence[Compared]) -> Overall:
     shift = float(z.sum()) / math.sqrt(len(z))
     p_values = {"chi-square": float(stats.chi2.sf(chi_square, len(z))), "shift": float(2 * stats.norm.sf(abs(shift)))}
     means = [contrast(pair_up(each.theirs, each.ours)) for each in points]
-    ratio = mean_log_ratio([each for each in means if each.has_interval]).apply(math.exp)
+    ratio = mean_log_ratio(means).apply(math.exp)
     return Overall(peer, points, len(z), chi_square, ratio, p_values)
 
 

@@ -36,8 +36,6 @@ class Estimate(NamedTuple):
     """Number of trials that it is of; 0 where it is not of trials."""
     censored: float = 0.0
     """Share of these that is censored."""
-    note: str = ""
-    """What is to be said of it."""
 
     @property
     def has_interval(self) -> bool:
@@ -53,10 +51,6 @@ class Estimate(NamedTuple):
         """Return the estimate of a rising function of what is estimated."""
         value, low, high = map(function, self.ends)
         return self._replace(value=value, low=low, high=high)
-
-    def without_interval(self) -> "Estimate":
-        """Return the same value without an interval."""
-        return self._replace(low=math.nan, high=math.nan)
 
     def __str__(self) -> str:
         """Return the value and its interval in the digits that the interval leaves to them, three at most.

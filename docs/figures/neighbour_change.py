@@ -13,12 +13,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import read_points
+from epuck_sim.arrays import FloatArray
+from epuck_sim.estimate import Estimate
 from epuck_sim.figures.style import choose_looks
-from epuck_sim.replication.criteria import Drawn, Effect, Place, collapse, exponentiate, find_place, resampled
+from epuck_sim.replication.criteria import Effect, collapse, exponentiate, find_place, resampled
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import require_model
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
+from epuck_sim.statistics.extrema import Place
 
 SPEED = "agents.speed_cm_s"
 SPACES = {(2, "cyclic"): ", cyclic", (1, "bounded"): ", segment", (3, "bounded"): ", cube"}
@@ -44,9 +47,9 @@ class Line(NamedTuple):
         """Return the rate of neighbour change at the peak, interpolated."""
         assert self.peak is not None
         x, rows = np.log(self.times.x), np.log(self.rates.resampled)
-        value = np.exp(np.interp(np.log(self.peak.value), x, np.log(self.rates.values)))
+        value = np.exp(np.interp(np.log(self.peak.estimate.value), x, np.log(self.rates.values)))
         places = zip(np.log(self.peak.resampled), rows, strict=True)
-        return Place(float(value), np.array([np.exp(np.interp(at, x, row)) for at, row in places]))
+        return Place(Estimate(float(value)), np.array([np.exp(np.interp(at, x, row)) for at, row in places]))
 
     def time_at(self, rate: float) -> float:
         """Return T_sync at a rate of neighbour change, interpolated."""
@@ -83,19 +86,22 @@ def name_of(scenario: ParticleScenario) -> str:
     return name + SPACES.get((scenario.space.dimensions, scenario.space.boundary), "")
 
 
+def log_spreads(places: list[Place]) -> FloatArray:
+    """Return the standard deviation of the logarithms of places, and then that of each resample."""
+    rows = [[place.estimate.value, *place.resampled] for place in places]
+    return np.asarray(np.log(rows).std(axis=0, ddof=1))
+
+
 def spread_of(places: list[Place], trials: int) -> Effect:
     """Return the standard deviation of the logarithms of places, with the interval of resamples."""
-    logs = np.log([place.value for place in places])
-    rows = np.log(np.array([place.resampled for place in places]))
-    return resampled(float(logs.std(ddof=1)), rows.std(axis=0, ddof=1), trials - 1)
+    value, *rows = log_spreads(places)
+    return resampled(value, np.array(rows), trials - 1)
 
 
 def spread_ratio(over: list[Place], along: list[Place], trials: int) -> Effect:
     """Return how far some places are apart, over how far others are, in logarithms."""
-    pairs = [(np.log([p.value for p in each]), np.log(np.array([p.resampled for p in each]))) for each in (over, along)]
-    (one, ones), (other, others) = pairs
-    value = np.log(one.std(ddof=1) / other.std(ddof=1))
-    return exponentiate(resampled(float(value), np.log(ones.std(axis=0, ddof=1) / others.std(axis=0, ddof=1)), trials))
+    value, *rows = np.log(log_spreads(over) / log_spreads(along))
+    return exponentiate(resampled(value, np.array(rows), trials))
 
 
 def in_words(effect: Effect) -> str:
@@ -118,7 +124,7 @@ def write_numbers(lines: list[Line], trials: int) -> None:
         "those with a peak, in two dimensions": [line for line in peaked if line.dimensions == 2],
     }
     for name, group in groups.items():
-        apart = collapse([Drawn(line.times, line.rates) for line in group], trials)
+        apart = collapse([(line.times, line.rates) for line in group], trials)
         rows.append(f"distance of curves over the rate, relative to that over the speed, {name}: {in_words(apart)}")
     for name, group in list(groups.items())[1:]:
         rates, speeds = [line.rate_at_peak() for line in group], [line.peak for line in group if line.peak]
@@ -135,7 +141,7 @@ def write_numbers(lines: list[Line], trials: int) -> None:
 
 def _place(place: Place) -> str:
     low, high = np.nanpercentile(place.resampled, [2.5, 97.5])
-    return f"{place.value:.3g} ({low:.3g} to {high:.3g})"
+    return f"{place.estimate.value:.3g} ({low:.3g} to {high:.3g})"
 
 
 def write_table(lines: list[Line]) -> None:

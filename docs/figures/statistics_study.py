@@ -16,12 +16,12 @@ import numpy as np
 from scipy import stats
 
 from epuck_sim import read_points
+from epuck_sim.statistics.comparison import Pair, contrast, permute, studentised, welch
 from epuck_sim.statistics.extrema import find_minimum_and_peak
-from epuck_sim.statistics.mean import estimate_mean, resample_means
 from epuck_sim.statistics.measured import Measured, cut, measure_t_sync
 from epuck_sim.statistics.sequential import Precision, look_interval, look_sizes
+from epuck_sim.statistics.statistic import estimate_mean, resample_means
 from epuck_sim.statistics.survival import median_time, weibull_mean
-from epuck_sim.statistics.two_samples import Pair, contrast, permute, studentised, welch
 
 OUT = Path(__file__).parent
 LAWS: dict[str, Callable[[np.random.Generator, Any], Any]] = {

@@ -27,7 +27,7 @@ from epuck_sim.figures.style import choose_looks
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.mean import wilson_interval
+from epuck_sim.statistics.statistic import wilson_interval
 from epuck_sim.theory.predict import predict, predict_points, without_speed
 from epuck_sim.trial.model import run_trial
 

@@ -14,8 +14,8 @@ from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Te
 from epuck_sim.cli.errors import print_stderr
 from epuck_sim.cli.tables import describe_at_limit
 from epuck_sim.display.html import in_words
+from epuck_sim.runs.reader import FEW_TRIALS, PointAtLimit
 from epuck_sim.runs.records import SweepProgress
-from epuck_sim.runs.status import FEW_TRIALS, PointAtLimit
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.stop import StopSection
 from epuck_sim.sweep.worker import AtWork, never_returned

@@ -59,7 +59,7 @@ def replicate(
             typer.echo(f"{claim.id:4} {claim.section:12} {claim.claim}{'' if claim.checks else ' (no trials)'}")
         return
     from epuck_sim.replication.page import read_contents, write_replication
-    from epuck_sim.replication.sweeps import RunFolders, needed_sweeps, sweep_folder
+    from epuck_sim.replication.sweeps import Trials, needed_sweeps, sweep_folder
     from epuck_sim.sweep.cluster import DaskCluster
     from epuck_sim.sweep.executors import local_pool
 
@@ -68,7 +68,7 @@ def replicate(
     needed = needed_sweeps(known, chosen)
     folders = {name: sweep_folder(out, name) for name in needed}
     failed, undecided = _run_claims(chosen, needed, folders, open_pool, budget_s)
-    trials = RunFolders(folders)
+    trials = Trials(folders)
     contents = read_contents(known, chosen, needed, trials, out, file)
     page = write_replication(contents, trials, out)
     for answer in contents.answers:
@@ -94,7 +94,7 @@ def _run_claims(
         How many trials have failed, and a table of what is undecided within the budget.
     """
     from epuck_sim.cli.progress import SweepProgressBar
-    from epuck_sim.replication.looks import Decider, begun
+    from epuck_sim.replication.sweeps import Decider, begun
     from epuck_sim.sweep.run import run_sweep
 
     failed = dict.fromkeys(needed, 0)

@@ -265,7 +265,7 @@ def status(
     Of several folders, such as the shares of a sweep, a line each and their sum; as JSON, a list.
     """
     from epuck_sim.cli.tables import print_status, print_statuses
-    from epuck_sim.runs.status import read_status
+    from epuck_sim.runs.reader import read_status
 
     if len(folders) == 1:
         print_status(read_status(folders[0]), as_json)
@@ -284,8 +284,8 @@ def merge(
     Folders of another scenario, another controller or other versions are refused. `run WHOLE` runs what is missing.
     """
     from epuck_sim.cli.tables import print_status
+    from epuck_sim.runs.reader import read_status
     from epuck_sim.runs.share import merge_folders
-    from epuck_sim.runs.status import read_status
 
     merge_folders(folders, out)
     print_status(read_status(out), as_json)
@@ -294,7 +294,7 @@ def merge(
 @runs.command()
 def verify(folder: options.FolderArgument) -> None:
     """Look at every file of FOLDER, and say whether it is whole; exit code 1 if one is not. Nothing in it is run."""
-    from epuck_sim.runs.status import verify as verdicts
+    from epuck_sim.runs.reader import verify as verdicts
 
     found = verdicts(folder)
     for each in found:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # or a trial would wait for OpenCV and scipy
     from epuck_sim.overhead.compare import QuantityComparison
     from epuck_sim.overhead.robots import Robots
     from epuck_sim.overhead.track import Track
-    from epuck_sim.runs.status import PointAtLimit, Status
+    from epuck_sim.runs.reader import PointAtLimit, Status
 
 
 def show(tables: Sequence[Table], found: Any, *, as_json: bool, as_csv: bool = False) -> None:

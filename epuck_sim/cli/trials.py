@@ -16,8 +16,8 @@ from epuck_sim.cli.tables import print_json, print_status, print_trials
 from epuck_sim.errors import ScenarioError
 from epuck_sim.recording import Level
 from epuck_sim.runs.folder import DATABASE
+from epuck_sim.runs.reader import read_outcome, read_status
 from epuck_sim.runs.share import Share
-from epuck_sim.runs.status import read_outcome, read_status
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import Point, points

@@ -22,7 +22,7 @@ from epuck_sim.page.settings import Setting, Value, values_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario, robots_like
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.statistics.mean import student_quantile
+from epuck_sim.statistics.statistic import student_quantile
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
 WEB = Path(__file__).parent / "web"

@@ -93,8 +93,6 @@ TESTS: Mapping[str, Test] = MappingProxyType(
 )
 """All tests; `verdicts.EFFECTS` has what they find."""
 
-PREDICTIONS = ("above", "below", "within", "rises")
-
 
 class Check(ConfigModel):
     """A test of a claim, with one of its predictions, and the keys that it takes."""
@@ -137,7 +135,7 @@ class Check(ConfigModel):
                 raise ValueError(f"{key} is missing; {self.test} takes {comma_list([*takes])}")
             if is_given and key not in ("test", "above", "below", "within", *takes, *others, *rises):
                 raise ValueError(f"unknown key {key!r}; {self.test} takes {comma_list([*takes, *others])}")
-        if sum(getattr(self, key) is not None for key in PREDICTIONS) != 1:
+        if sum(getattr(self, key) is not None for key in ("above", "below", "within", "rises")) != 1:
             raise ValueError("give one of above, below and within")
         if self.within is not None and self.within[0] >= self.within[1]:
             raise ValueError("within: the first number must be the lower one")

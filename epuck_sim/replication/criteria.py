@@ -12,15 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
-from scipy.special import bdtr, bdtrc, stdtr, stdtrit
+from scipy.special import bdtr, bdtrc, stdtr
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
+from epuck_sim.statistics import statistic
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.extrema import find_fast_speed, search_extrema
-from epuck_sim.statistics.mean import MeanError, mean_and_error, student_estimate, wilson_interval
-from epuck_sim.statistics.mean import share_difference as estimate_difference
+from epuck_sim.statistics.extrema import Place, find_fast_speed, search_extrema
 from epuck_sim.statistics.measured import Measured, cut
+from epuck_sim.statistics.statistic import MeanError, estimate_share, mean_and_error, student_estimate
 from epuck_sim.statistics.survival import weibull_mean
 
 RESAMPLES = 200  # of a ratio of estimators
@@ -33,9 +33,6 @@ LAWS = {"Weibull": stats.weibull_min, "gamma": stats.gamma, "log-normal": stats.
 
 FITTED_TRIALS = 20  # fewest of a point whose distribution is fitted
 FITTED_VALUES = 6  # fewest that these have: T_sync of a few cycles is too coarse to tell distributions apart
-
-COLUMNS = ("V_m", "T_m", "V_p", "T_p")
-"""Places of a minimum and a peak, as in the resamples of `SpeedExtrema`."""
 
 
 class Effect(NamedTuple):
@@ -61,6 +58,10 @@ def student(value: float, error: float, freedom: float) -> Effect:
     )
 
 
+NOTHING = student(math.nan, 0.0, 0)
+"""Effect of which nothing is known."""
+
+
 def exponentiate(effect: Effect) -> Effect:
     """Return the effect whose logarithm is given; its thresholds are above 0."""
     return Effect(
@@ -74,26 +75,6 @@ def resampled(value: float, values: FloatArray, freedom: float) -> Effect:
     """Return a value whose error is the standard deviation of its resamples, (B,), of which some may be NaN."""
     known = values[np.isfinite(values)]
     return student(value, float(known.std(ddof=1)) if len(known) > 1 else 0.0, freedom)
-
-
-def share_effect(successes: int, trials: int) -> Effect:
-    """Return a share with Wilson's interval; the p-values are those of the exact binomial test."""
-    share = successes / trials if trials else math.nan
-    if trials < MIN_TRIALS:
-        return Effect(Estimate(share), lambda _: 1.0, lambda _: 1.0)
-    return Effect(
-        Estimate(share, *wilson_interval(share, trials)),
-        lambda threshold: float(bdtrc(successes - 1, trials, threshold)) if successes else 1.0,
-        lambda threshold: float(bdtr(successes, trials, threshold)),
-    )
-
-
-def restrict(samples: Sequence[Measured]) -> list[Measured]:
-    """Return samples cut at the lowest of their horizons, if trials of any are censored: then their means compare."""
-    if all(each.observed.all() for each in samples):
-        return list(samples)
-    horizon = min(each.horizon for each in samples)
-    return [cut(each, horizon) for each in samples]
 
 
 def mean_with_error(measured: Measured) -> MeanError:
@@ -118,8 +99,21 @@ def level(sample: Measured) -> Effect:
 
 
 def share(sample: Measured) -> Effect:
-    """Return the share of trials that are synchronised within the limit, or in which a truth value is true."""
-    return share_effect(int(_truths(sample).values.sum()), len(sample.values))
+    """Return the share of trials that are synchronised within the limit, or in which a truth value is true.
+
+    The interval is Wilson's; the p-values are those of the exact binomial test.
+    """
+    truths, trials = _truths(sample), len(sample.values)
+    if not trials:
+        return NOTHING
+    found, true = estimate_share(truths), int(truths.values.sum())
+    if trials < MIN_TRIALS:
+        return student(found.value, 0.0, 0)
+    return Effect(
+        found,
+        lambda threshold: float(bdtrc(true - 1, trials, threshold)) if true else 1.0,
+        lambda threshold: float(bdtr(true, trials, threshold)),
+    )
 
 
 def share_difference(first: Measured, second: Measured) -> Effect:
@@ -127,10 +121,10 @@ def share_difference(first: Measured, second: Measured) -> Effect:
     one, other = _truths(first), _truths(second)
     sizes, true = (len(one.values), len(other.values)), int(other.values.sum())
     if min(sizes) < MIN_TRIALS:
-        return student(math.nan, 0.0, 0)
+        return NOTHING
     chance = stats.hypergeom(sum(sizes), true + int(one.values.sum()), sizes[1])
     return Effect(
-        estimate_difference(one, other),
+        statistic.share_difference(one, other),
         lambda _: float(chance.sf(true - 1)),
         lambda _: float(chance.cdf(true)),
     )
@@ -143,12 +137,7 @@ def _truths(sample: Measured) -> Measured:
 
 def ratio(pairs: Sequence[tuple[Measured, Measured]]) -> Effect:
     """Return the geometric mean, over pairs of points, of the second mean over the first; each pair counts alike."""
-    means = [mean_with_error(each) for pair in pairs for each in pair]
-    if not _have_logs(means):
-        return student(math.nan, 0.0, 0)
-    logs = [math.log(each.mean) for each in means]
-    value = (sum(logs[1::2]) - sum(logs[::2])) / len(pairs)
-    return exponentiate(student(value, *_log_error(means, len(pairs))))
+    return exponentiate(student(*_log_ratio([mean_with_error(each) for pair in pairs for each in pair])))
 
 
 def largest_rise(curves: Sequence[Sequence[Measured]]) -> Effect:
@@ -158,36 +147,20 @@ def largest_rise(curves: Sequence[Sequence[Measured]]) -> Effect:
     It is above one if any ratio is: the p-value is the least, times the number of ratios (Bonferroni). The ends of the
     interval are the largest of those of all ratios, where the lower ones are corrected for their number.
     """
-    logs = [_log_ratio(first, later) for curve in curves for first, later in combinations(_means(curve), 2)]
-    if not logs or any(math.isnan(each.estimate.low) for each, _, _ in logs):
-        value = max((each.estimate.value for each, _, _ in logs), default=math.nan)
-        return exponentiate(student(value, 0.0, 0))
-    effects, errors, freedoms = zip(*logs, strict=True)
-    chance = (1 - LEVEL) / 2 / len(logs)
-    lows = [
-        effect.estimate.value + float(stdtrit(freedom, chance)) * error
-        for effect, error, freedom in zip(effects, errors, freedoms, strict=True)
-    ]
-    highest = Estimate(
-        max(each.estimate.value for each in effects), max(lows), max(each.estimate.high for each in effects)
-    )
+    rises = [_log_ratio(pair) for curve in curves for pair in combinations(map(mean_with_error, curve), 2)]
+    largest = max((value for value, *_ in rises), default=math.nan)
+    if not all(error > 0 for _, error, _ in rises) or not rises:
+        return exponentiate(student(largest, 0.0, 0))
+    effects = [student(*each) for each in rises]
+    corrected = 1 - (1 - LEVEL) / len(rises)
+    low = max(student_estimate(*each, corrected).low for each in rises)
     return exponentiate(
         Effect(
-            highest,
+            Estimate(largest, low, max(each.estimate.high for each in effects)),
             lambda threshold: min(1.0, len(effects) * min(each.p_above(threshold) for each in effects)),
             lambda threshold: max(each.p_below(threshold) for each in effects),
         )
     )
-
-
-def power_exponent(x: FloatArray, samples: Sequence[Measured]) -> Effect:
-    """Return the exponent of the power of x, (S,), that fits the means of S points best, in logarithms."""
-    return _slope(np.log(x), samples)
-
-
-def exponential_rate(x: FloatArray, samples: Sequence[Measured]) -> Effect:
-    """Return the rate c of the exponential exp(c x) that fits the means of S points best, in logarithms; x is (S,)."""
-    return _slope(np.asarray(x, float), samples)
 
 
 def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray, freedom: int) -> Effect:
@@ -199,46 +172,39 @@ def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray, freedom:
     weights = 1 / errors**2
     away = x - np.average(x, weights=weights)
     spread = float(weights @ away**2)
-    slope = float(weights @ (away * logs)) / spread
-    deviations = logs - np.average(logs, weights=weights) - slope * away
+    found = float(weights @ (away * logs)) / spread
+    deviations = logs - np.average(logs, weights=weights) - found * away
     misfit = float(weights @ deviations**2) / (len(x) - 2)
-    found = student(slope, math.sqrt(max(misfit, 1.0) / spread), freedom if misfit <= 1 else len(x) - 2)
-    return found._replace(is_scattered=misfit > SCATTERED)
+    effect = student(found, math.sqrt(max(misfit, 1.0) / spread), freedom if misfit <= 1 else len(x) - 2)
+    return effect._replace(is_scattered=misfit > SCATTERED)
 
 
-def _slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
-    means = _means(samples)
+def slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
+    """Return the slope over x, (S,), of the line that fits the logarithms of the means of S points best."""
+    means = [mean_with_error(each) for each in samples]
     if len(means) < MIN_POINTS or not _have_logs(means) or min(each.error for each in means) == 0:
-        return student(math.nan, 0.0, 0)
+        return NOTHING
     errors = np.array([each.error / each.mean for each in means])
     return weighted_slope(x, np.log([each.mean for each in means]), errors, len(means) - 2)
-
-
-def _means(samples: Sequence[Measured]) -> list[MeanError]:
-    return [mean_with_error(each) for each in samples]
 
 
 def _have_logs(means: Sequence[MeanError]) -> bool:
     return all(each.mean > 0 for each in means)  # and so no NaN
 
 
-def _log_error(means: Sequence[MeanError], pairs: int) -> tuple[float, float]:
-    """Return the error of a mean of log ratios, and its degrees of freedom: those of the mean that has the fewest.
+def _log_ratio(means: Sequence[MeanError]) -> tuple[float, float, float]:
+    """Return the mean over pairs of the logarithm of the second mean over the first, its error and its freedom.
 
-    Welch's, which are more, find too much in the far tail: of 20 exponential times, 3.7e-4 where 2.0e-4 is nominal,
-    and the fewest 1.5e-4. The error is 0 where any mean is known without one, as nothing is known of its scatter.
+    The freedom is that of the mean that has the least: Welch's, which is more, finds too much in the far tail: of 20
+    exponential times, 3.7e-4 where 2.0e-4 is nominal, and the least 1.5e-4. The error is 0 where any mean is known
+    without one, as nothing is known of its scatter.
     """
-    if any(each.error == 0 for each in means):
-        return 0.0, 0
-    return math.hypot(*(each.error / each.mean for each in means)) / pairs, min(each.freedom for each in means)
-
-
-def _log_ratio(first: MeanError, second: MeanError) -> tuple[Effect, float, float]:
-    """Return the logarithm of the second mean over the first, its error and the degrees of freedom of that."""
-    if not _have_logs((first, second)):
-        return student(math.nan, 0.0, 0), 0.0, 0.0
-    error, freedom = _log_error((first, second), 1)
-    return student(math.log(second.mean / first.mean), error, freedom), error, freedom
+    if not _have_logs(means):
+        return math.nan, 0.0, 0
+    logs, pairs = [math.log(each.mean) for each in means], len(means) / 2
+    error = math.hypot(*(each.error / each.mean for each in means)) / pairs
+    is_known = all(each.error > 0 for each in means)
+    return (sum(logs[1::2]) - sum(logs[::2])) / pairs, error * is_known, min(each.freedom for each in means)
 
 
 def superiority(first: Measured, second: Measured) -> Effect:
@@ -249,7 +215,7 @@ def superiority(first: Measured, second: Measured) -> Effect:
     """
     sizes = len(first.values), len(second.values)
     if min(sizes) < MIN_TRIALS:
-        return student(math.nan, 0.0, 0)
+        return NOTHING
     ranks = stats.rankdata(np.concatenate([first.values, second.values]))
     own = ranks[: sizes[0]], ranks[sizes[0] :]
     value = float((own[1].mean() - own[0].mean()) / sum(sizes)) + 0.5
@@ -269,7 +235,7 @@ def rank_trend(x: FloatArray, samples: Sequence[Measured]) -> Effect:
     places = np.repeat(x, [len(each.values) for each in samples])
     values = np.concatenate([each.values for each in samples])
     if len(samples) < 2 or len(values) < 2 * MIN_TRIALS or len(np.unique(values)) == 1:
-        return student(math.nan, 0.0, 0)
+        return NOTHING
     rho = float(stats.spearmanr(places, values).statistic)
     error = math.sqrt((1 + rho**2 / 2) / (len(values) - 3))
     transformed = student(math.atanh(rho), error, len(values) - 2)
@@ -287,24 +253,17 @@ def likelier(samples: Sequence[Measured], law: str, than: str) -> Effect:
     a case of the other. Points with censored trials, with fewer than `FITTED_TRIALS` trials or with fewer than
     `FITTED_VALUES` values are left out.
     """
-    gains = [_gains(each.values, law, than) for each in samples if _can_be_fitted(each)]
+    gains = []
+    for each in samples:
+        values, is_known = each.values, each.observed.all() and (each.values > 0).all()
+        if is_known and len(values) >= FITTED_TRIALS and len(np.unique(values)) >= FITTED_VALUES:
+            one, other = (LAWS[name].logpdf(values, *LAWS[name].fit(values, floc=0)) for name in (law, than))
+            gains.append(one - other)
     trials = sum(map(len, gains))
     if not trials:
-        return student(math.nan, 0.0, 0)
+        return NOTHING
     spread = sum(float(each.var(ddof=1)) * len(each) for each in gains)
     return student(float(np.concatenate(gains).mean()), math.sqrt(spread) / trials, trials - len(gains))
-
-
-def _can_be_fitted(sample: Measured) -> bool:
-    values = sample.values
-    enough = len(values) >= FITTED_TRIALS and len(np.unique(values)) >= FITTED_VALUES
-    return enough and bool(sample.observed.all()) and bool((values > 0).all())
-
-
-def _gains(values: FloatArray, law: str, than: str) -> FloatArray:
-    """Return the logarithm of the ratio of the two fitted densities at each value, (n,)."""
-    one, other = (LAWS[name].logpdf(values, *LAWS[name].fit(values, floc=0)) for name in (law, than))
-    return np.asarray(one - other)
 
 
 def weibull_ratio(sample: Measured, limit: float) -> Effect:
@@ -313,7 +272,7 @@ def weibull_ratio(sample: Measured, limit: float) -> Effect:
     The error is that of resamples; nothing is known where trials are censored, or too few.
     """
     if len(sample.values) < MIN_TRIALS or not sample.observed.all():
-        return student(math.nan, 0.0, 0)
+        return NOTHING
 
     def log_ratio(values: FloatArray) -> float:
         seen = cut(sample._replace(values=values), limit)
@@ -324,23 +283,9 @@ def weibull_ratio(sample: Measured, limit: float) -> Effect:
     return exponentiate(resampled(log_ratio(sample.values), np.array(resamples), len(sample.values) - 1))
 
 
-class Place(NamedTuple):
-    """A place on a curve."""
-
-    value: float
-    resampled: FloatArray  # (B,) that of the resamples; NaN where they have none
-
-
 def find_place(curve: Curve, name: str) -> Place | None:
     """Return a place of a curve of T_sync over speed; None if it has none beyond noise, or with too few trials."""
-    if name == "V_f":
-        found = find_fast_speed(curve)
-        return found and Place(found[0].value, found[1])
-    extrema = search_extrema(curve).extrema
-    if extrema is None or not extrema.is_found:
-        return None
-    column = COLUMNS.index(name)
-    return Place(float(extrema[column]), extrema.resampled[:, column])
+    return find_fast_speed(curve) if name == "V_f" else search_extrema(curve).places.get(name)
 
 
 def place_exponent(x: FloatArray, places: Sequence[Place | None], trials: int) -> Effect:
@@ -351,33 +296,30 @@ def place_exponent(x: FloatArray, places: Sequence[Place | None], trials: int) -
     """
     known = [(float(at), place) for at, place in zip(x, places, strict=True) if place is not None]
     if len(known) < MIN_POINTS:
-        return student(math.nan, 0.0, 0)
+        return NOTHING
     errors = np.array([np.nanstd(np.log(place.resampled), ddof=1) for _, place in known])
     if not (errors > 0).all():
-        return student(math.nan, 0.0, 0)
-    logs = np.log([place.value for _, place in known])
+        return NOTHING
+    logs = np.log([place.estimate.value for _, place in known])
     return weighted_slope(np.log([at for at, _ in known]), logs, errors, trials - 1)
 
 
-class Drawn(NamedTuple):
-    """A curve, and what it is drawn over instead of its axis."""
-
-    curve: Curve
-    instead: Curve  # the other quantity at the same points
-
-
-def collapse(drawn: Sequence[Drawn], trials: int) -> Effect:
+def collapse(drawn: Sequence[tuple[Curve, Curve]], trials: int) -> Effect:
     """Return how far curves are apart over another quantity, over how far they are apart along their axis.
 
     It is 0 where they are one curve over the other quantity, and 1 where that does no better than the axis. The error
     is that of resamples of so many trials a point.
+
+    Args:
+        drawn: Each curve with that of the other quantity at the same points.
+        trials: Number of trials a point.
     """
     if len(drawn) < 2:
-        return student(math.nan, 0.0, 0)
-    courses = [(np.log(each.curve.x), _log_rows(each.instead), _log_rows(each.curve)) for each in drawn]
+        return NOTHING
+    courses = [(np.log(curve.x), _log_rows(instead), _log_rows(curve)) for curve, instead in drawn]
     rows = range(min(len(y) for *_, y in courses))
-    along = np.array([spread([Course(x, y[row]) for x, _, y in courses]) for row in rows])
-    over = np.array([spread([Course(instead[row], y[row]) for _, instead, y in courses]) for row in rows])
+    along = np.array([spread([(x, y[row]) for x, _, y in courses]) for row in rows])
+    over = np.array([spread([(instead[row], y[row]) for _, instead, y in courses]) for row in rows])
     ratios = np.log(over / along)
     return exponentiate(resampled(float(ratios[0]), ratios[1:], trials - 1))
 
@@ -388,33 +330,22 @@ def _log_rows(curve: Curve) -> FloatArray:
         return np.asarray(np.log(np.vstack([curve.values, curve.resampled])))
 
 
-class Course(NamedTuple):
-    """A curve through S points, in logarithms."""
-
-    x: FloatArray  # (S,) what it is drawn over, in any order
-    y: FloatArray  # (S,) what is drawn
-
-
-def spread(courses: Sequence[Course]) -> float:
+def spread(courses: Sequence[tuple[FloatArray, FloatArray]]) -> float:
     """Return how far curves are apart where they are drawn over each other: the root of their mean variance about it.
 
-    Curves are interpolated, and compared at places equally far apart in the logarithm; those that only one curve
-    reaches do not count, nor do points whose x is infinite. It is 0 where all curves are one; NaN where no two share a
-    place.
+    A curve is what it is drawn over, in any order, and what is drawn, both (S,) and in logarithms. Curves are
+    interpolated, and compared at places equally far apart in the logarithm; those that only one curve reaches do not
+    count, nor do points whose x is infinite. It is 0 where all curves are one; NaN where no two share a place.
     """
-    courses = [Course(each.x[known], each.y[known]) for each in courses if (known := np.isfinite(each.x)).any()]
+    courses = [(x[known], y[known]) for x, y in courses if (known := np.isfinite(x)).any()]
     if len(courses) < 2:
-        return float("nan")
-    lowest, highest = min(each.x.min() for each in courses), max(each.x.max() for each in courses)
-    grid = np.linspace(lowest, highest, GRID_POINTS)
-    heights = np.array([_interpolate(each, grid) for each in courses])
-    reach = np.isfinite(heights)
-    shared = reach.sum(axis=0) > 1
+        return math.nan
+    ends = np.concatenate([x for x, _ in courses])
+    grid, heights = np.linspace(ends.min(), ends.max(), GRID_POINTS), []
+    for x, y in courses:
+        order = np.argsort(x, kind="stable")
+        heights.append(np.interp(grid, x[order], y[order], left=np.nan, right=np.nan))
+    shared = np.isfinite(heights).sum(axis=0) > 1
     if not shared.any():
-        return float("nan")
-    return float(np.sqrt(np.nanvar(heights[:, shared], axis=0, ddof=1).mean()))
-
-
-def _interpolate(course: Course, grid: FloatArray) -> FloatArray:
-    order = np.argsort(course.x, kind="stable")
-    return np.interp(grid, course.x[order], course.y[order], left=np.nan, right=np.nan)
+        return math.nan
+    return float(np.sqrt(np.nanvar(np.array(heights)[:, shared], axis=0, ddof=1).mean()))

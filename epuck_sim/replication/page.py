@@ -18,8 +18,7 @@ from epuck_sim.figures import plot
 from epuck_sim.figures.labels import format_axis_values, key_name
 from epuck_sim.figures.style import style
 from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
-from epuck_sim.replication.looks import counted_looks
-from epuck_sim.replication.sweeps import Effort, Trials, check_claim
+from epuck_sim.replication.sweeps import Trials, check_claim, counted_looks
 from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, points_at, reduction
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, choose_axis
@@ -48,20 +47,13 @@ RULES = (
 EXPLAINED = (Verdict.CONTRADICTED, Verdict.UNDECIDED, Verdict.READING)
 
 
-class Asked(NamedTuple):
-    """A sweep that was asked."""
-
-    points: Sequence[PointTrials]
-    effort: Effort
-
-
 class Contents(NamedTuple):
     """Everything on the page."""
 
     folder: Path  # of the replication, as it was given
-    chosen: Sequence[Claim]
-    answers: list[Answer]
-    sweeps: dict[str, Asked]  # the sweeps that were asked
+    answers: list[Answer]  # those of the chosen claims
+    sweeps: Mapping[str, tuple[Sequence[PointTrials], float, int]]
+    """The sweeps that were asked: points, computing time, s, and number of trials that failed."""
     claims: Claims  # the file of claims
     looks: int  # most looks at a sweep; 1 if no sweep has more trials than its scenario
     file: Path | None = None  # the file of claims, if they are not the thesis's
@@ -69,7 +61,7 @@ class Contents(NamedTuple):
     @property
     def has_all(self) -> bool:
         """Whether all claims were chosen."""
-        return len(self.chosen) == len(self.claims.claims)
+        return len(self.answers) == len(self.claims.claims)
 
 
 def read_contents(
@@ -86,11 +78,11 @@ def read_contents(
         StoreError: A run folder is missing or damaged.
     """
     findings = [(claim, check_claim(claim, trials)) for claim in chosen]
-    sweeps = {name: Asked(trials.read(name), trials.effort(name)) for name in trials.sweeps}
+    sweeps = {name: (trials.read(name), *trials.effort(name)) for name in trials.folders}
     looks = counted_looks(
-        (scenarios[name], max(len(point.times) for point in asked.points)) for name, asked in sweeps.items()
+        (scenarios[name], max(len(point.times) for point in points)) for name, (points, *_) in sweeps.items()
     )
-    return Contents(folder, chosen, judge_claims(findings, looks), sweeps, claims, looks, file)
+    return Contents(folder, judge_claims(findings, looks), sweeps, claims, looks, file)
 
 
 def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
@@ -110,7 +102,7 @@ def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
         if claim.sweep in contents.sweeps and draw_claim(answer, trials, folder / path):
             pictures[claim.id] = path
     stem = ALL if contents.has_all else SOME
-    made = {"claims": claim_table(contents), "tests": check_table(contents), "sweeps": sweep_table(contents)}
+    made = make_tables(contents)
     files = {name: f"{stem}.csv" if name == "claims" else f"{stem}-{name}.csv" for name in made}
     links = {name: files[name] for name, table in made.items() if table.rows}
     texts = {file: made[name].to_csv() for name, file in links.items()}
@@ -135,7 +127,7 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
 
     Relative paths of figures are given by their claims' ids, those of tables by what their rows are.
     """
-    names = [] if contents.has_all else [claim.id for claim in contents.chosen]
+    names = [] if contents.has_all else [answer.claim.id for answer in contents.answers]
     file = contents.file
     asked = [] if file is None else [f"--claims {file}"]
     command = " ".join(["epuck-sim replicate", *names, *asked, f"--out {contents.folder}"])
@@ -204,7 +196,10 @@ def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
     claim = answer.claim
     yield f"### {claim.id}"
     decisive = _decisive(answer)
-    lines = [f"- {_found(place, judged)}" for place, judged in enumerate(decisive[:MOST_TESTS])]
+    lines: list[str] = []
+    for judged in decisive[:MOST_TESTS]:
+        check, found = judged.tested.check, judged.tested.effect.estimate
+        lines.append(f"- {describe_check(check)}{f': {found} ({_predicted(check)})' if lines else ''}")
     if left := len(decisive) - len(lines):
         lines.append(f"- and {left} more, which are in the table of tests")
     yield escaped("\n".join(lines))
@@ -215,30 +210,25 @@ def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
             yield escaped(f"{heading} {text}")
 
 
-def _found(place: int, judged: Judged) -> str:
-    """Return what a test looks at, and what it finds, but for the first, whose number is in the table."""
-    check = judged.tested.check
-    found = f": {judged.tested.effect.estimate} ({_predicted(check)})" if place else ""
-    return f"{describe_check(check)}{found}"
+def make_tables(contents: Contents) -> dict[str, Table]:
+    """Return the tables beside the page, with a row for each claim, each test, and each sweep that was asked."""
+    cells = {
+        "claims": [
+            {**answer.claim.model_dump(exclude={"checks"}), "verdict": answer.verdict.value}
+            for answer in contents.answers
+        ],
+        "tests": [_test_cells(answer.claim, judged) for answer in contents.answers for judged in answer.checks],
+        "sweeps": [_sweep_cells(name, *asked) for name, asked in contents.sweeps.items()],
+    }
+    return {name: Table(name, [Row({}, each) for each in rows]) for name, rows in cells.items()}
 
 
-def claim_table(contents: Contents) -> Table:
-    """Return a row for each claim, with its texts by their keys in files of claims, and its verdict."""
-    texts = ((answer.claim.model_dump(exclude={"checks"}), answer.verdict) for answer in contents.answers)
-    return Table("claims", [Row({}, {**text, "verdict": verdict.value}) for text, verdict in texts])
-
-
-def check_table(contents: Contents) -> Table:
-    """Return a row for each test: what it looks at, what was predicted, and what it finds."""
-    each = ((answer.claim.id, judged) for answer in contents.answers for judged in answer.checks)
-    return Table("tests", [Row({}, {"claim": name, **_check_cells(judged)}) for name, judged in each])
-
-
-def _check_cells(judged: Judged) -> dict[str, object]:
+def _test_cells(claim: Claim, judged: Judged) -> dict[str, object]:
     tested = judged.tested
     low, high = tested.check.predicted
     is_exact = tested.check.test == "formula"
     return {
+        "claim": claim.id,
         "test": describe_check(tested.check),
         "ours": tested.effect.estimate,
         "predicted_above": low,
@@ -252,24 +242,19 @@ def _check_cells(judged: Judged) -> dict[str, object]:
     }
 
 
-def _sweep_cells(name: str, asked: Asked) -> dict[str, object]:
-    stored = sum(len(point.times) for point in asked.points)
-    has_t_sync = any(point.has_t_sync for point in asked.points)
+def _sweep_cells(name: str, points: Sequence[PointTrials], wall_s: float, failed: int) -> dict[str, object]:
+    stored = sum(len(point.times) for point in points)
+    has_t_sync = any(point.has_t_sync for point in points)
     return {
         "sweep": name,
-        "points": len(asked.points),
-        "trials": stored + asked.effort.failed,
+        "points": len(points),
+        "trials": stored + failed,
         "stored": stored,
-        "censored": sum(int((~point.observed).sum()) for point in asked.points) if has_t_sync else None,
-        "failed": asked.effort.failed,
-        "limit_of_cycles": asked.points[0].scenario.stop.max_cycles,
-        "time_of_trials": in_words(asked.effort.wall_s),
+        "censored": sum(int((~point.observed).sum()) for point in points) if has_t_sync else None,
+        "failed": failed,
+        "limit_of_cycles": points[0].scenario.stop.max_cycles,
+        "time_of_trials": in_words(wall_s),
     }
-
-
-def sweep_table(contents: Contents) -> Table:
-    """Return a row for each sweep that was asked: its trials, and the time they took."""
-    return Table("sweeps", [Row({}, _sweep_cells(name, each)) for name, each in contents.sweeps.items()])
 
 
 def describe_check(check: Check) -> str:

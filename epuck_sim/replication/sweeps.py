@@ -1,19 +1,43 @@
-"""The sweeps of claims: their scenarios and their trials."""
+"""The sweeps of claims: their scenarios and their trials, which are added until each claim is decided.
 
-from collections.abc import Collection, Mapping, Sequence
+A sweep is looked at when it has the trials of its scenario, and whenever it has half as many more, `LOOKS` times at
+most. Each p-value is that of a decision at any of these looks (`looks_p_value`), and these are corrected by Holm's
+method: so the level of a page holds whatever made trials be added, or looks end.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
+from scipy.stats import norm
+
+from epuck_sim.display.html import in_words
+from epuck_sim.display.table import Row, Table
 from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.estimate import LEVEL
 from epuck_sim.replication.claims import Check, Claim, Claims
-from epuck_sim.replication.verdicts import Finding, chosen_points, run_check, taken
-from epuck_sim.runs.reader import PointTrials, read_points
-from epuck_sim.runs.status import read_status
+from epuck_sim.replication.verdicts import (
+    Answer,
+    Finding,
+    Judged,
+    Verdict,
+    chosen_points,
+    judge_claims,
+    p_values,
+    run_check,
+    taken,
+)
+from epuck_sim.runs.compatibility import read_stored_points
+from epuck_sim.runs.database import reading
+from epuck_sim.runs.folder import DATABASE
+from epuck_sim.runs.reader import PointTrials, read_points, read_status
 from epuck_sim.scenario.keys import merge, without_quick
 from epuck_sim.scenario.loader import find_scenario, from_keys
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import read_yaml
+from epuck_sim.statistics.sequential import look_boundary, relative_sizes
 
 
 def sweep_scenario(claims: Claims, name: str) -> Scenario:
@@ -54,41 +78,12 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim]) -> dict[str, Scenario
     return scenarios
 
 
-class Effort(NamedTuple):
-    """What the trials of a sweep have taken."""
-
-    wall_s: float  # computing time of all trials together
-    failed: int  # trials
-
-
-class Trials(Protocol):
-    """The trials of claims' sweeps, wherever they are stored."""
-
-    @property
-    def sweeps(self) -> Collection[str]:
-        """Names of the sweeps."""
-        ...
-
-    def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
-        """Return the points of a sweep, with what a check takes of their measure."""
-        ...
-
-    def effort(self, sweep: str) -> Effort:
-        """Return what the trials of a sweep have taken."""
-        ...
-
-
-class RunFolders:
-    """Trials in run folders."""
+class Trials:
+    """The trials of claims' sweeps, in run folders."""
 
     def __init__(self, folders: Mapping[str, Path]) -> None:
         """Take the run folder of each sweep."""
-        self._folders = folders
-
-    @property
-    def sweeps(self) -> Collection[str]:
-        """Names of the sweeps."""
-        return self._folders.keys()
+        self.folders = folders
 
     def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
         """Return the points of a sweep, with what a check takes of their measure.
@@ -97,16 +92,160 @@ class RunFolders:
             StoreError: The run folder is missing or damaged.
         """
         if check is None:
-            return read_points(self._folders[sweep])
-        return taken(check, read_points(self._folders[sweep], check.of))
+            return read_points(self.folders[sweep])
+        return taken(check, read_points(self.folders[sweep], check.of))
 
-    def effort(self, sweep: str) -> Effort:
-        """Return what the trials of a sweep have taken."""
-        status = read_status(self._folders[sweep])
-        return Effort(status.wall_s, len(status.failed))
+    def effort(self, sweep: str) -> tuple[float, int]:
+        """Return the computing time of a sweep's trials together, s, and the number of those that failed."""
+        status = read_status(self.folders[sweep])
+        return status.wall_s, len(status.failed)
 
 
 def check_claim(claim: Claim, trials: Trials) -> list[Finding]:
     """Run the checks of a claim on the trials that are stored."""
     asked = ((check, claim.sweep if check.test != "formula" else None) for check in claim.checks)
     return [run_check(check, trials.read(sweep, check) if sweep else []) for check, sweep in asked]
+
+
+LOOKS = 8
+"""Largest number of looks at a sweep, at the last of which it has 17 times as many trials as at the first."""
+
+HOUR_S = 3600.0
+
+
+def trials_at_looks(first: int) -> list[int]:
+    """Return the numbers of trials of a point at which its sweep is looked at; its scenario has the first of them."""
+    return [math.ceil(first * size) for size in relative_sizes(LOOKS)]
+
+
+def begun(scenario: Scenario, folder: Path) -> Scenario:
+    """Return a sweep with the trials of the last look that was begun in its run folder, or else as it is."""
+    if not (folder / DATABASE).exists():
+        return scenario
+    return scenario.model_copy(update={"trials": max(scenario.trials, planned_trials(folder))})
+
+
+def planned_trials(folder: Path) -> int:
+    """Return how many trials the points of a run folder are for."""
+    with reading(folder) as connection:
+        return max(point.trials for point in read_stored_points(connection))
+
+
+def counted_looks(sweeps: Iterable[tuple[Scenario, int]]) -> int:
+    """Return how many looks count, of sweeps and the trials of their points: one if none has more than it asks."""
+    return LOOKS if any(trials > scenario.trials for scenario, trials in sweeps) else 1
+
+
+class NextLook(NamedTuple):
+    """A look at the claims of a sweep that would come next."""
+
+    sweep: str
+    scenario: Scenario
+    """The sweep with the trials of this look."""
+    cost_s: float
+    """Computing time of the trials that are missing, if they take as long as those that are stored."""
+    claims: dict[str, float]
+    """Computing time until each claim that is undecided is decided, if its effects stay as they are; inf for never."""
+
+
+class Decider:
+    """Adds trials to sweeps, one look after the other, as long as claims on them are undecided."""
+
+    def __init__(self, chosen: Sequence[Claim], scenarios: dict[str, Scenario], folders: dict[str, Path]) -> None:
+        """Take the claims, and the sweeps that they are asked of, whose trials are stored."""
+        self._scenarios, self._trials = scenarios, Trials(folders)
+        self._findings = {claim.id: (claim, check_claim(claim, self._trials)) for claim in chosen}
+
+    def answers(self) -> list[Answer]:
+        """Return the answers after the last looks."""
+        return judge_claims([*self._findings.values()], LOOKS)
+
+    def run(self, add: Callable[[str, Scenario], None], budget_s: float) -> Iterator[str]:
+        """Add trials until all is decided, no look is left, or none of which the cost is within the budget.
+
+        Args:
+            add: Runs the trials of a sweep that are missing.
+            budget_s: Computing time of all trials that are added, in s.
+
+        Yields:
+            What is to be said of each look: before it what it costs, after it what it has decided.
+        """
+        spent_s = 0.0
+        while looks := [look for look in self.next_looks() if look.cost_s <= budget_s - spent_s]:
+            look = looks[0]
+            yield f"{look.sweep}: {look.scenario.trials} trials a point, some {in_words(look.cost_s)} of computing"
+            before_s, _ = self._trials.effort(look.sweep)
+            add(look.sweep, look.scenario)
+            spent_s += self._trials.effort(look.sweep)[0] - before_s
+            for name, (claim, _) in self._findings.items():
+                if claim.sweep == look.sweep:
+                    self._findings[name] = claim, check_claim(claim, self._trials)
+            found = (each for each in self.answers() if each.claim.id in look.claims)
+            yield ", ".join(f"{each.claim.id} {each.verdict}" for each in found)
+
+    def next_looks(self) -> list[NextLook]:
+        """Return the next look at each sweep that has undecided claims, unless it was looked at as often as it may.
+
+        How many trials decide a claim follows from its effects: deviations from a threshold, in standard errors, grow
+        with the root of the number of trials. A sweep whose points scatter too much is not looked at for that claim.
+        """
+        answers = [each for each in self.answers() if each.verdict == Verdict.UNDECIDED]
+        tests = sum(judged.verdict == Verdict.UNDECIDED for each in answers for judged in each.checks)
+        found = []
+        for name, scenario in self._scenarios.items():
+            asked = [each for each in answers if each.claim.sweep == name and not _needs_points(each)]
+            folder = self._trials.folders[name]
+            status, now = read_status(folder), planned_trials(folder)
+            left = [trials for trials in trials_at_looks(scenario.trials) if trials > now]
+            if not left or not asked:
+                continue
+            trial_s = status.wall_s / max(status.stored, 1) * status.points  # one more trial of each point
+            needed = {each.claim.id: now * _growth_needed(each.checks, tests) for each in asked}
+            ends = {claim: next((size for size in left if size >= least), math.inf) for claim, least in needed.items()}
+            found.append(
+                NextLook(
+                    name,
+                    scenario.model_copy(update={"trials": left[0]}),
+                    (left[0] - now) * trial_s,
+                    {claim: (end - now) * trial_s for claim, end in ends.items()},
+                )
+            )
+        return sorted(found, key=lambda look: (min(look.claims.values()), look.cost_s))
+
+    def table(self) -> Table:
+        """Return what is undecided, and what it would take."""
+        looks, rows = self.next_looks(), []
+        for look in looks:
+            for claim, cost_s in look.claims.items():
+                until = in_words(cost_s) if math.isfinite(cost_s) else f"more than {LOOKS} looks"
+                cells = {"trials": look.scenario.trials, "next_look": in_words(look.cost_s), "until": until}
+                rows.append(Row({"claim": claim}, {"sweep": look.sweep, **cells}))
+        title = "Undecided, with the computing time of the next look, and of all until a verdict if effects stay"
+        headings = {"trials": "trials at the next look", "next_look": "its time", "until": "until decided"}
+        near = [claim for look in looks for claim, cost_s in look.claims.items() if cost_s <= HOUR_S]
+        hour = f"An hour of computing would decide each of {', '.join(near)}."
+        scattered = ", ".join(each.claim.id for each in self.answers() if _needs_points(each))
+        points = f"More points would decide {scattered}, not more trials: they scatter by far more than their errors."
+        notes = [hour] * bool(near) + [points] * bool(scattered)
+        return Table(title if rows else "No claim is undecided that may be looked at again", rows, notes, headings)
+
+
+def _needs_points(answer: Answer) -> bool:
+    """Return whether all tests that are undecided are of points that scatter by far more than their errors."""
+    undecided = [judged for judged in answer.checks if judged.verdict == Verdict.UNDECIDED]
+    return bool(undecided) and all(judged.tested.effect.is_scattered for judged in undecided)
+
+
+def _growth_needed(checks: Sequence[Judged], tests: int) -> float:
+    """Return how many times as many trials decide a claim, if effects stay: all its checks for it, or one against."""
+    boundary = look_boundary(relative_sizes(LOOKS), 1 - (1 - LEVEL) / tests)
+    shown, refuted = 1.0, math.inf
+    for judged in checks:
+        for_it, against = p_values(judged.tested.check, judged.tested.effect)
+        deviation = float(norm.isf(judged.p_value / 2))
+        growth = (boundary / deviation) ** 2 if deviation > 0 else math.inf
+        if for_it < against:
+            shown = max(shown, growth)
+        else:
+            shown, refuted = math.inf, min(refuted, growth)
+    return max(1.0, min(shown, refuted))

@@ -12,13 +12,13 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, Estimate
 from epuck_sim.replication import criteria
 from epuck_sim.replication.claims import FORMULAS, TESTS, Check, Claim, Values
-from epuck_sim.replication.criteria import Drawn, Effect
+from epuck_sim.replication.criteria import Effect
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, choose_axis, other_axes
 from epuck_sim.scenario.points import Point
 from epuck_sim.statistics.comparison import holm
 from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes
-from epuck_sim.statistics.measured import Measured, measure, measure_t_sync
+from epuck_sim.statistics.measured import Measured, measure, measure_t_sync, restrict
 from epuck_sim.statistics.sequential import looks_p_value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -71,11 +71,10 @@ def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
         exact = Effect(Estimate(value), lambda x: 0.0 if value > x else 1.0, lambda x: 0.0 if value < x else 1.0)
         return Finding(check, exact, (0, 0), 0.0)
     used = chosen_points(check, points)
-    samples = criteria.restrict([_measure(point, check) for point in used])
+    samples = restrict([measure_t_sync(point) if check.test == "collapse" else measure(point) for point in used])
     counts = [len(each.values) for each in samples]
     censored = max(each.censored for each in samples)
-    by_key = {point.key: sample for point, sample in zip(used, samples, strict=True)}
-    return Finding(check, EFFECTS[check.test](check, used, by_key), (min(counts), max(counts)), censored)
+    return Finding(check, EFFECTS[check.test](check, used, samples), (min(counts), max(counts)), censored)
 
 
 def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
@@ -87,7 +86,7 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     test = TESTS[check.test]
     places = check.between if "between" in test.takes else ({},)
     if check.test == "ratio":
-        used = [each for side in zip(*pair_points(check, points), strict=True) for each in side]
+        used = [each for pair in pair_points(check, points) for each in pair]
     else:
         used = [each for place in places for each in points_at({**check.where, **place}, points)]
     measured: list[str] = [measure.name for measure in used[0].scenario.measures]
@@ -104,12 +103,9 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
 
 def points_at(values: Values, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     """Return the points of a sweep that have these values of axes; raise EpuckSimError if there is none."""
-    wanted = {key: canonical_text({"value": value}) for key, value in values.items()}
-    found = [
-        point
-        for point in points
-        if all(key in point.axes and canonical_text({"value": point.axes[key]}) == text for key, text in wanted.items())
-    ]
+    wanted, keys = canonical_text(values), values.keys()
+    having = [point for point in points if keys <= point.axes.keys()]
+    found = [point for point in having if canonical_text({key: point.axes[key] for key in keys}) == wanted]
     if not found:
         raise EpuckSimError(f"where {_in_text(values)}: the sweep has no such point")
     return found
@@ -131,72 +127,54 @@ def _in_text(values: Values) -> str:
 
 
 Points: TypeAlias = Sequence[PointTrials]
-Samples: TypeAlias = dict[str, Measured]
-Find: TypeAlias = Callable[[Check, Points, Samples], Effect]
+Samples: TypeAlias = Sequence[Measured]
 
 
-def _ratio(check: Check, points: Points, samples: Samples) -> Effect:
-    return criteria.ratio([(samples[a.key], samples[b.key]) for a, b in pair_points(check, points)])
-
-
-def _of_each(test: Callable[..., Effect]) -> Find:
-    """Return what a test of one point, or of two, finds."""
-    return lambda _, points, samples: test(*(samples[point.key] for point in points))
+def _ratio(_: Check, __: Points, samples: Samples) -> Effect:
+    return criteria.ratio([*zip(samples[::2], samples[1::2], strict=True)])
 
 
 def _largest_rise(check: Check, points: Points, samples: Samples) -> Effect:
+    by_key = {point.key: sample for point, sample in zip(points, samples, strict=True)}
     curves = [group for _, group in group_by_other_axes(points, check.along)]
-    return criteria.largest_rise([[samples[point.key] for point in curve] for curve in curves])
+    return criteria.largest_rise([[by_key[point.key] for point in curve] for curve in curves])
 
 
-def _along_axis(test: Callable[[FloatArray, Sequence[Measured]], Effect]) -> Find:
-    def find(check: Check, points: Points, samples: Samples) -> Effect:
-        ordered = sorted(points, key=lambda point: float(point.axes[check.along]))
-        x = np.array([float(point.axes[check.along]) for point in ordered])
-        return test(x, [samples[point.key] for point in ordered])
-
-    return find
+def _along(check: Check, points: Points) -> FloatArray:
+    return np.array([float(point.axes[check.along]) for point in points])
 
 
 def _place_exponent(check: Check, points: Points, _: Samples) -> Effect:
     groups = [group for _, group in group_by_other_axes(points, check.along)]
     places = [criteria.find_place(estimate_curve(group, check.along, {}), check.place) for group in groups]
     x = np.array([float(group[0].axes[check.over]) for group in groups])
-    return criteria.place_exponent(x, places, _fewest(points))
+    return criteria.place_exponent(x, places, min(len(point.times) for point in points))
 
 
-def _collapse(check: Check, points: Points, _: Samples) -> Effect:
+def _collapse(check: Check, points: Points, samples: Samples) -> Effect:
     drawn = []
     for _, group in group_by_other_axes(points, check.along):
-        instead = estimate_curve(group, check.along, {})
-        drawn.append(Drawn(estimate_curve([point._replace(of=None) for point in group], check.along, {}), instead))
-    return criteria.collapse(drawn, _fewest(points))
+        of_t_sync = [point._replace(of=None) for point in group]
+        drawn.append((estimate_curve(of_t_sync, check.along, {}), estimate_curve(group, check.along, {})))
+    return criteria.collapse(drawn, min(len(each.values) for each in samples))
 
 
-def _fewest(points: Points) -> int:
-    return min(len(point.times) for point in points)
-
-
-EFFECTS: dict[str, Find] = {
-    "level": _of_each(criteria.level),
-    "share": _of_each(criteria.share),
+EFFECTS: dict[str, Callable[[Check, Points, Samples], Effect]] = {
+    "level": lambda _, __, samples: criteria.level(*samples),
+    "share": lambda _, __, samples: criteria.share(*samples),
     "ratio": _ratio,
     "largest_rise": _largest_rise,
-    "power_exponent": _along_axis(criteria.power_exponent),
-    "exponential_rate": _along_axis(criteria.exponential_rate),
-    "rank_trend": _along_axis(criteria.rank_trend),
-    "superiority": _of_each(criteria.superiority),
-    "share_difference": _of_each(criteria.share_difference),
-    "likelier": lambda check, _, samples: criteria.likelier(list(samples.values()), check.law, check.than),
-    "weibull_ratio": lambda check, _, samples: criteria.weibull_ratio(next(iter(samples.values())), check.censored_at),
+    "power_exponent": lambda check, points, samples: criteria.slope(np.log(_along(check, points)), samples),
+    "exponential_rate": lambda check, points, samples: criteria.slope(_along(check, points), samples),
+    "rank_trend": lambda check, points, samples: criteria.rank_trend(_along(check, points), samples),
+    "superiority": lambda _, __, samples: criteria.superiority(*samples),
+    "share_difference": lambda _, __, samples: criteria.share_difference(*samples),
+    "likelier": lambda check, _, samples: criteria.likelier(samples, check.law, check.than),
+    "weibull_ratio": lambda check, _, samples: criteria.weibull_ratio(samples[0], check.censored_at),
     "place_exponent": _place_exponent,
     "collapse": _collapse,
 }
-"""What each test finds: of a check, the points that it uses, and their samples by key."""
-
-
-def _measure(point: PointTrials, check: Check) -> Measured:
-    return measure_t_sync(point) if check.test == "collapse" else measure(point)
+"""What each test finds: of a check, the points that it uses, and their samples."""
 
 
 def reduction(check: Check) -> str | None:
@@ -205,16 +183,16 @@ def reduction(check: Check) -> str | None:
 
 
 def taken(check: Check, points: Sequence[PointTrials]) -> list[PointTrials]:
-    """Return points with what a check takes of their measured values."""
+    """Return points with what a check takes of their measured values; None for a series without a value."""
     name = reduction(check)
-    return [point if name is None else reduced(point, name) for point in points]
-
-
-def reduced(point: PointTrials, take: str) -> PointTrials:
-    """Return a point with what stands for its series in their place; None for those without a value."""
-    series = (value if isinstance(value, list) else [] for value in point.measured)
-    known = ([each for each in values if each is not None] for values in series)
-    return point._replace(measured=tuple(REDUCTIONS[take](values) if values else None for values in known))
+    if name is None:
+        return list(points)
+    reduced = []
+    for point in points:
+        series = (value if isinstance(value, list) else [] for value in point.measured)
+        known = ([each for each in values if each is not None] for values in series)
+        reduced.append(point._replace(measured=tuple(REDUCTIONS[name](values) if values else None for values in known)))
+    return reduced
 
 
 class Verdict(StrEnum):
@@ -253,8 +231,7 @@ def judge_claims(asked: Sequence[tuple[Claim, Sequence[Finding]]], looks: int = 
     contradicted if any is.
     """
     tested = [each for _, checks in asked for each in checks if each.check.test != "formula"]
-    p_once = [two_sided(*p_values(each.check, each.effect)) for each in tested]
-    corrected = iter(holm([looks_p_value(each, looks) for each in p_once]))
+    corrected = iter(holm([looks_p_value(_judge(each, None).p_value, looks) for each in tested]))
     answers = []
     for claim, checks in asked:
         judged = tuple(_judge(each, None if each.check.test == "formula" else next(corrected)) for each in checks)
@@ -281,26 +258,17 @@ def decide(claim: Claim, verdicts: Sequence[Verdict]) -> Verdict:
 def p_values(check: Check, effect: Effect) -> tuple[float, float]:
     """Return the p-values for what a check predicts, and for its contrary."""
     low, high = check.predicted
-    if high is None and low is not None:
-        return effect.p_above(low), effect.p_below(low)
-    if low is None and high is not None:
-        return effect.p_below(high), effect.p_above(high)
-    assert low is not None
-    assert high is not None
+    sides = [] if low is None else [(effect.p_above(low), effect.p_below(low))]
+    sides += [] if high is None else [(effect.p_below(high), effect.p_above(high))]
+    inside, outside = zip(*sides, strict=True)
     # inside only if on the right side of both; outside if beyond either, of which one alone can be
-    return max(effect.p_above(low), effect.p_below(high)), min(1.0, 2 * min(effect.p_below(low), effect.p_above(high)))
-
-
-def two_sided(one: float, other: float) -> float:
-    """Return the p-value of a decision that may go either way."""
-    return min(1.0, 2 * min(one, other))
+    return max(inside), min(1.0, len(sides) * min(outside))
 
 
 def _judge(tested: Finding, p_holm: float | None) -> Judged:
     """Return the verdict of a check; a formula needs no correction."""
     for_it, against = p_values(tested.check, tested.effect)
-    p_value = two_sided(for_it, against)
+    p_value = min(1.0, 2 * min(for_it, against))  # of a decision that may go either way
     corrected = p_value if p_holm is None else p_holm
-    if corrected >= 1 - LEVEL:
-        return Judged(tested, p_value, corrected, Verdict.UNDECIDED)
-    return Judged(tested, p_value, corrected, Verdict.HOLDS if for_it < against else Verdict.CONTRADICTED)
+    decided = Verdict.HOLDS if for_it < against else Verdict.CONTRADICTED
+    return Judged(tested, p_value, corrected, decided if corrected < 1 - LEVEL else Verdict.UNDECIDED)

@@ -13,8 +13,7 @@ from epuck_sim.figures.labels import axis_label
 from epuck_sim.figures.saving import to_svg
 from epuck_sim.figures.sweep_figure import read_form
 from epuck_sim.runs.folder import database_of
-from epuck_sim.runs.reader import PointTrials, read_measure_names, read_points
-from epuck_sim.runs.status import Status, read_status
+from epuck_sim.runs.reader import PointTrials, Status, read_points, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.statistics.series import has_series
 from epuck_sim.statistics.statistic import summarize
@@ -43,7 +42,8 @@ class Contents(NamedTuple):
 def read_contents(folder: Path | str) -> Contents:
     """Read a run folder, also an unfinished one; raise StoreError if it is none, or its database is damaged."""
     points = read_points(folder)
-    measures = {name: read_points(folder, name) for name in read_measure_names(folder)}
+    names = dict.fromkeys(section.name for point in points for section in point.scenario.measures)
+    measures = {name: read_points(folder, name) for name in names}
     series = {name: found for name, found in measures.items() if any(map(has_series, found))}
     quantities = {"T_sync": points} if all(point.has_t_sync for point in points) else {}
     quantities |= {name: found for name, found in measures.items() if name not in series}

@@ -45,14 +45,15 @@ class StoredPoint(NamedTuple):
 def stored_point(point: Point) -> StoredPoint:
     """Return a point as it is stored, of the whole sweep."""
     scenario = point.scenario
+    measures = {section.name: {"measure": _measure(section), **section.parameters} for section in scenario.measures}
     return StoredPoint(
         point.key,
         point.number,
         scenario.trials,
         json.dumps(point.axes),
         scenario.model_dump_json(),
-        json.dumps(_named(scenario)),
-        json.dumps(dict(map(_measure, scenario.measures))),
+        json.dumps([_named(*each) for each in _used(scenario)]),
+        json.dumps(measures),
     )
 
 
@@ -73,8 +74,7 @@ def read_stored_points(
 
 def own_files(scenario: Scenario) -> tuple[str, ...]:
     """Return names, with digests, of what a scenario's trials need: controllers, sensors, curve, picture, measures."""
-    measures = (str(_measure(section)[1]["measure"]) for section in scenario.measures)
-    return (*_named(scenario), *measures)
+    return (*(_named(*each) for each in _used(scenario)), *map(_measure, scenario.measures))
 
 
 def own_sources(scenario: Scenario) -> dict[Path, bytes]:
@@ -83,36 +83,30 @@ def own_sources(scenario: Scenario) -> dict[Path, bytes]:
     return {path: data for each in (*(files for _, files in _used(scenario)), *measures) for path, data in each.items()}
 
 
-def _named(scenario: Scenario) -> list[str]:
-    return [_with_digest(name, sources) if sources else name for name, sources in _used(scenario)]
-
-
 def _used(scenario: Scenario) -> Iterator[tuple[str, Mapping[Path, bytes]]]:
     """Yield names and sources of controllers, sensors in files, a floor's picture and a user's response curve."""
     for name in scenario.controllers:
-        shipped = name in CONTROLLER.shipped()
-        yield (name, {}) if shipped else (Path(name).name, find_controller(name).sources)
+        yield name, {} if name in CONTROLLER.shipped() else find_controller(name).sources
     if isinstance(scenario, EmbodiedScenario):
         files = (sensor["file"] for group in scenario.robots for sensor in group.sensors.values())
-        yield from ((Path(file).name, find_sensor(file).sources) for file in files)
-        if scenario.arena.floor.picture is not None:
-            path = Path(scenario.arena.floor.picture)
-            yield path.name, {path: path.read_bytes()}
+        yield from ((file, find_sensor(file).sources) for file in files)
+        if (picture := scenario.arena.floor.picture) is not None:
+            yield picture, {Path(picture): Path(picture).read_bytes()}
     if isinstance(scenario, ParticleScenario):
         curve = find_curve(scenario.response.curve)
         if curve.sources:
-            yield Path(curve.name).name, curve.sources
+            yield curve.name, curve.sources
 
 
-def _measure(section: MeasureSection) -> tuple[str, dict[str, Any]]:
+def _measure(section: MeasureSection) -> str:
     measure = section.find()
-    name = Path(measure.stored_name).name
-    shown = _with_digest(name, measure.sources) if measure.sources else name
-    return measure.name, {"measure": shown, **section.parameters}
+    return _named(measure.stored_name, measure.sources)
 
 
-def _with_digest(name: str, sources: Mapping[Path, bytes]) -> str:
-    return f"{name} with digest {hashlib.sha256(b''.join(sources.values())).hexdigest()[:12]}"
+def _named(path: str, sources: Mapping[Path, bytes]) -> str:
+    """Return the name of what is used, and the digest of its sources if it is a user's."""
+    digest = f" with digest {hashlib.sha256(b''.join(sources.values())).hexdigest()[:12]}" if sources else ""
+    return Path(path).name + digest
 
 
 def check_same_sweep(
@@ -190,7 +184,7 @@ def _with_defaults(scenario: dict[str, Any]) -> dict[str, Any]:
 
 
 def _flat(key: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the dotted key and the value of every plain value inside `value`."""
+    """Yield the dotted key and the value of every plain value inside `value`, also in lists, which may be long."""
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
     if parts is None:
         yield key, value

@@ -29,6 +29,9 @@ FORMAT = 2
 RESULT = ("t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps", "cycles")
 """Columns that hold fields of a TrialResult."""
 
+REPEATED = ("t_sync_cycles", "order_parameter", "simulated_s", "steps", "cycles")
+"""Those of them, but for `censored`, that are the same whenever a trial is repeated."""
+
 KEYS = {"points": ("key",), "trials": ("point", "trial")}
 """Primary key of each table."""
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import IntArray
+from epuck_sim.arrays import BoolArray, IntArray
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.seeds import point_seed
@@ -98,27 +98,20 @@ class FinishedTrials:
 
     def __init__(self, trials: Iterable[tuple[int, Sequence[int] | IntArray]]) -> None:
         """Take in points, each once, with the numbers of their trials."""
-        self._marks: dict[int, bytearray] = {}
-        for point, numbers in trials:
-            self._marks[point] = bytearray(int(np.max(numbers)) + 1)
-            np.frombuffer(self._marks[point], np.uint8)[numbers] = 1
+        self._marks = {point: np.bincount(numbers) > 0 for point, numbers in trials}
 
-    def _of(self, point: int, wanted: range) -> bytearray:
-        return self._marks.get(point, bytearray())[wanted.start : wanted.stop : wanted.step]
+    def _of(self, point: int, wanted: range) -> BoolArray:
+        return self._marks.get(point, np.zeros(0, bool))[wanted.start : wanted.stop : wanted.step]
 
     def count(self, point: int, wanted: range) -> int:
         """Return how many of the wanted trials of a point are in the set."""
-        return self._of(point, wanted).count(1)
+        return int(np.count_nonzero(self._of(point, wanted)))
 
     def missing(self, point: int, wanted: range) -> Iterator[int]:
         """Yield the indices into `wanted` of those trials of a point that are not in the set."""
         marks = self._of(point, wanted)
-        place = marks.find(0)
-        while place >= 0:
-            yield place
-            place = marks.find(0, place + 1)
+        yield from map(int, np.flatnonzero(~marks))
         yield from range(len(marks), len(wanted))
 
     def __iter__(self) -> Iterator[tuple[int, int]]:
-        for point, marks in self._marks.items():
-            yield from ((point, trial) for trial, mark in enumerate(marks) if mark)
+        return ((point, int(trial)) for point, marks in self._marks.items() for trial in np.flatnonzero(marks))

@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points
-from epuck_sim.runs.database import columns_of, file_uri, new_database, quoted, reading, sqlite_errors
+from epuck_sim.runs.database import REPEATED, columns_of, file_uri, new_database, quoted, reading, sqlite_errors
 from epuck_sim.runs.folder import DATABASE, acquire
 from epuck_sim.runs.sources import is_trusted, read_sources, trust, write_files
 from epuck_sim.util.provenance import PROVENANCE, format_versions
@@ -18,12 +18,8 @@ from epuck_sim.util.provenance import PROVENANCE, format_versions
 GOLDEN_RATIO = 0x9E3779B97F4A7C15
 """The golden ratio's fraction in 64 bits: multiples of it, cut to 64 bits, lie evenly at every step of an axis."""
 
-
 VERSIONS = tuple(name for name in PROVENANCE if name != "host")
 """Columns that must be the same in all trials that are put together."""
-
-SAME = ("seed", "t_sync_cycles", "censored", "order_parameter", "simulated_s", "steps", "cycles")
-"""Columns that must be the same where two folders have a result of the same trial."""
 
 
 class Share(NamedTuple):
@@ -131,7 +127,7 @@ def _add(connection: sqlite3.Connection, folder: Path) -> None:
     try:
         with sqlite_errors(path), connection:
             connection.execute("BEGIN")
-            differs = " OR ".join(f"old.{name} IS NOT new.{name}" for name in SAME)
+            differs = " OR ".join(f"old.{name} IS NOT new.{name}" for name in ("seed", "censored", *REPEATED))
             double = connection.execute(
                 "SELECT point, trial FROM main.trials AS old JOIN share.trials AS new USING (point, trial) "
                 f"WHERE old.error IS NULL AND new.error IS NULL AND ({differs}) LIMIT 1"

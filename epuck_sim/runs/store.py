@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import StoreError
@@ -17,6 +17,7 @@ from epuck_sim.runs.compatibility import WITH_VALUES, check_same_sweep, read_sto
 from epuck_sim.runs.database import (
     ENTER_POINT,
     NULL,
+    REPEATED,
     RESULT,
     UNMEASURED,
     as_column,
@@ -159,16 +160,15 @@ class Store:
             )
 
     def _put(self, outcome: Outcome, place: tuple[str, int]) -> bool:
-        stored = self._connection.execute(
-            f"SELECT {', '.join(StoredResult._fields)} FROM trials {_OF_TRIAL} AND error IS NULL AND {UNMEASURED}",
-            place,
-        ).fetchone()
+        columns = (*REPEATED, "measured", "events")
+        query = f"SELECT {', '.join(columns)} FROM trials {_OF_TRIAL} AND error IS NULL AND {UNMEASURED}"
+        stored = self._connection.execute(query, place).fetchone()
         if not stored:
             self._enter([outcome], [place])
             return outcome.result is not None
-        before = StoredResult(*stored)
+        before = dict(zip(columns, stored, strict=True))
         error = outcome.error if outcome.result is None else difference(before, outcome.result)
-        measured = before.measured if outcome.result is None or error else _as_json(outcome.result.measures)
+        measured = before["measured"] if outcome.result is None or error else _as_json(outcome.result.measures)
         update = f"UPDATE trials SET measured = ?, measuring_error = ? {_OF_TRIAL}"
         self._connection.execute(update, (measured, error, *place))
         return error is None
@@ -198,26 +198,11 @@ class Store:
         self._resources.close()
 
 
-class StoredResult(NamedTuple):
-    """What is stored of a trial, and must not differ when it is simulated again for measures that were added."""
-
-    t_sync_cycles: int | None
-    order_parameter: float | None
-    simulated_s: float
-    steps: int
-    cycles: int
-    measured: str | None
-    """JSON: value of each measure by its name."""
-    events: str | None
-    """JSON: what changed; None if nothing did."""
-
-
-def difference(stored: StoredResult, result: TrialResult) -> str | None:
-    """Return in what the repetition of a trial differs from what is stored of it; None if it does not."""
-    fields = [name for name in stored._fields if name not in ("measured", "events")]
-    pairs = [(name, getattr(stored, name), getattr(result, name)) for name in fields]
-    pairs.append(("events", stored.events, _events(result)))
-    pairs += [(name, value, result.measures[name]) for name, value in json.loads(stored.measured or "{}").items()]
+def difference(stored: Mapping[str, Any], result: TrialResult) -> str | None:
+    """Return in what the repetition of a trial differs from what is stored of it, by columns; None if it does not."""
+    pairs = [(name, stored[name], getattr(result, name)) for name in REPEATED]
+    pairs.append(("events", stored["events"], _events(result)))
+    pairs += [(name, value, result.measures[name]) for name, value in json.loads(stored["measured"] or "{}").items()]
     for name, before, now in pairs:
         if json.dumps(before) != json.dumps(now):  # 1, 1.0 and true are equal, but not the same
             return (

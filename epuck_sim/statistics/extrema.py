@@ -1,6 +1,7 @@
 """The local minimum and the peak of T_sync against speed, between which it rises (thesis 4.2.2)."""
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -48,56 +49,49 @@ QUINTIC_SCALE = 240
 """Divisor of -|distance| ^ 5 in the covariance of a threefold integral of white noise, up to parabolas."""
 
 
-class SpeedExtrema(NamedTuple):
-    """The local minimum (V_m, T_m) and the later peak (V_p, T_p); NaN where the smoothed curve has no such pair."""
+PLACES = ("V_m", "T_m", "V_p", "T_p")
+"""Speed, cm/s, and T_sync, cycles, of the local minimum and of the later peak."""
 
-    v_m: float  # cm/s
-    t_m: float  # cycles
-    v_p: float
-    t_p: float
-    intervals: FloatArray  # (4, 2) 95 % intervals of v_m, t_m, v_p, t_p: low and high
-    rise: float  # rise of log T from the minimum to the peak
-    p_value: float  # probability that noise on a falling curve rises by at least the strength of this pair
-    resampled: FloatArray  # (B, 4) v_m, t_m, v_p, t_p of each resample; NaN where it has no such pair
+
+class Place(NamedTuple):
+    """A speed, cm/s, a time, cycles, or another number of a curve."""
+
+    estimate: Estimate
+    resampled: FloatArray  # (B,) that of each resample; NaN where it has none
+
+
+class Extrema(NamedTuple):
+    """Places of a minimum, a peak or both on a curve, n numbers in all; NaN where there is none."""
+
+    values: FloatArray  # (n,)
+    intervals: FloatArray  # (n, 2) 95 % intervals: low and high
+    p_value: float  # probability that noise on a curve without any makes one as strong
+    resampled: FloatArray  # (B, n) that of each resample
 
     @property
     def is_found(self) -> bool:
-        """Whether the pair is more than noise: noise neither makes it nor removes it."""
+        """Whether it is more than noise: noise neither makes it nor removes it."""
         kept = float(np.isfinite(self.resampled[:, 0]).mean())
         return self.p_value < SIGNIFICANCE and kept > 1 - SIGNIFICANCE
 
     @property
-    def estimates(self) -> dict[str, Estimate | None]:
-        """The four with their intervals, by name; None where they may be noise."""
-        ends = zip(self._fields[:4], self[:4], self.intervals.tolist(), strict=True)
-        return {name: Estimate(value, *interval) if self.is_found else None for name, value, interval in ends}
+    def places(self) -> list[Place]:
+        """The n numbers, each with its interval; none where they may be noise."""
+        columns = zip(self.values.tolist(), self.intervals.tolist(), self.resampled.T, strict=True)
+        return [Place(Estimate(value, *ends), drawn) for value, ends, drawn in columns if self.is_found]
 
 
-def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SpeedExtrema | None:
+def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> Extrema | None:
     """Find the local minimum and the later peak with the largest rise in log T between them (thesis 4.2.2).
 
     The strength of a pair is the least of the fall to the minimum, the rise, and the fall from the peak. Noise makes
     rises too: the p-value is the share of rises at least as large as this strength on the falling curve that fits best,
     under the noise of the resamples. Intervals are percentiles over the pairs of the resamples.
 
-    Arguments, and when there is no pair to look for, are those of `smooth_logs`; a pair that there is not is NaN.
+    Arguments, and when there is no pair to look for, are those of `smooth_logs`; numbers are in the order of `PLACES`.
     """
     fit = smooth_logs(speeds, means, resampled)
-    if fit is None:
-        return None
-    noise = fit.resampled - fit.resampled.mean(axis=0)
-    falling = isotonic_regression(fit.logs, weights=1 / fit.variances, increasing=False).x + noise
-    on_falling, _ = _largest_rises(fit.speeds, falling @ fit.smoother.T)
-    pair, (strength,) = _largest_rises(fit.speeds, (fit.smoother @ fit.logs)[None])
-    pairs, _ = _largest_rises(fit.speeds, fit.resampled @ fit.smoother.T)
-    v_m, t_m, v_p, t_p = pair[0].tolist()
-    if strength == 0:
-        return SpeedExtrema(v_m, t_m, v_p, t_p, np.full((4, 2), np.nan), 0.0, 1.0, pairs)
-    # the curve itself counts as one more draw, so that no finite number of resamples gives a p-value of 0
-    p_value = (1 + np.count_nonzero(np.log(on_falling[:, 3] / on_falling[:, 1]) >= strength)) / (1 + len(noise))
-    own = pairs[~np.isnan(pairs[:, 0])]
-    intervals = np.percentile(own if len(own) else pair, [2.5, 97.5], axis=0).T
-    return SpeedExtrema(v_m, t_m, v_p, t_p, intervals, float(np.log(t_p / t_m)), p_value, pairs)
+    return fit and _find(fit, _monotone(fit, False), _largest_rises)
 
 
 class SmoothedLogs(NamedTuple):
@@ -161,12 +155,37 @@ def _likeliest_roughness(x: FloatArray, logs: FloatArray, variances: FloatArray)
     return float(min(ROUGHNESSES, key=negative_log_likelihood))
 
 
-def _largest_rises(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Find the pair with the largest rise on each curve of log T, (B, G).
+Finder = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+"""Takes (G,) speeds and (B, G) logarithms of curves; returns what is found on each, (B, n), NaN without any, its
+strength, (B,), 0 without any, and its size, (B,), which chance must make as large as a strength.
+"""
 
-    Returns:
-        (B, 4) v_m, t_m, v_p, t_p, NaN where there is no pair, and (B,) the strengths of these, 0 where there is none.
-    """
+
+def _find(fit: SmoothedLogs, without: FloatArray, find: Finder) -> Extrema:
+    """Return what is found on a curve, and on its resamples; `without` is the best curve, (K,), on which nothing is."""
+    by_chance = without + fit.resampled - fit.resampled.mean(axis=0)
+    one, resampled, noise = ((logs @ fit.smoother.T) for logs in (fit.logs[None], fit.resampled, by_chance))
+    found, (strength,), _ = find(fit.speeds, one)
+    drawn, *_ = find(fit.speeds, resampled)
+    if strength == 0:
+        return Extrema(found[0], np.full((len(found[0]), 2), np.nan), 1.0, drawn)
+    # the curve itself counts as one more draw, so that no finite number of resamples gives a p-value of 0
+    p_value = (1 + np.count_nonzero(find(fit.speeds, noise)[2] >= strength)) / (1 + len(noise))
+    own = drawn[~np.isnan(drawn[:, 0])]
+    intervals = np.percentile(own if len(own) else found, [2.5, 97.5], axis=0).T
+    return Extrema(found[0], intervals, p_value, drawn)
+
+
+def _monotone(fit: SmoothedLogs, *ways: bool) -> FloatArray:
+    """Return the curve, (K,), that only rises, True, or only falls, False, whichever of these ways fits better."""
+    weights = 1 / fit.variances
+    curves = [isotonic_regression(fit.logs, weights=weights, increasing=way).x for way in ways]
+    best: FloatArray = min(curves, key=lambda curve: float((weights * (fit.logs - curve) ** 2).sum()))
+    return best
+
+
+def _largest_rises(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Find the pair with the largest rise on each curve of log T; its size is the rise."""
     rising = np.diff(logs, axis=1) >= 0
     inner = logs[:, 1:-1]
     troughs = np.where(~rising[:, :-1] & rising[:, 1:], inner, np.inf)
@@ -181,14 +200,42 @@ def _largest_rises(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, Fl
     exists = np.isfinite(rise)
     pairs = np.column_stack([speeds[trough], np.exp(t_m), speeds[peak], np.exp(t_p)])
     strengths = np.minimum(np.minimum(fall_before, rise), fall_after)
-    return np.where(exists[:, None], pairs, np.nan), np.where(exists, strengths, 0.0)
+    return np.where(exists[:, None], pairs, np.nan), np.where(exists, strengths, 0.0), np.where(exists, rise, 0.0)
+
+
+def most_prominent(x: FloatArray, curves: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Find the most prominent peak of each curve: where, how high, and its prominence, which is its size, too."""
+    before = np.minimum.accumulate(curves, axis=1)
+    after = np.minimum.accumulate(curves[:, ::-1], axis=1)[:, ::-1]
+    prominences = curves - np.maximum(before, after)
+    rows, places = np.arange(len(curves)), prominences.argmax(axis=1)
+    prominence = prominences[rows, places]
+    peaks = np.column_stack([x[places], np.exp(curves[rows, places])])
+    return np.where(prominence[:, None] > 0, peaks, np.nan), prominence, prominence
+
+
+def find_peak(fit: SmoothedLogs) -> Extrema:
+    """Find the most prominent peak of a smoothed curve: the value of its axis, and its height.
+
+    Its prominence is how far the logarithm of the measure falls on the side on which it falls less. The p-value
+    compares it with those of the best curve that only rises or only falls, under the noise of the resamples.
+    """
+    return _find(fit, _monotone(fit, False, True), most_prominent)
+
+
+def find_minimum(fit: SmoothedLogs) -> Extrema:
+    """Find the most prominent minimum of a smoothed curve, as `find_peak` finds the peak."""
+    found = find_peak(fit._replace(logs=-fit.logs, resampled=-fit.resampled))
+    at, (low, high) = found.intervals
+    powers = np.array([1.0, -1.0])
+    return Extrema(found.values**powers, np.array([at, [1 / high, 1 / low]]), found.p_value, found.resampled**powers)
 
 
 class ExtremaSearch(NamedTuple):
     """What has been found on a curve."""
 
-    extrema: SpeedExtrema | None
-    """The pair, which may be noise (`SpeedExtrema.is_found`); None where it cannot be looked for."""
+    places: dict[str, Place]  # those of the pair, by the names in `PLACES`; none where there is none beyond noise
+    p_value: float | None  # None where it cannot be looked for
     reason: str  # why it cannot, and what would be enough; empty where it can
 
 
@@ -202,9 +249,11 @@ def search_extrema(curve: Curve) -> ExtremaSearch:
     usable = tried & (curve.censored < MOST_CENSORED) & np.isfinite(curve.values)
     reason = _reason_against(curve, moving, tried, usable)
     if reason:
-        return ExtremaSearch(None, reason)
+        return ExtremaSearch({}, None, reason)
     found = find_minimum_and_peak(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
-    return ExtremaSearch(found, "" if found else f"at fewer than {MIN_SPEEDS} speeds T_sync is known well enough")
+    if found is None:
+        return ExtremaSearch({}, None, f"at fewer than {MIN_SPEEDS} speeds T_sync is known well enough")
+    return ExtremaSearch(dict(zip(PLACES, found.places, strict=False)), found.p_value, "")
 
 
 def _reason_against(curve: Curve, moving: BoolArray, tried: BoolArray, usable: BoolArray) -> str:
@@ -231,74 +280,6 @@ def _reason_against(curve: Curve, moving: BoolArray, tried: BoolArray, usable: B
     return ""
 
 
-class TurningPoint(NamedTuple):
-    """A minimum or a peak between the ends of the axis."""
-
-    place: Estimate  # value of the axis, with its 95 % interval
-    value: Estimate  # value of the measure there, with its 95 % interval
-    p_value: float  # probability that noise on a curve that only rises or only falls makes one as prominent
-    kept: float  # share of resamples that have one
-
-    @property
-    def is_found(self) -> bool:
-        """Whether it is more than noise: noise neither makes it nor removes it."""
-        return self.p_value < SIGNIFICANCE and self.kept > 1 - SIGNIFICANCE
-
-    def record(self) -> dict[str, Estimate | float | None]:
-        """Return place and value, None where they may be noise, and the p-value, as JSON and tables hold them."""
-        found = {"place": self.place, "value": self.value} if self.is_found else {"place": None, "value": None}
-        return {**found, "p_value": self.p_value}
-
-
-def find_peak(fit: SmoothedLogs) -> TurningPoint | None:
-    """Find the most prominent peak of a smoothed curve; None if it only rises, only falls, or has only a minimum.
-
-    Its prominence is how far the logarithm of the measure falls on the side on which it falls less. The p-value
-    compares it with those of the best curve that only rises or only falls, under the noise of the resamples.
-    """
-    (place,), (prominence,) = most_prominent((fit.smoother @ fit.logs)[None])
-    if prominence <= 0:
-        return None
-    noise = fit.resampled - fit.resampled.mean(axis=0)
-    _, by_chance = most_prominent((_monotone(fit) + noise) @ fit.smoother.T)
-    p_value = (1 + np.count_nonzero(by_chance >= prominence)) / (1 + len(noise))
-    curves = fit.resampled @ fit.smoother.T
-    places, prominences = most_prominent(curves)
-    own = prominences > 0
-    value = np.exp((fit.smoother @ fit.logs)[place])
-    at, height = (
-        Estimate(float(whole), *np.percentile(drawn if own.any() else whole, [2.5, 97.5]).tolist())
-        for whole, drawn in ((fit.speeds[place], fit.speeds[places[own]]), (value, np.exp(curves[own, places[own]])))
-    )
-    return TurningPoint(at, height, p_value, float(own.mean()))
-
-
-def find_minimum(fit: SmoothedLogs) -> TurningPoint | None:
-    """Find the most prominent minimum of a smoothed curve, as `find_peak` finds the peak."""
-    found = find_peak(fit._replace(logs=-fit.logs, resampled=-fit.resampled))
-    if found is None:
-        return None
-    value, low, high = found.value.ends
-    return found._replace(value=Estimate(1 / value, 1 / high, 1 / low))
-
-
-def most_prominent(curves: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where the most prominent peak of each curve, (B, G), is, (B,), and its prominence, (B,); 0 for none."""
-    before = np.minimum.accumulate(curves, axis=1)
-    after = np.minimum.accumulate(curves[:, ::-1], axis=1)[:, ::-1]
-    prominences = curves - np.maximum(before, after)
-    places = prominences.argmax(axis=1)
-    return places, prominences[np.arange(len(curves)), places]
-
-
-def _monotone(fit: SmoothedLogs) -> FloatArray:
-    """Return the curve, (K,), that only rises or only falls, whichever fits better."""
-    weights = 1 / fit.variances
-    both = [isotonic_regression(fit.logs, weights=weights, increasing=way).x for way in (False, True)]
-    best: FloatArray = min(both, key=lambda curve: float((weights * (fit.logs - curve) ** 2).sum()))
-    return best
-
-
 FAST_FACTOR = 2.0  # T_sync at V_f, as a multiple of that at the largest speed. The thesis gives no definition
 
 LEVEL_FACTOR = 1.25
@@ -308,14 +289,14 @@ It is a multiple of T_sync at the largest speed. A curve that falls on, like a p
 """
 
 
-def find_fast_speed(curve: Curve) -> tuple[Estimate, FloatArray] | None:
+def find_fast_speed(curve: Curve) -> Place | None:
     """Find V_f, the speed from which on T_sync is less than twice that at the largest speed.
 
     Where T_sync is unknown because all trials are censored, it counts as the limit of cycles.
 
     Returns:
-        V_f, cm/s, with its percentile interval, and that of the resamples, (B,); None where T_sync is nowhere that
-        long or still falls at the largest speeds, and where a point has fewer than `extrema.MIN_TRIALS` trials.
+        V_f, cm/s, with its percentile interval; None where T_sync is nowhere that long or still falls at the largest
+        speeds, and where a point has fewer than `extrema.MIN_TRIALS` trials.
     """
     moving = curve.x > 0
     if np.count_nonzero(moving) < 2 or curve.trials[moving].min() < MIN_TRIALS or curve.censored[-1] > 0:
@@ -331,8 +312,7 @@ def find_fast_speed(curve: Curve) -> tuple[Estimate, FloatArray] | None:
     halfway = np.interp(math.log(value * speeds[-1]) / 2, np.log(speeds), np.log(times[0]))
     if halfway > math.log(LEVEL_FACTOR * times[0, -1]):
         return None
-    low, high = np.percentile(known, [2.5, 97.5]).tolist()
-    return Estimate(value, low, high), resampled
+    return Place(Estimate(value, *np.percentile(known, [2.5, 97.5]).tolist()), resampled)
 
 
 def _last_crossings(x: FloatArray, logs: FloatArray) -> FloatArray:

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.display.table import Row, Table
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.estimate import Estimate, significant
+from epuck_sim.estimate import UNDETERMINED, Estimate, significant
 from epuck_sim.scenario.axes import SPEED
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.statistics.curves import Curve, folder_curves
@@ -21,8 +21,9 @@ from epuck_sim.statistics.extrema import (
     FAST_FACTOR,
     MIN_SPEEDS,
     MIN_TRIALS,
-    SpeedExtrema,
-    TurningPoint,
+    PLACES,
+    Extrema,
+    Place,
     find_fast_speed,
     find_minimum,
     find_peak,
@@ -30,16 +31,164 @@ from epuck_sim.statistics.extrema import (
     smooth_logs,
 )
 from epuck_sim.statistics.names import Statistic
-from epuck_sim.statistics.scaling_laws import (
-    LAWS,
-    Comparison,
-    OffsetLaw,
-    Parameters,
-    Quantity,
-    compare_laws,
-    fit_offset_law,
-)
 from epuck_sim.util.messages import counted
+
+Parameters = Mapping[str, FloatArray]
+"""Values of epsilon, L (cm), N and tau (s), each (C,): one for every curve."""
+
+
+class Term(NamedTuple):
+    """How a parameter enters a law."""
+
+    exponent: float | None  # exponent, or multiple, according to the thesis; None where it names none
+    form: str = "power"  # `power`: a power of the parameter; `exponential`: the exponential of a multiple of it
+
+    def transform(self, parameter: FloatArray) -> FloatArray:
+        """Return the parameter, or its logarithm, in which the logarithm of the law is linear."""
+        return np.log(parameter) if self.form == "power" else parameter
+
+
+Law = Mapping[str, Term]  # A term for each parameter
+
+_V_M = {"epsilon": Term(1), "L": Term(1), "N": Term(-1.5), "tau": Term(0)}
+_V_P = {"epsilon": Term(1), "L": Term(1), "N": Term(-0.5), "tau": Term(0)}
+_T_OF_ROBOTS = {"epsilon": Term(0), "L": Term(1), "N": Term(1, "exponential"), "tau": Term(-2)}
+_T_OF_AGENTS = {"epsilon": Term(None), "L": Term(0), "N": Term(None, "exponential"), "tau": Term(None)}
+_V_F = {"epsilon": Term(None), "L": Term(1), "N": Term(-0.5), "tau": Term(None)}
+
+LAWS: dict[str, dict[str, Law]] = {
+    "embodied": {"V_m": _V_M, "T_m": _T_OF_ROBOTS, "V_p": _V_P, "T_p": _T_OF_ROBOTS},
+    "particles": {"V_m": _V_M, "T_m": _T_OF_AGENTS, "V_p": _V_P, "T_p": _T_OF_AGENTS, "V_f": _V_F},
+}
+"""Laws of the thesis for each model, by quantity.
+
+Those of 4.2.2 are of robots, and of times they hold up to an offset (`fit_offset_law`). Point agents share those of
+V_m and V_p, which agree with Prignano et al. (2013), but have no size: with V and R in units of L nothing depends on L.
+T_p grows exponentially with N, at a rate that 5.4.1 does not give; V_f is Prignano's too.
+"""
+
+LEAST_VARIANCE = 1e-12  # relative; keeps values without noise solvable
+
+
+class PowerLaw(NamedTuple):
+    """A fitted law: a product of the parameters' terms."""
+
+    exponents: dict[str, Estimate]  # exponent of each parameter that varies among the curves
+    misfit: float
+    """Scatter of the curves about the law, relative to that of their noise; NaN if no degree of freedom is left.
+
+    It is about 1 where the law holds. Where it is much larger, the law does not hold, and the intervals, which account
+    for noise alone, are too narrow.
+    """
+
+
+class OffsetLaw(NamedTuple):
+    """The law T = A L e^N / tau^2 + K of the thesis, fitted."""
+
+    factor: Estimate  # A, in cycles s^2 / cm
+    offset: Estimate  # K, in cycles
+    r_squared: float  # share of the weighted variance of T that the law explains
+
+
+class Quantity(NamedTuple):
+    """A quantity of C curves, for a law to explain."""
+
+    values: FloatArray  # (C,) NaN where unknown
+    resampled: FloatArray  # (B, C) resamples, NaN where unknown
+
+
+class Comparison(NamedTuple):
+    """A fitted exponent beside that of the thesis: a row of a table."""
+
+    quantity: str
+    parameter: str
+    form: str
+    exponent: Estimate
+    thesis: float | None  # exponent according to the thesis; None where it names none
+    misfit: float  # misfit of the whole law (see `PowerLaw`)
+
+
+def fit_power_law(law: Law, parameters: Parameters, values: FloatArray, resampled: FloatArray) -> PowerLaw:
+    """Fit a law to values, (C,), by least squares in logs, weighted by the inverse variance of the resamples' logs.
+
+    Parameters that do not vary among the known curves are left out. Intervals are percentiles over the fits to each
+    resample, (B, C). ValueError is raised if the curves do not determine the exponents: they are too few, or parameters
+    vary together.
+    """
+    known, values, resampled = _without_gaps(values, resampled)
+    varying = {name: array[known] for name, array in parameters.items() if np.ptp(array[known]) > 0}
+    design = np.column_stack([np.ones(len(values)), *(law[name].transform(array) for name, array in varying.items())])
+    logs, log_resampled = np.log(values), np.log(resampled)
+    weights = 1 / np.maximum(log_resampled.var(axis=0, ddof=1), LEAST_VARIANCE)
+    (_, *exponents), unexplained = _least_squares(design, weights, list(varying), logs, log_resampled)
+    surplus = len(values) - design.shape[1]
+    misfit = math.sqrt(unexplained / surplus) if surplus else math.nan
+    return PowerLaw(dict(zip(varying, exponents, strict=True)), misfit)
+
+
+def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatArray) -> OffsetLaw:
+    """Fit T = A L e^N / tau^2 + K to values, (C,) cycles, as `fit_power_law` fits a power law."""
+    known, values, resampled = _without_gaps(values, resampled)
+    size, robots, period = (parameters[name][known] for name in ("L", "N", "tau"))
+    logs = np.log(size) + robots - 2 * np.log(period)
+    highest = logs.max()  # in units of the largest, e^N neither swamps the offset nor overflows
+    design = np.column_stack([np.exp(logs - highest), np.ones(len(values))])
+    weights = 1 / np.maximum(resampled.var(axis=0, ddof=1), LEAST_VARIANCE * values**2)
+    (factor, offset), unexplained = _least_squares(design, weights, ["L e^N / tau^2"], values, resampled)
+    total = weights @ (values - np.average(values, weights=weights)) ** 2
+    factor = factor.apply(lambda number: number * math.exp(-highest))
+    return OffsetLaw(factor, offset, float(1 - unexplained / total) if total else np.nan)
+
+
+def compare_laws(
+    laws: Mapping[str, Law], parameters: Parameters, quantities: Mapping[str, Quantity]
+) -> list[Comparison]:
+    """Fit the law of each quantity, and return the exponents beside those of the thesis."""
+    rows: list[Comparison] = []
+    for name, quantity in quantities.items():
+        fit = fit_power_law(laws[name], parameters, *quantity)
+        for parameter, exponent in fit.exponents.items():
+            term = laws[name][parameter]
+            rows.append(Comparison(name, parameter, term.form, exponent, term.exponent, fit.misfit))
+    return rows
+
+
+def _without_gaps(values: FloatArray, resampled: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Return which curves are known, (C,), their values, (K,), and their resamples, (B, K), without gaps.
+
+    Curves are resampled independently of one another, so that a gap may be filled by another resample of the same
+    curve; few resamples would remain if each with a gap in any curve were left out.
+    """
+    is_finite = np.isfinite(resampled)
+    known = np.isfinite(values) & (is_finite.sum(axis=0) > 1)
+    if not known.any():
+        raise ValueError("no curve is known")
+    filled = resampled.copy()
+    for column in np.flatnonzero(known):
+        gaps = ~is_finite[:, column]
+        filled[gaps, column] = np.resize(resampled[~gaps, column], np.count_nonzero(gaps))
+    return known, values[known], filled[:, known]
+
+
+def _least_squares(
+    design: FloatArray, weights: FloatArray, names: Sequence[str], values: FloatArray, resampled: FloatArray
+) -> tuple[list[Estimate], float]:
+    """Return the coefficients of a design (C, P), with percentiles of those of resamples, and the squares that stay."""
+    curves, unknowns = design.shape
+    if curves < unknowns:
+        raise ValueError(f"{curves} curves do not determine {unknowns} unknowns: a prefactor and {', '.join(names)}")
+    if np.linalg.matrix_rank(design, rtol=1e-9) < unknowns:
+        raise ValueError(f"the curves do not distinguish {', '.join(names)}: they vary together")
+    root = np.sqrt(weights / weights.max())
+    solution = np.linalg.pinv(root[:, None] * design) * root
+    fitted = solution @ values
+    low, high = np.percentile(resampled @ solution.T, [2.5, 97.5], axis=0)
+    estimates = [Estimate(*numbers) for numbers in np.column_stack([fitted, low, high]).tolist()]
+    return estimates, float(weights @ (values - design @ fitted) ** 2)
+
+
+QUANTITIES = (*PLACES, "V_f")
+"""What a curve of T_sync may have, in the order of tables."""
 
 
 class FittedCurve(NamedTuple):
@@ -51,23 +200,15 @@ class FittedCurve(NamedTuple):
     others: str  # all other settings of its scenario, as text; only curves that share them can follow one law
     model: str
     names: list[str]  # names of the statistic of T_sync at its points, each once
-    extrema: SpeedExtrema | None  # None where they cannot be looked for
+    places: dict[str, Place]  # by the names in `LAWS`: those that noise could not explain, V_f of point agents alone
+    p_value: float | None  # of minimum and peak; None where they cannot be looked for
     reason: str  # why they cannot, and what would be enough; empty where they can
-    v_f: tuple[Estimate, FloatArray] | None
-    """V_f of point agents, cm/s, and that of the resamples, (B,); None where there is no fast regime."""
 
     def record(self) -> dict[str, Any]:
         """Return the fit as JSON holds it; None for estimates that noise could explain."""
-        places = self.extrema.estimates if self.extrema else dict.fromkeys(("v_m", "t_m", "v_p", "t_p"))
-        return {
-            "run": self.run,
-            "axes": self.axes,
-            "statistic": self.names,
-            "p_value": self.extrema and self.extrema.p_value,
-            "reason": self.reason,
-            **places,
-            "v_f": self.v_f and self.v_f[0],
-        }
+        head = {"run": self.run, "axes": self.axes, "statistic": self.names}
+        found = {name.lower(): self.places[name].estimate if name in self.places else None for name in QUANTITIES}
+        return {**head, "p_value": self.p_value, "reason": self.reason, **found}
 
 
 class Laws(NamedTuple):
@@ -90,7 +231,8 @@ def fit_curves(folder: Path, statistic: Statistic = Statistic.MEAN) -> list[Fitt
 
 
 def _fit_curve(run: str, curve: Curve) -> FittedCurve:
-    model = curve.scenario.model
+    model, search = curve.scenario.model, search_extrema(curve)
+    v_f = find_fast_speed(curve) if "V_f" in LAWS.get(model, {}) else None
     return FittedCurve(
         run=run,
         axes=curve.axes,
@@ -98,8 +240,9 @@ def _fit_curve(run: str, curve: Curve) -> FittedCurve:
         others=_other_settings(curve.scenario),
         model=model,
         names=list(dict.fromkeys(curve.names)),
-        **search_extrema(curve)._asdict(),
-        v_f=find_fast_speed(curve) if "V_f" in LAWS.get(model, {}) else None,
+        places=search.places | ({"V_f": v_f} if v_f else {}),
+        p_value=search.p_value,
+        reason=search.reason,
     )
 
 
@@ -117,7 +260,7 @@ def _other_settings(scenario: Scenario) -> str:
 
 def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
     """Fit the laws to the largest group of curves that differ in nothing but speed, epsilon, L, N and tau."""
-    found = [curve for curve in curves if _quantities([curve])]
+    found = [curve for curve in curves if curve.places]
     if not found:
         return Laws("", 0, [], {}, "no curve has a local minimum and a peak")
     ((most, _),) = Counter(curve.others for curve in found).most_common(1)
@@ -137,19 +280,15 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
 
 
 def _quantities(curves: Sequence[FittedCurve]) -> dict[str, Quantity]:
-    columns: dict[str, list[tuple[float, FloatArray] | None]] = {}
-    for column, name in enumerate(("V_m", "T_m", "V_p", "T_p")):
-        found = [curve.extrema if curve.extrema and curve.extrema.is_found else None for curve in curves]
-        columns[name] = [each and (float(each[column]), each.resampled[:, column]) for each in found]
-    columns["V_f"] = [curve.v_f and (curve.v_f[0].value, curve.v_f[1]) for curve in curves]
-    return {name: _quantity(known) for name, known in columns.items() if any(known)}
+    resamples = max(len(place.resampled) for curve in curves for place in curve.places.values())
+    missing = Place(UNDETERMINED, np.full(resamples, math.nan))
+    names = [name for name in QUANTITIES if any(name in curve.places for curve in curves)]
+    return {name: _quantity([curve.places.get(name, missing) for curve in curves]) for name in names}
 
 
-def _quantity(known: Sequence[tuple[float, FloatArray] | None]) -> Quantity:
-    resamples = max(len(each[1]) for each in known if each)
-    missing = math.nan, np.full(resamples, math.nan)
-    values, resampled = zip(*(each or missing for each in known), strict=True)
-    return Quantity(np.array(values), np.stack(resampled, axis=1))
+def _quantity(places: Sequence[Place]) -> Quantity:
+    values = np.array([place.estimate.value for place in places])
+    return Quantity(values, np.stack([place.resampled for place in places], axis=1))
 
 
 def _offset_laws(parameters: Parameters, quantities: Mapping[str, Quantity]) -> dict[str, OffsetLaw]:
@@ -230,14 +369,20 @@ class MeasureFit(NamedTuple):
     axis: str
     axes: dict[str, Any]  # values of the other axes
     statistic: str
-    minimum: TurningPoint | None
-    peak: TurningPoint | None  # None where the curve has none, or where they cannot be looked for
+    minimum: Extrema | None
+    peak: Extrema | None  # None where they cannot be looked for
     reason: str  # why they cannot, and what would be enough; empty where they can
 
     def record(self) -> dict[str, Any]:
-        """Return the fit as JSON holds it."""
-        found = {name: point and point.record() for name, point in (("minimum", self.minimum), ("peak", self.peak))}
-        return {**self._asdict(), **found}
+        """Return the fit as JSON holds it: place and value are None where they may be noise."""
+        return {**self._asdict(), "minimum": _record(self.minimum), "peak": _record(self.peak)}
+
+
+def _record(found: Extrema | None) -> dict[str, Any] | None:
+    if found is None or math.isnan(found.values[0]):
+        return None
+    place, value = [each.estimate for each in found.places] or (None, None)
+    return {"place": place, "value": value, "p_value": found.p_value}
 
 
 def fit_measure(

@@ -1,6 +1,7 @@
 """One measure of the trials of a point: their values, and which of these are censored."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,11 +37,6 @@ class Measured(NamedTuple):
         return len(self.values) >= MIN_TRIALS and len(np.unique(self.values)) > 1
 
     @property
-    def is_time(self) -> bool:
-        """Whether the values are times until something happens, which may be censored."""
-        return self.limit < math.inf
-
-    @property
     def horizon(self) -> float:
         """Value up to which the distribution is known: the limit, or the longest trial where some are censored sooner.
 
@@ -59,6 +55,14 @@ def cut(measured: Measured, limit: float) -> Measured:
     return measured._replace(
         values=np.minimum(measured.values, limit), observed=observed, limit=min(limit, measured.limit)
     )
+
+
+def restrict(samples: Sequence[Measured]) -> list[Measured]:
+    """Return samples cut at the lowest of their horizons, if trials of any are censored: then their means compare."""
+    if all(each.observed.all() for each in samples):
+        return list(samples)
+    horizon = min(each.horizon for each in samples)
+    return [cut(each, horizon) for each in samples]
 
 
 def quantity(of: str | None, unit: str = "") -> str:
@@ -92,12 +96,17 @@ def measure_t_sync(point: PointTrials) -> Measured:
     return Measured(point.times, point.observed, limit, point.seed, unit="cycles")
 
 
-def measure_values(point: PointTrials) -> Measured:
-    """Return the values of the measure that `read_points` was asked for; raise StoreError if they are series.
+def measure(point: PointTrials) -> Measured:
+    """Return the values of the measure that `read_points` was asked for; T_sync if it was asked for none.
 
-    Those that are undetermined are left out. Truth values count as 1 and 0, so that their mean is the share of trials
+    Values that are undetermined are left out. Truth values count as 1 and 0, so that their mean is the share of trials
     in which they are true.
+
+    Raises:
+        StoreError: The values are series, or trials have no T_sync.
     """
+    if point.of is None:
+        return measure_t_sync(point)
     if any(isinstance(value, list) for value in point.measured):
         raise StoreError(
             f"{point.of} is a series, with a value for each cycle; this takes one value a trial: allowed are plot "
@@ -107,8 +116,3 @@ def measure_values(point: PointTrials) -> Measured:
     is_share = bool(known) and all(isinstance(value, bool) for value in known)
     ones = np.ones(len(known), np.bool_)
     return Measured(np.array(known, float), ones, math.inf, point.seed, is_share, measure_unit(point) or "")
-
-
-def measure(point: PointTrials) -> Measured:
-    """Return the values of the measure that `read_points` was asked for; T_sync if it was asked for none."""
-    return measure_t_sync(point) if point.of is None else measure_values(point)

@@ -14,7 +14,6 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.display.table import Row, Table, plain
 from epuck_sim.errors import StoreError
 from epuck_sim.estimate import LEVEL, MIN_TRIALS, Estimate
-from epuck_sim.measures.interface import Value
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.survival import median_time
 
@@ -68,8 +67,9 @@ def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
     """Return the statistics of the series at each point that has any, over the cycles; raise StoreError without any."""
     if not any(has_series(point) for point in points):
         raise StoreError(f"{points[0].of or 'T_sync'} is no series, but one value for each trial")
-    found = ((point.axes, as_arrays(point.measured)) for point in points)
-    return [PointSeries(axes, series_statistics(series)) for axes, series in found if any(map(len, series))]
+    arrays = [[np.array(each, float) for each in point.measured if isinstance(each, list)] for point in points]
+    found = zip(points, arrays, strict=True)
+    return [PointSeries(point.axes, series_statistics(series)) for point, series in found if any(map(len, series))]
 
 
 def has_series(point: PointTrials) -> bool:
@@ -77,13 +77,8 @@ def has_series(point: PointTrials) -> bool:
     return any(isinstance(value, list) for value in point.measured)
 
 
-def as_arrays(series: Sequence[Value]) -> list[FloatArray]:
-    """Return series as arrays; undetermined values are NaN, truth values 1 and 0."""
-    return [np.array(each, np.float64) for each in series if isinstance(each, list)]
-
-
 def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
-    """Return the statistics of several series, of any lengths, at each cycle.
+    """Return the statistics of several series, of any lengths, at each cycle; truth values count as 1 and 0.
 
     The mean's interval is Student's, of the logarithm where all values are positive; the median's has order statistics
     as its ends. There is none with fewer than `MIN_TRIALS` values, or where all are equal. Undetermined values are NaN.

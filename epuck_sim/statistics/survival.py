@@ -58,8 +58,9 @@ def make_curves(sample: Sample, counts: IntArray) -> SurvivalCurves:
     return SurvivalCurves(sample.times[sample.observed], events, at_risk, survival)
 
 
-def make_curve(sample: Sample) -> SurvivalCurves:
-    """Return the estimate of the sample itself: B = 1."""
+def make_curve(times: npt.ArrayLike, observed: npt.ArrayLike) -> SurvivalCurves:
+    """Return the estimate of one sample: B = 1."""
+    sample = make_sample(times, observed)
     return make_curves(sample, np.bincount(sample.cell)[None])
 
 
@@ -99,7 +100,7 @@ def median_time(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[float, f
     upper one is (Brookmeyer and Crowley 1982); the limits are symmetrical in log(-log R), of which Greenwood (1926)
     gives the variance.
     """
-    curve = make_curve(make_sample(times, observed))
+    curve = make_curve(times, observed)
     n, d, survival = curve.at_risk[0], curve.events[0], curve.survival[0, 1:]
     variance = np.cumsum(d / (n * np.maximum(n - d, 1)))  # of log R; at the last n = d both limits are 0 anyway
     z = NormalDist().inv_cdf((1 + LEVEL) / 2)
@@ -157,9 +158,8 @@ def weibull_mean(times: npt.ArrayLike, observed: npt.ArrayLike) -> float:
     >>> weibull_mean([20, 20, 20], [False, False, False])
     nan
     """
-    sample = make_sample(times, observed)
-    curve = make_curve(sample)
-    mean = float(_means(curve, len(sample.cell), local_fits(curve)[:1])[0])
+    curve = make_curve(times, observed)
+    mean = float(_means(curve, np.size(times), local_fits(curve)[:1])[0])
     return mean if mean < math.inf else math.nan
 
 
@@ -171,13 +171,12 @@ def weibull_resamples(
     A mean that is undetermined is inf, longer than can be said, if trials of the resample are censored, else NaN.
     Equal seeds give equal means, in whatever order the trials come.
     """
-    sample = make_sample(times, observed)
-    curve = make_curve(sample)
+    curve = make_curve(times, observed)
     starts = local_fits(curve)
     if len(curve.times) <= _FEW_EVENT_TIMES:
         starts = np.concatenate([starts, starting_lines(curve, 4)])
     blocks = resampled_curves(times, observed, resamples, seed)
-    return np.concatenate([_means(block, len(sample.cell), starts) for block in blocks])
+    return np.concatenate([_means(block, np.size(times), starts) for block in blocks])
 
 
 def confidence_interval(means: FloatArray) -> tuple[float, float]:

@@ -1,11 +1,16 @@
-"""Checks of a sweep's points before the first trial runs, and how large it is."""
+"""What comes before the first trial of a sweep: checks of its points, how large it is, and trials that are timed."""
 
+import random
+import time
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.axes import check_figure_axes, check_labels
 from epuck_sim.scenario.points import Point, describe_axes
-from epuck_sim.trial import model
+from epuck_sim.sweep.worker import TrialTimeoutError
+from epuck_sim.trial.model import check_room, run_trial, simulate
+from epuck_sim.trial.result import TrialState
 from epuck_sim.util.machine import NEGLIGIBLE_BYTES, available_bytes, in_bytes, lack_of_memory
 from epuck_sim.util.messages import counted
 
@@ -24,7 +29,7 @@ def check_sweep(points: Sequence[Point]) -> None:
         raise ScenarioError(f"{scenario.name}: {error}") from error
     for point in points:
         try:
-            model.check_room(point.scenario)
+            check_room(point.scenario)
         except ScenarioError as error:
             name = f"{point.scenario.name}: "
             where = f"sweep: point {point.number} ({describe_axes(point.axes)}): " if point.axes else ""
@@ -49,3 +54,49 @@ def describe_size(points: Sequence[Point]) -> str:
     needed = f"; up to {in_bytes(memory)} of memory for a trial" if memory > NEGLIGIBLE_BYTES else ""
     words = f"{counted(len(points), 'point')}, {counted(count, 'trial')}"
     return f"{words}: about {in_bytes(TRIAL_BYTES * count)} on disk{measures}{needed}"
+
+
+class TimedTrial(NamedTuple):
+    """A trial that was timed."""
+
+    point: int
+    wall_s: float
+    is_cut: bool
+    """Whether time was up before the trial ended: it takes longer than this."""
+    is_censored: bool = False
+    """Whether it reached its limit without synchrony."""
+
+
+def time_trials(points: Sequence[Point], budget_s: float) -> list[TimedTrial]:
+    """Time the first trial of as many points as there is time for, in random order; compilation is not counted.
+
+    Points are drawn with equal chances, so that the mean is that of all points. The last trial may be cut.
+    """
+    order = random.Random(0).sample(range(len(points)), len(points))
+    _time_trial(points[order[0]], 0)
+    timed: list[TimedTrial] = []
+    end = time.perf_counter() + budget_s
+    for place in order:
+        left = end - time.perf_counter()
+        if left <= 0:
+            break
+        timed.append(_time_trial(points[place], left))
+    return timed
+
+
+def _time_trial(point: Point, budget_s: float) -> TimedTrial:
+    begin = time.perf_counter()
+
+    def look_at_clock(_: TrialState) -> None:
+        if time.perf_counter() - begin > budget_s:
+            raise TrialTimeoutError
+
+    is_cut = is_censored = False
+    try:
+        result = run_trial(simulate(point.scenario, point.seed(0)), progress=look_at_clock)
+        is_censored = result.censored is True
+    except TrialTimeoutError:
+        is_cut = True
+    except Exception as error:
+        raise ScenarioError(f"point {point.number}: a trial fails: {error!r}") from error
+    return TimedTrial(point.number, time.perf_counter() - begin, is_cut, is_censored)

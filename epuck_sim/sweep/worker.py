@@ -52,7 +52,10 @@ AtWork = Callable[[], tuple[int, int, str] | None]
 KEPT, KEPT_BYTES = 200, 2**28
 """Most simulations that a worker keeps, and the memory that they may take: points of a sweep take turns."""
 
-_kept: dict[tuple[object, ...], Simulated] = {}
+Key = tuple[object, ...]
+"""All on which a simulation depends but the seed."""
+
+_kept: dict[Key, Simulated] = {}
 """Simulations whose trials have ended, the last used one last."""
 
 
@@ -71,24 +74,44 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
 
 def run_chunk(tasks: Sequence[Task]) -> list[Outcome]:
     """Run the trials in order; an error in one of them becomes its outcome."""
-    simulations = _Simulations()
+    keys: dict[tuple[int, bool], Key] = {}
     with watchdog(tasks[0].scenario.trial_timeout_s) as dog:
-        return [_run_task(task, simulations, dog) for task in tasks]
+        return [_run_task(task, keys, dog) for task in tasks]
 
 
-def _run_task(task: Task, simulations: "_Simulations", dog: "Watchdog") -> Outcome:
+def _run_task(task: Task, keys: dict[tuple[int, bool], Key], dog: "Watchdog") -> Outcome:
     dog.begin(f"{task.scenario.name}: seed {task.seed}")
     try:
-        simulation = simulations.begin(task)
+        simulation, key = _begin(task, keys)
         dog.watch_steps(_at_work(simulation))
         is_limited = task.scenario.trial_timeout_s is not None
         result, error = run_trial(simulation, progress=dog.check_time if is_limited else None), None
-        simulations.keep(task, simulation)
+        if key is not None:
+            _kept[key] = simulation
+            if len(_kept) > min(KEPT, KEPT_BYTES // max(1, task.scenario.memory_bytes)):
+                del _kept[next(iter(_kept))]
     except EpuckSimError as problem:
         result, error = None, storable(str(problem))
     except BaseException as problem:  # one trial's error, of whatever kind, must not end the others
         result, error = None, describe_error(problem)
     return make_outcome(task, result, error)
+
+
+def _begin(task: Task, keys: dict[tuple[int, bool], Key]) -> tuple[Any, Key | None]:
+    """Return the simulation of a trial, an earlier one of its point that is started anew or a new one, and its key.
+
+    The key is that under which it may be kept, None if it may not; `keys` are those of the chunk's points.
+    """
+    scenario, own = task.scenario, (id(task.scenario), task.interpret)  # tasks of a point share its scenario
+    if own not in keys:
+        keys[own] = type(scenario), scenario.model_dump_json(), own_files(scenario), task.interpret
+    simulation: Any = _kept.pop(keys[own], None)  # as the trial may fail
+    if simulation is not None:
+        simulation.reset(task.seed)
+        return simulation, keys[own]
+    simulation = simulate(scenario, task.seed, interpret=task.interpret)
+    # another model's may start once, and agents that start like robots differ by seeds
+    return simulation, keys[own] if hasattr(simulation, "reset") and simulation.scenario == scenario else None
 
 
 def _at_work(simulation: Any) -> AtWork:
@@ -106,35 +129,6 @@ def never_returned(robot: int, step: int, code: str, limit_s: float) -> str:
 def out_of_time(timeout_s: float) -> str:
     """Return the error of a trial that took longer than its scenario allows."""
     return f"has not ended within {timeout_s:g} s, its trial_timeout_s"
-
-
-class _Simulations:
-    """Simulations of a chunk's trials: those of earlier trials of the same points, started anew, or new ones."""
-
-    def __init__(self) -> None:
-        self._keys: dict[tuple[int, bool], tuple[object, ...] | None] = {}  # tasks of a point share its scenario
-
-    def begin(self, task: Task) -> Any:
-        """Return the simulation of a trial; it is kept no more, as the trial may fail."""
-        scenario, own = task.scenario, (id(task.scenario), task.interpret)
-        key = self._keys.get(own) or (type(scenario), scenario.model_dump_json(), own_files(scenario), task.interpret)
-        self._keys[own] = key
-        simulation: Any = _kept.pop(key, None)
-        if simulation is not None:
-            simulation.reset(task.seed)
-            return simulation
-        simulation = simulate(scenario, task.seed, interpret=task.interpret)
-        if not hasattr(simulation, "reset") or simulation.scenario != scenario:
-            self._keys[own] = None  # another model's may start once, and agents that start like robots differ by seeds
-        return simulation
-
-    def keep(self, task: Task, simulation: Any) -> None:
-        """Keep the simulation of a trial that has ended, for further trials of its point."""
-        key = self._keys[id(task.scenario), task.interpret]
-        if key is not None:
-            _kept[key] = simulation
-            if len(_kept) > min(KEPT, KEPT_BYTES // max(1, task.scenario.memory_bytes)):
-                del _kept[next(iter(_kept))]
 
 
 def make_outcome(task: Task, result: TrialResult | None, error: str | None) -> Outcome:

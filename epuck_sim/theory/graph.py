@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.estimate import Estimate
-from epuck_sim.statistics.mean import QUANTILE, wilson_interval
+from epuck_sim.statistics.statistic import QUANTILE, wilson_interval
 
 
 class GraphMeasures(NamedTuple):

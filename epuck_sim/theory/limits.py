@@ -13,7 +13,7 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.estimate import Estimate
 from epuck_sim.particles.phase_response import Response, phase_shift
-from epuck_sim.statistics.mean import QUANTILE
+from epuck_sim.statistics.statistic import QUANTILE
 from epuck_sim.theory.graph import share
 from epuck_sim.util.jit import jit
 

@@ -10,8 +10,8 @@ import time
 from pathlib import Path
 
 from epuck_sim import load_scenario, points
+from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.records import FinishedTrials
-from epuck_sim.runs.status import read_status
 from epuck_sim.sweep.run import missing_tasks
 from epuck_sim.sweep.worker import run_chunk
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.runs.status import read_status
+from epuck_sim.runs.reader import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.messages import describe_error
 from tests.cli.commands import call, called, refused

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from epuck_sim.runs.folder import DATABASE
-from epuck_sim.runs.status import read_status
+from epuck_sim.runs.reader import read_status
 from tests.processes import wait_until
 from tests.sweep.short_sweeps import short_sweep, stored
 

@@ -21,7 +21,7 @@ from epuck_sim.recording import Level, live, viewer
 from epuck_sim.recording.live import sleep
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
-from epuck_sim.runs.status import read_outcome
+from epuck_sim.runs.reader import read_outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario

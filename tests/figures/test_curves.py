@@ -32,7 +32,7 @@ from tests.runs.made_folders import (
 )
 
 POINT_COLUMNS = ["trials", "censored", "statistic", "estimate", "low", "high"]
-NOTHING = ExtremaSearch(None, "")
+NOTHING = ExtremaSearch({}, None, "")
 SCENARIO = sweep(None)
 
 
@@ -216,15 +216,14 @@ def test_undetermined_means_are_crosses_above_all_points_a_row_for_each_curve() 
 
 
 def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowhere_else(panel) -> None:
-    assert [pair.extrema.is_found for pair in EXTREMA] == [True, True, False]
-    assert EXTREMA[0].extrema.v_m == pytest.approx(extremes()["v_m"], rel=0.2)
-    assert drawn(marked(panel, "v")) == [(pair.v_m, pair.t_m) for pair, _ in EXTREMA[:2]]
-    assert drawn(marked(panel, "^")) == [(pair.v_p, pair.t_p) for pair, _ in EXTREMA[:2]]
+    found, more, none = ({name: place.estimate.value for name, place in each.places.items()} for each in EXTREMA)
+    assert not none
+    assert found["V_m"] == pytest.approx(extremes()["v_m"], rel=0.2)
+    assert drawn(marked(panel, "v")) == [(pair["V_m"], pair["T_m"]) for pair in (found, more)]
+    assert drawn(marked(panel, "^")) == [(pair["V_p"], pair["T_p"]) for pair in (found, more)]
     colours = [to_hex(line.get_color()) for line in lines_of(panel)]
     assert [to_hex(line.get_color()) for line in marked(panel, "v") if len(line.get_xdata())] == colours[:2]
-    found = EXTREMA[0].extrema
-    unsure = [ExtremaSearch(found._replace(p_value=0.2), "")]
-    assert marked(form_of([BUMPY], SPEED, unsure).draw_figure().axes[0], "v") == []
+    assert marked(form_of([BUMPY], SPEED, [ExtremaSearch({}, 0.2, "")]).draw_figure().axes[0], "v") == []
 
 
 def test_a_band_without_upper_end_goes_beyond_the_figure_and_does_not_stretch_it() -> None:
@@ -346,11 +345,9 @@ def test_the_csv_has_the_numbers_of_the_curves(tmp_path) -> None:
 def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_value_alone(tmp_path) -> None:
     found = written(tmp_path, FORM.tables["-regimes.csv"])
     assert list(found[0]) == [COUPLING, *EXTREMA_COLUMNS, "p_value", "reason"]
-    for row, curve, (pair, _) in zip(found, CURVES, EXTREMA, strict=True):
-        numbers = [
-            n if pair.is_found else math.nan for place in range(4) for n in (pair[place], *pair.intervals[place])
-        ]
-        assert [*row.values()] == [str(curve.axes[COUPLING]), *map(six_digits, [*numbers, pair.p_value]), ""]
+    for row, curve, search in zip(found, CURVES, EXTREMA, strict=True):
+        numbers = [end for place in search.places.values() for end in place.estimate.ends] or [math.nan] * 12
+        assert [*row.values()] == [str(curve.axes[COUPLING]), *map(six_digits, [*numbers, search.p_value]), ""]
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,8 @@ import yaml
 
 from epuck_sim import load_scenario, run_trial
 from epuck_sim.page.writer import make_page, page_data
-from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.statistic import estimate_mean
 from epuck_sim.trial.model import simulate
 from epuck_sim.util.seeds import trial_seed
 from tests.browsers import Driven

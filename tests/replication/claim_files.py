@@ -5,6 +5,7 @@ from pathlib import Path
 
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.scenario.yaml_io import write_yaml
+from tests.cli.commands import call
 
 SPEED = "agents.speed_cm_s"
 
@@ -79,6 +80,10 @@ def write_claims(folder: Path, claims: list[dict] = EVERY_VERDICT, sweep: dict =
         )
     )
     return path
+
+
+def replicate(file: Path, folder: Path, *words: object):
+    return call("replicate", *words, "--claims", file, "--out", folder, "--workers", 1)
 
 
 def stop_at(stored: int) -> Callable[[SweepProgress], None]:

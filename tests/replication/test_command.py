@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.status import read_wall_times
-from epuck_sim.sweep import run
-from tests.cli.commands import call, refused
-from tests.replication.claim_files import EVERY_VERDICT, FASTER, SPEED, SWEEP, claim, stop_at, write_claims
+from epuck_sim.runs.reader import read_points, read_wall_times
+from tests.cli.commands import call
+from tests.replication.claim_files import FASTER, SPEED, SWEEP, claim, replicate, write_claims
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
@@ -25,7 +23,7 @@ def replicated(tmp_path_factory, sweeps_run_here) -> tuple[Path, Path]:  # noqa:
     """Return a file of claims and the folder of its replication, in which every verdict occurs."""
     folder = tmp_path_factory.mktemp("replicated")
     file = write_claims(folder)
-    result = call("replicate", "--claims", file, "--out", folder / "out", "--workers", 1)
+    result = replicate(file, folder / "out")
     assert result.exit_code == 0, result.stderr
     told = [re.match(r"(A\d)   (.*?) +Claim \1$", line) for line in result.stdout.splitlines()[:8]]
     assert [line and line.group(1, 2) for line in told] == [*zip(IDS, VERDICTS, strict=True)]
@@ -91,7 +89,7 @@ def test_the_same_command_runs_nothing_again_and_writes_the_same_page(replicated
     file, folder = replicated
     page = folder / "replication.md"
     before, contents = read_wall_times(folder / "runs/tiny"), page.read_bytes()
-    assert call("replicate", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
+    assert replicate(file, folder).exit_code == 0
     assert read_wall_times(folder / "runs/tiny") == before
     assert page.read_bytes() == contents
 
@@ -99,34 +97,16 @@ def test_the_same_command_runs_nothing_again_and_writes_the_same_page(replicated
 def test_chosen_claims_have_a_page_of_their_own(replicated) -> None:
     file, folder = replicated
     whole = (folder / "replication.md").read_bytes()
-    assert call("replicate", "A2", "A5", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
+    assert replicate(file, folder, "A2", "A5").exit_code == 0
     page = (folder / "chosen.md").read_text()
     assert "2 claims: holds 1, contradicted 1." in page
     assert f"`epuck-sim replicate A2 A5 --claims {file} --out {folder}`" in page
     assert (folder / "replication.md").read_bytes() == whole
     assert [row["id"] for row in read_table(folder, "chosen.csv")] == ["A2", "A5"]
     assert (folder / "chosen-sweeps.csv").is_file()
-    assert call("replicate", "A5", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
+    assert replicate(file, folder, "A5").exit_code == 0
     assert "chosen-sweeps.csv" not in (folder / "chosen.md").read_text()
     assert not (folder / "chosen-sweeps.csv").exists()
-
-
-def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch) -> None:
-    file = write_claims(tmp_path, EVERY_VERDICT[:1])
-    words = ["replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1]
-    run_sweep = run.run_sweep
-
-    def stop_after_ten(*given, **named):
-        run_sweep(*given[:3], stop_at(10), **named)
-
-    monkeypatch.setattr(run, "run_sweep", stop_after_ten)
-    assert call(*words).exit_code == 130
-    stored = [seed for point in read_points(tmp_path / "out/runs/tiny") for seed in point.seeds]
-    assert 10 <= len(stored) < 72
-    assert not (tmp_path / "out/replication.md").exists()
-    monkeypatch.setattr(run, "run_sweep", run_sweep)
-    assert call(*words).exit_code == 0
-    assert read_table(tmp_path / "out", "replication-sweeps.csv")[0]["stored"] == "72"
 
 
 def test_the_list_runs_nothing(tmp_path) -> None:
@@ -140,110 +120,12 @@ def test_the_list_runs_nothing(tmp_path) -> None:
     assert len(call("replicate", "--list").stdout.splitlines()) == 72
 
 
-RISE = {"test": "largest_rise", "along": SPEED}
-
-
-@pytest.mark.parametrize(
-    ("claims", "message"),
-    [
-        (
-            [claim("A1", {**FASTER, "over": "V", "above": 1})],
-            "A1.checks.0: unknown key 'over'; ratio takes between, where",
-        ),
-        ([claim("A1", {**FASTER})], "A1.checks.0: give one of above, below and within"),
-        ([claim("A1", {**FASTER, "above": 1, "below": 1})], "A1.checks.0: give one of above, below and within"),
-        ([claim("A1", {**FASTER, "within": [2, 1]})], "A1.checks.0: within: the first number must be the lower one"),
-        ([claim("A1", {"test": "rise", "above": 1})], "A1.checks.0: test: unknown 'rise'; allowed: ratio, "),
-        ([claim("A1")], "A1: give either checks, which may be a reading, or one of identity, no_claim"),
-        ([claim("A1", {**FASTER, "above": 1}, not_asked="Long")], "A1: give either checks, which may be a reading, or"),
-        ([claim("A1", {**FASTER, "above": 1, "rises": True})], "A1.checks.0: give one of above, below and within"),
-        ([claim("A1", {**FASTER, "test": "share_difference", "above": 0.1})], "A1.checks.0: a difference of shares is"),
-        ([claim("A1", {**RISE, "above": 1}, sweep=None)], "A1: tests of trials take a sweep, and only these"),
-        ([claim("A1", {**RISE, "above": 1}, sweep="tinny")], "claim A1: sweep: unknown 'tinny', did you mean 'tiny'?"),
-        ([claim("A1", {**FASTER, "above": 1})] * 2, "claim A1 is there twice"),
-        (
-            [{**claim("A1", {"test": "formula", "number": "sigma_c", "above": 1}), "sweep": None}],
-            "A1.checks.0: number: unknown 'sigma_c', did you mean 'sigma_b'?; allowed: largest_shift",
-        ),
-        ([claim("A1", {**FASTER, "within": [0, 2]})], "A1.checks.0: a ratio of means lies above 0: give numbers above"),
-        ([claim("A1", {**RISE, "below": 0})], "A1.checks.0: a ratio of means lies above 0: give numbers above 0"),
-        ([claim("A1", {"test": "share", "above": 3})], "A1.checks.0: a share, or a chance, lies between 0 and 1"),
-        (
-            [claim("A1", {"test": "likelier", "law": "gamma", "than": "gamma", "above": 0})],
-            "A1.checks.0: than is gamma, as law is; allowed: another law",
-        ),
-        ([claim("A1", {**RISE, "take": "final", "above": 1})], "A1.checks.0: take is given without of"),
-    ],
-)
-def test_a_file_of_claims_that_is_wrong_is_refused_in_words(claims, message, tmp_path) -> None:
-    file = write_claims(tmp_path, claims)
-    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
-    assert told.startswith(f"error: {file}: {message}")
-    assert not (tmp_path / "out").exists()
-
-
-def test_what_is_not_there_is_refused_in_words(tmp_path) -> None:
-    file = write_claims(tmp_path)
-    words = ["--claims", file, "--out", tmp_path / "out"]
-    assert refused("replicate", "A9", *words) == "error: unknown 'A9'; claims: A1, A2, A3, A4, A5, A6, A7, A8\n"
-    assert "none.yaml: cannot be read: No such file" in refused("replicate", "--claims", tmp_path / "none.yaml")
-    wrong = write_claims(tmp_path, sweep={**SWEEP, "keys": {"agents": {"cuont": 3}}})
-    assert refused("replicate", "--claims", wrong, "--out", tmp_path / "out").startswith(
-        "error: sweep tiny: scenario: agents.cuont: unknown 'cuont', did you mean 'count'?"
-    )
-    assert not (tmp_path / "out").exists()
-    assert refused("replicate", *words, "--workers", 2, "--dask", "there") == (
-        "error: --workers and --dask exclude each other\n"
-    )
-
-
-def test_a_test_of_points_that_the_sweep_lacks_names_its_claim(tmp_path) -> None:
-    file = write_claims(tmp_path, [claim("A1", {**RISE, "where": {"response.coupling": 0.7}, "above": 1})])
-    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
-    assert told == "error: claim A1: where response.coupling = 0.7: the sweep has no such point\n"
-    assert not (tmp_path / "out").exists()
-    several = write_claims(tmp_path, [claim("A1", {"test": "level", "above": 1})])
-    told = refused("replicate", "--claims", several, "--out", tmp_path / "out")
-    assert told == "error: claim A1: where all points: 6 points; level is of one\n"
-
-
-@pytest.mark.parametrize(
-    ("check", "message"),
-    [
-        (
-            {**RISE, "along": "speed", "above": 1},
-            f"along: unknown 'speed'; axes with numbers: response.coupling, {SPEED}",
-        ),
-        ({**RISE, "along": "neighbourhood", "above": 1}, "along: neighbourhood has other values; axes with numbers: "),
-        (
-            {"test": "place_exponent", "place": "V_m", "along": SPEED, "over": "count", "above": 1},
-            "over: unknown 'count'; axes with numbers: ",
-        ),
-        (
-            {**RISE, "of": "oder_parameter", "above": 1},
-            "of: unknown 'oder_parameter', did you mean 'order_parameter'?; m",
-        ),
-        (
-            {"test": "ratio", "between": [{SPEED: 1}, {"response.coupling": 0.4}], "above": 1},
-            f"between {SPEED} = 1 and response.coupling = 0.4: no pairs",
-        ),
-    ],
-)
-def test_a_test_of_what_the_sweep_lacks_is_refused_before_it_runs(check, message, tmp_path) -> None:
-    grid = {**SWEEP["keys"]["sweep"]["grid"], "neighbourhood": [{"kind": "nearest", "k": k} for k in (1, 2)]}
-    keys = {**SWEEP["keys"], "measures": ["order_parameter"], "sweep": {"grid": grid}}
-    file = write_claims(tmp_path, [claim("A1", check)], {**SWEEP, "keys": keys})
-    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
-    assert told.startswith(f"error: claim A1: {message}")
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
     sweep = {**SWEEP, "keys": {**SWEEP["keys"], "measures": ["order_parameter"]}}
     final = {"test": "level", "of": "order_parameter", "where": {"response.coupling": 0.4, SPEED: 1}}
     checks = [{**final, "take": "largest", "above": 0.99}, {**final, "take": "first", "below": 0.99}]
     file = write_claims(tmp_path, [claim("A1", *checks)], sweep)
-    assert call("replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1).exit_code == 0
+    assert replicate(file, tmp_path / "out").exit_code == 0
     series = next(p for p in read_points(tmp_path / "out/runs/tiny", "order_parameter") if p.number == 3).measured
     found = {row["test"]: float(row["ours"]) for row in read_table(tmp_path / "out", "replication-tests.csv")}
     for take, values in (("largest", map(max, series)), ("first", [values[0] for values in series])):
@@ -262,7 +144,7 @@ def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
         {"test": "place_exponent", "place": "V_p", "along": SPEED, "over": "response.coupling", "above": 0},
     ]
     file = write_claims(tmp_path, [claim("A1", *checks)], sweep)
-    assert call("replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1).exit_code == 0
+    assert replicate(file, tmp_path / "out").exit_code == 0
     found = {row["test"]: row["ours"] for row in read_table(tmp_path / "out", "replication-tests.csv")}
     assert list(found) == [
         "chance that T_sync is larger where V = 1 cm/s, ε = 0.4 than where V = 1 cm/s, ε = 0.05",
@@ -274,10 +156,3 @@ def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
     ]
     assert found.popitem()[1] == ""  # three speeds have no peak
     assert all(np.isfinite(float(value)) for value in found.values())
-
-
-def test_one_trial_is_compared_with_one(tmp_path) -> None:
-    check = {"test": "superiority", "between": FASTER["between"], "below": 0.5}
-    file = write_claims(tmp_path, [claim("A1", check)])
-    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
-    assert told == "error: claim A1: where all points: 6 points; superiority is of one at each place\n"

@@ -1,7 +1,6 @@
 """Each test of claims, against closed forms, scipy's tests, and slow twins."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,21 +8,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from epuck_sim.replication import criteria
 from epuck_sim.replication.criteria import (
-    exponential_rate,
     largest_rise,
     level,
+    likelier,
     mean_with_error,
-    power_exponent,
+    rank_trend,
     ratio,
-    restrict,
     share,
     share_difference,
-    share_effect,
-    weighted_slope,
+    slope,
+    superiority,
+    weibull_ratio,
 )
-from epuck_sim.statistics.two_samples import contrast, pair_up
-from tests.replication.samples import LIMIT, drawn, times, truths, uncensored
+from epuck_sim.statistics.comparison import contrast, pair_up
+from epuck_sim.statistics.measured import restrict
+from tests.statistics.fits import LIMIT, lognormal, measured, times, truths
 
 SOME = st.lists(st.floats(1, 100), min_size=5, max_size=12, unique=True)
 
@@ -34,7 +35,7 @@ def knows_nothing(effect) -> bool:
 
 @given(SOME, st.floats(1, 100))
 def test_a_level_is_tested_as_students_test_does(values, threshold) -> None:
-    effect = level(uncensored(values))
+    effect = level(measured(values))
     for p, side in ((effect.p_above, "greater"), (effect.p_below, "less")):
         assert p(threshold) == pytest.approx(stats.ttest_1samp(values, threshold, alternative=side).pvalue, abs=1e-9)
     interval = stats.ttest_1samp(values, 0).confidence_interval()
@@ -43,7 +44,7 @@ def test_a_level_is_tested_as_students_test_does(values, threshold) -> None:
 
 @given(st.integers(5, 60).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))), st.floats(0.05, 0.95))
 def test_a_share_is_tested_by_the_exact_binomial_test(counts, threshold) -> None:
-    effect = share_effect(*counts)
+    effect = share(truths(*counts))
     for p, side in ((effect.p_above, "greater"), (effect.p_below, "less")):
         assert p(threshold) == pytest.approx(stats.binomtest(*counts, threshold, alternative=side).pvalue, abs=1e-9)
     assert effect.estimate.low <= effect.estimate.value <= effect.estimate.high
@@ -71,7 +72,7 @@ def test_a_share_below_one_is_shown_by_one_trial_and_no_number_of_trials_shows_o
 
 @given(SOME, SOME)
 def test_a_ratio_of_two_points_is_that_of_compare_but_less_sure(first, second) -> None:
-    pair = uncensored(first), uncensored(second)
+    pair = measured(first), measured(second)
     expected = contrast(pair_up(*pair)).log_ratio
     effect = ratio([pair])
     assert effect.estimate.value == pytest.approx(math.exp(expected.value))
@@ -85,7 +86,7 @@ def test_a_ratio_of_two_points_is_that_of_compare_but_less_sure(first, second) -
 
 
 def test_a_ratio_over_several_pairs_is_their_geometric_mean() -> None:
-    pairs = [(drawn(10, 50, 1), drawn(20, 50, 2)), (drawn(30, 50, 3), drawn(300, 50, 4))]
+    pairs = [(lognormal(10, 50, 1), lognormal(20, 50, 2)), (lognormal(30, 50, 3), lognormal(300, 50, 4))]
     each = [ratio([pair]).estimate.value for pair in pairs]
     effect = ratio(pairs)
     assert effect.estimate.value == pytest.approx(math.sqrt(each[0] * each[1]))
@@ -93,25 +94,9 @@ def test_a_ratio_over_several_pairs_is_their_geometric_mean() -> None:
     assert widths[0] < max(widths[1:])  # two pairs know more than the worse of them
 
 
-def test_by_chance_ratios_are_found_as_often_as_they_should_be() -> None:
-    p_values = [ratio([(drawn(5, 20, 2 * seed), drawn(5, 20, 2 * seed + 1))]).p_above(1) for seed in range(600)]
-    assert 0.025 < np.mean(np.array(p_values) < 0.05) < 0.08
-
-
-def test_in_the_far_tail_of_few_trials_they_are_not_found_more_often() -> None:
-    """Of exponential times, of which Welch's test finds twice as many as are nominal."""
-    draws, chance = 40_000, 2e-4
-    times = np.random.default_rng(3).exponential(1, (2, draws, 10))
-    means, spreads = times.mean(axis=2), times.std(axis=2, ddof=1)
-    farthest = np.argsort(np.log(means[1] / means[0]) / np.hypot(*(spreads / means)))[-60:]
-    p_values = np.array([ratio([(uncensored(times[0, n]), uncensored(times[1, n]))]).p_above(1) for n in farthest])
-    assert p_values[0] > chance  # none of the others is below it
-    assert np.count_nonzero(p_values < chance) <= chance * draws
-
-
 @given(st.lists(SOME, min_size=2, max_size=5), st.floats(0.5, 2))
 def test_the_largest_rise_is_that_of_all_pairs(curve, threshold) -> None:
-    samples = [uncensored(values) for values in curve]
+    samples = [measured(values) for values in curve]
     pairs = [(samples[i], samples[j]) for j in range(len(samples)) for i in range(j)]
     each = [ratio([pair]) for pair in pairs]
     effect = largest_rise([samples])
@@ -130,17 +115,17 @@ def test_the_largest_rise_is_that_of_all_pairs(curve, threshold) -> None:
 
 
 def test_only_rises_count_and_only_within_a_curve() -> None:
-    falling, rising = [[drawn(mean, 100, mean) for mean in means] for means in ((90, 30, 10), (10, 30, 90))]
+    falling, rising = [[lognormal(mean, 100, mean) for mean in means] for means in ((90, 30, 10), (10, 30, 90))]
     assert largest_rise([falling]).p_below(1) < 1e-6
-    assert largest_rise([falling, [drawn(900, 100, 7), drawn(300, 100, 8)]]).p_below(1) < 1e-6
+    assert largest_rise([falling, [lognormal(900, 100, 7), lognormal(300, 100, 8)]]).p_below(1) < 1e-6
     assert largest_rise([falling, rising]).p_above(5) < 1e-6
 
 
 @given(st.floats(-2, 2), st.floats(0.1, 50))
 def test_the_exponent_of_a_power_law_is_found(exponent, factor) -> None:
     x = np.array([1.0, 2, 5, 10])
-    samples = [uncensored(factor * place**exponent * np.linspace(0.8, 1.2, 9)) for place in x]
-    effect = power_exponent(x, samples)
+    samples = [measured(factor * place**exponent * np.linspace(0.8, 1.2, 9)) for place in x]
+    effect = slope(np.log(x), samples)
     assert effect.estimate.value == pytest.approx(exponent, abs=1e-9)
     assert effect.p_below(exponent) == pytest.approx(0.5, abs=1e-6)
 
@@ -148,36 +133,26 @@ def test_the_exponent_of_a_power_law_is_found(exponent, factor) -> None:
 @given(st.floats(-1, 1))
 def test_and_the_rate_of_an_exponential(rate) -> None:
     x = np.array([5.0, 6, 8, 12])
-    samples = [uncensored(math.exp(rate * place) * np.linspace(0.8, 1.2, 9)) for place in x]
-    assert exponential_rate(x, samples).estimate.value == pytest.approx(rate, abs=1e-9)
+    samples = [measured(math.exp(rate * place) * np.linspace(0.8, 1.2, 9)) for place in x]
+    assert slope(x, samples).estimate.value == pytest.approx(rate, abs=1e-9)
 
 
 def test_a_slope_is_that_of_weighted_least_squares_and_less_sure_where_points_scatter() -> None:
     x = np.array([1.0, 2, 3, 4, 5])
-    samples = [drawn(mean, trials, trials) for mean, trials in ((3, 10), (9, 40), (8, 90), (30, 20), (20, 60))]
+    samples = [lognormal(mean, trials, trials) for mean, trials in ((3, 10), (9, 40), (8, 90), (30, 20), (20, 60))]
     means = [mean_with_error(sample) for sample in samples]
     weights = [each.mean / each.error for each in means]
     logs = np.log([each.mean for each in means])
-    (slope, _), covariance = np.polyfit(x, logs, 1, w=weights, cov=True)
-    effect = exponential_rate(x, samples)
+    (expected, _), covariance = np.polyfit(x, logs, 1, w=weights, cov=True)
+    effect = slope(x, samples)
     reach = stats.t.ppf(0.975, 3) * math.sqrt(covariance[0, 0])
-    assert effect.estimate.ends == pytest.approx((slope, slope - reach, slope + reach))
-    straight = [drawn(3 * place, 40, 5) for place in x]  # of one seed, exactly on a line
+    assert effect.estimate.ends == pytest.approx((expected, expected - reach, expected + reach))
+    straight = [lognormal(3 * place, 40, 5) for place in x]  # of one seed, exactly on a line
     _, unscaled = np.polyfit(
         np.log(x), np.log(x), 1, w=[m.mean / m.error for m in map(mean_with_error, straight)], cov="unscaled"
     )
-    width = power_exponent(x, straight).estimate.high - 1
+    width = slope(np.log(x), straight).estimate.high - 1
     assert width == pytest.approx(stats.t.ppf(0.975, 3) * math.sqrt(unscaled[0, 0]))
-
-
-@pytest.mark.parametrize(("points", "scatter"), [(4, 0.0), (4, 1.0), (4, 4.0), (9, 4.0)])
-def test_an_interval_of_a_slope_through_few_points_holds_it_as_often_as_asked_however_they_scatter(
-    points: int, scatter: float
-) -> None:
-    x, samples, random = np.linspace(0, 1, points), 1500, np.random.default_rng(points)
-    rows = 0.5 * x + random.normal(0, math.hypot(1, scatter), (samples, points))
-    found = [weighted_slope(x, row, np.ones(points), 5000).estimate for row in rows]
-    assert np.mean([each.low <= 0.5 <= each.high for each in found]) > 0.93 - 2 * math.sqrt(0.05 * 0.95 / samples)
 
 
 def test_means_are_restricted_to_one_limit_and_all_censored_ones_scatter_as_if_one_had_ended_at_once() -> None:
@@ -192,18 +167,123 @@ def test_means_are_restricted_to_one_limit_and_all_censored_ones_scatter_as_if_o
 
 
 def test_little_is_not_taken_for_much() -> None:
-    few, alike, enough = uncensored([1, 2, 3, 4]), uncensored([7] * 30), drawn(10, 30, 1)
+    few, alike, enough = measured([1, 2, 3, 4]), measured([7] * 30), lognormal(10, 30, 1)
     assert knows_nothing(level(few))
     assert knows_nothing(level(alike))
     assert knows_nothing(share(truths(4, 4)))
     assert knows_nothing(share_difference(truths(0, 4), truths(40, 40)))
-    assert all(knows_nothing(ratio([pair])) for pair in ((few, enough), (enough, alike), (uncensored([]), enough)))
-    assert all(knows_nothing(largest_rise([[enough, other]])) for other in (few, alike, uncensored([])))
-    assert knows_nothing(power_exponent(np.array([1.0, 2]), [enough, enough]))
-    assert knows_nothing(power_exponent(np.array([1.0, 2, 3]), [enough, enough, few]))
-    assert knows_nothing(ratio([(drawn(-5, 20, 1), enough)]))
+    assert all(knows_nothing(ratio([pair])) for pair in ((few, enough), (enough, alike), (measured([]), enough)))
+    assert all(knows_nothing(largest_rise([[enough, other]])) for other in (few, alike, measured([])))
+    assert knows_nothing(slope(np.log([1.0, 2]), [enough, enough]))
+    assert knows_nothing(slope(np.log([1.0, 2, 3]), [enough, enough, few]))
+    assert knows_nothing(ratio([(lognormal(-5, 20, 1), enough)]))
 
 
-def test_more_trials_are_surer() -> None:
-    p_values = [ratio([(drawn(10, trials, 1), drawn(14, trials, 2))]).p_above(1) for trials in (10, 40, 400)]
-    assert all(more < fewer for fewer, more in pairwise(p_values))
+# Tests of whole distributions
+
+
+COARSE = st.lists(st.integers(1, 40), min_size=5, max_size=15)
+
+
+@given(COARSE, COARSE)
+def test_superiority_is_tested_as_brunner_and_munzel_do(first, second) -> None:
+    effect = superiority(measured(first), measured(second))
+    wins = [(b > a) + (a == b) / 2 for a in first for b in second]
+    assert effect.estimate.value == pytest.approx(np.mean(wins))
+    if max(first) < min(second) or max(second) < min(first) or len({*first, *second}) == 1:
+        return  # scipy divides by zero
+    for p, side in ((effect.p_above, "less"), (effect.p_below, "greater")):
+        expected = stats.brunnermunzel(first, second, alternative=side).pvalue
+        if math.isfinite(expected):
+            assert p(0.5) == pytest.approx(expected, abs=1e-9)
+
+
+def test_censored_trials_are_ties_and_few_trials_tell_nothing() -> None:
+    first, second = times([10, 20, 30, 5000, 9000, 7000]), times([10, 20, 30, 1000, 2000, 3000])
+    assert superiority(first, second).estimate.value == 0.5
+    assert math.isnan(superiority(measured([1, 2, 3]), measured([5, 6, 7, 8, 9])).estimate.value)
+    apart = superiority(measured([1, 2, 3, 4, 5]), measured([6, 7, 8, 9, 10]))
+    assert apart.p_above(0.5) == 1  # no overlap shows no scatter
+
+
+def test_equal_distributions_are_within_some_of_a_half() -> None:
+    effect = superiority(lognormal(10, 900, 1), lognormal(10, 900, 2))
+    assert effect.p_above(0.4) < 1e-6
+    assert effect.p_below(0.6) < 1e-6
+    assert superiority(lognormal(10, 900, 1), lognormal(30, 900, 2)).p_above(0.6) < 1e-6
+
+
+@given(st.lists(COARSE, min_size=2, max_size=5))
+def test_a_rank_trend_is_spearmans(curves) -> None:
+    x = np.arange(1.0, len(curves) + 1)
+    effect = rank_trend(x, [measured(each) for each in curves])
+    values = [value for each in curves for value in each]
+    if len(set(values)) == 1:
+        assert effect.p_above(0) == effect.p_below(0) == 1
+        return
+    expected = stats.spearmanr(np.repeat(x, list(map(len, curves))), values).statistic
+    assert effect.estimate.value == pytest.approx(expected)
+    assert effect.estimate.low <= expected <= effect.estimate.high
+    assert effect.p_above(effect.estimate.low) == pytest.approx(0.025, abs=1e-6)
+
+
+def test_intervals_of_strong_trends_hold_the_truth() -> None:
+    truth, rng = 6 / math.pi * math.asin(0.9 / 2), np.random.default_rng(4)  # of normal pairs that correlate by 0.9
+    held = []
+    for _ in range(400):
+        x = rng.normal(size=30)
+        y = 0.9 * x + math.sqrt(1 - 0.81) * rng.normal(size=30)
+        _, low, high = rank_trend(x, [measured([value]) for value in y]).estimate.ends
+        held.append(low <= truth <= high)
+    assert 0.92 < np.mean(held) < 0.98
+
+
+def test_trials_are_likelier_by_the_law_that_they_were_drawn_from() -> None:
+    rng = np.random.default_rng(5)
+    weibull = [measured(scale * rng.weibull(1.3, 300)) for scale in (10, 100)]
+    lognormal = [measured(scale * rng.lognormal(0, 0.8, 300)) for scale in (10, 100)]
+    assert likelier(weibull, "Weibull", "log-normal").p_above(0) < 1e-4
+    assert likelier(lognormal, "Weibull", "log-normal").p_below(0) < 1e-4
+    other = likelier(weibull, "log-normal", "Weibull").estimate
+    assert likelier(weibull, "Weibull", "log-normal").estimate.value == pytest.approx(-other.value)
+
+
+def test_the_gain_of_a_law_is_the_difference_of_its_likelihood() -> None:
+    values = np.random.default_rng(6).lognormal(1, 0.7, 40)
+    logs = np.log(values)
+    # closed form of the log-normal distribution's largest log likelihood
+    largest = -logs.sum() - 20 * math.log(2 * math.pi * logs.var()) - 20
+    weibull = stats.weibull_min.logpdf(values, *stats.weibull_min.fit(values, floc=0))
+    effect = likelier([measured(values)], "log-normal", "Weibull")
+    assert effect.estimate.value == pytest.approx((largest - weibull.sum()) / 40, rel=1e-4)
+    gains = stats.norm.logpdf(logs, logs.mean(), logs.std()) - logs - weibull
+    assert effect.p_above(0) == pytest.approx(stats.ttest_1samp(gains, 0, alternative="greater").pvalue, rel=1e-3)
+
+
+def test_points_that_are_censored_few_or_coarse_are_left_out() -> None:
+    good = measured(np.random.default_rng(7).exponential(5, 60) + 1)
+    bad = [times([*range(1, 40), 5000]), lognormal(5, 19, 1), measured([3, 4, 5] * 20)]
+    assert likelier([good, *bad], "Weibull", "gamma").estimate == likelier([good], "Weibull", "gamma").estimate
+    assert math.isnan(likelier(bad, "Weibull", "gamma").estimate.value)
+
+
+def test_weibull_trials_have_their_mean_though_they_are_censored_and_others_have_not() -> None:
+    random = np.random.default_rng(1)
+    right = weibull_ratio(measured(1000 * random.weibull(1.4, 400)), 900)
+    assert right.estimate.low < 1 < right.estimate.high
+    assert right.estimate.high / right.estimate.low < 1.5
+    wrong = weibull_ratio(measured(100 * random.lognormal(0, 2, 400)), 100)
+    assert wrong.p_below(0.7) < 1e-3
+
+
+def test_its_error_is_that_of_trials_drawn_anew(monkeypatch) -> None:
+    monkeypatch.setattr(criteria, "RESAMPLES", 60)
+    random = np.random.default_rng(2)
+    many = [weibull_ratio(measured(1000 * random.weibull(1.4, 60)), 900).estimate for _ in range(15)]
+    spread = np.std(np.log([each.value for each in many]), ddof=1)
+    assert np.median([math.log(each.high / each.value) / 2 for each in many]) == pytest.approx(spread, rel=0.4)
+
+
+def test_nothing_is_known_of_an_estimator_where_the_truth_is_censored_or_trials_are_few() -> None:
+    for sample in (times([100, 200, 300, 400, 5000, 600]), measured([1, 2, 3])):
+        assert math.isnan(weibull_ratio(sample, 250).estimate.low)

@@ -10,14 +10,12 @@ import pytest
 
 from epuck_sim.estimate import LEVEL
 from epuck_sim.replication.claims import read_claims
-from epuck_sim.replication.looks import LOOKS, Decider, begun, trials_at_looks
-from epuck_sim.replication.sweeps import needed_sweeps, sweep_folder
+from epuck_sim.replication.sweeps import LOOKS, Decider, begun, needed_sweeps, sweep_folder, trials_at_looks
 from epuck_sim.replication.verdicts import Verdict
 from epuck_sim.runs.reader import read_points
 from epuck_sim.statistics.sequential import look_boundary, looks_p_value
 from epuck_sim.sweep import run
-from tests.cli.commands import call, refused
-from tests.replication.claim_files import FASTER, SPEED, SWEEP, claim, stop_at, write_claims
+from tests.replication.claim_files import FASTER, SPEED, SWEEP, claim, replicate, stop_at, write_claims
 from tests.runs.made_folders import ended, store
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
@@ -28,10 +26,6 @@ NEAR = {**FASTER, "between": [{"response.coupling": 0.4}, {"response.coupling": 
 NEVER = {**FASTER, "where": {}, "within": [0.192, 0.194]}
 """The ratio is 0.193, of thousands of trials."""
 AT_ONCE = {**FASTER, "where": {}, "below": 1}
-
-
-def replicate(file: Path, folder: Path, *words: object):
-    return call("replicate", "--claims", file, "--out", folder, "--workers", 1, *words)
 
 
 def trials(folder: Path) -> set[int]:
@@ -90,8 +84,11 @@ def test_a_look_that_was_interrupted_is_completed_before_anything_is_judged(tmp_
     assert replicate(file, tmp_path / "out").exit_code == 0
     run_sweep = run.run_sweep
     monkeypatch.setattr(run, "run_sweep", lambda *given, **named: run_sweep(*given[:3], stop_at(40), **named))
+    page = tmp_path / "out/replication.md"
+    page.unlink()
     assert replicate(file, tmp_path / "out", "--until-decided").exit_code == 130
     assert trials(tmp_path / "out") != {9}
+    assert not page.exists()
     monkeypatch.setattr(run, "run_sweep", run_sweep)
     assert replicate(file, tmp_path / "out").exit_code == 0
     assert trials(tmp_path / "out") == {9}
@@ -128,7 +125,3 @@ def test_no_trials_are_added_where_points_scatter_by_far_more_than_their_errors(
     assert answer.verdict == Verdict.UNDECIDED
     assert not decider.next_looks()
     assert "More points would decide B1, not more trials" in decider.table().to_text(200)
-
-
-def test_a_limit_of_time_without_what_it_limits_is_refused() -> None:
-    assert "--until-decided, which is not given" in refused("replicate", "--cpu-hours", 3)

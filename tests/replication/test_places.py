@@ -8,8 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim import load_scenario
-from epuck_sim.replication.criteria import Course, Drawn, Place, collapse, find_place, place_exponent, spread
+from epuck_sim.estimate import Estimate
+from epuck_sim.replication.criteria import collapse, find_place, place_exponent, spread
 from epuck_sim.statistics.curves import Curve
+from epuck_sim.statistics.extrema import Place
 from epuck_sim.statistics.names import Statistic
 
 SPEEDS = np.geomspace(0.05, 100, 15)
@@ -34,16 +36,16 @@ def bump(place: float, height: float = 2.0) -> np.ndarray:
 
 
 def place(value: float, error: float, seed: int) -> Place:
-    return Place(value, value * np.exp(error * np.random.default_rng(seed).normal(size=500)))
+    return Place(Estimate(value), value * np.exp(error * np.random.default_rng(seed).normal(size=500)))
 
 
 def test_places_of_a_curve_are_those_of_fit() -> None:
     found = find_place(curve(bump(3)), "V_p")
     assert found is not None
-    assert found.value == pytest.approx(3, rel=0.15)
+    assert found.estimate.value == pytest.approx(3, rel=0.15)
     fast = find_place(curve(np.maximum(1000 / SPEEDS, 100)), "V_f")
     assert fast is not None
-    assert fast.value == pytest.approx(5, rel=0.05)
+    assert fast.estimate.value == pytest.approx(5, rel=0.05)
 
 
 def test_a_curve_without_a_peak_or_with_few_trials_has_no_place() -> None:
@@ -79,20 +81,20 @@ def test_scatter_about_the_law_makes_it_less_sure_and_two_places_say_nothing() -
     assert left.estimate.value == pytest.approx(1)
 
 
-def shifted(factor: float, seed: int) -> Drawn:
+def shifted(factor: float, seed: int) -> tuple[Curve, Curve]:
     """Return a curve with its peak at a speed that is 3 over the factor, and a rate of so much times the speed."""
-    return Drawn(curve(bump(3 / factor), seed=seed), curve(factor * SPEEDS, 0.01, seed + 50))
+    return curve(bump(3 / factor), seed=seed), curve(factor * SPEEDS, 0.01, seed + 50)
 
 
 def test_curves_that_are_one_over_another_quantity_collapse() -> None:
     drawn = [shifted(factor, seed) for seed, factor in enumerate((0.3, 1, 3))]
     # the factor enters T_sync, too, as speed to the power of -0.3
-    drawn = [each._replace(curve=_scaled(each.curve, f**-0.3)) for each, f in zip(drawn, (0.3, 1, 3), strict=True)]
+    drawn = [(_scaled(made, f**-0.3), rates) for (made, rates), f in zip(drawn, (0.3, 1, 3), strict=True)]
     effect = collapse(drawn, TRIALS)
     assert effect.p_below(0.5) < 1e-6
-    wrong = [each._replace(instead=curve(SPEEDS / f)) for each, f in zip(drawn, (0.3, 1, 3), strict=True)]
+    wrong = [(made, curve(SPEEDS / f)) for (made, _), f in zip(drawn, (0.3, 1, 3), strict=True)]
     assert collapse(wrong, TRIALS).p_above(1) < 1e-6
-    alike = [each._replace(instead=curve(2 * SPEEDS, 0)) for each in drawn]
+    alike = [(made, curve(2 * SPEEDS, 0)) for made, _ in drawn]
     assert collapse(alike, TRIALS).estimate.value == pytest.approx(1, rel=0.05)
 
 
@@ -109,30 +111,30 @@ X = np.linspace(-2, 3, 11)
 
 @given(st.lists(st.floats(-3, 3), min_size=2, max_size=6))
 def test_parallel_curves_are_as_far_apart_as_their_heights(heights) -> None:
-    courses = [Course(X, np.sin(X) + height) for height in heights]
+    courses = [(X, np.sin(X) + height) for height in heights]
     assert spread(courses) == pytest.approx(np.std(heights, ddof=1), abs=1e-9)
 
 
 @given(st.floats(0.1, 5), st.floats(0.2, 2))
 def test_shifted_lines_are_apart_by_slope_times_shift_where_both_are(slope, shift) -> None:
-    courses = [Course(X, slope * X), Course(X + shift, slope * X)]
+    courses = [(X, slope * X), (X + shift, slope * X)]
     assert spread(courses) == pytest.approx(slope * shift / math.sqrt(2), rel=1e-6)
 
 
 def test_the_order_of_points_and_of_curves_does_not_matter() -> None:
     rng = np.random.default_rng(1)
-    courses = [Course(rng.normal(size=9), rng.normal(size=9)) for _ in range(4)]
-    mixed = [Course(*np.array(each)[:, rng.permutation(9)]) for each in courses[::-1]]
+    courses = [(rng.normal(size=9), rng.normal(size=9)) for _ in range(4)]
+    mixed = [tuple(np.array(each)[:, rng.permutation(9)]) for each in courses[::-1]]
     assert spread(mixed) == pytest.approx(spread(courses))
 
 
 def test_places_that_one_curve_reaches_alone_do_not_count() -> None:
-    near, far = Course(X, 0 * X), Course(X + 2, 0 * X + 1)
-    longer = Course(np.append(X, 50), np.append(0 * X, 900))
+    near, far = (X, 0 * X), (X + 2, 0 * X + 1)
+    longer = (np.append(X, 50), np.append(0 * X, 900))
     assert spread([near, far]) == pytest.approx(math.sqrt(0.5))
-    assert spread([Course(X[:3], X[:3]), Course(X[-3:], X[-3:])]) != spread([near, far])
-    assert math.isnan(spread([Course(X[:3], X[:3]), Course(X[-3:], X[-3:])]))
+    assert spread([(X[:3], X[:3]), (X[-3:], X[-3:])]) != spread([near, far])
+    assert math.isnan(spread([(X[:3], X[:3]), (X[-3:], X[-3:])]))
     assert math.isnan(spread([longer]))
-    nowhere = Course(np.full(3, -math.inf), np.zeros(3))
+    nowhere = (np.full(3, -math.inf), np.zeros(3))
     assert spread([near, nowhere, far]) == spread([near, far])
     assert math.isnan(spread([near, nowhere]))

@@ -5,8 +5,10 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
-from epuck_sim.replication.claims import read_claims
+from epuck_sim.order_parameter import order_parameter, reference_order_parameter
+from epuck_sim.replication.claims import largest_shift, order_zero, read_claims, sigma_a, sigma_b
 from epuck_sim.replication.sweeps import needed_sweeps
 from epuck_sim.replication.verdicts import run_check
 from epuck_sim.runs.reader import PointTrials
@@ -101,3 +103,27 @@ def test_two_groups_that_look_at_opposite_walls_never_synchronise_with_300_degre
         cone = blind.scenario.neighbourhood.model_copy(update={"angle_deg": angle})
         scenario = blind.scenario.model_copy(update={"neighbourhood": cone})
         assert {run_trial(simulate(scenario, seed)).censored for seed in range(2)} == {not is_observed}
+
+
+# Numbers that follow from equations, put back into these
+
+
+def test_one_robot_of_twenty_so_far_away_has_the_order_of_the_threshold() -> None:
+    phases = np.array([0.0] * 19 + [largest_shift()])
+    assert reference_order_parameter(phases, 1.0) == pytest.approx(0.95)
+
+
+def test_below_this_phase_a_pulse_lowers_the_order_and_above_it_raises_it() -> None:
+    assert order_zero() == pytest.approx(1 / 2.1)
+    for phase, lower in ((order_zero() - 0.01, True), (order_zero() + 0.01, False)):
+        before, after = (order_parameter(np.array([0, each]), 1.0) for each in (phase, 1.1 * phase))
+        assert (after < before) == lower
+
+
+def test_two_halves_so_far_away_have_the_order_of_the_threshold() -> None:
+    assert order_parameter(np.repeat([-sigma_a(), sigma_a()], 5), 5.0) == pytest.approx(0.95)
+
+
+def test_the_sum_of_eq_c_3() -> None:
+    robots = 10
+    assert sigma_b() == pytest.approx(math.sqrt(2 / (5 * robots) * robots / 2 * (4**2 + 3**2 + 2**2 + 1**2)))

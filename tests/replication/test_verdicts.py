@@ -1,10 +1,23 @@
-"""From effects to verdicts."""
+"""From trials to effects, and from effects to verdicts."""
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from epuck_sim.replication.claims import Check, Claim
 from epuck_sim.replication.criteria import Effect, student
-from epuck_sim.replication.verdicts import Finding, Verdict, decide, judge_claims, p_values, pair_points, run_check
+from epuck_sim.replication.verdicts import (
+    LARGEST,
+    Finding,
+    Verdict,
+    decide,
+    growth,
+    judge_claims,
+    p_values,
+    pair_points,
+    run_check,
+)
 from tests.runs.made_folders import COUNT, COUPLING, SPEED, ended, in_memory, sweep
 
 HOLDS, CONTRADICTED, UNDECIDED = Verdict.HOLDS, Verdict.CONTRADICTED, Verdict.UNDECIDED
@@ -119,3 +132,30 @@ def test_an_identity_that_fails_is_contradicted() -> None:
     formula = Check.model_validate({"test": "formula", "number": "sigma_a", "above": 1})
     for check, verdict in ((formula, CONTRADICTED), (formula.model_copy(update={"above": 0}), Verdict.IDENTITY)):
         assert judge_claims([claimed(run_check(check, []), identity="why")])[0].verdict == verdict
+
+
+# Growth of a small perturbation, on series that are made up
+
+
+CYCLES = np.arange(300)
+
+
+@given(st.floats(-0.02, 0.04))
+def test_the_rate_of_an_exponential_is_found(rate) -> None:
+    assert growth(1e-9 * np.exp(rate * CYCLES)) == pytest.approx(rate, abs=1e-9)
+
+
+def test_a_factor_that_comes_once_is_no_growth() -> None:
+    assert growth(1e-9 * np.minimum(1 + 0.1 * CYCLES, 1.5)) == pytest.approx(0, abs=1e-12)
+    assert growth(1e-9 * np.where(CYCLES < 5, 1, 1.5)) == pytest.approx(0, abs=1e-12)
+
+
+def test_what_comes_after_the_deviation_has_become_large_does_not_count() -> None:
+    growing = np.minimum(1e-9 * np.exp(0.07 * CYCLES), 0.3)
+    assert growing[-1] > LARGEST
+    assert growth(growing) == pytest.approx(0.07, rel=0.02)
+
+
+def test_one_that_vanishes_shrinks() -> None:
+    assert growth(np.where(CYCLES < 40, 1e-9, 0)) < -0.05
+    assert growth(1e-9 * np.exp(-0.5 * CYCLES)) == pytest.approx(-0.5, rel=0.05)

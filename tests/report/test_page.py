@@ -11,7 +11,7 @@ from epuck_sim import EpuckSimError, StoreError, load_scenario, read_points, run
 from epuck_sim.figures.style import COLOURS
 from epuck_sim.report import page as contents_module
 from epuck_sim.report.page import MOST_FAILURES, make_page, read_contents, write_report
-from epuck_sim.runs.status import Failure
+from epuck_sim.runs.reader import Failure
 from epuck_sim.util.provenance import host
 from tests.browsers import picture
 from tests.runs.made_folders import COUNT, COUPLING, SPEED, SPEEDS, censored, ended, store, sweep, weibull

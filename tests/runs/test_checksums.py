@@ -14,7 +14,7 @@ from epuck_sim.errors import StoreError
 from epuck_sim.runs import database
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.folder import DATABASE
-from epuck_sim.runs.status import read_status
+from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.scenario.points import points

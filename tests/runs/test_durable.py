@@ -10,8 +10,8 @@ import pytest
 
 from epuck_sim.runs import database, store
 from epuck_sim.runs.database import reading
+from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.share import Share, read_share
-from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
 from tests.runs.test_store import DATABASE, DEMO, FILES, fill, outcome

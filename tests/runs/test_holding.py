@@ -15,7 +15,7 @@ import pytest
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import folder as folders
 from epuck_sim.runs.folder import HOLDER, LEASE_S, current_holder, own_name, take_over
-from epuck_sim.runs.status import read_status
+from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host

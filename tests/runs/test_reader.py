@@ -1,23 +1,26 @@
 """What is read from a run folder: every result of each point, how far the run is, and nothing written by reading."""
 
+import math
 import os
 import shutil
 import sqlite3
+import sys
 from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from epuck_sim.runs import database, export, reader, status
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs import database, export, reader
 from epuck_sim.runs.compatibility import stored_point
 from epuck_sim.runs.database import ENTER_POINT
-from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.status import Failure, Status, TrialsByOrigin, read_status
+from epuck_sim.runs.reader import Failure, Status, SweepTrials, TrialsByOrigin, read_points, read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
+from tests.runs.made_folders import ended, in_memory, store, sweep
 from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, contents, fill, outcome, put, scenario_of
 
 MADE_BY = {**versions(), "host": host()}
@@ -127,7 +130,7 @@ class Grown:
     ("module", "read", "expected"),
     [
         (reader, lambda folder: [len(point.times) for point in read_points(folder)], [3, 3, 3, 3]),
-        (status, lambda folder: read_status(folder)[1:4], (4, 12, 12)),
+        (reader, lambda folder: read_status(folder)[1:4], (4, 12, 12)),
         (export, lambda folder: export.export(folder, folder / "table.csv"), 0),
     ],
     ids=["points", "status", "export"],
@@ -164,3 +167,48 @@ def test_a_database_is_checked_once_however_often_it_is_read_and_written(tmp_pat
     (tmp_path / "run" / DATABASE).touch()
     read(tmp_path / "run")
     assert len(checked) == 2
+
+
+# Results as a DataFrame
+
+
+FOUR = sweep({COUNT: [3, 5], SPEED: [1, 2]}, trials=2)
+
+
+def half_censored(point):
+    return ended([10 * point.axes[COUNT], 90], [True, False])
+
+
+def test_there_is_a_row_for_each_trial_in_the_order_of_the_sweep(tmp_path) -> None:
+    read = read_points(store(tmp_path / "run", FOUR, half_censored))
+    frame = read.to_pandas()
+    assert [*frame.columns] == ["point", COUNT, SPEED, "seed", "cycles", "censored", "t_sync_cycles"]
+    assert frame["point"].tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert frame[COUNT].tolist() == [3] * 4 + [5] * 4
+    assert frame["seed"].tolist() == [seed for point in read for seed in point.seeds]
+    assert frame["cycles"].tolist() == [30, 90, 30, 90, 50, 90, 50, 90]
+    assert frame["censored"].tolist() == [False, True] * 4
+    assert frame["t_sync_cycles"].mean() == 40  # pandas leaves out what is NaN
+    assert math.isnan(frame["t_sync_cycles"][1])
+
+
+def test_the_measure_that_was_asked_for_is_a_column() -> None:
+    points = [point._replace(measured=(0.5, [1, 2]), of="order") for point in in_memory(FOUR, half_censored)]
+    frame = SweepTrials(points).to_pandas()
+    assert frame["order"].tolist() == [0.5, [1, 2]] * 4
+
+
+def test_trials_without_t_sync_are_neither_censored_nor_not() -> None:
+    points = SweepTrials(
+        point._replace(has_t_sync=False, observed=point.observed & False) for point in in_memory(FOUR, half_censored)
+    )
+    frame = points.to_pandas()
+    assert frame["censored"].tolist() == [None] * 8
+    assert frame["t_sync_cycles"].isna().all()
+    assert points._repr_html_().count("<td>-</td>") == 4
+
+
+def test_without_pandas_it_says_what_is_missing(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(EpuckSimError, match="to_pandas needs pandas, which is not installed: pip install pandas"):
+        SweepTrials(in_memory(FOUR, half_censored)).to_pandas()

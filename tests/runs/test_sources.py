@@ -7,14 +7,15 @@ from pathlib import Path
 import pytest
 import yaml
 
+from epuck_sim.runs.reader import verify
 from epuck_sim.runs.share import merge_folders
 from epuck_sim.runs.sources import is_trusted
-from epuck_sim.runs.status import verify
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from tests.cli.commands import call, refused
-from tests.runs.test_store import COUNT, MINE, fill, rewrite, scenario_of, stored
+from tests.control.bench import write_soon_after
+from tests.runs.test_store import COUNT, MINE, fill, scenario_of, stored
 
 MEASURE = """
 class Coverage:
@@ -130,7 +131,7 @@ def foreign(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     """Return a run folder that somebody else has made, whose code leaves a trace where it is run."""
     mark = f"open({str(tmp_path / 'was-run')!r}, 'w').close()\n"
     for path in made.rglob("*.py"):
-        rewrite(path, mark + path.read_text())
+        write_soon_after(path, mark + path.read_text())
     shutil.rmtree(tmp_path / "own")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return made

@@ -6,15 +6,31 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.extrema import smooth_logs
 from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.survival import local_fits, make_curve, make_sample, weibull_means
+from epuck_sim.statistics.survival import local_fits, make_curve, weibull_means
+
+LIMIT = 1000.0
 
 
 def measured(values, observed=None, limit: float = math.inf, seed: int = 0) -> Measured:
     """Return values as they are measured; all of them observed by default."""
     values = np.array(values, float)
     return Measured(values, np.ones(len(values), bool) if observed is None else np.array(observed), limit, seed)
+
+
+def times(values, limit: float = LIMIT) -> Measured:
+    """Return T_sync of trials, those of the limit or more being censored there."""
+    ended = np.array(values, float)
+    return measured(np.minimum(ended, limit), ended < limit, limit)
+
+
+def truths(true: int, trials: int) -> Measured:
+    """Return so many truth values, of which some are true."""
+    return measured(np.arange(trials) < true)._replace(is_share=True)
+
+
+def lognormal(mean: float, trials: int, seed: int) -> Measured:
+    return measured(mean * np.random.default_rng(seed).lognormal(-0.08, 0.4, trials))
 
 
 class Weibull(NamedTuple):
@@ -30,7 +46,7 @@ class Weibull(NamedTuple):
 
 def fit_weibull(times, observed) -> Weibull | None:
     """Return the distribution nearest to the Kaplan-Meier estimate (Appendix A), or None where none fits."""
-    lines = local_fits(make_curve(make_sample(times, observed)))
+    lines = local_fits(make_curve(times, observed))
     if not len(lines):
         return None
     offset, shape = lines[0].tolist()
@@ -41,21 +57,5 @@ def fit_weibull(times, observed) -> Weibull | None:
 
 def kaplan_meier(times, observed) -> tuple[FloatArray, FloatArray]:
     """Return the distinct event times, (k,) cycles, ascending, and R after each, (k,)."""
-    curve = make_curve(make_sample(times, observed))
+    curve = make_curve(times, observed)
     return curve.times, curve.survival[0, 1:]
-
-
-class SmoothCurve(NamedTuple):
-    """A smoothed curve over speed, (G,) both, and its resamples, (B, G)."""
-
-    speeds: FloatArray
-    means: FloatArray
-    resampled: FloatArray
-
-
-def smooth_curve(speeds, means, resampled) -> SmoothCurve | None:
-    """Return a curve as it is smoothed; None if fewer than six speeds are determined."""
-    fit = smooth_logs(speeds, means, resampled)
-    if fit is None:
-        return None
-    return SmoothCurve(fit.speeds, np.exp(fit.smoother @ fit.logs), np.exp(fit.resampled @ fit.smoother.T))

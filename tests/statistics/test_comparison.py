@@ -17,20 +17,18 @@ from epuck_sim.statistics.comparison import (
     Samples,
     compare,
     comparison_tables,
-    match_folders,
-    match_points,
-    match_values,
-)
-from epuck_sim.statistics.measured import Measured
-from epuck_sim.statistics.two_samples import (
     contrast,
     log_rank,
     log_rank_parts,
+    match_folders,
+    match_points,
+    match_values,
     pair_up,
     permute,
     share_as_large,
     studentised,
 )
+from epuck_sim.statistics.measured import Measured
 from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, SPEEDS, WIDTH, ended, in_memory, sweep, weibull
 from tests.statistics.fits import measured
 
@@ -117,21 +115,6 @@ def test_points_of_folders_of_other_axes_are_matched_by_their_numbers() -> None:
     assert len(comparison_tables(compare(samples), one)[0].to_csv().splitlines()) == 3
     beside_itself = match_points([one, one], ["one", "one"], [[0, 1]])
     assert comparison_tables(compare(beside_itself), one)[0].headings["difference"] == "second - first"
-    with pytest.raises(EpuckSimError, match="--points: other has no point 3; allowed: 0 to 2"):
-        match_points([one, other], ["one", "other"], [[0, 3]])
-    with pytest.raises(EpuckSimError, match="--points is given 1 number; allowed: one of each of 2"):
-        match_points([one, other], ["one", "other"], [[0]])
-
-
-def test_sweeps_of_other_axes_or_without_a_common_point_are_refused() -> None:
-    made, other, apart = (
-        in_memory(sweep({key: values}), lambda _: ended([5]))
-        for key, values in ((SPEED, [1, 2]), (COUPLING, [0.1]), (SPEED, [3]))
-    )
-    with pytest.raises(EpuckSimError, match=r"the axes differ: .*; name the points to compare: --points 0,0"):
-        folders(made, other)
-    with pytest.raises(EpuckSimError, match="no two points to compare"):
-        folders(made, apart)
 
 
 def test_folders_whose_measures_have_other_units_are_refused(tmp_path) -> None:
@@ -208,11 +191,11 @@ def test_what_is_permuted_is_the_contrast_over_its_error(first, second) -> None:
     pair = pair_up(measured(first), measured(second))
     means = contrast(pair)
     for of_logarithms, found in ((False, means.difference), (True, means.log_ratio)):
-        one = permute(pair, 0, of_logarithms=of_logarithms, count=3)
-        assert one.differences[0] == pytest.approx(found.value, abs=1e-12)
+        differences, variances = permute(pair, 0, of_logarithms=of_logarithms, count=3)
+        assert differences[0] == pytest.approx(found.value, abs=1e-12)
         parts = means.log_parts if of_logarithms else means.parts
-        assert one.variances[0] == pytest.approx(sum(part for part, _ in parts), abs=1e-12)
-        assert len(one.differences) == 4
+        assert variances[0] == pytest.approx(sum(part for part, _ in parts), abs=1e-12)
+        assert len(differences) == 4
 
 
 @pytest.mark.parametrize("limit", [math.inf, 60])
@@ -225,28 +208,10 @@ def test_chance_alone_is_significant_as_rarely_as_it_should_be(limit: float) -> 
     assert np.mean(np.array(p_values) < 0.05) < 0.12
 
 
-def test_far_in_the_tail_chance_is_as_rare_as_it_should_be() -> None:
-    ours = []
-    for seed in range(2500):
-        pair = pair_up(*(measured(np.random.default_rng([seed, n]).lognormal(0, 0.8, 10)) for n in (0, 1)))
-        statistics = permuted(pair, seed, count=599)
-        ours.append(float((statistics >= statistics[0] - 1e-9).mean()))
-    assert 0.001 < np.mean(np.array(ours) <= 0.005) < 0.0105  # 0.005 with four standard deviations
-
-
 @pytest.mark.parametrize(("values", "p"), [([7] * 6, 1), ([9] * 6, 1 / 462)])
 def test_samples_without_spread_differ_if_their_values_do(values, p: float) -> None:
     found = share_as_large(permuted(pair_up(measured([7] * 5), measured(values)), 0, of_logarithms=False))
     assert found == pytest.approx(p, abs=0.003)
-
-
-def test_intervals_of_the_difference_and_the_ratio_hold_the_truth_as_often_as_they_say() -> None:
-    held = []
-    for seed in range(400):
-        found = contrast(pair_up(drawn(50, 10, [seed, 0]), drawn(100, 20, [seed, 1])))
-        ratio = found.log_ratio
-        held.append((found.difference.low <= 50 <= found.difference.high, ratio.low <= math.log(2) <= ratio.high))
-    assert (np.mean(held, axis=0) > 0.9).all()
 
 
 def test_points_with_few_trials_have_values_and_no_interval_or_p_and_do_not_count() -> None:

@@ -1,4 +1,4 @@
-"""Claims about means: of the sample or restricted, how wide their intervals are, and how often these hold the truth."""
+"""Claims about means and shares: how wide their intervals are, against scipy and published examples."""
 
 import math
 
@@ -9,28 +9,22 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from epuck_sim.estimate import MIN_TRIALS
-from epuck_sim.statistics.mean import estimate_mean, resample_means
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
-from epuck_sim.statistics.statistic import estimate
-from tests.statistics.fits import measured
-
-LAWS = {
-    "Weibull, 1.35": lambda random, n: random.weibull(1.35, n),
-    "exponential": lambda random, n: random.exponential(1, n),
-    "log-normal, 0.8": lambda random, n: random.lognormal(0, 0.8, n),
-    "Weibull, 0.7": lambda random, n: random.weibull(0.7, n),
-}
+from epuck_sim.statistics.statistic import (
+    estimate,
+    estimate_mean,
+    estimate_share,
+    resample_means,
+    share_difference,
+    wilson_interval,
+)
+from tests.statistics.fits import measured, truths
 
 
 def cut(values, limit: float, seed: int = 0) -> Measured:
     """Return values that are censored at a limit."""
     return measured(np.minimum(values, limit), np.array(values) <= limit, limit, seed)
-
-
-def drawn(law: str, trials: int, seed: int, limit: float = math.inf) -> Measured:
-    """Return trials of a law, in whole cycles of a hundredth of its unit."""
-    return cut(np.ceil(100 * LAWS[law](np.random.default_rng(seed), trials)), limit, seed)
 
 
 values_of_trials = st.lists(st.integers(1, 10**6), min_size=MIN_TRIALS, max_size=30).filter(lambda v: len(set(v)) > 1)
@@ -77,7 +71,7 @@ def test_few_trials_have_an_estimate_and_no_interval(statistic: Statistic, trial
 def test_resampled_means_are_spread_like_the_means_of_new_trials(trials: int, limit: float) -> None:
     spreads, truth = [], []
     for seed in range(200):
-        made = drawn("exponential", trials, seed, limit)
+        made = cut(np.ceil(np.random.default_rng(seed).exponential(100, trials)), limit, seed)
         spreads.append(np.log(resample_means(made, 100)).var())
         truth.append(math.log(estimate_mean(made).value))
     assert np.sqrt(np.mean(spreads)) == pytest.approx(np.std(truth), rel=0.15)
@@ -90,17 +84,39 @@ def test_resamples_are_widened_as_the_variance_of_few_trials_about_their_own_mea
     assert below_0 == pytest.approx([-math.sqrt(2), 0, math.sqrt(2)])
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("censored", [0, 0.5])
-@pytest.mark.parametrize("trials", [5, 20, 200])
-def test_intervals_hold_the_truth_as_often_as_docs_statistics_says(law: str, censored: float, trials: int) -> None:
-    """Of 300 samples; the worst of 10,000 samples is 88.5 % (Weibull 0.7, 8 trials), and 300 scatter by 1.8 %."""
-    many = drawn(law, 200_000, 99).values
-    limit = float(np.quantile(many, 1 - censored)) if censored else math.inf
-    truth, held = np.minimum(many, limit).mean(), []
-    for seed in range(300):
-        found = estimate_mean(drawn(law, trials, seed, limit))
-        if found.has_interval:
-            held.append(found.low <= truth <= found.high)
-    assert len(held) > 250
-    assert 0.85 <= np.mean(held) <= 0.995
+# Shares
+
+
+@pytest.mark.parametrize(
+    ("true", "trials", "interval"),  # Newcombe 1998, Statistics in Medicine 17:857, table I, method 3
+    [(81, 263, (0.2553, 0.3662)), (15, 148, (0.0624, 0.1605)), (0, 20, (0.0, 0.1611)), (1, 29, (0.0061, 0.1718))],
+)
+def test_intervals_of_shares_are_those_published(true, trials, interval):
+    assert wilson_interval(true / trials, trials) == pytest.approx(interval, abs=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "interval"),  # Newcombe 1998, Statistics in Medicine 17:873, table II, method 10
+    [
+        ((48, 80), (56, 70), (0.0524, 0.3339)),
+        ((3, 10), (9, 10), (0.1705, 0.8090)),
+        ((0, 29), (5, 56), (-0.0381, 0.1926)),
+        ((0, 20), (0, 10), (-0.1611, 0.2775)),
+        ((0, 10), (10, 10), (0.6075, 1.0)),
+    ],
+)
+def test_intervals_of_differences_are_those_published(first, second, interval):
+    found = share_difference(truths(*first), truths(*second))
+    assert found.value == pytest.approx(second[0] / second[1] - first[0] / first[1])
+    assert (found.low, found.high) == pytest.approx(interval, abs=6e-5)
+
+
+@given(st.integers(1, 60), st.data())
+def test_shares_lie_in_their_intervals_and_these_between_0_and_1(trials, data):
+    true = data.draw(st.integers(0, trials))
+    found = estimate_share(truths(true, trials))
+    assert found.value == true / trials
+    assert found.has_interval == (trials >= 5)
+    if found.has_interval:
+        assert 0 <= found.low <= found.value <= found.high <= 1
+        assert found.low < found.high  # though all trials may have one value

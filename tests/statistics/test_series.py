@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from epuck_sim import StoreError, read_points
 from epuck_sim.estimate import UNDETERMINED
-from epuck_sim.statistics.mean import estimate_mean
 from epuck_sim.statistics.series import series_statistics, summarize_series
-from epuck_sim.statistics.statistic import estimate_median
+from epuck_sim.statistics.statistic import estimate_mean, estimate_median
 from tests.runs.made_folders import SPEED, store_measured, sweep
 from tests.statistics.fits import measured
 

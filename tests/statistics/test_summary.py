@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import points, read_points
-from epuck_sim.statistics.mean import estimate_mean, wilson_interval
 from epuck_sim.statistics.measured import measure_t_sync
+from epuck_sim.statistics.statistic import estimate_mean, wilson_interval
 from epuck_sim.statistics.statistic import summarize as summaries_of
 from epuck_sim.statistics.survival import confidence_interval, median_time, weibull_mean, weibull_resamples
 from tests.cli.commands import called, cells

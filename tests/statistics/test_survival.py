@@ -15,7 +15,6 @@ from epuck_sim.statistics.survival import (
     MIN_UNCENSORED,
     confidence_interval,
     make_curve,
-    make_sample,
     median_time,
     resample_counts,
     restricted_means,
@@ -32,7 +31,7 @@ trials = st.lists(st.tuples(whole_cycles, st.booleans()), min_size=1, max_size=4
 
 def restricted_mean(times, observed, horizon):
     """Return the restricted mean of one sample."""
-    return restricted_means(make_curve(make_sample(times, observed)), horizon)[0]
+    return restricted_means(make_curve(times, observed), horizon)[0]
 
 
 def appendix_a(times, observed):
@@ -267,30 +266,6 @@ THOUSAND = np.arange(1000.0)
 )
 def test_an_interval_lies_between_two_of_the_means_that_are_numbers(means, interval):
     np.testing.assert_equal(confidence_interval(np.array(means)), interval)
-
-
-@pytest.mark.parametrize(
-    ("censored", "whole", "bias", "spread"),
-    [
-        (0, True, 0.0, 0.064),
-        pytest.param(0.3, False, -0.001, 0.085, marks=pytest.mark.slow),
-        (0.8, False, 0.122, 0.457),
-    ],
-)
-def test_the_mean_of_known_distributions_and_its_interval_are_as_measured(censored, whole, bias, spread):
-    """Trials of alpha = 50 and gamma = 1.2, n = 200; measured on 2,000 samples with 200 resamples each."""
-    truth, samples = 50 * math.gamma(1 + 1 / 1.2), 200
-    means, covered = np.empty(samples), np.empty(samples, bool)
-    for k in range(samples):
-        trials_k = weibull_trials([6, k], censored=censored, whole=whole)
-        means[k] = weibull_mean(*trials_k)
-        lower, upper = confidence_interval(weibull_resamples(*trials_k, 150, seed=k))
-        covered[k] = lower <= truth <= upper
-    error = spread / math.sqrt(samples)
-    assert means.mean() / truth - 1 == pytest.approx(bias, abs=3 * error)
-    assert means.std() / truth == pytest.approx(spread, rel=0.3)
-    assert np.median(means) / truth == pytest.approx(1, abs=4 * error)
-    assert 0.91 <= covered.mean() <= 0.99
 
 
 def test_resamples_of_very_many_trials_are_drawn_by_kind_and_vary_as_those_drawn_one_by_one():

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.statistics.extrema import find_minimum, find_peak, most_prominent, smooth_logs
 from epuck_sim.statistics.fit import fit_measure
-from tests.measures.files import write
 from tests.runs.made_folders import COUPLING, SPEED, store_measured, sweep
 
 X = np.array([0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 6.0, 12.0])
@@ -23,47 +21,44 @@ def curve(logs, noise=0.01, seed=0, resamples=1000):
 def test_the_peak_of_a_parabola_is_found_and_there_is_no_minimum():
     fit = curve(2 - (LOG_X - 0.3) ** 2)
     peak = find_peak(fit)
-    assert peak.is_found
-    assert peak.place.value == pytest.approx(10**0.3, rel=0.05)
-    assert peak.value.value == pytest.approx(np.e**2, rel=0.02)
-    assert peak.place.low < 10**0.3 < peak.place.high
-    assert peak.value.low < np.e**2 < peak.value.high
-    assert find_minimum(fit) is None or not find_minimum(fit).is_found
-    assert [peak._replace(kept=kept).is_found for kept in (0.96, 0.94)] == [True, False]
+    (at, height) = (place.estimate for place in peak.places)
+    assert at.value == pytest.approx(10**0.3, rel=0.05)
+    assert height.value == pytest.approx(np.e**2, rel=0.02)
+    assert at.low < 10**0.3 < at.high
+    assert height.low < np.e**2 < height.high
+    assert not find_minimum(fit).is_found
+    lost = peak.resampled.copy()
+    lost[round(0.94 * len(lost)) :] = np.nan
+    assert peak._replace(resampled=lost).places == []
 
 
-def test_a_curve_with_both_has_both():
+def test_a_curve_with_both_has_both_and_its_inverse_has_them_turned_over():
     logs = -4 * (LOG_X**3 / 3 - 0.15 * LOG_X**2 - 0.18 * LOG_X)  # minimum at 10 ** -0.3, peak at 10 ** 0.6
-    fit = curve(logs)
-    assert find_minimum(fit).place.value == pytest.approx(10**-0.3, rel=0.05)
-    assert find_peak(fit).place.value == pytest.approx(10**0.6, rel=0.05)
-    assert find_minimum(fit).is_found
-    assert find_peak(fit).is_found
+    for fit, minimum_at, peak_at in ((curve(logs), -0.3, 0.6), (curve(-logs), 0.6, -0.3)):
+        for found, place in ((find_minimum(fit), minimum_at), (find_peak(fit), peak_at)):
+            at, value = (each.estimate for each in found.places)
+            assert at.value == pytest.approx(10**place, rel=0.05)
+            assert value.low < value.value < value.high
 
 
 @pytest.mark.parametrize("slope", [-1.0, 1.0])
 def test_a_steep_curve_has_neither(slope):
-    fit = curve(slope * LOG_X)
-    assert find_peak(fit) is None
-    assert find_minimum(fit) is None
+    for found in (find_peak(curve(slope * LOG_X)), find_minimum(curve(slope * LOG_X))):
+        assert (found.p_value, found.places) == (1, [])
+        assert np.isnan(found.values).all()
 
 
 @pytest.mark.parametrize("shape", [lambda x: 0 * x, lambda x: np.minimum(x, 0), lambda x: -np.clip(x, -0.5, 0.5)])
 def test_noise_makes_few_of_them(shape):
-    found = [
-        each is not None and each.is_found
-        for seed in range(60)
-        for fit in [curve(shape(LOG_X), noise=0.2, seed=seed, resamples=200)]
-        for each in (find_minimum(fit), find_peak(fit))
-    ]
-    assert np.mean(found) < 0.08
+    fits = [curve(shape(LOG_X), noise=0.2, seed=seed, resamples=200) for seed in range(60)]
+    assert np.mean([find(fit).is_found for fit in fits for find in (find_minimum, find_peak)]) < 0.08
 
 
 def test_the_most_prominent_peak_is_not_always_the_highest():
     curves = np.array([[5, 6, 5.9, 0, 3, 0.5, 4], [0, 1, 2, 3, 4, 5, 6], [3, 1, 2, 1, 0, 0, 0]], float)
-    places, prominences = most_prominent(curves)
+    peaks, prominences, _ = most_prominent(np.arange(7.0), curves)
     assert prominences.tolist() == [2.5, 0.0, 1.0]
-    assert (places[0], places[2]) == (4, 2)
+    assert peaks[[0, 2]] == pytest.approx(np.array([[4, np.exp(3)], [2, np.exp(2)]]))
 
 
 def folder_of(path, law, measures=("near_walls",), axis=SPEED, trials=30, **grid):
@@ -86,9 +81,8 @@ def test_a_folder_has_one_for_each_curve(tmp_path):
     assert [fit.axes for fit in fits] == [{COUPLING: 0.1}, {COUPLING: 0.2}]
     for fit in fits:
         assert (fit.axis, fit.of, fit.statistic, fit.reason) == (SPEED, "near_walls", "mean", "")
-        assert fit.peak.is_found
-        assert fit.peak.place.value == pytest.approx(10**0.3, rel=0.1)
-        assert fit.minimum is None or not fit.minimum.is_found
+        assert fit.peak.places[0].estimate.value == pytest.approx(10**0.3, rel=0.1)
+        assert not fit.minimum.is_found
 
 
 @pytest.mark.parametrize(
@@ -104,15 +98,3 @@ def test_where_it_makes_no_sense_it_says_why(law, trials, said, tmp_path):
     (fit,) = fit_measure(folder_of(tmp_path, law, trials=trials), "near_walls")
     assert (fit.minimum, fit.peak) == (None, None)
     assert said in fit.reason
-
-
-def test_what_cannot_be_fitted_at_all_is_refused(tmp_path):
-    folder = folder_of(tmp_path, bump)
-    with pytest.raises(EpuckSimError, match="run: --x: unknown 'speed'"):
-        fit_measure(folder, "near_walls", "speed")
-    with pytest.raises(StoreError, match="measured: near_walls"):
-        fit_measure(folder, "far_walls")
-    path = write(tmp_path / "mine.py", "def course(simulation): return []\n")
-    series = folder_of(tmp_path / "series", lambda *_: [1.0], measures=[str(path)])
-    with pytest.raises(StoreError, match="course is a series, with a value for each cycle"):
-        fit_measure(series, "course")

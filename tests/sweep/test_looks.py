@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.reader import read_points, read_status
 from epuck_sim.runs.share import Share
-from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.measured import measure_t_sync

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.runs.database import reading
-from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.status import read_status
+from epuck_sim.runs.reader import read_points, read_status
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate

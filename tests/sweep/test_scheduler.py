@@ -7,7 +7,6 @@ import threading
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
 from itertools import chain
-from random import Random
 
 import pytest
 from hypothesis import given
@@ -196,26 +195,6 @@ def test_no_chunk_is_so_long_that_others_wait_for_it_at_the_end(waiting: int, sl
     size = sizer.chunk(waiting, slots)
     assert 1 <= size <= waiting
     assert size == 1 or size <= waiting / (2 * slots) + 1
-
-
-@given(st.floats(0.001, 0.1), st.floats(1, 100), st.integers(1, 16), st.integers(0, 10**6))
-def test_no_worker_is_left_with_the_slow_points(fastest_s: float, spread: float, workers: int, seed: int) -> None:
-    """On a simulated clock: 20 points, the slowest `spread` times as slow as the fastest, 30 random trials each."""
-    random = Random(seed)
-    means = [fastest_s * spread ** (point / 19) for point in range(20)]
-    waiting = [random.expovariate(1 / mean) for _ in range(30) for mean in means]
-    even, longest = sum(waiting) / workers, max(waiting)
-    sizer, free, handed_over = ChunkSizer(), [0.0] * workers, []
-    while waiting or handed_over:
-        while waiting and len(handed_over) < 2 * workers:
-            size = sizer.chunk(len(waiting), 2 * workers)
-            handed_over.append(waiting[:size])
-            del waiting[:size]
-        chunk = handed_over.pop(0)
-        free[free.index(min(free))] += sum(chunk)
-        for wall_s in chunk:
-            sizer.note(outcomes_of_length(wall_s, 1))
-    assert max(free) <= 1.02 * even + 2 * longest
 
 
 class CountedLock(threading.Condition):

@@ -30,13 +30,13 @@ from epuck_sim.figures.style import (
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics.curves import Curve, read_curves
-from epuck_sim.statistics.extrema import MIN_SPEEDS, ExtremaSearch, SpeedExtrema, search_extrema
+from epuck_sim.statistics.extrema import MIN_SPEEDS, PLACES, ExtremaSearch, Place, search_extrema
 from epuck_sim.statistics.names import Statistic
 
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 """Columns after the axes in a table of curves: number of trials, share of censored ones, what is estimated, cycles."""
 
-EXTREMA_COLUMNS = tuple(f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high"))
+EXTREMA_COLUMNS = tuple(f"{name.lower()}{end}" for name in PLACES for end in ("", "_low", "_high"))
 """Columns of the minimum and the peak in the table of extrema, cm/s and cycles."""
 
 MAX_EXTRAPOLATION = 100
@@ -45,7 +45,7 @@ MAX_EXTRAPOLATION = 100
 CROSS_ROW = 0.045
 """Height of a row of crosses at the upper edge of a panel, one for each curve that has any, as a share of the panel."""
 
-NOT_A_SPEED = ExtremaSearch(None, "the axis is no speed")
+NOT_A_SPEED = ExtremaSearch({}, None, "the axis is no speed")
 
 
 @dataclass(kw_only=True)
@@ -143,7 +143,7 @@ class Curves(Form):
         each = zip(self.panels_of(panels), self.curves, self.searches, labels, looks, strict=True)
         for panel, curve, search, label, look in each:
             row = crossed.index(label) if label in crossed else 0
-            _draw_curve(panel, curve, search.extrema, look, 1 - CROSS_ROW * (row + 0.8), beyond)
+            _draw_curve(panel, curve, search.places, look, 1 - CROSS_ROW * (row + 0.8), beyond)
             if self.settings.points:
                 places = shifted(curve.x, [*named].index(label), len(named), panel.get_xscale() == "log")
                 for place, measured in zip(places.tolist(), curve.measured, strict=True):
@@ -194,7 +194,7 @@ class Curves(Form):
             panel.plot([], [], "o", color=GREY, markerfacecolor="white", label="some trials censored")
         if not is_known.all():
             panel.plot([], [], "x", color=GREY, label=undetermined_label(self.of))
-        if any(search.extrema is not None and search.extrema.is_found for search in self.searches):
+        if any(search.places for search in self.searches):
             for marker, label in (("v", "local minimum V_m"), ("^", "peak V_p")):
                 panel.plot([], [], marker, color=GREY, markersize=7, markeredgecolor="black", label=typeset(label))
 
@@ -209,12 +209,10 @@ def curves_table(axis: str, curves: Sequence[Curve]) -> Table:
 
 def _extrema_row(search: ExtremaSearch) -> dict[str, list[Any]]:
     """Return columns of one row, with the p-value alone where the pair may be noise, or why there is none."""
-    found, numbers = search.extrema, [np.nan] * len(EXTREMA_COLUMNS)
-    if found is not None and found.is_found:
-        numbers = [n for estimate, ends in zip(found[:4], found.intervals, strict=True) for n in (estimate, *ends)]
-    p_value = np.nan if found is None else found.p_value
-    row = dict(zip(EXTREMA_COLUMNS, numbers, strict=True)) | {"p_value": p_value, "reason": search.reason}
-    return {name: [value] for name, value in row.items()}
+    ends = [end for place in search.places.values() for end in place.estimate.ends]
+    p_value = np.nan if search.p_value is None else search.p_value
+    row = dict(zip(EXTREMA_COLUMNS, ends or [np.nan] * len(EXTREMA_COLUMNS), strict=True))
+    return {name: [value] for name, value in {**row, "p_value": p_value, "reason": search.reason}.items()}
 
 
 def shifted(x: FloatArray, number: int, count: int, is_log: bool) -> FloatArray:
@@ -246,7 +244,7 @@ def _make_room(panel: Axes, highest: float, share: float) -> None:
 
 
 def _draw_curve(
-    panel: Axes, curve: Curve, extrema: SpeedExtrema | None, look: Look, cross_at: float, beyond: float
+    panel: Axes, curve: Curve, places: Mapping[str, Place], look: Look, cross_at: float, beyond: float
 ) -> None:
     known = ~np.isnan(curve.values)
     low, high = np.where(known[:, None], np.nan_to_num(curve.intervals, nan=np.nan, posinf=beyond), np.nan).T
@@ -258,6 +256,6 @@ def _draw_curve(
         panel.plot(curve.x[chosen], curve.values[chosen], look.marker, color=look.colour, markerfacecolor=face)
     at = np.full(np.count_nonzero(~known), cross_at)
     panel.plot(curve.x[~known], at, "x", color=look.colour, transform=panel.get_xaxis_transform())
-    if extrema is not None and extrema.is_found:
-        for speed, time, marker in ((extrema.v_m, extrema.t_m, "v"), (extrema.v_p, extrema.t_p, "^")):
-            panel.plot(speed, time, marker, color=look.colour, markersize=7, markeredgecolor="black", zorder=4)
+    for v, t, marker in (("V_m", "T_m", "v"), ("V_p", "T_p", "^")) if places else ():
+        speed, time = places[v].estimate.value, places[t].estimate.value
+        panel.plot(speed, time, marker, color=look.colour, markersize=7, markeredgecolor="black", zorder=4)

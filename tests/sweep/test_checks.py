@@ -5,8 +5,8 @@ import pytest
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
-from epuck_sim.sweep import pilot
-from epuck_sim.sweep.pilot import time_trials
+from epuck_sim.sweep import checks
+from epuck_sim.sweep.checks import time_trials
 from tests.control.bench import with_step
 
 
@@ -35,13 +35,13 @@ def test_a_trial_that_takes_longer_is_cut(scenario: str, coupling: str) -> None:
 def test_what_compiling_takes_is_not_counted_and_each_trial_may_take_what_is_left(monkeypatch) -> None:
     now, budgets = [0.0], []
 
-    def time_trial(point: Point, budget_s: float) -> pilot.TimedTrial:
+    def time_trial(point: Point, budget_s: float) -> checks.TimedTrial:
         budgets.append(budget_s)
         now[0] += 2
-        return pilot.TimedTrial(point.number, 2, False)
+        return checks.TimedTrial(point.number, 2, False)
 
-    monkeypatch.setattr(pilot.time, "perf_counter", lambda: now[0])
-    monkeypatch.setattr(pilot, "_time_trial", time_trial)
+    monkeypatch.setattr(checks.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(checks, "_time_trial", time_trial)
     assert len(time_trials(made(), 5)) == 3
     assert budgets == [0, 5, 3, 1]
 
