@@ -14,7 +14,7 @@ import numpy.typing as npt
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray, WordArray
 from epuck_sim.particles.motion import begin_motion, random_heading
 from epuck_sim.particles.neighbours import RANDOM
-from epuck_sim.particles.swarm import BEGIN_RUN, Arrays, Draws, Observed, Oscillators, Trajectories
+from epuck_sim.particles.swarm import BEGIN_RUN, Arrays, Neighbours, Observed, Oscillators, Trajectories
 from epuck_sim.scenario.particles import AgentsSection, ParticleScenario
 from epuck_sim.util.elementary import exp, log
 from epuck_sim.util.generators import (
@@ -49,7 +49,7 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
 
     All else is drawn as it would be without. The block has the speeds and periods, and nothing has happened to it.
     """
-    oscillators, trajectories, draws = carve(block, Oscillators), carve(block, Trajectories), carve(block, Draws)
+    oscillators, trajectories = carve(block, Oscillators), carve(block, Trajectories)
     scene, agents = oscillators.scene, len(trajectories.speed)
     begin_sequence(scene.seed, seed)
     if not scene.has_positions:
@@ -62,7 +62,7 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
             oscillators.next_firing[agent] = (1 - oscillators.next_firing[agent]) * oscillators.period[agent]
     _seed_streams(trajectories.streams, scene, MOTION_SEED)
     if scene.kind == RANDOM:
-        _seed_streams(draws.receiver_streams, scene, RECEIVER_SEED)
+        _seed_streams(carve(block, Neighbours).receiver_streams, scene, RECEIVER_SEED)
     unused = carve(block, Observed).positions_now
     for agent in range(agents):
         heading = unused[agent::agents] if scene.has_headings else trajectories.heading[agent::agents]
