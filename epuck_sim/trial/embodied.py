@@ -20,7 +20,7 @@ from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.loader import robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.measuring import Conditions, WaitingEntries
+from epuck_sim.trial.measuring import Conditions
 from epuck_sim.trial.result import Observer, OfStretches, Progress, TrialResult
 
 NOMINAL_PERIOD_S = 5.0
@@ -178,12 +178,11 @@ def run_robots(
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     watch = SynchronyWatch(simulation)
-    waiting = WaitingEntries(simulation.scenario.schedule, conditions, simulation.carry_out_scheduled)
     in_stretches = [isinstance(observer, OfStretches) for observer in observers]
     sees_all, sees_stretches = not all(in_stretches), any(in_stretches)
     began = time.perf_counter()
     while not (watch.is_over or conditions.is_over()):
-        waiting.look(watch)
+        conditions.carry_out(watch, simulation.carry_out_scheduled)
         unseen = 1 if sees_all else min(watch.steps_left, MOST_STEPS)
         cycles = watch.cycles
         stretch = simulation.stretch(unseen) if sees_stretches else None
