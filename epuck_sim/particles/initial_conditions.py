@@ -122,13 +122,6 @@ def draw_differences(arrays: Arrays, scenario: ParticleScenario, seed: int) -> N
             arrays.next_firing[:] = (1 - arrays.phases_now) * arrays.period
 
 
-def initial_speeds(scenario: ParticleScenario, seed: int) -> FloatArray:
-    """Return (agents,) cm per cycle: the speeds with which a trial with this seed begins."""
-    agents = scenario.agents
-    generator = _generator_after(seed, POSITION_SEED, scenario.space.dimensions * agents.count)  # the positions
-    return draw_speeds(agents, generator) * scenario.clocks.period_s
-
-
 def _generator_after(seed: int, child: int, numbers: int) -> WordArray:
     """Return the generator of a child of the trial's seed that has drawn so many numbers from [0, 1)."""
     generator, sequence = np.empty(GENERATOR_WORDS, np.uint64), np.empty(SEQUENCE_WORDS, np.uint64)
@@ -142,8 +135,10 @@ def _generator_after(seed: int, child: int, numbers: int) -> WordArray:
 # --- distributions of speeds and periods (thesis 5.4.2, 6.2) ------------------------------------------
 
 
-def draw_speeds(agents: AgentsSection, generator: WordArray) -> FloatArray:
-    """Return (agents,) cm/s: the speed of each agent at the start."""
+def initial_speeds(scenario: ParticleScenario, seed: int) -> FloatArray:
+    """Return (agents,) cm per cycle: the speeds with which a trial with this seed begins."""
+    agents = scenario.agents
+    generator = _generator_after(seed, POSITION_SEED, scenario.space.dimensions * agents.count)  # the positions
     spread, shares = agents.speed_spread or 0.0, np.ones(agents.count)
     if agents.speed_distribution == "uniform":
         fill_doubles(shares, generator)
@@ -161,7 +156,7 @@ def draw_speeds(agents: AgentsSection, generator: WordArray) -> FloatArray:
         slow, fast = _two_speeds(agents)
         fill_doubles(shares, generator)
         shares = np.where(shares < (agents.fast_share or 0.0), fast, slow)
-    return agents.speed_cm_s * shares
+    return agents.speed_cm_s * shares * scenario.clocks.period_s
 
 
 def speed_table(agents: AgentsSection) -> FloatArray:
@@ -171,8 +166,7 @@ def speed_table(agents: AgentsSection) -> FloatArray:
     if agents.speed_distribution == "uniform":
         shares = 1 + spread * (2 * levels - 1)
     elif agents.speed_distribution == "normal":
-        standard = NormalDist()
-        cut = standard.cdf(-1 / spread)
+        cut = NormalDist().cdf(-1 / spread)
         shares = 1 + spread * _normal_quantiles(cut + levels * (1 - 2 * cut))
     elif agents.speed_distribution == "exponential":
         shares = -_each(log, 1 - levels)

@@ -287,24 +287,17 @@ def turn_heading(heading: FloatArray, persistence: float, stream: StreamArray) -
         heading[0] = -heading[0] if uniform(stream) < (1 - persistence) / 2 else heading[0]
     elif len(heading) == 2:
         narrowing = (1 - persistence) / (1 + persistence)
-        angle = 2 * atan(narrowing * tan(math.pi * (uniform(stream) - 0.5)))
-        sine, cosine = sin_cos(angle)
-        set_rotated(heading, cosine, sine)
+        sine, cosine = sin_cos(2 * atan(narrowing * tan(math.pi * (uniform(stream) - 0.5))))
+        x = heading[0] * cosine - heading[1] * sine
+        y = heading[0] * sine + heading[1] * cosine
+        length = math.sqrt(x * x + y * y)  # is set to 1, so that rounding errors do not add up
+        heading[0] = x / length
+        heading[1] = y / length
     else:
         share = 1.0 - uniform(stream)  # above 0, so that the denominator is, too
         spread = 1 - persistence + 2 * persistence * share
         cosine = 2 * share * (1 + persistence) ** 2 * (1 - persistence * (1 - share)) / (spread * spread) - 1
         set_tilted(heading, min(max(cosine, -1.0), 1.0), uniform(stream))
-
-
-@jit_inline
-def set_rotated(heading: FloatArray, cosine: float, sine: float) -> None:
-    """Rotate a heading, (2,), by an angle; its length is set to 1, so that rounding errors do not add up."""
-    x = heading[0] * cosine - heading[1] * sine
-    y = heading[0] * sine + heading[1] * cosine
-    length = math.sqrt(x * x + y * y)
-    heading[0] = x / length
-    heading[1] = y / length
 
 
 @jit_inline

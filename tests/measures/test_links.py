@@ -8,15 +8,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.measures.links import component_sizes, degrees
-from tests.measures.test_shipped import AGENTS, CYCLES, ROBOTS, at_cycles, run, slow_links
+from tests.measures.test_shipped import AGENTS, CYCLES, ROBOTS, at_cycles, run
+from tests.particles.naive_model import receivers_of
 
 CROWD = {**ROBOTS, "robots": [{"count": 8, "camera": {"field_of_view_deg": 90}}]}
 LIVELY = {**AGENTS, "neighbourhood": {"kind": "cone_of_vision", "angle_deg": 100, "radius_cm": 60}}
 
 
+def slow_links(_, simulation):
+    """Return the pairs of a sender and a receiver, from the definition of each neighbourhood."""
+    places, headings = simulation.positions(), simulation.headings()
+    receivers = (receivers_of(simulation.scenario, places, headings, sender)[0] for sender in range(len(places)))
+    return {(sender, receiver) for sender, row in enumerate(receivers) for receiver in np.flatnonzero(row).tolist()}
+
+
 def links_of_agents():
     """Return an observer, and the list of the sets of links that it sees at each cycle."""
-    return at_cycles(lambda _, simulation: slow_links(simulation))
+    return at_cycles(slow_links)
 
 
 def links_of_robots():

@@ -17,7 +17,6 @@ from epuck_sim.measures.perturbations import growth_rates, mean_with_interval
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.trial.model import run_trial, simulate
-from tests.particles.naive_model import receivers_of
 
 CYCLES = 12
 
@@ -142,33 +141,6 @@ def test_clusters_are_found_at_each_cycle(measure, sections):
     expected = [len(each) if measure == "cluster_count" else max(each) / sum(each) for each in sizes]
     assert series == expected
     assert len(set(series)) > 1
-
-
-KINDS = [
-    {"kind": "nearest", "k": 3},
-    {"kind": "range", "radius_cm": 25},
-    {"kind": "cone_of_vision", "radius_cm": 60, "angle_deg": 100},
-    {"kind": "cone_of_emission", "angle_deg": 70},
-    {"kind": "all"},
-]
-
-
-def slow_links(simulation):
-    """Return the pairs of a sender and a receiver, from the definition of each neighbourhood."""
-    places, headings = simulation.positions(), simulation.headings()
-    receivers = (receivers_of(simulation.scenario, places, headings, sender)[0] for sender in range(len(places)))
-    return {(sender, receiver) for sender, row in enumerate(receivers) for receiver in np.flatnonzero(row).tolist()}
-
-
-@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
-@pytest.mark.parametrize("rule", KINDS, ids=lambda rule: rule["kind"])
-def test_neighbour_change_compares_the_links_of_successive_cycles(rule, boundary):
-    observer, seen = at_cycles(lambda _, simulation: slow_links(simulation))
-    _, series = run("neighbour_change", observer, **AGENTS, neighbourhood=rule, space={"boundary": boundary})
-    expected = [1 - len(a & b) / len(a | b) for a, b in pairwise(seen)]
-    assert series[0] is None
-    assert series[1:] == pytest.approx(expected, abs=1e-12)
-    assert (max(expected) > 0) == (rule["kind"] != "all")
 
 
 @pytest.mark.parametrize("sections", [AGENTS, ROBOTS], ids=["agents", "robots"])

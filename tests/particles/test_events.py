@@ -17,7 +17,6 @@ from tests.particles.simulations import (
     compare_events,
     make_resting,
     make_simulation,
-    next_firing_event,
 )
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -163,7 +162,7 @@ def test_how_agents_are_numbered_makes_no_difference(kind, data, seed):
 
 def check_next_firing(swarm, time_s, fired, heard, phases):
     """Check the time of the next instant, the agents that fire and receive, and the phases after it."""
-    event = next_firing_event(swarm)
+    event = next(swarm)
     assert event.time_s == pytest.approx(time_s, abs=1e-15)
     assert (as_set(event.fired), as_set(event.received)) == (set(fired), set(heard))
     assert swarm.phases() == pytest.approx(phases, abs=1e-15)

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_shift
-from epuck_sim.scenario.particles import SHIPPED
+from epuck_sim.particles.phase_response import Response, order_change, phase_shift
 
 MULTIPLICATIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR = 0, 4, 5
 PHASES = np.linspace(0, 1, 2001)
@@ -17,11 +16,6 @@ unit = st.floats(0, 1)
 
 def phase_after_pulse(response, phase):
     return phase + float(phase_shift(response, phase))
-
-
-def test_curves_are_numbered_in_their_order():
-    assert tuple(SHIPPED) == CURVES
-    assert CURVES[:3] == ("multiplicative", "sawtooth", "sine")
 
 
 @given(st.integers(0, 5), st.floats(0, 5), st.floats(0, 0.499), unit, st.floats(0.01, 20), unit, st.floats(-3, 3))

@@ -1,7 +1,6 @@
 """A simulation depends on its seed alone, in any process, and motion does not depend on the oscillators."""
 
 import copy
-import itertools
 import math
 import pickle
 
@@ -11,9 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.particles.events import advance
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.scenario.particles import SHIPPED
 from tests.particles.simulations import KINDS, any_sections, make_simulation, scenario
 
 SEEDS = st.integers(0, 2**63 - 1)
@@ -54,21 +51,6 @@ def test_a_reset_without_a_seed_takes_that_of_the_scenario():
     with pytest.raises(ScenarioError, match="seed is -1"):
         swarm.reset(-1)
     assert (swarm.seed, digest(swarm)) == (3, digest(new))
-
-
-def test_one_compiled_kernel_serves_all_simulations(tmp_path):
-    own = tmp_path / "own.py"
-    own.write_text("def phase_shift(phase, coupling, parameters):\n    return coupling")
-    for curve in (*SHIPPED, str(own)):
-        swarm = make_simulation(response={"curve": curve}, agents={"reorient_on": ["arriving"]})
-        swarm.run(1)
-    for kind, dimensions, boundary in itertools.product(KINDS, (1, 3), ("bounded", "cyclic", "mirrored")):
-        radius = {} if kind in ("nearest", "all", "random") else {"radius_cm": 40}
-        cone = {"angle_deg": 60} if kind.startswith("cone") else {}
-        space = {"dimensions": dimensions, "boundary": boundary}
-        swarm = make_simulation(space=space, neighbourhood={"kind": kind, **radius, **cone})
-        swarm.run(1)
-    assert len(advance.for_python.overloads) == 1
 
 
 # --- motion is independent of the oscillators ---------------------------------------------------------

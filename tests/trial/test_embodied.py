@@ -50,16 +50,6 @@ def test_t_sync_is_the_number_of_the_references_firings_until_order_reaches_the_
     assert orders[-1] >= 0.95
 
 
-@pytest.mark.parametrize("max_cycles", [1, 4])
-def test_a_trial_without_synchrony_is_censored_at_its_limit_of_cycles(max_cycles):
-    recorder = Recorder()
-    settings = [f"stop.max_cycles={max_cycles}", "stop.order_parameter=1.0", "robots.0.parameters.speed_cm_s=0"]
-    result = run_trial(Simulation(load_scenario("thesis", [*settings, "stop.further_cycles=5"]), 1), [recorder])
-    assert (result.censored, result.t_sync_cycles) == (True, None)
-    assert result.cycles == max_cycles == len(firings(recorder.rings, 0))
-    assert 0 < result.order_parameter < 1
-
-
 @pytest.mark.parametrize("further", [1, 3])
 def test_after_synchrony_a_trial_goes_on_for_the_further_cycles_and_the_outcome_stays(further):
     recorder = Recorder()
