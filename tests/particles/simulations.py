@@ -64,6 +64,18 @@ def make_resting(
     return swarm
 
 
+MOTION = ("origin", "heading", "speed", "start_cycle", "start_time", "end_cycle", "end_time", "streams")
+
+
+def state_of(swarm: ParticleSimulation) -> bytes:
+    """Return all bits of the state, whichever cycle times are counted from."""
+    swarm.positions()  # continues trajectories that have ended
+    arrays = swarm._arrays
+    cycles, times = np.divmod(arrays.next_firing, 1.0)
+    found = [cycles + arrays.scene.cycle, times, arrays.period, *(getattr(arrays, name) for name in MOTION)]
+    return b"".join(array.tobytes() for array in found)
+
+
 def as_set(agents: IntArray) -> set[int]:
     """Return the agents of an event as a set, after checking that none is listed twice."""
     assert len(set(agents.tolist())) == len(agents)
