@@ -23,7 +23,7 @@ from epuck_sim.particles.motion import (
 )
 from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
 from epuck_sim.particles.swarm import SEARCH, Neighbours, Trajectories, entry_of
-from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, row_at
 from epuck_sim.util.rng import randint
@@ -31,6 +31,16 @@ from epuck_sim.util.rng import randint
 NEAREST, VISION_CONE, EMISSION_CONE, RANDOM = range(4)
 """Kinds of neighbourhood. A pulse is received by the k agents nearest to the firing agent; by those whose cones contain
 it; by those inside its own cone, or range; or by k agents that are drawn anew for each pulse."""
+
+KINDS = {
+    "nearest": NEAREST,
+    "all": EMISSION_CONE,
+    "random": RANDOM,
+    "range": EMISSION_CONE,
+    "cone_of_vision": VISION_CONE,
+    "cone_of_emission": EMISSION_CONE,
+}
+"""Kinds by their names in scenarios: a range, or all agents, are a full circle."""
 
 UNLIMITED_CM = 1e30
 """An unlimited radius: farther than any agent, but finite, as an agent's distance to itself is set to inf."""
@@ -63,15 +73,8 @@ BALL_VOLUME = {1: 2.0, 2: math.pi, 3: 4 / 3 * math.pi}
 def neighbourhood_of(scenario: ParticleScenario) -> dict[str, Any]:
     """Return the fields of a scene that say who is whose neighbour, and how they are found."""
     rule, agents, dimensions = scenario.neighbourhood, scenario.agents.count, scenario.space.dimensions
-    kind, k, radius_cm, angle_deg = NEAREST, agents - 1, UNLIMITED_CM, 360.0
-    if isinstance(rule, Nearest | RandomAgents):
-        kind, k = NEAREST if isinstance(rule, Nearest) else RANDOM, min(rule.k, agents - 1)
-    else:
-        kind = VISION_CONE if rule.kind == "cone_of_vision" else EMISSION_CONE
-    if isinstance(rule, Range | Cone):
-        radius_cm = UNLIMITED_CM if rule.radius_cm is None else rule.radius_cm
-    if isinstance(rule, Cone):
-        angle_deg = rule.angle_deg
+    kind, k = KINDS[rule.kind], min(getattr(rule, "k", agents), agents - 1)
+    radius_cm, angle_deg = getattr(rule, "radius_cm", None) or UNLIMITED_CM, getattr(rule, "angle_deg", 360.0)
     # cones jump when their agents reorient, and when the nearest image of an agent changes in a cyclic space
     jumps = angle_deg < 360 and (scenario.space.boundary == "cyclic" or bool(scenario.agents.reorient_on))
     side_cm, spacing_cm = scenario.space.side_cm, scenario.space.side_cm / agents ** (1 / dimensions)

@@ -5,7 +5,6 @@ Shipped curves are branches of a kernel. A user's is compiled by itself and call
 
 import math
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from epuck_sim.control.compilation import compile_for
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
 from epuck_sim.scenario.particles import SHIPPED, ResponseSection, find_curve
-from epuck_sim.user_files import line_of_error, record_type
+from epuck_sim.user_files import record_type
 from epuck_sim.util.elementary import expm1, sin
 from epuck_sim.util.jit import jit, jit_inline
 from epuck_sim.util.native import BLOCK, array_at, evaluate, function_address, unlikely
@@ -175,10 +174,8 @@ def shift_at(curve: ByteArray, phase: float) -> float:
 def curve_error(section: ResponseSection, phase: float, error: Exception) -> CurveError:
     """Return what to say of an error in a user's curve: plain Python, called once more, knows the line."""
     curve = find_curve(section.curve)
-    where = curve.name
     try:
-        assert curve.phase_shift is not None
-        curve.phase_shift(phase, section.coupling, SimpleNamespace(**curve.resolve(section.parameters)))
-    except Exception as again:  # whatever a user's file may raise
-        where = line_of_error(again, curve.sources) or where
-    return CurveError(f"{where}: {type(error).__name__}: {error}")
+        curve.check_shift(phase, section.coupling, curve.resolve(section.parameters))
+    except CurveError as again:
+        return again
+    return CurveError(f"{curve.name}: {type(error).__name__}: {error}")

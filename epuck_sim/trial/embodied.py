@@ -47,11 +47,9 @@ class SynchronyWatch:
 
     def __init__(self, simulation: Simulation) -> None:
         self.events = simulation.events
-        stop = simulation.scenario.stop
+        stop = self._stop = simulation.scenario.stop
         self._metric = METRICS[stop.metric]
         self._threshold = math.inf if stop.order_parameter is None else stop.order_parameter
-        self._max_cycles = stop.max_cycles
-        self._further_cycles = stop.further_cycles
         self._reference = stop.reference_robot
         self._members_change = simulation.scenario.members_change
         self._oscillators = ~np.isnan(simulation.period_ms)
@@ -159,9 +157,9 @@ class SynchronyWatch:
     @property
     def is_over(self) -> bool:
         """Whether the trial ends here: at its limits, or after synchrony and the further cycles."""
-        if self.cycles >= self._max_cycles or self._steps >= self._max_steps:
+        if self.cycles >= self._stop.max_cycles or self._steps >= self._max_steps:
             return True
-        return self._synchrony is not None and self.cycles >= self._synchrony.cycles + self._further_cycles
+        return self._synchrony is not None and self.cycles >= self._synchrony.cycles + self._stop.further_cycles
 
 
 def run_robots(
