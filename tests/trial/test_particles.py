@@ -9,12 +9,9 @@ from hypothesis import strategies as st
 from epuck_sim.trial import particles
 from epuck_sim.trial.model import run_trial
 from tests.particles.simulations import KINDS, any_sections, make_resting, make_simulation
+from tests.trial import without_wall
 
 THRESHOLD = 1 - 1e-9
-
-
-def without_wall(result):
-    return result._replace(wall_s=0.0)
 
 
 def test_t_sync_counts_the_references_firings_from_1_the_last_one_too():
