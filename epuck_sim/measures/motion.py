@@ -155,11 +155,12 @@ class _Map(Shipped):
         axes = len(self.sides_cm)
         if self.cells**axes > MOST_CELLS:
             raise ValueError(f"cells is {self.cells}, along each of {axes} axes; allowed: {MOST_CELLS} in all")
+        self._cell_cm = np.array(self.sides_cm) / self.cells
         self._counts: IntArray = np.zeros((self.cells,) * axes, np.int64)
 
     def cycle(self, event: Any, _: Any) -> None:
         """Count who is in which cell; those on an edge belong to the cell beyond it, or to the last."""
-        places = self.positions(event) // (np.array(self.sides_cm) / self.cells)
+        places = self.positions(event) // self._cell_cm
         x_first = np.clip(places, 0, self.cells - 1).astype(np.int64).T
         np.add.at(self._counts, tuple(x_first[::-1]), 1)  # x runs fastest
 
