@@ -11,7 +11,6 @@ from epuck_sim.particles.phase_response import CURVES, Response, order_change, p
 from tests.particles.naive_model import shift
 
 MULTIPLICATIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR = 0, 4, 5
-PHASES = np.linspace(0, 1, 2001)
 unit = st.floats(0, 1)
 
 
