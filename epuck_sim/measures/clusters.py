@@ -1,11 +1,12 @@
 """Clusters of phases: oscillators that fire in groups before all fire as one."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.measures.common import BELOW_HALF_A_CYCLE, Series, allowed, phases_at
+from epuck_sim.measures.common import BELOW_HALF_A_CYCLE, Series, Share, Shipped, allowed, share
 
 
 def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
@@ -31,60 +32,50 @@ def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
     return numbers
 
 
-class _Clusters(Series):
+@dataclass
+class _Clusters(Shipped):
     """What all measures of clusters share: who is in which at each cycle."""
 
-    def __init__(self, simulation: Any, *, gap: float = 0.02) -> None:
-        super().__init__(simulation)
-        self._gap = gap
-
+    gap: float = 0.02
     check = staticmethod(allowed(gap=BELOW_HALF_A_CYCLE))
 
     def cycle(self, event: Any, _: Any) -> None:
-        self.take(cluster_numbers(phases_at(self._simulation, event), self._gap))
+        self.take(cluster_numbers(self.phases(event), self.gap))
 
     def take(self, numbers: IntArray) -> None:
         raise NotImplementedError
 
 
-class ClusterCount(_Clusters):
+class ClusterCount(_Clusters, Series):
     """Number of phase clusters at each cycle: neighbours at most `gap` cycles apart are in one (series)."""
 
     def take(self, numbers: IntArray) -> None:
         self._series.append(int(numbers.max(initial=-1)) + 1)
 
 
-class LargestCluster(_Clusters):
+class LargestCluster(_Clusters, Series):
     """Share of the oscillators that is in the largest phase cluster at each cycle (series)."""
 
     def take(self, numbers: IntArray) -> None:
-        sizes = np.bincount(numbers)
-        self._series.append(float(sizes.max() / sizes.sum()) if len(sizes) else None)  # None without oscillators
+        largest = np.bincount(numbers).max(initial=0)
+        self._series.append(share(int(largest), len(numbers)))  # None without oscillators
 
 
-class ClusterLife(_Clusters):
+class ClusterLife(_Clusters, Share):
     """Mean life of phase clusters of two or more, in cycles: clusters at risk over clusters that end.
 
     A cluster lives on if, at the next cycle, one has more than half of all that are in either of the two.
     """
 
     UNIT = "cycles"
-
-    def __init__(self, simulation: Any, *, gap: float = 0.02) -> None:
-        super().__init__(simulation, gap=gap)
-        self._before: IntArray | None = None
-        self._at_risk, self._ended = 0, 0
+    _before: IntArray | None = None
 
     def take(self, numbers: IntArray) -> None:
         if self._before is not None and len(numbers):
             lived, gone = surviving_clusters(self._before, numbers)
-            self._at_risk += lived + gone
-            self._ended += gone
+            self._part += lived + gone
+            self._whole += gone
         self._before = numbers
-
-    def value(self) -> float | None:
-        """Return the mean; None if no cluster has ended."""
-        return self._at_risk / self._ended if self._ended else None
 
 
 def surviving_clusters(before: IntArray, after: IntArray) -> tuple[int, int]:

@@ -1,42 +1,82 @@
-"""What shipped measures share: series, shares, allowed parameters, and phases and positions whatever the model."""
+"""What shipped measures share: series, shares, allowed parameters, and phases and positions whatever the model.
+
+The fields of a measure that is a dataclass are its parameters.
+"""
 
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.scenario.embodied import largest_cm
 
 
-class Series:
+@dataclass
+class Shipped:
+    """A measure of a simulation."""
+
+    simulation: Any
+
+    def __post_init__(self) -> None:
+        """Begin with nothing measured."""
+
+    @property
+    def has_bodies(self) -> bool:
+        """Whether the simulation is one of robots."""
+        return bool(self.simulation.scenario.model == "embodied")
+
+    def phases(self, event: Any) -> FloatArray:
+        """Return (oscillators,) phases from 0 to 1; of robots, those that are oscillators."""
+        if not self.has_bodies:
+            return np.asarray(self.simulation.phases())
+        periods = self.simulation.period_ms
+        is_oscillator = ~np.isnan(periods)
+        return np.asarray(event.phase_ms[is_oscillator] / periods[is_oscillator])
+
+    def positions(self, event: Any) -> FloatArray:
+        """Return (population, dimensions) cm: a copy of the positions."""
+        return np.array(event.poses[:, :2] if self.has_bodies else self.simulation.positions())
+
+    @property
+    def sides_cm(self) -> tuple[float, ...]:
+        """Side of the arena, at its largest, or space along each dimension."""
+        scenario = self.simulation.scenario
+        return largest_cm(scenario) if self.has_bodies else (scenario.space.side_cm,) * scenario.space.dimensions
+
+
+class Series(Shipped):
     """A measure with a value for each cycle, which its method `cycle` appends."""
 
-    def __init__(self, simulation: Any) -> None:
-        self._simulation = simulation
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self._series: list[Any] = []
 
     def value(self) -> Any:
         return self._series
 
 
-class Share:
+class Share(Shipped):
     """A measure that counts a part and a whole."""
 
-    def __init__(self, simulation: Any) -> None:
-        self._simulation = simulation
-        self._part, self._whole = 0, 0
+    _part, _whole = 0, 0
 
     def value(self) -> float | None:
-        """Return the part's share of the whole; None where there is no whole."""
-        return self._part / self._whole if self._whole else None
+        return share(self._part, self._whole)
+
+
+def share(part: float, whole: float) -> float | None:
+    """Return the part's share of the whole; None where there is no whole."""
+    return part / whole if whole else None
 
 
 Rule = tuple[Callable[[Any], bool], str]
 """Whether a parameter is allowed, and what is."""
 
 BELOW_HALF_A_CYCLE: Rule = (lambda cycles: 0 <= cycles < 0.5, "0 up to 0.5, in cycles")
+ABOVE_0: Rule = (lambda number: number > 0, "above 0")
 
 
 def one_of(choices: Collection[str]) -> Rule:
@@ -62,30 +102,6 @@ def allowed(**rules: Rule) -> Callable[[SimpleNamespace], None]:
     return check
 
 
-def phases_at(simulation: Any, event: Any) -> FloatArray:
-    """Return (oscillators,) phases from 0 to 1; of robots, those that are oscillators."""
-    if not hasattr(event, "phase_ms"):
-        phases: FloatArray = simulation.phases()
-        return phases
-    periods = simulation.period_ms
-    is_oscillator = ~np.isnan(periods)
-    return np.asarray(event.phase_ms[is_oscillator] / periods[is_oscillator])
-
-
-def positions_at(simulation: Any, event: Any) -> FloatArray:
-    """Return (population, dimensions) cm: a copy of the positions."""
-    positions: FloatArray = event.poses[:, :2].copy() if hasattr(event, "poses") else simulation.positions()
-    return positions
-
-
-def sides_at(simulation: Any, event: Any) -> tuple[float, ...]:
-    """Return the side of the arena or space along each dimension at an event."""
-    return (event.arena.width_cm, event.arena.height_cm) if hasattr(event, "arena") else sides_cm(simulation)
-
-
-def sides_cm(simulation: Any) -> tuple[float, ...]:
-    """Return the side of the arena, at its largest, or space along each dimension."""
-    scenario = simulation.scenario
-    if hasattr(scenario, "arena"):
-        return largest_cm(scenario)
-    return (float(scenario.space.side_cm),) * int(scenario.space.dimensions)
+def rows_of_steps(found: IntArray, stretch: Any) -> IntArray:
+    """Return (steps + 1,) rows at which each step of a stretch begins in what was found in it, and the end of all."""
+    return np.searchsorted(found[:, 0], np.arange(len(stretch.poses) + 1))

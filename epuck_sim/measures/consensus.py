@@ -6,13 +6,14 @@ adds it: the variant in which hearers alone change (Baronchelli, Phys. Rev. E 83
 answer. A voter takes over what it hears. Words do not change what anyone does.
 """
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import BoolArray
-from epuck_sim.measures.common import Series, allowed, one_of
+from epuck_sim.measures.common import Series, allowed, one_of, rows_of_steps
 from epuck_sim.particles.links import SHIFTS_ONLY
 
 RULES = ("naming_game", "voter")
@@ -21,23 +22,23 @@ STREAM = 18
 """Number that sets the words' random stream apart from the trial's others."""
 
 
+@dataclass
 class _Talk(Series):
     """What both measures share: who knows which words, and the rule by which that changes."""
 
+    rule: str = "naming_game"
+    check = staticmethod(allowed(rule=one_of(RULES)))
     MODELS = ("embodied", "particles")
 
-    def __init__(self, simulation: Any, *, rule: str = "naming_game") -> None:
-        population = int(simulation.scenario.population)
-        super().__init__(simulation)
-        self._is_voter = rule == "voter"
-        self._random = np.random.default_rng([simulation.seed, STREAM])
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        population = int(self.simulation.scenario.population)
+        self._random = np.random.default_rng([self.simulation.seed, STREAM])
         self.knows: BoolArray = np.eye(population, dtype=bool)  # of each robot or agent, each word
         self._heard: BoolArray = np.zeros((population, population), bool)  # the flash of each, by each
         self._speakers: dict[int, int] = {}  # whose flash is heard, and the word that it carries
         self._agreed: int | None = None  # the cycle in which all agree
         self._cycles = 0
-
-    check = staticmethod(allowed(rule=one_of(RULES)))
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
@@ -56,14 +57,13 @@ class _Talk(Series):
 
     def hear(self, hearer: int, word: int) -> None:
         """Change what somebody knows who hears a word."""
-        if self._is_voter or self.knows[hearer, word]:
+        if self.rule == "voter" or self.knows[hearer, word]:
             self.knows[hearer] = False
         self.knows[hearer, word] = True
 
     def stretch(self, stretch: Any, state: Any) -> None:
         sightings = stretch.sightings
-        ends = np.searchsorted(sightings[:, 0], np.arange(len(stretch.poses) + 1)).tolist()
-        for step, (begin, end) in enumerate(pairwise(ends)):
+        for step, (begin, end) in enumerate(pairwise(rows_of_steps(sightings, stretch).tolist())):
             if end > begin:
                 self._hear_flashes(sightings[begin:end, 1:].tolist())
                 # the reference fires in a stretch's last step
@@ -90,7 +90,7 @@ class _Talk(Series):
         if not len(event.fired):
             return
         word, last = -1, -1
-        for speaker, hearer, _ in self._simulation.pulse_links():
+        for speaker, hearer, _ in self.simulation.pulse_links():
             if speaker != last:
                 word, last = self.say(speaker), speaker
             self.hear(hearer, word)

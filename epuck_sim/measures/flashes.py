@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, IntArray
-from epuck_sim.measures.common import Share
+from epuck_sim.measures.common import Share, Shipped, rows_of_steps, share
 
 
 class FlashesSeen(Share):
@@ -13,9 +13,8 @@ class FlashesSeen(Share):
 
     MODELS = ("embodied",)
 
-    def __init__(self, simulation: Any) -> None:
-        super().__init__(simulation)
-        self._is_seen = np.zeros(len(simulation.period_ms), np.bool_)
+    def __post_init__(self) -> None:
+        self._is_seen = np.zeros(len(self.simulation.period_ms), np.bool_)
 
     def step(self, step: Any, state: Any) -> None:
         is_seen = step.flash_seen
@@ -24,22 +23,22 @@ class FlashesSeen(Share):
         self._whole = len(is_seen) * state.cycles
 
 
-class _FlashViews:
+class _FlashViews(Shipped):
     """What both measures below share: in how many steps of each flash each other robot has it in view."""
 
     MODELS = ("embodied",)
+    _is_lit = False  # any ring, now or in the step before
+    _pairs, _seen, _repeated = 0, 0, 0
 
-    def __init__(self, simulation: Any) -> None:
-        robots = len(simulation.period_ms)
+    def __post_init__(self) -> None:
+        robots = len(self.simulation.period_ms)
         self._views: IntArray = np.zeros((robots, robots), np.int64)  # of the flash of each robot, by each robot
         self._ring_on: BoolArray = np.zeros(robots, np.bool_)  # in the step before, which is what is seen
         self._was_seen: BoolArray = np.zeros(robots, np.bool_)
-        self._is_lit = False  # any ring, now or in the step before
-        self._pairs, self._seen, self._repeated = 0, 0, 0
 
     def stretch(self, stretch: Any, _: Any) -> None:
         sightings = stretch.sightings
-        ends = np.searchsorted(sightings[:, 0], np.arange(len(stretch.poses) + 1))
+        ends = rows_of_steps(sightings, stretch)
         for step, is_any_lit in enumerate(stretch.ring_on.any(axis=1).tolist()):
             if is_any_lit or self._is_lit:  # else there is nothing to see, nor to close
                 self._look(sightings[ends[step] : ends[step + 1], 1:], stretch.ring_on[step])
@@ -74,4 +73,4 @@ class FlashesRepeated(_FlashViews):
 
     def value(self) -> float | None:
         """Return the share; None if no robot had a flash in view."""
-        return self._repeated / self._seen if self._seen else None
+        return share(self._repeated, self._seen)

@@ -1,21 +1,7 @@
 """What a measure is: a small class, or a function, that is told of a trial and returns one value at its end.
 
-    class Coverage:
-        def __init__(self, simulation, *, cell_cm=5.0): ...    its parameters are keywords with defaults
-        def cycle(self, event, state): ...                     at every firing of the reference
-        def value(self): ...                                   at the end
-
-    def final_order(simulation): ...                           a function is called at the end alone
-
-A measure is told of what it has methods for: `step` after every control step of robots, `event` after every event of
-point agents, `cycle` after every firing of the reference. `event` is what observers are shown (`trial.result`),
-`state` how far the trial is. `stretch(stretch, state)` takes the place of `step`: it is told of many steps at once, by
-the arrays of an `embodied.history.Stretch`, which compiled code has filled. Without any of these, compiled code runs
-from one cycle to the next.
-The value is a number, a truth value, None where it is undetermined, or a list of them, one for each cycle.
-A class attribute `MODELS` names the models that it can measure, if it cannot measure all; a static method
-`check(parameters)` raises ValueError on parameters that make no sense, `check_scenario(scenario, parameters)` on a
-scenario that it cannot measure. `UNIT`, of the class or of its file, is the unit that figures name.
+docs/measures.md has its methods and attributes. A measure is told of what it has methods for; without any but `cycle`
+and `value`, compiled code runs from one cycle to the next.
 """
 
 import inspect

@@ -7,26 +7,26 @@ lit in one of the cycle's steps. A link is one number: the sender times the popu
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.measures.common import Series, allowed, one_of
+from epuck_sim.measures.common import Series, Share, Shipped, allowed, one_of
 
 
-class Links(Series):
+class Links(Shipped):
     """What all measures of links share: the links of each cycle."""
 
     MODELS = ("embodied", "particles")
 
-    def __init__(self, simulation: Any) -> None:
-        super().__init__(simulation)
-        self._population = int(simulation.scenario.population)
-        self._has_bodies = simulation.scenario.model == "embodied"
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._population = int(self.simulation.scenario.population)
         self._seen: list[IntArray] = []
-        if not self._has_bodies:
-            simulation.neighbour_links()  # compiles what finds them before any clock runs
+        if not self.has_bodies:
+            self.simulation.neighbour_links()  # compiles what finds them before any clock runs
 
     def stretch(self, stretch: Any, _: Any) -> None:
         _, looks, lit = stretch.sightings.T
@@ -34,70 +34,48 @@ class Links(Series):
             self._seen.append(np.unique(lit * self._population + looks))
 
     def cycle(self, _: Any, __: Any) -> None:
-        if self._has_bodies:
-            found = np.unique(np.concatenate([np.zeros(0, np.int64), *self._seen]))
+        if self.has_bodies:
+            self.take(np.unique(np.concatenate([np.zeros(0, np.int64), *self._seen])))
             self._seen.clear()
         else:
-            found = self._simulation.neighbour_links()
-        self.take(found)
+            self.take(self.simulation.neighbour_links())
 
     def take(self, links: IntArray) -> None:
         raise NotImplementedError
 
 
 def common_count(one: IntArray, other: IntArray) -> int:
-    """Return how many numbers two sets, each of distinct numbers, have in common.
-
-    >>> common_count(np.array([1, 2]), np.array([2, 3]))
-    1
-    """
+    """Return how many numbers two sets, each of distinct numbers, have in common."""
     both = np.concatenate((one, other))
     both.sort()
     return int(np.count_nonzero(both[1:] == both[:-1]))
 
 
-def changed_share(before: IntArray, after: IntArray) -> float | None:
-    """Return 1 - |A and B| / |A or B| of two sets of distinct numbers; None if both are empty.
-
-    >>> changed_share(np.array([1, 2]), np.array([2, 3]))
-    0.6666666666666667
-    """
-    common = common_count(before, after)
-    either = len(before) + len(after) - common
-    return 1 - common / either if either else None
-
-
-class NeighbourChange(Links):
+class NeighbourChange(Links, Series):
     """Share of links that changed since the last cycle: 1 - |A and B| / |A or B| (series)."""
 
-    def __init__(self, simulation: Any) -> None:
-        super().__init__(simulation)
-        self._before: IntArray | None = None
+    _before: IntArray | None = None
 
     def take(self, links: IntArray) -> None:
-        self._series.append(None if self._before is None else changed_share(self._before, links))
+        change = None
+        if self._before is not None and len(self._before) + len(links):
+            common = common_count(self._before, links)
+            change = 1 - common / (len(self._before) + len(links) - common)
+        self._series.append(change)
         self._before = links
 
 
-class LinkLife(Links):
+class LinkLife(Links, Share):
     """Mean number of successive cycles in which a link is there: links at risk over links that end."""
 
     UNIT = "cycles"
-
-    def __init__(self, simulation: Any) -> None:
-        super().__init__(simulation)
-        self._before: IntArray | None = None
-        self._at_risk, self._ended = 0, 0
+    _before: IntArray | None = None
 
     def take(self, links: IntArray) -> None:
         if self._before is not None:
-            self._at_risk += len(self._before)
-            self._ended += len(self._before) - common_count(self._before, links)
+            self._part += len(self._before)
+            self._whole += len(self._before) - common_count(self._before, links)
         self._before = links
-
-    def value(self) -> float | None:
-        """Return the mean; None if no link has ended."""
-        return self._at_risk / self._ended if self._ended else None
 
 
 DIRECTIONS = ("in", "out", "both")
@@ -134,50 +112,48 @@ def component_sizes(links: IntArray, population: int, connection: str) -> IntArr
     return np.bincount(component)
 
 
-class Degree(Links):
+@dataclass
+class Degree(Links, Series):
     """Number of links of each robot or agent at each cycle: mean, smallest, largest or sd over all (series)."""
 
-    def __init__(self, simulation: Any, *, direction: str = "in", statistic: str = "mean") -> None:
-        super().__init__(simulation)
-        self._direction = direction
-        self._reduce = STATISTICS[statistic]
-
+    direction: str = "in"
+    statistic: str = "mean"
     check = staticmethod(allowed(direction=one_of(DIRECTIONS), statistic=one_of(STATISTICS)))
 
     def take(self, links: IntArray) -> None:
-        self._series.append(float(self._reduce(degrees(links, self._population, self._direction))))
+        self._series.append(float(STATISTICS[self.statistic](degrees(links, self._population, self.direction))))
 
 
-class Isolated(Links):
+@dataclass
+class Isolated(Links, Series):
     """Share of robots or agents without a link at each cycle: `in`, that none reaches, `out`, or `both` (series)."""
 
-    def __init__(self, simulation: Any, *, direction: str = "in") -> None:
-        super().__init__(simulation)
-        self._direction = direction
-
+    direction: str = "in"
     check = staticmethod(allowed(direction=one_of(DIRECTIONS)))
 
     def take(self, links: IntArray) -> None:
-        self._series.append(float((degrees(links, self._population, self._direction) == 0).mean()))
+        self._series.append(float((degrees(links, self._population, self.direction) == 0).mean()))
 
 
-class _Components(Links):
+@dataclass
+class _Components(Links, Series):
     """What both measures of components share; their values are None before `cycles` cycles have passed."""
 
-    def __init__(self, simulation: Any, *, connection: str = "weak", cycles: int = 1) -> None:
-        super().__init__(simulation)
-        self._connection = connection
-        self._last: deque[IntArray] = deque(maxlen=cycles)
-
+    connection: str = "weak"
+    cycles: int = 1
     check = staticmethod(allowed(connection=one_of(CONNECTIONS), cycles=(lambda cycles: cycles >= 1, "1 and above")))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._last: deque[IntArray] = deque(maxlen=self.cycles)
 
     def take(self, links: IntArray) -> None:
         self._last.append(links)
-        if len(self._last) < (self._last.maxlen or 1):
-            self._series.append(None)
-            return
-        together = links if len(self._last) == 1 else np.unique(np.concatenate(self._last))
-        self._series.append(self.of_sizes(component_sizes(together, self._population, self._connection)))
+        value = None
+        if len(self._last) == self.cycles:
+            together = links if self.cycles == 1 else np.unique(np.concatenate(self._last))
+            value = self.of_sizes(component_sizes(together, self._population, self.connection))
+        self._series.append(value)
 
     def of_sizes(self, sizes: IntArray) -> float:
         """Return the value of a cycle from the sizes of its components."""
@@ -198,27 +174,25 @@ class LargestComponent(_Components):
         return float(sizes.max() / sizes.sum())
 
 
+@dataclass
 class SpanningTime(Links):
     """Cycles until the links since the first cycle connect all, as one weak or strong component."""
 
-    UNIT = "cycles"
-
-    def __init__(self, simulation: Any, *, connection: str = "strong") -> None:
-        super().__init__(simulation)
-        self._connection = connection
-        self._together = np.zeros(0, np.int64)
-        self._cycles = 0
-        self._spanning: int | None = None
-
+    connection: str = "strong"
     check = staticmethod(allowed(connection=one_of(CONNECTIONS)))
+    UNIT = "cycles"
+    _cycles, _spans = 0, False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._together = np.zeros(0, np.int64)
 
     def take(self, links: IntArray) -> None:
-        self._cycles += 1
-        if self._spanning is None:
+        if not self._spans:
+            self._cycles += 1
             self._together = np.union1d(self._together, links)
-            if len(component_sizes(self._together, self._population, self._connection)) == 1:
-                self._spanning = self._cycles
+            self._spans = len(component_sizes(self._together, self._population, self.connection)) == 1
 
     def value(self) -> int | None:
         """Return the number of cycles; None if the trial ends before."""
-        return self._spanning
+        return self._cycles if self._spans else None

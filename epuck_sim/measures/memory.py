@@ -1,5 +1,6 @@
 """What a robot's controller remembers: a field of its MEMORY, by name."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,24 +8,23 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.step import check_field, memory_values
-from epuck_sim.measures.common import allowed, one_of
+from epuck_sim.measures.common import Series, allowed, one_of
 
 TAKEN = ("final", "mean", "series")
 
 
-class Memory:
+@dataclass
+class Memory(Series):
     """A field `name` of a controller's MEMORY: `take` its final value, its mean over cycles, or its series (robots).
 
     It is that of one `robot`, or the mean over all whose controllers have such a field if `robot` is -1.
     """
 
-    MODELS = ("embodied",)
-
-    def __init__(self, simulation: Any, *, name: str = "phase_ms", robot: int = -1, take: str = "final") -> None:  # noqa: ARG002
-        self._name, self._robot, self._take = name, robot, take
-        self._series: list[float | None] = []
-
+    name: str = "phase_ms"
+    robot: int = -1
+    take: str = "final"
     check = staticmethod(allowed(take=one_of(TAKEN)))
+    MODELS = ("embodied",)
 
     @staticmethod
     def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
@@ -34,15 +34,15 @@ class Memory:
         check_field(scenario, parameters.name, None if parameters.robot < 0 else parameters.robot)
 
     def cycle(self, step: Any, _: Any) -> None:
-        values: FloatArray = memory_values(step.memories, self._name)
-        chosen = values[~np.isnan(values)] if self._robot < 0 else values[[self._robot]]
+        values: FloatArray = memory_values(step.memories, self.name)
+        chosen = values[~np.isnan(values)] if self.robot < 0 else values[[self.robot]]
         self._series.append(float(chosen.mean()) if len(chosen) else None)
 
     def value(self) -> float | list[float | None] | None:
         """Return what is taken; None without a cycle."""
-        if self._take == "series":
+        if self.take == "series":
             return self._series
         known = [each for each in self._series if each is not None]
         if not known:
             return None
-        return known[-1] if self._take == "final" else sum(known) / len(known)
+        return known[-1] if self.take == "final" else float(sum(known) / len(known))

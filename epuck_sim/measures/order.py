@@ -1,9 +1,10 @@
 """How synchronised a swarm is from cycle to cycle, when it passes thresholds, and whether it stays above them."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from epuck_sim.measures.common import Series, Share, allowed
+from epuck_sim.measures.common import Series, Share, Shipped, allowed
 
 
 class OrderParameter(Series):
@@ -26,41 +27,37 @@ def read_thresholds(text: str) -> list[float]:
     return numbers
 
 
-class ThresholdCycles:
+@dataclass
+class ThresholdCycles(Shipped):
     """Cycle at which the order parameter first reached each of the `thresholds` (a series, one for each of them)."""
 
+    thresholds: str = "0.5 0.8 0.9 0.95 0.99"
     UNIT = "cycles"
 
-    def __init__(self, simulation: Any, *, thresholds: str = "0.5 0.8 0.9 0.95 0.99") -> None:  # noqa: ARG002
-        self._thresholds = read_thresholds(thresholds)
-        self._cycles: list[int | None] = [None] * len(self._thresholds)
+    def __post_init__(self) -> None:
+        self._cycles: dict[float, int | None] = dict.fromkeys(read_thresholds(self.thresholds))
 
     @staticmethod
     def check(parameters: SimpleNamespace) -> None:
         read_thresholds(parameters.thresholds)
 
     def cycle(self, _: Any, state: Any) -> None:
-        order = state.order_parameter
-        if order is None:
-            return
-        for place, threshold in enumerate(self._thresholds):
-            if self._cycles[place] is None and order >= threshold:
-                self._cycles[place] = state.cycles
+        for threshold, cycle in self._cycles.items():
+            if cycle is None and state.order_parameter is not None and state.order_parameter >= threshold:
+                self._cycles[threshold] = state.cycles
 
     def value(self) -> list[int | None]:
         """Return the cycles; None for thresholds that were not reached."""
-        return list(self._cycles)
+        return [self._cycles[threshold] for threshold in read_thresholds(self.thresholds)]
 
 
+@dataclass
 class BelowThreshold(Share):
     """Share of the cycles after the order parameter first reached `threshold` in which it is below it."""
 
-    def __init__(self, simulation: Any, *, threshold: float = 0.95) -> None:
-        super().__init__(simulation)
-        self._threshold = threshold
-        self._is_reached = False
-
+    threshold: float = 0.95
     check = staticmethod(allowed(threshold=(lambda threshold: 0 < threshold <= 1, "above 0 and up to 1")))
+    _is_reached = False
 
     def cycle(self, _: Any, state: Any) -> None:
         order = state.order_parameter
@@ -68,8 +65,8 @@ class BelowThreshold(Share):
             return
         if self._is_reached:
             self._whole += 1
-            self._part += order < self._threshold
-        self._is_reached = self._is_reached or order >= self._threshold
+            self._part += order < self.threshold
+        self._is_reached = self._is_reached or order >= self.threshold
 
 
 class StaysAbove(BelowThreshold):

@@ -1,6 +1,7 @@
 """How a small perturbation of point agents grows or dies out, beside a twin without it (thesis 5.4)."""
 
 import math
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -8,31 +9,31 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.elementary import log
-from epuck_sim.measures.common import BELOW_HALF_A_CYCLE, allowed
+from epuck_sim.measures.common import BELOW_HALF_A_CYCLE, Series, allowed
 
 SMALLEST, LARGEST = 1e-12, 0.1
 """Deviations, in cycles, between which a perturbation grows or shrinks freely: above rounding, far below a cycle."""
 
 
-class _Twin:
+@dataclass
+class _Twin(Series):
     """What all measures of perturbations share: the largest deviation of a phase from the twin's, at each cycle."""
 
+    displacement: float = 0.0
+    check = staticmethod(allowed(displacement=BELOW_HALF_A_CYCLE))
     MODELS = ("particles",)
 
-    def __init__(self, simulation: Any, *, displacement: float = 0.0) -> None:
+    def __post_init__(self) -> None:
         from epuck_sim.particles.twin import make_twin  # reading a scenario must not compile anything
 
-        scenario = simulation.scenario
-        if not displacement and not scenario.start.displacement and not scenario.clocks.jitter:
+        super().__post_init__()
+        scenario = self.simulation.scenario
+        if not self.displacement and not scenario.start.displacement and not scenario.clocks.jitter:
             raise ValueError(
                 "a perturbation is measured where there is one; give displacement, or start.displacement or "
                 "clocks.jitter of the scenario"
             )
-        self._simulation = simulation
-        self._twin = make_twin(simulation.scenario, simulation.seed, displacement)
-        self._deviations: list[float] = []
-
-    check = staticmethod(allowed(displacement=BELOW_HALF_A_CYCLE))
+        self._twin = make_twin(scenario, self.simulation.seed, self.displacement)
 
     @staticmethod
     def check_scenario(scenario: Any, _: Any) -> None:
@@ -41,9 +42,10 @@ class _Twin:
             raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
 
     def cycle(self, event: Any, _: Any) -> None:
+        from epuck_sim.particles.twin import deviations
+
         self._twin.run_to(event.time_s)
-        apart = np.abs(self._simulation.phases() - self._twin.phases())
-        self._deviations.append(float(np.minimum(apart, 1 - apart).max()))
+        self._series.append(float(deviations(self.simulation.phases(), self._twin.phases()).max()))
 
 
 class Perturbation(_Twin):
@@ -55,16 +57,13 @@ class Perturbation(_Twin):
 
     UNIT = "cycles"
 
-    def value(self) -> list[float]:
-        return self._deviations
-
 
 class PerturbationGrowth(_Twin):
     """Growth of that deviation from the last cycle: ln(d / d before) at each cycle (series; agents)."""
 
     def value(self) -> list[float | None]:
         """Return the series; None at the first cycle and where the deviation is too small or too large to tell."""
-        return [None, *growth_rates(self._deviations)] if self._deviations else []
+        return [None, *growth_rates(self._series)] if self._series else []
 
 
 class PerturbationExponent(_Twin):
@@ -72,31 +71,27 @@ class PerturbationExponent(_Twin):
 
     def value(self) -> list[float | None]:
         """Return mean, lower and upper end; None where there are too few cycles."""
-        return mean_with_interval([rate for rate in growth_rates(self._deviations) if rate is not None])
+        return mean_with_interval([rate for rate in growth_rates(self._series) if rate is not None])
 
 
+@dataclass
 class PerturbationTransient(_Twin):
     """Cycles until the deviation is at most `tolerance` for good (agents)."""
 
-    UNIT = "cycles"
-
-    def __init__(self, simulation: Any, *, displacement: float = 0.0, tolerance: float = 0.01) -> None:
-        super().__init__(simulation, displacement=displacement)
-        self._tolerance = tolerance
-
+    tolerance: float = 0.01
     check = staticmethod(
         allowed(
             displacement=BELOW_HALF_A_CYCLE,
             tolerance=(lambda tolerance: 0 < tolerance < 0.5, "above 0 up to 0.5, in cycles"),
         )
     )
+    UNIT = "cycles"
 
     def value(self) -> int | None:
         """Return the number of cycles after which none is beyond it; None if the last one is."""
-        beyond = [cycle for cycle, deviation in enumerate(self._deviations, 1) if deviation > self._tolerance]
-        if not self._deviations or (beyond and beyond[-1] == len(self._deviations)):
-            return None
-        return beyond[-1] if beyond else 0
+        beyond = [cycle for cycle, deviation in enumerate(self._series, 1) if deviation > self.tolerance]
+        last = beyond[-1] if beyond else 0
+        return last if last < len(self._series) else None
 
 
 def growth_rates(deviations: list[float]) -> list[float | None]:

@@ -5,12 +5,13 @@ After `cycles` periods of that it suspects the other, until it sees it flash. Th
 does not count, nor do flashes then: that is where false alarms come from.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.measures.common import allowed
+from epuck_sim.measures.common import ABOVE_0, Shipped, allowed, rows_of_steps, share
 from epuck_sim.util.jit import jit
 
 HALF_A_MILLISECOND = 0.0005
@@ -20,47 +21,47 @@ FLASHLESS = ("ring_dead", "oscillator_frozen")
 """Kinds of faults that keep a robot from flashing."""
 
 
-class _Suspicion:
+@dataclass
+class _Suspicion(Shipped):
     """What both measures share: who suspects whom, and who does not flash."""
 
+    cycles: float = 2.0
+    check = staticmethod(allowed(cycles=ABOVE_0))
     MODELS = ("embodied",)
+    _events = 0
 
-    def __init__(self, simulation: Any, *, cycles: float = 2.0) -> None:
-        scenario, robots = simulation.scenario, len(simulation.period_ms)
-        self._simulation = simulation
-        self._step_s = 1 / scenario.timing.control_hz
-        self._period_s: FloatArray = simulation.period_ms / 1000
-        self._patience_s = cycles * self._period_s[:, None]
+    def __post_init__(self) -> None:
+        robots = len(self.simulation.period_ms)
+        self._step_s = 1 / self.simulation.scenario.timing.control_hz
+        self._period_s: FloatArray = self.simulation.period_ms / 1000
+        self._patience_s = self.cycles * self._period_s[:, None]
         self._dark_s = np.zeros((robots, robots))  # for which each has had each in view without a flash
         self._suspects: BoolArray = np.zeros((robots, robots), bool)
         self._faults: IntArray = np.zeros(robots, np.int64)  # that keep a robot from flashing, at present
-        self._events = 0
-
-    check = staticmethod(allowed(cycles=(lambda cycles: cycles > 0, "above 0")))
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        views, sightings, steps = stretch.views, stretch.sightings, np.arange(len(stretch.poses) + 1)
-        ends = np.searchsorted(views[:, 0], steps), np.searchsorted(sightings[:, 0], steps)
+        views, sightings = stretch.views, stretch.sightings
+        view_rows, sighting_rows = rows_of_steps(views, stretch), rows_of_steps(sightings, stretch)
         begun = np.zeros_like(self._suspects)
         step = 0
         while step < len(stretch.poses):
             # who is suspected already when a fault begins is found in its first step, which is watched by itself
             last = step + 1
             if not self._note_faults(stretch.first + step):  # up to the next fault
-                later = (event.step - stretch.first for event in self._simulation.events[self._events :])
+                later = (event.step - stretch.first for event in self.simulation.events[self._events :])
                 last = int(min([*later, len(stretch.poses)]))
             # fmt: off
             end = watch(
                 self._dark_s, self._suspects, begun, self._patience_s, self._step_s,
-                views, ends[0], sightings, ends[1], step, last,
+                views, view_rows, sightings, sighting_rows, step, last,
             )
             # fmt: on
-            self.take(begun, (stretch.first + end - 1) * self._simulation.step_s, end - step)
+            self.take(begun, (stretch.first + end - 1) * self.simulation.step_s, end - step)
             step = end
 
     def _note_faults(self, step: int) -> bool:
         """Return whether faults begin or end in a step."""
-        events = [event for event in self._simulation.events[self._events :] if event.step <= step]
+        events = [event for event in self.simulation.events[self._events :] if event.step <= step]
         for event in events:
             kind, _, change = event.what.partition(" ")
             if kind in FLASHLESS:
@@ -117,10 +118,9 @@ class DetectionDelay(_Suspicion):
 
     UNIT = "cycles"
 
-    def __init__(self, simulation: Any, *, cycles: float = 2.0) -> None:
-        super().__init__(simulation, cycles=cycles)
-        self._since_s = np.full(len(self._period_s), np.nan)
-        self._delay = np.full(len(self._period_s), np.nan)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._since_s, self._delay = np.full((2, len(self._period_s)), np.nan)
 
     def take(self, _: BoolArray, time_s: float, steps: int) -> None:  # noqa: ARG002 are for the other
         """Note who has ceased to flash, and who of them is suspected for the first time."""
@@ -137,9 +137,7 @@ class DetectionDelay(_Suspicion):
 class FalseAlarms(_Suspicion):
     """Suspicions of robots that flash, of each robot in an hour (robots)."""
 
-    def __init__(self, simulation: Any, *, cycles: float = 2.0) -> None:
-        super().__init__(simulation, cycles=cycles)
-        self._alarms, self._steps = 0, 0
+    _alarms, _steps = 0, 0
 
     def take(self, begun: BoolArray, _: float, steps: int) -> None:
         self._alarms += int(begun[:, self._faults == 0].sum())
@@ -147,5 +145,4 @@ class FalseAlarms(_Suspicion):
 
     def value(self) -> float | None:
         """Return the mean number; None before the first step."""
-        hours = self._steps * self._step_s / 3600
-        return self._alarms / len(self._faults) / hours if hours else None
+        return share(self._alarms / len(self._faults), self._steps * self._step_s / 3600)

@@ -46,7 +46,7 @@ _SEEDS: tuple[Root, ...] = (
 _AGENTS: tuple[Root, ...] = (
     (initial_conditions.start, (*_SWARM, WORDS)),
     (motion.begin_motion, (BLOCK,)),
-    *((kernel, _SWARM) for kernel in (events.advance, events.advance_in_cones, events.observe)),
+    *((kernel, _SWARM) for kernel in (events.advance, events.observe)),
     *((kernel, _OF_AGENT) for kernel in (motion.continue_trajectory, motion.begin_run, motion.reorient_agents)),
     *((kernel, _OF_AGENT) for kernel in (neighbours.search_nearest, neighbours.search_cone)),
     *((kernel, _OF_AGENT) for kernel in (neighbours.search_cells, neighbours.draw_receivers)),

@@ -36,16 +36,15 @@ from epuck_sim.particles.swarm import (
     Observed,
     Oscillators,
     Trajectories,
-    Turns,
     entry_of,
 )
 from epuck_sim.util.jit import jit, jit_inline
 from epuck_sim.util.native import call, carve, unlikely
 
 
-@jit_inline
-def run_events(block: ByteArray, addresses: IntArray, by_address: bool | None) -> None:
-    """Simulate until a limit of the scene is reached, or synchrony; `by_address`: see `neighbours.find_receivers`."""
+@jit
+def advance(block: ByteArray, addresses: IntArray) -> None:
+    """Simulate until a limit of the scene is reached, or synchrony."""
     oscillators, neighbours, instant = carve(block, Oscillators), carve(block, Neighbours), carve(block, Instant)
     scene = oscillators.scene
     pulses, cycles, max_offset = scene.limits.pulses, scene.limits.cycles, scene.limits.max_offset
@@ -60,7 +59,7 @@ def run_events(block: ByteArray, addresses: IntArray, by_address: bool | None) -
             time = earliest_firing(oscillators)
         if scene.cycle > last_cycle or (scene.cycle == last_cycle and time > last_time):
             break
-        fire(block, addresses, oscillators, neighbours, instant, time, by_address)
+        fire(block, addresses, oscillators, neighbours, instant, time)
         if unlikely(reorients):
             call(addresses[REORIENT], block, addresses, 0, time)
         scene.instants += 1
@@ -74,18 +73,6 @@ def run_events(block: ByteArray, addresses: IntArray, by_address: bool | None) -
                 scene.is_synchronised = scene.order_parameter >= scene.threshold
     if not is_measured:
         scene.order_parameter = measure_order(oscillators, scene.now)
-
-
-@jit
-def advance(block: ByteArray, addresses: IntArray) -> None:
-    """Carry out `run_events`; searches are called by their addresses."""
-    run_events(block, addresses, True)
-
-
-@jit
-def advance_in_cones(block: ByteArray, addresses: IntArray) -> None:
-    """Carry out `run_events` with searches in cones among all agents, which take little longer than a call."""
-    run_events(block, addresses, None)
 
 
 @jit_inline
@@ -114,7 +101,6 @@ def fire(
     neighbours: Neighbours,
     instant: Instant,
     time: float,
-    by_address: bool | None,
 ) -> None:
     """Fire all oscillators whose time has come, and all that their pulses make fire."""
     scene, response, agents = oscillators.scene, oscillators.scene.response, len(oscillators.next_firing)
@@ -126,7 +112,7 @@ def fire(
     last_done = agents + scene.sends_every_pulse  # one more than there can be, if every pulse is sent
     while sent < fired_count and done < last_done:
         agent = entry_of(fired, sent)
-        row = find_receivers(block, addresses, neighbours, agent, time, by_address)
+        row = find_receivers(block, addresses, neighbours, agent, time)
         receivers = neighbours.members[row : row + neighbours.counts[agent]]
         if unlikely(scene.reorients_on_arriving):
             note_arrivals(block, receivers)
@@ -163,13 +149,13 @@ def fire(
 @jit
 def note_arrivals(block: ByteArray, receivers: IndexArray) -> None:
     """Add the agents that a pulse reaches to those that pulses have reached at this instant."""
-    turns = carve(block, Turns)
-    scene = turns.scene
+    instant = carve(block, Instant)
+    scene = instant.scene
     for index in range(len(receivers)):
         agent = receivers[index]
-        if not turns.is_reached[agent]:
-            turns.is_reached[agent] = True
-            turns.reached[scene.reached] = agent
+        if not instant.is_reached[agent]:
+            instant.is_reached[agent] = True
+            instant.reached[scene.reached] = agent
             scene.reached += 1
 
 

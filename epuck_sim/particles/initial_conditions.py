@@ -14,7 +14,7 @@ import numpy.typing as npt
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray, WordArray
 from epuck_sim.particles.motion import begin_motion, random_heading
 from epuck_sim.particles.neighbours import RANDOM
-from epuck_sim.particles.swarm import BEGIN_RUN, Arrays, Draws, Observed, Oscillators, Trajectories
+from epuck_sim.particles.swarm import BEGIN_RUN, Arrays, Neighbours, Observed, Oscillators, Trajectories
 from epuck_sim.scenario.particles import AgentsSection, ParticleScenario
 from epuck_sim.util.elementary import exp, log
 from epuck_sim.util.generators import (
@@ -49,7 +49,7 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
 
     All else is drawn as it would be without. The block has the speeds and periods, and nothing has happened to it.
     """
-    oscillators, trajectories, draws = carve(block, Oscillators), carve(block, Trajectories), carve(block, Draws)
+    oscillators, trajectories = carve(block, Oscillators), carve(block, Trajectories)
     scene, agents = oscillators.scene, len(trajectories.speed)
     begin_sequence(scene.seed, seed)
     if not scene.has_positions:
@@ -62,7 +62,7 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
             oscillators.next_firing[agent] = (1 - oscillators.next_firing[agent]) * oscillators.period[agent]
     _seed_streams(trajectories.streams, scene, MOTION_SEED)
     if scene.kind == RANDOM:
-        _seed_streams(draws.receiver_streams, scene, RECEIVER_SEED)
+        _seed_streams(carve(block, Neighbours).receiver_streams, scene, RECEIVER_SEED)
     unused = carve(block, Observed).positions_now
     for agent in range(agents):
         heading = unused[agent::agents] if scene.has_headings else trajectories.heading[agent::agents]
@@ -122,13 +122,6 @@ def draw_differences(arrays: Arrays, scenario: ParticleScenario, seed: int) -> N
             arrays.next_firing[:] = (1 - arrays.phases_now) * arrays.period
 
 
-def initial_speeds(scenario: ParticleScenario, seed: int) -> FloatArray:
-    """Return (agents,) cm per cycle: the speeds with which a trial with this seed begins."""
-    agents = scenario.agents
-    generator = _generator_after(seed, POSITION_SEED, scenario.space.dimensions * agents.count)  # the positions
-    return draw_speeds(agents, generator) * scenario.clocks.period_s
-
-
 def _generator_after(seed: int, child: int, numbers: int) -> WordArray:
     """Return the generator of a child of the trial's seed that has drawn so many numbers from [0, 1)."""
     generator, sequence = np.empty(GENERATOR_WORDS, np.uint64), np.empty(SEQUENCE_WORDS, np.uint64)
@@ -142,8 +135,10 @@ def _generator_after(seed: int, child: int, numbers: int) -> WordArray:
 # --- distributions of speeds and periods (thesis 5.4.2, 6.2) ------------------------------------------
 
 
-def draw_speeds(agents: AgentsSection, generator: WordArray) -> FloatArray:
-    """Return (agents,) cm/s: the speed of each agent at the start."""
+def initial_speeds(scenario: ParticleScenario, seed: int) -> FloatArray:
+    """Return (agents,) cm per cycle: the speeds with which a trial with this seed begins."""
+    agents = scenario.agents
+    generator = _generator_after(seed, POSITION_SEED, scenario.space.dimensions * agents.count)  # the positions
     spread, shares = agents.speed_spread or 0.0, np.ones(agents.count)
     if agents.speed_distribution == "uniform":
         fill_doubles(shares, generator)
@@ -161,7 +156,7 @@ def draw_speeds(agents: AgentsSection, generator: WordArray) -> FloatArray:
         slow, fast = _two_speeds(agents)
         fill_doubles(shares, generator)
         shares = np.where(shares < (agents.fast_share or 0.0), fast, slow)
-    return agents.speed_cm_s * shares
+    return agents.speed_cm_s * shares * scenario.clocks.period_s
 
 
 def speed_table(agents: AgentsSection) -> FloatArray:
@@ -171,8 +166,7 @@ def speed_table(agents: AgentsSection) -> FloatArray:
     if agents.speed_distribution == "uniform":
         shares = 1 + spread * (2 * levels - 1)
     elif agents.speed_distribution == "normal":
-        standard = NormalDist()
-        cut = standard.cdf(-1 / spread)
+        cut = NormalDist().cdf(-1 / spread)
         shares = 1 + spread * _normal_quantiles(cut + levels * (1 - 2 * cut))
     elif agents.speed_distribution == "exponential":
         shares = -_each(log, 1 - levels)

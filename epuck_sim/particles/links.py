@@ -4,17 +4,16 @@ A simulation shows nobody the neighbours that it finds: they are looked for agai
 """
 
 import numpy as np
-from numba import types
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.motion import begin_motion
-from epuck_sim.particles.neighbours import find_receivers, search_of
+from epuck_sim.particles.neighbours import find_receivers
 from epuck_sim.particles.rules import rules_of
-from epuck_sim.particles.swarm import SEARCH, Arrays, Neighbours, entry_of
+from epuck_sim.particles.swarm import Arrays, Neighbours, entry_of
 from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
 from epuck_sim.util.jit import jit
-from epuck_sim.util.native import address_of, carve
+from epuck_sim.util.native import carve
 
 SHIFTS_ONLY = 50
 """Swarms of this size or larger have links of pulses only where a phase was shifted: if all fire, all receive all."""
@@ -32,7 +31,7 @@ def write_links(block: ByteArray, addresses: IntArray, senders: IntArray, links:
     scene.sorted_at = -np.inf
     for index in range(len(senders)):
         sender = senders[index]
-        row = find_receivers(block, addresses, neighbours, sender, 0.0, True)
+        row = find_receivers(block, addresses, neighbours, sender, 0.0)
         for rank in range(neighbours.counts[sender]):
             if found < len(links):
                 links[found] = sender * scene.agents + entry_of(neighbours.members, row + rank)
@@ -44,23 +43,19 @@ class LinkSearch:
     """Finds the links between agents, wherever they are."""
 
     def __init__(self, scenario: ParticleScenario) -> None:
-        """Compile what finds links, before any clock runs; raise ScenarioError where there are none by position."""
+        """Make a swarm that stands still; raise ScenarioError where there are no links by position."""
         if isinstance(scenario.neighbourhood, RandomAgents):
             raise ScenarioError(
                 f"{scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
                 "there are neighbours only by position"
             )
-        self._agents = scenario.agents.count
-        still = AgentsSection(count=self._agents, speed_cm_s=0)
+        still = AgentsSection(count=scenario.agents.count, speed_cm_s=0)
         rules = rules_of(scenario.model_copy(update={"agents": still, "start": StartSection()}))
-        self._swarm, self._addresses = Arrays(rules.new_block()), rules.addresses.copy()
-        self._addresses[SEARCH] = address_of(search_of(self._swarm.scene), types.int64, types.float64)
+        self._swarm, self._addresses = Arrays(rules.new_block()), rules.addresses
         begin_motion(self._swarm.block)
         # neighbours may change until the next instant, unless all agents are neighbours
         self._swarm.scene.is_cached &= isinstance(scenario.neighbourhood, Everybody)
-        self._links = np.zeros(FIRST_ROOM * self._agents, np.int64)
-        nowhere = np.zeros((self._agents, scenario.space.dimensions))
-        self.find(nowhere, nowhere, np.zeros(0, np.int64))
+        self._links = np.zeros(FIRST_ROOM * scenario.agents.count, np.int64)
 
     def find(self, positions: FloatArray, headings: FloatArray, senders: IntArray) -> IntArray:
         """Return (links,) the sender times the number of agents, plus the receiver: sender by sender, as given."""
@@ -71,18 +66,3 @@ class LinkSearch:
             self._links = np.zeros(2 * found, np.int64)
             write_links(self._swarm.block, self._addresses, senders, self._links)
         return self._links[:found].copy()
-
-    def neighbour_links(self, positions: FloatArray, headings: FloatArray) -> IntArray:
-        """Return the links from all agents, ascending."""
-        links = self.find(positions, headings, np.arange(self._agents))
-        links.sort()
-        return links
-
-    def pulse_links(self, positions: FloatArray, headings: FloatArray, fired: IntArray, received: IntArray) -> IntArray:
-        """Return what `ParticleSimulation.pulse_links` does, by the headings before any agent reorients."""
-        senders, receivers = np.divmod(self.find(positions, headings, fired), self._agents)
-        reached, first = np.unique(receivers, return_index=True)  # no agent receives two pulses at one instant
-        is_shifted = np.zeros(len(receivers), np.bool_)
-        is_shifted[first[np.isin(reached, received)]] = True
-        links = np.column_stack([senders, receivers, is_shifted])
-        return links if self._agents < SHIFTS_ONLY else links[is_shifted]

@@ -14,7 +14,7 @@ import math
 
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, StreamArray
 from epuck_sim.particles.selection import minimum
-from epuck_sim.particles.swarm import BEGIN_RUN, CONTINUE, Instant, Runs, Trajectories, Turns, entry_of
+from epuck_sim.particles.swarm import BEGIN_RUN, CONTINUE, Instant, Trajectories, entry_of
 from epuck_sim.util.elementary import atan, exp, log, sin_cos, tan
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, row_at, unlikely
@@ -43,7 +43,7 @@ def distance_travelled(trajectories: Trajectories, agent: int, time: float) -> f
 
 
 @jit_inline
-def find_end(block: ByteArray, trajectories: Trajectories, agent: int) -> None:
+def find_end(trajectories: Trajectories, agent: int) -> None:
     """Compute when and where an agent's trajectory ends: at the first wall, or where its run ends before."""
     scene, agents = trajectories.scene, len(trajectories.speed)
     side_cm, speed = scene.side_cm, trajectories.speed[agent]
@@ -57,8 +57,7 @@ def find_end(block: ByteArray, trajectories: Trajectories, agent: int) -> None:
     trajectories.wall[agent] = wall
     start = trajectories.start_time[agent]
     if unlikely(scene.has_runs):
-        runs = carve(block, Runs)
-        end_cycle, end_time = runs.run_end_cycle[agent], runs.run_end_time[agent]
+        end_cycle, end_time = trajectories.run_end_cycle[agent], trajectories.run_end_time[agent]
         if (end_cycle - trajectories.start_cycle[agent]) + (end_time - start) < duration:
             trajectories.wall[agent] = NO_WALL
             trajectories.end_cycle[agent] = end_cycle
@@ -75,13 +74,13 @@ def begin_motion(block: ByteArray) -> None:
     trajectories = carve(block, Trajectories)
     scene = trajectories.scene
     fastest = 0.0
-    for speeds in (trajectories.speed, carve(block, Runs).run_speeds):
+    for speeds in (trajectories.speed, trajectories.run_speeds):
         for index in range(len(speeds)):
             fastest = max(fastest, speeds[index])
     scene.max_speed = fastest
     scene.closing_time = 1 / max(2 * fastest, 1e-300)
     for agent in range(len(trajectories.speed)):
-        find_end(block, trajectories, agent)
+        find_end(trajectories, agent)
     scene.earliest_end = time_of_end(trajectories, first_to_end(trajectories))
 
 
@@ -151,7 +150,7 @@ def continue_trajectory(block: ByteArray, addresses: IntArray, agent: int, time:
             call(addresses[BEGIN_RUN], block, addresses, agent, time)
         else:
             reflect(trajectories, agent, wall // 2, wall % 2 == 1)
-        find_end(block, trajectories, agent)
+        find_end(trajectories, agent)
         has_ended = time_of_end(trajectories, agent) <= time
 
 
@@ -184,36 +183,31 @@ def begin_run(block: ByteArray, addresses: IntArray, agent: int, time: float) ->
 
     Its first run follows no other: then nothing turns and no speed is drawn.
     """
-    trajectories, runs = carve(block, Trajectories), carve(block, Runs)
-    stream, is_first = trajectories.streams[agent].words, runs.run_end_cycle[agent] < 0
+    trajectories = carve(block, Trajectories)
+    scene, run_speeds = trajectories.scene, trajectories.run_speeds
+    stream, is_first = trajectories.streams[agent].words, trajectories.run_end_cycle[agent] < 0
     if not is_first:
-        turn_heading(trajectories.heading[agent :: len(trajectories.speed)], trajectories.scene.persistence, stream)
-    draw_end_of_run(trajectories, runs, agent, stream)
-    if len(runs.run_speeds) and not is_first:
-        trajectories.speed[agent] = runs.run_speeds[randint(stream, len(runs.run_speeds))]
-
-
-@jit_inline
-def draw_end_of_run(trajectories: Trajectories, runs: Runs, agent: int, stream: StreamArray) -> None:
-    """Draw when a run ends that begins with an agent's present trajectory."""
-    scene, share = trajectories.scene, 1.0 - uniform(stream)  # above 0
+        turn_heading(trajectories.heading[agent :: len(trajectories.speed)], scene.persistence, stream)
+    share = 1.0 - uniform(stream)  # above 0
     duration = scene.run * (exp(scene.tail * log(share)) if scene.tail < 0 else -log(share))
     end = trajectories.start_time[agent] + min(duration, LONGEST_RUN)
     whole = math.floor(end)
-    runs.run_end_cycle[agent] = trajectories.start_cycle[agent] + whole
-    runs.run_end_time[agent] = end - whole
+    trajectories.run_end_cycle[agent] = trajectories.start_cycle[agent] + whole
+    trajectories.run_end_time[agent] = end - whole
+    if len(run_speeds) and not is_first:
+        trajectories.speed[agent] = run_speeds[randint(stream, len(run_speeds))]
 
 
 @jit_no_alloc
 def reorient_agents(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:  # noqa: ARG001
     """Reorient the agents that emitted, received or were reached by a pulse, as the rules ask; none twice (D.1)."""
-    trajectories, instant, turns = carve(block, Trajectories), carve(block, Instant), carve(block, Turns)
+    trajectories, instant = carve(block, Trajectories), carve(block, Instant)
     scene, is_done = trajectories.scene, instant.is_done
     advance_all(block, addresses, trajectories, time)
     for place in range(len(trajectories.heading)):
-        turns.headings_before[place] = trajectories.heading[place]
+        instant.headings_before[place] = trajectories.heading[place]
     emitting, receiving = instant.fired[: scene.fired], instant.received[: scene.received]
-    reached = turns.reached[: scene.reached]
+    reached = instant.reached[: scene.reached]
     if scene.reorients_on_emitting:
         reorient_each(block, emitting, is_done, time)
     if scene.reorients_on_receiving:
@@ -222,9 +216,7 @@ def reorient_agents(block: ByteArray, addresses: IntArray, agent: int, time: flo
         reorient_each(block, reached, is_done, time)
     for agents in (emitting, receiving, reached):
         for index in range(len(agents)):
-            is_done[agents[index]] = False
-    for index in range(len(reached)):
-        turns.is_reached[reached[index]] = False
+            is_done[agents[index]] = instant.is_reached[agents[index]] = False
     scene.reached = 0
 
 
@@ -238,7 +230,7 @@ def reorient_each(block: ByteArray, agents: IndexArray, is_done: BoolArray, time
         if not is_done[agent]:
             restart_at(trajectories, agent, distance_travelled(trajectories, agent, time), scene.cycle, time)
             random_heading(trajectories.heading[agent :: scene.agents], trajectories.streams[agent].words)
-            find_end(block, trajectories, agent)
+            find_end(trajectories, agent)
             scene.earliest_end = min(scene.earliest_end, time_of_end(trajectories, agent))
             is_done[agent] = True
 
@@ -295,24 +287,17 @@ def turn_heading(heading: FloatArray, persistence: float, stream: StreamArray) -
         heading[0] = -heading[0] if uniform(stream) < (1 - persistence) / 2 else heading[0]
     elif len(heading) == 2:
         narrowing = (1 - persistence) / (1 + persistence)
-        angle = 2 * atan(narrowing * tan(math.pi * (uniform(stream) - 0.5)))
-        sine, cosine = sin_cos(angle)
-        set_rotated(heading, cosine, sine)
+        sine, cosine = sin_cos(2 * atan(narrowing * tan(math.pi * (uniform(stream) - 0.5))))
+        x = heading[0] * cosine - heading[1] * sine
+        y = heading[0] * sine + heading[1] * cosine
+        length = math.sqrt(x * x + y * y)  # is set to 1, so that rounding errors do not add up
+        heading[0] = x / length
+        heading[1] = y / length
     else:
         share = 1.0 - uniform(stream)  # above 0, so that the denominator is, too
         spread = 1 - persistence + 2 * persistence * share
         cosine = 2 * share * (1 + persistence) ** 2 * (1 - persistence * (1 - share)) / (spread * spread) - 1
         set_tilted(heading, min(max(cosine, -1.0), 1.0), uniform(stream))
-
-
-@jit_inline
-def set_rotated(heading: FloatArray, cosine: float, sine: float) -> None:
-    """Rotate a heading, (2,), by an angle; its length is set to 1, so that rounding errors do not add up."""
-    x = heading[0] * cosine - heading[1] * sine
-    y = heading[0] * sine + heading[1] * cosine
-    length = math.sqrt(x * x + y * y)
-    heading[0] = x / length
-    heading[1] = y / length
 
 
 @jit_inline

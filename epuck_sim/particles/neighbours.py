@@ -3,8 +3,8 @@
 No agent moves faster than the fastest one. Distances to other agents, and to the edges of cones, therefore bound the
 time until which a neighbourhood cannot change; with slow agents that is many cycles, in which nothing is searched for.
 
-A search looks at candidates: all agents, or, in large swarms, those that the cell list finds. Index k of an array of
-`Candidates` belongs to the k-th of them.
+A search looks at candidates: all agents, or, in large swarms, those that the cell list finds. Index k of an array that
+a search fills, see `swarm`, belongs to the k-th of them.
 """
 
 import math
@@ -22,8 +22,8 @@ from epuck_sim.particles.motion import (
     time_of_end,
 )
 from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
-from epuck_sim.particles.swarm import SEARCH, Candidates, Cells, Draws, Neighbours, Trajectories, entry_of
-from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
+from epuck_sim.particles.swarm import SEARCH, Neighbours, Trajectories, entry_of
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, row_at
 from epuck_sim.util.rng import randint
@@ -31,6 +31,16 @@ from epuck_sim.util.rng import randint
 NEAREST, VISION_CONE, EMISSION_CONE, RANDOM = range(4)
 """Kinds of neighbourhood. A pulse is received by the k agents nearest to the firing agent; by those whose cones contain
 it; by those inside its own cone, or range; or by k agents that are drawn anew for each pulse."""
+
+KINDS = {
+    "nearest": NEAREST,
+    "all": EMISSION_CONE,
+    "random": RANDOM,
+    "range": EMISSION_CONE,
+    "cone_of_vision": VISION_CONE,
+    "cone_of_emission": EMISSION_CONE,
+}
+"""Kinds by their names in scenarios: a range, or all agents, are a full circle."""
 
 UNLIMITED_CM = 1e30
 """An unlimited radius: farther than any agent, but finite, as an agent's distance to itself is set to inf."""
@@ -63,15 +73,8 @@ BALL_VOLUME = {1: 2.0, 2: math.pi, 3: 4 / 3 * math.pi}
 def neighbourhood_of(scenario: ParticleScenario) -> dict[str, Any]:
     """Return the fields of a scene that say who is whose neighbour, and how they are found."""
     rule, agents, dimensions = scenario.neighbourhood, scenario.agents.count, scenario.space.dimensions
-    kind, k, radius_cm, angle_deg = NEAREST, agents - 1, UNLIMITED_CM, 360.0
-    if isinstance(rule, Nearest | RandomAgents):
-        kind, k = NEAREST if isinstance(rule, Nearest) else RANDOM, min(rule.k, agents - 1)
-    else:
-        kind = VISION_CONE if rule.kind == "cone_of_vision" else EMISSION_CONE
-    if isinstance(rule, Range | Cone):
-        radius_cm = UNLIMITED_CM if rule.radius_cm is None else rule.radius_cm
-    if isinstance(rule, Cone):
-        angle_deg = rule.angle_deg
+    kind, k = KINDS[rule.kind], min(getattr(rule, "k", agents), agents - 1)
+    radius_cm, angle_deg = getattr(rule, "radius_cm", None) or UNLIMITED_CM, getattr(rule, "angle_deg", 360.0)
     # cones jump when their agents reorient, and when the nearest image of an agent changes in a cyclic space
     jumps = angle_deg < 360 and (scenario.space.boundary == "cyclic" or bool(scenario.agents.reorient_on))
     side_cm, spacing_cm = scenario.space.side_cm, scenario.space.side_cm / agents ** (1 / dimensions)
@@ -98,18 +101,10 @@ def neighbourhood_of(scenario: ParticleScenario) -> dict[str, Any]:
 
 
 @jit_inline
-def find_receivers(
-    block: ByteArray, addresses: IntArray, neighbours: Neighbours, agent: int, time: float, by_address: bool | None
-) -> int:
-    """Find who receives a pulse, unless those found before are valid still; return where `members` has the first.
-
-    With `by_address` None the search is one in cones among all agents, as part of the caller; else it is called.
-    """
+def find_receivers(block: ByteArray, addresses: IntArray, neighbours: Neighbours, agent: int, time: float) -> int:
+    """Find who receives a pulse, unless those found before are valid still; return where `members` has the first."""
     if not time < neighbours.cached_until[agent]:
-        if by_address is None:
-            search_cone(block, addresses, agent, time)
-        else:
-            call(addresses[SEARCH], block, addresses, agent, time)
+        call(addresses[SEARCH], block, addresses, agent, time)
     return _row_of(neighbours, agent)
 
 
@@ -149,7 +144,7 @@ def search_nearest(block: ByteArray, addresses: IntArray, agent: int, time: floa
     _select_nearest(block, agent, time, agents, math.inf)
 
 
-@jit_inline
+@jit_no_alloc
 def search_cone(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find the agents in a cone or range, among all."""
     trajectories = carve(block, Trajectories)
@@ -161,17 +156,13 @@ def search_cone(block: ByteArray, addresses: IntArray, agent: int, time: float) 
 @jit_no_alloc
 def search_cells(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find an agent's neighbours among the candidates from the cell list."""
-    candidates, neighbours, trajectories = (
-        carve(block, Candidates),
-        carve(block, Neighbours),
-        carve(block, Trajectories),
-    )
+    neighbours, trajectories = carve(block, Neighbours), carve(block, Trajectories)
     scene = trajectories.scene
     is_nearest, radius_cm = scene.kind == NEAREST, scene.search_radius_cm
     is_found = False
     while not is_found:
         count = find_candidates(block, addresses, agent, time, radius_cm)
-        own = _gather_candidates(trajectories, candidates, agent, time, count)
+        own = _gather_candidates(trajectories, neighbours, agent, time, count)
         if count == scene.agents:
             radius_cm = math.inf  # all agents are candidates
         if is_nearest:
@@ -179,12 +170,12 @@ def search_cells(block: ByteArray, addresses: IntArray, agent: int, time: float)
             is_found = count > scene.k and _select_nearest(block, agent, time, count, radius_cm)
             radius_cm *= RADIUS_GROWTH
         else:
-            _measure_cone(block, candidates.headings, own, count)
+            _measure_cone(block, neighbours.headings, own, count)
             _select_in_cone(block, trajectories, agent, time, count, radius_cm)
             is_found = True
             members = neighbours.members[_row_of(neighbours, agent) :]
             for rank in range(neighbours.counts[agent]):
-                members[rank] = candidates.candidates[members[rank]]
+                members[rank] = neighbours.candidates[members[rank]]
 
 
 @jit_no_alloc
@@ -193,8 +184,8 @@ def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: floa
 
     Floyd's algorithm: k random numbers, and no array that a draw would leave in another order for the next one.
     """
-    neighbours, draws = carve(block, Neighbours), carve(block, Draws)
-    k, is_drawn, stream = neighbours.scene.k, draws.is_drawn, draws.receiver_streams[agent].words
+    neighbours = carve(block, Neighbours)
+    k, is_drawn, stream = neighbours.scene.k, neighbours.is_drawn, neighbours.receiver_streams[agent].words
     members = neighbours.members[_row_of(neighbours, agent) :]
     others = len(is_drawn) - 1
     for rank in range(k):
@@ -223,15 +214,15 @@ def search_of(scene: Any) -> Any:
 def _place_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> int:
     """Compute the positions of all agents at a time, unless that is done; return the number of agents."""
     if trajectories.scene.positions_time != time:
-        compute_positions(block, addresses, trajectories, time, carve(block, Candidates).positions)
+        compute_positions(block, addresses, trajectories, time, carve(block, Neighbours).positions)
         trajectories.scene.positions_time = time
     return len(trajectories.speed)
 
 
 @jit_inline
-def _gather_candidates(trajectories: Trajectories, candidates: Candidates, agent: int, time: float, count: int) -> int:
+def _gather_candidates(trajectories: Trajectories, neighbours: Neighbours, agent: int, time: float, count: int) -> int:
     """Compute the candidates' positions, and their headings for a cone; return the firing agent's index among them."""
-    scene, found, travelled_cm = trajectories.scene, candidates.candidates, trajectories.end_times
+    scene, found, travelled_cm = trajectories.scene, neighbours.candidates, trajectories.end_times
     agents = scene.agents
     own = 0
     for index in range(count):
@@ -239,7 +230,7 @@ def _gather_candidates(trajectories: Trajectories, candidates: Candidates, agent
         travelled_cm[index] = distance_travelled(trajectories, entry_of(found, index), time)
     for axis in range(scene.dimensions):
         origin, heading = row_at(trajectories.origin, axis, agents), row_at(trajectories.heading, axis, agents)
-        positions, headings = row_at(candidates.positions, axis, agents), row_at(candidates.headings, axis, agents)
+        positions, headings = row_at(neighbours.positions, axis, agents), row_at(neighbours.headings, axis, agents)
         for index in range(count):
             positions[index] = origin[found[index]] + heading[found[index]] * travelled_cm[index]
         if scene.cos != FULL_CIRCLE_COS:
@@ -255,11 +246,11 @@ def _measure_distances(block: ByteArray, own: int, count: int) -> None:
     Loops over contiguous arrays, which vectorise, here and in `_measure_cone`: not inlined, so that their branches
     are taken out of the loops.
     """
-    candidates = carve(block, Candidates)
-    scene = candidates.scene
-    square, is_cyclic, side_cm = candidates.square_distance, scene.is_cyclic, scene.side_cm
+    neighbours = carve(block, Neighbours)
+    scene = neighbours.scene
+    square, is_cyclic, side_cm = neighbours.square_distance, scene.is_cyclic, scene.side_cm
     for axis in range(scene.dimensions):
-        positions = row_at(candidates.positions, axis, scene.agents)
+        positions = row_at(neighbours.positions, axis, scene.agents)
         own_position = positions[own]
         for index in range(count):
             offset = _nearest_image(is_cyclic, side_cm, positions[index] - own_position)
@@ -270,15 +261,15 @@ def _measure_distances(block: ByteArray, own: int, count: int) -> None:
 @jit_inline
 def _measure_cone(block: ByteArray, headings: FloatArray, own: int, count: int) -> None:
     """Compute squared distances as `_measure_distances` does, and those along the axes of the candidates' cones."""
-    candidates = carve(block, Candidates)
-    scene = candidates.scene
+    neighbours = carve(block, Neighbours)
+    scene = neighbours.scene
     if scene.cos == FULL_CIRCLE_COS:
         _measure_distances(block, own, count)
         return
-    square, along = candidates.square_distance, candidates.axial_distance
+    square, along = neighbours.square_distance, neighbours.axial_distance
     is_cyclic, side_cm, is_vision = scene.is_cyclic, scene.side_cm, scene.kind == VISION_CONE
     for axis in range(scene.dimensions):
-        positions = row_at(candidates.positions, axis, scene.agents)
+        positions = row_at(neighbours.positions, axis, scene.agents)
         directions = row_at(headings, axis, scene.agents)
         own_position, own_direction = positions[own], directions[own]
         if is_vision:
@@ -305,19 +296,19 @@ def _nearest_image(is_cyclic: bool, side_cm: float, offset_cm: float) -> float:
 @jit_inline
 def _select_nearest(block: ByteArray, agent: int, time: float, count: int, radius_cm: float) -> bool:
     """Find the k nearest; return whether no agent beyond the radius, within which all are candidates, is nearer."""
-    neighbours, candidates = carve(block, Neighbours), carve(block, Candidates)
-    square, selected, k = candidates.square_distance, candidates.selected, neighbours.scene.k
+    neighbours = carve(block, Neighbours)
+    square, selected, k = neighbours.square_distance, neighbours.selected, neighbours.scene.k
     members = neighbours.members[_row_of(neighbours, agent) :]
     if k == 1:
         selected[0], farthest, next_square = find_two_smallest(square, count)
     else:
-        select_smallest(square, count, k + 1, candidates.bucket_of, candidates.bucket_end, selected)
+        select_smallest(square, count, k + 1, neighbours.bucket_of, neighbours.bucket_end, selected)
         farthest, next_square = square[selected[k - 1]], square[selected[k]]
     if farthest > radius_cm * radius_cm:
         return False
     neighbours.counts[agent] = k
     for rank in range(k):
-        members[rank] = candidates.candidates[selected[rank]]
+        members[rank] = neighbours.candidates[selected[rank]]
     if _should_cache(neighbours, agent):
         # the farthest neighbour may recede while another agent approaches: each has half of the gap
         gap_cm = min(math.sqrt(next_square), radius_cm) - math.sqrt(farthest)
@@ -330,9 +321,9 @@ def _select_in_cone(
     block: ByteArray, trajectories: Trajectories, agent: int, time: float, count: int, radius_cm: float
 ) -> None:
     """Find all candidates inside the cone, coincident ones included; all agents within the radius are candidates."""
-    neighbours, candidates = carve(block, Neighbours), carve(block, Candidates)
+    neighbours = carve(block, Neighbours)
     scene, members, row = neighbours.scene, neighbours.members, _row_of(neighbours, agent)
-    square, along, margin = candidates.square_distance, candidates.axial_distance, candidates.margin
+    square, along, margin = neighbours.square_distance, neighbours.axial_distance, neighbours.margin
     cosine, is_round, own_radius_cm = scene.cos, scene.cos == FULL_CIRCLE_COS, scene.radius_cm
     limit = own_radius_cm * own_radius_cm
     found = np.uint64(row)  # unsigned: compiled code tests a signed index for counting from the end
@@ -359,31 +350,25 @@ def _select_in_cone(
     else:
         if scene.kind == EMISSION_CONE:
             until = min(until, time_of_end(trajectories, agent))
-        else:
-            _find_turning_times(trajectories, candidates, count)
-        _bound_crossing_times(trajectories, candidates, time, count)
+        _bound_crossing_times(trajectories, neighbours, time, count)
     _cache_until(neighbours, agent, time, min(until, minimum(margin, 0, count)))
 
 
 @jit_inline
-def _find_turning_times(trajectories: Trajectories, candidates: Candidates, count: int) -> None:
-    if trajectories.scene.cells == 0:
-        compute_end_times(trajectories)
-        return
-    for index in range(count):
-        trajectories.end_times[index] = time_of_end(trajectories, entry_of(candidates.candidates, index))
-
-
-@jit_inline
-def _bound_crossing_times(trajectories: Trajectories, candidates: Candidates, time: float, count: int) -> None:
+def _bound_crossing_times(trajectories: Trajectories, neighbours: Neighbours, time: float, count: int) -> None:
     """Overwrite `margin` with times until which each candidate certainly stays inside, or outside, the cone.
 
     An agent enters or leaves a cone across its arc or an edge, and a cone of vision turns when its agent is reflected.
     """
     scene, end_times = trajectories.scene, trajectories.end_times
-    square, along, margin = candidates.square_distance, candidates.axial_distance, candidates.margin
+    square, along, margin = neighbours.square_distance, neighbours.axial_distance, neighbours.margin
     radius_cm, cosine, sine, per_cm = scene.radius_cm, scene.cos, scene.sin, scene.closing_time
     is_own_cone = scene.kind == EMISSION_CONE  # of the firing agent, not one of each candidate
+    if not is_own_cone and scene.cells == 0:
+        compute_end_times(trajectories)
+    elif not is_own_cone:
+        for index in range(count):
+            end_times[index] = time_of_end(trajectories, entry_of(neighbours.candidates, index))
     for index in range(count):
         beyond = math.sqrt(square[index]) - radius_cm
         # distance from the cone's edge, or from its extension beyond the apex
@@ -411,8 +396,9 @@ def _cell_index(scene: Any, coordinate_cm: float) -> int:
 @jit_no_alloc
 def _sort_into_cells(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> None:
     """Sort all agents by the cells in which they are at `time`, by counting."""
-    listed, scene, positions = carve(block, Cells), trajectories.scene, carve(block, Candidates).positions
-    start, agents, cells = listed.cell_start, listed.agents_by_cell, listed.cell_of_agent
+    neighbours, scene = carve(block, Neighbours), trajectories.scene
+    positions, start = neighbours.positions, neighbours.cell_start
+    agents, cells = neighbours.agents_by_cell, neighbours.cell_of_agent
     compute_positions(block, addresses, trajectories, time, positions)
     for cell in range(len(start)):
         start[cell] = 0
@@ -455,12 +441,8 @@ def _cell_range(
 @jit_no_alloc
 def find_candidates(block: ByteArray, addresses: IntArray, agent: int, time: float, radius_cm: float) -> int:
     """Find all agents that may be within a radius of an agent, and the agent; advance them, and return their number."""
-    trajectories, cells, candidates = (
-        carve(block, Trajectories),
-        carve(block, Cells),
-        carve(block, Candidates).candidates,
-    )
-    scene, start = trajectories.scene, cells.cell_start
+    trajectories, neighbours = carve(block, Trajectories), carve(block, Neighbours)
+    scene, start, candidates = trajectories.scene, neighbours.cell_start, neighbours.candidates
     moved_cm = scene.max_speed * (time - scene.sorted_at)
     if not moved_cm <= scene.cell_cm / 2:
         _sort_into_cells(block, addresses, trajectories, time)
@@ -477,7 +459,7 @@ def find_candidates(block: ByteArray, addresses: IntArray, agent: int, time: flo
             for c in range(low2, low2 + count2):
                 cell = row + c % cells2
                 for index in range(start[cell], start[cell + 1]):
-                    other = entry_of(cells.agents_by_cell, index)
+                    other = entry_of(neighbours.agents_by_cell, index)
                     advance_one(block, addresses, trajectories, other, time)
                     candidates[found] = other
                     found += 1

@@ -5,7 +5,6 @@ Shipped curves are branches of a kernel. A user's is compiled by itself and call
 
 import math
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,13 +15,13 @@ from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.control.compilation import compile_for
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
-from epuck_sim.scenario.particles import ResponseSection, find_curve
-from epuck_sim.user_files import line_of_error, record_type
+from epuck_sim.scenario.particles import SHIPPED, ResponseSection, find_curve
+from epuck_sim.user_files import record_type
 from epuck_sim.util.elementary import expm1, sin
 from epuck_sim.util.jit import jit, jit_inline
 from epuck_sim.util.native import BLOCK, array_at, evaluate, function_address, unlikely
 
-CURVES = ("multiplicative", "sawtooth", "sine", "additive", "mirollo_strogatz", "piecewise_linear")
+CURVES = tuple(SHIPPED)
 """Names of the shipped response curves; the index of a name is the number of its curve.
 
 They are those of eqs. 5.3 to 5.5; one that adds a constant (Wang et al. 2015, thesis 2.4); one that adds a constant to
@@ -136,8 +135,6 @@ if TYPE_CHECKING:  # `bind` provides them
     _shift: Callable[..., float]
     _PARAMETERS: np.dtype[Any]
 
-_NOTHING = np.dtype({"names": [], "formats": [], "offsets": [], "itemsize": WORD_BYTES})
-
 
 def make_response(section: ResponseSection) -> Response:
     """Return the response of a scenario; raise CurveError for a user's that cannot be found or compiled.
@@ -148,26 +145,20 @@ def make_response(section: ResponseSection) -> Response:
     strength = section.coupling, section.refractory
     if section.curve in CURVES:
         return Response(CURVES.index(section.curve), *strength, **section.parameters)
-    record = np.zeros(1, record_of(section))
-    for name, value in find_curve(section.curve).resolve(section.parameters).items():
+    curve, record = find_curve(section.curve), np.zeros(1, record_of(section))
+    for name, value in curve.resolve(section.parameters).items():
         record[name] = value
     coupling = np.array([section.coupling])
     contents = np.concatenate([coupling.view(np.uint8), record.view(np.uint8)])
-    return Response(FROM_FILE, *strength, address=_address_of(section, record.dtype), bytes=contents)
-
-
-def _address_of(section: ResponseSection, kind: np.dtype[Any]) -> int:
-    """Return the address of a user's curve, compiled, where it stays until the process ends."""
-    curve = find_curve(section.curve)
-    names = {"_shift": curve.phase_shift, "_PARAMETERS": kind}
+    names = {"_shift": curve.phase_shift, "_PARAMETERS": record.dtype}
     compiled = compile_for(curve, shift_at, names, takes=(BLOCK, types.float64), error=CurveError)
-    return function_address(compiled)
+    return Response(FROM_FILE, *strength, address=function_address(compiled), bytes=contents)
 
 
 def record_of(section: ResponseSection) -> np.dtype[Any]:
     """Return the type of the record of a user's curve's parameters."""
     parameters = find_curve(section.curve).resolve(section.parameters)
-    return record_type({name: type(value) for name, value in parameters.items()}) if parameters else _NOTHING
+    return record_type({name: type(value) for name, value in parameters.items()})
 
 
 def shift_at(curve: ByteArray, phase: float) -> float:
@@ -183,10 +174,8 @@ def shift_at(curve: ByteArray, phase: float) -> float:
 def curve_error(section: ResponseSection, phase: float, error: Exception) -> CurveError:
     """Return what to say of an error in a user's curve: plain Python, called once more, knows the line."""
     curve = find_curve(section.curve)
-    where = curve.name
     try:
-        assert curve.phase_shift is not None
-        curve.phase_shift(phase, section.coupling, SimpleNamespace(**curve.resolve(section.parameters)))
-    except Exception as again:  # whatever a user's file may raise
-        where = line_of_error(again, curve.sources) or where
-    return CurveError(f"{where}: {type(error).__name__}: {error}")
+        curve.check_shift(phase, section.coupling, curve.resolve(section.parameters))
+    except CurveError as again:
+        return again
+    return CurveError(f"{curve.name}: {type(error).__name__}: {error}")

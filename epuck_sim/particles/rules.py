@@ -7,10 +7,10 @@ import numpy as np
 from numba import types
 
 from epuck_sim.arrays import ByteArray, IntArray
-from epuck_sim.particles.events import advance, advance_in_cones
+from epuck_sim.particles.events import advance
 from epuck_sim.particles.initial_conditions import give_start, speed_table
 from epuck_sim.particles.motion import begin_run, continue_trajectory, reorient_agents
-from epuck_sim.particles.neighbours import neighbourhood_of, search_cone, search_of
+from epuck_sim.particles.neighbours import neighbourhood_of, search_of
 from epuck_sim.particles.oscillators import BRANCHES, FLAT, METRIC_CODES, forget_earliest, max_phase_offset
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
 from epuck_sim.particles.swarm import BEGIN_RUN, CALLS, CONTINUE, CURVE, REORIENT, SEARCH, Arrays, make_block
@@ -27,8 +27,6 @@ class Rules(NamedTuple):
     """Number of bytes of a block."""
     addresses: IntArray
     """Addresses, in this process, of what compiled code calls, see `swarm.SEARCH`; 0 for what it does not."""
-    advance: Any
-    """`events.advance`, or its like for cones."""
 
     def new_block(self) -> ByteArray:
         """Return the block of a new swarm."""
@@ -85,12 +83,10 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
     arrays.candidates[:] = np.arange(agents.count)
     arrays.curve[:] = response.bytes
     give_start(arrays, scenario)
-    search = search_of(arrays.scene)
-    root = advance_in_cones if search is search_cone else advance
-    compile_kernel(root)
+    compile_kernel(advance)
     called = {
         CONTINUE: continue_trajectory,
-        SEARCH: search if root is advance else None,
+        SEARCH: search_of(arrays.scene),
         BEGIN_RUN: begin_run if values["has_runs"] else None,
         REORIENT: reorient_agents if agents.reorient_on else None,
     }
@@ -100,7 +96,7 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
         if function is not None:
             addresses[number] = address_of(function, types.int64, types.float64)
     beginning = arrays.block[: arrays.scene.at[-1][0]].copy()
-    return Rules(beginning, len(arrays.block), addresses, root)
+    return Rules(beginning, len(arrays.block), addresses)
 
 
 def _scene_values(scenario: ParticleScenario, response: Response) -> dict[str, Any]:

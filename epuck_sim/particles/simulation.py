@@ -11,30 +11,30 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import ScenarioError
 from epuck_sim.order_parameter import Firing
-from epuck_sim.particles.events import observe, turn_if_next
+from epuck_sim.particles.events import advance, observe, turn_if_next
 from epuck_sim.particles.initial_conditions import draw_differences, initial_speeds, start
-from epuck_sim.particles.links import LinkSearch
+from epuck_sim.particles.links import SHIFTS_ONLY, LinkSearch
 from epuck_sim.particles.motion import begin_motion
-from epuck_sim.particles.oscillators import forget_earliest
+from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES, forget_earliest
 from epuck_sim.particles.phase_response import curve_error
 from epuck_sim.particles.rules import Rules, rules_of
-from epuck_sim.particles.schedule import (
-    NEVER,
-    SCHEDULE_SEED,
-    Moment,
-    any_ends_by,
-    change_speeds,
-    displace_phases,
-    last_firing_before,
-)
 from epuck_sim.particles.swarm import Arrays
-from epuck_sim.scenario.changes import TimedEntries, TrialEvent
+from epuck_sim.scenario.changes import AgentDisplacement, TimedEntries, TrialEvent
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.util.generators import seed_words
 from epuck_sim.util.messages import whole
 from epuck_sim.util.native import compile_kernel
+
+Moment = tuple[float, float]
+"""A cycle, from 0, and the time in it, 0 to 1."""
+
+NEVER: Moment = (math.inf, 0.0)
+"""Later than any moment of a trial."""
+
+SCHEDULE_SEED = 4
+"""Index of the seed of schedules among the children of a trial's seed, after those of `initial_conditions`."""
 
 UNLIMITED = 2**62
 """Larger than any count or cycle number."""
@@ -65,6 +65,13 @@ class Event(NamedTuple):
     """Indices of the agents that fired, in the order of the cascade."""
     received: IntArray
     """Indices of the agents whose phases were shifted by a pulse, including those that fired because of it."""
+
+
+def _last_firing_before(moment: Moment) -> Moment:
+    """Return cycle and time up to which oscillators fire at the same instant as a moment, and thus before a change."""
+    cycle, time = moment
+    later, within = divmod(time + SIMULTANEITY_CYCLES, 1.0)
+    return cycle + later, within
 
 
 def _number(name: str, text: str) -> property:
@@ -185,7 +192,7 @@ class ParticleSimulation:
         scene = self._scene
         scene["limits"] = pulses, cycles, *end, max(offset, float(scene["max_offset"]))
         try:
-            self._present_rules.advance(self._arrays.block, self._addresses)
+            advance(self._arrays.block, self._addresses)
         except Exception as error:  # nothing else in the kernel raises
             phase = float(scene["response"]["last_phase"])
             raise curve_error(self._present.response, phase, error) from error
@@ -197,10 +204,11 @@ class ParticleSimulation:
 
     def _is_change_next(self) -> bool:
         """Return whether an entry of the schedule with a time comes before the next firing, wall and end of a run."""
-        moment = self._timed.next
-        if self.next_firing <= last_firing_before(moment):
+        if self.next_firing <= _last_firing_before(self._timed.next):
             return False
-        return not any_ends_by(self._observe(), moment)
+        swarm, (cycle, time) = self._observe(), self._timed.next
+        ends = swarm.end_cycle
+        return not ((ends < cycle) | ((ends == cycle) & (swarm.end_time <= time))).any()
 
     def last_instant(self) -> Event:
         """Return the last event at which agents fired, if no time has passed since."""
@@ -254,7 +262,7 @@ class ParticleSimulation:
         """Simulate until a limit is reached, as `_advance` does, and carry out what the schedule has until then."""
         self._is_changed = False
         while self._timed.next <= end:
-            self._advance(last_firing_before(self._timed.next), pulses, cycles, offset)
+            self._advance(_last_firing_before(self._timed.next), pulses, cycles, offset)
             if self.is_synchronised or self.cycles >= cycles or self._scene["pulses"] >= pulses:
                 return
             self._carry_out_timed()
@@ -263,7 +271,7 @@ class ParticleSimulation:
     def _carry_out_timed(self) -> None:
         """Carry out the entries of the schedule that have the next time; nothing else happens up to then."""
         scene, moment = self._scene, self._timed.next
-        self._advance(last_firing_before(moment))  # counts time from the moment's cycle
+        self._advance(_last_firing_before(moment))  # counts time from the moment's cycle
         scene["now"] = max(scene["now"], moment[0] - scene["cycle"] + moment[1])
         while self._timed.next == moment:
             self.carry_out_scheduled(self._timed.take())
@@ -280,16 +288,18 @@ class ParticleSimulation:
         if section.set:
             self._change(self._present.with_set(section.set, f"{self.scenario.name}: {source}.set"))
         if section.displace is not None:
-            sequence = np.random.SeedSequence(self.seed, spawn_key=(SCHEDULE_SEED, entry))
-            displace_phases(self._observe(), section.displace, sequence)
+            self._displace(section.displace, entry)
         self.events.append(TrialEvent(self.instants, self.time_s, source, section.what))
         self._is_changed = True
 
     def _change(self, scenario: ParticleScenario) -> None:
         """Go on with the speeds, neighbourhood and response of a scenario."""
         before = self._arrays
-        if scenario.agents != self._present.agents:
-            change_speeds(self._observe(), initial_speeds(scenario, self.seed))
+        if scenario.agents != self._present.agents:  # trajectories begin where agents are
+            before.origin[:] = np.clip(self._observe().positions_now, 0.0, before.scene.side_cm)
+            before.start_cycle[:] = before.scene.cycle
+            before.start_time[:] = before.scene.now
+            before.speed[:] = initial_speeds(scenario, self.seed)
         self._renew(rules_of(scenario))
         for name in KEPT_FIELDS:
             self._scene[name] = before.scene[name]
@@ -298,23 +308,22 @@ class ParticleSimulation:
         begin_motion(self._arrays.block)
         self._present = scenario
 
-    def displace(self, agent: int, cycles: float) -> None:
-        """Bring the next firing of an agent forward, before the first event; its phase is ahead by so much at most.
+    def _displace(self, displacement: AgentDisplacement, entry: int) -> None:
+        """Displace phases; random ones are drawn for all agents, whoever is displaced."""
+        swarm, by_cycles = self._observe(), displacement.by_cycles
+        if isinstance(by_cycles, str):
+            sequence = np.random.SeedSequence(self.seed, spawn_key=(SCHEDULE_SEED, entry))
+            displaced = np.random.Generator(np.random.SFC64(sequence)).random(len(swarm.phases_now))
+        else:
+            displaced = (swarm.phases_now + by_cycles % 1.0) % 1.0
+        agents = slice(None) if displacement.agents is None else list(displacement.agents)
+        swarm.next_firing[agents] = swarm.scene.now + ((1 - displaced) * swarm.period)[agents]
+        forget_earliest(swarm)
 
-        Args:
-            agent: Index of the agent.
-            cycles: By how much, 0 or more; no further than to the present time.
-
-        Raises:
-            ValueError: Agents have fired already, or `cycles` is negative.
-        """
-        if self.instants or cycles < 0:
-            raise ValueError(
-                f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more, before the first"
-            )
+    def bring_forward(self, cycles: float) -> None:
+        """Bring the first firing of agent 0 forward, before anything happens: by so much, or to the present time."""
         swarm = self._arrays
-        forward = cycles * swarm.period[agent]
-        swarm.next_firing[agent] = max(swarm.next_firing[agent] - forward, self._scene["now"])
+        swarm.next_firing[0] = max(swarm.next_firing[0] - cycles * swarm.period[0], self._scene["now"])
         forget_earliest(swarm)
 
     def page(self) -> Any:
@@ -401,10 +410,9 @@ class ParticleSimulation:
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
         """
-        agents = self.scenario.agents.count
-        matrix = np.zeros(agents * agents, np.bool_)
-        matrix[self.neighbour_links()] = True
-        return matrix.reshape(agents, agents)
+        matrix = np.zeros((self.oscillators, self.oscillators), np.bool_)
+        matrix.ravel()[self.neighbour_links()] = True
+        return matrix
 
     def headings(self) -> FloatArray:
         """Return (agents, dimensions) unit vectors: directions of motion at the present time."""
@@ -418,12 +426,12 @@ class ParticleSimulation:
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
         """
-        return self._link_search().neighbour_links(self.positions(), self.headings())
+        return np.sort(self._find_links(self.headings(), np.arange(self.oscillators)))
 
-    def _link_search(self) -> LinkSearch:
+    def _find_links(self, headings: FloatArray, senders: IntArray) -> IntArray:
         if self._links is None:
             self._links = LinkSearch(self._present)
-        return self._links
+        return self._links.find(self.positions(), headings, senders)
 
     def pulse_links(self) -> IntArray:
         """Return who received whose pulse at the last instant at which agents fired, if no time has passed since.
@@ -437,8 +445,13 @@ class ParticleSimulation:
             return np.empty((0, 3), np.int64)
         turns = bool(self.scenario.agents.reorient_on)
         headings = self._arrays.headings_before.T if turns else self.headings()
-        event = self.last_instant()
-        return self._link_search().pulse_links(self.positions(), headings, event.fired, event.received)
+        event, agents = self.last_instant(), self.oscillators
+        senders, receivers = np.divmod(self._find_links(headings, event.fired), agents)
+        reached, first = np.unique(receivers, return_index=True)  # no agent receives two pulses at one instant
+        is_shifted = np.zeros(len(receivers), np.bool_)
+        is_shifted[first[np.isin(reached, event.received)]] = True
+        links = np.column_stack([senders, receivers, is_shifted])
+        return links if agents < SHIFTS_ONLY else links[is_shifted]
 
     def _repr_html_(self) -> str:
         """Return the space with the agents as they are now, for notebooks."""

@@ -245,25 +245,16 @@ def _part(name: str, fields: str) -> Any:
 Oscillators = _part("Oscillators", "scene next_firing period block_earliest group_earliest part_earliest")
 
 _MOTION = "origin heading speed start_cycle start_time end_cycle end_time wall end_times streams"
-Trajectories = _part("Trajectories", f"scene {_MOTION}")
-"""The present straight path of each agent."""
-
-Runs = _part("Runs", "run_end_cycle run_end_time run_speeds")
-"""The present run of each agent's random walk."""
-
-Neighbours = _part("Neighbours", "scene members counts cached_until skip_count")
-"""The neighbours that were found last."""
+Trajectories = _part("Trajectories", f"scene {_MOTION} run_end_cycle run_end_time run_speeds")
+"""The present straight path of each agent, and the present run of its random walk."""
 
 _MEASURED = "square_distance axial_distance margin selected bucket_of bucket_end"
-Candidates = _part("Candidates", f"scene candidates positions headings {_MEASURED}")
-"""The agents among which neighbours are searched for."""
+_LISTED = "cell_start agents_by_cell cell_of_agent is_drawn receiver_streams"
+_FOUND = "members counts cached_until skip_count"
+Neighbours = _part("Neighbours", f"scene {_FOUND} candidates positions headings {_MEASURED} {_LISTED}")
+"""The neighbours that were found last, and the candidates among which they are searched for."""
 
-Cells = _part("Cells", "cell_start agents_by_cell cell_of_agent")
-Draws = _part("Draws", "is_drawn receiver_streams")
-Instant = _part("Instant", "fired received is_done curve")
-Turns = _part("Turns", "scene reached is_reached headings_before")
-"""What reorientation needs to know of an instant."""
-
+Instant = _part("Instant", "scene fired received is_done curve reached is_reached headings_before")
 Observed = _part("Observed", "positions_now phases_now")
 """What Python asks for."""
 

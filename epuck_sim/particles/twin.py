@@ -35,7 +35,7 @@ def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) 
         changes["clocks"] = scenario.clocks.model_copy(update={"jitter": 0.0})
     twin = ParticleSimulation(scenario.model_copy(update=changes), seed)
     if displacement:
-        twin.displace(0, displacement)
+        twin.bring_forward(displacement)
     return twin
 
 
@@ -55,5 +55,10 @@ def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray
         for simulation, its_phases in zip(simulations, phases, strict=True):
             simulation.run_to(time)
             its_phases[index] = simulation.phases()
-    apart = np.abs(phases[0] - phases[1])
-    return TwinComparison(time_s, METRICS["complex"](phases[0], 1.0), np.minimum(apart, 1 - apart))
+    return TwinComparison(time_s, METRICS["complex"](phases[0], 1.0), deviations(*phases))
+
+
+def deviations(phases: FloatArray, of_twin: FloatArray) -> FloatArray:
+    """Return the distance of each phase from that of the same agent in the twin, 0 to 0.5 cycles."""
+    apart = np.abs(phases - of_twin)
+    return np.asarray(np.minimum(apart, 1 - apart))

@@ -75,19 +75,17 @@ class Curve:
                     raise ValueError(f"{name} is {value}; allowed: {low:g} to {high:g}")
         return values
 
-    def check_shifts(self, coupling: float, parameters: Mapping[str, Value]) -> None:
-        """Call a user's function at phases from 0 to 1."""
-        for step in range(TRIED_PHASES + 1) if self.phase_shift else ():
-            assert self.phase_shift is not None
-            phase = step / TRIED_PHASES
-            try:
-                shift = self.phase_shift(phase, coupling, SimpleNamespace(**parameters))
-                is_number = not isinstance(shift, complex) and math.isfinite(shift)
-            except Exception as error:  # whatever a user's file may raise
-                where = line_of_error(error, self.sources) or self.name
-                raise CurveError(f"{where}: at phase {phase:g}: {type(error).__name__}: {error}") from error
-            if not is_number:
-                raise CurveError(f"{self.name}: phase_shift returns {short_repr(shift)} at phase {phase:g}")
+    def check_shift(self, phase: float, coupling: float, parameters: Mapping[str, Value]) -> None:
+        """Call a user's function at a phase; raise CurveError if it raises, or returns no finite number."""
+        assert self.phase_shift is not None
+        try:
+            shift = self.phase_shift(phase, coupling, SimpleNamespace(**parameters))
+            is_number = not isinstance(shift, complex) and math.isfinite(shift)
+        except Exception as error:  # whatever a user's file may raise
+            where = line_of_error(error, self.sources) or self.name
+            raise CurveError(f"{where}: at phase {phase:g}: {type(error).__name__}: {error}") from error
+        if not is_number:
+            raise CurveError(f"{self.name}: phase_shift returns {short_repr(shift)} at phase {phase:g}")
 
 
 _SHIPPED_CURVES = {name: Curve(name, parameters) for name, parameters in SHIPPED.items()}
@@ -153,7 +151,8 @@ def resolve_response(response: ResponseSection, origin: str, folder: Path | None
         curve = find_curve(response.curve, folder)
     with refused_at(origin):
         parameters = curve.resolve(response.parameters)
-        curve.check_shifts(response.coupling, parameters)
+        for step in range(TRIED_PHASES + 1) if curve.phase_shift else ():
+            curve.check_shift(step / TRIED_PHASES, response.coupling, parameters)
     if (curve.name, parameters) == (response.curve, response.parameters):
         return response
     return response.model_copy(update={"curve": curve.name, "parameters": parameters})

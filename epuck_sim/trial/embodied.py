@@ -20,7 +20,7 @@ from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.loader import robots_like
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.measuring import Conditions, WaitingEntries
+from epuck_sim.trial.measuring import Conditions
 from epuck_sim.trial.result import Observer, OfStretches, Progress, TrialResult
 
 NOMINAL_PERIOD_S = 5.0
@@ -47,11 +47,9 @@ class SynchronyWatch:
 
     def __init__(self, simulation: Simulation) -> None:
         self.events = simulation.events
-        stop = simulation.scenario.stop
+        stop = self._stop = simulation.scenario.stop
         self._metric = METRICS[stop.metric]
         self._threshold = math.inf if stop.order_parameter is None else stop.order_parameter
-        self._max_cycles = stop.max_cycles
-        self._further_cycles = stop.further_cycles
         self._reference = stop.reference_robot
         self._members_change = simulation.scenario.members_change
         self._oscillators = ~np.isnan(simulation.period_ms)
@@ -159,9 +157,9 @@ class SynchronyWatch:
     @property
     def is_over(self) -> bool:
         """Whether the trial ends here: at its limits, or after synchrony and the further cycles."""
-        if self.cycles >= self._max_cycles or self._steps >= self._max_steps:
+        if self.cycles >= self._stop.max_cycles or self._steps >= self._max_steps:
             return True
-        return self._synchrony is not None and self.cycles >= self._synchrony.cycles + self._further_cycles
+        return self._synchrony is not None and self.cycles >= self._synchrony.cycles + self._stop.further_cycles
 
 
 def run_robots(
@@ -178,12 +176,11 @@ def run_robots(
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     watch = SynchronyWatch(simulation)
-    waiting = WaitingEntries(simulation.scenario.schedule, conditions, simulation.carry_out_scheduled)
     in_stretches = [isinstance(observer, OfStretches) for observer in observers]
     sees_all, sees_stretches = not all(in_stretches), any(in_stretches)
     began = time.perf_counter()
     while not (watch.is_over or conditions.is_over()):
-        waiting.look(watch)
+        conditions.carry_out(watch, simulation.carry_out_scheduled)
         unseen = 1 if sees_all else min(watch.steps_left, MOST_STEPS)
         cycles = watch.cycles
         stretch = simulation.stretch(unseen) if sees_stretches else None

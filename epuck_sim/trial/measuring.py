@@ -1,7 +1,7 @@
 """Tells measures of a trial while it runs, gathers their values, and carries out what waits for them or for a cycle."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -11,7 +11,7 @@ from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import CYCLE_METHOD, STRETCH_METHOD, Measure, Scalar, Value
 from epuck_sim.scenario.changes import ScheduleEntry, condition_key
 from epuck_sim.scenario.scenario import STOP, Scenario
-from epuck_sim.scenario.stop import ORDER_PARAMETER, Awaited
+from epuck_sim.scenario.stop import Awaited
 from epuck_sim.trial.result import Observer, OfStretches, TrialState
 from epuck_sim.user_files import line_of_error
 from epuck_sim.util.messages import describe_error, short_repr
@@ -23,7 +23,7 @@ NEVER = 2**62
 class ConditionWatch:
     """Looks at the values of a measure until a condition on it has held."""
 
-    has_held: bool
+    has_held = False
 
     def __init__(self, awaited: Awaited) -> None:
         self.measure = awaited.condition.measure
@@ -32,7 +32,6 @@ class ConditionWatch:
         self._condition = awaited.condition
         self._needed = awaited.for_cycles or 1
         self._in_a_row = 0
-        self.has_held = False
 
     def look(self, value: Value) -> None:
         """Take note of a value; where it is undetermined, the condition does not hold."""
@@ -42,95 +41,75 @@ class ConditionWatch:
 
 
 class Conditions:
-    """The conditions that a trial waits for, by their dotted keys in the scenario."""
+    """What a trial waits for: the condition that ends it, and entries of its schedule without a time."""
 
-    def __init__(self, awaited: Mapping[str, Awaited]) -> None:
-        self._watches = {key: ConditionWatch(each) for key, each in awaited.items()}
-
-    def on(self, measure: str) -> list[ConditionWatch]:
-        """Return those on the measure of this name."""
-        return [watch for watch in self._watches.values() if watch.measure == measure]
-
-    def has_held(self, key: str) -> bool:
-        """Return whether the condition with this key has held."""
-        return self._watches[key].has_held
+    def __init__(self, scenario: Scenario) -> None:
+        schedule: Sequence[ScheduleEntry] = getattr(scenario, "schedule", ())
+        self.watches = {key: ConditionWatch(each) for key, each in scenario.conditions.items()}
+        self._entries = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
 
     def is_over(self) -> bool:
         """Return whether the condition that ends the trial has held, if there is one."""
-        return STOP in self._watches and self.has_held(STOP)
-
-
-class WaitingEntries:
-    """Has entries of a schedule carried out when their moment has come; entries that have a time are none of these."""
-
-    def __init__(
-        self, schedule: Sequence[ScheduleEntry], conditions: Conditions, carry_out: Callable[[int], None]
-    ) -> None:
-        """Wait for all moments; carry_out: carries out the entry of a number, from the next event on."""
-        self._waiting = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
-        self._conditions = conditions
-        self._carry_out = carry_out
+        return STOP in self.watches and self.watches[STOP].has_held
 
     @property
     def next_cycle(self) -> int:
         """Number of the next firing after which an entry is to be carried out; `NEVER` if none waits for one."""
-        return min((entry.at_cycle for entry in self._waiting.values() if entry.at_cycle is not None), default=NEVER)
+        return min((entry.at_cycle for entry in self._entries.values() if entry.at_cycle is not None), default=NEVER)
 
-    def look(self, state: TrialState) -> None:
-        """Have those carried out whose moment has come; to be called between two events."""
-        if not self._waiting:
+    def carry_out(self, state: TrialState, carry_out: Callable[[int], None]) -> None:
+        """Have entries carried out whose moment has come, by their numbers; to be called between two events."""
+        if not self._entries:
             return
-        for number, entry in list(self._waiting.items()):
+        for number, entry in list(self._entries.items()):
             by_cycle = entry.at_cycle is not None and state.cycles >= entry.at_cycle
-            if by_cycle or (entry.when is not None and self._conditions.has_held(condition_key(number))):
-                self._carry_out(number)
-                del self._waiting[number]
+            if by_cycle or (entry.when is not None and self.watches[condition_key(number)].has_held):
+                carry_out(number)
+                del self._entries[number]
 
 
 class Measuring(NamedTuple):
     """The measures of a trial that has not begun yet."""
 
-    at_events: Sequence[Observer]
+    at_events: list[Observer]
     """Tell the measures that ask for every event."""
-    at_cycles: Sequence[Observer]
+    at_cycles: list[Observer]
     """Tell the measures that ask for every firing of the reference."""
-    final: Mapping[str, Callable[[], Value]]
+    final: dict[str, Callable[[], Value]]
     """Returns the value of each measure, by its name, when the trial is over."""
     conditions: Conditions
-    """Conditions on measures, and whether they have come to hold."""
 
 
 def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
     """Make the measures of a scenario, of which a fresh simulation, with a seed, is about to run."""
-    at_events: list[Observer] = []
-    at_cycles: list[Observer] = []
-    final: dict[str, Callable[[], Value]] = {}
-    conditions = Conditions(scenario.conditions)
+    begun = Measuring([], [], {}, Conditions(scenario))
+    told = (scenario.event_method, begun.at_events), (CYCLE_METHOD, begun.at_cycles)
     for section in scenario.measures:
         measure = section.find()
         origin = f"{scenario.name}: measure {measure.name}, seed {seed}"
+        make = partial(measure.make, simulation, **section.parameters)
         if measure.is_function:
-            function = partial(measure.make, simulation, **section.parameters)
-            final[measure.name] = _checked(measure, origin, function, as_value)
+            begun.final[measure.name] = _checked(measure, origin, make, as_value)
             continue
-        instance = _call(measure, origin, partial(measure.make, simulation, **section.parameters))
-        final[measure.name] = _checked(measure, origin, instance.value, as_value)
+        instance = _call(measure, origin, make)
+        begun.final[measure.name] = _checked(measure, origin, instance.value, as_value)
         last = _checked(measure, origin, instance.value, last_scalar)
-        watches = conditions.on(measure.name)
-        for method, observers in ((scenario.event_method, at_events), (CYCLE_METHOD, at_cycles)):
+        watches = [watch for watch in begun.conditions.watches.values() if watch.measure == measure.name]
+        for method, observers in told:
             if measure.is_told(method):
                 tell: Observer = partial(_call, measure, origin, getattr(instance, measure.told_by(method)))
                 is_of_stretches = measure.told_by(method) == STRETCH_METHOD
                 observers.append(cast(Observer, OfStretches(tell)) if is_of_stretches else tell)
                 observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
-        at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
-    if ORDER_PARAMETER not in final:
-        at_cycles.extend(_look_at_order(watch) for watch in conditions.on(ORDER_PARAMETER))  # every trial measures it
-    return Measuring(at_events, at_cycles, final, conditions)
+        begun.at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
+    for watch in begun.conditions.watches.values():
+        if watch.measure not in begun.final:  # the order parameter, which every trial measures
+            begun.at_cycles.append(partial(_look_at_order, watch))
+    return begun
 
 
-def _look_at_order(watch: ConditionWatch) -> Observer:
-    return lambda _, state: watch.look(state.order_parameter)
+def _look_at_order(watch: ConditionWatch, _: Any, state: TrialState) -> None:
+    watch.look(state.order_parameter)
 
 
 def _look(watch: ConditionWatch, value: Callable[[], Value]) -> Observer:
@@ -183,16 +162,16 @@ def last_scalar(given: Any) -> Scalar:
 
 def _as_scalar(given: Any) -> Scalar:
     plain = given.item() if isinstance(given, np.generic) else given
-    if plain is None or isinstance(plain, bool):
+    if plain is None or isinstance(plain, bool) or (isinstance(plain, int | float) and abs(plain) < 2**63):
         return plain
-    if isinstance(plain, int | float) and not abs(plain) < 2**63:
-        if isinstance(plain, float) and math.isnan(plain):
-            return None
-        if isinstance(plain, float) and math.isinf(plain):
-            raise ValueError(f"is {plain}; allowed: finite numbers, and None where it is undetermined")
-        raise ValueError(f"is {short_repr(plain)}; allowed: numbers below 2 ** 63")
-    if isinstance(plain, int | float):
-        return plain
-    raise ValueError(
-        f"is {short_repr(given)}, a {type(given).__name__}; allowed: a number, true or false, None, or a list of them"
-    )
+    if isinstance(plain, float) and math.isnan(plain):
+        return None
+    if not isinstance(plain, int | float):
+        said = (
+            f"{short_repr(given)}, a {type(given).__name__}; allowed: a number, true or false, None, or a list of them"
+        )
+    elif abs(plain) == math.inf:
+        said = f"{plain}; allowed: finite numbers, and None where it is undetermined"
+    else:
+        said = f"{short_repr(plain)}; allowed: numbers below 2 ** 63"
+    raise ValueError(f"is {said}")

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.trial.measuring import Conditions, WaitingEntries
+from epuck_sim.trial.measuring import Conditions
 from epuck_sim.trial.result import Observer, Progress, TrialResult
 
 SLICE_S = 0.02
@@ -43,13 +43,12 @@ def run_agents(
     began = time.perf_counter()
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
     cycles = simulation.cycles
-    waiting = WaitingEntries(simulation.scenario.schedule, conditions, simulation.carry_out_scheduled)
 
     def has_ended() -> bool:
         return simulation.is_synchronised or simulation.cycles >= limit or conditions.is_over()
 
     while not has_ended():
-        waiting.look(simulation)
+        conditions.carry_out(simulation, simulation.carry_out_scheduled)
         if simulation.next_firing > end and simulation.next_change > end:
             break
         if observers:
@@ -61,7 +60,7 @@ def run_agents(
             asked = time.perf_counter()
             # what shows progress is to see order parameters, which are measured at firings of the reference alone
             is_one_cycle = bool(at_cycles) or (progress is not None and simulation.order_parameter is None)
-            last_cycle = cycles + 1 if is_one_cycle else min(limit, waiting.next_cycle)
+            last_cycle = cycles + 1 if is_one_cycle else min(limit, conditions.next_cycle)
             simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
             took = time.perf_counter() - asked
             now = simulation.cycles

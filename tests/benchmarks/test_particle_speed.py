@@ -9,7 +9,7 @@ import time
 import pytest
 
 from epuck_sim import ParticleSimulation, run_trial
-from tests.particles.simulations import search_all
+from epuck_sim.particles import neighbours
 
 CONE = {"kind": "cone_of_vision", "radius_cm": 40, "angle_deg": 60}
 RANGE = {"kind": "range", "radius_cm": 40}
@@ -88,11 +88,12 @@ def test_the_cost_of_a_short_trial(benchmark, show) -> None:
 
 
 @pytest.mark.parametrize("agents", AGENTS)
-def test_the_cost_of_a_firing_against_the_number_of_agents(benchmark, show, agents: int) -> None:
+def test_the_cost_of_a_firing_against_the_number_of_agents(benchmark, show, agents: int, monkeypatch) -> None:
     side_cm = (agents / DENSITY) ** 0.5
     cycles = max(3, 20_000 // agents)
-    in_cells, all_pairs = (make_simulation(agents, RANGE, side_cm, 1.0, 0) for _ in range(2))
-    search_all(all_pairs)
+    in_cells = make_simulation(agents, RANGE, side_cm, 1.0, 0)
+    monkeypatch.setattr(neighbours, "MIN_CELL_LIST_AGENTS", 10**9)
+    all_pairs = make_simulation(agents, RANGE, side_cm, 1.0, 0)
     _, firings_s = benchmark.pedantic(measure, ([in_cells], cycles), rounds=1)
     found = [1e9 / firings_s, 1e9 / measure([all_pairs], cycles)[1]]
     show(GROWTH, agents, *found)

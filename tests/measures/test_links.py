@@ -8,15 +8,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.measures.links import component_sizes, degrees
-from tests.measures.test_shipped import AGENTS, CYCLES, ROBOTS, at_cycles, run, slow_links
+from tests.measures.test_shipped import AGENTS, CYCLES, ROBOTS, at_cycles, run
+from tests.particles.naive_model import receivers_of
 
 CROWD = {**ROBOTS, "robots": [{"count": 8, "camera": {"field_of_view_deg": 90}}]}
+COMPONENTS = ("component_count", "largest_component")
 LIVELY = {**AGENTS, "neighbourhood": {"kind": "cone_of_vision", "angle_deg": 100, "radius_cm": 60}}
+
+
+def slow_links(_, simulation):
+    """Return the pairs of a sender and a receiver, from the definition of each neighbourhood."""
+    places, headings = simulation.positions(), simulation.headings()
+    receivers = (receivers_of(simulation.scenario, places, headings, sender)[0] for sender in range(len(places)))
+    return {(sender, receiver) for sender, row in enumerate(receivers) for receiver in np.flatnonzero(row).tolist()}
 
 
 def links_of_agents():
     """Return an observer, and the list of the sets of links that it sees at each cycle."""
-    return at_cycles(lambda _, simulation: slow_links(simulation))
+    return at_cycles(slow_links)
 
 
 def links_of_robots():
@@ -89,12 +98,10 @@ def test_degrees_count_links_and_the_isolated_have_none(sections, watch, populat
 @MODELS
 def test_links_change_and_end(sections, watch, population):  # noqa: ARG001
     observer, seen = watch()
-    _, series = run("neighbour_change", observer, **sections)
+    _, series, life = run("neighbour_change", observer, more=["link_life"], **sections)
     expected = [1 - len(a & b) / len(a | b) if a | b else None for a, b in pairwise(seen)]
     assert series[0] is None
     assert series[1:] == expected
-    observer, seen = watch()
-    _, life = run("link_life", observer, **sections)
     assert life == sum(map(len, seen[:-1])) / sum(len(a - b) for a, b in pairwise(seen))
     assert life > 1
 
@@ -102,15 +109,15 @@ def test_links_change_and_end(sections, watch, population):  # noqa: ARG001
 @MODELS
 @pytest.mark.parametrize(("connection", "cycles"), [("weak", 1), ("strong", 3)])
 def test_components_are_those_of_the_last_cycles_together(sections, watch, population, connection, cycles):
-    for measure in ("component_count", "largest_component"):
-        observer, seen = watch()
-        _, series = run({measure: {"connection": connection, "cycles": cycles}}, observer, **sections)
-        assert series[: cycles - 1] == [None] * (cycles - 1)
-        for last in range(cycles - 1, CYCLES):
-            together = set().union(*seen[last - cycles + 1 : last + 1])
-            found = slow_components(together, population, connection)
-            expected = len(found) if measure == "component_count" else max(map(len, found)) / population
-            assert series[last] == expected
+    observer, seen = watch()
+    count, largest = ({each: {"connection": connection, "cycles": cycles}} for each in COMPONENTS)
+    _, *found = run(count, observer, more=[largest], **sections)
+    expected = [(None, None)] * (cycles - 1)
+    for last in range(cycles - 1, CYCLES):
+        together = set().union(*seen[last - cycles + 1 : last + 1])
+        components = slow_components(together, population, connection)
+        expected.append((len(components), max(map(len, components)) / population))
+    assert list(zip(*found, strict=True)) == expected
 
 
 @MODELS

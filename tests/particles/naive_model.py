@@ -6,6 +6,7 @@ taken from the simulation that it is compared with: the initial state, and each 
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +61,23 @@ def receivers_of(
         margin = np.where(receives, np.minimum(margin, np.abs(ahead - edge)), margin)
         receives &= ahead >= edge
     return receives, np.where(others, margin, np.inf)
+
+
+def shift(curve: str, coupling: float, parameters: Mapping[str, float], phase: float) -> float:
+    """Return the response to a pulse at a phase beyond the refractory period (2.4, eqs. 5.3 to 5.5)."""
+    if curve == "additive":
+        return coupling
+    if curve == "mirollo_strogatz":  # a state, concave down, is raised by the coupling
+        b = parameters["dissipation"]
+        state = math.log(1 + math.expm1(b) * phase) / b
+        return math.expm1(b * (state + coupling)) / math.expm1(b) - phase
+    if curve == "piecewise_linear":
+        return coupling * phase * (parameters["early_slope"] if phase <= parameters["knee"] else 1)
+    if curve == "multiplicative":
+        return coupling * phase
+    if curve == "sine":
+        return -coupling * math.sin(2 * math.pi * phase)
+    return -coupling * phase if phase <= 0.5 else coupling * (1 - phase)
 
 
 class NaiveModel:
@@ -232,44 +250,27 @@ class NaiveModel:
 
     # --- pulses (3.1.1, 3.1.3, 5.1.1) ----------------------------------------------------------------
 
-    def shift(self, phase: float) -> float:
-        """Return the response to a pulse at a phase beyond the refractory period (2.4, eqs. 5.3 to 5.5)."""
-        response = self.scenario.response
-        if response.curve == "additive":
-            return response.coupling
-        if response.curve == "mirollo_strogatz":  # a state, concave down, is raised by the coupling
-            b = response.parameters["dissipation"]
-            state = math.log(1 + (math.exp(b) - 1) * phase) / b
-            return (math.exp(b * (state + response.coupling)) - 1) / (math.exp(b) - 1) - phase
-        if response.curve == "piecewise_linear":
-            is_early = phase <= response.parameters["knee"]
-            return response.coupling * phase * (response.parameters["early_slope"] if is_early else 1)
-        if response.curve == "multiplicative":
-            return response.coupling * phase
-        if response.curve == "sine":
-            return -response.coupling * math.sin(2 * math.pi * phase)
-        return -response.coupling * phase if phase <= 0.5 else response.coupling * (1 - phase)
-
     def cascade(self, at_once: set[int], margins: list[float]) -> tuple[set[int], set[int]]:
         """Fire these agents and all that their pulses make fire; return the agents that fired, and that received."""
+        response = self.scenario.response
         fired, received, reached, waiting = set(at_once), set(), set(), set(at_once)
         while waiting:
             for receiver in self.neighbours(waiting.pop(), margins):
                 reached.add(receiver)
-                phase, refractory = self.phases[receiver], self.scenario.response.refractory
+                phase, refractory = self.phases[receiver], response.refractory
                 if receiver in fired or receiver in received:
                     continue
                 margins.append(abs(phase - refractory))
                 if phase <= refractory:
                     continue
                 received.add(receiver)
-                after = phase + self.shift(phase)
-                if self.scenario.response.curve == "sawtooth":
+                after = phase + shift(response.curve, response.coupling, response.parameters, phase)
+                if response.curve == "sawtooth":
                     margins.append(abs(phase - 0.5))
-                if self.scenario.response.curve == "piecewise_linear":
-                    margins.append(abs(phase - self.scenario.response.parameters["knee"]))
-                if self.scenario.response.coupling:
-                    is_exact = self.scenario.response.curve == "sawtooth"  # and kappa = 1: exactly 1
+                if response.curve == "piecewise_linear":
+                    margins.append(abs(phase - response.parameters["knee"]))
+                if response.coupling:
+                    is_exact = response.curve == "sawtooth"  # and kappa = 1: exactly 1
                     margins.append(abs(after - 1) or float(is_exact))
                 self.phases[receiver] = min(max(after, 0.0), 1.0)
                 if after >= 1:

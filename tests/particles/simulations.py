@@ -5,15 +5,11 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
-from numba import types
 
 from epuck_sim.arrays import IntArray
 from epuck_sim.particles.motion import begin_motion
-from epuck_sim.particles.neighbours import NEAREST, search_cone, search_nearest
 from epuck_sim.particles.oscillators import forget_earliest
-from epuck_sim.particles.simulation import Event, ParticleSimulation
-from epuck_sim.particles.swarm import SEARCH
-from epuck_sim.util.native import address_of
+from epuck_sim.particles.simulation import ParticleSimulation
 from tests.particles.naive_model import NaiveModel
 
 TOO_CLOSE = 1e-11
@@ -33,13 +29,6 @@ def make_simulation(seed: int = 0, **sections: Any) -> ParticleSimulation:
     return ParticleSimulation(scenario(**sections), seed)
 
 
-def set_phases(swarm: ParticleSimulation, phases: Sequence[float]) -> None:
-    """Set the phases of a fresh simulation."""
-    arrays = swarm._arrays
-    arrays.next_firing[:] = (1 - np.array(phases, float)) * arrays.period
-    forget_earliest(arrays)
-
-
 def set_trajectories(
     swarm: ParticleSimulation, positions: Sequence[Sequence[float]], headings: Sequence[Sequence[float]] | None = None
 ) -> None:
@@ -50,17 +39,6 @@ def set_trajectories(
         given = np.array(headings, float)
         arrays.heading[:] = (given / np.linalg.norm(given, axis=1, keepdims=True)).T
     begin_motion(arrays.block)
-
-
-def search_all(swarm: ParticleSimulation) -> ParticleSimulation:
-    """Let a swarm look for neighbours among all agents, whatever their number, and return it."""
-    scene = swarm._arrays.scene
-    swarm._addresses = swarm._addresses.copy()
-    swarm._addresses[SEARCH] = address_of(
-        search_nearest if scene.kind == NEAREST else search_cone, types.int64, types.float64
-    )
-    scene.cells = 0
-    return swarm
 
 
 def make_resting(
@@ -79,15 +57,23 @@ def make_resting(
             **sections,
         }
     )
-    set_phases(swarm, phases)
+    swarm._arrays.next_firing[:] = (1 - np.array(phases, float)) * swarm._arrays.period
+    forget_earliest(swarm._arrays)
     if positions:
         set_trajectories(swarm, positions, headings)
     return swarm
 
 
-def next_firing_event(swarm: ParticleSimulation) -> Event:
-    """Simulate up to the next firing and return it."""
-    return next(event for event in swarm if event.turned is None)
+MOTION = ("origin", "heading", "speed", "start_cycle", "start_time", "end_cycle", "end_time", "streams")
+
+
+def state_of(swarm: ParticleSimulation) -> bytes:
+    """Return all bits of the state, whichever cycle times are counted from."""
+    swarm.positions()  # continues trajectories that have ended
+    arrays = swarm._arrays
+    cycles, times = np.divmod(arrays.next_firing, 1.0)
+    found = [cycles + arrays.scene.cycle, times, arrays.period, *(getattr(arrays, name) for name in MOTION)]
+    return b"".join(array.tobytes() for array in found)
 
 
 def as_set(agents: IntArray) -> set[int]:

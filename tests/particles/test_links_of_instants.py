@@ -1,10 +1,11 @@
 """Who receives whose pulse, as a simulation of point agents offers it; and events that are made when asked for."""
 
+import numpy as np
 import pytest
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.particles.links import LinkSearch
-from epuck_sim.particles.simulation import ParticleSimulation
+from tests.particles.naive_model import receivers_of
+from tests.particles.simulations import make_simulation
 
 RULES = [
     {"kind": "nearest", "k": 2},
@@ -14,26 +15,25 @@ RULES = [
 
 
 def swarm(rule, **agents):
-    sections = {"agents": {"count": 12, "speed_cm_s": 20.0, **agents}, "neighbourhood": rule}
-    return ParticleSimulation({"model": "particles", "stop": {"order_parameter": None}, **sections}, 4)
+    return make_simulation(4, agents={"count": 12, "speed_cm_s": 20.0, **agents}, neighbourhood=rule)
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule["kind"])
-@pytest.mark.parametrize(
-    "reorient_on", [[], ["emitting", "receiving"], ["arriving"]], ids=["straight", "turning", "turning on arrivals"]
-)
+@pytest.mark.parametrize("reorient_on", [[], ["emitting", "receiving"], ["arriving"]], ids=str)
 def test_pulse_links_are_found_before_anybody_turns(rule, reorient_on):
-    simulation = swarm(rule, reorient_on=reorient_on)
-    found, shifted = LinkSearch(simulation.scenario), 0
+    simulation, shifted = swarm(rule, reorient_on=reorient_on), 0
     before = simulation.headings()
     for _ in range(150):
         event = next(simulation)
         if len(event.fired):
-            links = simulation.pulse_links()
-            expected = found.pulse_links(simulation.positions(), before, event.fired, event.received)
-            assert links.tolist() == expected.tolist()
-            assert set(links[links[:, 2] == 1, 1].tolist()) == set(event.received.tolist())
-            shifted += int(links[:, 2].sum())
+            senders, receivers, shifts = simulation.pulse_links().T
+            assert receivers[shifts == 1].tolist() == list(dict.fromkeys(receivers[shifts == 1].tolist()))
+            assert set(receivers[shifts == 1].tolist()) == set(event.received.tolist())
+            assert list(dict.fromkeys(senders.tolist())) == [each for each in event.fired if each in senders]
+            for sender in event.fired:
+                expected, _ = receivers_of(simulation.scenario, simulation.positions(), before, sender)
+                assert sorted(receivers[senders == sender]) == np.flatnonzero(expected).tolist()
+            shifted += int(shifts.sum())
         before = simulation.headings()
     assert shifted > 20
 

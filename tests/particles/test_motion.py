@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.particles.distributions import fits, is_anywhere, is_uniform
+from tests.particles.distributions import is_uniform
 from tests.particles.simulations import make_simulation, set_trajectories
 
 CLOSED = [(1, "bounded"), *itertools.product((1, 2, 3), ("cyclic", "mirrored"))]
@@ -81,12 +81,3 @@ def test_walls_turn_agents_by_a_uniform_angle_in_a_square_and_over_the_hemispher
         assert is_uniform(along, 0, 1)
         assert is_uniform(np.arctan2(*aside), -math.pi, math.pi)
     assert abs(np.corrcoef(along, towards)[0, 1]) < 0.04
-
-
-@pytest.mark.parametrize(("dimensions", "boundary"), CLOSED)
-def test_positions_and_headings_stay_uniform_elsewhere(dimensions, boundary):
-    swarm = uncoupled(5_000, 61.0, space={"dimensions": dimensions, "boundary": boundary})
-    swarm.run_to(234.5)
-    cells = np.histogramdd(swarm.positions() / 100, 6, [(0, 1)] * dimensions)[0]
-    assert fits(cells, np.ones((6,) * dimensions))
-    assert is_anywhere(swarm.headings())

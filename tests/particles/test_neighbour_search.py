@@ -88,10 +88,11 @@ def test_receivers_in_large_swarms_are_the_agents_in_the_neighbourhood(agents, s
         swarm = make_simulation(
             2,
             space={"dimensions": dimensions, "side_cm": SIDE_CM, "boundary": boundary},
-            agents={"count": agents, "speed_cm_s": speed_cm_s},
+            agents={"count": agents, "speed_cm_s": speed_cm_s, "speed_distribution": "exponential"},
             neighbourhood=rule,
             response={"coupling": 0},
         )
+        assert dimensions != 2 or (swarm._arrays.scene.cells > 0) == (rule.get("angle_deg") != 5)
         compared = compare_receivers(swarm, 40)
         swarm.run_to(1.7)
         assert compared + compare_receivers(swarm, 40) > 70

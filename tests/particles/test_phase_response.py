@@ -8,10 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_shift
-from epuck_sim.scenario.particles import SHIPPED
+from tests.particles.naive_model import shift
 
 MULTIPLICATIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR = 0, 4, 5
-PHASES = np.linspace(0, 1, 2001)
 unit = st.floats(0, 1)
 
 
@@ -19,25 +18,13 @@ def phase_after_pulse(response, phase):
     return phase + float(phase_shift(response, phase))
 
 
-def test_curves_are_numbered_in_their_order():
-    assert tuple(SHIPPED) == CURVES
-    assert CURVES[:3] == ("multiplicative", "sawtooth", "sine")
-
-
 @given(st.integers(0, 5), st.floats(0, 5), st.floats(0, 0.499), unit, st.floats(0.01, 20), unit, st.floats(-3, 3))
 def test_a_pulse_shifts_phases_beyond_the_refractory_period_by_the_curve_up_to_0_and_1(
     curve, coupling, refractory, phase, dissipation, knee, early_slope
 ):
-    state = math.log(1 + math.expm1(dissipation) * phase) / dissipation  # of Mirollo and Strogatz
-    shift = (
-        coupling * phase,
-        -coupling * phase if phase <= 0.5 else coupling * (1 - phase),
-        -coupling * math.sin(2 * math.pi * phase),
-        coupling,
-        math.expm1(dissipation * (state + coupling)) / math.expm1(dissipation) - phase,
-        coupling * phase * (early_slope if phase <= knee else 1),
-    )[curve]
-    expected = min(max(phase + shift, 0), 1) if phase > refractory else phase
+    parameters = {"dissipation": dissipation, "knee": knee, "early_slope": early_slope}
+    after = phase + shift(CURVES[curve], coupling, parameters, phase)
+    expected = min(max(after, 0), 1) if phase > refractory else phase
     found = phase_after_pulse(Response(curve, coupling, refractory, dissipation, knee, early_slope), phase)
     assert found == pytest.approx(expected, abs=1e-9)
     assert 0 <= found <= 1

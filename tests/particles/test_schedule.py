@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.particles.twin import make_twin
 from tests.particles.naive_model import NaiveEvent, NaiveModel
-from tests.particles.simulations import KINDS, any_sections, compare_events, make_simulation
-from tests.particles.test_simulation import digest
+from tests.particles.simulations import KINDS, any_sections, compare_events, make_simulation, state_of
 
 PHASES = [0.1, 0.35, 0.6, 0.85]
 RESTING = {
@@ -90,29 +89,19 @@ def test_swarms_that_a_schedule_changes_agree_with_the_naive_model(data, seed, k
 # --- closed forms -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("kind", "values"),
-    [
-        ("nearest", {"agents": {"speed_cm_s": 33}, "neighbourhood": {"k": 3}}),
-        ("random", {"neighbourhood": {"k": 3}, "response": {"coupling": 0.4, "refractory": 0.25}}),
-    ],
-)
-def test_what_changes_at_the_start_is_as_if_the_scenario_had_it(kind, values):
-    sections = {
-        "agents": {"speed_cm_s": 5.0, "speed_distribution": "uniform", "speed_spread": 0.5},
-        "neighbourhood": {"kind": kind, "k": 2},
-        "response": {"curve": "piecewise_linear"},
-    }
-    changes = {f"{section}.{key}": value for section, keys in values.items() for key, value in keys.items()}
-    scheduled = make_simulation(8, **sections, schedule=[{"at_s": 0, "set": changes}])
-    other = make_simulation(8, **{name: {**keys, **values.get(name, {})} for name, keys in sections.items()})
-    for swarm in (scheduled, other):
-        if kind == "nearest":
-            swarm.adjacency()  # that of the start, which must not be kept
-        swarm.run(40)
-    assert digest(scheduled) == digest(other)
+def test_what_changes_at_the_start_is_as_if_the_scenario_had_it():
+    def swarm(speed, k, changes):
+        agents = {"speed_cm_s": speed, "speed_distribution": "uniform", "speed_spread": 0.5}
+        schedule = [{"at_s": 0, "set": changes}] if changes else []
+        return make_simulation(8, agents=agents, neighbourhood={"kind": "nearest", "k": k}, schedule=schedule)
+
+    scheduled, other = swarm(5.0, 2, {"agents.speed_cm_s": 33, "neighbourhood.k": 3}), swarm(33, 3, {})
+    scheduled.adjacency()  # that of the start, which must not be kept
+    for each in (scheduled, other):
+        each.run(40)
+    assert state_of(scheduled) == state_of(other)
     assert (scheduled.speeds_cm_s == other.speeds_cm_s).all()
-    assert kind == "random" or (scheduled.adjacency() == other.adjacency()).all()
+    assert (scheduled.adjacency() == other.adjacency()).all()
 
 
 def test_a_curve_of_ones_own_gets_new_parameters(tmp_path):
@@ -163,18 +152,6 @@ def test_changes_at_one_instant_are_made_in_their_order_and_are_one_event(first)
 # --- however it is asked for ------------------------------------------------------------------------
 
 
-def everything(swarm):
-    """Return all bits of the state, whichever cycle times are counted from."""
-    swarm.positions()  # continues trajectories that have ended
-    arrays = swarm._arrays
-    cycles, times = np.divmod(arrays.next_firing, 1.0)
-    found = [cycles + arrays.scene.cycle, times, *(getattr(arrays, name) for name in MOTION)]
-    return b"".join(array.tobytes() for array in found)
-
-
-MOTION = ("origin", "heading", "speed", "start_cycle", "start_time", "end_cycle", "end_time", "streams")
-
-
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS), st.lists(st.floats(0.01, 7), max_size=4))
 @settings(max_examples=20)
 def test_a_change_is_the_same_to_the_bit_event_by_event_at_once_and_in_pieces(data, seed, kind, stops):
@@ -194,7 +171,7 @@ def test_a_change_is_the_same_to_the_bit_event_by_event_at_once_and_in_pieces(da
     end_s = max(7 * period_s, events.time_s, limited.time_s) + 0.013 * period_s
     for swarm in swarms:
         swarm.run_to(end_s)
-        assert everything(swarm) == everything(at_once)
+        assert state_of(swarm) == state_of(at_once)
         for event, other in zip(swarm.events, at_once.events, strict=True):
             assert event._replace(time_s=0) == other._replace(time_s=0)
 

@@ -1,30 +1,18 @@
 """A simulation depends on its seed alone, in any process, and motion does not depend on the oscillators."""
 
 import copy
-import itertools
 import math
 import pickle
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.particles.events import advance
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.scenario.particles import SHIPPED
-from tests.particles.simulations import KINDS, any_sections, make_simulation, scenario
+from tests.particles.simulations import KINDS, MOTION, any_sections, make_simulation, scenario, state_of
 
 SEEDS = st.integers(0, 2**63 - 1)
-
-
-def digest(swarm):
-    """Return all bits of the state."""
-    arrays = swarm._arrays
-    names = ("origin", "heading", "speed", "start_time", "streams", "next_firing", "period")
-    times = np.array([arrays.scene.now, arrays.scene.cycle])
-    return b"".join(getattr(arrays, name).tobytes() for name in names) + times.tobytes()
 
 
 @given(st.data(), SEEDS, SEEDS, st.sampled_from(KINDS))
@@ -36,39 +24,24 @@ def test_a_reset_simulation_is_a_new_one_and_a_copy_goes_on_alike(data, seed, be
     used.run(data.draw(st.integers(0, 5)), 20)
     used.reset(seed)
     for _ in range(20):
-        assert digest(used) == digest(new)
+        assert state_of(used) == state_of(new)
         mine, yours = next(used), next(new)
         assert (mine.time_s, mine.turned, *mine.fired) == (yours.time_s, yours.turned, *yours.fired)
     copies = [copy.copy(used), copy.deepcopy(used), pickle.loads(pickle.dumps(used))]
     for swarm in (new, *copies, used):  # a copy's time does not touch that of the original
         swarm.run(10, 20)
-        assert digest(swarm) == digest(new)
+        assert state_of(swarm) == state_of(new)
         assert (swarm.events, swarm.outcome) == (new.events, new.outcome)
 
 
 def test_a_reset_without_a_seed_takes_that_of_the_scenario():
     swarm, new = ParticleSimulation(scenario(seed=3), 5), ParticleSimulation(scenario(seed=3))
-    assert digest(new) == digest(ParticleSimulation(scenario(), 3)) != digest(swarm)
+    assert state_of(new) == state_of(ParticleSimulation(scenario(), 3)) != state_of(swarm)
     swarm.reset()
-    assert (swarm.seed, digest(swarm)) == (3, digest(new))
+    assert (swarm.seed, state_of(swarm)) == (3, state_of(new))
     with pytest.raises(ScenarioError, match="seed is -1"):
         swarm.reset(-1)
-    assert (swarm.seed, digest(swarm)) == (3, digest(new))
-
-
-def test_one_compiled_kernel_serves_all_simulations(tmp_path):
-    own = tmp_path / "own.py"
-    own.write_text("def phase_shift(phase, coupling, parameters):\n    return coupling")
-    for curve in (*SHIPPED, str(own)):
-        swarm = make_simulation(response={"curve": curve}, agents={"reorient_on": ["arriving"]})
-        swarm.run(1)
-    for kind, dimensions, boundary in itertools.product(KINDS, (1, 3), ("bounded", "cyclic", "mirrored")):
-        radius = {} if kind in ("nearest", "all", "random") else {"radius_cm": 40}
-        cone = {"angle_deg": 60} if kind.startswith("cone") else {}
-        space = {"dimensions": dimensions, "boundary": boundary}
-        swarm = make_simulation(space=space, neighbourhood={"kind": kind, **radius, **cone})
-        swarm.run(1)
-    assert len(advance.for_python.overloads) == 1
+    assert (swarm.seed, state_of(swarm)) == (3, state_of(new))
 
 
 # --- motion is independent of the oscillators ---------------------------------------------------------
@@ -96,9 +69,8 @@ def test_swarms_of_one_seed_move_alike_whatever_their_oscillators_do(other, dime
         two.run_to(time_s)
         # positions differ in the last digit, because `now` may be counted from one cycle or the next
         assert one.positions() == pytest.approx(two.positions(), abs=1e-11)
-        for name in ("origin", "heading", "start_cycle", "start_time", "end_cycle", "end_time"):
+        for name in MOTION:
             assert (getattr(one._arrays, name) == getattr(two._arrays, name)).all()
-        assert (one._arrays.streams == two._arrays.streams).all()  # as many walls each
 
 
 @pytest.mark.parametrize("time_s", [3.9, -1.0, math.nan, math.inf])

@@ -14,9 +14,6 @@ from tests.particles.simulations import make_resting, make_simulation
 
 CENSORED_AT = 20_000
 
-FAST = 100 / 20**0.5
-"""cm a cycle: L / sqrt(N), where the fast regime begins (5.4.1)."""
-
 
 def times(speed: float, trials: int = 20, count: int = 20, limit: int = CENSORED_AT, **sections) -> np.ndarray:
     """Return T_sync of some trials, in cycles; the limit where one is censored."""

@@ -73,9 +73,8 @@ def test_with_jitter_deviations_grow_with_the_error_of_the_periods_and_wrap_at_h
 # --- the order parameter ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("metric", ["complex", "reference"])
-def test_the_order_parameter_is_that_of_all_phases_at_each_time(metric):
-    given = {"clocks": {"jitter": 0.01}, "stop": {"metric": metric}, "agents": {"count": 7, "speed_cm_s": 20}}
+def test_the_order_parameter_is_that_of_all_phases_at_each_time():
+    given = {"clocks": {"jitter": 0.01}, "stop": {"metric": "reference"}, "agents": {"count": 7, "speed_cm_s": 20}}
     found = compare(5, MIDDLES + 0.123, **given)
     swarm = make_simulation(5, **given)
     for time, order in zip(MIDDLES + 0.123, found.order_parameter, strict=True):
@@ -95,6 +94,12 @@ def test_a_trial_continues_beyond_synchrony():
 
 
 # --- the twin ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("ahead", "phase"), [(0.25, 0.95), (0.4, 1.0)])
+def test_a_twin_of_ones_own_displacement_is_ahead_by_it_or_by_what_is_left_until_it_fires(ahead, phase):
+    given = load_scenario(scenario(agents={"count": 3}, start={"phases": [0.7, 0.4, 0.1]}))
+    assert make_twin(given, 1, ahead).phases() == pytest.approx([phase, 0.4, 0.1])
 
 
 @pytest.mark.parametrize(("reorient_on", "moves_alike"), [([], True), (["receiving"], False)])

@@ -18,7 +18,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.trial.model import run_trial
 from tests.particles.simulations import as_set, make_resting
 
 inner = st.floats(0.001, 0.999)
@@ -58,20 +57,6 @@ def test_two_oscillators_follow_the_return_map_and_become_one_when_it_says(one, 
         phase = 1 - (1 + epsilon) * phase
         time_s += phase
     assert swarm.phases() == pytest.approx([0, 0], abs=1e-15)
-
-
-@given(inner, inner, st.sampled_from([0.02, 0.1, 0.3]))
-@settings(max_examples=60)
-def test_t_sync_of_two_oscillators_is_how_often_the_reference_fires_by_then(one, other, epsilon):
-    leader = int(other > one)
-    first = 1 - abs(one - other)
-    assume(abs(first - 1 / (2 + epsilon)) > 1e-3)
-    assume(abs(one - other) > 1e-4)  # farther apart than what counts as synchronised: r = cos(pi d)
-    until = firings_until_one(first, epsilon)
-    # the reference, 0, fires at every other firing, and at the last one, at which the other makes it fire
-    expected = len(range(1 + leader, until + 1, 2)) + ((until - 1 - leader) % 2)
-    result = run_trial(make_resting([one, other], response={"coupling": epsilon}, stop={"order_parameter": 1 - 1e-12}))
-    assert (result.t_sync_cycles, result.order_parameter, result.censored) == (expected, 1, False)
 
 
 @given(inner, inner, st.sampled_from(["sawtooth", "sine"]), st.sampled_from([0.05, 0.1, 0.15]))

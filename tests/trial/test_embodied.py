@@ -7,11 +7,7 @@ import pytest
 
 from epuck_sim import ControllerError, Simulation, Step, load_scenario, run_trial
 from epuck_sim.trial.embodied import SynchronyWatch
-
-
-def outcome(result):
-    """Return a result without the time it took."""
-    return result._replace(wall_s=None)
+from tests.trial import without_wall
 
 
 class Recorder:
@@ -50,16 +46,6 @@ def test_t_sync_is_the_number_of_the_references_firings_until_order_reaches_the_
     assert orders[-1] >= 0.95
 
 
-@pytest.mark.parametrize("max_cycles", [1, 4])
-def test_a_trial_without_synchrony_is_censored_at_its_limit_of_cycles(max_cycles):
-    recorder = Recorder()
-    settings = [f"stop.max_cycles={max_cycles}", "stop.order_parameter=1.0", "robots.0.parameters.speed_cm_s=0"]
-    result = run_trial(Simulation(load_scenario("thesis", [*settings, "stop.further_cycles=5"]), 1), [recorder])
-    assert (result.censored, result.t_sync_cycles) == (True, None)
-    assert result.cycles == max_cycles == len(firings(recorder.rings, 0))
-    assert 0 < result.order_parameter < 1
-
-
 @pytest.mark.parametrize("further", [1, 3])
 def test_after_synchrony_a_trial_goes_on_for_the_further_cycles_and_the_outcome_stays(further):
     recorder = Recorder()
@@ -68,7 +54,7 @@ def test_after_synchrony_a_trial_goes_on_for_the_further_cycles_and_the_outcome_
     assert longer.steps > usual.steps
     assert longer.simulated_s == pytest.approx(longer.steps * 0.1)
     same_length = {"steps": usual.steps, "simulated_s": usual.simulated_s}
-    assert outcome(longer._replace(**same_length)) == outcome(usual)
+    assert without_wall(longer._replace(**same_length)) == without_wall(usual)
     fired = firings(recorder.rings, 0)
     assert len(fired) == usual.cycles + further
     assert fired[-1] == longer.steps - 1
@@ -99,7 +85,7 @@ def test_a_trial_without_oscillators_counts_a_cycle_every_5_s_and_has_no_t_sync(
 def test_observers_are_shown_every_step_after_the_watch_has_looked():
     one, other = Recorder(), Recorder()
     result = run_trial(Simulation("thesis", 2), iter([one, other]))
-    assert outcome(result) == outcome(run_trial(Simulation("thesis", 2)))
+    assert without_wall(result) == without_wall(run_trial(Simulation("thesis", 2)))
     assert one.numbers == other.numbers == list(range(result.steps))
     cycles = np.cumsum(np.isin(one.numbers, firings(one.rings, 0)))
     assert [count for count, _ in one.watched] == cycles.tolist()
@@ -114,7 +100,8 @@ def test_observers_that_write_into_a_steps_arrays_do_not_change_the_outcome():
                 array[...] = 1
 
     scenario = load_scenario("thesis", ["robots.0.parameters.speed_cm_s=3", "stop.max_time_s=100"])
-    assert outcome(run_trial(Simulation(scenario, 2), [meddle])) == outcome(run_trial(Simulation(scenario, 2)))
+    plain, meddled = (without_wall(run_trial(Simulation(scenario, 2), observers)) for observers in ([], [meddle]))
+    assert meddled == plain
 
 
 NEVER_FIRES = """

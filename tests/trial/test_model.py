@@ -5,23 +5,8 @@ import pytest
 from epuck_sim import ParticleSimulation, ScenarioError, Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
-from epuck_sim.trial.result import TrialResult, TrialState
-
-
-class Shown:
-    """Progress that keeps what it is shown."""
-
-    def __init__(self) -> None:
-        self.times_s: list[float] = []
-        self.cycles: list[int] = []
-
-    def __call__(self, state: TrialState) -> None:
-        self.times_s.append(state.time_s)
-        self.cycles.append(state.cycles)
-
-
-def without_wall(result: TrialResult) -> TrialResult:
-    return result._replace(wall_s=0.0)
+from epuck_sim.trial.result import TrialState
+from tests.trial import without_wall
 
 
 def test_robots_are_interpreted_if_wanted_and_particles_have_nothing_to_interpret() -> None:
@@ -38,20 +23,25 @@ def test_a_trial_is_run_as_its_model_s_once_and_progress_is_shown_before_observe
     simulation = simulate(scenario, 4)
     assert type(simulation) is kind
     expected = run_trial(kind(scenario, 4))
-    shown = Shown()
-    result = run_trial(simulation, progress=shown)
+    times_s, cycles, seen = [], [], []
+
+    def show(state: TrialState) -> None:
+        times_s.append(state.time_s)
+        cycles.append(state.cycles)
+
+    result = run_trial(simulation, progress=show)
     assert without_wall(result) == without_wall(expected)
     assert (result.scenario, result.seed) == (name, 4)
     assert result.real_time_factor == pytest.approx(result.simulated_s / result.wall_s)
-    assert (shown.cycles, shown.cycles[-1]) == (sorted(shown.cycles), expected.cycles)
+    assert (cycles, cycles[-1]) == (sorted(cycles), expected.cycles)
     with pytest.raises(ValueError, match="a trial needs a fresh simulation"):
         run_trial(simulation)
-    shown, seen = Shown(), []
-    run_trial(simulate(scenario, 4), [lambda _, state: seen.append((state.time_s, len(shown.cycles)))], progress=shown)
-    assert len(seen) == len(shown.times_s)
+    times_s.clear()
+    run_trial(simulate(scenario, 4), [lambda *_: seen.append(len(times_s))], progress=show)
+    assert len(seen) == len(times_s)
     if name == "pair":
-        assert shown.times_s == pytest.approx([0.1 * step for step in range(expected.steps)])
-        assert [before for _, before in seen] == list(range(1, expected.steps + 1))
+        assert times_s == pytest.approx([0.1 * step for step in range(expected.steps)])
+        assert seen == list(range(1, expected.steps + 1))
 
 
 def test_what_is_no_simulation_is_refused() -> None:
@@ -92,7 +82,7 @@ def test_one_oscillator_alone_is_never_synchronised(name: str, settings: list[st
 
 def test_progress_of_a_long_trial_is_shown_more_than_once() -> None:
     scenario = load_scenario("particles", ["response.coupling=0", "stop.max_cycles=20000"])
-    shown = Shown()
-    run_trial(simulate(scenario, 4), progress=shown)
-    assert len(shown.cycles) > 3
-    assert (shown.cycles == sorted(shown.cycles), shown.cycles[-1]) == (True, 20000)
+    cycles = []
+    run_trial(simulate(scenario, 4), progress=lambda state: cycles.append(state.cycles))
+    assert len(cycles) > 3
+    assert (cycles == sorted(cycles), cycles[-1]) == (True, 20000)

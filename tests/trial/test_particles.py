@@ -2,47 +2,16 @@
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.trial import particles
 from epuck_sim.trial.model import run_trial
-from tests.particles.simulations import KINDS, any_sections, as_set, make_resting, make_simulation
+from tests.particles.simulations import KINDS, any_sections, make_resting, make_simulation
+from tests.trial import without_wall
 
 THRESHOLD = 1 - 1e-9
-
-
-def without_wall(result):
-    return result._replace(wall_s=0.0)
-
-
-def of_phases(metric, phases):
-    """Return eq. 5.7, or eq. 3.4, of phases at a firing of the reference."""
-    angles = 2 * math.pi * np.asarray(phases)
-    return abs(np.exp(1j * angles).mean()) if metric == "complex" else np.cos(angles).mean()
-
-
-@pytest.mark.parametrize("metric", ["complex", "reference"])
-@given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
-@settings(max_examples=40)
-def test_the_order_parameter_is_measured_at_each_firing_of_the_reference(metric, data, seed, kind):
-    sections = data.draw(any_sections(kind, most_agents=10))
-    sections["stop"] |= {"metric": metric}
-    swarm = make_simulation(seed, **sections)
-    stop = swarm.scenario.stop
-    cycles, order = 0, None
-    for _ in range(300):
-        event = next(swarm)
-        synchronised = False
-        if stop.reference in as_set(event.fired):
-            cycles += 1
-            order = of_phases(metric, swarm.phases())
-            synchronised = stop.order_parameter is not None and order >= stop.order_parameter
-        assert swarm.cycles == cycles
-        assert swarm.order_parameter == (None if order is None else pytest.approx(order, abs=1e-12))
-        assert swarm.is_synchronised == synchronised
 
 
 def test_t_sync_counts_the_references_firings_from_1_the_last_one_too():

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 from tests.measures.files import COUNTER, TELLTALE, write
+from tests.trial import without_wall
 from tests.trial.test_measuring import onlooking, without_measures
 
 MODELS = ["embodied", "particles"]
@@ -26,10 +27,6 @@ class Series:
 def trial(model, stop, measures=(), seed=3, observers=(), **sections):
     given = {"model": model, "measures": list(measures), "stop": {"max_cycles": 12, **stop}, **sections}
     return run_trial(simulate(load_scenario(given), seed), observers)
-
-
-def same(one, other):
-    return one._replace(wall_s=0.0) == other._replace(wall_s=0.0)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -88,7 +85,7 @@ def test_agents_end_at_a_time_observed_or_not(time_s, seed, period_s):
     fast = trial("particles", stop, measures, seed=seed, clocks=clocks)
     seen = [lambda event, _: events.append(event.time_s)]
     slow = trial("particles", stop, measures, seed=seed, observers=seen, clocks=clocks)
-    assert same(fast, slow)
+    assert without_wall(fast) == without_wall(slow)
     assert fast.simulated_s == pytest.approx(time_s, rel=1e-12)
     assert all(time <= time_s * (1 + 1e-12) for time in events)
     simulation = simulate(load_scenario({"model": "particles", "stop": stop, "clocks": clocks}), seed)
@@ -100,7 +97,8 @@ def test_agents_end_at_a_time_observed_or_not(time_s, seed, period_s):
 def test_agents_that_are_synchronised_before_the_time_end_then():
     stop = {"order_parameter": 0.5, "max_cycles": 10_000}
     usual = trial("particles", stop)
-    assert same(trial("particles", {**stop, "max_time_s": 2 * usual.simulated_s}), usual)
+    later = trial("particles", {**stop, "max_time_s": 2 * usual.simulated_s})
+    assert without_wall(later) == without_wall(usual)
     cut = trial("particles", {**stop, "max_time_s": usual.simulated_s / 2})
     assert (cut.censored, cut.t_sync_cycles) == (True, None)
     assert cut.cycles < usual.cycles

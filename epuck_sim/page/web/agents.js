@@ -95,7 +95,7 @@ class Agents {
     this.give();
     this.beginning = block.bytes.slice(0, this.at.members[0]);
     this.addresses = kernels.take(8 * facts.calls.length);
-    this.root = this.write_addresses(scene);
+    this.write_addresses(scene);
     this.swarm = [...Kernels.array(block.first, size, 1), ...Kernels.array(this.addresses, facts.calls.length, 8)];
   }
 
@@ -108,7 +108,7 @@ class Agents {
     this.array("next_firing", Float64Array).set(phases.map((/** @type {number} */ phase) => 1 - phase));
   }
 
-  /** Write the addresses of what is called; return the name of the kernel that runs. */
+  /** Write the addresses of what is called. */
   /** @param {{[name: string]: number}} scene */
   write_addresses(scene) {
     const { kernels, facts } = this, { nearest, random } = facts.kinds;
@@ -118,7 +118,6 @@ class Agents {
     const addresses = facts.calls.map((/** @type {string} */ call) => BigInt(names[call] ? kernels.address(names[call]) : 0));
     new BigInt64Array(kernels.memory.buffer, this.addresses, addresses.length).set(addresses);
     this.search = search;
-    return search === "search_cone" ? "advance_in_cones" : "advance";
   }
 
   /** @param {string} name of a field of the scene */
@@ -170,7 +169,7 @@ class Agents {
     this.set("limits.last_cycle", end[0]);
     this.set("limits.last_time", end[1]);
     this.set("limits.max_offset", Math.max(offset, this.get("max_offset")));
-    this.kernels.call(this.root, ...this.swarm);
+    this.kernels.call("advance", ...this.swarm);
   }
 
   get time_s() {
