@@ -11,6 +11,7 @@ from array import array
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext, suppress
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -74,23 +75,16 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
 class Film:
     """A film that is being read; only one frame at a time is in memory, whatever the film's length."""
 
-    name: str
-    """The path or address."""
-    width_px: int
-    height_px: int
-    description: dict[str, Any] | None
-    """The description that this package stored in the film; None in a film from elsewhere."""
-    duration_s: float | None
-    """Duration that the file declares, which may be wrong; None if it declares none."""
-    is_pictures: bool
-    """Whether it is a series of numbered pictures, which have no times."""
-
     def __init__(self, name: str, container: InputContainer, stream: VideoStream) -> None:
         self.name = name
+        """The path or address."""
         self.description = _read_description(container.metadata)
+        """The description that this package stored in the film; None in a film from elsewhere."""
         self.duration_s = _duration_s(container, stream)
-        self._container, self._stream = container, stream
+        """Duration that the file declares, which may be wrong; None if it declares none."""
         self.is_pictures = container.format.name == "image2"
+        """Whether it is a series of numbered pictures, which have no times."""
+        self._container, self._stream = container, stream
         self._rate = stream.average_rate or Fraction(UNSTAMPED_RATE)
         self._clock = FilmClock(1 / self._rate)
         self._damaged = 0
@@ -149,8 +143,7 @@ class Film:
     def _read(self, first: VideoFrame, others: Iterator[VideoFrame]) -> Iterator[Frame]:
         reformatter = VideoReformatter()  # shared by all frames: creating one takes longer than using it
         has_no_stamps = self._container.format.name == "avi"  # but decoding times, which have the same order
-        picture: VideoFrame | None = first
-        while picture is not None:
+        for picture in chain([first], others):
             if (picture.width, picture.height) != (first.width, first.height):
                 raise FilmError(
                     f"{self.name}: the size of its pictures changes from {first.width} x {first.height} to "
@@ -163,7 +156,6 @@ class Film:
                 turned = np.rot90(pixels, round(first.rotation / 90))  # as players show it
                 yield Frame(time_s, np.ascontiguousarray(turned, np.uint8))
             lasted_s = float(picture.duration * unit_s) if picture.duration and unit_s else 0.0
-            picture = next(others, None)
         usual_s = self._clock.median_interval_s
         read_s = self._clock.last_s + max(lasted_s, usual_s)
         if not self._ended_early and (self.duration_s or 0.0) - read_s > max(EARLY_S, 3 * usual_s):
@@ -176,16 +168,14 @@ class Film:
 class FilmClock:
     """Turns the time stamps of frames into times that increase from 0, and counts the stamps that do not."""
 
-    last_s: float
-    """Time of the last frame; -1 before the first one."""
-
     def __init__(self, nominal_s: Fraction) -> None:
         """Begin before the first frame; nominal_s: interval between frames that the file declares."""
+        self.last_s = -1.0
+        """Time of the last frame; -1 before the first one."""
         self._nominal_s = float(nominal_s)
         self._zero_s: Fraction | None = None
         self._intervals_s = array("d")  # 8 bytes a frame: half a megabyte in an hour
         self._doubled = self._unordered = self._missing = self._restarts = 0
-        self.last_s = -1.0
 
     @property
     def median_interval_s(self) -> float:
@@ -319,7 +309,7 @@ GROWING = {"movflags": "+empty_moov+default_base_moof", "frag_duration": "500000
 
 
 class FilmWriter:
-    """Writes frames into the file of a film; `film_file` and `growing_film_file` make one."""
+    """Writes frames into the file of a film; `film_file` makes one."""
 
     has_frames = False
     """Whether a frame was written."""
@@ -328,9 +318,7 @@ class FilmWriter:
         self, path: Path, part: Path, size_px: tuple[int, int], metadata: dict[str, str], options: dict[str, str]
     ) -> None:
         """Create the file `part`, with options of the container; errors name `path`, which it becomes in the end."""
-        width_px, height_px = size_px
         self._path = path
-        self._shape = (height_px, width_px, 3)
         self._has_failed = False
         self._last_tick = -1
         self._keyframe_s = -math.inf
@@ -338,7 +326,7 @@ class FilmWriter:
             self._container = av.open(part, "w", format="mp4", options=CLOCK | options)
         self._container.metadata.update(metadata)
         self._stream = self._container.add_stream("libx264", options=ENCODER_OPTIONS)
-        self._stream.width, self._stream.height = width_px, height_px
+        self._stream.width, self._stream.height = size_px
         self._stream.pix_fmt = "yuv420p"
         codec = self._stream.codec_context
         self._stream.time_base = codec.time_base = Fraction(1, TICKS_PER_S)
@@ -347,13 +335,7 @@ class FilmWriter:
         codec.colorspace, codec.color_range = Colorspace.ITU601, ColorRange.MPEG
 
     def write(self, frame: Frame) -> None:
-        """Add a frame whose time is after those of all frames before.
-
-        Raises:
-            FilmError: The frame cannot be written, or has another size than the film.
-        """
-        if frame.picture.shape != self._shape:
-            raise FilmError(f"{self._path}: a picture of shape {frame.picture.shape}; allowed: {self._shape}")
+        """Add a frame whose time is after those of all frames before; raise FilmError if it cannot be written."""
         picture = av.VideoFrame.from_ndarray(frame.picture, format="rgb24")
         # frames closer than a tick still get increasing time stamps
         self._last_tick = max(round(frame.time_s * TICKS_PER_S), self._last_tick + 1)
@@ -383,42 +365,29 @@ class FilmWriter:
 
 @contextmanager
 def film_file(
-    path: Path, width_px: int, height_px: int, description: Mapping[str, Any], title: str = ""
+    path: Path, width_px: int, height_px: int, description: Mapping[str, Any], title: str = "", *, grows: bool = False
 ) -> Iterator[FilmWriter]:
     """Yield a writer of a film, which gets the name `path` when the block ends without an error.
 
     Both sides of the pictures are even, as H.264 requires. The description is stored as JSON in the `comment` of the
-    film's metadata, beside the title.
+    film's metadata, beside the title. A film that grows has its name from the beginning, and errors leave it: it can be
+    read up to about a second before the last frame, also if the process is killed.
 
     Raises:
         FilmError: The name does not end in .mp4, or a side is odd.
         EpuckSimError: The file cannot be written.
     """
-    _check(path, width_px, height_px)
-    metadata = {"title": title, "comment": json.dumps(description)}
-    with temporary_path(path) as part:
-        with closing(FilmWriter(path, part, (width_px, height_px), metadata, WHOLE)) as writer:
-            yield writer
-        if not writer.has_frames:
-            raise FilmError(f"{path}: cannot be written: the film has no frame")
-        publish(part, path)
-
-
-@contextmanager
-def growing_film_file(path: Path, width_px: int, height_px: int, title: str) -> Iterator[FilmWriter]:
-    """Yield a writer of a film, as `film_file`, that has the name `path` from the beginning.
-
-    It can be read up to about a second before the last frame, also if the process is killed; errors leave it.
-    """
-    _check(path, width_px, height_px)
-    metadata = {"title": title, "comment": "{}"}
-    with closing(FilmWriter(path, path, (width_px, height_px), metadata, GROWING)) as writer:
-        yield writer
-
-
-def _check(path: Path, width_px: int, height_px: int) -> None:
     if path.suffix != SUFFIX:
         raise FilmError(f"{path}: is not a film's name; allowed: names that end in {SUFFIX}")
     if width_px % 2 or height_px % 2:
         raise FilmError(f"{path}: pictures of {width_px} x {height_px} pixels; allowed: even sides; crop or pad them")
     check_target(path)
+    metadata = {"title": title, "comment": json.dumps(description)}
+    with nullcontext(path) if grows else temporary_path(path) as part:
+        with closing(FilmWriter(path, part, (width_px, height_px), metadata, GROWING if grows else WHOLE)) as writer:
+            yield writer
+        if grows:
+            return
+        if not writer.has_frames:
+            raise FilmError(f"{path}: cannot be written: the film has no frame")
+        publish(part, path)

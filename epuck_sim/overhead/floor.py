@@ -50,10 +50,7 @@ def check_corners(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> F
         FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.
     """
     given = "--corners " + ",".join(f"{number:g}" for number in np.ravel(corners_px))
-    corners = np.asarray(corners_px, float)
-    if corners.shape != (4, 2) or not np.isfinite(corners).all():
-        raise FilmError(f"{given}: allowed: four corners of the floor, a column and a row for each")
-    size = np.array([width_px, height_px])
+    corners, size = np.asarray(corners_px, float), np.array([width_px, height_px])
     if not ((corners >= -MAX_OUTSIDE * size) & (corners <= (1 + MAX_OUTSIDE) * size)).all():
         raise FilmError(
             f"{given}: a corner is far outside of the picture of {width_px} x {height_px} px; allowed: up "
@@ -87,9 +84,9 @@ def find_corners(picture: Picture) -> FloatArray | None:
     if not is_lit(picture):
         return None
     grey = np.asarray(cv2.GaussianBlur(picture, (0, 0), 1.0).mean(axis=2, dtype=np.float32), np.float32)
-    shade = _relative_shade(grey)
-    corners = None if shade is None else _outline_corners(shade)
-    if shade is None or corners is None or not _is_around_middle(corners, shade.shape):
+    if (shade := _relative_shade(grey)) is None or (corners := _outline_corners(shade)) is None:
+        return None
+    if not _is_around_middle(corners, shade.shape):
         return None
     for reach in SEARCH_REACHES:
         middle, reach_px = corners.mean(axis=0), reach * min(shade.shape)
@@ -133,9 +130,8 @@ def _outline_corners(shade: Float32Array) -> FloatArray | None:
     label = int(boxes[1:, cv2.CC_STAT_AREA].argmax()) + 1 if len(boxes) > 1 else 0
     left, top, width, height, area = boxes[label]
     rows, columns = shade.shape
-    if not label or area < MIN_FLOOR * shade.size:
-        return None
-    if left == 0 or top == 0 or left + width == columns or top + height == rows:
+    is_cut_off = left == 0 or top == 0 or left + width == columns or top + height == rows
+    if not label or area < MIN_FLOOR * shade.size or is_cut_off:
         return None
     outlines, _ = cv2.findContours((labels == label).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     hull = cv2.convexHull(max(outlines, key=len))

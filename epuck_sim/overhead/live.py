@@ -21,7 +21,7 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import TrackOptions, calibrate
 from epuck_sim.overhead.camera import Frame, Picture, ProgressWrapper
-from epuck_sim.overhead.film import FilmWriter, growing_film_file
+from epuck_sim.overhead.film import FilmWriter, film_file
 from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.light import is_lit
@@ -144,7 +144,7 @@ class _Outputs:
     def _begin_film(self, path: Path | None, width_px: int, height_px: int) -> FilmWriter | None:
         if path is None:
             return None
-        return self._files.enter_context(growing_film_file(path, width_px, height_px, self._name))
+        return self._files.enter_context(film_file(path, width_px, height_px, {}, self._name, grows=True))
 
     def begin(self) -> None:
         """Begin the files of what is found."""
@@ -176,17 +176,9 @@ class _Outputs:
 
 
 class LiveCamera:
-    """A context manager that keeps a camera open; the film of a camera has no end.
+    """A context manager that keeps a camera open; the film of a camera has no end."""
 
-    >>> with LiveCamera(0, print) as camera:  # doctest: +SKIP
-    ...     for frame in camera.frames():
-    ...         print(frame.time_s, frame.picture.mean())
-    """
-
-    name: str
     width_px = height_px = 0
-    warnings: list[str]
-    """When it dropped out."""
 
     def __init__(self, number: int, tell: Tell) -> None:
         """Open a camera, 0 for the first one; the user is told when it drops out and when it is back.
@@ -195,7 +187,8 @@ class LiveCamera:
             FilmError: The camera cannot be opened, or delivers no picture.
         """
         self.name = f"camera {number}"
-        self.warnings = []
+        self.warnings: list[str] = []
+        """When it dropped out."""
         self._number, self._tell = number, tell
         self._open()
         if not self._capture.isOpened():
@@ -282,10 +275,9 @@ class LiveCamera:
 
 
 class LivePage:
-    """The newest picture of a film, for browsers that ask for it; `live_page` makes one."""
+    """The newest picture of a film, for browsers that ask for it at an address; `live_page` makes one."""
 
     address: str
-    """Where browsers find it."""
     jpeg = b""
     """The newest picture, coded; empty before the first one."""
 

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -48,17 +48,6 @@ class Robots(NamedTuple):
     """Sentences about what is doubtful."""
 
 
-class Pair(NamedTuple):
-    """Two robots, and how often they flash together."""
-
-    robot: int
-    other: int
-    flashes: int
-    """Number of flashes of the one with fewer."""
-    together: int
-    """Number of these that overlap with one of the other."""
-
-
 def find_robots(track: Track) -> Robots:
     """Return the robots of a film: by their tags if these were looked for, or else by how they move between flashes.
 
@@ -94,7 +83,7 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
         )
     numbers = np.unique(readings.number)
     if expected is not None and (unread := sorted(expected - set(numbers.tolist()))):
-        warnings.append(f"tags that are never read: {_listed(unread)}")
+        warnings.append(f"tags that are never read: {', '.join(map(str, unread))}")
     own = [readings.of(readings.number == number) for number in numbers]
     poses = np.stack([_poses_at(track.times_s, each) for each in own], axis=1)
     robot = _whose(flashes, numbers, poses, track.times_s)
@@ -124,7 +113,7 @@ def _only_expected(readings: Readings, expected: frozenset[int] | None, frames: 
         others = ~np.isin(numbers, list(expected))
         named, why = numbers[others & ~seldom], "are not among those given"
     if len(named):
-        warnings.append(f"tags that {why}, and are left out: {_listed(named)}")
+        warnings.append(f"tags that {why}, and are left out: {', '.join(map(str, named))}")
     return readings.of(np.isin(readings.number, numbers[~others]))
 
 
@@ -160,10 +149,6 @@ def _whose(flashes: FlashTable, numbers: IntArray, poses: FloatArray, times_s: F
     return np.asarray(np.where(distances.min(axis=1) <= NEAR_CM, numbers[distances.argmin(axis=1)], -1))
 
 
-def _listed(numbers: Iterable[int]) -> str:
-    return ", ".join(str(number) for number in numbers)
-
-
 def phase_shares(
     onset_s: FloatArray, robot: IntArray, robots: IntArray, times_s: FloatArray, period_s: float
 ) -> FloatArray:
@@ -195,16 +180,23 @@ def order_of_shares(shares: FloatArray) -> FloatArray:
     return np.asarray(np.where(is_enough, np.abs(total) / np.maximum(number, 1), np.nan))
 
 
-def pairs(robots: Robots) -> list[Pair]:
-    """Return how often each two robots flash together, those that do so most often first."""
+def pair_columns(_: Track, robots: Robots) -> Columns:
+    """Return a table with a row for each two robots, those that flash together most often first.
+
+    It has the number of flashes of the one with fewer, how many of these overlap with one of the other, and the share.
+    """
     whose, flashes, found = robots.identities.robot, robots.flashes, []
     spans = {each: (flashes.onset_s[whose == each], flashes.end_s[whose == each]) for each in robots.numbers.tolist()}
     for one, two in combinations(spans, 2):
         few, many = sorted((spans[one], spans[two]), key=lambda span: len(span[0]))
         begun = np.searchsorted(many[0], few[1])  # flashes of the other that begin before each ends
         over = np.searchsorted(many[1], few[0], side="right")  # and those that end before it begins
-        found.append(Pair(one, two, len(few[0]), int((begun > over).sum())))
-    return sorted(found, key=lambda pair: (-pair.together / max(pair.flashes, 1), pair.robot, pair.other))
+        found.append((one, two, len(few[0]), np.count_nonzero(begun > over)))
+    robot, other, number, together = np.array(found, np.int64).reshape(-1, 4).T
+    share = together / np.maximum(number, 1)
+    table = {"robot": robot, "other": other, "flashes": number, "together": together, "share": share}
+    order = np.argsort(-share, kind="stable")
+    return {name: column[order] for name, column in table.items()}
 
 
 def summary(track: Track, robots: Robots) -> dict[str, Any]:
@@ -219,7 +211,7 @@ def summary(track: Track, robots: Robots) -> dict[str, Any]:
         "flashes_of_no_robot": int(np.count_nonzero(robots.identities.robot < 0)),
         "by_phases_s": after_s,
         "by_phases_periods": None if after_s is None else after_s / track.period_s,
-        "pairs_together": sum(pair.together >= TOGETHER * max(pair.flashes, 1) for pair in pairs(robots)),
+        "pairs_together": int(np.count_nonzero(pair_columns(track, robots)["share"] >= TOGETHER)),
         "warnings": list(robots.warnings),
     }
 
@@ -256,13 +248,6 @@ def trace_columns(track: Track, robots: Robots) -> Columns:
         "ring_on": is_lit.ravel(),
         "phase_ms": 1000 * track.period_s * shares.ravel(),
     }
-
-
-def pair_columns(_: Track, robots: Robots) -> Columns:
-    """Return a table with a row for each two robots: how many of their flashes come together."""
-    rows = np.array(pairs(robots), np.int64).reshape(-1, len(Pair._fields))
-    columns: Columns = dict(zip(Pair._fields, rows.T, strict=True))
-    return columns | {"share": columns["together"] / np.maximum(columns["flashes"], 1)}
 
 
 def save_robots(

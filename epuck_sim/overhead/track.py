@@ -176,8 +176,8 @@ def track_film(
     reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
     with open_film(name) as film, ring_table(rings) as write_rings:
         for frame in progress(excerpt(film.frames(), options), film.duration_s):
-            tags = [] if reader is None else reader.read(frame)
-            write_rings(frame, counter.process(frame, [tag.paper_px for tag in tags]))
+            papers_px = () if reader is None else reader.read(frame)
+            write_rings(frame, counter.process(frame, papers_px))
         warnings = tuple(film.warnings)
     track = analyse(name, counter.counted(), options, warnings)
     return track if reader is None else track._replace(tags=reader.readings(track.start_s))

@@ -16,6 +16,7 @@ from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.overhead.rings import Ring, RingFinder
 from epuck_sim.scenario.overhead import OverheadSection
+from tests.overhead import webcam
 
 CLEAN = {"noise_levels": 0, "vignetting": 0, "bloom": 0, "blur_px": 0}
 """Settings of a camera that is a pinhole with a radial distortion, and no more."""
@@ -81,7 +82,8 @@ def picture_of(
 
 def rings_in(picture: Picture, **settings: Any) -> list[Ring]:
     """Return the rings found in a picture by a camera with these settings."""
-    return finder_of(**settings).find(ring_light(picture))
+    levels, room_is_lit = ring_light(picture)
+    return finder_of(**settings).find(levels, room_is_lit=room_is_lit)
 
 
 def touching(count: int, generator: np.random.Generator) -> FloatArray:
@@ -106,12 +108,7 @@ def honeycomb_cell(turn: float = 0.3) -> FloatArray:
 
 def scattered(count: int, generator: np.random.Generator) -> FloatArray:
     """Return (count, 2) cm: robots at random that do not overlap."""
-    placed: list[FloatArray] = []
-    while len(placed) < count:
-        place = generator.uniform(epuck.RADIUS_CM, 60.0 - epuck.RADIUS_CM, 2)
-        if all(np.hypot(*(place - other)) >= APART_CM for other in placed):
-            placed.append(place)
-    return np.array(placed)
+    return np.asarray(webcam.scattered(count, APART_CM, (60.0, 60.0), epuck.RADIUS_CM, generator))
 
 
 def pixel_at(camera: CameraModel, x_cm: float, y_cm: float, z_cm: float = 0.0) -> tuple[int, int]:

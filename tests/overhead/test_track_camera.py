@@ -23,20 +23,12 @@ from epuck_sim.overhead.camera_fit import RINGS
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.live import Watching, live_page, track_camera
 from epuck_sim.overhead.track import Track
-from tests.overhead.films import SMALL, even, in_step, make_camera, passed, read_rings, shoot
+from tests.overhead.films import LIT, SMALL, TIMES, even, in_step, make_camera, passed, read_rings, reel, shoot
 
-TIMES = even(4.5)
-LIT = in_step(TIMES)
 CORNERS_PX = tuple(
     (float(x), float(y))
     for x, y in make_camera().project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
 )
-
-
-@pytest.fixture(scope="module")
-def reel() -> list[Frame]:
-    """Frames of six robots that flash together from 2 s on."""
-    return shoot(TIMES, LIT)
 
 
 class Imitation:
@@ -90,8 +82,8 @@ def frames_in(path: Path) -> int:
         return len(list(film.frames()))
 
 
-def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
-    camera = plug(reel)
+def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, tmp_path: Path) -> None:
+    camera = plug(reel())
     table, seen, record = tmp_path / "rings.csv", tmp_path / "seen.mp4", tmp_path / "raw.mp4"
     track = watch(TrackOptions(robots=6, order_parameter=0.99), rings=table, annotate=seen, record=record)
     assert not camera.is_open
@@ -113,20 +105,20 @@ def test_a_camera_that_films_before_the_room_is_dark_waits_until_it_is(plug: Plu
     assert track.geometry.ring_light > 0
 
 
-def test_synchrony_that_is_not_believed_is_told_and_filmed_on(plug: Plug, reel: list[Frame]) -> None:
-    camera, told = plug(reel), []
+def test_synchrony_that_is_not_believed_is_told_and_filmed_on(plug: Plug) -> None:
+    camera, told = plug(reel()), []
     track = watch(TrackOptions(robots=12, threshold_ms=50.0), told.append)
     assert (track.histogram_s, track.confidence) == (None, "none")
-    assert camera.given == len(reel)
-    assert len(told) == 1
-    assert told[0].startswith("not yet believed to be synchronised: ")
+    assert camera.given == len(TIMES)
+    (said,) = told
+    assert said.startswith("not yet believed to be synchronised: ")
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt(), FilmError("camera 7 delivers no pictures")], ids=repr)
 def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(
-    plug: Plug, reel: list[Frame], tmp_path: Path, end: BaseException
+    plug: Plug, tmp_path: Path, end: BaseException
 ) -> None:
-    camera = plug(reel[:70], end)
+    camera = plug(reel()[:70], end)
     camera.warnings.append("camera 7 dropped out from 0.1 to 0.2 s")
     table, seen = tmp_path / "rings.csv", tmp_path / "seen.mp4"
     track = watch(TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), rings=table, annotate=seen)
@@ -182,12 +174,12 @@ def test_what_was_written_until_a_kill_can_be_read(tmp_path: Path) -> None:
         assert 30 <= frames_in(tmp_path / name) <= 70  # all but about the last second
 
 
-def test_a_camera_is_shown_on_a_page(plug: Plug, reel: list[Frame]) -> None:
+def test_a_camera_is_shown_on_a_page(plug: Plug) -> None:
     told: list[str] = []
     shown: list[bytes] = []
 
     def delivered() -> Iterator[Frame]:
-        for frame in reel:
+        for frame in reel():
             yield frame
             shown.append(read(told[0].split(" ", maxsplit=1)[0] + "film"))
 

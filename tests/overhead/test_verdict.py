@@ -43,7 +43,7 @@ def evidence(onsets=ONSETS, *, flash_s: float = 0.1, apart_cm: float = 12.0, **c
     return seen(Evidence(COUNTED, 0, 1.0, 0.05, None, 4, True)._replace(**changes), flashes, flash_s)
 
 
-COUNTED = CountedRings(240, 0.0, TIMES, np.zeros(240, int), np.zeros(240, int), (), 0, (), make_geometry())
+COUNTED = CountedRings(240, 0.0, TIMES, np.zeros(240, int), np.zeros(240, int), (), make_geometry())
 
 
 def seen(known: Evidence, flashes: tuple[Flash, ...], flash_s: float = 0.1, area=None) -> Evidence:
