@@ -145,10 +145,8 @@ def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Estimate, Estim
 
 def _ends(grid: FloatArray, likely: FloatArray) -> tuple[float, float]:
     """Return the ends of the interval in which a profile is likely enough, a step wider at most."""
-    inside = np.flatnonzero(likely >= -CUT)
-    step = grid[1] - grid[0]
-    low, high = float(grid[inside[0]] - step), float(grid[inside[-1]] + step)
-    return max(low, float(grid[0])), high
+    inside, step = grid[likely >= -CUT], grid[1] - grid[0]
+    return float(max(inside[0] - step, grid[0])), float(inside[-1] + step)
 
 
 UNLIKE = 0.05  # p-value from which on a film is unlike the trials
@@ -300,9 +298,8 @@ def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Tra
 
 
 def _within(track: Track, value: float | None) -> float:
-    if value is not None:
-        return value
-    return math.nan if track.confidence == "none" else math.inf
+    never = math.nan if track.confidence == "none" else math.inf
+    return never if value is None else value
 
 
 def _median_cycle(_: Track, robots: Robots) -> float:
@@ -345,14 +342,12 @@ def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Float
         (frames,) s; (frames, robots, 3) poses in cm and rad, NaN where a robot is not in the arena; and
         (frames, robots) whether rings are seen to be lit.
     """
-    times, rows, lit = [], [], []
+    steps: list[tuple[float, FloatArray, BoolArray]] = []
     for step in Simulation(scenario, seed):
-        times.append(step.time_s)
-        rows.append(step.poses.copy())
-        lit.append(step.ring_on & step.present)
+        steps.append((step.time_s, step.poses.copy(), step.ring_on & step.present))
         if step.time_s >= film.duration_s:
             break
-    steps_s, poses, ring_on = np.array(times), np.array(rows), np.array(lit)
+    steps_s, poses, ring_on = map(np.array, zip(*steps, strict=True))
     exposure_s = min(scenario.overhead.exposure_ms / 1000, 1 / film.fps)
     frames_s = np.arange(0.0, film.duration_s - exposure_s, 1 / film.fps)
     at_s = frames_s + exposure_s / 2
@@ -362,8 +357,7 @@ def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Float
             seen[:, robot, axis] = np.interp(at_s, steps_s, poses[:, robot, axis])
     moments = (frames_s + share * exposure_s for share in (SEEN_SHARE, 1 - SEEN_SHARE))
     begin, end = (ring_on[np.searchsorted(steps_s, moment, side="right") - 1] for moment in moments)
-    # between a step with a robot and one without it, it is nowhere
-    is_there: BoolArray = np.logical_not(np.isnan(seen).any(axis=2))
+    is_there: BoolArray = ~np.isnan(seen).any(axis=2)  # between a step with a robot and one without it, it is nowhere
     return frames_s, np.where(is_there[..., None], seen, np.nan), (begin | end) & is_there
 
 
@@ -372,21 +366,10 @@ def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> d
 
     Of several groups of robots, a film does not show whose values are whose: it determines only those of the camera.
     """
-    groups = len(scenario.robots)
-    known = {f"robots.0.parameters.{name}" for name in scenario.robots[0].parameters}
-    return {
-        key: value
-        for key, value in fit_film(track, robots).items()
-        if key.startswith("overhead.") or (groups == 1 and (key in known or not key.startswith("robots.")))
-    }
-
-
-def check_one_group(scenario: EmbodiedScenario) -> None:
-    """Raise FilmError if a scenario cannot be fitted to a film, because its robots are not all alike."""
+    known, fitted = {f"robots.0.parameters.{name}" for name in scenario.robots[0].parameters}, fit_film(track, robots)
     if len(scenario.robots) > 1:
-        raise FilmError(
-            f"{scenario.name}: has {len(scenario.robots)} groups of robots; allowed: one, to fit it to a film"
-        )
+        return {key: value for key, value in fitted.items() if key.startswith("overhead.")}
+    return {key: value for key, value in fitted.items() if key in known or not key.startswith("robots.")}
 
 
 def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Estimate]) -> EmbodiedScenario:

@@ -57,14 +57,13 @@ def find_robots(track: Track) -> Robots:
     flashes = FlashTable.of(track.flashes)
     if track.tags is not None:
         return _by_tags(track, flashes, track.tags)
-    identities = link_flashes(flashes, track.period_s, track.geometry.floor_cm)
+    identities, expected = link_flashes(flashes, track.period_s, track.geometry.floor_cm), track.options.robots
     warnings = []
     if identities.unsure > MANY_UNSURE:
         warnings.append(
             f"{100 * identities.unsure:.0f} % of the links from flash to flash have an alternative that is nearly as "
             "good: robots move too far while they are dark; tags tell them apart (--tags)"
         )
-    expected = track.options.robots
     if expected is not None and identities.robots != expected:
         warnings.append(
             f"flashes are linked to {identities.robots} robots, but there are {expected}: some were lost and count anew"
@@ -87,8 +86,7 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
     own = [readings.of(readings.number == number) for number in numbers]
     poses = np.stack([_poses_at(track.times_s, each) for each in own], axis=1)
     robot = _whose(flashes, numbers, poses, track.times_s)
-    unknown = int(np.count_nonzero(robot < 0))
-    if unknown:
+    if unknown := np.count_nonzero(robot < 0):
         warnings.append(
             f"flashes that are under no tag: {unknown} of {len(robot)}; there are robots without a tag, or whose tag "
             "cannot be read"
@@ -254,8 +252,7 @@ def save_robots(
     track: Track, robots: Robots, flashes: Path | None, trace: Path | None, pairs_file: Path | None
 ) -> None:
     """Write the tables that are asked for; raise EpuckSimError where one cannot be written."""
-    tables = ((flashes, flash_columns), (trace, trace_columns), (pairs_file, pair_columns))
-    for path, columns in tables:
+    for path, columns in ((flashes, flash_columns), (trace, trace_columns), (pairs_file, pair_columns)):
         if path is not None:
             write_table(path, columns(track, robots), {"film": track.film, "versions": json.dumps(versions())})
 

@@ -24,6 +24,9 @@ CLEAN = {"noise_levels": 0, "vignetting": 0, "bloom": 0, "blur_px": 0}
 ARENA = make_arena(60, 60, [(45, 45, 4)], [box_corners(15, 45, 8, 5, 0.4)])
 EMPTY = make_arena(60, 60, [], [])
 
+FLOOR = np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float)
+AT_RINGS = np.array([(x, y, epuck.RING_HEIGHT_CM) for x in (4.0, 30.0, 56.0) for y in (4.0, 30.0, 56.0)])
+
 APART_CM = 2 * epuck.RADIUS_CM
 PARTS = 10
 """Moments of an exposure."""
@@ -109,6 +112,17 @@ def honeycomb_cell(turn: float = 0.3) -> FloatArray:
 def scattered(count: int, generator: np.random.Generator) -> FloatArray:
     """Return (count, 2) cm: robots at random that do not overlap."""
     return np.asarray(webcam.scattered(count, APART_CM, (60.0, 60.0), epuck.RADIUS_CM, generator))
+
+
+def worst_cm(found: CameraModel, true: CameraModel) -> float:
+    """Return how far rings in an arena of 60 cm are misplaced by a camera that was found, at most."""
+    back = found.back_project(true.project(AT_RINGS), epuck.RING_HEIGHT_CM)
+    return float(np.hypot(*(back - AT_RINGS[:, :2]).T).max())
+
+
+def floor_corners(camera: CameraModel) -> tuple[tuple[float, float], ...]:
+    """Return the pixels that show the floor's corners."""
+    return tuple((x, y) for x, y in camera.project(FLOOR).tolist())
 
 
 def pixel_at(camera: CameraModel, x_cm: float, y_cm: float, z_cm: float = 0.0) -> tuple[int, int]:

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from epuck_sim import epuck
-from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import (
     LIGHT,
@@ -20,9 +18,10 @@ from epuck_sim.overhead.calibration import (
     excerpt,
     parse_metadata,
 )
-from epuck_sim.overhead.camera import CameraModel, Frame, Geometry
+from epuck_sim.overhead.camera import Frame, Geometry
 from epuck_sim.overhead.camera_fit import CORNERS, RINGS
-from tests.overhead.films import PLACES, SMALL, described, even, flashing, make_camera, shoot
+from tests.overhead.cameras import floor_corners, worst_cm
+from tests.overhead.films import SMALL, described, even, flashing, make_camera, shoot
 
 SIDE = SMALL["width_px"]
 TOLD = TrackOptions()
@@ -44,18 +43,6 @@ def film(seconds: float, lit_until_s: float = 0.0, robots: int = 3, **settings: 
     """Return frames of robots that flash one after the other, the first at 0.5 s."""
     times_s = even(seconds)
     return shoot(times_s, flashing(times_s, 0.5 + np.arange(robots) / 5), lit_until_s, **settings)
-
-
-def worst_cm(found: CameraModel, **settings: Any) -> float:
-    """Return how far from their places robots would be seen, at most."""
-    at_rings = np.column_stack([PLACES, np.full(len(PLACES), epuck.RING_HEIGHT_CM)])
-    seen = found.back_project(make_camera(**settings).project(at_rings), epuck.RING_HEIGHT_CM)
-    return float(np.linalg.norm(seen - PLACES, axis=1).max())
-
-
-def floor_corners(**settings: Any) -> tuple[tuple[float, float], ...]:
-    corners: FloatArray = make_camera(**settings).project(60 * np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]))
-    return tuple((x, y) for x, y in corners.tolist())
 
 
 DESCRIBED = {"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 7}
@@ -91,16 +78,17 @@ def test_described_geometry_is_not_believed() -> None:
 
 
 def test_corners_that_are_given_need_no_ring() -> None:
-    found = calibrated(film(0.1, lit_until_s=1), TrackOptions(corners_px=floor_corners(distortion=0.0)))
+    straight = make_camera(distortion=0.0)
+    found = calibrated(film(0.1, lit_until_s=1), TrackOptions(corners_px=floor_corners(straight)))
     assert found.calibration == CORNERS
-    assert worst_cm(found.camera, distortion=0.0) <= 0.01
+    assert worst_cm(found.camera, straight) <= 0.01
 
 
 @pytest.mark.parametrize("hand", [0, 9], ids=["at once", "behind a hand"])
 def test_lit_beginning_gives_the_floor(hand: int) -> None:
     found = calibrated(plain(120, hand) + film(1, lit_until_s=0.3))
     assert found.calibration == LIGHT
-    assert worst_cm(found.camera) <= 0.3
+    assert worst_cm(found.camera, make_camera()) <= 0.3
 
 
 def test_bands_of_light_that_move_are_no_floor() -> None:
@@ -110,7 +98,7 @@ def test_bands_of_light_that_move_are_no_floor() -> None:
         frame.picture[:, :8] = frame.picture[:, -8:] = 90
     found = calibrated(bands + film(1.2))
     assert found.calibration == RINGS
-    assert worst_cm(found.camera) <= 1.0
+    assert worst_cm(found.camera, make_camera()) <= 1.0
 
 
 def test_corners_of_a_camera_that_sees_the_floor_from_aside_are_refused() -> None:
@@ -123,11 +111,11 @@ def test_corners_of_a_camera_that_sees_the_floor_from_aside_are_refused() -> Non
 def test_rings_give_the_camera_if_the_beginning_shows_no_floor(lit: int) -> None:
     found = calibrated(plain(120, lit) + film(1.2))
     assert found.calibration == RINGS
-    assert worst_cm(found.camera) <= 1.0
+    assert worst_cm(found.camera, make_camera()) <= 1.0
 
 
 def test_a_long_lit_beginning_leaves_the_frames_in_which_rings_are_studied() -> None:
-    options = TrackOptions(corners_px=floor_corners())
+    options = TrackOptions(corners_px=floor_corners(make_camera()))
     after, at_once = (calibrated(plain(120, lit) + film(1.2), options, 30) for lit in (90, 0))
     assert after.ring_light == at_once.ring_light > 0
     assert after.error_cm == pytest.approx(at_once.error_cm)
@@ -140,7 +128,7 @@ def test_a_long_lit_beginning_leaves_the_frames_in_which_rings_are_studied() -> 
 def test_rings_of_a_dark_film_give_its_scale(settings: dict[str, float]) -> None:
     found = calibrated(film(1.2, robots=5, **settings))
     assert found.calibration == RINGS
-    assert worst_cm(found.camera, **settings) <= 1.0
+    assert worst_cm(found.camera, make_camera(**settings)) <= 1.0
 
 
 def test_height_and_arena_are_those_that_are_known() -> None:

@@ -9,26 +9,17 @@ import pytest
 
 from epuck_sim import epuck
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera import CameraModel
 from epuck_sim.overhead.camera_fit import SeenRings, expected_rings, fit_camera
 from epuck_sim.overhead.floor import find_corners
-from tests.overhead.cameras import camera_of, picture_of, scattered
+from tests.overhead.cameras import AT_RINGS, FLOOR, camera_of, picture_of, scattered, worst_cm
 
 NO_RINGS = SeenRings(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
-FLOOR = np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float)
-AT_RINGS = np.array([(x, y, epuck.RING_HEIGHT_CM) for x in (4.0, 30.0, 56.0) for y in (4.0, 30.0, 56.0)])
 VGA = {"width_px": 640, "field_of_view_deg": 61.0}
 
 
 def by_corners(corners, size=(480, 480), floor_cm=(60.0, 60.0), above_cm=110.0):
     """Return the camera that follows from corners alone."""
     return fit_camera(size, floor_cm, above_cm, NO_RINGS, corners).camera
-
-
-def worst_cm(found: CameraModel, true: CameraModel):
-    """Return how far rings are misplaced by a camera that was found, at most."""
-    back = found.back_project(true.project(AT_RINGS), epuck.RING_HEIGHT_CM)
-    return np.hypot(*(back - AT_RINGS[:, :2]).T).max()
 
 
 @pytest.mark.parametrize(("degrees", "k1"), [(None, -0.05), (None, -0.3), (45.0, -0.3), (None, 0.3), (120.0, 0.3)])

@@ -8,13 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import load_scenario
-from epuck_sim.errors import FilmError
 from epuck_sim.estimate import Estimate
 from epuck_sim.overhead.compare import (
     QUANTITIES,
     UNLIKE,
     QuantityComparison,
-    check_one_group,
     compare_film,
     fit_film,
     fit_scenario,
@@ -125,8 +123,6 @@ def test_robots_of_several_groups_are_not_fitted_but_shown() -> None:
     film, robots = track_trial(SCENARIO, 1, FILM)
     both = load_scenario({"robots": [{"count": 2}, {"count": 3}]})
     assert fitted_values(both, film, robots).keys() == {"overhead.frames_per_s"}
-    with pytest.raises(FilmError, match=r"has 2 groups of robots; allowed: one"):
-        check_one_group(both)
 
 
 def test_a_speed_beyond_the_wheels_limit_is_fitted_as_the_limit() -> None:

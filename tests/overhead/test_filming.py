@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,24 +67,12 @@ def lit_rings(trial: Recorded, frame_s: float, exposure_s: float) -> tuple[Float
     return here[on.all(axis=0)], here[on.any(axis=0) & ~on.all(axis=0)]
 
 
-class Filmed(NamedTuple):
-    """A trial that was filmed and recorded while it ran."""
-
-    scenario: EmbodiedScenario
-    film: Path
-    recording: Path
-
-
-@pytest.fixture(scope="module")
-def filmed(tmp_path_factory: pytest.TempPathFactory) -> Filmed:
-    folder = tmp_path_factory.mktemp("trial")
-    scenario = load()
+def film_and_record(folder: Path, scenario: EmbodiedScenario) -> None:
     with (
-        film_trial(folder / "run.mp4", scenario, SEED) as filming,
-        record(folder / "run.rrd", scenario, SEED, Level.POSES) as recording,
+        film_trial(folder / "t.mp4", scenario, SEED) as filming,
+        record(folder / "t.rrd", scenario, SEED, Level.POSES) as recording,
     ):
         run_trial(Simulation(scenario, SEED), [filming, recording])
-    return Filmed(scenario, folder / "run.mp4", folder / "run.rrd")
 
 
 def contents(path: Path) -> tuple[list[Frame], dict[str, Any]]:
@@ -93,10 +81,12 @@ def contents(path: Path) -> tuple[list[Frame], dict[str, Any]]:
         return list(film.frames()), film.description
 
 
-def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -> None:
-    track = track_film(str(filmed.film), TrackOptions(), tmp_path / "rings.csv", passed)
+def test_tracker_finds_what_the_simulation_had(tmp_path: Path) -> None:
+    scenario = load()
+    film_and_record(tmp_path, scenario)
+    track = track_film(str(tmp_path / "t.mp4"), TrackOptions(), tmp_path / "rings.csv", passed)
     rows = read_rings(tmp_path / "rings.csv")
-    trial, exposure_s = read_recording(filmed.recording), filmed.scenario.overhead.exposure_ms / 1000
+    trial, exposure_s = read_recording(tmp_path / "t.rrd"), scenario.overhead.exposure_ms / 1000
     truth = [(time_s, *lit_rings(trial, time_s, exposure_s)) for time_s in track.times_s.tolist()]
     total = score_rows(rows, truth)
     certain = np.array([len(lit_cm) for _, lit_cm, _ in truth])
@@ -104,14 +94,9 @@ def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -
     assert (total.missed, total.false) == (0, 0)
     assert total.found >= sum(certain) > 60
     assert total.worst_cm <= 0.2
-    assert (track.counts >= certain).all()
-    assert (track.counts <= possible).all()
-    assert len(rows) == track.counts.sum()
+    assert ((certain <= track.counts) & (track.counts <= possible)).all()
     assert (track.calibration, track.period_s, track.warnings) == (DESCRIPTION, 1.0, ())
     assert track.times_s == pytest.approx(np.arange(round(trial.time_s[-1] * 30) + 1) / 30, abs=1e-4)
-    assert track.flash_ms == pytest.approx(200, abs=10)
-    assert track.flashes_per_period == pytest.approx(5, rel=0.15)
-    assert track.robots_seen == max(certain)
 
 
 def test_agents_are_discs_on_the_floor_of_their_space_and_red_when_they_have_fired(tmp_path: Path) -> None:
@@ -132,25 +117,16 @@ def test_agents_are_discs_on_the_floor_of_their_space_and_red_when_they_have_fir
             assert (red > 150, green > 90) == (lit, not lit)
 
 
-@pytest.mark.parametrize(
-    ("groups", "robots", "period_s"),
-    [
-        ([{"count": 3}], 3, 5.0),
+def test_film_says_how_many_flash_and_in_which_period() -> None:
+    never = {"count": 4, "controller": "constant"}
+    for groups, robots, period_s in [
         ([{"count": 3}, {"count": 4}], 7, 5.0),
         ([{"count": 3}, {"count": 4, "parameters": {"period_s": 2.0}}], 7, None),
-        ([{"count": 3}, {"count": 4, "controller": "constant"}], 3, 5.0),
-        ([{"count": 4, "controller": "constant"}], None, None),
-    ],
-    ids=["one group", "two groups", "two periods", "some that never flash", "none that flashes"],
-)
-def test_film_says_how_many_flash_and_in_which_period(
-    groups: list[dict[str, Any]], robots: int | None, period_s: float | None
-) -> None:
-    description = describe_film(load(robots=groups), SEED)
-    assert (description["robots"], description["period_s"]) == (robots, period_s)
-
-
-# --- captions ---------------------------------------------------------------------------------------
+        ([{"count": 3}, never], 3, 5.0),
+        ([never], None, None),
+    ]:
+        description = describe_film(load(robots=groups), SEED)
+        assert (description["robots"], description["period_s"]) == (robots, period_s)
 
 
 def frame(time_s: float) -> Frame:
@@ -195,11 +171,7 @@ def test_letters_are_white_edged_in_black_in_the_upper_left_corner() -> None:
 def test_a_trial_and_its_recording_have_the_same_captions_in_the_light_alone(tmp_path, written, light: str) -> None:
     overhead = {"width_px": 160, "height_px": 160, "frames_per_s": 5, "light": light}
     scenario = load(robots=[{"count": 3, "parameters": {"period_s": 1.0}}], overhead=overhead)
-    with (
-        record(tmp_path / "t.rrd", scenario, 1, Level.POSES) as recorder,
-        film_trial(tmp_path / "t.mp4", scenario, 1) as camera,
-    ):
-        run_trial(Simulation(scenario, 1), [recorder, camera])
+    film_and_record(tmp_path, scenario)
     live = list(written)
     written.clear()
     film_recording(tmp_path / "t.rrd", [], tmp_path / "r.mp4", passed)
@@ -243,8 +215,7 @@ def spied(monkeypatch: pytest.MonkeyPatch) -> Spied:
     return asked
 
 
-@pytest.mark.parametrize("rate", [1.0, 15.0, 29.97, 60.0])
-@pytest.mark.parametrize(("lit_s", "first_s"), [(0.0, 0.0), (2.0, 0.0), (0.0, 100.0)])
+@pytest.mark.parametrize(("rate", "lit_s", "first_s"), [(1.0, 0.0, 0.0), (29.97, 2.0, 0.0), (60.0, 0.0, 100.0)])
 @pytest.mark.usefixtures("spied")
 def test_frames_begin_at_multiples_of_their_interval(rate: float, lit_s: float, first_s: float) -> None:
     section = OverheadSection(frames_per_s=rate, exposure_ms=10, lit_start_s=lit_s)
@@ -264,8 +235,7 @@ def test_frame_comes_as_soon_as_its_exposure_has_ended() -> None:
     assert not list(camera.finish())
 
 
-@pytest.mark.parametrize("step", [3, 6, 7, 29])
-@pytest.mark.parametrize("is_on", [True, False])
+@pytest.mark.parametrize(("step", "is_on"), [(3, True), (6, False), (29, True)])
 def test_ring_switched_at_the_beginning_of_a_frame_is_switched_in_it(step: int, is_on: bool) -> None:
     frames = shoot(OverheadSection(frames_per_s=10, **CLEAN, **SMALL), flashing(lambda n: (n >= step) == is_on))
     red = [frame.picture[..., 0].max() > 200 for frame in frames]
@@ -306,7 +276,7 @@ def test_what_is_given_is_copied_and_forgotten(spied: Spied) -> None:
     poses, on = STILL.copy(), OFF.copy()
     list(camera.observe(0.0, poses, on))
     poses[:], on[:] = 0, True
-    for number in range(1, 500):
+    for number in range(1, 50):
         list(camera.observe(number * 0.02, STILL, OFF))
     assert len(camera._steps) <= 5
     assert all((sample.poses == STILL).all() and not sample.ring_on[0] for sample in spied[0][0])

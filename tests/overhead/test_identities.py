@@ -122,9 +122,6 @@ def test_a_flash_that_follows_one_long_before_or_after_is_no_alternative() -> No
     assert certainty == pytest.approx([np.nan, np.nan, 1 / (1 + np.exp(-5)), 1 / (1 + np.exp(-5))], nan_ok=True)
 
 
-# --- ways from flash to flash -----------------------------------------------------------------------
-
-
 def table(*rows: tuple[float, float, float, float, float]) -> FlashTable:
     """Return flashes with an onset, a place and a velocity each."""
     return FlashTable.of([Flash(at, at + 0.4, x, y, at, *velocity) for at, x, y, *velocity in rows])

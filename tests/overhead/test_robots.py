@@ -141,8 +141,6 @@ def test_a_film_without_flashes_gives_tables_without_rows(tmp_path: Path) -> Non
     assert summary(track, robots)["by_phases_s"] is None
 
 
-# --- phases and pairs -------------------------------------------------------------------------------
-
 ONSETS = np.array([0.0, 0.5, 1.0, 1.4, 2.0, 2.4, 4.0])
 ROBOT = np.array([0, 1, 0, 1, 0, 1, 0])
 

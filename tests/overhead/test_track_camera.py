@@ -23,12 +23,10 @@ from epuck_sim.overhead.camera_fit import RINGS
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.live import Watching, live_page, track_camera
 from epuck_sim.overhead.track import Track
+from tests.overhead.cameras import floor_corners
 from tests.overhead.films import LIT, SMALL, TIMES, even, in_step, make_camera, passed, read_rings, reel, shoot
 
-CORNERS_PX = tuple(
-    (float(x), float(y))
-    for x, y in make_camera().project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
-)
+CORNERS_PX = floor_corners(make_camera())
 
 
 class Imitation:
