@@ -6,7 +6,6 @@ frames; the spread of a histogram in seconds needs the true times.
 
 import json
 import math
-import mmap
 from array import array
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext, suppress
@@ -36,15 +35,6 @@ GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dr
 RESTART_S = 1.0  # time before the last time stamp from which a clock counts as restarted, not a frame as out of order
 LONGEST_GAP_S = 86_400.0  # time after it from which a clock counts as set anew: no camera is still for a day
 
-TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})  # by which FFmpeg renders text files as films of a terminal
-MOVIE_BOXES = frozenset({b"ftyp", b"mdat", b"free", b"skip", b"wide", b"moov"})  # types of an MP4 film's first box
-READABLE = "what FFmpeg reads, such as MP4, MKV, AVI or GIF"
-CUT_OFF = (
-    "was cut off before its recording was finished: the index at the end of an MP4 film (`moov`) is missing, and "
-    "without it nothing can be read; record it again, or copy it again if the original is whole"
-)
-
-
 ANY_METADATA: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
 """Options for films whose metadata are no UTF-8, which PyAV reads by itself from version 19 on."""
 
@@ -66,8 +56,12 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
             "number is 0 to 4, or an address such as http://..."
         ) from error
     except (FFmpegError, OSError, ValueError) as error:
-        reason = f"cannot be read as a film: {getattr(error, 'strerror', None) or error}; allowed: {READABLE}"
-        raise FilmError(f"{path_or_url}: {CUT_OFF if _lacks_index(source) else reason}") from error
+        raise FilmError(
+            f"{path_or_url}: cannot be read as a film: {getattr(error, 'strerror', None) or error}; allowed: what "
+            "FFmpeg reads, such as MP4, MKV, AVI or GIF; an MP4 film that was cut off before its recording was "
+            "finished lacks its index (`moov`), without which nothing can be read: record it again, or copy it again "
+            "if the original is whole"
+        ) from error
     with container:
         yield Film(path_or_url, container, _picture_stream(path_or_url, container))
 
@@ -245,16 +239,6 @@ def _resolve_file(path: str) -> str:
     return str(file)
 
 
-def _lacks_index(source: str) -> bool:
-    """Return whether a file is an MP4 or QuickTime film without a complete index."""
-    if not Path(source).is_file():
-        return False
-    with Path(source).open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
-        at = whole.rfind(b"moov") - 4
-        is_whole = at >= 0 and at + int.from_bytes(whole[at : at + 4]) <= len(whole)
-        return whole[4:8] in MOVIE_BOXES and not is_whole
-
-
 def _picture_stream(name: str, container: InputContainer) -> VideoStream:
     """Return the first video stream that is not a cover picture; raise FilmError if there is none to decode."""
     for stream in container.streams.video:
@@ -262,13 +246,9 @@ def _picture_stream(name: str, container: InputContainer) -> VideoStream:
             continue
         if stream.codec_context is None:
             raise FilmError(f"{name}: no decoder for its pictures is available; convert it: ffmpeg -i {name} film.mp4")
-        if stream.codec_context.name in TEXT_CODECS:
-            raise FilmError(f"{name}: is a text file, not a film; allowed: {READABLE}")
         return stream
-    if _lacks_index(container.name):
-        raise FilmError(f"{name}: {CUT_OFF}")
     kinds = ", ".join(sorted({stream.type for stream in container.streams})) or "nothing"
-    raise FilmError(f"{name}: holds no moving pictures, only {kinds}; give the film itself")
+    raise FilmError(f"{name}: holds no moving pictures, only {kinds}: cut off, or not the film itself; give that")
 
 
 def _duration_s(container: InputContainer, stream: VideoStream) -> float | None:

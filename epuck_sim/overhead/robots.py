@@ -1,6 +1,5 @@
 """Who is who in a film, by motion or by tags, and the tables that follow: flashes, a trace, pairs of robots."""
 
-import csv
 import json
 from collections.abc import Mapping
 from itertools import combinations
@@ -12,6 +11,7 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.display.table import csv_cell, csv_text
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.flashes import FlashTable, frames_lit
 from epuck_sim.overhead.identities import LONGEST, Identities, commonest_speed, link_flashes
@@ -28,6 +28,8 @@ MOST_KNOWN = 0.75  # share of the robots whose phase must be known for an order 
 SELDOM = 0.02  # share of the frames below which a number is a misreading of another tag, or of none
 NEAR_CM = 0.8 * epuck.RADIUS_CM  # largest distance of a flash from its robot's tag; the next robot is two radii away
 MAX_GAP_S = 1.5  # longest time without a reading over which a robot's way is taken to be straight
+
+TIMES = ("time_s", "onset_s", "duration_s")  # columns of times, none of which is unknown
 
 Columns = dict[str, npt.NDArray[Any]]
 """Columns of equal length, by their names."""
@@ -290,14 +292,9 @@ def write_table(path: Path, columns: Columns, metadata: Mapping[str, str]) -> No
             with part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
                 parquet.write_table(table.replace_schema_metadata(dict(metadata)), file, compression="zstd")
             return
-        with part.open("w", newline="") as text:
-            writer = csv.writer(text, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(zip(*(_texts(name, values) for name, values in columns.items()), strict=True))
+        cells = (map(_time_cell if name in TIMES else csv_cell, column.tolist()) for name, column in columns.items())
+        part.write_text(csv_text(columns, zip(*cells, strict=True)), encoding="utf-8", newline="")
 
 
-def _texts(name: str, values: npt.NDArray[Any]) -> list[str]:
-    if values.dtype.kind != "f":
-        return [str(value) for value in values.tolist()]
-    form = ".6f" if name.endswith("_s") and not name.endswith("cm_s") else ".6g"  # microseconds, however long a film is
-    return ["" if np.isnan(value) else format(value, form) for value in values.tolist()]
+def _time_cell(time_s: float) -> str:
+    return f"{time_s:.6f}"  # microseconds, however long a film is
