@@ -199,8 +199,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
             rows = buffer.flush()
             for time_ns, poses, is_lit in zip(rows.time_ns.tolist(), rows.poses, rows.ring_on, strict=True):
                 if abs(time_ns - frames * 1e9 / AGENTS_FRAMES_PER_S) < 2:  # not a row of an event
-                    frame = Frame(frames / AGENTS_FRAMES_PER_S, draw(poses, is_lit))
-                    writer.write(captions.write(frame))
+                    writer.write(captions.write(Frame(frames / AGENTS_FRAMES_PER_S, draw(poses, is_lit))))
                     frames += 1
 
         yield observe
@@ -208,8 +207,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
 
 def _origin(scenario: Scenario, seed: int) -> dict[str, Any]:
     """Return what a film says of how to make it again."""
-    made_by = versions()
-    return {"epuck_sim": made_by["epuck_sim"], "scenario": scenario.name, "seed": seed, "versions": made_by}
+    return {"epuck_sim": versions()["epuck_sim"], "scenario": scenario.name, "seed": seed, "versions": versions()}
 
 
 def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:
@@ -240,12 +238,9 @@ class VirtualCamera:
         kinds: Sequence[RobotKind] = (EPUCK,),
         lens: Lens | None = None,
     ) -> None:
-        """Place a camera above an arena, by default with the lens of the section; seed: that of the noise.
+        """Place a camera above an arena, see `overhead_camera`, by default with the lens of the section.
 
-        `kinds` are those of each robot, or one for all.
-
-        Raises:
-            EpuckSimError: The camera cannot see the arena (see `overhead_camera`).
+        The seed is that of the noise; `kinds` are those of each robot, or one for all.
         """
         camera = overhead_camera(section, arena.width_cm, arena.height_cm)
         self._renderer = Renderer(section, camera._replace(lens=lens or camera.lens), arena, seed, kinds)

@@ -160,15 +160,17 @@ def _is_around_middle(corners: FloatArray, shape: tuple[int, ...]) -> bool:
 
 def _borders_on_padding(grey: Float32Array, corners: FloatArray) -> bool:
     """Return whether there is nothing beyond one of the sides: bars around a film are black, lit rooms are nowhere."""
-    share = np.linspace(0.1, 0.9, PROBES)[:, None]
+    share = np.linspace(0.1, 0.9, PROBES)[:, None, None]
     away = corners.mean(axis=0) - corners
     beyond = corners - away * (PADDING_PX / np.hypot(*away.T))[:, None]
-    for start, end in zip(beyond, np.roll(beyond, -1, axis=0), strict=True):
-        at_column, at_row = (start + share * (end - start)).astype(np.float32).T
-        levels = cv2.remap(grey, at_column, at_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        if float(np.median(levels)) <= BLACK_LEVEL:
-            return True
-    return False
+    levels = _sampled(grey, beyond + share * (np.roll(beyond, -1, axis=0) - beyond))
+    return bool((np.median(levels, axis=0) <= BLACK_LEVEL).any())
+
+
+def _sampled(picture: Float32Array, points_px: FloatArray) -> FloatArray:
+    """Return (n, m) levels at (n, m, 2) px: columns and rows."""
+    at_column, at_row = np.moveaxis(points_px, -1, 0).astype(np.float32)
+    return np.asarray(cv2.remap(picture, at_column, at_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), float)
 
 
 class _Side(NamedTuple):
@@ -192,10 +194,8 @@ def _fit_side(
     outward = np.array([along[1], -along[0]]) / np.hypot(*along)
     outward *= np.sign(outward @ (start - middle))
     share, offsets = np.linspace(0.03, 0.97, PROBES), np.arange(-reach_px, reach_px, PROBE_STEP_PX)
-    points = start + share[:, None, None] * along + offsets[:, None] * outward
-    at_column, at_row = np.moveaxis(points, -1, 0).astype(np.float32)
-    values = cv2.remap(shade, at_column, at_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    off, has = _edges(np.abs(np.asarray(values, float) - 1))
+    values = _sampled(shade, start + share[:, None, None] * along + offsets[:, None] * outward)
+    off, has = _edges(np.abs(values - 1))
     if not has.any():
         return None
     share, off = share[has], off[has] * PROBE_STEP_PX - reach_px

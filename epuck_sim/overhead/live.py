@@ -25,7 +25,7 @@ from epuck_sim.overhead.film import FilmWriter, film_file
 from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.light import is_lit
-from epuck_sim.overhead.track import RingWriter, Track, analyse, ring_writer, track_frames
+from epuck_sim.overhead.track import Track, analyse, ring_writer, track_frames
 from epuck_sim.util.atomic_write import growing_text
 from epuck_sim.util.machine import HOST, check_port
 
@@ -134,12 +134,11 @@ class _Outputs:
 
     def __init__(self, live: "LiveCamera", to: Watching, period_s: float, files: ExitStack, tell: Tell) -> None:
         self._name, self._to, self._files = live.name, to, files
-        self._size_px = live.width_px, live.height_px
-        self._annotator = Annotator(*self._size_px, period_s)
+        self._annotator = Annotator(live.width_px, live.height_px, period_s)
         self._page = None if to.port is None else files.enter_context(live_page(live.name, to.port))
         if self._page is not None:
             tell(f"{self._page.address} shows {live.name}")
-        self._film = self._begin_film(to.record, *self._size_px)
+        self._film = self._begin_film(to.record, live.width_px, live.height_px)
 
     def _begin_film(self, path: Path | None, width_px: int, height_px: int) -> FilmWriter | None:
         if path is None:
@@ -148,9 +147,8 @@ class _Outputs:
 
     def begin(self) -> None:
         """Begin the files of what is found."""
-        self._write_rings: RingWriter | None = None
-        if self._to.rings is not None:
-            self._write_rings = ring_writer(self._files.enter_context(growing_text(self._to.rings)))
+        rings = self._to.rings
+        self._write_rings = None if rings is None else ring_writer(self._files.enter_context(growing_text(rings)))
         self._annotated = self._begin_film(self._to.annotate, self._annotator.width_px, self._annotator.height_px)
 
     def record(self, frame: Frame) -> Frame:

@@ -126,12 +126,9 @@ class RingFinder:
     """Finds rings in the pictures of one camera."""
 
     def __init__(self, camera: CameraModel, usual_light: float = 0.0, *, sees_discs: bool = False) -> None:
-        """Prepare what all pictures share.
+        """Prepare what all pictures share; usual_light: levels by which dark rings exceed their inside, if known.
 
-        Args:
-            camera: The camera.
-            usual_light: Levels by which dark rings exceed their inside, if they are known.
-            sees_discs: Whether discs of saturated light are rings, too; the scale must be known.
+        If `sees_discs`, discs of saturated light are rings, too; the scale must be known.
         """
         self.camera = camera
         self._sees_discs = sees_discs

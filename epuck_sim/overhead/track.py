@@ -136,7 +136,6 @@ class Snapshot(NamedTuple):
     """A frame of a film, and the rings found in it."""
 
     time_s: float
-    """Time of the frame on the film's clock."""
     picture: Picture
     rings_px: FloatArray
     """(rings, 3) px: column, row, radius."""
@@ -150,15 +149,10 @@ def track_film(
     lens: Path | None = None,
     floor_cm: tuple[float, float] | None = None,
 ) -> Track:
-    """Track a film, and write a CSV table of all rings in all frames.
+    """Track a film, given as a path or an address, and write a CSV table of all rings in all frames if it is wanted.
 
-    Args:
-        name: A path or an address.
-        options: What is known of the film.
-        rings: The table, if it is wanted.
-        progress: Shows how far the film has been read.
-        lens: The file of a calibrated lens.
-        floor_cm: Width and height of the floor, if neither the options nor the film's description have it.
+    `lens` is the file of a calibrated lens, `floor_cm` the floor's width and height if neither the options nor the
+    film's description have them.
 
     Raises:
         FilmError: The film cannot be read, or shows no swarm.
@@ -169,8 +163,7 @@ def track_film(
         if lens is not None:
             options = options._replace(lens=read_lens(lens, size_px))
         geometry = described_geometry(size_px, options, metadata)
-        options = options.with_defaults(metadata)
-        options = options._replace(arena_cm=options.arena_cm or floor_cm)
+        options = options.with_defaults(metadata, floor_cm)
         geometry = geometry or calibrate(name, size_px, excerpt(film.frames(), options), options)
     counter = RingCounter(geometry)
     reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
@@ -209,13 +202,10 @@ def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
     evaluations = deque(track.evaluations)
     sync_s = math.inf if track.histogram_s is None else track.start_s + track.histogram_s
     shown_s: float | None = None
-    with (
-        open_film(track.film) as film,
-        film_file(path, annotator.width_px, annotator.height_px, {"annotated": True}, path.stem) as writer,
-    ):
-        for frame, rings in zip(
-            progress(excerpt(film.frames(), track.options), film.duration_s), track.rings, strict=False
-        ):
+    size_px = annotator.width_px, annotator.height_px
+    with open_film(track.film) as film, film_file(path, *size_px, {"annotated": True}, path.stem) as writer:
+        frames = progress(excerpt(film.frames(), track.options), film.duration_s)
+        for frame, rings in zip(frames, track.rings, strict=False):
             is_due = evaluations and evaluations[0].time_s + track.period_s / 2 <= frame.time_s
             evaluation = evaluations.popleft() if is_due else None
             if evaluation is not None and evaluation.time_s >= sync_s - SAME_TIME_S:

@@ -11,15 +11,7 @@ from scipy.sparse import csr_array
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.flashes import Flash, FlashTable
-from epuck_sim.overhead.identities import (
-    SURE,
-    Habits,
-    _certainties,
-    _link,
-    commonest_speed,
-    link_flashes,
-    ways_between,
-)
+from epuck_sim.overhead.identities import SURE, Habits, _certainties, _link, commonest_speed, link_flashes, ways_between
 
 FLOOR_CM = (60.0, 60.0)
 PERIOD_S = 5.0
