@@ -109,7 +109,7 @@ class Renderer:
         self._arena = self._first_arena = arena
         self._random = np.random.default_rng(seed)
         drawn = self._random.standard_normal(3 * camera.width_px * camera.height_px + NOISE_OFFSETS, np.float32)
-        self._noise = np.rint(section.noise_levels * drawn).astype(np.int16)
+        self._noise: npt.NDArray[np.int16] = np.rint(section.noise_levels * drawn).astype(np.int16)
 
     def render(self, samples: Sequence[ExposureSample], *, room_is_lit: bool) -> Picture:
         """Return the picture of one exposure, to which all samples contribute equally.

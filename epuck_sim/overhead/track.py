@@ -106,16 +106,13 @@ class Track(NamedTuple):
     warnings: tuple[str, ...]
     """Sentences about what is doubtful."""
     times_s: FloatArray
-    """(frames,) s: times of the trial's frames on the film's clock."""
     counts: IntArray
-    """(frames,) lit rings in each of them."""
     evaluations: tuple[Evaluation, ...]
     flashes: tuple[Flash, ...]
-    """Flashes of the trial, in order of their onsets, without those of rings that are always lit."""
+    """As in `CountedRings`, like times, counts, rings and geometry, but without those of rings that are always lit."""
     steady: tuple[Flash, ...]
     """Rings that are always lit, as flashes."""
     rings: Sequence[Sequence[Ring]]
-    """Rings on the floor in each frame of the film."""
     geometry: Geometry
     options: TrackOptions
     """What was known of the film."""

@@ -40,14 +40,6 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> Track:
     return track_film(name, TrackOptions(), Path(name).with_suffix(".csv"), passed)
 
 
-def worst_cm(path: Path, times_s: Any) -> float:
-    """Return how far a table of rings is off where they were lit, after the check that it has all of them."""
-    truth = ((time_s, PLACES[on], np.empty((0, 2))) for time_s, on in zip(times_s, LIT, strict=True))
-    score = score_rows(read_rings(path), truth)
-    assert (score.found, score.missed, score.false) == (LIT.sum(), 0, 0)
-    return score.worst_cm
-
-
 def test_described_film_gives_its_trial(tracked: Track) -> None:
     assert (tracked.frames, tracked.calibration) == (len(TIMES), DESCRIPTION)
     assert tracked.counts.tolist() == LIT.sum(axis=1).tolist()
@@ -68,18 +60,11 @@ def test_trial_begins_in_the_dark(tracked: Track, tmp_path: Path) -> None:
     assert track.duration_s == pytest.approx(4.5, abs=1e-3)
     assert track.counts.tolist() == tracked.counts.tolist()
     assert track.histogram_s == pytest.approx(tracked.histogram_s, abs=1e-3)
-    assert worst_cm(tmp_path / "rings.csv", 1 + TIMES) <= 0.3
+    truth = ((time_s, PLACES[on], np.empty((0, 2))) for time_s, on in zip(1 + TIMES, LIT, strict=True))
+    score = score_rows(read_rings(tmp_path / "rings.csv"), truth)
+    assert (score.found, score.missed, score.false, score.worst_cm <= 0.3) == (LIT.sum(), 0, 0, True)
     assert snapshot(track).time_s == pytest.approx(3.5, abs=0.1)
     assert len(snapshot(track).rings_px) == 6
-
-
-def test_lit_film_is_tracked(tmp_path: Path, tracked: Track) -> None:
-    name = save(tmp_path / "lit.mp4", shoot(TIMES, LIT, light="lit"), described(light="lit"))
-    track = track_film(name, TrackOptions(), tmp_path / "rings.csv", passed)
-    assert track.start_s == 0
-    assert track.counts.tolist() == LIT.sum(axis=1).tolist()
-    assert worst_cm(tmp_path / "rings.csv", TIMES) <= 0.2
-    assert track.histogram_s == pytest.approx(tracked.histogram_s)
 
 
 def test_doubled_and_dropped_frames_move_nothing(tracked: Track, tmp_path: Path) -> None:
