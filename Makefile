@@ -73,7 +73,7 @@ torture: $(VENV)/test-tools ## every command that writes, with kills and full di
 	TORTURE=25 timeout 3600 $(BIN)/python -m pytest -m "slow or not slow" -rP -n 2 tests/sweep/test_torture.py tests/runs/test_checksums.py \
 	    tests/runs/test_durable.py tests/runs/test_merge.py \
 	    tests/cli/test_far_fetched.py tests/cli/test_job_array.py tests/util/test_machine.py \
-	    tests/recording/test_damaged.py tests/overhead/test_damaged_films.py tests/sweep/test_run.py
+	    tests/recording/test_damaged.py tests/overhead/test_film.py tests/sweep/test_run.py
 
 figures: $(VENV)/installed ## make the figures and tables of the docs anew; hours, but it can be stopped and goes on
 	mkdir -p runs

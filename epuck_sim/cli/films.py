@@ -233,10 +233,7 @@ def track(
     reject_first(
         ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
         (end is not None and end <= start, "--end-s is not after --start-s"),
-        (
-            camera is not None and any((start, end, fps, tags)),
-            "--camera excludes --start-s, --end-s, --fps, --tags",
-        ),
+        (camera is not None and any((start, end, fps, tags)), "--camera excludes --start-s, --end-s, --fps, --tags"),
         (camera is None and (web or record is not None), "--web and --record are for --camera"),
         (port is not None and not web, "--port is for --web"),
         (
@@ -249,7 +246,6 @@ def track(
     from epuck_sim.overhead.live import Watching, track_camera
     from epuck_sim.overhead.robots import find_robots, save_robots
     from epuck_sim.overhead.track import annotate_film, snapshot, track_film
-    from epuck_sim.util.machine import check_port
 
     options = scene_options(arena, height, corners, period, robots, tags)._replace(
         threshold_ms=threshold,
@@ -268,17 +264,13 @@ def track(
     }
     inputs = {} if film is None else {"the film": film}
     check_outputs(inputs, outputs, {} if plot is None else {"--plot": [plot, plot.with_suffix(".csv")]})
-    if web:
-        check_port(port or WEB_PORT)
     if camera is not None and period is not None:
         watching = Watching(record, rings, annotate, (port or WEB_PORT) if web else None)
         tracked = track_camera(camera, options, watching, progress_bar("tracking"), print_stderr, lens)
     else:
         assert film is not None  # otherwise it was refused above
         tracked = track_film(film, options, rings, progress_bar("tracking"), lens)
-    robots_found = None
-    if tags is not None or any(tables.values()):
-        robots_found = find_robots(tracked)
+    robots_found = find_robots(tracked) if tags is not None or any(tables.values()) else None
     print_doubts((*tracked.warnings, *(robots_found.warnings if robots_found else ())))
     (print_track_json if as_json else print_track)(tracked, robots_found)
     if robots_found is not None:
@@ -335,13 +327,11 @@ def compare_film(
 
         stem, formats = parse_target(plot)
         files["--plot"] = check_files(stem, (*formats, ".csv"))
-    check_outputs(
-        {"the film": film, "SCENARIO": scenario},
-        {"--plot": (plot, None), "--fit": (fit, [".yaml", ".yml"])},
-        files,
-    )
-    if fit is not None:
-        compare.check_one_group(loaded)
+    outputs = {"--plot": (plot, None), "--fit": (fit, [".yaml", ".yml"])}
+    check_outputs({"the film": film, "SCENARIO": scenario}, outputs, files)
+    groups = len(loaded.robots)
+    one = f"{loaded.name}: has {groups} groups of robots; allowed: one, to fit it to a film"
+    reject_first((fit is not None and groups > 1, one))
     simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
     track = track_film(film, options, None, progress_bar("tracking"), lens, simulated_cm)
     found = find_robots(track)

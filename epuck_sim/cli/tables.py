@@ -240,8 +240,8 @@ def print_comparison_json(
 
     quantities = [
         {
-            "name": row.quantity.name,
-            "unit": row.quantity.unit,
+            "name": row.name,
+            "unit": row.unit,
             "film": row.film,
             "film_is_beyond": math.isinf(row.film),
             "percentile": row.percentile,
@@ -277,8 +277,8 @@ def _cells_of_quantity(row: "QuantityComparison") -> dict[str, Any]:
     if len(known):
         low, middle, high = np.quantile(known, (0.05, 0.5, 0.95), method="nearest").tolist()
     return {
-        "quantity": row.quantity.name,
-        "unit": row.quantity.unit,
+        "quantity": row.name,
+        "unit": row.unit,
         "film": "beyond" if math.isinf(row.film) else significant(row.film),
         "trials": Estimate(middle, low, high),
         "percentile": Share(row.percentile / 100),

@@ -183,7 +183,7 @@ def comparison_table(rows: Sequence[QuantityComparison]) -> Table:
     for row in rows:
         for trial, value in [("film", row.film), *enumerate(row.trials.tolist())]:
             status = "unknown" if math.isnan(value) else "beyond" if math.isinf(value) else "known"
-            cells.append([row.quantity.name, row.quantity.unit, trial, csv_cell(value), status])
+            cells.append([row.name, row.unit, trial, csv_cell(value), status])
     return Table(("quantity", "unit", "trial", "value", "status"), cells)
 
 
@@ -212,4 +212,4 @@ def _draw_quantity(panel: Axes, row: QuantityComparison) -> None:
         notes.append("film: beyond its end")
     notes.append(f"film at {row.percentile:.0f} %")
     panel.set_title("\n".join(notes), fontsize="small", loc="left")
-    panel.set(xlabel=f"{row.quantity.name} ({row.quantity.unit})", ylabel="trials")
+    panel.set(xlabel=f"{row.name} ({row.unit})", ylabel="trials")

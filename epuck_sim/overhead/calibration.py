@@ -76,19 +76,17 @@ class TrackOptions(NamedTuple):
     fps: float | None = None
     """Frames per second, instead of the film's own time stamps."""
 
-    def with_defaults(self, metadata: FilmMetadata) -> Self:
-        """Return these options, completed from a film's metadata where they are None."""
+    def with_defaults(self, metadata: FilmMetadata, arena_cm: tuple[float, float] | None = None) -> Self:
+        """Return these options, completed where they are None from a film's metadata, or else by an arena's size."""
         return self._replace(
-            arena_cm=self.arena_cm or metadata.arena_cm,
+            arena_cm=self.arena_cm or metadata.arena_cm or arena_cm,
             period_s=self.period_s or metadata.period_s,
             robots=self.robots or metadata.robots,
         )
 
     def threshold_s(self, period_s: float, flash_s: float) -> float:
         """Return the threshold of the histogram: the one given, or the bound of Appendix C."""
-        if self.threshold_ms is not None:
-            return self.threshold_ms / 1000
-        return spread_threshold_s(period_s, flash_s)
+        return spread_threshold_s(period_s, flash_s) if self.threshold_ms is None else self.threshold_ms / 1000
 
 
 def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
@@ -114,17 +112,15 @@ def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:
 
 def described_geometry(size_px: tuple[int, int], options: TrackOptions, metadata: FilmMetadata) -> Geometry | None:
     """Return the geometry in a film's metadata; None if there is none, or options or pictures are not like it."""
-    if metadata.overhead is None or metadata.arena_cm is None:
-        return None
-    if options.corners_px or options.arena_cm or options.height_cm or options.lens:
+    is_told = options.corners_px or options.arena_cm or options.height_cm or options.lens
+    if metadata.overhead is None or metadata.arena_cm is None or is_told:
         return None
     try:
         camera = overhead_camera(OverheadSection(**metadata.overhead), *metadata.arena_cm)
     except (EpuckSimError, ValidationError):  # written by another version
         return None
-    if (camera.width_px, camera.height_px) != size_px:
-        return None
-    return Geometry(camera, metadata.arena_cm, DESCRIPTION, True)
+    is_same = (camera.width_px, camera.height_px) == size_px
+    return Geometry(camera, metadata.arena_cm, DESCRIPTION, True) if is_same else None
 
 
 def calibrate(
@@ -151,9 +147,8 @@ def calibrate(
             f"--arena-cm is {floor_cm[0]:g}x{floor_cm[1]:g}: a camera {above_cm:.3g} cm above it would be "
             f"among the robots; the unit is cm; give another height, {MIN_HEIGHT_CM:g} or more, by --height-cm"
         )
-    corners: FloatArray | None = None if options.corners_px is None else np.array(options.corners_px, float)
-    if corners is None:
-        corners, frames = _lit_corners(frames)
+    is_given = options.corners_px is not None
+    corners, frames = (np.array(options.corners_px, float), frames) if is_given else _lit_corners(frames)
     background = Background()
     dark = _after_light(frames, most_lit_s)
     rings = measure_rings(dark if corners is None else islice(dark, most_frames), background, most_frames)
@@ -164,7 +159,7 @@ def calibrate(
             "their size"
         )
     found = fit_camera(size_px, floor_cm, above_cm, rings, corners, options.lens)
-    if corners is not None and options.corners_px is None:
+    if corners is not None and not is_given:
         found = found._replace(calibration=LIGHT)
     if found.tilt_deg > MAX_TILT_DEG:
         raise FilmError(

@@ -68,14 +68,12 @@ class Lens(NamedTuple):
         return np.array([[self.focal_px, 0, column], [0, self.focal_down_px, row], [0, 0, 1]])
 
 
-def simple_lens(width_px: int, height_px: int, focal_px: float, k1: float = 0.0) -> Lens:
-    """Return a lens with square pixels whose axis meets the middle of the picture; k1: its radial distortion."""
-    return Lens(focal_px, focal_px, ((width_px - 1) / 2, (height_px - 1) / 2), (k1, 0.0, 0.0, 0.0))
+def simple_lens(width_px: int, height_px: int, focal_px: float, k1: float = 0.0, is_fisheye: bool = False) -> Lens:
+    """Return a lens with square pixels whose axis meets the middle of the picture; k1: its radial distortion.
 
-
-def fisheye_lens(width_px: int, height_px: int, focal_px: float) -> Lens:
-    """Return an equidistant fisheye lens: pixels off the middle are proportional to angles off the axis."""
-    return simple_lens(width_px, height_px, focal_px)._replace(is_fisheye=True)
+    A fisheye lens with k1 = 0 is equidistant: pixels off the middle are proportional to angles off the axis.
+    """
+    return Lens(focal_px, focal_px, ((width_px - 1) / 2, (height_px - 1) / 2), (k1, 0.0, 0.0, 0.0), is_fisheye)
 
 
 class CameraModel(NamedTuple):
@@ -182,8 +180,8 @@ def _lens(section: OverheadSection, width_cm: float, height_cm: float, above_cm:
         sides = zip(size, (width_cm, height_cm), strict=True)
         focals_px = [pixels * (above_cm - WALL_HEIGHT_CM) / (side_cm * MARGIN) for pixels, side_cm in sides]
     if section.lens == "fisheye":
-        sides_and_focals = zip(size, focals_px, strict=False)
-        return fisheye_lens(*size, min(side / 2 / math.atan(side / 2 / focal) for side, focal in sides_and_focals))
+        focals_px = [side / 2 / math.atan(side / 2 / focal) for side, focal in zip(size, focals_px, strict=False)]
+        return simple_lens(*size, min(focals_px), is_fisheye=True)
     focal_px = min(focals_px)
     corner = math.hypot(*size) / 2 / focal_px
     lowest = -1 / (3 * (1.5 * corner) ** 2)  # r + k1 r^3 turns back where it is 2/3 of r

@@ -15,9 +15,9 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.geometry import polygon_area
-from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, Frame, Geometry, Lens, fisheye_lens, simple_lens
+from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, Frame, Geometry, Lens, Light, simple_lens
 from epuck_sim.overhead.floor import check_corners
-from epuck_sim.overhead.light import LEAST_LIGHT, Background, RingLight, is_lit, ring_light
+from epuck_sim.overhead.light import LEAST_LIGHT, Background, is_lit, ring_light
 from epuck_sim.overhead.rings import RingFinder
 
 CORNERS = "the corners given"
@@ -73,21 +73,21 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
     Reading ends when there are enough, or `most_frames` after the first frame with a ring.
     """
     survey = _Survey()
-    first: RingLight | None = None
+    first: Light | None = None
     last_s, last_lit_px, since = -math.inf, 0, 0
     for frame in frames:
         if first is None and not is_lit(frame.picture):
-            first = ring_light(frame.picture)
-            background.levels = first.levels if background.levels is None else background.levels
+            first, _ = ring_light(frame.picture)
+            background.levels = first if background.levels is None else background.levels
         since += bool(survey.found)
-        light = background.light_beyond(frame)
-        if light.room_is_lit:
+        light, room_is_lit = background.light_beyond(frame)
+        if room_is_lit:
             continue
-        lit_px = int(np.count_nonzero(light.levels >= LEAST_LIGHT))
+        lit_px = int(np.count_nonzero(light >= LEAST_LIGHT))
         if lit_px and (frame.time_s - last_s >= APART_S or lit_px > last_lit_px):
             last_s, last_lit_px = frame.time_s, lit_px
             survey.examine(light)
-        if survey.is_enough or since >= most_frames:
+        if len(survey.found) >= ENOUGH_RINGS or survey.pictures >= ENOUGH_PICTURES or since >= most_frames:
             break
     if first is not None and not survey.found:  # what shone in the first picture never went off
         background.levels = None
@@ -102,16 +102,12 @@ class _Survey:
         self.found: list[list[float]] = []
         self._finders: list[RingFinder] = []
         self._useful: list[int] = []
-        self._pictures = 0
+        self.pictures = 0  # with rings
 
-    @property
-    def is_enough(self) -> bool:
-        return len(self.found) >= ENOUGH_RINGS or self._pictures >= ENOUGH_PICTURES
-
-    def examine(self, light: RingLight) -> None:
+    def examine(self, light: Light) -> None:
         """Search rings in the light of a dark picture; keep those that fit best where several are at one place."""
         if not self._finders:
-            rows, columns = light.levels.shape
+            rows, columns = light.shape
             sizes = math.floor(math.log(MAX_RADIUS * min(rows, columns) / MIN_RADIUS_PX, STEP)) + 1
             px_per_cm = MIN_RADIUS_PX * STEP ** np.arange(sizes) / epuck.RING_RADIUS_CM
             focals_px = (px_per_cm * (VIEW_HEIGHT_CM - epuck.RING_HEIGHT_CM)).tolist()
@@ -121,7 +117,7 @@ class _Survey:
             self._useful = [0] * len(self._finders)
         seen: list[list[float]] = []
         for index, finder in enumerate(self._finders):
-            if self._pictures < SURVEYED or self._useful[index]:
+            if self.pictures < SURVEYED or self._useful[index]:
                 rings = _seen_by(finder, light)
                 self._useful[index] += len(rings)
                 seen += rings
@@ -130,7 +126,7 @@ class _Survey:
             if all(math.dist(ring[:2], other[:2]) > max(ring[2], other[2]) for other in kept):
                 kept.append(ring)
         self.found += kept
-        self._pictures += bool(seen)
+        self.pictures += bool(seen)
 
     def seen_rings(self) -> SeenRings:
         """Return the rings that are bright; the fit leaves out those of other sizes."""
@@ -141,7 +137,7 @@ class _Survey:
         return SeenRings(table[:, :2], table[:, 2], table[:, 3:5], light)
 
 
-def _seen_by(finder: RingFinder, light: RingLight) -> list[list[float]]:
+def _seen_by(finder: RingFinder, light: Light) -> list[list[float]]:
     """Return what a finder with a search camera sees of each ring.
 
     That is column, row and radius, px; flattening, cosine and sine; light, levels; and misfit relative to the radius.
@@ -153,8 +149,7 @@ def _seen_by(finder: RingFinder, light: RingLight) -> list[list[float]]:
     places_px = finder.camera.project(finder.view.centres_cm(fits))
     radii_cm, levels, misfits_cm = np.array([(fit.radius_cm, fit.light, fit.misfit_cm) for fit in fits]).T
     flattening = np.array([fit.flattening for fit in fits]) * (1, -1)  # rows of the view count upwards
-    rings = np.column_stack([places_px, radii_cm * px_per_cm, flattening, levels, misfits_cm / radii_cm])
-    return list(rings.tolist())
+    return list(np.column_stack([places_px, radii_cm * px_per_cm, flattening, levels, misfits_cm / radii_cm]).tolist())
 
 
 def fit_camera(
@@ -251,10 +246,8 @@ class _Fit:
             position = middle + above_cm * np.array([*values[3:5], 1.0])
         else:
             position = middle - rotation[2] * above_cm / -rotation[2, 2]
-        lens, focal_px = self._lens, math.exp(values[5])
-        if lens is None and self._is_fisheye:
-            lens = fisheye_lens(*self._size_px, focal_px)
-        return CameraModel(*self._size_px, lens or simple_lens(*self._size_px, focal_px, values[6]), rotation, position)
+        lens = self._lens or simple_lens(*self._size_px, math.exp(values[5]), values[6], self._is_fisheye)
+        return CameraModel(*self._size_px, lens, rotation, position)
 
     def _misses(self, free_values: FloatArray, shape_error: float) -> FloatArray:
         values = self._filled(free_values)

@@ -145,10 +145,8 @@ def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Estimate, Estim
 
 def _ends(grid: FloatArray, likely: FloatArray) -> tuple[float, float]:
     """Return the ends of the interval in which a profile is likely enough, a step wider at most."""
-    inside = np.flatnonzero(likely >= -CUT)
-    step = grid[1] - grid[0]
-    low, high = float(grid[inside[0]] - step), float(grid[inside[-1]] + step)
-    return max(low, float(grid[0])), high
+    inside, step = grid[likely >= -CUT], grid[1] - grid[0]
+    return float(max(inside[0] - step, grid[0])), float(inside[-1] + step)
 
 
 UNLIKE = 0.05  # p-value from which on a film is unlike the trials
@@ -160,19 +158,11 @@ NEAR_WALL_CM = 5.0  # distance from a wall within which a robot's middle is near
 SEEN_SHARE = 0.1  # share of an exposure for which a ring must be lit to be seen; our estimate
 
 
-class Quantity(NamedTuple):
-    """A number that a film and trials have."""
-
-    name: str
-    unit: str
-    of: Callable[[Track, Robots], float]
-    """Returns it: NaN if the film does not tell, infinity if it is beyond the film's end."""
-
-
 class QuantityComparison(NamedTuple):
     """A quantity of a film, compared with that of simulated trials."""
 
-    quantity: Quantity
+    name: str
+    unit: str
     film: float
     trials: FloatArray
     """(trials,) the same quantity of trials; NaN where they do not tell."""
@@ -203,11 +193,10 @@ class QuantityComparison(NamedTuple):
         """
         values = np.append(self.film, self.trials)
         is_finite, is_known = np.isfinite(values), ~np.isnan(values)
-        if not is_known[0] or not is_finite.any() or is_known.sum() < max(3.0, FEWEST_KNOWN * len(values)):
-            return np.zeros(len(values))
-        longest = values[is_finite].max()
-        values = np.where(np.isinf(values), longest, values)
         distances = np.zeros(len(values))
+        if not is_known[0] or not is_finite.any() or is_known.sum() < max(3.0, FEWEST_KNOWN * len(values)):
+            return distances
+        values = np.where(np.isinf(values), values[is_finite].max(), values)
         for index in np.flatnonzero(is_known):
             others = values[is_known & (np.arange(len(values)) != index)]
             spread = max(float(others.std(ddof=1)), LEAST_SPREAD * float(np.abs(others).max()), 1e-12)
@@ -250,7 +239,7 @@ def judge(rows: Sequence[QuantityComparison]) -> Verdict:
     far = np.argsort(-np.abs(distances[:, 0]))[:MOST_NAMED]
     bound = np.sort(largest[1:])[-max(1, int(UNLIKE * trials))]
     named = [
-        f"{rows[index].quantity.name} is {'higher' if distances[index, 0] > 0 else 'lower'}"
+        f"{rows[index].name} is {'higher' if distances[index, 0] > 0 else 'lower'}"
         for index in far
         if abs(distances[index, 0]) >= bound
     ]
@@ -272,11 +261,9 @@ def compare_film(
             track, found = track_trial(scenario, trial_seed(scenario.seed, trial), film)
         except FilmError:  # nothing is known of it
             continue
-        values[:, trial] = [quantity.of(track, found) for quantity in QUANTITIES]
-    return [
-        QuantityComparison(quantity, quantity.of(film, robots), row)
-        for quantity, row in zip(QUANTITIES, values, strict=True)
-    ]
+        values[:, trial] = [measured(track, found) for measured in QUANTITIES.values()]
+    rows = zip(QUANTITIES.items(), values, strict=True)
+    return [QuantityComparison(*named, measured(film, robots), row) for (named, measured), row in rows]
 
 
 def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Track, Robots]:
@@ -299,8 +286,6 @@ def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Tra
         counts=is_lit.sum(axis=1),
         areas_px=np.zeros(len(times_s), np.int64),
         flashes=linker.flashes,
-        outside=0,
-        always_lit=(),
         geometry=film.geometry._replace(floor_cm=(scenario.arena.width_cm, scenario.arena.height_cm)),
     )
     robots = None if film.options.robots is None else is_lit.shape[1]
@@ -313,9 +298,8 @@ def track_trial(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Tra
 
 
 def _within(track: Track, value: float | None) -> float:
-    if value is not None:
-        return value
-    return math.nan if track.confidence == "none" else math.inf
+    never = math.nan if track.confidence == "none" else math.inf
+    return never if value is None else value
 
 
 def _median_cycle(_: Track, robots: Robots) -> float:
@@ -338,16 +322,17 @@ def _clock_rates(track: Track, robots: Robots) -> float:
     return fit_film(track, robots).get("spread.clock_rate", UNDETERMINED).value
 
 
-QUANTITIES = (
-    Quantity("T_sync", "cycles", lambda track, _: _within(track, track.t_sync_cycles)),
-    Quantity("T_sync by the histogram", "periods", lambda track, _: _within(track, track.histogram_periods)),
-    Quantity("flash", "ms", lambda track, _: track.flash_ms),
-    Quantity("median cycle", "s", _median_cycle),
-    Quantity("speed straight ahead", "cm/s", lambda _, robots: robots.identities.speed_cm_s),
-    Quantity("flashes of robots that turn or stand", "share", _slow),
-    Quantity(f"flashes within {NEAR_WALL_CM:g} cm of a wall", "share", _near_walls),
-    Quantity("half-width of clock rates", "share", _clock_rates),
-)
+QUANTITIES: dict[tuple[str, str], Callable[[Track, Robots], float]] = {
+    ("T_sync", "cycles"): lambda track, _: _within(track, track.t_sync_cycles),
+    ("T_sync by the histogram", "periods"): lambda track, _: _within(track, track.histogram_periods),
+    ("flash", "ms"): lambda track, _: track.flash_ms,
+    ("median cycle", "s"): _median_cycle,
+    ("speed straight ahead", "cm/s"): lambda _, robots: robots.identities.speed_cm_s,
+    ("flashes of robots that turn or stand", "share"): _slow,
+    (f"flashes within {NEAR_WALL_CM:g} cm of a wall", "share"): _near_walls,
+    ("half-width of clock rates", "share"): _clock_rates,
+}
+"""Numbers that films and trials have, by name and unit: NaN if a film does not tell, inf if beyond its end."""
 
 
 def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -357,14 +342,12 @@ def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Float
         (frames,) s; (frames, robots, 3) poses in cm and rad, NaN where a robot is not in the arena; and
         (frames, robots) whether rings are seen to be lit.
     """
-    times, rows, lit = [], [], []
+    steps: list[tuple[float, FloatArray, BoolArray]] = []
     for step in Simulation(scenario, seed):
-        times.append(step.time_s)
-        rows.append(step.poses.copy())
-        lit.append(step.ring_on & step.present)
+        steps.append((step.time_s, step.poses.copy(), step.ring_on & step.present))
         if step.time_s >= film.duration_s:
             break
-    steps_s, poses, ring_on = np.array(times), np.array(rows), np.array(lit)
+    steps_s, poses, ring_on = map(np.array, zip(*steps, strict=True))
     exposure_s = min(scenario.overhead.exposure_ms / 1000, 1 / film.fps)
     frames_s = np.arange(0.0, film.duration_s - exposure_s, 1 / film.fps)
     at_s = frames_s + exposure_s / 2
@@ -374,8 +357,7 @@ def _simulate(scenario: EmbodiedScenario, seed: int, film: Track) -> tuple[Float
             seen[:, robot, axis] = np.interp(at_s, steps_s, poses[:, robot, axis])
     moments = (frames_s + share * exposure_s for share in (SEEN_SHARE, 1 - SEEN_SHARE))
     begin, end = (ring_on[np.searchsorted(steps_s, moment, side="right") - 1] for moment in moments)
-    # between a step with a robot and one without it, it is nowhere
-    is_there: BoolArray = np.logical_not(np.isnan(seen).any(axis=2))
+    is_there: BoolArray = ~np.isnan(seen).any(axis=2)  # between a step with a robot and one without it, it is nowhere
     return frames_s, np.where(is_there[..., None], seen, np.nan), (begin | end) & is_there
 
 
@@ -384,31 +366,18 @@ def fitted_values(scenario: EmbodiedScenario, track: Track, robots: Robots) -> d
 
     Of several groups of robots, a film does not show whose values are whose: it determines only those of the camera.
     """
-    groups = len(scenario.robots)
-    known = {f"robots.0.parameters.{name}" for name in scenario.robots[0].parameters}
-    return {
-        key: value
-        for key, value in fit_film(track, robots).items()
-        if key.startswith("overhead.") or (groups == 1 and (key in known or not key.startswith("robots.")))
-    }
-
-
-def check_one_group(scenario: EmbodiedScenario) -> None:
-    """Raise FilmError if a scenario cannot be fitted to a film, because its robots are not all alike."""
+    known, fitted = {f"robots.0.parameters.{name}" for name in scenario.robots[0].parameters}, fit_film(track, robots)
     if len(scenario.robots) > 1:
-        raise FilmError(
-            f"{scenario.name}: has {len(scenario.robots)} groups of robots; allowed: one, to fit it to a film"
-        )
+        return {key: value for key, value in fitted.items() if key.startswith("overhead.")}
+    return {key: value for key, value in fitted.items() if key in known or not key.startswith("robots.")}
 
 
 def fit_scenario(scenario: EmbodiedScenario, fitted: dict[str, Estimate]) -> EmbodiedScenario:
-    """Return a scenario with fitted values, and an exposure that is no longer than a frame.
+    """Return a scenario of one group with fitted values, and an exposure that is no longer than a frame.
 
     Raises:
-        FilmError: The scenario has several groups of robots.
         ScenarioError: A fitted value is not allowed.
     """
-    check_one_group(scenario)
     digits = {key: 3 if key.endswith(".period_s") else 6 for key in fitted}  # periods are whole milliseconds
     values = {key: round(value.value, digits[key]) for key, value in fitted.items()}
     if SPEED in values:  # which may be measured beyond what wheels can do

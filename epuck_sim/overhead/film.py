@@ -6,11 +6,11 @@ frames; the spread of a histogram in seconds needs the true times.
 
 import json
 import math
-import mmap
 from array import array
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext, suppress
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -35,15 +35,6 @@ GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dr
 RESTART_S = 1.0  # time before the last time stamp from which a clock counts as restarted, not a frame as out of order
 LONGEST_GAP_S = 86_400.0  # time after it from which a clock counts as set anew: no camera is still for a day
 
-TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})  # by which FFmpeg renders text files as films of a terminal
-MOVIE_BOXES = frozenset({b"ftyp", b"mdat", b"free", b"skip", b"wide", b"moov"})  # types of an MP4 film's first box
-READABLE = "what FFmpeg reads, such as MP4, MKV, AVI or GIF"
-CUT_OFF = (
-    "was cut off before its recording was finished: the index at the end of an MP4 film (`moov`) is missing, and "
-    "without it nothing can be read; record it again, or copy it again if the original is whole"
-)
-
-
 ANY_METADATA: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
 """Options for films whose metadata are no UTF-8, which PyAV reads by itself from version 19 on."""
 
@@ -65,8 +56,12 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
             "number is 0 to 4, or an address such as http://..."
         ) from error
     except (FFmpegError, OSError, ValueError) as error:
-        reason = f"cannot be read as a film: {getattr(error, 'strerror', None) or error}; allowed: {READABLE}"
-        raise FilmError(f"{path_or_url}: {CUT_OFF if _lacks_index(source) else reason}") from error
+        raise FilmError(
+            f"{path_or_url}: cannot be read as a film: {getattr(error, 'strerror', None) or error}; allowed: what "
+            "FFmpeg reads, such as MP4, MKV, AVI or GIF; an MP4 film that was cut off before its recording was "
+            "finished lacks its index (`moov`), without which nothing can be read: record it again, or copy it again "
+            "if the original is whole"
+        ) from error
     with container:
         yield Film(path_or_url, container, _picture_stream(path_or_url, container))
 
@@ -74,23 +69,16 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
 class Film:
     """A film that is being read; only one frame at a time is in memory, whatever the film's length."""
 
-    name: str
-    """The path or address."""
-    width_px: int
-    height_px: int
-    description: dict[str, Any] | None
-    """The description that this package stored in the film; None in a film from elsewhere."""
-    duration_s: float | None
-    """Duration that the file declares, which may be wrong; None if it declares none."""
-    is_pictures: bool
-    """Whether it is a series of numbered pictures, which have no times."""
-
     def __init__(self, name: str, container: InputContainer, stream: VideoStream) -> None:
         self.name = name
+        """The path or address."""
         self.description = _read_description(container.metadata)
+        """The description that this package stored in the film; None in a film from elsewhere."""
         self.duration_s = _duration_s(container, stream)
-        self._container, self._stream = container, stream
+        """Duration that the file declares, which may be wrong; None if it declares none."""
         self.is_pictures = container.format.name == "image2"
+        """Whether it is a series of numbered pictures, which have no times."""
+        self._container, self._stream = container, stream
         self._rate = stream.average_rate or Fraction(UNSTAMPED_RATE)
         self._clock = FilmClock(1 / self._rate)
         self._damaged = 0
@@ -149,8 +137,7 @@ class Film:
     def _read(self, first: VideoFrame, others: Iterator[VideoFrame]) -> Iterator[Frame]:
         reformatter = VideoReformatter()  # shared by all frames: creating one takes longer than using it
         has_no_stamps = self._container.format.name == "avi"  # but decoding times, which have the same order
-        picture: VideoFrame | None = first
-        while picture is not None:
+        for picture in chain([first], others):
             if (picture.width, picture.height) != (first.width, first.height):
                 raise FilmError(
                     f"{self.name}: the size of its pictures changes from {first.width} x {first.height} to "
@@ -163,7 +150,6 @@ class Film:
                 turned = np.rot90(pixels, round(first.rotation / 90))  # as players show it
                 yield Frame(time_s, np.ascontiguousarray(turned, np.uint8))
             lasted_s = float(picture.duration * unit_s) if picture.duration and unit_s else 0.0
-            picture = next(others, None)
         usual_s = self._clock.median_interval_s
         read_s = self._clock.last_s + max(lasted_s, usual_s)
         if not self._ended_early and (self.duration_s or 0.0) - read_s > max(EARLY_S, 3 * usual_s):
@@ -176,16 +162,14 @@ class Film:
 class FilmClock:
     """Turns the time stamps of frames into times that increase from 0, and counts the stamps that do not."""
 
-    last_s: float
-    """Time of the last frame; -1 before the first one."""
-
     def __init__(self, nominal_s: Fraction) -> None:
         """Begin before the first frame; nominal_s: interval between frames that the file declares."""
+        self.last_s = -1.0
+        """Time of the last frame; -1 before the first one."""
         self._nominal_s = float(nominal_s)
         self._zero_s: Fraction | None = None
         self._intervals_s = array("d")  # 8 bytes a frame: half a megabyte in an hour
         self._doubled = self._unordered = self._missing = self._restarts = 0
-        self.last_s = -1.0
 
     @property
     def median_interval_s(self) -> float:
@@ -255,16 +239,6 @@ def _resolve_file(path: str) -> str:
     return str(file)
 
 
-def _lacks_index(source: str) -> bool:
-    """Return whether a file is an MP4 or QuickTime film without a complete index."""
-    if not Path(source).is_file():
-        return False
-    with Path(source).open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
-        at = whole.rfind(b"moov") - 4
-        is_whole = at >= 0 and at + int.from_bytes(whole[at : at + 4]) <= len(whole)
-        return whole[4:8] in MOVIE_BOXES and not is_whole
-
-
 def _picture_stream(name: str, container: InputContainer) -> VideoStream:
     """Return the first video stream that is not a cover picture; raise FilmError if there is none to decode."""
     for stream in container.streams.video:
@@ -272,13 +246,9 @@ def _picture_stream(name: str, container: InputContainer) -> VideoStream:
             continue
         if stream.codec_context is None:
             raise FilmError(f"{name}: no decoder for its pictures is available; convert it: ffmpeg -i {name} film.mp4")
-        if stream.codec_context.name in TEXT_CODECS:
-            raise FilmError(f"{name}: is a text file, not a film; allowed: {READABLE}")
         return stream
-    if _lacks_index(container.name):
-        raise FilmError(f"{name}: {CUT_OFF}")
     kinds = ", ".join(sorted({stream.type for stream in container.streams})) or "nothing"
-    raise FilmError(f"{name}: holds no moving pictures, only {kinds}; give the film itself")
+    raise FilmError(f"{name}: holds no moving pictures, only {kinds}: cut off, or not the film itself; give that")
 
 
 def _duration_s(container: InputContainer, stream: VideoStream) -> float | None:
@@ -319,7 +289,7 @@ GROWING = {"movflags": "+empty_moov+default_base_moof", "frag_duration": "500000
 
 
 class FilmWriter:
-    """Writes frames into the file of a film; `film_file` and `growing_film_file` make one."""
+    """Writes frames into the file of a film; `film_file` makes one."""
 
     has_frames = False
     """Whether a frame was written."""
@@ -328,9 +298,7 @@ class FilmWriter:
         self, path: Path, part: Path, size_px: tuple[int, int], metadata: dict[str, str], options: dict[str, str]
     ) -> None:
         """Create the file `part`, with options of the container; errors name `path`, which it becomes in the end."""
-        width_px, height_px = size_px
         self._path = path
-        self._shape = (height_px, width_px, 3)
         self._has_failed = False
         self._last_tick = -1
         self._keyframe_s = -math.inf
@@ -338,7 +306,7 @@ class FilmWriter:
             self._container = av.open(part, "w", format="mp4", options=CLOCK | options)
         self._container.metadata.update(metadata)
         self._stream = self._container.add_stream("libx264", options=ENCODER_OPTIONS)
-        self._stream.width, self._stream.height = width_px, height_px
+        self._stream.width, self._stream.height = size_px
         self._stream.pix_fmt = "yuv420p"
         codec = self._stream.codec_context
         self._stream.time_base = codec.time_base = Fraction(1, TICKS_PER_S)
@@ -347,13 +315,7 @@ class FilmWriter:
         codec.colorspace, codec.color_range = Colorspace.ITU601, ColorRange.MPEG
 
     def write(self, frame: Frame) -> None:
-        """Add a frame whose time is after those of all frames before.
-
-        Raises:
-            FilmError: The frame cannot be written, or has another size than the film.
-        """
-        if frame.picture.shape != self._shape:
-            raise FilmError(f"{self._path}: a picture of shape {frame.picture.shape}; allowed: {self._shape}")
+        """Add a frame whose time is after those of all frames before; raise FilmError if it cannot be written."""
         picture = av.VideoFrame.from_ndarray(frame.picture, format="rgb24")
         # frames closer than a tick still get increasing time stamps
         self._last_tick = max(round(frame.time_s * TICKS_PER_S), self._last_tick + 1)
@@ -383,42 +345,29 @@ class FilmWriter:
 
 @contextmanager
 def film_file(
-    path: Path, width_px: int, height_px: int, description: Mapping[str, Any], title: str = ""
+    path: Path, width_px: int, height_px: int, description: Mapping[str, Any], title: str = "", *, grows: bool = False
 ) -> Iterator[FilmWriter]:
     """Yield a writer of a film, which gets the name `path` when the block ends without an error.
 
     Both sides of the pictures are even, as H.264 requires. The description is stored as JSON in the `comment` of the
-    film's metadata, beside the title.
+    film's metadata, beside the title. A film that grows has its name from the beginning, and errors leave it: it can be
+    read up to about a second before the last frame, also if the process is killed.
 
     Raises:
         FilmError: The name does not end in .mp4, or a side is odd.
         EpuckSimError: The file cannot be written.
     """
-    _check(path, width_px, height_px)
-    metadata = {"title": title, "comment": json.dumps(description)}
-    with temporary_path(path) as part:
-        with closing(FilmWriter(path, part, (width_px, height_px), metadata, WHOLE)) as writer:
-            yield writer
-        if not writer.has_frames:
-            raise FilmError(f"{path}: cannot be written: the film has no frame")
-        publish(part, path)
-
-
-@contextmanager
-def growing_film_file(path: Path, width_px: int, height_px: int, title: str) -> Iterator[FilmWriter]:
-    """Yield a writer of a film, as `film_file`, that has the name `path` from the beginning.
-
-    It can be read up to about a second before the last frame, also if the process is killed; errors leave it.
-    """
-    _check(path, width_px, height_px)
-    metadata = {"title": title, "comment": "{}"}
-    with closing(FilmWriter(path, path, (width_px, height_px), metadata, GROWING)) as writer:
-        yield writer
-
-
-def _check(path: Path, width_px: int, height_px: int) -> None:
     if path.suffix != SUFFIX:
         raise FilmError(f"{path}: is not a film's name; allowed: names that end in {SUFFIX}")
     if width_px % 2 or height_px % 2:
         raise FilmError(f"{path}: pictures of {width_px} x {height_px} pixels; allowed: even sides; crop or pad them")
     check_target(path)
+    metadata = {"title": title, "comment": json.dumps(description)}
+    with nullcontext(path) if grows else temporary_path(path) as part:
+        with closing(FilmWriter(path, part, (width_px, height_px), metadata, GROWING if grows else WHOLE)) as writer:
+            yield writer
+        if grows:
+            return
+        if not writer.has_frames:
+            raise FilmError(f"{path}: cannot be written: the film has no frame")
+        publish(part, path)

@@ -22,7 +22,6 @@ from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import Level
 from epuck_sim.recording.layers.arena import GREY, LIT, NIGHT, WHITE
 from epuck_sim.recording.reader import read_recording
-from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.rows import AgentBuffer, population_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.keys import full_keys, parse_setting, set_value
@@ -56,7 +55,7 @@ CAPITAL_PX = 21  # height of capital letters at OpenCV's scale 1, in pixels
 
 @contextmanager
 def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Observer]:
-    """Film a trial with the overhead camera of its scenario while it runs.
+    """Film a trial with the overhead camera of its scenario while it runs, by an observer for `run_trial`.
 
     Filming does not change the trial. The film gets its name when the `with` block ends; if the block ends with an
     error, nothing is left behind.
@@ -73,17 +72,13 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
         scenario: Scenario of the trial, as `load_scenario` returns it.
         seed: Seed of the trial; the camera's noise is drawn from it, too.
 
-    Yields:
-        An observer for `run_trial`.
-
     Raises:
         ScenarioError: The scenario is of another model.
         FilmError: Its camera cannot see the arena, its space is a cube, or the name does not end in .mp4.
         EpuckSimError: The file cannot be written.
     """
     if isinstance(scenario, ParticleScenario):
-        with _film_agents(Path(path), scenario, seed) as observer:
-            yield observer
+        yield from _film_agents(Path(path), scenario, seed)
         return
     with _film(Path(path), _require_rings(scenario, scenario.name), seed) as observe:
         yield lambda step, state: observe(
@@ -106,19 +101,15 @@ def film_recording(
     scenario = _override_camera(recorded_scenario, overrides, str(recording))
     poses = map(np.column_stack, zip(recorded.positions, recorded.headings, strict=True))
     begin_s, arenas = zip(*recorded.arenas, strict=True)
-    moments = zip(recorded.time_s, poses, recorded.ring_on, recorded.movables, _states(recorded), strict=True)
-    with _film(path, scenario, recorded.seed, lens) as observe:
-        for time_s, at, ring_on, places, state in progress(moments, float(recorded.time_s.max(initial=0))):
-            observe(*state, float(time_s), at, ring_on, places, arenas[bisect_right(begin_s, time_s) - 1])
-
-
-def _states(recorded: Recorded) -> Iterator[tuple[int, float | None]]:
-    """Yield the cycles and the order parameter of each row, as the trial had them."""
     is_reference = recorded.flash_robot == population_of(recorded.scenario).reference
     cycles = np.searchsorted(recorded.flash_s[is_reference], recorded.time_s, side="right")
+    orders = [None, *recorded.firing_order.tolist()]
     measured = np.searchsorted(recorded.firing_s, recorded.time_s, side="right")
-    for cycle, count in zip(cycles.tolist(), measured.tolist(), strict=True):
-        yield cycle, float(recorded.firing_order[count - 1]) if count else None
+    moments = zip(recorded.time_s, cycles, measured, poses, recorded.ring_on, recorded.movables, strict=True)
+    with _film(path, scenario, recorded.seed, lens) as observe:
+        for time_s, cycle, count, *robots in progress(moments, float(recorded.time_s.max(initial=0))):
+            arena = arenas[bisect_right(begin_s, time_s) - 1]
+            observe(int(cycle), orders[count], float(time_s), *robots, arena)
 
 
 def _require_rings(scenario: Scenario, origin: str) -> EmbodiedScenario:
@@ -168,7 +159,6 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None =
         write(camera.finish())
 
 
-@contextmanager
 def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[Observer]:
     """Yield an observer that films agents: discs where they are at each picture, from above."""
     population = population_of(scenario)
@@ -209,8 +199,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
             rows = buffer.flush()
             for time_ns, poses, is_lit in zip(rows.time_ns.tolist(), rows.poses, rows.ring_on, strict=True):
                 if abs(time_ns - frames * 1e9 / AGENTS_FRAMES_PER_S) < 2:  # not a row of an event
-                    frame = Frame(frames / AGENTS_FRAMES_PER_S, draw(poses, is_lit))
-                    writer.write(captions.write(frame))
+                    writer.write(captions.write(Frame(frames / AGENTS_FRAMES_PER_S, draw(poses, is_lit))))
                     frames += 1
 
         yield observe
@@ -218,8 +207,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
 
 def _origin(scenario: Scenario, seed: int) -> dict[str, Any]:
     """Return what a film says of how to make it again."""
-    made_by = versions()
-    return {"epuck_sim": made_by["epuck_sim"], "scenario": scenario.name, "seed": seed, "versions": made_by}
+    return {"epuck_sim": versions()["epuck_sim"], "scenario": scenario.name, "seed": seed, "versions": versions()}
 
 
 def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:
@@ -250,12 +238,9 @@ class VirtualCamera:
         kinds: Sequence[RobotKind] = (EPUCK,),
         lens: Lens | None = None,
     ) -> None:
-        """Place a camera above an arena, by default with the lens of the section; seed: that of the noise.
+        """Place a camera above an arena, see `overhead_camera`, by default with the lens of the section.
 
-        `kinds` are those of each robot, or one for all.
-
-        Raises:
-            EpuckSimError: The camera cannot see the arena (see `overhead_camera`).
+        The seed is that of the noise; `kinds` are those of each robot, or one for all.
         """
         camera = overhead_camera(section, arena.width_cm, arena.height_cm)
         self._renderer = Renderer(section, camera._replace(lens=lens or camera.lens), arena, seed, kinds)

@@ -10,7 +10,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.camera import Frame, Geometry, Light
-from epuck_sim.overhead.light import LIT_LEVEL, Background, LightMeter, RingLight
+from epuck_sim.overhead.light import LIT_LEVEL, Background, LightMeter
 from epuck_sim.overhead.rings import Ring, RingFinder
 
 REACH_CM = 2.5  # largest distance of a ring from its place in the frame before; less than the radius of a robot
@@ -58,8 +58,6 @@ class FlashTable(NamedTuple):
 
 
 class _Lit:
-    """A ring that is lit."""
-
     def __init__(self, time_s: float, ring: Ring) -> None:
         self.onset_s = time_s
         self.seen: list[tuple[float, float, float, float]] = []
@@ -74,15 +72,7 @@ class _Lit:
         since_s = times_s - times_s.mean()
         speed = since_s / max(since_s @ since_s, 1e-12)  # 0 if a single frame shows it
         end_s = self.missed_s[0] if self.missed_s else now_s
-        return Flash(
-            self.onset_s,
-            end_s,
-            float(x.mean()),
-            float(y.mean()),
-            max(light.tolist()),
-            float(speed @ x),
-            float(speed @ y),
-        )
+        return Flash(self.onset_s, end_s, *map(float, (x.mean(), y.mean(), light.max(), speed @ x, speed @ y)))
 
 
 class FlashLinker:
@@ -153,11 +143,9 @@ def frames_lit(onset_s: FloatArray, end_s: FloatArray, times_s: FloatArray) -> I
 
 def count_lit(flashes: Sequence[Flash], times_s: FloatArray) -> IntArray:
     """Return (n,) how many of some flashes are lit at (n,) times, ascending."""
-    change = np.zeros(len(times_s) + 1, np.int64)
-    for first, end in frames_lit(*FlashTable.of(flashes)[:2], times_s):
-        change[first] += 1
-        change[end] -= 1
-    return np.cumsum(change)[:-1]
+    frames = frames_lit(*FlashTable.of(flashes)[:2], times_s)
+    begun, ended = (np.bincount(each, minlength=len(times_s) + 1) for each in frames.T)
+    return np.cumsum(begun - ended)[:-1]
 
 
 def count_places(places_cm: Iterable[tuple[float, float]]) -> int:
@@ -184,11 +172,11 @@ class CountedRings(NamedTuple):
     """(frames,) pixels of the floor that are lit in each of them; 0 where there are no pictures."""
     flashes: tuple[Flash, ...]
     """Flashes of the trial, in order of their onsets."""
-    outside: int
-    """Number of rings seen outside of the floor: those of a neighbour, or mirror images."""
-    always_lit: Sequence[Ring]
-    """Rings on the floor that never went off."""
     geometry: Geometry
+    outside: int = 0
+    """Number of rings seen outside of the floor: those of a neighbour, or mirror images."""
+    always_lit: Sequence[Ring] = ()
+    """Rings on the floor that never went off."""
     dazzled: float = 0.0
     """Share of the floor that always shines, as bright as rings."""
     rings: Sequence[Sequence[Ring]] = ()
@@ -224,11 +212,9 @@ class RingCounter:
 
         White papers of tags, (4, 2) corners each, are no light.
         """
-        light = self._background.light_beyond(frame)
-        lit = light.room_is_lit
-        background = None if lit else self._background.levels
-        usual = self._background.usual()
-        seen = self._finder.find(light)
+        light, lit = self._background.light_beyond(frame)
+        background, usual = None if lit else self._background.levels, self._background.usual()
+        seen = self._finder.find(light, room_is_lit=lit)
         if background is not None:  # a lamp that flickers may have the shape of a ring
             seen = [ring for ring in seen if ring.light + usual >= light_on_circle(background, ring)]
         rings = self._on_floor(seen)
@@ -237,8 +223,8 @@ class RingCounter:
         self._was_lit = lit
         self._has_begun |= bool(rings) and not lit
         for paper_px in papers_px:
-            cv2.fillConvexPoly(light.levels, np.round(paper_px).astype(np.int32), (0,))
-        area_px = self._meter.lit_px(light.levels, background, usual)
+            cv2.fillConvexPoly(light, np.round(paper_px).astype(np.int32), (0,))
+        area_px = self._meter.lit_px(light, background, usual)
         self._times.append(frame.time_s)  # all at once: Ctrl-C, which ends a live film, must not come in between
         self._counts.append(len(rings))
         self._areas.append(area_px)
@@ -277,7 +263,7 @@ class RingCounter:
             areas_px=np.array(self._areas, np.int64),
             flashes=self.linker.flashes,
             outside=self._outside,
-            always_lit=[] if background is None else self._on_floor(self._finder.find(RingLight(background, False))),
+            always_lit=[] if background is None else self._on_floor(self._finder.find(background)),
             geometry=self._geometry,
             dazzled=0.0 if background is None else self._meter.share(background, bright),
             rings=self._rings,

@@ -50,10 +50,7 @@ def check_corners(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> F
         FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.
     """
     given = "--corners " + ",".join(f"{number:g}" for number in np.ravel(corners_px))
-    corners = np.asarray(corners_px, float)
-    if corners.shape != (4, 2) or not np.isfinite(corners).all():
-        raise FilmError(f"{given}: allowed: four corners of the floor, a column and a row for each")
-    size = np.array([width_px, height_px])
+    corners, size = np.asarray(corners_px, float), np.array([width_px, height_px])
     if not ((corners >= -MAX_OUTSIDE * size) & (corners <= (1 + MAX_OUTSIDE) * size)).all():
         raise FilmError(
             f"{given}: a corner is far outside of the picture of {width_px} x {height_px} px; allowed: up "
@@ -87,9 +84,9 @@ def find_corners(picture: Picture) -> FloatArray | None:
     if not is_lit(picture):
         return None
     grey = np.asarray(cv2.GaussianBlur(picture, (0, 0), 1.0).mean(axis=2, dtype=np.float32), np.float32)
-    shade = _relative_shade(grey)
-    corners = None if shade is None else _outline_corners(shade)
-    if shade is None or corners is None or not _is_around_middle(corners, shade.shape):
+    if (shade := _relative_shade(grey)) is None or (corners := _outline_corners(shade)) is None:
+        return None
+    if not _is_around_middle(corners, shade.shape):
         return None
     for reach in SEARCH_REACHES:
         middle, reach_px = corners.mean(axis=0), reach * min(shade.shape)
@@ -133,9 +130,8 @@ def _outline_corners(shade: Float32Array) -> FloatArray | None:
     label = int(boxes[1:, cv2.CC_STAT_AREA].argmax()) + 1 if len(boxes) > 1 else 0
     left, top, width, height, area = boxes[label]
     rows, columns = shade.shape
-    if not label or area < MIN_FLOOR * shade.size:
-        return None
-    if left == 0 or top == 0 or left + width == columns or top + height == rows:
+    is_cut_off = left == 0 or top == 0 or left + width == columns or top + height == rows
+    if not label or area < MIN_FLOOR * shade.size or is_cut_off:
         return None
     outlines, _ = cv2.findContours((labels == label).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     hull = cv2.convexHull(max(outlines, key=len))
@@ -164,15 +160,17 @@ def _is_around_middle(corners: FloatArray, shape: tuple[int, ...]) -> bool:
 
 def _borders_on_padding(grey: Float32Array, corners: FloatArray) -> bool:
     """Return whether there is nothing beyond one of the sides: bars around a film are black, lit rooms are nowhere."""
-    share = np.linspace(0.1, 0.9, PROBES)[:, None]
+    share = np.linspace(0.1, 0.9, PROBES)[:, None, None]
     away = corners.mean(axis=0) - corners
     beyond = corners - away * (PADDING_PX / np.hypot(*away.T))[:, None]
-    for start, end in zip(beyond, np.roll(beyond, -1, axis=0), strict=True):
-        at_column, at_row = (start + share * (end - start)).astype(np.float32).T
-        levels = cv2.remap(grey, at_column, at_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        if float(np.median(levels)) <= BLACK_LEVEL:
-            return True
-    return False
+    levels = _sampled(grey, beyond + share * (np.roll(beyond, -1, axis=0) - beyond))
+    return bool((np.median(levels, axis=0) <= BLACK_LEVEL).any())
+
+
+def _sampled(picture: Float32Array, points_px: FloatArray) -> FloatArray:
+    """Return (n, m) levels at (n, m, 2) px: columns and rows."""
+    at_column, at_row = np.moveaxis(points_px, -1, 0).astype(np.float32)
+    return np.asarray(cv2.remap(picture, at_column, at_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), float)
 
 
 class _Side(NamedTuple):
@@ -196,10 +194,8 @@ def _fit_side(
     outward = np.array([along[1], -along[0]]) / np.hypot(*along)
     outward *= np.sign(outward @ (start - middle))
     share, offsets = np.linspace(0.03, 0.97, PROBES), np.arange(-reach_px, reach_px, PROBE_STEP_PX)
-    points = start + share[:, None, None] * along + offsets[:, None] * outward
-    at_column, at_row = np.moveaxis(points, -1, 0).astype(np.float32)
-    values = cv2.remap(shade, at_column, at_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    off, has = _edges(np.abs(np.asarray(values, float) - 1))
+    values = _sampled(shade, start + share[:, None, None] * along + offsets[:, None] * outward)
+    off, has = _edges(np.abs(values - 1))
     if not has.any():
         return None
     share, off = share[has], off[has] * PROBE_STEP_PX - reach_px

@@ -69,8 +69,7 @@ class Identities(NamedTuple):
 def link_flashes(flashes: FlashTable, period_s: float, floor_cm: tuple[float, float]) -> Identities:
     """Return the identities of a film's flashes, for the period of the oscillators and the floor's width and height."""
     if not len(flashes.onset_s):
-        none = np.empty(0, np.int64)
-        return Identities(none, none, np.empty(0), 0.0)
+        return Identities(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), 0.0)
     habits = Habits.at_first(flashes, period_s, floor_cm)
     candidates = pairs_within(flashes.onset_s, flashes.onset_s, (SHORTEST * period_s, 2 * LONGEST * period_s))
     ways = ways_between(flashes, *candidates, habits)
@@ -155,11 +154,9 @@ def _certainties(links: IntArray, costs: "csr_array", onset_s: FloatArray, perio
 def _number(links: IntArray) -> tuple[IntArray, IntArray]:
     """Return (flashes,) numbers of the robots, in order of their first flashes, and of each one's flashes, from 1."""
     robot, cycle = np.full(len(links), -1), np.ones(len(links), np.int64)
-    robots = 0
     for source, target in enumerate(links):
         if robot[source] < 0:
-            robot[source] = robots
-            robots += 1
+            robot[source] = robot.max() + 1
         if target >= 0:
             robot[target], cycle[target] = robot[source], cycle[source] + 1
     return robot, cycle

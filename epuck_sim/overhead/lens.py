@@ -1,7 +1,6 @@
 """Calibrates a lens from pictures of a board, and keeps it in a file that `track` and `film` take."""
 
 import hashlib
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -170,10 +169,10 @@ def read_lens(path: Path, size_px: tuple[int, int]) -> Lens:
         FilmError: It is no file of a lens, or of a camera with pictures of another size.
     """
     try:
-        held = LensFile(**json.loads(path.read_text()))
+        held = LensFile.model_validate_json(path.read_text())
     except FileNotFoundError as error:
         raise FilmError(f"{path}: no such file; epuck-sim calibrate writes one") from error
-    except (ValueError, TypeError, RecursionError) as error:
+    except ValueError as error:
         raise FilmError(f"{path}: is not a lens that epuck-sim calibrate wrote") from error
     if held.digest and held.digest != _digest(held):
         raise FilmError(f"{path}: was changed since epuck-sim calibrate wrote it; calibrate again")

@@ -1,7 +1,5 @@
 """The light of rings in a picture: apart from the room's light, and how much of the floor it covers."""
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -17,14 +15,6 @@ SMOOTH_PX = 3  # side of the square over which noise is averaged
 SAMPLED = 4  # distance of the counted pixels of a row, or of a column, from which its usual light is measured
 SPARSE = 8  # distance of the pixels, across and down, by which the usual level of the background is measured
 SAMPLED_LINES = 240  # rows and columns of a picture, about, in which lit pixels are counted
-
-
-class RingLight(NamedTuple):
-    """What a picture has of the light of rings."""
-
-    levels: Light
-    """(height_px, width_px) levels, without the background."""
-    room_is_lit: bool
 
 
 def is_lit(picture: Picture) -> bool:
@@ -43,17 +33,18 @@ def median(levels: npt.NDArray[np.uint8]) -> float:
     return (float(ordered[below]) + float(ordered[above])) / 2
 
 
-def ring_light(picture: Picture) -> RingLight:
-    """Return the light of rings in a picture: the mean of the colours, or in a lit room their difference.
+def ring_light(picture: Picture) -> tuple[Light, bool]:
+    """Return the light of rings in a picture, and whether the room is lit.
 
-    A ring that burns out in one colour still has its shape in the others. In a lit room, grey things are no rings.
+    It is the mean of the colours: a ring that burns out in one still has its shape in the others. In a lit room it is
+    their difference: grey things are no rings.
     """
     red, green, blue = cv2.split(picture)
     if is_lit(picture):
         most, least = (combine(combine(red, green), blue) for combine in (cv2.max, cv2.min))
-        return RingLight(np.asarray(cv2.subtract(most, least), np.uint8), True)
+        return np.asarray(cv2.subtract(most, least), np.uint8), True
     mean = cv2.addWeighted(cv2.addWeighted(red, 1 / 2, green, 1 / 2, 0), 2 / 3, blue, 1 / 3, 0)
-    return RingLight(np.asarray(mean, np.uint8), False)
+    return np.asarray(mean, np.uint8), False
 
 
 class Background:
@@ -67,20 +58,18 @@ class Background:
         self.levels = levels
         self._rise = self._last_s = 0.0
 
-    def light_beyond(self, frame: Frame) -> RingLight:
-        """Learn from the next frame, and return the light of its rings; a lit room has no background."""
-        light = ring_light(frame.picture)
-        if light.room_is_lit:
-            return light
-        levels = np.zeros_like(light.levels) if self.levels is None else self.levels
+    def light_beyond(self, frame: Frame) -> tuple[Light, bool]:
+        """Learn from the next frame; return the light of its rings, and whether the room is lit, without background."""
+        light, room_is_lit = ring_light(frame.picture)
+        if room_is_lit:
+            return light, True
+        levels = np.zeros_like(light) if self.levels is None else self.levels
         self._rise += RISE_PER_S * min(max(frame.time_s - self._last_s, 0.0), 1.0)
         self._last_s = frame.time_s
         whole = int(self._rise)
         self._rise -= whole
-        self.levels = np.asarray(
-            cv2.min(cv2.convertScaleAbs(levels, beta=whole) if whole else levels, light.levels), np.uint8
-        )
-        return RingLight(np.asarray(cv2.subtract(light.levels, self.levels), np.uint8), False)
+        self.levels = np.asarray(cv2.min(cv2.convertScaleAbs(levels, beta=whole), light), np.uint8)
+        return np.asarray(cv2.subtract(light, self.levels), np.uint8), False
 
     def usual(self) -> float:
         """Return its median level, to which the even light of a room is near; 0 if there is no background yet."""

@@ -21,11 +21,11 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import TrackOptions, calibrate
 from epuck_sim.overhead.camera import Frame, Picture, ProgressWrapper
-from epuck_sim.overhead.film import FilmWriter, growing_film_file
+from epuck_sim.overhead.film import FilmWriter, film_file
 from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.overhead.lens import read_lens
 from epuck_sim.overhead.light import is_lit
-from epuck_sim.overhead.track import RingWriter, Track, analyse, ring_writer, track_frames
+from epuck_sim.overhead.track import Track, analyse, ring_writer, track_frames
 from epuck_sim.util.atomic_write import growing_text
 from epuck_sim.util.machine import HOST, check_port
 
@@ -134,23 +134,21 @@ class _Outputs:
 
     def __init__(self, live: "LiveCamera", to: Watching, period_s: float, files: ExitStack, tell: Tell) -> None:
         self._name, self._to, self._files = live.name, to, files
-        self._size_px = live.width_px, live.height_px
-        self._annotator = Annotator(*self._size_px, period_s)
+        self._annotator = Annotator(live.width_px, live.height_px, period_s)
         self._page = None if to.port is None else files.enter_context(live_page(live.name, to.port))
         if self._page is not None:
             tell(f"{self._page.address} shows {live.name}")
-        self._film = self._begin_film(to.record, *self._size_px)
+        self._film = self._begin_film(to.record, live.width_px, live.height_px)
 
     def _begin_film(self, path: Path | None, width_px: int, height_px: int) -> FilmWriter | None:
         if path is None:
             return None
-        return self._files.enter_context(growing_film_file(path, width_px, height_px, self._name))
+        return self._files.enter_context(film_file(path, width_px, height_px, {}, self._name, grows=True))
 
     def begin(self) -> None:
         """Begin the files of what is found."""
-        self._write_rings: RingWriter | None = None
-        if self._to.rings is not None:
-            self._write_rings = ring_writer(self._files.enter_context(growing_text(self._to.rings)))
+        rings = self._to.rings
+        self._write_rings = None if rings is None else ring_writer(self._files.enter_context(growing_text(rings)))
         self._annotated = self._begin_film(self._to.annotate, self._annotator.width_px, self._annotator.height_px)
 
     def record(self, frame: Frame) -> Frame:
@@ -176,17 +174,9 @@ class _Outputs:
 
 
 class LiveCamera:
-    """A context manager that keeps a camera open; the film of a camera has no end.
+    """A context manager that keeps a camera open; the film of a camera has no end."""
 
-    >>> with LiveCamera(0, print) as camera:  # doctest: +SKIP
-    ...     for frame in camera.frames():
-    ...         print(frame.time_s, frame.picture.mean())
-    """
-
-    name: str
     width_px = height_px = 0
-    warnings: list[str]
-    """When it dropped out."""
 
     def __init__(self, number: int, tell: Tell) -> None:
         """Open a camera, 0 for the first one; the user is told when it drops out and when it is back.
@@ -195,7 +185,8 @@ class LiveCamera:
             FilmError: The camera cannot be opened, or delivers no picture.
         """
         self.name = f"camera {number}"
-        self.warnings = []
+        self.warnings: list[str] = []
+        """When it dropped out."""
         self._number, self._tell = number, tell
         self._open()
         if not self._capture.isOpened():
@@ -282,10 +273,9 @@ class LiveCamera:
 
 
 class LivePage:
-    """The newest picture of a film, for browsers that ask for it; `live_page` makes one."""
+    """The newest picture of a film, for browsers that ask for it at an address; `live_page` makes one."""
 
     address: str
-    """Where browsers find it."""
     jpeg = b""
     """The newest picture, coded; empty before the first one."""
 

@@ -108,10 +108,8 @@ class Renderer:
         self._room = render_room(self._floor_cm, camera.position_cm, arena)
         self._arena = self._first_arena = arena
         self._random = np.random.default_rng(seed)
-        self._noise = np.zeros(3 * camera.width_px * camera.height_px + NOISE_OFFSETS, np.int16)
-        if section.noise_levels > 0:
-            drawn = self._random.standard_normal(len(self._noise), np.float32)
-            self._noise[:] = np.rint(section.noise_levels * drawn)
+        drawn = self._random.standard_normal(3 * camera.width_px * camera.height_px + NOISE_OFFSETS, np.float32)
+        self._noise: npt.NDArray[np.int16] = np.rint(section.noise_levels * drawn).astype(np.int16)
 
     def render(self, samples: Sequence[ExposureSample], *, room_is_lit: bool) -> Picture:
         """Return the picture of one exposure, to which all samples contribute equally.
@@ -137,7 +135,8 @@ class Renderer:
         """Return (rows, columns) the light of all rings."""
         image = np.zeros(self._room.shape, np.float32)
         light = self._light / len(samples)
-        lit = _in_arena(np.concatenate([self._robots(sample)[sample.ring_on] for sample in samples]))
+        lit = np.concatenate([self._robots(sample)[sample.ring_on] for sample in samples])
+        lit = lit[~np.isnan(lit[:, 0])]
         self._add_rings(image, lit, light)
         if self._section.gloss:
             images = mirror_images(lit, samples[0].arena or self._first_arena)
@@ -165,7 +164,7 @@ class Renderer:
             for place, radius in zip(sample.movables, self._movable_cm, strict=True):
                 _draw_circle(image, self._floor_cm, place[0], place[1], radius)
             robots = self._robots(sample)
-            bodies = _in_arena(robots)
+            bodies = robots[~np.isnan(robots[:, 0])]
             from_axis_cm = np.hypot(*(bodies[:, :2] - camera.position_cm[:2]).T)
             farthest_first = np.argsort(-from_axis_cm, kind="stable")  # none is hidden by one farther out
             draw_bodies(image, camera, bodies[farthest_first])
@@ -217,20 +216,15 @@ class ArenaView:
         """
         sides = {"width_px": width_px, "height_px": height_px}
         changes = {**PERFECT, **{name: side for name, side in sides.items() if side is not None}}
-        section = with_values(
-            scenario, {f"overhead.{key}": value for key, value in changes.items()}, scenario.name
-        ).overhead
+        changed = {f"overhead.{key}": value for key, value in changes.items()}
+        section = with_values(scenario, changed, scenario.name).overhead
         camera = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
         arena = scenario.arena.build()
         self._movables = arena.circles[arena.first_movable :, :2]
         self._renderer = Renderer(section, camera, arena, seed=0, kinds=scenario.robot_kinds)
 
     def draw(
-        self,
-        poses: FloatArray,
-        ring_on: BoolArray,
-        movables: FloatArray | None = None,
-        arena: Arena | None = None,
+        self, poses: FloatArray, ring_on: BoolArray, movables: FloatArray | None = None, arena: Arena | None = None
     ) -> Picture:
         """Return (height, width, 3) the picture of robots in red, green and blue from 0 to 255.
 
@@ -245,11 +239,6 @@ class ArenaView:
         return self._renderer.render([sample], room_is_lit=True)
 
 
-def _in_arena(robots: FloatArray) -> FloatArray:
-    """Return those whose poses are not NaN."""
-    return robots[~np.isnan(robots[:, 0])]
-
-
 def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:
     """Return (height_px, width_px) the fraction of light that the lens passes: 1 - `vignetting` in the corners."""
     across = np.linspace(-1, 1, width_px) * width_px
@@ -261,13 +250,10 @@ def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:
 def bounding_boxes(
     camera: CameraModel, centres_cm: FloatArray, radii_cm: FloatArray, heights_cm: FloatArray
 ) -> IntArray:
-    """Return the pixels within which each of some upright cylinders is seen.
+    """Return the pixels within which each of some upright cylinders is seen; none for those outside of the picture.
 
-    Their axes are at (n, 2) cm; (n, k) heights of each are its lowest and its highest, or any between.
-
-    Returns:
-        (n, 4) px: first row, row after the last, first column, column after the last; an empty box for what is outside
-        of the picture.
+    Their axes are at (n, 2) cm; (n, k) heights of each are its lowest and its highest, or any between. Pixels are
+    (n, 4): first row, row after the last, first column, column after the last.
     """
     if not len(centres_cm):  # OpenCV refuses empty arrays
         return np.empty((0, 4), np.int64)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.overhead.camera import CameraModel, Light
-from epuck_sim.overhead.light import RingLight, median
+from epuck_sim.overhead.light import median
 
 # the view from above
 COARSE_PER_CM = 2  # cells per cm of the coarse grid in which rings are searched; a ring is 14 cells wide
@@ -126,21 +126,18 @@ class RingFinder:
     """Finds rings in the pictures of one camera."""
 
     def __init__(self, camera: CameraModel, usual_light: float = 0.0, *, sees_discs: bool = False) -> None:
-        """Prepare what all pictures share.
+        """Prepare what all pictures share; usual_light: levels by which dark rings exceed their inside, if known.
 
-        Args:
-            camera: The camera.
-            usual_light: Levels by which dark rings exceed their inside, if they are known.
-            sees_discs: Whether discs of saturated light are rings, too; the scale must be known.
+        If `sees_discs`, discs of saturated light are rings, too; the scale must be known.
         """
         self.camera = camera
         self._sees_discs = sees_discs
         self._least_dark = max(MIN_LEVEL_DARK, MIN_RELATIVE_LIGHT * usual_light)
         self.view = rectified_view(camera)
 
-    def find(self, light: RingLight) -> list[Ring]:
-        """Return the lit rings in the light of a picture, from left to right."""
-        fits = self.fits(light)
+    def find(self, levels: Light, *, room_is_lit: bool = False) -> list[Ring]:
+        """Return the lit rings in the light of a picture, see `ring_light`, from left to right."""
+        fits = self.fits(levels, room_is_lit=room_is_lit)
         if not fits:
             return []
         centres = self.view.centres_cm(fits)
@@ -152,25 +149,24 @@ class RingFinder:
         table = np.column_stack([centres[:, :2], radii, pixels[:, 0], radii_px, [fit.light for fit in fits]])
         return [Ring(*row) for row in table[np.lexsort((table[:, 4], table[:, 3]))].tolist()]
 
-    def fits(self, light: RingLight) -> list[Fit]:
+    def fits(self, levels: Light, *, room_is_lit: bool = False) -> list[Fit]:
         """Return circles fitted to the rings in the light of a picture, in its rectified view, brightest first."""
-        levels, lit = light
-        least = float(MIN_LEVEL_LIT) if lit else self._least_dark
+        least = float(MIN_LEVEL_LIT) if room_is_lit else self._least_dark
         if cv2.minMaxLoc(levels)[1] < least:
             return []
-        gaps_cm, most_beyond = (CORE_CM, MAX_BEYOND_LIT) if lit else (0.0, MAX_BEYOND)
+        gaps_cm, most_beyond = (CORE_CM, MAX_BEYOND_LIT) if room_is_lit else (0.0, MAX_BEYOND)
         cells = self.view.cells_per_cm
         response = self.view.match(levels, gaps_cm)
-        mean_least = max(least if lit else POINTS_SHARE * least, MIN_RELATIVE_LIGHT * float(response.max()))
+        mean_least = max(least if room_is_lit else POINTS_SHARE * least, MIN_RELATIVE_LIGHT * float(response.max()))
         fits: list[Fit] = []
         for column, row in self.view.candidates(response, mean_least):
             if _is_free(column, row, fits, cells):
                 view, left, low = self.view.around(levels, column, row, gaps_cm)
                 fit = fit_ring(view, cells, column - left, row - low, max(least, mean_least))
                 fit = fit and fit._replace(column=fit.column + left, row=fit.row + low)
-                if fit is not None and _is_ring(fit, most_beyond) and _is_new(fit, fits, cells):
+                if fit is not None and _is_ring(fit, most_beyond, fits, cells):
                     fits.append(fit)
-        return fits + self._discs(levels, fits) if self._sees_discs and not lit else fits
+        return fits + self._discs(levels, fits) if self._sees_discs and not room_is_lit else fits
 
     def _discs(self, levels: Light, found: list[Fit]) -> list[Fit]:
         """Return rings that are burnt out to discs, beside those found: middles of saturated light, widest first."""
@@ -190,22 +186,19 @@ class RingFinder:
         return discs
 
 
-def _is_ring(fit: Fit, most_beyond: float) -> bool:
+def _is_ring(fit: Fit, most_beyond: float, found: list[Fit], cells_per_cm: int) -> bool:
+    """Return whether a fit is a ring beside those found, and not the space that they enclose."""
+    usual_cm = np.mean([other.radius_cm for other in found]) if found else math.inf
     return bool(
         RADII[0] <= fit.radius_cm / epuck.RING_RADIUS_CM <= RADII[1]
+        and fit.radius_cm <= MAX_RELATIVE_RADIUS * usual_cm
         and fit.misfit_cm <= MAX_MISFIT_CM
         and math.hypot(*fit.flattening) <= MAX_FLATTENING
         and fit.inside <= MAX_INSIDE
         and fit.beyond <= most_beyond
         and fit.covered >= MIN_COVERED
+        and _is_free(fit.column, fit.row, found, cells_per_cm)
     )
-
-
-def _is_new(fit: Fit, found: list[Fit], cells_per_cm: int) -> bool:
-    """Return whether a fit is a ring beside those found, and not the space that they enclose."""
-    if found and fit.radius_cm > MAX_RELATIVE_RADIUS * np.mean([other.radius_cm for other in found]):
-        return False
-    return _is_free(fit.column, fit.row, found, cells_per_cm)
 
 
 def _is_free(column: float, row: float, found: list[Fit], cells_per_cm: int) -> bool:

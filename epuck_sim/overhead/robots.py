@@ -1,8 +1,7 @@
 """Who is who in a film, by motion or by tags, and the tables that follow: flashes, a trace, pairs of robots."""
 
-import csv
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -12,6 +11,7 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.display.table import csv_cell, csv_text
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.flashes import FlashTable, frames_lit
 from epuck_sim.overhead.identities import LONGEST, Identities, commonest_speed, link_flashes
@@ -28,6 +28,8 @@ MOST_KNOWN = 0.75  # share of the robots whose phase must be known for an order 
 SELDOM = 0.02  # share of the frames below which a number is a misreading of another tag, or of none
 NEAR_CM = 0.8 * epuck.RADIUS_CM  # largest distance of a flash from its robot's tag; the next robot is two radii away
 MAX_GAP_S = 1.5  # longest time without a reading over which a robot's way is taken to be straight
+
+TIMES = ("time_s", "onset_s", "duration_s")  # columns of times, none of which is unknown
 
 Columns = dict[str, npt.NDArray[Any]]
 """Columns of equal length, by their names."""
@@ -48,17 +50,6 @@ class Robots(NamedTuple):
     """Sentences about what is doubtful."""
 
 
-class Pair(NamedTuple):
-    """Two robots, and how often they flash together."""
-
-    robot: int
-    other: int
-    flashes: int
-    """Number of flashes of the one with fewer."""
-    together: int
-    """Number of these that overlap with one of the other."""
-
-
 def find_robots(track: Track) -> Robots:
     """Return the robots of a film: by their tags if these were looked for, or else by how they move between flashes.
 
@@ -68,14 +59,13 @@ def find_robots(track: Track) -> Robots:
     flashes = FlashTable.of(track.flashes)
     if track.tags is not None:
         return _by_tags(track, flashes, track.tags)
-    identities = link_flashes(flashes, track.period_s, track.geometry.floor_cm)
+    identities, expected = link_flashes(flashes, track.period_s, track.geometry.floor_cm), track.options.robots
     warnings = []
     if identities.unsure > MANY_UNSURE:
         warnings.append(
             f"{100 * identities.unsure:.0f} % of the links from flash to flash have an alternative that is nearly as "
             "good: robots move too far while they are dark; tags tell them apart (--tags)"
         )
-    expected = track.options.robots
     if expected is not None and identities.robots != expected:
         warnings.append(
             f"flashes are linked to {identities.robots} robots, but there are {expected}: some were lost and count anew"
@@ -94,12 +84,11 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
         )
     numbers = np.unique(readings.number)
     if expected is not None and (unread := sorted(expected - set(numbers.tolist()))):
-        warnings.append(f"tags that are never read: {_listed(unread)}")
+        warnings.append(f"tags that are never read: {', '.join(map(str, unread))}")
     own = [readings.of(readings.number == number) for number in numbers]
     poses = np.stack([_poses_at(track.times_s, each) for each in own], axis=1)
     robot = _whose(flashes, numbers, poses, track.times_s)
-    unknown = int(np.count_nonzero(robot < 0))
-    if unknown:
+    if unknown := np.count_nonzero(robot < 0):
         warnings.append(
             f"flashes that are under no tag: {unknown} of {len(robot)}; there are robots without a tag, or whose tag "
             "cannot be read"
@@ -124,7 +113,7 @@ def _only_expected(readings: Readings, expected: frozenset[int] | None, frames: 
         others = ~np.isin(numbers, list(expected))
         named, why = numbers[others & ~seldom], "are not among those given"
     if len(named):
-        warnings.append(f"tags that {why}, and are left out: {_listed(named)}")
+        warnings.append(f"tags that {why}, and are left out: {', '.join(map(str, named))}")
     return readings.of(np.isin(readings.number, numbers[~others]))
 
 
@@ -160,10 +149,6 @@ def _whose(flashes: FlashTable, numbers: IntArray, poses: FloatArray, times_s: F
     return np.asarray(np.where(distances.min(axis=1) <= NEAR_CM, numbers[distances.argmin(axis=1)], -1))
 
 
-def _listed(numbers: Iterable[int]) -> str:
-    return ", ".join(str(number) for number in numbers)
-
-
 def phase_shares(
     onset_s: FloatArray, robot: IntArray, robots: IntArray, times_s: FloatArray, period_s: float
 ) -> FloatArray:
@@ -195,16 +180,23 @@ def order_of_shares(shares: FloatArray) -> FloatArray:
     return np.asarray(np.where(is_enough, np.abs(total) / np.maximum(number, 1), np.nan))
 
 
-def pairs(robots: Robots) -> list[Pair]:
-    """Return how often each two robots flash together, those that do so most often first."""
+def pair_columns(_: Track, robots: Robots) -> Columns:
+    """Return a table with a row for each two robots, those that flash together most often first.
+
+    It has the number of flashes of the one with fewer, how many of these overlap with one of the other, and the share.
+    """
     whose, flashes, found = robots.identities.robot, robots.flashes, []
     spans = {each: (flashes.onset_s[whose == each], flashes.end_s[whose == each]) for each in robots.numbers.tolist()}
     for one, two in combinations(spans, 2):
         few, many = sorted((spans[one], spans[two]), key=lambda span: len(span[0]))
         begun = np.searchsorted(many[0], few[1])  # flashes of the other that begin before each ends
         over = np.searchsorted(many[1], few[0], side="right")  # and those that end before it begins
-        found.append(Pair(one, two, len(few[0]), int((begun > over).sum())))
-    return sorted(found, key=lambda pair: (-pair.together / max(pair.flashes, 1), pair.robot, pair.other))
+        found.append((one, two, len(few[0]), np.count_nonzero(begun > over)))
+    robot, other, number, together = np.array(found, np.int64).reshape(-1, 4).T
+    share = together / np.maximum(number, 1)
+    table = {"robot": robot, "other": other, "flashes": number, "together": together, "share": share}
+    order = np.argsort(-share, kind="stable")
+    return {name: column[order] for name, column in table.items()}
 
 
 def summary(track: Track, robots: Robots) -> dict[str, Any]:
@@ -219,7 +211,7 @@ def summary(track: Track, robots: Robots) -> dict[str, Any]:
         "flashes_of_no_robot": int(np.count_nonzero(robots.identities.robot < 0)),
         "by_phases_s": after_s,
         "by_phases_periods": None if after_s is None else after_s / track.period_s,
-        "pairs_together": sum(pair.together >= TOGETHER * max(pair.flashes, 1) for pair in pairs(robots)),
+        "pairs_together": int(np.count_nonzero(pair_columns(track, robots)["share"] >= TOGETHER)),
         "warnings": list(robots.warnings),
     }
 
@@ -258,19 +250,11 @@ def trace_columns(track: Track, robots: Robots) -> Columns:
     }
 
 
-def pair_columns(_: Track, robots: Robots) -> Columns:
-    """Return a table with a row for each two robots: how many of their flashes come together."""
-    rows = np.array(pairs(robots), np.int64).reshape(-1, len(Pair._fields))
-    columns: Columns = dict(zip(Pair._fields, rows.T, strict=True))
-    return columns | {"share": columns["together"] / np.maximum(columns["flashes"], 1)}
-
-
 def save_robots(
     track: Track, robots: Robots, flashes: Path | None, trace: Path | None, pairs_file: Path | None
 ) -> None:
     """Write the tables that are asked for; raise EpuckSimError where one cannot be written."""
-    tables = ((flashes, flash_columns), (trace, trace_columns), (pairs_file, pair_columns))
-    for path, columns in tables:
+    for path, columns in ((flashes, flash_columns), (trace, trace_columns), (pairs_file, pair_columns)):
         if path is not None:
             write_table(path, columns(track, robots), {"film": track.film, "versions": json.dumps(versions())})
 
@@ -308,14 +292,9 @@ def write_table(path: Path, columns: Columns, metadata: Mapping[str, str]) -> No
             with part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
                 parquet.write_table(table.replace_schema_metadata(dict(metadata)), file, compression="zstd")
             return
-        with part.open("w", newline="") as text:
-            writer = csv.writer(text, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(zip(*(_texts(name, values) for name, values in columns.items()), strict=True))
+        cells = (map(_time_cell if name in TIMES else csv_cell, column.tolist()) for name, column in columns.items())
+        part.write_text(csv_text(columns, zip(*cells, strict=True)), encoding="utf-8", newline="")
 
 
-def _texts(name: str, values: npt.NDArray[Any]) -> list[str]:
-    if values.dtype.kind != "f":
-        return [str(value) for value in values.tolist()]
-    form = ".6f" if name.endswith("_s") and not name.endswith("cm_s") else ".6g"  # microseconds, however long a film is
-    return ["" if np.isnan(value) else format(value, form) for value in values.tolist()]
+def _time_cell(time_s: float) -> str:
+    return f"{time_s:.6f}"  # microseconds, however long a film is

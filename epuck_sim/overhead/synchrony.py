@@ -46,7 +46,7 @@ class Evaluation(NamedTuple):
 
 
 class SynchronyDetector:
-    """Evaluates the histogram of a film, frame by frame; keeps the counts of one period, however long the film is."""
+    """Evaluates the histogram of a film, frame by frame."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -70,25 +70,14 @@ class SynchronyDetector:
             self._run_s = time_s
         self._times.append(time_s)
         self._counts.append(count)
-        evaluation = self._evaluate(time_s)
-        unneeded = bisect_right(self._times, time_s - self._period_s) - 1
-        if unneeded > 0:
-            del self._times[:unneeded], self._counts[:unneeded]
-        return evaluation
-
-    def _evaluate(self, now_s: float) -> Evaluation | None:
-        """Evaluate runs that ended half a period ago; at most one of them is a mode, as modes are that far apart."""
         half_s = self._period_s / 2
-        evaluation = None
-        while self._runs and self._runs[0][0] + half_s <= now_s:
+        evaluation = None  # of runs that ended half a period ago, one at most is a mode, as modes are that far apart
+        while self._runs and self._runs[0][0] + half_s <= time_s:
             middle_s, count = self._runs.popleft()
-            if middle_s < self._earliest_s:
-                continue
-            first = bisect_right(self._times, middle_s - half_s) - 1
-            end = bisect_left(self._times, middle_s + half_s)
-            counts = self._counts[first:end]
-            if max(counts) == count:
-                evaluation = _around(middle_s, self._period_s, np.array(self._times[first:end]), np.array(counts))
+            first, end = bisect_right(self._times, middle_s - half_s) - 1, bisect_left(self._times, middle_s + half_s)
+            if middle_s >= self._earliest_s and max(self._counts[first:end]) == count:
+                shown = np.array(self._times[first:end]), np.array(self._counts[first:end])
+                evaluation = _around(middle_s, self._period_s, *shown)
                 self._earliest_s = middle_s + half_s
         return evaluation
 
@@ -324,10 +313,20 @@ def _refine_period_s(onsets: Events, period_s: float, frame_s: float, film_s: fl
 
 
 def _common_lags_s(causes: Events, effects: Events, range_s: tuple[float, float], frame_s: float) -> FloatArray:
-    """Return the commonest lags, ascending, from some events to others; they are within a range, but for its end."""
+    """Return the commonest lags, ascending, from some events to others; they are within a range, but for its end.
+
+    Peaks of their density are climbed to from bins of a quarter of a frame.
+    """
     lags_s, weights = _lags(causes, effects, range_s)
-    peaks_s = _peaks_s(lags_s, weights, frame_s) if len(lags_s) else ()
-    return np.array([mean_shift(lags_s, weights, peak_s, frame_s)[0] for peak_s in peaks_s])
+    if not len(lags_s):
+        return lags_s
+    bin_s = frame_s / 4
+    edges_s = np.arange(lags_s.min() - 13.5 * bin_s, lags_s.max() + 14 * bin_s, bin_s)
+    histogram, _ = np.histogram(lags_s, edges_s, weights=weights)
+    density = np.convolve(histogram, _gaussian(np.arange(-12, 13) / 4), "same")
+    peaks = _local_maxima(density)
+    common_s = edges_s[peaks[density[peaks] >= NEARLY_AS_COMMON * density.max()]] + bin_s / 2
+    return np.array([mean_shift(lags_s, weights, peak_s, frame_s)[0] for peak_s in common_s])
 
 
 def pairs_within(
@@ -343,17 +342,6 @@ def _lags(causes: Events, effects: Events, range_s: tuple[float, float]) -> tupl
     """Return (pairs,) the lags within a range from any of `causes` to any of `effects`, and products of their sizes."""
     cause, effect = pairs_within(causes[0], effects[0], range_s)
     return effects[0][effect] - causes[0][cause], causes[1][cause] * effects[1][effect]
-
-
-def _peaks_s(lags_s: FloatArray, weights: FloatArray, frame_s: float) -> FloatArray:
-    """Return where the density of (pairs,) lags is highest or nearly so, ascending, to a quarter of a frame."""
-    bin_s = frame_s / 4
-    edges_s = np.arange(lags_s.min() - 13.5 * bin_s, lags_s.max() + 14 * bin_s, bin_s)
-    histogram, _ = np.histogram(lags_s, edges_s, weights=weights)
-    density = np.convolve(histogram, _gaussian(np.arange(-12, 13) / 4), "same")
-    peaks = _local_maxima(density)
-    common = peaks[density[peaks] >= NEARLY_AS_COMMON * density.max()]
-    return np.asarray(edges_s[common] + bin_s / 2)
 
 
 def _local_maxima(values: FloatArray) -> IntArray:

@@ -54,26 +54,13 @@ def tag_corners_cm(pose: FloatArray, side_cm: float, height_cm: float) -> FloatA
     return np.column_stack([corners, np.full(4, height_cm)])
 
 
-class Tag(NamedTuple):
-    """A tag that was read."""
-
-    number: int
-    x_cm: float
-    """Place of its middle in the arena's frame."""
-    y_cm: float
-    heading_rad: float
-    """Direction of the top of its pattern, from -pi to pi."""
-    paper_px: FloatArray
-    """(4, 2) px: corners of its paper in the picture."""
-
-
 class Readings(NamedTuple):
-    """The tags that were read in a film, as columns in order of time."""
+    """The tags that were read in a film, as columns in order of time and number."""
 
     time_s: FloatArray
     number: IntArray
     poses: FloatArray
-    """(readings, 3) cm, cm, rad: x, y, heading."""
+    """(readings, 3) cm, cm, rad: x and y of the middle, and direction of the pattern's top, from -pi to pi."""
 
     def of(self, keep: BoolArray) -> "Readings":
         """Return some of them."""
@@ -98,25 +85,22 @@ class TagReader:
         rows = rows[rows[:, 0] >= start_s]
         return Readings(rows[:, 0], rows[:, 1].astype(np.int64), rows[:, 2:])
 
-    def read(self, frame: Frame) -> list[Tag]:
-        """Keep and return the tags in the next frame, by their numbers."""
+    def read(self, frame: Frame) -> FloatArray:
+        """Keep the tags in the next frame, and return (tags, 4, 2) px: the corners of their papers."""
         bright = _brightened(frame.picture)
         corners, numbers, _ = self._quick.detectMarkers(bright)
         if len(corners) < self._most:  # some are gone, or hard to see
             corners, numbers, _ = self._thorough.detectMarkers(bright)
         self._most = max(self._most, len(corners))
-        if not len(corners):
-            return []
         pixels = np.reshape(corners, (-1, 4, 2)).astype(float)
+        if not len(pixels):
+            return pixels
         corners_cm = self._camera.back_project(pixels.reshape(-1, 2), epuck.HEIGHT_CM).reshape(-1, 4, 2)
-        middles, (x, y) = pixels.mean(axis=1, keepdims=True), corners_cm.mean(axis=1).T.tolist()
         ahead = corners_cm[:, :2].mean(axis=1) - corners_cm[:, 2:].mean(axis=1)
-        headings = np.arctan2(ahead[:, 1], ahead[:, 0]).tolist()
-        papers_px = middles + PAPER_SIZE * (pixels - middles)
-        rows = zip(np.ravel(numbers).tolist(), x, y, headings, papers_px, strict=True)
-        tags = sorted(map(Tag._make, rows), key=lambda tag: tag[:4])
-        self._rows += [(frame.time_s, *tag[:4]) for tag in tags]
-        return tags
+        tags = np.column_stack([np.ravel(numbers), corners_cm.mean(axis=1), np.arctan2(ahead[:, 1], ahead[:, 0])])
+        self._rows += [(frame.time_s, *tag) for tag in sorted(tags.tolist())]
+        middles = pixels.mean(axis=1, keepdims=True)
+        return np.asarray(middles + PAPER_SIZE * (pixels - middles))
 
 
 def _parameters(camera: CameraModel, dictionary: str, windows_cm: Sequence[float]) -> cv2.aruco.DetectorParameters:

@@ -106,16 +106,13 @@ class Track(NamedTuple):
     warnings: tuple[str, ...]
     """Sentences about what is doubtful."""
     times_s: FloatArray
-    """(frames,) s: times of the trial's frames on the film's clock."""
     counts: IntArray
-    """(frames,) lit rings in each of them."""
     evaluations: tuple[Evaluation, ...]
     flashes: tuple[Flash, ...]
-    """Flashes of the trial, in order of their onsets, without those of rings that are always lit."""
+    """As in `CountedRings`, like times, counts, rings and geometry, but without those of rings that are always lit."""
     steady: tuple[Flash, ...]
     """Rings that are always lit, as flashes."""
     rings: Sequence[Sequence[Ring]]
-    """Rings on the floor in each frame of the film."""
     geometry: Geometry
     options: TrackOptions
     """What was known of the film."""
@@ -136,7 +133,6 @@ class Snapshot(NamedTuple):
     """A frame of a film, and the rings found in it."""
 
     time_s: float
-    """Time of the frame on the film's clock."""
     picture: Picture
     rings_px: FloatArray
     """(rings, 3) px: column, row, radius."""
@@ -150,15 +146,10 @@ def track_film(
     lens: Path | None = None,
     floor_cm: tuple[float, float] | None = None,
 ) -> Track:
-    """Track a film, and write a CSV table of all rings in all frames.
+    """Track a film, given as a path or an address, and write a CSV table of all rings in all frames if it is wanted.
 
-    Args:
-        name: A path or an address.
-        options: What is known of the film.
-        rings: The table, if it is wanted.
-        progress: Shows how far the film has been read.
-        lens: The file of a calibrated lens.
-        floor_cm: Width and height of the floor, if neither the options nor the film's description have it.
+    `lens` is the file of a calibrated lens, `floor_cm` the floor's width and height if neither the options nor the
+    film's description have them.
 
     Raises:
         FilmError: The film cannot be read, or shows no swarm.
@@ -169,15 +160,14 @@ def track_film(
         if lens is not None:
             options = options._replace(lens=read_lens(lens, size_px))
         geometry = described_geometry(size_px, options, metadata)
-        options = options.with_defaults(metadata)
-        options = options._replace(arena_cm=options.arena_cm or floor_cm)
+        options = options.with_defaults(metadata, floor_cm)
         geometry = geometry or calibrate(name, size_px, excerpt(film.frames(), options), options)
     counter = RingCounter(geometry)
     reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
     with open_film(name) as film, ring_table(rings) as write_rings:
         for frame in progress(excerpt(film.frames(), options), film.duration_s):
-            tags = [] if reader is None else reader.read(frame)
-            write_rings(frame, counter.process(frame, [tag.paper_px for tag in tags]))
+            papers_px = () if reader is None else reader.read(frame)
+            write_rings(frame, counter.process(frame, papers_px))
         warnings = tuple(film.warnings)
     track = analyse(name, counter.counted(), options, warnings)
     return track if reader is None else track._replace(tags=reader.readings(track.start_s))
@@ -209,13 +199,10 @@ def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
     evaluations = deque(track.evaluations)
     sync_s = math.inf if track.histogram_s is None else track.start_s + track.histogram_s
     shown_s: float | None = None
-    with (
-        open_film(track.film) as film,
-        film_file(path, annotator.width_px, annotator.height_px, {"annotated": True}, path.stem) as writer,
-    ):
-        for frame, rings in zip(
-            progress(excerpt(film.frames(), track.options), film.duration_s), track.rings, strict=False
-        ):
+    size_px = annotator.width_px, annotator.height_px
+    with open_film(track.film) as film, film_file(path, *size_px, {"annotated": True}, path.stem) as writer:
+        frames = progress(excerpt(film.frames(), track.options), film.duration_s)
+        for frame, rings in zip(frames, track.rings, strict=False):
             is_due = evaluations and evaluations[0].time_s + track.period_s / 2 <= frame.time_s
             evaluation = evaluations.popleft() if is_due else None
             if evaluation is not None and evaluation.time_s >= sync_s - SAME_TIME_S:

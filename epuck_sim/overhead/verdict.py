@@ -18,6 +18,7 @@ from epuck_sim.overhead.synchrony import (
     evaluate,
     frame_ends,
     order_at_end,
+    pairs_within,
     whole_periods,
 )
 
@@ -174,13 +175,11 @@ def may_be_half_a_period(evidence: Evidence) -> bool:
 def moves_cm(evidence: Evidence) -> tuple[float, float]:
     """Return the median distances from flashes to the nearest one a period and two later; 0 if there are few."""
     onsets_s, places_cm, period_s = evidence.flashes.onset_s, evidence.flashes.places_cm, evidence.period_s
-    after = np.full((2, len(onsets_s)), np.nan)
-    for row, delay_s in enumerate((period_s, 2 * period_s)):
-        ends_s = onsets_s + delay_s - period_s / 4, onsets_s + delay_s + period_s / 4
-        for index, (first, end) in enumerate(zip(*(np.searchsorted(onsets_s, end_s) for end_s in ends_s), strict=True)):
-            if end > first:
-                after[row, index] = np.hypot(*(places_cm[first:end] - places_cm[index]).T).min()
-    both = after[:, ~np.isnan(after).any(axis=0)]
+    after = np.full((2, len(onsets_s)), np.inf)
+    for nearest, delay_s in zip(after, (period_s, 2 * period_s), strict=True):
+        first, then = pairs_within(onsets_s, onsets_s, (delay_s - period_s / 4, delay_s + period_s / 4))
+        np.minimum.at(nearest, first, np.hypot(*(places_cm[then] - places_cm[first]).T))
+    both = after[:, np.isfinite(after).all(axis=0)]
     one_cm, two_cm = np.median(both, axis=1).tolist() if both.shape[1] >= FEW else (0.0, 0.0)
     return one_cm, two_cm
 

@@ -16,12 +16,16 @@ from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.overhead.rings import Ring, RingFinder
 from epuck_sim.scenario.overhead import OverheadSection
+from tests.overhead import webcam
 
 CLEAN = {"noise_levels": 0, "vignetting": 0, "bloom": 0, "blur_px": 0}
 """Settings of a camera that is a pinhole with a radial distortion, and no more."""
 
 ARENA = make_arena(60, 60, [(45, 45, 4)], [box_corners(15, 45, 8, 5, 0.4)])
 EMPTY = make_arena(60, 60, [], [])
+
+FLOOR = np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float)
+AT_RINGS = np.array([(x, y, epuck.RING_HEIGHT_CM) for x in (4.0, 30.0, 56.0) for y in (4.0, 30.0, 56.0)])
 
 APART_CM = 2 * epuck.RADIUS_CM
 PARTS = 10
@@ -81,7 +85,8 @@ def picture_of(
 
 def rings_in(picture: Picture, **settings: Any) -> list[Ring]:
     """Return the rings found in a picture by a camera with these settings."""
-    return finder_of(**settings).find(ring_light(picture))
+    levels, room_is_lit = ring_light(picture)
+    return finder_of(**settings).find(levels, room_is_lit=room_is_lit)
 
 
 def touching(count: int, generator: np.random.Generator) -> FloatArray:
@@ -106,12 +111,18 @@ def honeycomb_cell(turn: float = 0.3) -> FloatArray:
 
 def scattered(count: int, generator: np.random.Generator) -> FloatArray:
     """Return (count, 2) cm: robots at random that do not overlap."""
-    placed: list[FloatArray] = []
-    while len(placed) < count:
-        place = generator.uniform(epuck.RADIUS_CM, 60.0 - epuck.RADIUS_CM, 2)
-        if all(np.hypot(*(place - other)) >= APART_CM for other in placed):
-            placed.append(place)
-    return np.array(placed)
+    return np.asarray(webcam.scattered(count, APART_CM, (60.0, 60.0), epuck.RADIUS_CM, generator))
+
+
+def worst_cm(found: CameraModel, true: CameraModel) -> float:
+    """Return how far rings in an arena of 60 cm are misplaced by a camera that was found, at most."""
+    back = found.back_project(true.project(AT_RINGS), epuck.RING_HEIGHT_CM)
+    return float(np.hypot(*(back - AT_RINGS[:, :2]).T).max())
+
+
+def floor_corners(camera: CameraModel) -> tuple[tuple[float, float], ...]:
+    """Return the pixels that show the floor's corners."""
+    return tuple((x, y) for x, y in camera.project(FLOOR).tolist())
 
 
 def pixel_at(camera: CameraModel, x_cm: float, y_cm: float, z_cm: float = 0.0) -> tuple[int, int]:

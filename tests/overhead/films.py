@@ -3,6 +3,7 @@
 import csv
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,9 @@ import pytest
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, overhead_camera
+from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, Light, overhead_camera
 from epuck_sim.overhead.film import film_file
-from epuck_sim.overhead.light import RingLight, is_lit
+from epuck_sim.overhead.light import is_lit
 from epuck_sim.overhead.render import ExposureSample, Renderer
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.track import Track
@@ -107,6 +108,16 @@ def shoot(times_s: FloatArray, ring_on: BoolArray, lit_until_s: float = 0.0, **s
     return frames
 
 
+TIMES = even(4.5)
+LIT = in_step(TIMES)
+
+
+@cache
+def reel() -> list[Frame]:
+    """Return the frames of a film of six robots that flash together from 2 s on."""
+    return shoot(TIMES, LIT)
+
+
 def save(path: Path, frames: Sequence[Frame], description: dict[str, Any] | None = None) -> str:
     """Write frames as a film with a description, and return its name."""
     rows, columns, _ = frames[0].picture.shape
@@ -137,8 +148,7 @@ def code_rings(patch: pytest.MonkeyPatch) -> None:
     """Have counters take the rings that `coded` writes into frames."""
     where = "epuck_sim.overhead.flashes"
     patch.setattr(f"{where}.RingFinder", Coded)
-    light = lambda _, frame: RingLight(frame.picture[:, :, 2], is_lit(frame.picture))  # noqa: E731
-    patch.setattr(f"{where}.Background.light_beyond", light)
+    patch.setattr(f"{where}.Background.light_beyond", lambda _, frame: (frame.picture[:, :, 2], is_lit(frame.picture)))
     patch.setattr(f"{where}.LightMeter.lit_px", lambda *_: 0)
 
 
@@ -152,8 +162,8 @@ class Coded:
         self._lit: list[int] = []
         self._next = 0
 
-    def find(self, light: RingLight) -> list[Ring]:
-        count = int(light.levels[0, 0])
+    def find(self, levels: Light, **_: object) -> list[Ring]:
+        count = int(levels[0, 0])
         self._lit = self._lit[max(0, len(self._lit) - count) :]
         while len(self._lit) < count:
             self._lit.append(self._next)

@@ -11,15 +11,7 @@ from scipy.sparse import csr_array
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.flashes import Flash, FlashTable
-from epuck_sim.overhead.identities import (
-    SURE,
-    Habits,
-    _certainties,
-    _link,
-    commonest_speed,
-    link_flashes,
-    ways_between,
-)
+from epuck_sim.overhead.identities import SURE, Habits, _certainties, _link, commonest_speed, link_flashes, ways_between
 
 FLOOR_CM = (60.0, 60.0)
 PERIOD_S = 5.0
@@ -120,9 +112,6 @@ def test_a_flash_that_follows_one_long_before_or_after_is_no_alternative() -> No
     costs = csr_array(([-5.0, -5.0, -5.0], ([0, 0, 1], [2, 3, 3])), shape=(4, 4))
     certainty = _certainties(links, costs, onset_s, 1.0)
     assert certainty == pytest.approx([np.nan, np.nan, 1 / (1 + np.exp(-5)), 1 / (1 + np.exp(-5))], nan_ok=True)
-
-
-# --- ways from flash to flash -----------------------------------------------------------------------
 
 
 def table(*rows: tuple[float, float, float, float, float]) -> FlashTable:

@@ -10,15 +10,7 @@ from scipy.spatial.transform import Rotation
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import lens
 from epuck_sim.overhead.camera import CameraModel, Frame, Lens
-from epuck_sim.overhead.lens import (
-    MIN_VIEWS,
-    Board,
-    View,
-    calibrate_lens,
-    find_views,
-    read_lens,
-    save_lens,
-)
+from epuck_sim.overhead.lens import MIN_VIEWS, Board, View, calibrate_lens, find_views, read_lens, save_lens
 from tests.overhead.boards import charuco, checkerboard, film, lens_matrix
 
 SIZE = (640, 480)
@@ -62,41 +54,27 @@ def test_a_board_that_is_not_there_is_missed_in_clear_words() -> None:
         calibrate_lens("dull.mp4", views, (160, 120), False)
 
 
-def test_a_board_that_does_not_move_is_one_view() -> None:
-    (frame,) = film(checkerboard(9, 6), lens_matrix(420.0), np.zeros(4), views=1)
-    still = [frame._replace(time_s=float(second)) for second in range(4)]
-    assert len(find_views(still, Board("checkerboard", 9, 6))) == 1
-
-
-def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool, seed: int = 3) -> list[View]:
+def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]:
     """Return views through a lens of 600 px, with noise of 0.1 px, of a board that is moved, turned and tilted."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(3)
     across, down = np.meshgrid(np.arange(8.0), np.arange(5.0))
     board = np.column_stack([across.ravel(), down.ravel(), np.zeros(across.size)])[:, None]
-    views = []
+    views, project = [], cv2.fisheye.projectPoints if is_fisheye else cv2.projectPoints
     for tilt_deg in tilts_deg:
         turn = Rotation.from_euler("zx", [random.uniform(-40, 40), tilt_deg], degrees=True).as_rotvec()
         shift = np.array([*random.uniform(-6, -1, 2), random.uniform(12, 18)])
-        matrix, none = lens_matrix(600.0), np.zeros(4)
-        if is_fisheye:
-            pixels, _ = cv2.fisheye.projectPoints(board, turn, shift, matrix, none)
-        else:
-            pixels, _ = cv2.projectPoints(board, turn, shift, matrix, none)
+        pixels, _ = project(board, turn, shift, lens_matrix(600.0), np.zeros(4))
         noisy = (pixels + random.normal(0, 0.1, pixels.shape)).reshape(-1, 2)
         views.append(dict(zip(map(tuple, board[:, 0].tolist()), noisy, strict=True)))
     return views
 
 
-@pytest.mark.parametrize(
-    ("is_fisheye", "seed", "tilt_deg"), [(False, 3, 0.0), (False, 3, 12.0), (False, 0, 0.0), (True, 3, 12.0)]
-)
-def test_a_board_that_is_never_or_always_tilted_alike_does_not_determine_a_lens(
-    is_fisheye: bool, seed: int, tilt_deg: float
-) -> None:
-    views = views_of_a_board(np.linspace(-35, 35, 12), is_fisheye, seed)
+@pytest.mark.parametrize(("is_fisheye", "tilt_deg"), [(False, 0.0), (False, 12.0), (True, 12.0)])
+def test_a_board_that_is_never_or_always_tilted_alike_does_not_determine_a_lens(is_fisheye: bool, tilt_deg) -> None:
+    views = views_of_a_board(np.linspace(-35, 35, 12), is_fisheye)
     assert calibrate_lens("film", views, SIZE, is_fisheye).focal_px == pytest.approx(600, rel=0.02)
     with pytest.raises(FilmError, match=r"^film: the views of the board do not determine a lens; show it tilted"):
-        calibrate_lens("film", views_of_a_board([tilt_deg] * 12, is_fisheye, seed), SIZE, is_fisheye)
+        calibrate_lens("film", views_of_a_board([tilt_deg] * 12, is_fisheye), SIZE, is_fisheye)
 
 
 def test_corners_that_come_and_go_are_no_movement_and_pictures_are_all_searched(monkeypatch) -> None:
@@ -116,21 +94,17 @@ LENS = (
 )
 
 
-@pytest.mark.parametrize(
-    ("text", "why"),
-    [
-        (None, "no such file"),
+def test_files_that_are_no_lens_of_this_camera_are_refused(tmp_path) -> None:
+    path = tmp_path / "lens.json"
+    with pytest.raises(FilmError, match=r"lens\.json: no such file"):
+        read_lens(path, (480, 480))
+    for text, why in [
         ("nothing", "is not a lens"),
         ("{}", "is not a lens"),
         (LENS.replace("500", "-5"), "is not a lens"),
         ("[" * 100_000, "is not a lens"),
-        (LENS.replace("}", ', "digest": "0f"}'), "was changed since epuck-sim calibrate wrote it"),
-        (LENS, "calibrated for pictures of 640 x 480 px, but these are 480 x 480"),
-    ],
-)
-def test_files_that_are_no_lens_of_this_camera_are_refused(tmp_path, text, why) -> None:
-    path = tmp_path / "lens.json"
-    if text is not None:
+        (LENS, "was calibrated for pictures of 640 x 480 px, but these are 480 x 480"),
+    ]:
         path.write_text(text)
-    with pytest.raises(FilmError, match=rf"lens\.json: .*{why}"):
-        read_lens(path, (480, 480))
+        with pytest.raises(FilmError, match=rf"lens\.json: {why}"):
+            read_lens(path, (480, 480))

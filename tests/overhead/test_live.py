@@ -88,10 +88,7 @@ def test_a_camera_that_is_unplugged():
 
 @pytest.mark.parametrize(
     ("fault", "missing", "says"),
-    [
-        (None, 3, "delivers no pictures"),
-        ((32, 24), 2, "delivers pictures of 32 x 24 px instead of 64 x 48"),
-    ],
+    [(None, 3, "delivers no pictures"), ((32, 24), 2, "delivers pictures of 32 x 24 px instead of 64 x 48")],
 )
 def test_a_camera_that_drops_out_goes_on(monkeypatch, fault, missing, says):
     monkeypatch.setattr(Imitation, "sizes", (SIZE, SIZE, *[fault] * missing, SIZE, SIZE))

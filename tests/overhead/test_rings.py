@@ -77,18 +77,14 @@ def test_reflections_in_walls_are_weaker_than_rings():
 ], ids=str)  # fmt: skip
 def test_survives_another_exposure_and_sees_askew(look):
     found([*honeycomb_cell(), (30.0, 30.0), (50.0, 12.0)], **look)
-    found(honeycomb_cell(), **look)
 
 
-@pytest.mark.parametrize("quality", [0, 70])
-@pytest.mark.parametrize("settings", [SMALL, NOISY], ids=str)
+@pytest.mark.parametrize(("settings", "quality"), [(SMALL, 0), (NOISY, 70)])
 def test_chains_and_honeycombs(settings, quality):
-    found([(4 + APART_CM * i, 20.0) for i in range(8)], quality=quality, **settings)
-    for turn in (0.0, 0.3):
-        around = honeycomb_cell(turn)
-        found(around, quality=quality, **settings)  # the robot in the middle is dark
-        found([*around, (30.0, 30.0)], quality=quality, **settings)
-        found(around[:5], quality=quality, **settings)
+    around = honeycomb_cell(0.3)  # the robot in the middle is dark, or lit
+    chain = [(4 + APART_CM * i, 20.0) for i in range(8)]
+    for centres in (chain, around, [*around, (30.0, 30.0)], honeycomb_cell(0.0)[:5]):
+        found(centres, quality=quality, **settings)
 
 
 @pytest.mark.parametrize("pictures", [6, pytest.param(200, marks=pytest.mark.slow)])
@@ -115,7 +111,7 @@ def test_finds_rings_in_a_lit_room(size):
 # --- no rings -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("noise", [0.0, 2.0, 10.0])
+@pytest.mark.parametrize("noise", [0.0, 10.0])
 @pytest.mark.parametrize("room", [False, True])
 def test_finds_nothing_where_nothing_shines(room, noise):
     picture = picture_of(scattered(8, np.random.default_rng(0)), room=room, lit=False, noise_levels=noise, **SMALL)
@@ -152,12 +148,14 @@ def test_whether_the_room_is_lit():
 
 def test_light_is_bright_or_coloured():
     picture = np.array([[(200, 90, 120), (90, 200, 120), (90, 90, 90)]], np.uint8)
-    np.testing.assert_array_equal(ring_light(picture).levels, [[110, 110, 0]])  # the room is lit
-    np.testing.assert_array_equal(ring_light(picture - 80).levels, [[57, 57, 10]])
     learnt = Background(np.array([[4, 4, 3]], np.uint8))
-    np.testing.assert_array_equal(learnt.light_beyond(Frame(0.0, picture - 80)).levels, [[53, 53, 7]])
-    later = learnt.light_beyond(Frame(0.5, picture - 80)).levels  # what stays lit becomes background
-    np.testing.assert_array_equal(later, [[48, 48, 2]])
+    for (levels, room_is_lit), expected, is_expected_lit in [
+        (ring_light(picture), [110, 110, 0], True),
+        (ring_light(picture - 80), [57, 57, 10], False),
+        (learnt.light_beyond(Frame(0.0, picture - 80)), [53, 53, 7], False),
+        (learnt.light_beyond(Frame(0.5, picture - 80)), [48, 48, 2], False),  # what stays lit becomes background
+    ]:
+        assert (levels.tolist(), room_is_lit) == ([expected], is_expected_lit)
 
 
 ROWS = COLUMNS = 240
@@ -174,8 +172,7 @@ def lamps(level: float, flicker: float, bands: float, turned: bool, spots: int) 
     return (levels.T if turned else levels).astype(np.uint8)
 
 
-@pytest.mark.parametrize("knows_floor", [True, False])
-@pytest.mark.parametrize("turned", [True, False])
+@pytest.mark.parametrize(("turned", "knows_floor"), [(True, False), (False, True)])
 @pytest.mark.parametrize(("flicker", "bands"), [(0, 0), (0.4, 0.5), (0.8, 7)])
 def test_lamps_that_flicker_change_nothing(flicker: float, bands: float, turned: bool, knows_floor: bool) -> None:
     meter = LightMeter(make_geometry()._replace(knows_floor=knows_floor))

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from epuck_sim.order_parameter import order_parameter
-from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable, count_lit
+from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable
 from epuck_sim.overhead.identities import Identities
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.robots import (
@@ -17,7 +17,6 @@ from epuck_sim.overhead.robots import (
     flash_columns,
     order_of_shares,
     pair_columns,
-    pairs,
     phase_shares,
     save_robots,
     summary,
@@ -82,7 +81,6 @@ def test_a_ring_that_is_lit_at_the_end_of_the_film_is_lit_in_its_last_frame() ->
     is_last = table["time_s"] == last_s
     assert table["ring_on"][is_last].sum() == 1
     assert table["y_cm"][is_last & table["ring_on"]] == pytest.approx(45)
-    assert count_lit([late], track.times_s)[-2:].tolist() == [0, 1]
 
 
 def test_flashes_tell_whose_they_are_and_the_order_of_phases() -> None:
@@ -142,8 +140,6 @@ def test_a_film_without_flashes_gives_tables_without_rows(tmp_path: Path) -> Non
     assert summary(track, robots)["by_phases_s"] is None
 
 
-# --- phases and pairs -------------------------------------------------------------------------------
-
 ONSETS = np.array([0.0, 0.5, 1.0, 1.4, 2.0, 2.4, 4.0])
 ROBOT = np.array([0, 1, 0, 1, 0, 1, 0])
 
@@ -172,7 +168,8 @@ def test_pairs_are_those_whose_flashes_overlap() -> None:
     whose = np.array([0, 1, 2, 0, 1, 2, 0, 1])
     numbers = np.array([0, 1, 2, 3])
     robots = Robots("tags", flashes, Identities(whose, whose, onsets, 1.0), numbers, None, ())
-    first, *others = pairs(robots)
-    assert first == (0, 1, 3, 2)
-    assert [pair[:2] for pair in others] == [(0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
-    assert all(pair.together == 0 for pair in others)
+    table = pair_columns(TRACK, robots)
+    pairs = list(zip(table["robot"].tolist(), table["other"].tolist(), strict=True))
+    assert pairs == [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
+    assert (table["flashes"][0], table["together"].tolist()) == (3, [2, 0, 0, 0, 0, 0])
+    assert table["share"][0] == pytest.approx(2 / 3)

@@ -1,35 +1,40 @@
-"""Claims about the evolving histogram: when it is evaluated, how wide it is, and what bad films do to it."""
+"""Claims about the evolving histogram, order parameters of onsets, estimates of period and flash, and Appendix C."""
 
-import pickle
+import math
 from itertools import pairwise
 from statistics import median
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from epuck_sim.order_parameter import order_parameter
 from epuck_sim.overhead.synchrony import (
     MAX_HOLD_INTERVALS,
     MIN_COVERAGE,
+    MIN_PERIODS,
     Evaluation,
     SynchronyDetector,
+    _lags,
+    estimate_flash_s,
+    estimate_period_s,
     evaluate,
+    firing_spread_s,
     first_synchronised,
     is_synchronised,
     order_at_end,
     order_over_time,
+    spread_threshold_s,
     whole_periods,
 )
-from tests.overhead.counts import counted, frames, steady
+from tests.overhead.counts import counted, frames, steady, uneven
 
 PERIOD = 5.0
 FLASH = 0.375
 RATE = 16.0  # frames begin at floating-point numbers that are exact
 
 TOGETHER = np.zeros(10)
-SPREAD = np.array([0, 0, 0.05, 0.1, 0.1, 0.13, 0.2, 0.2, 0.2, 0.25])
 
 
 def slow_evaluations(times, counts, period):
@@ -95,16 +100,6 @@ def test_an_evaluation_comes_with_the_first_frame_half_a_period_after_its_mode()
             assert 0 <= time - (evaluation.time_s + PERIOD / 2) < 1 / RATE
 
 
-def test_a_period_is_remembered_however_long_the_film_is():
-    detector = SynchronyDetector(PERIOD)
-    times = frames(200 * PERIOD, RATE)
-    sizes = []
-    for time, count in zip(times, counted(steady(SPREAD, PERIOD, 1000), FLASH, times), strict=True):
-        detector.update(float(time), int(count))
-        sizes.append(len(pickle.dumps(detector)))
-    assert max(sizes[2000:]) <= max(sizes[200:2000]) + 50
-
-
 def test_the_first_narrow_evaluation_is_the_time_of_synchrony():
     found = [Evaluation(time, 9, spread, 1.0) for time, spread in ((3, 0.3), (8, 0.125), (13, 0.1))]
     assert first_synchronised(found, 0.125) is found[1]
@@ -139,11 +134,8 @@ def test_synchrony_begins_with_the_first_flash_together() -> None:
     assert whole_periods(ONSETS_TOGETHER, 1.0, (0.0, 4.9), 5).first_in_order_s() is None
     assert whole_periods(ONSETS_TOGETHER, 1.0, (4.1, 6.0), 5).first_in_order_s() == 5.5
     assert whole_periods(ONSETS_TOGETHER, 1.0, (0.0, 6.0), 7).first_in_order_s() is None
-
-
-def test_a_lone_flash_is_in_step_with_nobody() -> None:
-    assert whole_periods(np.array([1.0, 3.0, 5.0]), 1.0, (0.0, 6.0), 2).first_in_order_s() is None
-    assert whole_periods(np.empty(0), 1.0, (0.0, 6.0), 2).first_in_order_s() is None
+    for few in (np.array([1.0, 3.0, 5.0]), np.empty(0)):  # a lone flash is in step with nobody
+        assert whole_periods(few, 1.0, (0.0, 6.0), 2).first_in_order_s() is None
 
 
 def test_robots_are_counted_where_they_are_nearest_together() -> None:
@@ -161,3 +153,135 @@ def test_the_order_parameter_at_the_end_is_that_of_the_last_flashes() -> None:
     assert order_at_end(onsets_s, 1.0, 2.9, 3) == 0.0
     assert order_at_end(onsets_s, 1.0, 2.3, 7) == 0.0
     assert order_at_end(onsets_s, 1.0, 2.3, 0) == 0.0
+
+
+SPREAD = np.array([0, 0, 0.05, 0.1, 0.1, 0.13, 0.2, 0.2, 0.2, 0.25])
+
+
+# --- the period -------------------------------------------------------------------------------------
+
+
+@given(st.floats(1.5, 12), st.floats(14, 60), st.floats(0.05, 0.15))
+@example(1.5, 15.0, 0.0625)
+def test_the_period_of_a_synchronised_minute_is_right_to_half_a_percent(period, rate, flash_fraction):
+    times = frames(max(60, 4 * period), rate)
+    counts = counted(steady(SPREAD * period / 5 + 1, period, times[-1]), flash_fraction * period, times)
+    assert estimate_period_s(times, counts) == pytest.approx(period, rel=0.005)
+
+
+def clusters(*sizes: int) -> np.ndarray:
+    """Return onsets of groups of robots that are spaced evenly over the period."""
+    phases = [PERIOD * n / len(sizes) for n, size in enumerate(sizes) for _ in range(size)]
+    return steady(phases, PERIOD, 60)
+
+
+def shortened(random: np.random.Generator) -> np.ndarray:
+    """Return onsets of robots whose cycles are often shortened, until all flash together."""
+    cycles = np.where(random.random((12, 10)) < 0.7, random.uniform(3.3, 5, (12, 10)), PERIOD)
+    before = random.uniform(0, PERIOD, 10) + np.cumsum(cycles, axis=0)
+    return np.append(before[before < 64], 65 + steady(SPREAD, PERIOD, 20)[1:])
+
+
+SWARMS = {
+    "never in step": lambda random: steady(random.uniform(0, PERIOD, 10), PERIOD, 60),
+    "two clusters of nearly equal size": lambda _: clusters(7, 3),
+    "three clusters": lambda _: clusters(4, 2, 2),
+    "shortened cycles before synchrony": shortened,
+}
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", SWARMS)
+def test_the_period_is_right_to_half_a_percent_whatever_robots_and_frames_do(kind, seed):
+    random = np.random.default_rng(seed)
+    onsets = SWARMS[kind](random)
+    times = uneven(frames(85 if kind.startswith("shortened") else 60, 15.4), random, dropped=0.1)
+    assert estimate_period_s(times, counted(onsets, FLASH, times)) == pytest.approx(PERIOD, rel=0.005)
+
+
+def test_a_long_film_shows_the_period_and_no_multiple_of_it_to_a_hundredth_of_a_frame():
+    times = frames(300, 15.0)
+    counts = counted(steady(SPREAD, 4.77, 300), FLASH, times)
+    assert estimate_period_s(times, counts) == pytest.approx(4.77, abs=0.01 / 15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_flashes_at_random_have_no_period(seed):
+    random = np.random.default_rng(seed)
+    times = frames(60, 15.4)
+    counts = counted(random.uniform(-5, 60, 120), FLASH, times)
+    assert estimate_period_s(times, counts) is None
+
+
+def test_a_film_of_too_few_periods_has_no_estimate():
+    for share, is_enough in ((0.95, False), (1.1, True)):
+        times = frames(share * MIN_PERIODS * PERIOD, 15.0)
+        counts = counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)
+        assert (estimate_period_s(times, counts) is not None) == is_enough
+
+
+@given(st.lists(st.tuples(st.sampled_from([1, 1, 1, 2, 40]), st.integers(0, 3)), max_size=60))
+def test_whatever_is_counted_the_estimates_are_none_or_within_the_film(film):
+    times = np.cumsum([step for step, _ in film], dtype=float) / 15
+    counts = np.array([count for _, count in film], np.int64)
+    for estimate in (estimate_period_s(times, counts), estimate_flash_s(times, counts)):
+        assert estimate is None or 0 < estimate < times[-1] - times[0]
+
+
+events = st.lists(st.tuples(st.integers(0, 40), st.integers(1, 3)), max_size=12).map(sorted)
+
+
+@given(events, events, st.integers(0, 10), st.integers(0, 30))
+def test_lags_are_those_of_all_pairs(causes, effects, least, width):
+    expected = [(b - a, m * n) for a, m in causes for b, n in effects if least <= b - a < least + width]
+    pairs = (np.array(each, float).reshape(-1, 2).T for each in (causes, effects))
+    found = _lags(*map(tuple, pairs), (least, least + width))
+    assert list(zip(*(each.tolist() for each in found), strict=True)) == expected
+
+
+# --- the flash --------------------------------------------------------------------------------------
+
+
+@given(st.floats(0.2, 1.0), st.floats(14, 60))
+def test_the_flash_of_rings_that_go_on_together_is_right_to_a_frame(flash, rate):
+    times = frames(60, rate)
+    counts = counted(steady(np.zeros(10), 4.99, 60), flash, times)
+    assert estimate_flash_s(times, counts) == pytest.approx(flash, abs=1 / rate)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_flash_is_not_longer_where_one_goes_on_as_another_goes_off(seed):
+    random = np.random.default_rng(seed)
+    times = frames(60, 15.4)
+    counts = counted(np.cumsum(random.uniform(3.5, 5, (13, 10)), axis=0) - 5, FLASH, times)
+    by_light = counts.mean() * 60 / np.maximum(np.diff(counts), 0).sum()
+    assert by_light > 1.08 * FLASH
+    assert estimate_flash_s(times, counts) == pytest.approx(FLASH, abs=0.6 / 15.4)
+
+
+# --- Appendix C -------------------------------------------------------------------------------------
+
+
+def test_half_early_and_half_late_by_sigma_a_have_that_order_parameter():
+    for r in (0.5, 0.95, 0.99):
+        sigma_s = firing_spread_s(PERIOD, r)
+        assert order_parameter(np.array([sigma_s, PERIOD - sigma_s]), PERIOD) == pytest.approx(r)
+    assert firing_spread_s(PERIOD) == pytest.approx(0.25, abs=0.005)  # the thesis's figure
+    assert spread_threshold_s(PERIOD, 0.075 * PERIOD) * 15.5 == pytest.approx(2, abs=0.06)
+
+
+@pytest.mark.parametrize("flash_s", [0.05, 0.2, FLASH])
+def test_the_threshold_is_the_spread_of_half_early_and_half_late_in_a_fast_film(flash_s):
+    sigma_s = firing_spread_s(PERIOD)
+    times = frames(10, 2000.0)
+    onsets = 5 + np.repeat([-sigma_s, sigma_s - flash_s], 5)
+    (evaluation,) = evaluate(times, counted(onsets, flash_s, times), PERIOD)
+    assert evaluation.spread_s == pytest.approx(spread_threshold_s(PERIOD, flash_s), rel=0.005)
+
+
+@given(st.floats(0.1, 100), st.floats(0.001, 0.5))
+def test_the_threshold_leaves_room_above_perfect_synchrony_and_scales_with_time(period, flash):
+    threshold_s = spread_threshold_s(period, flash * period)
+    assert threshold_s == pytest.approx(period * spread_threshold_s(1.0, flash))
+    assert threshold_s > flash * period / math.sqrt(12)
+    assert threshold_s >= firing_spread_s(period) / 2 * (1 - 1e-9)

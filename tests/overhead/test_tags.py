@@ -39,11 +39,12 @@ def shown(poses=POSES, lit=(), in_the_light=True, **settings: object):
 )
 def test_tags_are_read_where_robots_are(in_the_light: bool, lit: tuple[int, ...], settings: dict) -> None:
     camera, picture = shown(lit=lit, in_the_light=in_the_light, **settings)
-    tags = TagReader(camera, "4X4_50").read(Frame(0.0, picture))
-    assert [tag.number for tag in tags] == [0, 1, 2, 3]
-    for tag, (x, y, heading) in zip(tags, POSES, strict=True):
-        assert math.hypot(tag.x_cm - x, tag.y_cm - y) < 0.15
-        assert math.remainder(tag.heading_rad - heading, math.tau) == pytest.approx(0, abs=0.06)
+    reader = TagReader(camera, "4X4_50")
+    assert reader.read(Frame(0.0, picture)).shape == (4, 4, 2)
+    found = reader.readings(0.0)
+    assert found.number.tolist() == [0, 1, 2, 3]
+    assert np.hypot(*(found.poses - POSES)[:, :2].T).max() < 0.15
+    assert np.abs(np.exp(1j * found.poses[:, 2]) - np.exp(1j * POSES[:, 2])).max() < 0.06
 
 
 def test_the_pattern_has_white_around_it() -> None:

@@ -16,62 +16,38 @@ from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.track import Track, annotate_film, ring_table, snapshot, track_film
 from tests.overhead.films import (
+    LIT,
     PLACES,
+    TIMES,
     described,
     even,
     in_step,
     make_camera,
     passed,
     read_rings,
+    reel,
     save,
     shoot,
 )
 from tests.overhead.score import score_rows
 from tests.overhead.small_films import write_packets
 
-TIMES = even(4.5)
-LIT = in_step(TIMES)
-
 
 @pytest.fixture(scope="module")
-def reel() -> list[Frame]:
-    """Frames of six robots that flash together from 2 s on."""
-    return shoot(TIMES, LIT)
+def tracked(tmp_path_factory: pytest.TempPathFactory) -> Track:
+    """Return what is found in a film that describes itself."""
+    name = save(tmp_path_factory.mktemp("films") / "named.mp4", reel(), described())
+    return track_film(name, TrackOptions(), Path(name).with_suffix(".csv"), passed)
 
 
-@pytest.fixture(scope="module")
-def named(reel: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A film of them with a description."""
-    return save(tmp_path_factory.mktemp("films") / "named.mp4", reel, described())
-
-
-@pytest.fixture(scope="module")
-def tracked(named: str) -> Track:
-    return track_film(named, TrackOptions(), Path(named).with_suffix(".csv"), passed)
-
-
-def worst_cm(path: Path, times_s: Any) -> float:
-    """Return how far a table of rings is off where they were lit, after the check that it has all of them."""
-    truth = ((time_s, PLACES[on], np.empty((0, 2))) for time_s, on in zip(times_s, LIT, strict=True))
-    score = score_rows(read_rings(path), truth)
-    assert (score.found, score.missed, score.false) == (LIT.sum(), 0, 0)
-    return score.worst_cm
-
-
-# --- a film that is whole ---------------------------------------------------------------------------
-
-
-def test_described_film_gives_its_trial(tracked: Track, named: str) -> None:
-    assert (tracked.film, tracked.frames, tracked.calibration) == (named, len(TIMES), DESCRIPTION)
+def test_described_film_gives_its_trial(tracked: Track) -> None:
+    assert (tracked.frames, tracked.calibration) == (len(TIMES), DESCRIPTION)
     assert tracked.counts.tolist() == LIT.sum(axis=1).tolist()
     assert tracked.times_s == pytest.approx(TIMES, abs=1e-4)
     assert (tracked.period_s, tracked.estimated, tracked.warnings) == (1.0, ("threshold_ms",), ())
     assert tracked.robots_seen == 6
     assert tracked.histogram_s == pytest.approx(2.55, abs=1e-3)
     assert tracked.flash_ms == pytest.approx(100, abs=5)
-
-
-# --- light ------------------------------------------------------------------------------------------
 
 
 def test_trial_begins_in_the_dark(tracked: Track, tmp_path: Path) -> None:
@@ -84,41 +60,26 @@ def test_trial_begins_in_the_dark(tracked: Track, tmp_path: Path) -> None:
     assert track.duration_s == pytest.approx(4.5, abs=1e-3)
     assert track.counts.tolist() == tracked.counts.tolist()
     assert track.histogram_s == pytest.approx(tracked.histogram_s, abs=1e-3)
-    assert worst_cm(tmp_path / "rings.csv", 1 + TIMES) <= 0.3
+    truth = ((time_s, PLACES[on], np.empty((0, 2))) for time_s, on in zip(1 + TIMES, LIT, strict=True))
+    score = score_rows(read_rings(tmp_path / "rings.csv"), truth)
+    assert (score.found, score.missed, score.false, score.worst_cm <= 0.3) == (LIT.sum(), 0, 0, True)
     assert snapshot(track).time_s == pytest.approx(3.5, abs=0.1)
     assert len(snapshot(track).rings_px) == 6
 
 
-def test_lit_film_is_tracked(tmp_path: Path, tracked: Track) -> None:
-    name = save(tmp_path / "lit.mp4", shoot(TIMES, LIT, light="lit"), described(light="lit"))
-    track = track_film(name, TrackOptions(), tmp_path / "rings.csv", passed)
-    assert track.start_s == 0
-    assert track.counts.tolist() == LIT.sum(axis=1).tolist()
-    assert worst_cm(tmp_path / "rings.csv", TIMES) <= 0.2
-    assert track.histogram_s == pytest.approx(tracked.histogram_s)
-
-
-# --- frames that come as they like ------------------------------------------------------------------
-
-OF_ANY_PERIOD = described() | {"period_s": None}
-
-
-def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Track, tmp_path: Path) -> None:
-    dropped = {20, 40, 41, 83, 110}
-    frames = [frame for k, frame in enumerate(reel) if k not in dropped for _ in range(3 if k % 7 == 0 else 1)]
+def test_doubled_and_dropped_frames_move_nothing(tracked: Track, tmp_path: Path) -> None:
+    kept = [k for k in range(len(TIMES)) if k not in {20, 40, 41, 83, 110}]
+    frames = [reel()[k] for k in kept for _ in range(3 if k % 7 == 0 else 1)]
     stamps, pictures = [round(1000 * frame.time_s) for frame in frames], [frame.picture for frame in frames]
-    film = write_packets(tmp_path / "doubled.mkv", stamps, pictures=pictures, comment=json.dumps(OF_ANY_PERIOD))
+    comment = json.dumps(described() | {"period_s": None})
+    film = write_packets(tmp_path / "doubled.mkv", stamps, pictures=pictures, comment=comment)
     track = track_film(str(film), TrackOptions(), None, passed)
-    kept = [k for k in range(len(reel)) if k not in dropped]
     assert track.counts.tolist() == tracked.counts[kept].tolist()
     assert track.times_s == pytest.approx(TIMES[kept], abs=1e-3)
     assert track.period_s == pytest.approx(1, abs=0.01)
     assert track.histogram_s == pytest.approx(tracked.histogram_s, abs=0.02)
     assert any("left out" in warning for warning in track.warnings)
     assert any("frames were dropped" in warning for warning in track.warnings)
-
-
-# --- the moment of synchrony ------------------------------------------------------------------------
 
 
 def test_snapshot_shows_all_rings_of_the_moment(tracked: Track) -> None:
@@ -141,14 +102,11 @@ def test_snapshot_leaves_out_rings_that_stay_lit(tracked: Track) -> None:
     assert len(gone.rings_px) == 6
 
 
-# --- files: whole or nothing ------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("threshold_ms", [None, 10.0])
+@pytest.mark.parametrize("is_together", [True, False])
 def test_annotation_says_what_the_track_says(
-    named: str, tmp_path: Path, threshold_ms: float | None, monkeypatch: pytest.MonkeyPatch
+    tracked: Track, tmp_path: Path, is_together: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    track = track_film(named, TrackOptions(threshold_ms=threshold_ms), None, passed)
+    track = tracked if is_together else tracked._replace(histogram_s=None)
     annotated: list[TrackedFrame] = []
 
     def annotate(annotator: Annotator, tracked: TrackedFrame) -> Any:

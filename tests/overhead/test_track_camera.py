@@ -9,6 +9,7 @@ import threading
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,20 +24,10 @@ from epuck_sim.overhead.camera_fit import RINGS
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.live import Watching, live_page, track_camera
 from epuck_sim.overhead.track import Track
-from tests.overhead.films import SMALL, even, in_step, make_camera, passed, read_rings, shoot
+from tests.overhead.cameras import floor_corners
+from tests.overhead.films import LIT, SMALL, TIMES, even, in_step, make_camera, passed, read_rings, reel, shoot
 
-TIMES = even(4.5)
-LIT = in_step(TIMES)
-CORNERS_PX = tuple(
-    (float(x), float(y))
-    for x, y in make_camera().project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
-)
-
-
-@pytest.fixture(scope="module")
-def reel() -> list[Frame]:
-    """Frames of six robots that flash together from 2 s on."""
-    return shoot(TIMES, LIT)
+CORNERS_PX = floor_corners(make_camera())
 
 
 class Imitation:
@@ -45,44 +36,33 @@ class Imitation:
     name = "camera 7"
     width_px, height_px = SMALL["width_px"], SMALL["height_px"]
 
-    def __init__(self, frames: Iterable[Frame], end: BaseException) -> None:
-        self._frames, self._end = self._give(frames), end
-        self.is_open = False
-        self.given = 0
+    def __init__(self, frames: Iterable[Frame], end: BaseException | None = None) -> None:
+        self.is_open, self.given = False, 0
         self.warnings: list[str] = []
+        self._frames = self._give(frames, end or KeyboardInterrupt())
 
-    def _give(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+    def _give(self, frames: Iterable[Frame], end: BaseException) -> Iterator[Frame]:
         for frame in frames:
             self.given += 1
             yield frame
-        raise self._end
+        raise end
 
-    def __enter__(self) -> Self:
+    @contextmanager
+    def __call__(self, *_: object) -> Iterator[Self]:
         self.is_open = True
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.is_open = False
+        try:
+            yield self
+        finally:
+            self.is_open = False
 
     def frames(self) -> Iterator[Frame]:
         return self._frames
 
 
-Plug = Callable[..., Imitation]
-
-
-@pytest.fixture
-def plug(monkeypatch: pytest.MonkeyPatch) -> Plug:
-    def plug_in(frames: Iterable[Frame], end: BaseException | None = None) -> Imitation:
-        camera = Imitation(frames, end or KeyboardInterrupt())
-        monkeypatch.setattr("epuck_sim.overhead.live.LiveCamera", lambda number, _: camera if number == 7 else None)
-        return camera
-
-    return plug_in
-
-
-def watch(options: TrackOptions, tell: Callable[[str], None] = print, **watching: Any) -> Track:
-    return track_camera(7, options._replace(period_s=1.0), Watching(**watching), passed, tell)
+def watch(camera: Imitation, options: TrackOptions, tell: Callable[[str], None] = print, **watching: Any) -> Track:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("epuck_sim.overhead.live.LiveCamera", camera)
+        return track_camera(7, options._replace(period_s=1.0), Watching(**watching), passed, tell)
 
 
 def frames_in(path: Path) -> int:
@@ -90,10 +70,10 @@ def frames_in(path: Path) -> int:
         return len(list(film.frames()))
 
 
-def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
-    camera = plug(reel)
+def test_camera_films_until_the_swarm_is_synchronised(tmp_path: Path) -> None:
+    camera = Imitation(reel())
     table, seen, record = tmp_path / "rings.csv", tmp_path / "seen.mp4", tmp_path / "raw.mp4"
-    track = watch(TrackOptions(robots=6, order_parameter=0.99), rings=table, annotate=seen, record=record)
+    track = watch(camera, TrackOptions(robots=6, order_parameter=0.99), rings=table, annotate=seen, record=record)
     assert not camera.is_open
     assert (track.film, track.calibration, track.period_s) == ("camera 7", RINGS, 1.0)
     assert track.estimated == ("threshold_ms",)
@@ -104,32 +84,30 @@ def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Fra
     assert (frames_in(seen), frames_in(record)) == (track.frames, camera.given)
 
 
-def test_a_camera_that_films_before_the_room_is_dark_waits_until_it_is(plug: Plug) -> None:
+def test_a_camera_that_films_before_the_room_is_dark_waits_until_it_is() -> None:
     times_s, told = even(5.5), []
-    plug(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
-    track = watch(TrackOptions(corners_px=CORNERS_PX, robots=6), told.append)
+    camera = Imitation(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
+    track = watch(camera, TrackOptions(corners_px=CORNERS_PX, robots=6), told.append)
     assert told == ["the room is lit; tracking begins when it is dark, or after 30 s"]
     assert track.start_s == pytest.approx(1)
     assert track.geometry.ring_light > 0
 
 
-def test_synchrony_that_is_not_believed_is_told_and_filmed_on(plug: Plug, reel: list[Frame]) -> None:
-    camera, told = plug(reel), []
-    track = watch(TrackOptions(robots=12, threshold_ms=50.0), told.append)
+def test_synchrony_that_is_not_believed_is_told_and_filmed_on() -> None:
+    camera, told = Imitation(reel()), []
+    track = watch(camera, TrackOptions(robots=12, threshold_ms=50.0), told.append)
     assert (track.histogram_s, track.confidence) == (None, "none")
-    assert camera.given == len(reel)
-    assert len(told) == 1
-    assert told[0].startswith("not yet believed to be synchronised: ")
+    assert camera.given == len(TIMES)
+    (said,) = told
+    assert said.startswith("not yet believed to be synchronised: ")
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt(), FilmError("camera 7 delivers no pictures")], ids=repr)
-def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(
-    plug: Plug, reel: list[Frame], tmp_path: Path, end: BaseException
-) -> None:
-    camera = plug(reel[:70], end)
+def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(tmp_path: Path, end: BaseException) -> None:
+    camera = Imitation(reel()[:70], end)
     camera.warnings.append("camera 7 dropped out from 0.1 to 0.2 s")
     table, seen = tmp_path / "rings.csv", tmp_path / "seen.mp4"
-    track = watch(TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), rings=table, annotate=seen)
+    track = watch(camera, TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), rings=table, annotate=seen)
     assert not camera.is_open
     assert (track.threshold_ms, track.histogram_s, track.frames) == (1.0, None, 70)
     assert track.counts.tolist() == LIT[:70].sum(axis=1).tolist()
@@ -139,10 +117,16 @@ def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(
     assert track.warnings == ("camera 7 dropped out from 0.1 to 0.2 s", *ends)
 
 
-def test_ctrl_c_before_the_calibration_leaves_the_film(plug: Plug, tmp_path: Path) -> None:
-    camera = plug(shoot(even(1), np.zeros((30, 6), bool)))
+def test_ctrl_c_before_the_calibration_leaves_the_film(tmp_path: Path) -> None:
+    camera = Imitation(shoot(even(1), np.zeros((30, 6), bool)))
     with pytest.raises(KeyboardInterrupt):
-        watch(TrackOptions(), rings=tmp_path / "rings.csv", annotate=tmp_path / "s.mp4", record=tmp_path / "raw.mp4")
+        watch(
+            camera,
+            TrackOptions(),
+            rings=tmp_path / "rings.csv",
+            annotate=tmp_path / "s.mp4",
+            record=tmp_path / "raw.mp4",
+        )
     assert not camera.is_open
     assert [path.name for path in tmp_path.iterdir()] == ["raw.mp4"]
     assert frames_in(tmp_path / "raw.mp4") == 30
@@ -153,21 +137,16 @@ import os, signal, sys
 from pathlib import Path
 
 sys.path.insert(0, sys.argv[1])
-import epuck_sim.overhead.live as module
-from tests.overhead.test_track_camera import CORNERS_PX, LIT, TIMES, Imitation, TrackOptions, shoot, watch
+from tests.overhead.test_track_camera import CORNERS_PX, Imitation, TrackOptions, reel, watch
 
 
-class Killed(Imitation):
-    def _give(self, frames):
-        yield from frames
-        os.kill(os.getpid(), signal.SIGKILL)
+def frames():
+    yield from reel()[:70]
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
-module.LiveCamera = lambda *_: Killed(shoot(TIMES[:70], LIT[:70]), KeyboardInterrupt())
-watch(
-    TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0),
-    rings=Path("rings.csv"), annotate=Path("seen.mp4"), record=Path("raw.mp4"),
-)
+outputs = {"rings": Path("rings.csv"), "annotate": Path("seen.mp4"), "record": Path("raw.mp4")}
+watch(Imitation(frames()), TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), **outputs)
 """
 
 
@@ -182,17 +161,16 @@ def test_what_was_written_until_a_kill_can_be_read(tmp_path: Path) -> None:
         assert 30 <= frames_in(tmp_path / name) <= 70  # all but about the last second
 
 
-def test_a_camera_is_shown_on_a_page(plug: Plug, reel: list[Frame]) -> None:
+def test_a_camera_is_shown_on_a_page() -> None:
     told: list[str] = []
     shown: list[bytes] = []
 
     def delivered() -> Iterator[Frame]:
-        for frame in reel:
+        for frame in reel():
             yield frame
             shown.append(read(told[0].split(" ", maxsplit=1)[0] + "film"))
 
-    plug(delivered())
-    watch(TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), told.append, port=0)
+    watch(Imitation(delivered()), TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), told.append, port=0)
     assert told[0].endswith("/ shows camera 7")
     sizes = {decoded(jpeg).shape for jpeg in shown[:2] + shown[-2:]}
     assert len(sizes) == 2  # waiting, and with the histogram below
