@@ -22,7 +22,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from epuck_sim.errors import CurveError, EpuckSimError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import AgentScheduleEntry, check_numbers
 from epuck_sim.scenario.keys import set_value
 from epuck_sim.scenario.scenario import Scenario
@@ -70,9 +70,7 @@ class Curve:
         values = with_defaults(self.name, given, self.parameters)
         if self.phase_shift is None:
             for name, value in values.items():
-                low, high = LIMITS[name]
-                if not low <= value <= high:
-                    raise ValueError(f"{name} is {value}; allowed: {low:g} to {high:g}")
+                check_range(name, value, *LIMITS[name])
         return values
 
     def check_shifts(self, coupling: float, parameters: Mapping[str, Value]) -> None:
@@ -142,8 +140,8 @@ class ResponseSection(ConfigModel):
 
     @model_validator(mode="after")
     def _check_coupling(self) -> "ResponseSection":
-        if self.curve in UP_TO_1 and self.coupling > 1:
-            raise ValueError(f"coupling is {self.coupling:g}; allowed: 0 to 1 for the {self.curve} curve")
+        if self.curve in UP_TO_1:
+            check_range("coupling", self.coupling, 0, 1, f" for the {self.curve} curve")
         return self
 
 
@@ -346,10 +344,7 @@ class StartSection(ConfigModel):
         if self.like is not None and self != StartSection.model_construct(like=self.like):
             raise ValueError(f"like is {self.like!r}; leave out all other keys of start, which it decides")
         if self.displacement and self.phases != "synchronised":
-            raise ValueError(
-                f"displacement is {self.displacement:g} and phases is {self.phases!r}; allowed: 0, or phases: "
-                "synchronised"
-            )
+            raise ValueError(f"displacement is {self.displacement:g}; allowed: 0, or phases: synchronised")
         return self
 
 
@@ -358,20 +353,6 @@ MOST_SIDES = 1000
 
 MOST_RUNS = 1000
 """Largest number of runs of a random walk that agents may begin in a cycle, on average."""
-
-_ELSEWHERE = {
-    "arena": "space",
-    "robots": "agents, clocks, response and neighbourhood",
-    "noise": "clocks.jitter for clocks; agents neither sense nor drive",
-    "spread": "no counterpart, because agents are all alike",
-    "stuck": "no counterpart, because agents are points",
-    "faults": "no counterpart, because agents do not fail; schedule changes them",
-    "contact": "no counterpart, because agents are points",
-    "timing": "no counterpart, because time has no steps",
-    "stop.reference_robot": "stop.reference",
-    "stop.further_cycles": "no counterpart, because its trials end with synchrony",
-}
-"""Keys of embodied scenarios, and the keys of particle scenarios that correspond to them."""
 
 
 class SpaceSection(ConfigModel):
@@ -410,10 +391,6 @@ class ParticleStop(StopSection):
 class ParticleScenario(Scenario):
     """A swarm of point-like agents (chapters 3 and 5)."""
 
-    foreign_keys: ClassVar[dict[str, str]] = {
-        key: f"belongs to model: embodied; model: particles has {place}" for key, place in _ELSEWHERE.items()
-    }
-
     later_keys: ClassVar[tuple[str, ...]] = ("schedule",)
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "particles"
@@ -430,32 +407,24 @@ class ParticleScenario(Scenario):
     @model_validator(mode="after")
     def _check_sections_together(self) -> "ParticleScenario":
         others = self.agents.count - 1
-        if self.agents.speed_cm_s * self.clocks.period_s > MOST_SIDES * self.space.side_cm:
-            raise ValueError(
-                f"agents.speed_cm_s is {self.agents.speed_cm_s:g}; allowed: up to "
-                f"{MOST_SIDES * self.space.side_cm / self.clocks.period_s:g}, {MOST_SIDES} sides a period"
-            )
-        shortest_s = self.clocks.period_s / MOST_RUNS
-        if self.agents.walk.run_s is not None and self.agents.walk.run_s < shortest_s:
-            raise ValueError(
-                f"agents.walk.run_s is {self.agents.walk.run_s:g}; allowed: from {shortest_s:g}, {MOST_RUNS} runs a "
-                "period"
-            )
-        if isinstance(self.neighbourhood, Nearest | RandomAgents) and self.neighbourhood.k > max(others, 1):
-            raise ValueError(
-                f"neighbourhood.k is {self.neighbourhood.k}; allowed: 1 to {max(others, 1)}, because agents.count is "
-                f"{others + 1}"
-            )
+        agents, period_s = self.agents, self.clocks.period_s
+        fastest_cm_s = MOST_SIDES * self.space.side_cm / period_s
+        check_range("agents.speed_cm_s", agents.speed_cm_s, 0, fastest_cm_s, f", {MOST_SIDES} sides a period")
+        check_range(
+            "agents.walk.run_s", agents.walk.run_s, period_s / MOST_RUNS, 1e6, f", up to {MOST_RUNS} runs a period"
+        )
+        if isinstance(self.neighbourhood, Nearest | RandomAgents):
+            why = f", because agents.count is {agents.count}"
+            check_range("neighbourhood.k", self.neighbourhood.k, 1, max(others, 1), why)
         self.start.check_fits(others + 1, self.space.dimensions, self.space.side_cm)
-        if self.stop.reference > others:
-            raise ValueError(f"stop.reference is {self.stop.reference}; allowed: 0 to {others}")
+        check_range("stop.reference", self.stop.reference, 0, others)
         for number, entry in enumerate(self.schedule):
             if self.agents.speed_per_run and "agents.speed_cm_s" in entry.set:
                 raise ValueError(
                     f"schedule.{number}.set: agents.speed_cm_s cannot change where agents.speed_per_run is true, "
                     "as each run draws its speed; leave one of them out"
                 )
-        check_numbers(self.schedule, self.agents.count)
+        check_numbers("schedule", self.schedule, self.agents.count)
         return self
 
     @property

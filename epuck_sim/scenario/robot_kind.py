@@ -19,7 +19,7 @@ from epuck_sim import epuck
 from epuck_sim.control.interface import SENSORS, Wheels
 from epuck_sim.control.loader import find_sensor
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, describe_problem, problems_in, refused_at
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, check_range, problems_in, refused_at
 from epuck_sim.scenario.yaml_io import line_of_key, read_yaml
 from epuck_sim.user_files import Kind, Place, Value, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
@@ -160,7 +160,11 @@ def _load(place: Place) -> RobotFile:
     if "kind" in given:
         raise ScenarioError(f"{place.path}: kind: a robot's file has none; what it leaves out is the e-puck's")
     keys = {key: value for key, value in given.items() if key not in ("description", "sensors")}
-    _check_values(keys, place.path)
+    try:
+        RobotKind.model_validate(keys)
+    except ValidationError as error:
+        said = (f"{place.path}:{line_of_key(place.path, key)}: {said}" for key, said in problems_in(RobotKind, error))
+        raise ScenarioError("\n".join(said)) from error
     folder = place.path.parent
     with refused_at(f"{folder}: sensors"):
         sensors = by_name(given.get("sensors") or [])
@@ -168,21 +172,6 @@ def _load(place: Place) -> RobotFile:
         if (folder / sensor[FILE]).is_file():
             sensor[FILE] = str(folder / sensor[FILE])
     return RobotFile(place.name, keys, sensors, {place.path: place.path.read_bytes()})
-
-
-def _check_values(keys: Mapping[str, Any], path: Path) -> None:
-    """Raise ScenarioError, with file and line, if the values in a robot's file are no robot's."""
-    try:
-        RobotKind.model_validate(keys)
-    except ValidationError as error:
-        problems = problems_in(error)
-        places = [".".join(map(str, each["loc"])) or str(each["ctx"]["error"]).split()[0] for each in problems]
-        raise ScenarioError(
-            "\n".join(
-                describe_problem(RobotKind, f"{path}:{line_of_key(path, place)}", each)
-                for place, each in zip(places, problems, strict=True)
-            )
-        ) from error
 
 
 def with_robots(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
@@ -336,20 +325,14 @@ class RobotKind(ConfigModel):
 
     @model_validator(mode="after")
     def _check_body(self) -> "RobotKind":
-        if self.wheel_base_cm > 2 * self.radius_cm:
-            raise ValueError(
-                f"wheel_base_cm is {self.wheel_base_cm:g}; allowed: up to {2 * self.radius_cm:g}, the body's diameter"
-            )
-        if self.camera is not None and self.camera_forward_cm > self.radius_cm:
-            raise ValueError(
-                f"camera.forward_cm is {self.camera_forward_cm:g}; allowed: up to {self.radius_cm:g}, the body's radius"
-            )
+        check_range("wheel_base_cm", self.wheel_base_cm, 0, 2 * self.radius_cm, ", the body's diameter")
+        if self.camera is not None:
+            check_range("camera.forward_cm", self.camera_forward_cm, 0, self.radius_cm, ", the body's radius")
         for number, (x, y, _) in enumerate(self.infrared.sensors if self.infrared else ()):
-            if math.hypot(x, y) > self.radius_cm + ROUNDING_CM:
-                raise ValueError(
-                    f"infrared.sensors.{number} is {math.hypot(x, y):.3g} cm from the axle's centre; allowed: up to "
-                    f"{self.radius_cm:g}, the body's radius; infrared: null stands for a robot without such sensors"
-                )
+            why = (
+                " cm from the axle's centre, the body's radius; infrared: null stands for a robot without such sensors"
+            )
+            check_range(f"infrared.sensors.{number}", math.hypot(x, y), 0, self.radius_cm + ROUNDING_CM, why)
         return self
 
     @property
