@@ -247,20 +247,16 @@ NAMED_FILES = re.compile(
 )
 """Keys whose values on an axis name files."""
 
-_AROUND_FILES = re.compile(
-    r"robots(\.\d+(\.kind)?)?|robot|response|arena(\.floor)?|(robots\.\d+\.)?sensors(\.[a-zA-Z_]\w*)?"
-)
 
-
-def map_files(key: str, value: Any, change: Callable[[str, Any], Any]) -> Any:
+def map_files(key: str, value: Any, change: Callable[[str, str], str]) -> Any:
     """Return the value of an axis with `change(key, name)` instead of each file that it, or a key in it, names."""
-    if _AROUND_FILES.fullmatch(key) and isinstance(value, Mapping):
+    if isinstance(value, str) and NAMED_FILES.fullmatch(key):
+        return change(key, value)
+    if isinstance(value, Mapping) and re.fullmatch(r".*sensors\.\d+", key):  # a sensor in a list, with parameters
+        return {change(key, str(name)): each for name, each in value.items()}
+    if isinstance(value, Mapping):
         return {name: map_files(f"{key}.{name}", each, change) for name, each in value.items()}
-    if NAMED_FILES.fullmatch(key):
-        if isinstance(value, Mapping):  # a sensor in a list, with parameters
-            return {change(key, name): each for name, each in value.items()}
-        return value if value is None else change(key, value)
-    if _AROUND_FILES.fullmatch(key) and isinstance(value, list | tuple):
+    if isinstance(value, list | tuple):
         return [map_files(f"{key}.{number}", each, change) for number, each in enumerate(value)]
     return value
 
@@ -325,7 +321,7 @@ class SweepAxes(ConfigModel):
             count *= len(values)
         return count
 
-    def with_files(self, find: Callable[[str, Any], Any]) -> "SweepAxes":
+    def with_files(self, find: Callable[[str, str], str]) -> "SweepAxes":
         """Return the axes with what `find(key, name)` returns instead of each file that they name."""
         columns = {
             name: {key: tuple(map_files(key, value, find) for value in values) for key, values in column.items()}

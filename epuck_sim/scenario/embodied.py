@@ -5,13 +5,12 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from epuck_sim.control.loader import find_controller, find_sensor
+from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import ArenaSection, find_picture
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
@@ -23,7 +22,7 @@ from epuck_sim.scenario.changes import (
     check_schedule,
 )
 from epuck_sim.scenario.overhead import OverheadSection
-from epuck_sim.scenario.robot_kind import ROBOT, RobotKind, check_readings
+from epuck_sim.scenario.robot_kind import RobotKind, check_readings
 from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.stop import StopSection, check_measures_of_present
@@ -258,24 +257,20 @@ class EmbodiedScenario(Scenario):
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with controllers, measures, parameters and the floor's picture found; see `Scenario`."""
         swept = self.swept
-        robots = tuple(
-            group  # its controller, hence its parameters, are known at each point only
-            if f"robots.{number}.controller" in swept
-            else resolve_group(group, self.timing.step_ms, f"{origin}: robots.{number}", folder)
-            for number, group in enumerate(self.robots)
-        )
+        step_ms, robots = self.timing.step_ms, list[RobotGroup]()
+        for number, group in enumerate(self.robots):
+            where, is_swept = f"{origin}: robots.{number}", f"robots.{number}.controller" in swept
+            robots.append(resolve_group(group, step_ms, where, folder, controller_is_swept=is_swept))
         check_readings([group.sensors for group in robots], origin)
-        check_controllers(self.faults, self.schedule, robots, swept, self.timing.step_ms, origin)
-        sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
-        arena = self.arena
-        if arena.floor.picture is not None:
-            with refused_at(f"{origin}: arena.floor.picture"):
-                floor = {"picture": find_picture(arena.floor.picture, folder)}
-            arena = arena.model_copy(update={"floor": arena.floor.model_copy(update=floor)})
+        check_controllers(self.faults, self.schedule, robots, swept, step_ms, origin)
+        floor = self.arena.floor
+        with refused_at(f"{origin}: arena.floor.picture"):
+            picture = floor.picture and find_picture(floor.picture, folder)
+        arena = self.arena.model_copy(update={"floor": floor.model_copy(update={"picture": picture})})
         stop = self.stop
         if not self._may_have_t_sync(robots, swept):
             stop = stop.limited(max((each.at_s or 0.0 for each in (*self.schedule, *self.faults)), default=0.0))
-        resolved = self.model_copy(update={"robots": robots, "sweep": sweep, "arena": arena, "stop": stop})
+        resolved = self.model_copy(update={"robots": tuple(robots), "arena": arena, "stop": stop})
         resolved = super(EmbodiedScenario, resolved).resolved(origin, folder)
         if self.members_change:
             check_measures_of_present(resolved.measures, origin)
@@ -313,18 +308,6 @@ class EmbodiedScenario(Scenario):
         if {"robots", f"robots.{place}", f"robots.{place}.controller"} & set(swept):
             return True
         return find_controller(robots[place].controller).is_oscillator
-
-
-def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:
-    """Return the path of a controller, sensor, robot, or picture of a floor, that an axis names; others as they are."""
-    with refused_at(f"{origin}: sweep: {key}"):
-        if key.endswith(".controller"):
-            return find_controller(str(name), folder).stored_name
-        if "sensors." in key:
-            return find_sensor(str(name), folder).stored_name
-        if key.startswith("robot") and isinstance(name, str) and ROBOT.is_path(name):
-            return ROBOT.locate(name, folder).name
-        return find_picture(str(name), folder) if key.endswith(".picture") else name
 
 
 STAYING = {"movables", "floor", "lamps"}

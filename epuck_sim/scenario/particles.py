@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -75,9 +74,9 @@ class Curve:
 
     def check_shifts(self, coupling: float, parameters: Mapping[str, Value]) -> None:
         """Call a user's function at phases from 0 to 1."""
-        for step in range(TRIED_PHASES + 1) if self.phase_shift else ():
-            assert self.phase_shift is not None
-            phase = step / TRIED_PHASES
+        if self.phase_shift is None:
+            return
+        for phase in (step / TRIED_PHASES for step in range(TRIED_PHASES + 1)):
             try:
                 shift = self.phase_shift(phase, coupling, SimpleNamespace(**parameters))
                 is_number = not isinstance(shift, complex) and math.isfinite(shift)
@@ -87,8 +86,6 @@ class Curve:
             if not is_number:
                 raise CurveError(f"{self.name}: phase_shift returns {short_repr(shift)} at phase {phase:g}")
 
-
-_SHIPPED_CURVES = {name: Curve(name, parameters) for name, parameters in SHIPPED.items()}
 
 CURVE = Kind(
     noun="response curve",
@@ -103,7 +100,7 @@ CURVE = Kind(
 def find_curve(name: str, folder: Path | None = None) -> Curve:
     """Return a response curve."""
     place = CURVE.locate(name, folder)
-    return _SHIPPED_CURVES[name] if place.path is None else _load(place)
+    return Curve(name, SHIPPED[name]) if place.path is None else _load(place)
 
 
 @kept
@@ -158,20 +155,24 @@ def resolve_response(response: ResponseSection, origin: str, folder: Path | None
 
 
 _NEEDS = {
-    "straight": {},
     "brownian": {"run_s": "above 0"},
     "correlated": {"run_s": "above 0", "persistence": "from 0 to 1"},
     "levy": {"run_s": "above 0", "exponent": "above 1 and up to 3"},
+    "uniform": {"speed_spread": "above 0 and up to 1"},
+    "normal": {"speed_spread": "above 0 and up to 1"},
+    "lognormal": {"speed_spread": "above 0 and up to 2"},
+    "two_speeds": {"fast_share": "above 0 and below 1", "fast_ratio": "above 1 and up to 1000"},
 }
-"""The keys that each kind of walk needs, and what they may be; it takes no others."""
+"""The keys that kinds of walks and distributions of speeds need, and what they may be; none takes others of them."""
 
 
-def _check_needs(section: ConfigModel, tag: str, needs: Mapping[str, Mapping[str, str]]) -> None:
+def _check_needs(section: ConfigModel, tag: str, *keys: str) -> None:
     kind = getattr(section, tag)
-    for key in dict.fromkeys(key for needed in needs.values() for key in needed):
+    needed = _NEEDS.get(kind, {})
+    for key in keys:
         is_given = getattr(section, key) is not None
-        if is_given != (key in needs[kind]):
-            what = f"takes no {key}; leave it out" if is_given else f"needs {key}, {needs[kind][key]}"
+        if is_given != (key in needed):
+            what = f"takes no {key}; leave it out" if is_given else f"needs {key}, {needed[key]}"
             raise ValueError(f"{tag} {kind!r} {what}")
 
 
@@ -194,19 +195,8 @@ class WalkSection(ConfigModel):
 
     @model_validator(mode="after")
     def _check_keys(self) -> "WalkSection":
-        _check_needs(self, "kind", _NEEDS)
+        _check_needs(self, "kind", "run_s", "persistence", "exponent")
         return self
-
-
-_SPEED_NEEDS = {
-    "fixed": {},
-    "uniform": {"speed_spread": "above 0 and up to 1"},
-    "normal": {"speed_spread": "above 0 and up to 1"},
-    "exponential": {},
-    "lognormal": {"speed_spread": "above 0 and up to 2"},
-    "two_speeds": {"fast_share": "above 0 and below 1", "fast_ratio": "above 1 and up to 1000"},
-}
-"""The keys that each distribution of speeds needs, and what they may be; it takes no others."""
 
 
 class AgentsSection(ConfigModel):
@@ -236,10 +226,8 @@ class AgentsSection(ConfigModel):
 
     @model_validator(mode="after")
     def _check_speeds(self) -> "AgentsSection":
-        _check_needs(self, "speed_distribution", _SPEED_NEEDS)
-        if self.speed_distribution != "lognormal" and (self.speed_spread or 0) > 1:
-            allowed = _SPEED_NEEDS[self.speed_distribution]["speed_spread"]
-            raise ValueError(f"speed_spread is {self.speed_spread:g}; allowed: {allowed}")
+        _check_needs(self, "speed_distribution", "speed_spread", "fast_share", "fast_ratio")
+        check_range("speed_spread", self.speed_spread, 0, 2 if self.speed_distribution == "lognormal" else 1)
         if self.speed_per_run and (self.walk.kind == "straight" or self.speed_distribution == "fixed"):
             raise ValueError(
                 f"speed_per_run is true, walk.kind is {self.walk.kind!r} and speed_distribution is "
@@ -325,19 +313,19 @@ class StartSection(ConfigModel):
 
     def check_fits(self, agents: int, dimensions: int, side_cm: float) -> None:
         """Raise ValueError if what is given does not fit the agents and their space."""
-        given = {"phases": self.phases, "positions_cm": self.positions_cm, "headings": self.headings}
-        for name, rows in given.items():
+        for name in ("phases", "positions_cm", "headings"):
+            rows = getattr(self, name)
             if isinstance(rows, tuple) and len(rows) != agents:
                 raise ValueError(f"start.{name} has {len(rows)} rows; allowed: {agents}, because that is agents.count")
-        for name in ("positions_cm", "headings"):
-            for number, row in enumerate(given[name] or ()):
-                assert isinstance(row, tuple)
+        for key in ("positions_cm", "headings"):
+            for number, row in enumerate(getattr(self, key) or ()):
+                where = f"start.{key}.{number}"
                 if len(row) != dimensions:
-                    raise ValueError(f"start.{name}.{number} has {len(row)} numbers; allowed: {dimensions}, dimensions")
-                if name == "positions_cm" and not all(0 <= place <= side_cm for place in row):
-                    raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: 0 to {side_cm:g}, space.side_cm")
-                if name == "headings" and not any(row):
-                    raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: a vector that is not 0")
+                    raise ValueError(f"{where} has {len(row)} numbers; allowed: {dimensions}, dimensions")
+                if key == "headings" and not any(row):
+                    raise ValueError(f"{where} is {list(row)}; allowed: a vector that is not 0")
+                for place in row if key == "positions_cm" else ():
+                    check_range(where, place, 0, side_cm, ", space.side_cm")
 
     @model_validator(mode="after")
     def _check_start(self) -> "StartSection":
@@ -421,8 +409,8 @@ class ParticleScenario(Scenario):
         for number, entry in enumerate(self.schedule):
             if self.agents.speed_per_run and "agents.speed_cm_s" in entry.set:
                 raise ValueError(
-                    f"schedule.{number}.set: agents.speed_cm_s cannot change where agents.speed_per_run is true, "
-                    "as each run draws its speed; leave one of them out"
+                    f"schedule.{number}.set: agents.speed_cm_s cannot change where agents.speed_per_run is true; leave "
+                    "one of them out"
                 )
         check_numbers("schedule", self.schedule, self.agents.count)
         return self
@@ -459,10 +447,9 @@ class ParticleScenario(Scenario):
         response = self.response  # its curve, hence its parameters, may be known at each point only
         if not {"response", "response.curve"} & swept:
             response = resolve_response(response, f"{origin}: response", folder)
-        sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
         found = super().resolved(origin, folder)
-        if response is not self.response or sweep is not None:  # a copy takes a tenth of the time of a short trial
-            found = found.model_copy(update={"response": response, "sweep": sweep})
+        if response is not self.response:  # a copy takes a tenth of the time of a short trial
+            found = found.model_copy(update={"response": response})
         if not {"response", "response.curve", "neighbourhood", "neighbourhood.kind"} & swept:
             # no entry can make a value wrong that another one sets: each key is checked by what stays as it is
             for number, entry in enumerate(found.schedule):
@@ -480,9 +467,3 @@ class ParticleScenario(Scenario):
         changed = {section: getattr(checked, section) for section in changing}
         changed["response"] = resolve_response(checked.response, f"{origin}: response")
         return self.model_copy(update=changed)
-
-
-def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:
-    """Return the path of a response curve that an axis names; others as they are."""
-    with refused_at(f"{origin}: sweep: {key}"):
-        return find_curve(str(name), folder).name if key == "response.curve" else name

@@ -1,10 +1,9 @@
 """Groups of robots that share a controller: their signals, cameras, sensors and controllers, and whether they fit."""
 
 import math
-import re
 import warnings
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -19,7 +18,7 @@ from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
-from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, by_name, resolve_sensors
+from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, by_name, resolve_sensor
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -262,12 +261,19 @@ def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaS
         raise ValueError(f"{listed} do not fit into the arena of {size}; give fewer robots or a larger arena")
 
 
-def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | None) -> RobotGroup:
-    """Return the group with the path of its controller, if that is a user's, and with all parameters."""
-    sensors, readings = resolve_sensors(group.sensors, origin, folder)
+def resolve_group(
+    group: RobotGroup, step_ms: int, origin: str, folder: Path | None, *, controller_is_swept: bool
+) -> RobotGroup:
+    """Return the group with all parameters, and with the paths of its files; not yet of a controller that is swept."""
+    resolved = {
+        name: resolve_sensor(given, f"{origin}.sensors.{name}", folder) for name, given in group.sensors.items()
+    }
+    sensors = {name: {FILE: sensor.stored_name, **parameters} for name, (sensor, parameters) in resolved.items()}
+    if controller_is_swept:
+        return group.model_copy(update={"sensors": sensors})
     with refused_at(f"{origin}.controller"):
         controller = find_controller(group.controller, folder)
-        check_sensed(controller, readings)
+        check_sensed(controller, tuple(name for sensor, _ in resolved.values() for name in sensor.readings.names or ()))
     parameters = resolve_parameters(controller, group.parameters, step_ms, origin)
     with refused_at(f"{origin}.memory"):
         for name, value in group.memory.items():
@@ -359,29 +365,3 @@ def _without(group: Mapping[str, Any], lacking: Mapping[str, Collection[str]]) -
         if section in group
     }
     return {**group, **kept}
-
-
-def keys_of_swept_controllers(groups: Any, axes: Iterable[tuple[Any, Sequence[Any]]], folder: Path | None) -> list[str]:
-    """Return the keys of parameters and memory that groups have at points: those of controllers that are axes' values.
-
-    Args:
-        groups: The groups, as they are given.
-        axes: Keys, or endings of them, with values.
-        folder: The scenario's folder.
-    """
-    found = []
-    for key, values in axes:
-        axis = re.fullmatch(r"((robots\.)?(?P<group>\d+)\.)?controller", str(key))
-        if axis is None:
-            continue
-        numbers = [axis["group"]] if axis["group"] else range(len(groups) if are_groups(groups) else 1)
-        for value in values:
-            with suppress(EpuckSimError):  # what is wrong with files is said when points are made
-                names = _own_names(find_controller(str(value), folder))
-                found += [
-                    f"robots.{group}.{section}.{name}"
-                    for group in numbers
-                    for section, each in names.items()
-                    for name in sorted(each)
-                ]
-    return found

@@ -196,6 +196,9 @@ def test_controllers_are_found_beside_the_scenario_and_known_by_their_file_s_nam
     ):
         path.write_text(f"robots: [{{count: 2}}]\nsweep: {{{sweep}}}")
         assert points(load_scenario(path))[0].scenario == mine.scenario
+    (tmp_path / "eye.py").write_text("READINGS = {'eye': float}\ndef sense(world, robot, readings, parameters, random): 0")
+    path.write_text(f"sensors: [eye.py]\nsweep: {{grid: {{{CONTROLLER}: [mine.py, firefly]}}}}")
+    assert {point.scenario.robots[0].sensors["eye"]["file"] for point in points(path)} == {str(tmp_path / "eye.py")}
 
 
 def two_of_one_name(folder: Path, first: str, second: str) -> Scenario:
