@@ -104,7 +104,7 @@ def test_infos_tell_of_the_trial_as_an_observer_of_it_is_told(control_steps):
         told.append((step.number, state.outcome.cycles, state.is_synchronised))
 
     env = parallel_env(still, seed=4, control_steps=control_steps, episode_s=400)
-    simulation = env._batch.simulations[0]
+    simulation = env._rows.simulations[0]
     _, infos = env.reset()
     shown = [(simulation.steps - 1, infos)]
     while env.agents:
