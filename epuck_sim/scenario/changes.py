@@ -326,7 +326,6 @@ class AgentScheduleEntry(ScheduleEntry):
 
 
 _PARAMETER = re.compile(r"robots\.(0|[1-9]\d*)\.(?:parameters|sensors\.(\w+))\.(\w+)")
-_ARENA = re.compile(r"arena\.(width_cm|height_cm|obstacles)")
 
 
 class RobotScheduleEntry(ScheduleEntry):
@@ -334,7 +333,7 @@ class RobotScheduleEntry(ScheduleEntry):
 
     changing: ClassVar[tuple[str, ...]] = ("set", "displace", "begin", "end", "remove", "add")
     later_keys: ClassVar[tuple[str, ...]] = ("remove", "add", "poses")
-    settable: ClassVar[re.Pattern[str]] = re.compile(f"{_PARAMETER.pattern}|{_ARENA.pattern}")
+    settable: ClassVar[re.Pattern[str]] = re.compile(rf"{_PARAMETER.pattern}|arena\.(width_cm|height_cm|obstacles)")
     in_short: ClassVar[str] = (
         "robots.NUMBER.parameters.NAME, robots.NUMBER.sensors.SENSOR.NAME, arena.width_cm, arena.height_cm and "
         "arena.obstacles; besides, displace phases, begin and end faults, and remove and add robots"
@@ -380,7 +379,7 @@ class RobotScheduleEntry(ScheduleEntry):
 
     def arena_values(self) -> dict[str, Any]:
         """Return the new values of the arena's keys, by their names in the section."""
-        return {match[1]: value for key, value in self.set.items() if (match := _ARENA.fullmatch(key))}
+        return {key.removeprefix("arena."): value for key, value in self.set.items() if key.startswith("arena.")}
 
 
 def check_schedule(

@@ -28,7 +28,7 @@ from epuck_sim.scenario.keys import (
 from epuck_sim.scenario.particles import ParticleScenario, StartSection, find_curve
 from epuck_sim.scenario.robot_kind import ROBOT, are_groups, with_robots
 from epuck_sim.scenario.robots import replace_controllers
-from epuck_sim.scenario.scenario import AnyScenario, Scenario
+from epuck_sim.scenario.scenario import AnyScenario, Scenario, require_model
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
@@ -320,9 +320,7 @@ def write_scenario(scenario: Scenario) -> str:
 
 def robots_like(name: str, origin: str) -> EmbodiedScenario:
     """Return the scenario of robots of a name or file; of a sweep, what is swept is as it is without."""
-    scenario = load_scenario(name)
-    if not isinstance(scenario, EmbodiedScenario):
-        raise ScenarioError(f"{origin}: {name} is of model: {scenario.model}; allowed: a scenario of robots")
+    scenario = require_model(load_scenario(name), EmbodiedScenario, "allowed: embodied", f"{origin}: {name}")
     return scenario.model_copy(update={"sweep": None})
 
 
@@ -335,18 +333,16 @@ def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -
     elif Path(like).suffix:
         like = str(find_scenario(like).resolve())
     robots = robots_like(like, origin)
-    sides = [robots.arena.width_cm, robots.arena.height_cm]
+    width_cm, height_cm = robots.arena.width_cm, robots.arena.height_cm
     checks = {
         "agents.count": (scenario.agents.count, robots.robot_count),
         "space.dimensions": (scenario.space.dimensions, 2),
-        "space.side_cm": ([scenario.space.side_cm] * 2, sides),
+        "space.side_cm": (scenario.space.side_cm, width_cm if width_cm == height_cm else (width_cm, height_cm)),
     }
     for key, (given, needed) in checks.items():
-        section = key.partition(".")[0]
-        if given != needed and not {key, section} & set(scenario.swept):
-            raise ScenarioError(
-                f"{origin}: {key} is {given}, and that of the robots in {like} is {needed}; give the same"
-            )
+        if given != needed and not {key, key.partition(".")[0]} & set(scenario.swept):
+            said = f"{key} is {given}, and that of the robots in {like} is {needed}"
+            raise ScenarioError(f"{origin}: {said}; give the same")
     if not all("period_s" in group.parameters for group in robots.robots) or not all(robots.present):
         raise ScenarioError(f"{origin}: some robots in {like} are no oscillators, or are not present at the start")
     return scenario.start.model_copy(update={"like": like})

@@ -102,13 +102,9 @@ def resolve_sensor(
 ROUNDING_CM = 1e-9
 """Distance by which a sensor may lie beyond the body's edge."""
 
-_EPUCK_SENSORS = tuple(
-    (x, y, direction)
-    for (x, y), direction in zip(
-        epuck.INFRARED_POSITIONS_CM.tolist(), epuck.INFRARED_DIRECTIONS_DEG.tolist(), strict=True
-    )
+_EPUCK_SENSORS: tuple[tuple[float, float, float], ...] = tuple(
+    map(tuple, np.column_stack([epuck.INFRARED_POSITIONS_CM, epuck.INFRARED_DIRECTIONS_DEG]).tolist())
 )
-
 
 ROBOT = Kind(
     noun="robot",
