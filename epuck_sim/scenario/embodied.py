@@ -288,16 +288,13 @@ class EmbodiedScenario(Scenario):
         for number in entries:
             values, first = (self.schedule[each].arena_values() for each in (number, entries[0]))
             keys = [", ".join(f"arena.{name}" for name in sorted(each)) for each in (values, first)]
+            where = f"{origin}.{number}.set: sets {keys[0]}, and"
             if keys[0] != keys[1]:
-                raise ScenarioError(
-                    f"{origin}.{number}.set: sets {keys[0]}, and {origin}.{entries[0]}.set sets {keys[1]}; "
-                    "give all entries that change the arena the same keys of it"
-                )
+                other = f"{origin}.{entries[0]}.set sets {keys[1]}"
+                raise ScenarioError(f"{where} {other}; give all entries that change the arena the same keys of it")
             if self.arena.floor.picture is not None and values.keys() - {"obstacles"}:
-                raise ScenarioError(
-                    f"{origin}.{number}.set: sets {keys[0]}, and arena.floor.picture is stretched between the walls; "
-                    "give patches instead, or set arena.obstacles alone"
-                )
+                advice = "give patches instead, or set arena.obstacles alone"
+                raise ScenarioError(f"{where} arena.floor.picture is stretched between the walls; {advice}")
             arena = {**self.arena.model_dump(exclude=STAYING), **values}
             others = self.model_dump(include={"robot", "robots", "timing", "stop"})
             self.validated({**others, "arena": arena}, f"{origin}.{number}.set")
