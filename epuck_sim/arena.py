@@ -140,12 +140,10 @@ def make_floor(
 
 def clearance_cm(arena: Arena, x_cm: float, y_cm: float) -> float:
     """Return the distance from a point to the nearest wall, obstacle or movable; negative beyond or inside it."""
-    walls = min(x_cm, y_cm, arena.width_cm - x_cm, arena.height_cm - y_cm)
-    if not len(arena.circles) and not arena.polygons:
-        return walls
+    walls = x_cm, y_cm, arena.width_cm - x_cm, arena.height_cm - y_cm
     circles = np.hypot(arena.circles[:, 0] - x_cm, arena.circles[:, 1] - y_cm) - arena.circles[:, 2]
     polygons = [polygon_distance_cm(corners, x_cm, y_cm) for corners in arena.polygons]
-    return float(min(walls, *circles, *polygons))
+    return float(min(*walls, *circles, *polygons))
 
 
 def brightness_at(arena: Arena, x_cm: npt.ArrayLike, y_cm: npt.ArrayLike) -> FloatArray:

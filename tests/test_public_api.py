@@ -16,7 +16,6 @@ from epuck_sim import (
     Trace,
     film_trial,
     load_scenario,
-    points,
     read_recording,
     record,
     run_trial,
@@ -62,11 +61,6 @@ def test_a_trace_is_refused_for_agents(tmp_path) -> None:
     with pytest.raises(ScenarioError, match="particles: model is 'particles'; "):
         Trace(tmp_path / "t.parquet", load_scenario("particles"), 1)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_points_takes_what_load_scenario_takes() -> None:
-    assert [point.axes for point in points("thesis")] == [{}]
-    assert points(load_scenario("thesis"))[0].scenario == points("thesis")[0].scenario
 
 
 @pytest.mark.parametrize("option", ["settings", "axes"])

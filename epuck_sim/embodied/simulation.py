@@ -434,10 +434,11 @@ class Simulation:
             put_in(entry.add, entry.poses, scenario, self._block, self._world, self._groups, places, origin)
         except RobotError as error:
             raise ControllerError(f"{origin}: {error}") from error
-        for group, values in entry.parameters().items():
-            self._set_parameters(group, values)
-        for (group, name), values in entry.sensor_parameters().items():
-            self._set_sensor(group, name, values)
+        for (group, sensor), values in entry.parameters().items():
+            if sensor is None:
+                self._set_parameters(group, values)
+            else:
+                self._set_sensor(group, sensor, values)
         if entry.displace is not None:
             displace_phases(swarm, self._groups, entry.displace, phases)
         for faults, begins in ((entry.begin, True), (entry.end, False)):

@@ -6,10 +6,9 @@ swarms; `RobotEnv` a Gymnasium `Env` of one robot among others, registered as `R
 """
 
 try:
-    from epuck_sim.environments.batch import Task
     from epuck_sim.environments.one_swarm import ROBOT_ENV, RobotEnv, parallel_env
     from epuck_sim.environments.rewards import Situation, aggregation, coverage, synchrony
-    from epuck_sim.environments.vector import vector_env
+    from epuck_sim.environments.vector import Task, vector_env
 except ModuleNotFoundError as error:
     if error.name not in ("gymnasium", "pettingzoo"):
         raise

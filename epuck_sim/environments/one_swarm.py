@@ -13,8 +13,7 @@ import numpy.typing as npt
 from pettingzoo import ParallelEnv
 
 from epuck_sim.arrays import Float32Array
-from epuck_sim.environments.batch import ScenarioLike, Task
-from epuck_sim.environments.vector import SwarmVectorEnv, vector_env
+from epuck_sim.environments.vector import ScenarioLike, SwarmVectorEnv, Task, vector_env
 from epuck_sim.errors import ScenarioError
 from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.render import ArenaView
@@ -54,15 +53,14 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode is {render_mode!r}; allowed: {' or '.join(RENDER_MODES)}, or None")
         self._rows = vector_env(scenario, 1, **task)  # an agent each
-        self._batch = batch = self._rows.batch
         self.render_mode: str | None = render_mode
         self.metadata = {
             "name": "epuck_sim_v0",
             "render_modes": RENDER_MODES,
-            "render_fps": 1 / (batch.simulations[0].step_s * batch.control_steps),
+            "render_fps": 1 / (self._rows.simulations[0].step_s * self._rows.control_steps),
             "is_parallelizable": True,
         }
-        spaces = batch.spaces
+        spaces = self._rows.spaces
         self.observation_fields = spaces.fields
         """Which columns of an observation hold what."""
         self.possible_agents = [f"robot_{robot}" for robot in spaces.robots]
@@ -118,7 +116,7 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
 
     def state(self) -> npt.NDArray[np.float64]:
         """Return (robots, 5) x and y in cm, heading in rad, ring, and phase from 0 to 1 (-1 for none) of all robots."""
-        situation = self._batch.look()
+        situation = self._rows.look()
         phase = np.nan_to_num(situation.phase[0], nan=-1.0)
         return np.column_stack([situation.poses[0], situation.ring_on[0], phase])
 
@@ -128,8 +126,8 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
             gymnasium.logger.warn("render() needs render_mode='rgb_array' or 'human'")
             return None
         if self._view is None:
-            self._view = ArenaView(self._batch.simulations[0].scenario)
-        situation = self._batch.look()
+            self._view = ArenaView(self._rows.simulations[0].scenario)
+        situation = self._rows.look()
         picture = self._view.draw(situation.poses[0], situation.ring_on[0], situation.movables[0])
         if self.render_mode == "rgb_array":
             return picture

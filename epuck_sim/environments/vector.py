@@ -1,16 +1,54 @@
-"""All robots of many swarms as one Gymnasium vector environment: one policy for all, evaluated on all at once."""
+"""All robots of many swarms as one Gymnasium vector environment: one policy for all, evaluated on all at once.
 
-from collections.abc import Sequence
-from typing import Any, Unpack
+Swarms take their steps together, on threads: compiled steps run side by side.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
-from epuck_sim.environments.batch import ScenarioLike, SwarmBatch, Task, seeds_from
-from epuck_sim.environments.rewards import Situation
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from epuck_sim.embodied.observers import find_contacts, make_scene
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
+from epuck_sim.environments.rewards import Situation, SituationFunction, find_reward, order_of
+from epuck_sim.environments.spaces import AgentSpaces, Commanded, gather
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.embodied import arena_entries
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.embodied import SynchronyWatch
+from epuck_sim.util.messages import whole
+from epuck_sim.util.seeds import trial_seed
+
+ScenarioLike = Scenario | str | Path | Mapping[str, Any]
+"""What `load_scenario` takes."""
+
+Actions = Literal["continuous", "discrete"]
+"""What agents may act in: speeds, or numbers of motions."""
+
+
+class Task(TypedDict, total=False):
+    """What agents are to do: the arguments of every environment, each of which may be left out."""
+
+    seed: int | None
+    """Seed of the first episode of the first swarm, `seed + 1` of the second, and so on; by default the scenario's."""
+    reward: SituationFunction | str
+    """`aggregation`, the default, `synchrony`, `coverage`, or a function of a `Situation` of a batch of swarms; or a
+    file with such a function, called `reward`; or the name of a reward that an installed package offers."""
+    terminate: Callable[[Situation], BoolArray] | None
+    """Function of a `Situation` that returns (swarms,) whether the task is done; none by default."""
+    actions: Actions
+    """Speeds, the default, or numbers of motions."""
+    episode_s: float
+    """Simulated seconds after which an episode is truncated, 60 by default."""
+    control_steps: int
+    """Control steps, of 0.1 s by default, for which each action holds; 1 by default."""
 
 
 def vector_env(scenario: ScenarioLike, swarms: int, *, threads: int = 1, **task: Unpack[Task]) -> "SwarmVectorEnv":
@@ -24,7 +62,7 @@ def vector_env(scenario: ScenarioLike, swarms: int, *, threads: int = 1, **task:
         threads: Threads that take the swarms' steps.
         task: See `Task`.
     """
-    return SwarmVectorEnv(SwarmBatch(scenario, swarms, threads=threads, **task))
+    return SwarmVectorEnv(scenario, swarms, threads=threads, **task)
 
 
 class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
@@ -32,18 +70,55 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 Gymnasium's own type
 
-    def __init__(self, batch: SwarmBatch) -> None:
-        self.batch = batch
-        self.swarms, self.agents = len(batch.simulations), len(batch.spaces.robots)
+    def __init__(
+        self,
+        scenario: ScenarioLike,
+        swarms: int,
+        *,
+        threads: int = 1,
+        seed: int | None = None,
+        reward: SituationFunction | str = "aggregation",
+        terminate: Callable[[Situation], BoolArray] | None = None,
+        actions: Actions = "continuous",
+        episode_s: float = 60.0,
+        control_steps: int = 1,
+    ) -> None:
+        self._reward = find_reward(reward)
+        self._terminate = terminate
+        if terminate is not None and not callable(terminate):
+            raise ValueError(f"terminate is {terminate!r}; allowed: a function, or None")
+        if actions not in get_args(Actions):
+            raise ValueError(f"actions is {actions!r}; allowed: {' or '.join(get_args(Actions))}")
+        self.swarms, threads = whole("swarms", swarms), whole("threads", threads)
+        first = _commanded(Simulation(scenario))
+        if first.scenario.members_change or arena_entries(first.scenario):
+            raise ScenarioError(
+                f"{first.scenario.name}: robots come or go, or walls move; allowed in environments: neither, as "
+                "observations and rewards take the robots and the arena to be those of the start"
+            )
+        self.simulations = [first, *(Simulation(first.scenario) for _ in range(self.swarms - 1))]
+        self.spaces = AgentSpaces(first, discrete=actions == "discrete")
+        self.agents = len(self.spaces.robots)
         self.num_envs = self.swarms * self.agents
-        self.single_observation_space = batch.spaces.observation
-        self.single_action_space = batch.spaces.action
+        self.single_observation_space, self.single_action_space = self.spaces.observation, self.spaces.action
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.observation_fields = batch.spaces.fields
+        self.observation_fields = self.spaces.fields
         """Which columns of an observation hold what."""
+        self._scene = make_scene(first.scenario.robots, first.scenario.group_kinds, first.scenario.arena.build())
+        self._oscillators_exist = not np.isnan(first.period_ms).all()
+        self.control_steps = whole("control_steps", control_steps)
+        if not isinstance(episode_s, int | float | np.number) or not episode_s >= first.step_s:
+            raise ValueError(f"episode_s is {episode_s!r}; allowed: at least a control step, {first.step_s:g} s")
+        self._last_step = episode_s / first.step_s - 1e-6  # 6 s are 60 steps, however 0.1 s is rounded
+        master = first.seed if seed is None else whole("seed", seed, 0)
+        self._masters = [master + swarm for swarm in range(self.swarms)]
+        self._episodes = [-1] * self.swarms
+        self._steps: dict[int, Step] = {}
+        self._watches: dict[int, SynchronyWatch] = {}
         self._is_over = np.ones(self.swarms, np.bool_)
-        self._has_begun = False
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._shares = [range(share, self.swarms, threads) for share in range(min(threads, self.swarms))]
 
     def reset(
         self,
@@ -58,11 +133,23 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
                 in the rows of seeds that have begun.
             options: Ignored.
         """
-        self.batch.begin(range(self.swarms), seeds_from(seed, self.swarms))
+        for swarm, each in enumerate(_seeds_from(seed, self.swarms)):
+            if each is not None:
+                self._masters[swarm], self._episodes[swarm] = each, -1
+        self._begin(range(self.swarms))
         self._is_over[:] = False
-        self._has_begun = True
-        situation = self.batch.look()
-        return self._rows(self.batch.observe(situation)), self._infos(situation)
+        situation = self.look()
+        return self._observe(situation), self._infos(situation)
+
+    def _begin(self, swarms: Sequence[int]) -> None:
+        """Begin the next episodes of these swarms: their robots are placed, and sense."""
+        for swarm in swarms:
+            simulation = self.simulations[swarm]
+            self._episodes[swarm] += 1
+            simulation.reset(trial_seed(self._masters[swarm], self._episodes[swarm]))
+            self._watches[swarm] = SynchronyWatch(simulation)
+            self._steps[swarm] = step = next(simulation)
+            self._watches[swarm].look(step)
 
     def step(self, actions: npt.ArrayLike) -> tuple[Float32Array, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Have all robots act; those of swarms whose episodes are over begin a new one instead.
@@ -77,32 +164,124 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         Raises:
             ValueError: `reset` was not called, or actions are not of the action space.
         """
-        if not self._has_begun:
-            raise ValueError("no episode has begun; call reset()")
+        self._check_begun()
         given = np.asarray(actions)
         if given.shape[:1] != (self.num_envs,):
             raise ValueError(f"actions have the shape {given.shape}; allowed: {self.num_envs} rows, one for each agent")
         resting = self._is_over.copy()
-        self.batch.act(given.reshape(self.swarms, self.agents, *given.shape[1:]), resting)
-        self.batch.begin(np.flatnonzero(resting).tolist())
-        situation = self.batch.look()
-        rewards, terminated, truncated = self.batch.judge(situation)
-        rewards = np.where(resting[:, None], 0.0, rewards)
+        commanded = self.spaces.command(given.reshape(self.swarms, self.agents, *given.shape[1:]))
+        shares = [[swarm for swarm in share if not resting[swarm]] for share in self._shares]
+        if self._pool is None:
+            self._advance(shares[0], commanded)
+        else:
+            for done in [self._pool.submit(self._advance, share, commanded) for share in shares]:
+                done.result()
+        self._begin(np.flatnonzero(resting).tolist())
+        situation = self.look()
+        rewards = _for_each_robot("reward", self._reward(situation), situation)[:, self.spaces.robots]
+        terminated = np.zeros(self.swarms, np.bool_)
+        if self._terminate is not None:
+            terminated[:] = self._terminate(situation)
         terminated &= ~resting
-        truncated &= ~resting
+        truncated = np.array([step.number >= self._last_step for step in self._steps.values()]) & ~resting
         self._is_over = terminated | truncated
-        each = self.agents
-        flags = np.repeat(terminated, each), np.repeat(truncated, each)
-        return self._rows(self.batch.observe(situation)), rewards.ravel(), *flags, self._infos(situation)
+        flags = np.repeat(terminated, self.agents), np.repeat(truncated, self.agents)
+        rewards = np.where(resting[:, None], 0.0, rewards)
+        return self._observe(situation), rewards.ravel(), *flags, self._infos(situation)
+
+    def _advance(self, swarms: Sequence[int], commanded: Commanded) -> None:
+        wheels, rings = commanded
+        for swarm in swarms:
+            simulation = self.simulations[swarm]
+            left, right = (None, None) if wheels is None else wheels[swarm].T
+            rings_on = None if rings is None else rings[swarm]
+            simulation.commands.carry_out(left_cm_s=left, right_cm_s=right, ring_on=rings_on)
+            watch, end = self._watches[swarm], simulation.steps + self.control_steps
+            while simulation.steps < end:
+                step = simulation.advance(end - simulation.steps, until_firing=watch.measures)
+                watch.look(step, may_fire=simulation.is_firing)
+            self._steps[swarm] = step
+
+    def _check_begun(self) -> None:
+        if len(self._steps) < self.swarms:
+            raise ValueError("no episode has begun; call reset()")
+
+    def look(self) -> Situation:
+        """Return where all robots are and what they do."""
+        self._check_begun()
+        arena, steps = self.simulations[0].scenario.arena, list(self._steps.values())
+        return Situation(
+            time_s=np.array([step.time_s for step in steps]),
+            poses=gather([step.poses for step in steps]),
+            wheels_cm_s=gather([step.wheels_cm_s for step in steps]),
+            ring_on=gather([step.ring_on for step in steps]),
+            phase=gather([step.phase_ms for step in steps]) / self.simulations[0].period_ms,
+            width_cm=arena.width_cm,
+            height_cm=arena.height_cm,
+            movables=gather([step.movables for step in steps]),
+        )
+
+    def _observe(self, situation: Situation) -> Float32Array:
+        return self.spaces.observe(situation, list(self._steps.values())).reshape(self.num_envs, -1)
 
     def _infos(self, situation: Situation) -> dict[str, Any]:
         """Return infos as Gymnasium has them of vectors: an array by each key, and which agents it tells of."""
-        values = {key: each.ravel() for key, each in self.batch.infos(situation).items()}
+        found: dict[str, npt.NDArray[Any]] = {"contacts": self._contacts(situation)[:, self.spaces.robots]}
+        if self._oscillators_exist:
+            found["order_parameter"] = order_of(situation.phase)
+        watches = self._watches.values()
+        if self._watches[0].measures:
+            found["t_sync_cycles"] = np.array([watch.outcome.cycles for watch in watches])
+            found["synchronised"] = np.array([watch.is_synchronised for watch in watches])
+        values = {key: each.ravel() if each.ndim > 1 else np.repeat(each, self.agents) for key, each in found.items()}
         return values | {f"_{key}": np.ones(self.num_envs, np.bool_) for key in values}
 
-    def _rows(self, values: Float32Array) -> Float32Array:
-        return values.reshape(self.num_envs, *values.shape[2:])
+    def _contacts(self, situation: Situation) -> IntArray:
+        """Return (swarms, robots) how many robots, walls and other things each robot touches."""
+        if situation.movables.size:
+            pairs = [step.contacts for step in self._steps.values()]
+            touching = np.column_stack([np.repeat(range(len(pairs)), list(map(len, pairs))), np.concatenate(pairs)])
+        else:  # swarms differ in poses alone, and are looked at together
+            touching = find_contacts(self._scene, situation.poses)[0]
+        swarms, robots = situation.ring_on.shape
+        ends = touching[:, :1] * robots + touching[:, 1:]
+        counts: IntArray = np.bincount(ends[touching[:, 1:] >= 0], minlength=swarms * robots)
+        return counts.reshape(swarms, robots)
 
     def close_extras(self, **_: Any) -> None:
         """End the threads."""
-        self.batch.close()
+        if self._pool is not None:
+            self._pool.shutdown()
+
+
+def _seeds_from(seed: int | Sequence[int | None] | None, swarms: int) -> Sequence[int | None]:
+    """Return the seeds of swarms: those given, or `seed`, `seed + 1`, and so on; none if it is None."""
+    if seed is None:
+        return ()
+    if not isinstance(seed, Sequence | np.ndarray):
+        first = whole("seed", seed, 0)
+        return [first + swarm for swarm in range(swarms)]
+    if len(seed) != swarms:
+        raise ValueError(f"seed holds {len(seed)} seeds; allowed: one for each of {swarms} swarms, or one")
+    return [None if each is None else whole("seed", each, 0) for each in seed]
+
+
+def _commanded(simulation: Simulation) -> Simulation:
+    """Return the simulation, or one in which all robots are driven from outside, if none is."""
+    if len(simulation.external_wheels) or len(simulation.external_rings):
+        return simulation
+    commanded = {"controller": "external", "parameters": {}}
+    groups = tuple(group.model_copy(update=commanded) for group in simulation.scenario.robots)
+    return Simulation(simulation.scenario.model_copy(update={"robots": groups}), simulation.seed)
+
+
+def _for_each_robot(name: str, values: npt.ArrayLike, situation: Situation) -> FloatArray:
+    """Return (swarms, robots) values that were given for each robot, or for each swarm."""
+    given = np.asarray(values, float)
+    shape = situation.ring_on.shape
+    if given.shape not in (shape, shape[:1]) or np.isnan(given).any():
+        raise ValueError(
+            f"{name} returned {'NaN' if np.isnan(given).any() else f'the shape {given.shape}'}; allowed: numbers of "
+            f"the shape {shape[:1]}, one for each swarm, or {shape}, one for each robot"
+        )
+    return given if given.shape == shape else np.broadcast_to(given[:, None], shape)

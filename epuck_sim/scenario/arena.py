@@ -60,16 +60,10 @@ class Polygon(ConfigModel):
         return self
 
 
-class Movable(ConfigModel):
-    """A disc that robots push: it slides on the floor, and does not turn."""
+class Movable(Circle):
+    """A disc that robots push, at its place at the start: it slides on the floor, and does not turn."""
 
     shape: Literal["circle"] = "circle"
-    x_cm: Number
-    """x of the centre at the start, from the left wall."""
-    y_cm: Number
-    """y of the centre at the start, from the lower wall."""
-    radius_cm: Positive
-    """Radius."""
     mass_kg: Positive
     """Mass."""
     friction: Annotated[Number, Field(ge=0, le=10)]
@@ -108,10 +102,7 @@ class FloorSection(ConfigModel):
     @model_validator(mode="after")
     def _check_picture_alone(self) -> "FloorSection":
         if self.picture is not None and self.brightness != 1:
-            raise ValueError(
-                f"brightness is {self.brightness:g} and a picture is given, which has the brightness of the whole "
-                "floor; leave one of them out"
-            )
+            raise ValueError(f"brightness is {self.brightness:g} and a picture is given; leave one of them out")
         return self
 
     def build(self) -> Floor:
@@ -155,32 +146,24 @@ class ArenaSection(ConfigModel):
 
     @model_validator(mode="after")
     def _check_places(self) -> "ArenaSection":
-        arena = self._build_solids()
-        extents = [(circle[:2] - circle[2], circle[:2] + circle[2]) for circle in arena.circles]
-        extents += [(corners.min(axis=0), corners.max(axis=0)) for corners in arena.polygons]
-        for low, high in extents:
-            if (low < -1e-9).any() or (high > np.array([self.width_cm, self.height_cm]) + 1e-9).any():
-                raise ValueError(
-                    f"an obstacle or movable reaches from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) cm, "
-                    f"beyond the walls of the {self.width_cm:g} x {self.height_cm:g} cm arena"
-                )
+        solids = {f"obstacles.{number}": shape for number, shape in enumerate(self.obstacles)}
+        solids |= {f"movables.{number}": shape for number, shape in enumerate(self.movables)}
+        spans = {key: _span(shape) for key, shape in solids.items()}
+        outlines = [np.atleast_2d(_outline(patch))[:, :2] for patch in self.floor.patches]
+        centres = {f"floor.patches.{number}": outline.mean(axis=0) for number, outline in enumerate(outlines)}
+        centres |= {f"lamps.{number}": np.array([lamp.x_cm, lamp.y_cm]) for number, lamp in enumerate(self.lamps)}
+        spans |= {f"the centre of {key}": centre[None] for key, centre in centres.items()}
+        for key, span in spans.items():
+            if (span < -1e-9).any() or (span > np.array([self.width_cm, self.height_cm]) + 1e-9).any():
+                places = " to ".join(f"({x:g}, {y:g})" for x, y in span)
+                walls = f"the walls of the {self.width_cm:g} x {self.height_cm:g} cm arena"
+                raise ValueError(f"{key} is at {places} cm; allowed: within {walls}")
         for number, movable in enumerate(self.movables):
             others = self.model_copy(update={"movables": self.movables[:number]})._build_solids()
             gap_cm = clearance_cm(others, movable.x_cm, movable.y_cm) - movable.radius_cm
             if gap_cm < -1e-9:
-                raise ValueError(
-                    f"movables.{number} overlaps an obstacle or an earlier movable by {-gap_cm:.3g} cm; allowed: they "
-                    "may touch"
-                )
-        outlines = [np.atleast_2d(_outline(patch))[:, :2] for patch in self.floor.patches]
-        centres = {f"floor.patches.{number}": outline.mean(axis=0) for number, outline in enumerate(outlines)}
-        centres |= {f"lamps.{number}": np.array([lamp.x_cm, lamp.y_cm]) for number, lamp in enumerate(self.lamps)}
-        for key, centre in centres.items():
-            if (centre < 0).any() or (centre > (self.width_cm, self.height_cm)).any():
-                raise ValueError(
-                    f"{key} has its centre at ({centre[0]:g}, {centre[1]:g}) cm; allowed: within the walls of the "
-                    f"{self.width_cm:g} x {self.height_cm:g} cm arena"
-                )
+                overlap = f"overlaps an obstacle or an earlier movable by {-gap_cm:.3g} cm"
+                raise ValueError(f"movables.{number} {overlap}; allowed: they may touch")
         return self
 
     def build(self) -> Arena:
@@ -203,6 +186,12 @@ def _outline(shape: Circle | Box | Polygon) -> FloatArray:
     if isinstance(shape, Polygon):
         return np.array(shape.corners_cm)
     return box_corners(shape.x_cm, shape.y_cm, shape.width_cm, shape.height_cm, shape.heading_rad)
+
+
+def _span(shape: Circle | Box | Polygon) -> FloatArray:
+    """Return (2, 2) cm: the corners of smallest and of largest x and y of the rectangle around a shape."""
+    points, reach = np.atleast_2d(_outline(shape))[:, :2], shape.radius_cm if isinstance(shape, Circle) else 0.0
+    return np.array([points.min(axis=0) - reach, points.max(axis=0) + reach])
 
 
 def find_picture(name: str, folder: Path | None = None) -> str:

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from itertools import product
 from typing import Annotated, Any, Literal
@@ -10,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, check_range
 from epuck_sim.util.messages import comma_list, did_you_mean
 
 SPEED = ".speed_cm_s"
@@ -74,7 +75,10 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -
     """
     numbers = _numeric_axes(rows)
     if requested is not None:
-        return _check_axis(requested, rows, numbers, origin)
+        if requested not in numbers:
+            said = f"{requested} has other values" if requested in rows[0] else did_you_mean(requested, numbers)
+            raise EpuckSimError(f"{origin}: {said}; axes with numbers: {comma_list(numbers)}")
+        return requested
     if not numbers:
         raise EpuckSimError("there is no axis with numbers to draw T_sync against")
     return max(numbers, key=lambda key: (len(numbers[key]) > 1, key.endswith(SPEED), len(numbers[key])))
@@ -82,11 +86,10 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -
 
 def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin: str = "--y") -> str:
     """Choose the vertical axis of a map, beside `x`: the requested one, or the only other one whose numbers differ."""
-    numbers = _numeric_axes(rows)
-    others = _untied(numbers, rows, x)
+    others = _untied(_numeric_axes(rows), rows, x)
     choice = f"give --y one of {comma_list(others)}" if others else "there is no other axis whose numbers differ"
     if requested is not None:
-        if _check_axis(requested, rows, numbers, origin) == x or is_tied_to(requested, x, rows):
+        if choose_axis(rows, requested, origin) == x or is_tied_to(requested, x, rows):
             raise EpuckSimError(f"{origin}: {requested} varies together with {x}, the horizontal axis; {choice}")
         return requested
     if len(others) != 1:
@@ -140,13 +143,6 @@ def group_rows(rows: Rows, *axes: str) -> list[tuple[dict[str, Any], list[int]]]
     return [({key: rows[places[0]][key] for key in others}, places) for places in groups.values()]
 
 
-def _check_axis(requested: str, rows: Rows, numbers: Mapping[str, object], origin: str) -> str:
-    if requested not in numbers:
-        said = f"{requested} has other values" if requested in rows[0] else did_you_mean(requested, numbers)
-        raise EpuckSimError(f"{origin}: {said}; axes with numbers: {comma_list(numbers)}")
-    return requested
-
-
 def _numeric_axes(rows: Rows) -> dict[str, set[float]]:
     """Return the distinct values of each axis all of whose values are numbers."""
     columns = {key: [row[key] for row in rows] for key in rows[0]}
@@ -196,6 +192,8 @@ MAX_POINTS = 100_000
 RANGE = re.compile(r"\s*([-+.\deE]+):([-+.\deE]+):([-+.\deE]+)(?::(\w+))?\s*")
 """A range of values, FROM:TO:NUMBER, and :lin or :log."""
 
+_RANGES = "FROM:TO:NUMBER, as in 0.05:12.8:20: FROM below TO, 2 to 100000 values; and :lin, or :log with FROM above 0"
+
 NO_AXES = ("sweep", "seed", "trials", "name", "description")
 """Keys of a scenario that cannot be an axis."""
 
@@ -221,19 +219,13 @@ def with_ranges(key: str, values: Any) -> Any:
 
 
 def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
-    said = f"{key} is {parts[0]}; allowed: FROM:TO:NUMBER"
     try:
         first, last, number = float(parts[1]), float(parts[2]), int(parts[3])
-    except ValueError as error:
-        raise ValueError(f"{said}, numbers such as 0.05:12.8:20") from error
-    if not 2 <= number <= MAX_POINTS:
-        raise ValueError(f"{said} with a NUMBER of values from 2 to {MAX_POINTS}")
-    if not first < last:
-        raise ValueError(f"{said} with FROM below TO")
-    if parts[4] not in (None, "lin", "log"):
-        raise ValueError(f"{said}, or with :lin or :log after it")
-    if parts[4] == "log" and first <= 0:
-        raise ValueError(f"{said} with FROM above 0 where values are even in the logarithm; leave :log out")
+    except ValueError:
+        first, last, number = 0.0, 0.0, 0
+    is_even = parts[4] in (None, "lin") or (parts[4] == "log" and first > 0)
+    if not (first < last and 2 <= number <= MAX_POINTS and is_even):
+        raise ValueError(f"{key} is {parts[0]}; allowed: {_RANGES}")
     is_log = is_logarithmic(key, first, last) if parts[4] is None else parts[4] == "log"
     inner = (np.geomspace if is_log else np.linspace)(first, last, number)[1:-1]
     values = [first, *(float(f"{value:.6g}") for value in inner), last]
@@ -247,20 +239,16 @@ NAMED_FILES = re.compile(
 )
 """Keys whose values on an axis name files."""
 
-_AROUND_FILES = re.compile(
-    r"robots(\.\d+(\.kind)?)?|robot|response|arena(\.floor)?|(robots\.\d+\.)?sensors(\.[a-zA-Z_]\w*)?"
-)
 
-
-def map_files(key: str, value: Any, change: Callable[[str, Any], Any]) -> Any:
+def map_files(key: str, value: Any, change: Callable[[str, str], str]) -> Any:
     """Return the value of an axis with `change(key, name)` instead of each file that it, or a key in it, names."""
-    if _AROUND_FILES.fullmatch(key) and isinstance(value, Mapping):
+    if isinstance(value, str) and NAMED_FILES.fullmatch(key):
+        return change(key, value)
+    if isinstance(value, Mapping) and re.fullmatch(r".*sensors\.\d+", key):  # a sensor in a list, with parameters
+        return {change(key, str(name)): each for name, each in value.items()}
+    if isinstance(value, Mapping):
         return {name: map_files(f"{key}.{name}", each, change) for name, each in value.items()}
-    if NAMED_FILES.fullmatch(key):
-        if isinstance(value, Mapping):  # a sensor in a list, with parameters
-            return {change(key, name): each for name, each in value.items()}
-        return value if value is None else change(key, value)
-    if _AROUND_FILES.fullmatch(key) and isinstance(value, list | tuple):
+    if isinstance(value, list | tuple):
         return [map_files(f"{key}.{number}", each, change) for number, each in enumerate(value)]
     return value
 
@@ -290,26 +278,24 @@ class SweepAxes(ConfigModel):
 
     @model_validator(mode="after")
     def _check_axes(self) -> "SweepAxes":
-        listed = set(self.points[0]) if self.points else set()
         for number, row in enumerate(self.points or ()):
-            if set(row) != listed:
-                raise ValueError(f"points.{number} has the keys {sorted(row)}, points.0 has {sorted(listed)}")
+            if row.keys() != (first := self.points[0].keys() if self.points else ()):
+                raise ValueError(f"points.{number} has the keys {sorted(row)}, points.0 has {sorted(first)}")
         lengths = {key: len(values) for key, values in self.zip.items()}
         if len(set(lengths.values())) > 1:
             counts = ", ".join(f"{key} has {count}" for key, count in lengths.items())
             raise ValueError(f"zip: all keys need the same number of values, but {counts}")
-        if len({key.casefold() for key in self.keys}) < len(set(self.keys)):
-            raise ValueError("two axes differ only in capital letters; the table of results cannot hold both")
-        repeated = (listed & set(self.zip)) | (listed & set(self.grid)) | (set(self.zip) & set(self.grid))
-        if repeated:
-            raise ValueError(f"{sorted(repeated)[0]} is in more than one of points, zip and grid")
-        if not self.keys:
+        counts_of_keys = Counter(self.keys)
+        if not counts_of_keys:
             raise ValueError("has no axis; give grid: {key: [value, ...]}, zip: {...} or points: [{...}, ...]")
-        for key in self.keys:
+        for key, count in counts_of_keys.items():
+            if count > 1:
+                raise ValueError(f"{key} is in more than one of points, zip and grid")
             if key.partition(".")[0] in NO_AXES:
                 raise ValueError(f"{key} cannot be an axis; allowed: a key on which trials depend, except the seed")
-        if self.point_count > MAX_POINTS:
-            raise ValueError(f"has {self.point_count} points; allowed: up to {MAX_POINTS}")
+        if len({key.casefold() for key in self.keys}) < len(self.keys):
+            raise ValueError("two axes differ only in capital letters; the table of results cannot hold both")
+        check_range("the number of points", self.point_count, 1, MAX_POINTS)
         return self
 
     @property
@@ -325,7 +311,7 @@ class SweepAxes(ConfigModel):
             count *= len(values)
         return count
 
-    def with_files(self, find: Callable[[str, Any], Any]) -> "SweepAxes":
+    def with_files(self, find: Callable[[str, str], str]) -> "SweepAxes":
         """Return the axes with what `find(key, name)` returns instead of each file that they name."""
         columns = {
             name: {key: tuple(map_files(key, value, find) for value in values) for key, values in column.items()}

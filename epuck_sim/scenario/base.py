@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
-from pydantic_core import ErrorDetails
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.util.messages import comma_list, nearest_name, short_repr
@@ -26,6 +25,12 @@ def _reject_bool(value: object) -> object:
 Number = Annotated[float, BeforeValidator(_reject_bool)]
 WholeNumber = Annotated[int, BeforeValidator(_reject_bool)]
 Positive = Annotated[Number, Field(gt=0, le=1e6)]
+
+
+def check_range(key: str, value: float | None, least: float, most: float, why: str = "") -> None:
+    """Raise ValueError unless a value, if there is one, is within limits that follow from other keys."""
+    if value is not None and not least <= value <= most:
+        raise ValueError(f"{key} is {value:.7g}; allowed: {least:.7g} to {most:.7g}{why}")
 
 
 class ConfigModel(BaseModel):
@@ -71,35 +76,31 @@ def refused_at(origin: str) -> Iterator[None]:
 TAGS = ("kind", "shape")
 """Keys whose value names the class of a section that is one of several."""
 
-ALLOWED = {
-    "bool_parsing": "true or false",
-    "bool_type": "true or false",
-    "dict_type": "a mapping of keys to values",
-    "finite_number": "a finite number",
-    "float_parsing": "a number",
-    "float_type": "a number",
-    "greater_than": "above {gt:.12g}",
-    "greater_than_equal": "at least {ge:.12g}",
-    "int_from_float": "a whole number",
-    "int_parsing": "a whole number",
-    "int_parsing_size": "a whole number with fewer digits",
-    "int_type": "a whole number",
-    "invalid_key": "text as the key",
-    "less_than": "below {lt:.12g}",
-    "less_than_equal": "at most {le:.12g}",
-    "literal_error": "{expected}",
-    "model_attributes_type": "a mapping of keys to values",
-    "model_type": "a mapping of keys to values",
-    "multiple_of": "a multiple of {multiple_of:g}",
-    "string_too_long": "at most {max_length} characters",
-    "string_too_short": "{min_length} or more characters",
-    "string_type": "text",
-    "string_unicode": "text in Unicode",
-    "too_long": "at most {max_length} values",
-    "too_short": "{min_length} or more values",
-    "tuple_type": "a list",
-    "value_error": "{error}",
+_ALLOWED = {
+    "true or false": "bool_parsing bool_type",
+    "a number": "float_parsing float_type",
+    "a finite number": "finite_number",
+    "above {gt:.12g}": "greater_than",
+    "at least {ge:.12g}": "greater_than_equal",
+    "below {lt:.12g}": "less_than",
+    "at most {le:.12g}": "less_than_equal",
+    "a multiple of {multiple_of:g}": "multiple_of",
+    "a whole number": "int_from_float int_parsing int_type",
+    "a whole number with fewer digits": "int_parsing_size",
+    "text": "string_type",
+    "text as the key": "invalid_key",
+    "text in Unicode": "string_unicode",
+    "at most {max_length} characters": "string_too_long",
+    "{min_length} or more characters": "string_too_short",
+    "a list": "tuple_type",
+    "at most {max_length} values": "too_long",
+    "{min_length} or more values": "too_short",
+    "a mapping of keys to values": "dict_type model_attributes_type model_type",
+    "{expected}": "literal_error",
+    "{error}": "value_error",
 }
+
+ALLOWED = {error: said for said, errors in _ALLOWED.items() for error in errors.split()}
 """What is allowed, by pydantic's type of the error; in braces, what pydantic knows of it."""
 
 
@@ -173,44 +174,46 @@ def guess(name: str, known: Sequence[str], keys: Sequence[str]) -> str:
     return f"unknown {name!r}" + (f", did you mean {longer or near!r}?" if longer or near else "")
 
 
-def problems_in(error: ValidationError) -> list[ErrorDetails]:
-    """Return what is wrong; a list is not too short for pydantic's leaving out its wrong elements when it counts."""
-    return [
-        each for each in error.errors() if each["type"] != "too_short" or len(each["input"]) < each["ctx"]["min_length"]
-    ]
+def problems_in(
+    kind: type[ConfigModel], error: ValidationError, keys: Sequence[str] = (), owners: Mapping[str, str] | None = None
+) -> Iterator[tuple[str, str]]:
+    """Yield the dotted key of all that is wrong in a section of class `kind`, and what is said of it.
 
-
-def describe_problem(kind: type[ConfigModel], origin: str, detail: ErrorDetails, keys: Sequence[str] = ()) -> str:
-    """Return an error in a section of class `kind` as file: key: what was given; what is allowed.
-
-    An unknown key may have been meant to be one of `keys`.
+    An unknown key may have been meant to be one of `keys`, or be one of those that another model owns alone.
     """
-    path, classes, union, union_at = _place([str(part) for part in detail["loc"] if part != "[key]"], kind)
-    where = f"{origin}: {'.'.join(path)}" if path else origin
-    error = detail["type"]
-    if error == "extra_forbidden":
-        foreign = getattr(kind, "foreign_keys", {}).get(".".join(path))
-        known = list(classes[0].model_fields) if classes else []
-        inside = [key for key in keys if key.startswith("".join(f"{part}." for part in path[:-1]))]
-        other = f"; for another {tagged(union[0])[0]}, give the whole section" if union and union_at == 0 else ""
-        return f"{where}: {foreign or f'{guess(path[-1], known, inside)}; allowed: {comma_list(known)}{other}'}"
-    if error == "missing":
-        return f"{where}: is missing"
-    allowed = ALLOWED.get(error, "another kind of value").format(**detail.get("ctx", {}))
-    if union and error in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
-        names = [name for each in union for name in tagged(each)[1]]
-        allowed = f"a mapping with {tagged(union[0])[0]}: {' or '.join(names)}"
-    if error == "value_error" and isinstance(detail["input"], dict):  # of a whole section, whose message names the key
-        return f"{where}: {allowed}"
-    return f"{where}: is {short_repr(detail['input'])}; allowed: {allowed}"
+    for detail in error.errors():
+        given, wrong, context = detail["input"], detail["type"], detail.get("ctx", {})
+        if wrong == "too_short" and len(given) >= context["min_length"]:  # pydantic leaves wrong elements out
+            continue
+        path, around, classes = _place([str(part) for part in detail["loc"] if part != "[key]"], kind)
+        key, tag = ".".join(path), tagged(classes[0])[0] if classes else ""
+        allowed = ALLOWED.get(wrong, "another kind of value").format(**context)
+        if tag and wrong in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
+            allowed = f"a mapping with {tag}: {' or '.join(name for each in classes for name in tagged(each)[1])}"
+        said = f"is {short_repr(given)}; allowed: {allowed}"
+        if wrong == "missing":
+            said = "is missing"
+        elif wrong == "extra_forbidden" and owners and key in owners:
+            said = f"belongs to model: {owners[key]}; give that model, or leave it out"
+        elif wrong == "extra_forbidden":
+            known = list(around[0].model_fields) if around else []
+            inside = [each for each in keys if each.startswith("".join(f"{part}." for part in path[:-1]))]
+            other = f"; for another {tag}, give the whole section" if tag else ""
+            said = f"{guess(path[-1], known, inside)}; allowed: {comma_list(known)}{other}"
+        elif wrong == "value_error" and isinstance(given, dict):  # of a whole section: what is said names the key
+            said = allowed
+        yield key or said.split()[0], f"{key}: {said}" if key else said
 
 
 def _place(
     location: Sequence[str], kind: type[ConfigModel]
-) -> tuple[list[str], list[type[ConfigModel]], list[type[ConfigModel]], int]:
-    """Return where an error is, given with the tags that pydantic adds inside a section of several classes."""
+) -> tuple[list[str], list[type[ConfigModel]], list[type[ConfigModel]]]:
+    """Return the path of an error, the class of the section around it, and the classes that a section on it may have.
+
+    Pydantic's location also has the tag of each section that may be of several classes.
+    """
     path: list[str] = []
-    here, around, union, union_at = [kind], [kind], list[type[ConfigModel]](), -1
+    here, around, several = [kind], [kind], list[type[ConfigModel]]()
     for part in location:
         if re.fullmatch(r"(literal|function-\w+)\[.*\]", part):  # how pydantic names a type of several
             continue
@@ -218,11 +221,9 @@ def _place(
             here = chosen
             continue
         path.append(part)
-        if part.isdecimal():  # numbers are places in a list of sections
-            continue
-        around = here
-        field = here[0].model_fields.get(part) if here else None
-        here = section_classes(field.annotation) if field else []
-        if len(here) > 1:
-            union, union_at = here, len(path) - 1
-    return path, around, union, union_at
+        if not part.isdecimal():  # numbers are places in a list of sections
+            around = here
+            field = here[0].model_fields.get(part) if here else None
+            here = section_classes(field.annotation) if field else []
+            several = here if len(here) > 1 else several
+    return path, around, several

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range
 from epuck_sim.scenario.robot_kind import sensor_parameters
 from epuck_sim.scenario.robots import RobotGroup, members, resolve_parameters
 from epuck_sim.scenario.stop import Condition
@@ -31,11 +31,24 @@ FAULTS = {
 its camera or its ideal sensor, and a `phase` is that of an oscillator."""
 
 
+def _each_once(numbers: tuple[int, ...]) -> tuple[int, ...]:
+    if len(set(numbers)) < len(numbers):
+        raise ValueError("each number once")
+    return numbers
+
+
+Members = Annotated[tuple[Annotated[WholeNumber, Field(ge=0)], ...], AfterValidator(_each_once)]
+"""Numbers of robots or agents, or of faults."""
+
+Whom = Annotated[Members, Field(min_length=1)] | None
+"""Numbers of the robots or agents that are concerned; None for all."""
+
+
 class FaultSection(ConfigModel):
     """A fault: in which robots, from when to when."""
 
     kind: str
-    robots: tuple[Annotated[WholeNumber, Field(ge=0)], ...] | None = None
+    robots: Whom = None
     """Numbers of the robots that may have it; all by default."""
     share: Annotated[Number, Field(gt=0, le=1)] | None = None
     """Share of all robots that may have it, drawn at random in each trial, instead of `robots`."""
@@ -56,11 +69,7 @@ class FaultSection(ConfigModel):
     def _check_whom_and_when(self) -> Self:
         whom = [key for key in ("robots", "share", "count") if getattr(self, key) is not None]
         if len(whom) > 1:
-            raise ValueError(
-                f"{whom[0]} and {whom[1]} are given; give one of robots, share, count, or none for all robots"
-            )
-        if self.robots is not None and (not self.robots or len(set(self.robots)) < len(self.robots)):
-            raise ValueError(f"robots is {list(self.robots)}; allowed: one number or more, each once")
+            raise ValueError(f"{whom[0]} and {whom[1]} are given; give one of them, or neither for all robots")
         when = [key for key in ("at_s", "until_s", "per_hour", "mean_s") if getattr(self, key) is not None]
         if self.scheduled and when:
             raise ValueError(f"scheduled is true and {when[0]} is given; leave one of them out")
@@ -75,9 +84,9 @@ class FaultSection(ConfigModel):
         """What it changes, see `FAULTS`."""
         return FAULTS[self.kind]
 
-    def may_befall(self, robots: range) -> bool:
-        """Return whether any robot of these numbers may have it."""
-        return self.robots is None or any(robot in robots for robot in self.robots)
+    def numbers(self) -> dict[str, Sequence[int]]:
+        """Return the numbers of robots that it names, by key."""
+        return {"robots": self.robots or ()}
 
 
 class Failure(FaultSection):
@@ -142,20 +151,23 @@ AnyFault = Annotated[
 ]
 
 
+def concerns(whom: Sequence[int] | None, robots: range) -> bool:
+    """Return whether any robot of these numbers is among those that are named; None names all."""
+    return whom is None or any(robot in robots for robot in whom)
+
+
 def check_faults(faults: Sequence[FaultSection], groups: Sequence[RobotGroup]) -> None:
     """Raise ValueError unless the robots of some groups can have these faults."""
     robot_count = sum(group.count for group in groups)
+    check_numbers("faults", faults, robot_count)
     for number, fault in enumerate(faults):
         where = f"faults.{number}"
-        if fault.robots is not None and max(fault.robots) >= robot_count:
-            raise ValueError(f"{where}.robots is {list(fault.robots)}; allowed: 0 to {robot_count - 1}")
-        if fault.count is not None and fault.count > robot_count:
-            raise ValueError(f"{where}.count is {fault.count}; allowed: 1 to {robot_count}")
+        check_range(f"{where}.count", fault.count, 1, robot_count)
         if isinstance(fault, SensorDead) and not any(fault.sensor in group.sensors for group in groups):
             own = comma_list(dict.fromkeys(name for group in groups for name in group.sensors))
             raise ValueError(f"{where}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}")
         for place, group, robots in members(groups):
-            if fault.changes == "flashes" and group.signal.kind == "radio" and fault.may_befall(robots):
+            if fault.changes == "flashes" and group.signal.kind == "radio" and concerns(fault.robots, robots):
                 raise ValueError(
                     f"{where}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
                     "give robots, the numbers of others, or robots.*.signal.loss"
@@ -177,19 +189,6 @@ class TrialEvent(NamedTuple):
     """Numbers of the robots in which a fault began or ended; none for a schedule."""
 
 
-def _each_once(numbers: tuple[int, ...]) -> tuple[int, ...]:
-    if len(set(numbers)) < len(numbers):
-        raise ValueError("each number once")
-    return numbers
-
-
-Members = Annotated[tuple[Annotated[WholeNumber, Field(ge=0)], ...], AfterValidator(_each_once)]
-"""Numbers of robots or agents, or of faults."""
-
-Displaced = Annotated[Members, Field(min_length=1)] | None
-"""Numbers of those that are displaced; None for all."""
-
-
 class Displacement(ConfigModel):
     """A displacement of phases."""
 
@@ -206,14 +205,14 @@ class Displacement(ConfigModel):
 class AgentDisplacement(Displacement):
     """A displacement of phases of agents."""
 
-    agents: Displaced = None
+    agents: Whom = None
     """Numbers of the agents; all by default."""
 
 
 class RobotDisplacement(Displacement):
     """A displacement of phases of robots; rings of the displaced are commanded dark."""
 
-    robots: Displaced = None
+    robots: Whom = None
     """Numbers of the robots; all by default."""
 
 
@@ -271,13 +270,12 @@ class ScheduleEntry(ConfigModel):
         return {f"displace.{key}": value or () for key, value in self.displace or () if key != "by_cycles"}
 
 
-def check_numbers(schedule: Sequence[ScheduleEntry], population: int) -> None:
-    """Raise ValueError if a schedule names robots or agents that there are not."""
-    for place, entry in enumerate(schedule):
-        for key, numbers in entry.numbers().items():
+def check_numbers(key: str, entries: Sequence[FaultSection | ScheduleEntry], population: int) -> None:
+    """Raise ValueError if entries of a key name robots or agents that there are not."""
+    for place, entry in enumerate(entries):
+        for name, numbers in entry.numbers().items():
             for number in numbers:
-                if number >= population:
-                    raise ValueError(f"schedule.{place}.{key}: is {number}; allowed: 0 to {population - 1}")
+                check_range(f"{key}.{place}.{name}", number, 0, population - 1)
 
 
 _Moment = TypeVar("_Moment")
@@ -327,10 +325,7 @@ class AgentScheduleEntry(ScheduleEntry):
     displace: AgentDisplacement | None = None
 
 
-_GROUP = r"robots\.(0|[1-9]\d*)"
-_PARAMETER = rf"{_GROUP}\.parameters\.(\w+)"
-_SENSOR = rf"{_GROUP}\.sensors\.(\w+)\.(\w+)"
-_ARENA = r"arena\.(width_cm|height_cm|obstacles)"
+_PARAMETER = re.compile(r"robots\.(0|[1-9]\d*)\.(?:parameters|sensors\.(\w+))\.(\w+)")
 
 
 class RobotScheduleEntry(ScheduleEntry):
@@ -338,7 +333,7 @@ class RobotScheduleEntry(ScheduleEntry):
 
     changing: ClassVar[tuple[str, ...]] = ("set", "displace", "begin", "end", "remove", "add")
     later_keys: ClassVar[tuple[str, ...]] = ("remove", "add", "poses")
-    settable: ClassVar[re.Pattern[str]] = re.compile(f"{_PARAMETER}|{_SENSOR}|{_ARENA}")
+    settable: ClassVar[re.Pattern[str]] = re.compile(rf"{_PARAMETER.pattern}|arena\.(width_cm|height_cm|obstacles)")
     in_short: ClassVar[str] = (
         "robots.NUMBER.parameters.NAME, robots.NUMBER.sensors.SENSOR.NAME, arena.width_cm, arena.height_cm and "
         "arena.obstacles; besides, displace phases, begin and end faults, and remove and add robots"
@@ -359,10 +354,7 @@ class RobotScheduleEntry(ScheduleEntry):
     @model_validator(mode="after")
     def _check_added(self) -> Self:
         if self.poses is not None and len(self.poses) != len(self.add):
-            raise ValueError(
-                f"poses has {len(self.poses)} poses; allowed: one for each robot that is added, of which "
-                f"there are {len(self.add)}"
-            )
+            raise ValueError(f"poses has {len(self.poses)} rows; allowed: {len(self.add)}, one for each that is added")
         return self
 
     def in_words(self) -> list[str]:
@@ -377,26 +369,17 @@ class RobotScheduleEntry(ScheduleEntry):
         """Return the numbers of robots that it names, by key."""
         return {**super().numbers(), "remove": self.remove, "add": self.add}
 
-    def _set_by(self, pattern: str) -> dict[tuple[str, ...], dict[str, Any]]:
-        """Return the new values whose keys match a pattern, by its last group, for each of its other groups."""
-        found: dict[tuple[str, ...], dict[str, Any]] = {}
+    def parameters(self) -> dict[tuple[int, str | None], dict[str, Any]]:
+        """Return new values of parameters by name, for each group by its number, and sensor; None is the controller."""
+        found: dict[tuple[int, str | None], dict[str, Any]] = {}
         for key, value in self.set.items():
-            if match := re.fullmatch(pattern, key):
-                *place, name = match.groups()
-                found.setdefault(tuple(place), {})[name] = value
+            if match := _PARAMETER.fullmatch(key):
+                found.setdefault((int(match[1]), match[2]), {})[match[3]] = value
         return found
-
-    def parameters(self) -> dict[int, dict[str, Any]]:
-        """Return the new values of parameters by name, for each group by its number."""
-        return {int(group): values for (group,), values in self._set_by(_PARAMETER).items()}
-
-    def sensor_parameters(self) -> dict[tuple[int, str], dict[str, Any]]:
-        """Return the new values of parameters by name, for each sensor by its group's number and its name."""
-        return {(int(group), sensor): values for (group, sensor), values in self._set_by(_SENSOR).items()}
 
     def arena_values(self) -> dict[str, Any]:
         """Return the new values of the arena's keys, by their names in the section."""
-        return self._set_by(_ARENA).get((), {})
+        return {key.removeprefix("arena."): value for key, value in self.set.items() if key.startswith("arena.")}
 
 
 def check_schedule(
@@ -406,12 +389,11 @@ def check_schedule(
     reference: int,
 ) -> None:
     """Raise ValueError if a schedule names groups, robots or faults that there are not, or removes the reference."""
-    check_numbers(schedule, sum(group.count for group in groups))
+    check_numbers("schedule", schedule, sum(group.count for group in groups))
     for number, entry in enumerate(schedule):
         origin = f"schedule.{number}"
-        for group in (*entry.parameters(), *(group for group, _ in entry.sensor_parameters())):
-            if group >= len(groups):
-                raise ValueError(f"{origin}.set: robots.{group} is no group; allowed: robots.0 to {len(groups) - 1}")
+        for group, _ in entry.parameters():
+            check_range(f"{origin}.set: robots.NUMBER", group, 0, len(groups) - 1)
         if reference in entry.remove:
             raise ValueError(
                 f"{origin}.remove: {reference} is the reference, whose firings are counted, and stays; remove others, "
@@ -437,30 +419,23 @@ def check_controllers(
 
     Nothing is known yet of groups whose controller is `swept`; all others have all their parameters.
     """
-    known = {place: group for place, group in enumerate(groups) if f"robots.{place}.controller" not in swept}
+    known = [place for place in range(len(groups)) if f"robots.{place}.controller" not in swept]
+    kinds = ((f"faults.{number}", fault) for number, fault in enumerate(faults) if fault.changes == "phase")
+    displaced = ((number, entry.displace) for number, entry in enumerate(schedule) if entry.displace)
+    of_phases = [(f"{where}: kind is {fault.kind!r}, but", fault.robots) for where, fault in kinds]
+    of_phases += [(f"schedule.{number}.displace:", displace.robots) for number, displace in displaced]
     for place, group, robots in members(groups):
-        of_phases = [
-            f"faults.{number}: kind is {fault.kind!r}, but"
-            for number, fault in enumerate(faults)
-            if fault.changes == "phase" and fault.may_befall(robots)
-        ]
-        displaced = ((number, entry.displace) for number, entry in enumerate(schedule) if entry.displace)
-        of_phases += (
-            f"schedule.{number}.displace:"
-            for number, displace in displaced
-            if displace.robots is None or set(displace.robots) & set(robots)
-        )
-        if of_phases and place in known and not (controller := find_controller(group.controller)).is_oscillator:
+        concerning = [said for said, whom in of_phases if concerns(whom, robots)]
+        if concerning and place in known and not (controller := find_controller(group.controller)).is_oscillator:
             raise ScenarioError(
-                f"{origin}: {of_phases[0]} robots.{place} are no oscillators: their controller is {controller.name}; "
+                f"{origin}: {concerning[0]} robots.{place} are no oscillators: their controller is {controller.name}; "
                 "give robots, the numbers of others"
             )
     for number, entry in enumerate(schedule):
-        where = f"{origin}: schedule.{number}"
-        for place, values in entry.parameters().items():
-            if place in known:
-                group = known[place]
+        for (place, sensor), values in entry.parameters().items():
+            group, where = groups[place], f"{origin}: schedule.{number}.set: robots.{place}"
+            if sensor is not None:
+                sensor_parameters(group.sensors, sensor, values, f"{where}.sensors")
+            elif place in known:
                 given = {**group.parameters, **values}
-                resolve_parameters(find_controller(group.controller), given, step_ms, f"{where}.set: robots.{place}")
-        for (place, name), values in entry.sensor_parameters().items():
-            sensor_parameters(groups[place].sensors, name, values, f"{where}.set: robots.{place}.sensors")
+                resolve_parameters(find_controller(group.controller), given, step_ms, where)

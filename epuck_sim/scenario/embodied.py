@@ -5,16 +5,15 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from epuck_sim.control.loader import find_controller, find_sensor
+from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import ArenaSection, find_picture
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import (
     AnyFault,
     RobotScheduleEntry,
@@ -23,7 +22,7 @@ from epuck_sim.scenario.changes import (
     check_schedule,
 )
 from epuck_sim.scenario.overhead import OverheadSection
-from epuck_sim.scenario.robot_kind import ROBOT, RobotKind, check_readings
+from epuck_sim.scenario.robot_kind import RobotKind, check_readings
 from epuck_sim.scenario.robots import RobotGroup, check_robots, members, resolve_group
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.stop import StopSection, check_measures_of_present
@@ -55,8 +54,7 @@ class TimingSection(ConfigModel):
     def _check_rates(self) -> "TimingSection":
         if 1000 % self.control_hz:
             raise ValueError(
-                f"control_hz is {self.control_hz}; a control step must be whole milliseconds: 1, 2, 4, 5, "
-                "8, 10, 20, 25, 40, 50, 100, 125, 200, 250, 500 or 1000"
+                f"control_hz is {self.control_hz}; a control step must be whole milliseconds: give a divisor of 1000"
             )
         if self.physics_hz % self.control_hz:
             raise ValueError(f"physics_hz is {self.physics_hz}; allowed: a multiple of control_hz, {self.control_hz}")
@@ -75,6 +73,12 @@ class NoiseSection(ConfigModel):
     """Half-width of the uniform factor around 1 by which each wheel's speed is multiplied in each step (Enki)."""
     infrared_counts: Annotated[Number, Field(ge=0, le=10_000)] = 10.0
     """Standard deviation of the noise on each infrared reading (Enki)."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _on_or_off(cls, given: Any) -> Any:
+        off = {"wheel_speed": 0, "infrared_counts": 0}
+        return {"off": off, "false": off, "on": {}, "true": {}}.get(str(given).lower(), given)
 
 
 class SpreadSection(ConfigModel):
@@ -122,10 +126,7 @@ class EmbodiedStop(StopSection):
     @model_validator(mode="after")
     def _check_further_cycles(self) -> Self:
         if self.further_cycles and self.order_parameter is None:
-            raise ValueError(
-                f"further_cycles is {self.further_cycles} and order_parameter is null; allowed: 0, as no trial is "
-                "synchronised"
-            )
+            raise ValueError(f"further_cycles is {self.further_cycles}; allowed: 0 where order_parameter is null")
         return self
 
     @property
@@ -144,11 +145,6 @@ class EmbodiedStop(StopSection):
 class EmbodiedScenario(Scenario):
     """A swarm of robots, by default e-pucks (chapter 4)."""
 
-    foreign_keys: ClassVar[dict[str, str]] = dict.fromkeys(
-        ("space", "agents", "neighbourhood", "response", "clocks", "start", "stop.reference"),
-        "belongs to model: particles; give that model, or leave it out",
-    )
-
     later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule", "robot")
     event_method: ClassVar[str] = "step"
 
@@ -166,37 +162,21 @@ class EmbodiedScenario(Scenario):
     stop: EmbodiedStop = EmbodiedStop()
     overhead: OverheadSection = OverheadSection()
 
-    @model_validator(mode="before")
-    @classmethod
-    def _noise_off(cls, given: Any) -> Any:
-        noise = given.get("noise") if isinstance(given, dict) else None
-        if noise in ("off", "OFF", "Off", False):
-            return {**given, "noise": {"wheel_speed": 0, "infrared_counts": 0}}
-        if noise in ("on", "ON", "On", True):
-            return {**given, "noise": {}}
-        return given
-
     @model_validator(mode="after")
     def _check_sections_together(self) -> "EmbodiedScenario":
         if not self.robots:
             raise ValueError("robots is []; allowed: at least one group of robots, such as [{count: 10}]")
-        if self.stop.reference_robot >= self.robot_count:
-            raise ValueError(
-                f"stop.reference_robot is {self.stop.reference_robot}; allowed: 0 to {self.robot_count - 1}"
-            )
+        reference = self.stop.reference_robot
+        check_range("stop.reference_robot", reference, 0, self.robot_count - 1)
         for number, group in enumerate(self.robots):
-            rate = group.camera.frames_per_s
-            if rate is not None and rate > self.timing.control_hz:
-                raise ValueError(
-                    f"robots.{number}.camera.frames_per_s is {rate:g}; allowed: 0.1 to timing.control_hz, which is "
-                    f"{self.timing.control_hz}"
-                )
+            key, control_hz = f"robots.{number}.camera.frames_per_s", self.timing.control_hz
+            check_range(key, group.camera.frames_per_s, 0.1, control_hz, ", timing.control_hz")
         check_faults(self.faults, self.robots)
-        check_schedule(self.schedule, self.robots, self.faults, self.stop.reference_robot)
-        if not self.present[self.stop.reference_robot]:
+        check_schedule(self.schedule, self.robots, self.faults, reference)
+        if not self.present[reference]:
             raise ValueError(
-                f"stop.reference_robot is {self.stop.reference_robot}, which is not present at the start; allowed: a "
-                "robot of a group with present: true, as its firings are counted"
+                f"stop.reference_robot is {reference}, which is not present at the start; allowed: a robot of a group "
+                "with present: true, as its firings are counted"
             )
         check_robots(self.group_kinds, self.robots, self.arena, self.timing.physics_hz)
         return self
@@ -277,24 +257,20 @@ class EmbodiedScenario(Scenario):
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with controllers, measures, parameters and the floor's picture found; see `Scenario`."""
         swept = self.swept
-        robots = tuple(
-            group  # its controller, hence its parameters, are known at each point only
-            if f"robots.{number}.controller" in swept
-            else resolve_group(group, self.timing.step_ms, f"{origin}: robots.{number}", folder)
-            for number, group in enumerate(self.robots)
-        )
+        step_ms, robots = self.timing.step_ms, list[RobotGroup]()
+        for number, group in enumerate(self.robots):
+            where, is_swept = f"{origin}: robots.{number}", f"robots.{number}.controller" in swept
+            robots.append(resolve_group(group, step_ms, where, folder, controller_is_swept=is_swept))
         check_readings([group.sensors for group in robots], origin)
-        check_controllers(self.faults, self.schedule, robots, swept, self.timing.step_ms, origin)
-        sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
-        arena = self.arena
-        if arena.floor.picture is not None:
-            with refused_at(f"{origin}: arena.floor.picture"):
-                floor = {"picture": find_picture(arena.floor.picture, folder)}
-            arena = arena.model_copy(update={"floor": arena.floor.model_copy(update=floor)})
+        check_controllers(self.faults, self.schedule, robots, swept, step_ms, origin)
+        floor = self.arena.floor
+        with refused_at(f"{origin}: arena.floor.picture"):
+            picture = floor.picture and find_picture(floor.picture, folder)
+        arena = self.arena.model_copy(update={"floor": floor.model_copy(update={"picture": picture})})
         stop = self.stop
         if not self._may_have_t_sync(robots, swept):
             stop = stop.limited(max((each.at_s or 0.0 for each in (*self.schedule, *self.faults)), default=0.0))
-        resolved = self.model_copy(update={"robots": robots, "sweep": sweep, "arena": arena, "stop": stop})
+        resolved = self.model_copy(update={"robots": tuple(robots), "arena": arena, "stop": stop})
         resolved = super(EmbodiedScenario, resolved).resolved(origin, folder)
         if self.members_change:
             check_measures_of_present(resolved.measures, origin)
@@ -312,22 +288,16 @@ class EmbodiedScenario(Scenario):
         for number in entries:
             values, first = (self.schedule[each].arena_values() for each in (number, entries[0]))
             keys = [", ".join(f"arena.{name}" for name in sorted(each)) for each in (values, first)]
+            where = f"{origin}.{number}.set: sets {keys[0]}, and"
             if keys[0] != keys[1]:
-                raise ScenarioError(
-                    f"{origin}.{number}.set: sets {keys[0]}, and {origin}.{entries[0]}.set sets {keys[1]}; "
-                    "give all entries that change the arena the same keys of it"
-                )
+                other = f"{origin}.{entries[0]}.set sets {keys[1]}"
+                raise ScenarioError(f"{where} {other}; give all entries that change the arena the same keys of it")
             if self.arena.floor.picture is not None and values.keys() - {"obstacles"}:
-                raise ScenarioError(
-                    f"{origin}.{number}.set: sets {keys[0]}, and arena.floor.picture is stretched between the walls; "
-                    "give patches instead, or set arena.obstacles alone"
-                )
-            robots = [
-                {"count": group.count, "kind": kind.model_dump(), "signal": {"kind": "cone"}}  # which all robots have
-                for group, kind in zip(self.robots, self.group_kinds, strict=True)
-            ]
+                advice = "give patches instead, or set arena.obstacles alone"
+                raise ScenarioError(f"{where} arena.floor.picture is stretched between the walls; {advice}")
             arena = {**self.arena.model_dump(exclude=STAYING), **values}
-            self.validated({"arena": arena, "robots": robots}, f"{origin}.{number}.set")
+            others = self.model_dump(include={"robot", "robots", "timing", "stop"})
+            self.validated({**others, "arena": arena}, f"{origin}.{number}.set")
 
     def _may_have_t_sync(self, robots: Sequence[RobotGroup], swept: Sequence[str]) -> bool:
         """Return whether the reference is an oscillator, or may be one at a point of a sweep."""
@@ -335,18 +305,6 @@ class EmbodiedScenario(Scenario):
         if {"robots", f"robots.{place}", f"robots.{place}.controller"} & set(swept):
             return True
         return find_controller(robots[place].controller).is_oscillator
-
-
-def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:
-    """Return the path of a controller, sensor, robot, or picture of a floor, that an axis names; others as they are."""
-    with refused_at(f"{origin}: sweep: {key}"):
-        if key.endswith(".controller"):
-            return find_controller(str(name), folder).stored_name
-        if "sensors." in key:
-            return find_sensor(str(name), folder).stored_name
-        if key.startswith("robot") and isinstance(name, str) and ROBOT.is_path(name):
-            return ROBOT.locate(name, folder).name
-        return find_picture(str(name), folder) if key.endswith(".picture") else name
 
 
 STAYING = {"movables", "floor", "lamps"}

@@ -2,11 +2,15 @@
 
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, overload
 
+from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.arena import find_picture
+from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.keys import (
     QUICK,
@@ -21,10 +25,10 @@ from epuck_sim.scenario.keys import (
     set_value,
     without_quick,
 )
-from epuck_sim.scenario.particles import ParticleScenario, StartSection
-from epuck_sim.scenario.robot_kind import with_robots
-from epuck_sim.scenario.robots import keys_of_swept_controllers, replace_controllers
-from epuck_sim.scenario.scenario import AnyScenario, Scenario
+from epuck_sim.scenario.particles import ParticleScenario, StartSection, find_curve
+from epuck_sim.scenario.robot_kind import ROBOT, are_groups, with_robots
+from epuck_sim.scenario.robots import replace_controllers
+from epuck_sim.scenario.scenario import AnyScenario, Scenario, require_model
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
@@ -39,9 +43,8 @@ def validate(given: Mapping[str, Any], origin: str) -> Scenario:
     _reject_surrogates(given, origin)
     model = given.get("model", "embodied")
     if not isinstance(model, str) or model not in SCENARIO_TYPES:
-        raise ScenarioError(
-            f"{origin}: model: is {short_repr(model)}; allowed: {' or '.join(map(repr, SCENARIO_TYPES))}"
-        )
+        allowed = " or ".join(map(repr, SCENARIO_TYPES))
+        raise ScenarioError(f"{origin}: model: is {short_repr(model)}; allowed: {allowed}")
     return SCENARIO_TYPES[model].validated(given, origin)
 
 
@@ -148,14 +151,13 @@ def load_scenario(
         given = add_measures(given, measures, origin)
     _reject_endings(given, origin, folder)
     parsed = [parse_axis(axis, "--sweep") for axis in axes]
-    of_swept = keys_of_swept_controllers(given.get("robots"), [*_swept(given), *parsed], folder) if settings else []
     changed: list[str] = []
     for setting in settings:
         option = f"--set {setting}"
         typed, value = parse_setting(setting)
-        for key in _full_keys(given, typed, option, origin, folder, of_swept):
+        for key in _full_keys(given, typed, option, origin, folder, parsed):
             if re.match(r"robots\.\d+\.sensors\.", key):  # which leads into a sensor that may be given in a list
-                given = _expanded(given, origin, folder)
+                given = with_robots(given, origin, folder)
             given = set_value(given, key, value, option)
             changed.append(f"{key}={setting.partition('=')[2]}")
     swept: list[str] = []
@@ -173,15 +175,30 @@ def load_scenario(
 
 def from_keys(given: Mapping[str, Any], origin: str, folder: Path | None = None) -> Scenario:
     """Return the scenario that has some keys, with everything that lies in other files; see `load_scenario`."""
-    return complete(validate(_expanded(given, origin, folder), origin), origin, folder)
+    return complete(validate(with_robots(given, origin, folder), origin), origin, folder)
 
 
 def complete(scenario: AnyScenario, origin: str, folder: Path | None = None) -> AnyScenario:
     """Return a scenario with everything filled in that lies in other files; what its schedule sets is checked."""
+    if scenario.sweep is not None:
+        sweep = scenario.sweep.with_files(partial(_find_file, f"{origin}: sweep", folder))
+        scenario = scenario.model_copy(update={"sweep": sweep})
     found = scenario.resolved(origin, folder)
     if isinstance(found, ParticleScenario) and found.start.like is not None:
         return found.model_copy(update={"start": resolve_like(found, f"{origin}: start.like", folder)})
     return found
+
+
+def _find_file(origin: str, folder: Path | None, key: str, name: str) -> str:
+    """Return the name by which a file is found again that the value of an axis names."""
+    with refused_at(f"{origin}: {key}"):
+        if key == "response.curve":
+            return find_curve(name, folder).name
+        if key.endswith(".controller"):
+            return find_controller(name, folder).stored_name
+        if "sensors." in key:
+            return find_sensor(name, folder).stored_name
+        return find_picture(name, folder) if key.endswith(".picture") else ROBOT.locate(name, folder).name
 
 
 def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -> AnyScenario:
@@ -195,15 +212,21 @@ def with_values(scenario: AnyScenario, values: Mapping[str, Any], origin: str) -
 
 
 def _full_keys(
-    given: Mapping[str, Any], typed: str, where: str, origin: str, folder: Path | None, further: Sequence[str] = ()
+    given: Mapping[str, Any],
+    typed: str,
+    where: str,
+    origin: str,
+    folder: Path | None,
+    axes: Sequence[tuple[str, Sequence[Any]]] = (),
 ) -> list[str]:
-    """Return the keys of a scenario, or further ones, that a typed key stands for, see `keys.full_keys`; or itself."""
+    """Return the keys of a scenario with further axes that a typed key stands for, see `keys.full_keys`; or itself."""
     model = given.get("model", "embodied")
     kind = SCENARIO_TYPES.get(model) if isinstance(model, str) else None
     if kind is None or typed == "sensors" or typed.partition(".")[0] in kind.model_fields:
         return [typed]
-    known = kind.all_keys(_expanded(given, origin, folder), folder)
-    found = full_keys(typed, [*dict.fromkeys([*known, *further])], where)
+    at_points = _with_controllers(given, [*_swept(given), *axes])
+    known = [key for each in at_points for key in kind.all_keys(with_robots(each, origin, folder), folder)]
+    found = full_keys(typed, [*dict.fromkeys(known)], where)
     if len(found) > 1:
         warnings.warn(f"{where}: {typed} stands for {' and '.join(found)}", stacklevel=3)
     if found:
@@ -212,6 +235,18 @@ def _full_keys(
         return [f"robots.0.{typed}"]  # where it is refused with what the group has
     from_keys(given, origin, folder)  # a file that is not there hides its parameters, and is refused first
     return [typed]
+
+
+def _with_controllers(
+    given: Mapping[str, Any], axes: Iterable[tuple[Any, Sequence[Any]]]
+) -> Iterator[Mapping[str, Any]]:
+    """Yield a scenario's keys, and the same with each controller that is a value of an axis in its place."""
+    yield given
+    groups = given.get("robots") or [{}]
+    keys = [f"robots.{number}.controller" for number in range(len(groups))] if are_groups(groups) else []
+    for typed, values in axes:
+        for key in full_keys(str(typed), keys, str(typed)):
+            yield from (set_value(given, key, value, key) for value in values)
 
 
 def _reject_endings(given: Mapping[str, Any], origin: str, folder: Path | None) -> None:
@@ -229,11 +264,6 @@ def _swept(given: Mapping[str, Any]) -> Iterator[tuple[Any, Sequence[Any]]]:
     for row in (each for part in parts for each in (part if isinstance(part, list | tuple) else [part])):
         for key, values in row.items() if isinstance(row, Mapping) else ():
             yield key, values if isinstance(values, list | tuple) else [values]
-
-
-def _expanded(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
-    """Return a scenario's keys with the paths of its robots' files, and with sensors by name in each group."""
-    return with_robots(given, origin, folder) if given.get("model", "embodied") == "embodied" else dict(given)
 
 
 def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str, Path | None]:
@@ -265,30 +295,22 @@ def _choose_version(given: Mapping[str, Any], origin: str, folder: Path | None, 
 
 def find_scenario(name: str) -> Path:
     """Return the file of a scenario: a shipped one, a file, that of a run folder, or an installed package's."""
-    shipped = SCENARIO.shipped()
-    path = None if name in shipped else _given_file(Path(name), name)
-    if path is None:
-        stem = Path(name).stem
-        if name.endswith(SCENARIO.suffixes):
-            named = f"; the shipped one is called {stem!r}" if stem in shipped else ""
-            raise ScenarioError(f"{name}: there is no such file{named}")
-        path = SCENARIO.named(name).path
-        assert path is not None  # scenarios are files
-    return path
-
-
-def _given_file(path: Path, name: str) -> Path | None:
-    """Return a file, or the scenario in a run folder; None if there is nothing at this path."""
+    shipped, path = SCENARIO.shipped(), Path(name)
     try:
-        if path.is_file():
-            return path
-        if path.is_dir() and (path / RUN_SCENARIO).is_file():
-            return path / RUN_SCENARIO
-        if path.exists():
-            raise ScenarioError(f"{name}: is neither a regular file nor a run folder with a {RUN_SCENARIO}")
+        if name in shipped or not path.exists():
+            stem = path.stem
+            if name.endswith(SCENARIO.suffixes):
+                named = f"; the shipped one is called {stem!r}" if stem in shipped else ""
+                raise ScenarioError(f"{name}: there is no such file{named}")
+            found = SCENARIO.named(name).path
+            assert found is not None  # scenarios are files
+            return found
+        for file in (path, path / RUN_SCENARIO):
+            if file.is_file():
+                return file
     except OSError as error:
         raise ScenarioError(f"{name}: cannot be read: {error.strerror}") from error
-    return None
+    raise ScenarioError(f"{name}: is neither a regular file nor a run folder with a {RUN_SCENARIO}")
 
 
 def write_scenario(scenario: Scenario) -> str:
@@ -298,9 +320,7 @@ def write_scenario(scenario: Scenario) -> str:
 
 def robots_like(name: str, origin: str) -> EmbodiedScenario:
     """Return the scenario of robots of a name or file; of a sweep, what is swept is as it is without."""
-    scenario = load_scenario(name)
-    if not isinstance(scenario, EmbodiedScenario):
-        raise ScenarioError(f"{origin}: {name} is of model: {scenario.model}; allowed: a scenario of robots")
+    scenario = require_model(load_scenario(name), EmbodiedScenario, "allowed: embodied", f"{origin}: {name}")
     return scenario.model_copy(update={"sweep": None})
 
 
@@ -313,18 +333,16 @@ def resolve_like(scenario: ParticleScenario, origin: str, folder: Path | None) -
     elif Path(like).suffix:
         like = str(find_scenario(like).resolve())
     robots = robots_like(like, origin)
-    sides = [robots.arena.width_cm, robots.arena.height_cm]
+    width_cm, height_cm = robots.arena.width_cm, robots.arena.height_cm
     checks = {
         "agents.count": (scenario.agents.count, robots.robot_count),
         "space.dimensions": (scenario.space.dimensions, 2),
-        "space.side_cm": ([scenario.space.side_cm] * 2, sides),
+        "space.side_cm": (scenario.space.side_cm, width_cm if width_cm == height_cm else (width_cm, height_cm)),
     }
     for key, (given, needed) in checks.items():
-        section = key.partition(".")[0]
-        if given != needed and not {key, section} & set(scenario.swept):
-            raise ScenarioError(
-                f"{origin}: {key} is {given}, and that of the robots in {like} is {needed}; give the same"
-            )
+        if given != needed and not {key, key.partition(".")[0]} & set(scenario.swept):
+            said = f"{key} is {given}, and that of the robots in {like} is {needed}"
+            raise ScenarioError(f"{origin}: {said}; give the same")
     if not all("period_s" in group.parameters for group in robots.robots) or not all(robots.present):
         raise ScenarioError(f"{origin}: some robots in {like} are no oscillators, or are not present at the start")
     return scenario.start.model_copy(update={"like": like})

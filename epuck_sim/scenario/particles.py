@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -22,7 +21,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from epuck_sim.errors import CurveError, EpuckSimError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import AgentScheduleEntry, check_numbers
 from epuck_sim.scenario.keys import set_value
 from epuck_sim.scenario.scenario import Scenario
@@ -70,9 +69,7 @@ class Curve:
         values = with_defaults(self.name, given, self.parameters)
         if self.phase_shift is None:
             for name, value in values.items():
-                low, high = LIMITS[name]
-                if not low <= value <= high:
-                    raise ValueError(f"{name} is {value}; allowed: {low:g} to {high:g}")
+                check_range(name, value, *LIMITS[name])
         return values
 
     def check_shift(self, phase: float, coupling: float, parameters: Mapping[str, Value]) -> None:
@@ -88,8 +85,6 @@ class Curve:
             raise CurveError(f"{self.name}: phase_shift returns {short_repr(shift)} at phase {phase:g}")
 
 
-_SHIPPED_CURVES = {name: Curve(name, parameters) for name, parameters in SHIPPED.items()}
-
 CURVE = Kind(
     noun="response curve",
     error=CurveError,
@@ -103,7 +98,7 @@ CURVE = Kind(
 def find_curve(name: str, folder: Path | None = None) -> Curve:
     """Return a response curve."""
     place = CURVE.locate(name, folder)
-    return _SHIPPED_CURVES[name] if place.path is None else _load(place)
+    return Curve(name, SHIPPED[name]) if place.path is None else _load(place)
 
 
 @kept
@@ -140,8 +135,8 @@ class ResponseSection(ConfigModel):
 
     @model_validator(mode="after")
     def _check_coupling(self) -> "ResponseSection":
-        if self.curve in UP_TO_1 and self.coupling > 1:
-            raise ValueError(f"coupling is {self.coupling:g}; allowed: 0 to 1 for the {self.curve} curve")
+        if self.curve in UP_TO_1:
+            check_range("coupling", self.coupling, 0, 1, f" for the {self.curve} curve")
         return self
 
 
@@ -159,20 +154,24 @@ def resolve_response(response: ResponseSection, origin: str, folder: Path | None
 
 
 _NEEDS = {
-    "straight": {},
     "brownian": {"run_s": "above 0"},
     "correlated": {"run_s": "above 0", "persistence": "from 0 to 1"},
     "levy": {"run_s": "above 0", "exponent": "above 1 and up to 3"},
+    "uniform": {"speed_spread": "above 0 and up to 1"},
+    "normal": {"speed_spread": "above 0 and up to 1"},
+    "lognormal": {"speed_spread": "above 0 and up to 2"},
+    "two_speeds": {"fast_share": "above 0 and below 1", "fast_ratio": "above 1 and up to 1000"},
 }
-"""The keys that each kind of walk needs, and what they may be; it takes no others."""
+"""The keys that kinds of walks and distributions of speeds need, and what they may be; none takes others of them."""
 
 
-def _check_needs(section: ConfigModel, tag: str, needs: Mapping[str, Mapping[str, str]]) -> None:
+def _check_needs(section: ConfigModel, tag: str, *keys: str) -> None:
     kind = getattr(section, tag)
-    for key in dict.fromkeys(key for needed in needs.values() for key in needed):
+    needed = _NEEDS.get(kind, {})
+    for key in keys:
         is_given = getattr(section, key) is not None
-        if is_given != (key in needs[kind]):
-            what = f"takes no {key}; leave it out" if is_given else f"needs {key}, {needs[kind][key]}"
+        if is_given != (key in needed):
+            what = f"takes no {key}; leave it out" if is_given else f"needs {key}, {needed[key]}"
             raise ValueError(f"{tag} {kind!r} {what}")
 
 
@@ -195,19 +194,8 @@ class WalkSection(ConfigModel):
 
     @model_validator(mode="after")
     def _check_keys(self) -> "WalkSection":
-        _check_needs(self, "kind", _NEEDS)
+        _check_needs(self, "kind", "run_s", "persistence", "exponent")
         return self
-
-
-_SPEED_NEEDS = {
-    "fixed": {},
-    "uniform": {"speed_spread": "above 0 and up to 1"},
-    "normal": {"speed_spread": "above 0 and up to 1"},
-    "exponential": {},
-    "lognormal": {"speed_spread": "above 0 and up to 2"},
-    "two_speeds": {"fast_share": "above 0 and below 1", "fast_ratio": "above 1 and up to 1000"},
-}
-"""The keys that each distribution of speeds needs, and what they may be; it takes no others."""
 
 
 class AgentsSection(ConfigModel):
@@ -237,10 +225,8 @@ class AgentsSection(ConfigModel):
 
     @model_validator(mode="after")
     def _check_speeds(self) -> "AgentsSection":
-        _check_needs(self, "speed_distribution", _SPEED_NEEDS)
-        if self.speed_distribution != "lognormal" and (self.speed_spread or 0) > 1:
-            allowed = _SPEED_NEEDS[self.speed_distribution]["speed_spread"]
-            raise ValueError(f"speed_spread is {self.speed_spread:g}; allowed: {allowed}")
+        _check_needs(self, "speed_distribution", "speed_spread", "fast_share", "fast_ratio")
+        check_range("speed_spread", self.speed_spread, 0, 2 if self.speed_distribution == "lognormal" else 1)
         if self.speed_per_run and (self.walk.kind == "straight" or self.speed_distribution == "fixed"):
             raise ValueError(
                 f"speed_per_run is true, walk.kind is {self.walk.kind!r} and speed_distribution is "
@@ -326,29 +312,26 @@ class StartSection(ConfigModel):
 
     def check_fits(self, agents: int, dimensions: int, side_cm: float) -> None:
         """Raise ValueError if what is given does not fit the agents and their space."""
-        given = {"phases": self.phases, "positions_cm": self.positions_cm, "headings": self.headings}
-        for name, rows in given.items():
+        for name in ("phases", "positions_cm", "headings"):
+            rows = getattr(self, name)
             if isinstance(rows, tuple) and len(rows) != agents:
                 raise ValueError(f"start.{name} has {len(rows)} rows; allowed: {agents}, because that is agents.count")
-        for name in ("positions_cm", "headings"):
-            for number, row in enumerate(given[name] or ()):
-                assert isinstance(row, tuple)
+        for key in ("positions_cm", "headings"):
+            for number, row in enumerate(getattr(self, key) or ()):
+                where = f"start.{key}.{number}"
                 if len(row) != dimensions:
-                    raise ValueError(f"start.{name}.{number} has {len(row)} numbers; allowed: {dimensions}, dimensions")
-                if name == "positions_cm" and not all(0 <= place <= side_cm for place in row):
-                    raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: 0 to {side_cm:g}, space.side_cm")
-                if name == "headings" and not any(row):
-                    raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: a vector that is not 0")
+                    raise ValueError(f"{where} has {len(row)} numbers; allowed: {dimensions}, dimensions")
+                if key == "headings" and not any(row):
+                    raise ValueError(f"{where} is {list(row)}; allowed: a vector that is not 0")
+                for place in row if key == "positions_cm" else ():
+                    check_range(where, place, 0, side_cm, ", space.side_cm")
 
     @model_validator(mode="after")
     def _check_start(self) -> "StartSection":
         if self.like is not None and self != StartSection.model_construct(like=self.like):
             raise ValueError(f"like is {self.like!r}; leave out all other keys of start, which it decides")
         if self.displacement and self.phases != "synchronised":
-            raise ValueError(
-                f"displacement is {self.displacement:g} and phases is {self.phases!r}; allowed: 0, or phases: "
-                "synchronised"
-            )
+            raise ValueError(f"displacement is {self.displacement:g}; allowed: 0, or phases: synchronised")
         return self
 
 
@@ -357,20 +340,6 @@ MOST_SIDES = 1000
 
 MOST_RUNS = 1000
 """Largest number of runs of a random walk that agents may begin in a cycle, on average."""
-
-_ELSEWHERE = {
-    "arena": "space",
-    "robots": "agents, clocks, response and neighbourhood",
-    "noise": "clocks.jitter for clocks; agents neither sense nor drive",
-    "spread": "no counterpart, because agents are all alike",
-    "stuck": "no counterpart, because agents are points",
-    "faults": "no counterpart, because agents do not fail; schedule changes them",
-    "contact": "no counterpart, because agents are points",
-    "timing": "no counterpart, because time has no steps",
-    "stop.reference_robot": "stop.reference",
-    "stop.further_cycles": "no counterpart, because its trials end with synchrony",
-}
-"""Keys of embodied scenarios, and the keys of particle scenarios that correspond to them."""
 
 
 class SpaceSection(ConfigModel):
@@ -409,10 +378,6 @@ class ParticleStop(StopSection):
 class ParticleScenario(Scenario):
     """A swarm of point-like agents (chapters 3 and 5)."""
 
-    foreign_keys: ClassVar[dict[str, str]] = {
-        key: f"belongs to model: embodied; model: particles has {place}" for key, place in _ELSEWHERE.items()
-    }
-
     later_keys: ClassVar[tuple[str, ...]] = ("schedule",)
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "particles"
@@ -429,32 +394,24 @@ class ParticleScenario(Scenario):
     @model_validator(mode="after")
     def _check_sections_together(self) -> "ParticleScenario":
         others = self.agents.count - 1
-        if self.agents.speed_cm_s * self.clocks.period_s > MOST_SIDES * self.space.side_cm:
-            raise ValueError(
-                f"agents.speed_cm_s is {self.agents.speed_cm_s:g}; allowed: up to "
-                f"{MOST_SIDES * self.space.side_cm / self.clocks.period_s:g}, {MOST_SIDES} sides a period"
-            )
-        shortest_s = self.clocks.period_s / MOST_RUNS
-        if self.agents.walk.run_s is not None and self.agents.walk.run_s < shortest_s:
-            raise ValueError(
-                f"agents.walk.run_s is {self.agents.walk.run_s:g}; allowed: from {shortest_s:g}, {MOST_RUNS} runs a "
-                "period"
-            )
-        if isinstance(self.neighbourhood, Nearest | RandomAgents) and self.neighbourhood.k > max(others, 1):
-            raise ValueError(
-                f"neighbourhood.k is {self.neighbourhood.k}; allowed: 1 to {max(others, 1)}, because agents.count is "
-                f"{others + 1}"
-            )
+        agents, period_s = self.agents, self.clocks.period_s
+        fastest_cm_s = MOST_SIDES * self.space.side_cm / period_s
+        check_range("agents.speed_cm_s", agents.speed_cm_s, 0, fastest_cm_s, f", {MOST_SIDES} sides a period")
+        check_range(
+            "agents.walk.run_s", agents.walk.run_s, period_s / MOST_RUNS, 1e6, f", up to {MOST_RUNS} runs a period"
+        )
+        if isinstance(self.neighbourhood, Nearest | RandomAgents):
+            why = f", because agents.count is {agents.count}"
+            check_range("neighbourhood.k", self.neighbourhood.k, 1, max(others, 1), why)
         self.start.check_fits(others + 1, self.space.dimensions, self.space.side_cm)
-        if self.stop.reference > others:
-            raise ValueError(f"stop.reference is {self.stop.reference}; allowed: 0 to {others}")
+        check_range("stop.reference", self.stop.reference, 0, others)
         for number, entry in enumerate(self.schedule):
             if self.agents.speed_per_run and "agents.speed_cm_s" in entry.set:
                 raise ValueError(
-                    f"schedule.{number}.set: agents.speed_cm_s cannot change where agents.speed_per_run is true, "
-                    "as each run draws its speed; leave one of them out"
+                    f"schedule.{number}.set: agents.speed_cm_s cannot change where agents.speed_per_run is true; leave "
+                    "one of them out"
                 )
-        check_numbers(self.schedule, self.agents.count)
+        check_numbers("schedule", self.schedule, self.agents.count)
         return self
 
     @property
@@ -489,10 +446,9 @@ class ParticleScenario(Scenario):
         response = self.response  # its curve, hence its parameters, may be known at each point only
         if not {"response", "response.curve"} & swept:
             response = resolve_response(response, f"{origin}: response", folder)
-        sweep = self.sweep and self.sweep.with_files(partial(_find_file, origin, folder))
         found = super().resolved(origin, folder)
-        if response is not self.response or sweep is not None:  # a copy takes a tenth of the time of a short trial
-            found = found.model_copy(update={"response": response, "sweep": sweep})
+        if response is not self.response:  # a copy takes a tenth of the time of a short trial
+            found = found.model_copy(update={"response": response})
         if not {"response", "response.curve", "neighbourhood", "neighbourhood.kind"} & swept:
             # no entry can make a value wrong that another one sets: each key is checked by what stays as it is
             for number, entry in enumerate(found.schedule):
@@ -510,9 +466,3 @@ class ParticleScenario(Scenario):
         changed = {section: getattr(checked, section) for section in changing}
         changed["response"] = resolve_response(checked.response, f"{origin}: response")
         return self.model_copy(update=changed)
-
-
-def _find_file(origin: str, folder: Path | None, key: str, name: Any) -> Any:
-    """Return the path of a response curve that an axis names; others as they are."""
-    with refused_at(f"{origin}: sweep: {key}"):
-        return find_curve(str(name), folder).name if key == "response.curve" else name

@@ -75,7 +75,7 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
     names: dict[str, str] = {}
     for row in rows:
         for key, value in row.items():
-            map_files(key, value, lambda _, name: names.setdefault(str(name), Path(str(name)).as_posix()))
+            map_files(key, value, lambda _, name: names.setdefault(name, Path(name).as_posix()))
     endings = shortest_endings(names.values(), "/")
     return {name: endings[path] for name, path in names.items()}
 
@@ -88,7 +88,7 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[s
     scenario = from_keys(given, origin)
     if scenario.sweep is not None:
         raise ScenarioError(f"{origin}: a point cannot have a sweep")
-    axes = {key: map_files(key, value, lambda _, name: names[str(name)]) for key, value in row.items()}
+    axes = {key: map_files(key, value, lambda _, name: names[name]) for key, value in row.items()}
     return Point(number, canonical_text(axes), axes, scenario)
 
 

@@ -8,6 +8,7 @@ Sensors in files of their own (see `control.loader`) are given as a list of file
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -16,10 +17,10 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from epuck_sim import epuck
-from epuck_sim.control.interface import SENSORS, Wheels
+from epuck_sim.control.interface import SENSORS, Sensor, Wheels
 from epuck_sim.control.loader import find_sensor
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, describe_problem, problems_in, refused_at
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, check_range, problems_in, refused_at
 from epuck_sim.scenario.yaml_io import line_of_key, read_yaml
 from epuck_sim.user_files import Kind, Place, Value, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
@@ -33,19 +34,16 @@ _ALLOWED = "allowed: a list of files, such as [ground.py, {light.py: {range_cm: 
 
 def by_name(given: Any) -> dict[str, dict[str, Any]]:
     """Return a group's sensors by their names, each with its file and its parameters."""
-    if isinstance(given, Mapping):
-        items = [(str(name), {FILE: each} if isinstance(each, str) else each) for name, each in given.items()]
-    elif isinstance(given, list | tuple):
-        items = [_from_list(each) for each in given]
-    else:
+    if not isinstance(given, Mapping | list | tuple):
         raise ValueError(f"is {short_repr(given)}; {_ALLOWED}")  # noqa: TRY004 pydantic gathers ValueErrors
     named: dict[str, dict[str, Any]] = {}
-    for name, sensor in items:
+    for each in given.items() if isinstance(given, Mapping) else given:
+        name, sensor = each if isinstance(given, Mapping) else _from_list(each)
+        sensor = {FILE: sensor} if isinstance(sensor, str) else sensor
         if not isinstance(sensor, Mapping) or not isinstance(sensor.get(FILE), str):
-            raise ValueError(  # noqa: TRY004 pydantic gathers ValueErrors
-                f"{name} is {short_repr(sensor)}; allowed: its file and parameters, {{file: {name}.py}}"
-            )
-        if not name.isidentifier():
+            allowed = f"its file and parameters, {{file: {name}.py}}"
+            raise ValueError(f"{name} is {short_repr(sensor)}; allowed: {allowed}")  # noqa: TRY004
+        if not str(name).isidentifier():
             raise ValueError(f"{name!r} is no name for a sensor; allowed: letters, digits and _")
         if name in named:
             raise ValueError(f"{name} is there twice; allowed: each sensor once in a group")
@@ -66,18 +64,20 @@ def are_groups(given: Any) -> bool:
 
 
 def check_readings(groups: Sequence[Mapping[str, Mapping[str, Any]]], origin: str) -> None:
-    """Raise ScenarioError if sensors of two groups tell readings of one name and of different shapes."""
+    """Raise ScenarioError if two sensors of a group tell readings of one name, or of two groups in different shapes."""
     shapes: dict[str, tuple[int, tuple[int, ...]]] = {}
     for number, sensors in enumerate(groups):
+        told: dict[str, str] = {}
         for name, given in sensors.items():
-            readings = find_sensor(given[FILE]).readings
+            where, readings = f"{origin}: robots.{number}.sensors.{name}", find_sensor(given[FILE]).readings
             for reading in readings.names or ():
-                first, shape = shapes.setdefault(reading, (number, readings[reading].shape))
-                if shape != readings[reading].shape:
-                    raise ScenarioError(
-                        f"{origin}: robots.{number}.sensors.{name}: tells {reading!r} with the shape "
-                        f"{readings[reading].shape}, and robots.{first} with {shape}; rename one of them"
-                    )
+                other, shape = told.setdefault(reading, name), readings[reading].shape
+                if other != name:
+                    raise ScenarioError(f"{where}: tells {reading!r}, and {other} does, too; rename it in one of them")
+                first, expected = shapes.setdefault(reading, (number, shape))
+                if shape != expected:
+                    said = f"tells {reading!r} with the shape {shape}, and robots.{first} with {expected}"
+                    raise ScenarioError(f"{where}: {said}; rename one of them")
 
 
 def sensor_parameters(
@@ -85,43 +85,26 @@ def sensor_parameters(
 ) -> dict[str, Value]:
     """Return all parameters of one of a group's sensors, some of which have new values."""
     if name not in sensors:
-        raise ScenarioError(
-            f"{origin}: {did_you_mean(name, sensors)}; sensors in files of their own: {comma_list(sensors)}"
-        )
-    given = {key: value for key, value in sensors[name].items() if key != FILE}
-    with refused_at(f"{origin}.{name}"):
-        return find_sensor(sensors[name][FILE]).resolve({**given, **values})
+        known = comma_list(sensors)
+        raise ScenarioError(f"{origin}: {did_you_mean(name, sensors)}; sensors in files of their own: {known}")
+    return resolve_sensor({**sensors[name], **values}, f"{origin}.{name}")[1]
 
 
-def resolve_sensors(
-    sensors: Mapping[str, Mapping[str, Any]], origin: str, folder: Path | None
-) -> tuple[dict[str, dict[str, Any]], tuple[str, ...]]:
-    """Return sensors with their files' paths and with all parameters, and the names of their readings."""
-    resolved: dict[str, dict[str, Any]] = {}
-    told: dict[str, str] = {}
-    for name, given in sensors.items():
-        with refused_at(f"{origin}.sensors.{name}"):
-            sensor = find_sensor(given[FILE], folder)
-            parameters = sensor.resolve({key: value for key, value in given.items() if key != FILE})
-            for reading in sensor.readings.names or ():
-                if reading in told:
-                    other = told[reading]
-                    raise ValueError(f"tells {reading!r}, and {other} does, too; rename it in READINGS of one of them")
-                told[reading] = name
-        resolved[name] = {FILE: sensor.stored_name, **parameters}
-    return resolved, tuple(told)
+def resolve_sensor(
+    given: Mapping[str, Any], origin: str, folder: Path | None = None
+) -> tuple[Sensor, dict[str, Value]]:
+    """Return the sensor that a section names, and all its parameters."""
+    with refused_at(origin):
+        sensor = find_sensor(given[FILE], folder)
+        return sensor, sensor.resolve({key: value for key, value in given.items() if key != FILE})
 
 
 ROUNDING_CM = 1e-9
 """Distance by which a sensor may lie beyond the body's edge."""
 
-_EPUCK_SENSORS = tuple(
-    (x, y, direction)
-    for (x, y), direction in zip(
-        epuck.INFRARED_POSITIONS_CM.tolist(), epuck.INFRARED_DIRECTIONS_DEG.tolist(), strict=True
-    )
+_EPUCK_SENSORS: tuple[tuple[float, float, float], ...] = tuple(
+    map(tuple, np.column_stack([epuck.INFRARED_POSITIONS_CM, epuck.INFRARED_DIRECTIONS_DEG]).tolist())
 )
-
 
 ROBOT = Kind(
     noun="robot",
@@ -160,7 +143,11 @@ def _load(place: Place) -> RobotFile:
     if "kind" in given:
         raise ScenarioError(f"{place.path}: kind: a robot's file has none; what it leaves out is the e-puck's")
     keys = {key: value for key, value in given.items() if key not in ("description", "sensors")}
-    _check_values(keys, place.path)
+    try:
+        RobotKind.model_validate(keys)
+    except ValidationError as error:
+        said = (f"{place.path}:{line_of_key(place.path, key)}: {said}" for key, said in problems_in(RobotKind, error))
+        raise ScenarioError("\n".join(said)) from error
     folder = place.path.parent
     with refused_at(f"{folder}: sensors"):
         sensors = by_name(given.get("sensors") or [])
@@ -170,49 +157,32 @@ def _load(place: Place) -> RobotFile:
     return RobotFile(place.name, keys, sensors, {place.path: place.path.read_bytes()})
 
 
-def _check_values(keys: Mapping[str, Any], path: Path) -> None:
-    """Raise ScenarioError, with file and line, if the values in a robot's file are no robot's."""
-    try:
-        RobotKind.model_validate(keys)
-    except ValidationError as error:
-        problems = problems_in(error)
-        places = [".".join(map(str, each["loc"])) or str(each["ctx"]["error"]).split()[0] for each in problems]
-        raise ScenarioError(
-            "\n".join(
-                describe_problem(RobotKind, f"{path}:{line_of_key(path, place)}", each)
-                for place, each in zip(places, problems, strict=True)
-            )
-        ) from error
-
-
 def with_robots(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
     """Return a scenario's keys with the paths of its robots' files, and with sensors by name in each group.
 
     A group's sensors are its own; or else those given for all groups, by `sensors`; or else those of its robots.
     """
+    if given.get("model", "embodied") != "embodied":
+        return dict(given)
     robot, of_robot = _located(given.get("robot"), f"{origin}: robot.kind", folder)
     found = {**given, "robot": robot} if "robot" in given else dict(given)
-    for_all, groups = found.pop("sensors", None), given.get("robots") or [{}]
+    for_all, groups = found.pop("sensors", None), given.get("robots", [{}])
     if not are_groups(groups):
         return found
-    groups = [dict(group) for group in groups]
-    sensors = [(f"{origin}: sensors", of_robot if for_all is None else for_all)] * len(groups)
-    has_own = ["sensors" in group for group in groups]
-    for number, group in enumerate(groups):
-        if group.get("kind") is not None:
-            group["kind"], brought = _located(group["kind"], f"{origin}: robots.{number}.kind", folder)
-            if for_all is None:
-                sensors[number] = f"{origin}: sensors", brought
-        if has_own[number]:
-            sensors[number] = f"{origin}: robots.{number}.sensors", group["sensors"] or {}
-    if for_all is not None and all(has_own):
+    if for_all is not None and all("sensors" in group for group in groups):
         raise ScenarioError(f"{origin}: sensors: each group of robots has sensors of its own; leave sensors out")
-    if any(has_own) or any(each for _, each in sensors):
-        for group, (where, each) in zip(groups, sensors, strict=True):
-            with refused_at(where):
-                group["sensors"] = by_name(each)
-        return {**found, "robots": groups}
-    return {**found, "robots": groups} if given.get("robots") else found
+    found["robots"] = []
+    for number, group in enumerate(groups):
+        kind, brought = _located(group.get("kind"), f"{origin}: robots.{number}.kind", folder)
+        where, sensors = f"{origin}: sensors", of_robot if kind is None else brought
+        if "sensors" in group:
+            where, sensors = f"{origin}: robots.{number}.sensors", group["sensors"] or {}
+        elif for_all is not None:
+            sensors = for_all
+        with refused_at(where):
+            named = by_name(sensors)
+        found["robots"].append({**group, **({} if kind is None else {"kind": kind}), "sensors": named})
+    return found
 
 
 def _located(robot: Any, where: str, folder: Path | None) -> tuple[Any, Mapping[str, Any]]:
@@ -227,31 +197,24 @@ def _located(robot: Any, where: str, folder: Path | None) -> tuple[Any, Mapping[
 
 def without_brought_sensors(given: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     """Return a scenario's keys without sensors that came with a robot at a key: another robot brings its own."""
-    groups: Any = given.get("robots")
-    of_group = re.fullmatch(r"robots\.(\d+)\.kind", key)
+    groups, of_group = given.get("robots"), re.fullmatch(r"robots\.(\d+)\.kind", key)
     if not are_groups(groups) or not (key == "robot" or of_group):
         return given
-
-    def is_brought(number: int, group: Mapping[str, Any]) -> bool:
+    kept: list[Mapping[str, Any]] = []
+    for number, group in enumerate(groups or ()):
         own, sensors = group.get("kind"), group.get("sensors")
         is_concerned = number == int(of_group[1]) if of_group else own is None
         brought = _sensors_of(given.get("robot") if own is None else own) if is_concerned else {}
-        return is_concerned and isinstance(sensors, Mapping) and sensors.keys() in (set(), brought.keys())
-
-    kept = [
-        {name: value for name, value in group.items() if name != "sensors"} if is_brought(number, group) else group
-        for number, group in enumerate(groups)
-    ]
+        is_brought = is_concerned and isinstance(sensors, Mapping) and sensors.keys() in (set(), brought.keys())
+        kept.append({name: value for name, value in group.items() if not is_brought or name != "sensors"})
     return {**given, "robots": kept}
 
 
 def _sensors_of(robot: Any) -> Mapping[str, Any]:
     section = _as_section(robot)
-    name = section.get("kind") if isinstance(section, Mapping) else None
-    try:
-        return find_robot(name).sensors if isinstance(name, str) else {}
-    except ScenarioError:
-        return {}
+    with suppress(ScenarioError):
+        return find_robot(section["kind"]).sensors if isinstance(section, Mapping) else {}
+    return {}
 
 
 def _as_section(robot: Any) -> Any:
@@ -336,20 +299,14 @@ class RobotKind(ConfigModel):
 
     @model_validator(mode="after")
     def _check_body(self) -> "RobotKind":
-        if self.wheel_base_cm > 2 * self.radius_cm:
-            raise ValueError(
-                f"wheel_base_cm is {self.wheel_base_cm:g}; allowed: up to {2 * self.radius_cm:g}, the body's diameter"
-            )
-        if self.camera is not None and self.camera_forward_cm > self.radius_cm:
-            raise ValueError(
-                f"camera.forward_cm is {self.camera_forward_cm:g}; allowed: up to {self.radius_cm:g}, the body's radius"
-            )
+        check_range("wheel_base_cm", self.wheel_base_cm, 0, 2 * self.radius_cm, ", the body's diameter")
+        if self.camera is not None:
+            check_range("camera.forward_cm", self.camera_forward_cm, 0, self.radius_cm, ", the body's radius")
         for number, (x, y, _) in enumerate(self.infrared.sensors if self.infrared else ()):
-            if math.hypot(x, y) > self.radius_cm + ROUNDING_CM:
-                raise ValueError(
-                    f"infrared.sensors.{number} is {math.hypot(x, y):.3g} cm from the axle's centre; allowed: up to "
-                    f"{self.radius_cm:g}, the body's radius; infrared: null stands for a robot without such sensors"
-                )
+            why = (
+                " cm from the axle's centre, the body's radius; infrared: null stands for a robot without such sensors"
+            )
+            check_range(f"infrared.sensors.{number}", math.hypot(x, y), 0, self.radius_cm + ROUNDING_CM, why)
         return self
 
     @property

@@ -1,10 +1,9 @@
 """Groups of robots that share a controller: their signals, cameras, sensors and controllers, and whether they fit."""
 
 import math
-import re
 import warnings
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -18,8 +17,8 @@ from epuck_sim.control.names import check_sensed
 from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.arena import ArenaSection
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, refused_at
-from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, by_name, resolve_sensors
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
+from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, by_name, resolve_sensor
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -107,22 +106,18 @@ class CameraSection(ConfigModel):
         central = self.pixels if self.central_pixels is None else self.central_pixels
         if central > self.pixels or (self.pixels - central) % 2:
             raise ValueError(
-                f"central_pixels is {central}; allowed: {2 - self.pixels % 2} to {self.pixels} in steps of "
-                f"2, so that they lie in the middle of {self.pixels} pixels"
+                f"central_pixels is {central}; allowed: {2 - self.pixels % 2} to {self.pixels} in steps of 2, so that "
+                "they lie in the middle of the row"
             )
-        if self.range_cm is not None and self.reflection_range_cm > self.range_cm:
+        if self.range_cm is not None:
+            why = ", range_cm: no mirror image is seen farther than the ring itself"
+            check_range("reflection_range_cm", self.reflection_range_cm, 0, self.range_cm, why)
+        if self.frames_per_s is not None:
+            why = f", the time in ms from one picture to the next at {self.frames_per_s:g} frames_per_s"
+            check_range("latency_ms", self.latency_ms, 0, 1000 / self.frames_per_s, why)
+        elif self.latency_ms > 0:
             raise ValueError(
-                f"reflection_range_cm is {self.reflection_range_cm:g}; allowed: 0 to range_cm, which is "
-                f"{self.range_cm:g}: no mirror image is seen farther than the ring itself"
-            )
-        if self.frames_per_s is None and self.latency_ms > 0:
-            raise ValueError(
-                f"latency_ms is {self.latency_ms:g}, frames_per_s is null; give frames_per_s, or leave latency_ms out"
-            )
-        if self.frames_per_s is not None and self.latency_ms > 1000 / self.frames_per_s:
-            raise ValueError(
-                f"latency_ms is {self.latency_ms:g}; allowed: 0 to the time from one picture to the next, "
-                f"{1000 / self.frames_per_s:.4g} ms at {self.frames_per_s:g} frames_per_s"
+                f"latency_ms is {self.latency_ms:g}, frames_per_s is null; give both, or leave latency_ms out"
             )
         return self
 
@@ -198,9 +193,7 @@ class RobotGroup(ConfigModel):
         if self.poses is not None and len(self.poses) != self.count:
             raise ValueError(f"count is {self.count} but there are {len(self.poses)} poses; leave count out")
         if self.signal.kind != "camera" and self.camera != CameraSection():
-            raise ValueError(
-                f"signal.kind is {self.signal.kind!r} and a camera is given; leave the camera out, or choose camera"
-            )
+            raise ValueError(f"signal.kind is {self.signal.kind!r} and a camera is given; leave one of them out")
         return self
 
     @property
@@ -239,12 +232,9 @@ def check_robots(
     """Raise ValueError if robots do not fit into the arena, are too fast, or lack what a group needs."""
     _check_room(kinds, [group.count for group in groups], arena)
     for number, (kind, group) in enumerate(zip(kinds, groups, strict=True)):
-        if kind.wheel_limit_cm_s > STEP_CM * physics_hz:
-            raise ValueError(
-                f"{'robot' if group.kind is None else f'robots.{number}.kind'}.wheel_limit_cm_s is "
-                f"{kind.wheel_limit_cm_s:g}; allowed: up to {STEP_CM * physics_hz:g} at timing.physics_hz "
-                f"{physics_hz}: faster robots would overlap before a contact is found; give a higher physics_hz"
-            )
+        section = "robot" if group.kind is None else f"robots.{number}.kind"
+        why = f" at timing.physics_hz {physics_hz}, which may be higher: faster robots overlap before they touch"
+        check_range(f"{section}.wheel_limit_cm_s", kind.wheel_limit_cm_s, 0, STEP_CM * physics_hz, why)
         if kind.camera is None and group.signal.kind in ("camera", "enki_camera"):
             raise ValueError(
                 f"robots.{number}.signal.kind is {group.signal.kind!r}, and the robot {kind.kind!r} has none; allowed: "
@@ -262,24 +252,28 @@ def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaS
     for kind, count in zip(kinds, counts, strict=True):
         wide[2 * kind.radius_cm] += count
     for key, side_cm in (("width_cm", arena.width_cm), ("height_cm", arena.height_cm)):
-        if side_cm < max(wide):
-            raise ValueError(f"arena.{key}: is {side_cm:g}; allowed: at least {max(wide):g}")
+        check_range(f"arena.{key}", side_cm, max(wide), 1e6)
     densest = math.pi / math.sqrt(12) if len(wide) == 1 else 1.0  # of equal discs; others may fill what these leave
     covered_cm2 = sum(robots * math.pi * (diameter_cm / 2) ** 2 for diameter_cm, robots in wide.items())
     if covered_cm2 > densest * arena.width_cm * arena.height_cm:
         listed = " and ".join(f"{robots} robots of {diameter_cm:g} cm" for diameter_cm, robots in wide.items())
-        raise ValueError(
-            f"{listed} do not fit into the arena of {arena.width_cm:g} x {arena.height_cm:g} cm; give fewer robots or "
-            "a larger arena"
-        )
+        size = f"{arena.width_cm:g} x {arena.height_cm:g} cm"
+        raise ValueError(f"{listed} do not fit into the arena of {size}; give fewer robots or a larger arena")
 
 
-def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | None) -> RobotGroup:
-    """Return the group with the path of its controller, if that is a user's, and with all parameters."""
-    sensors, readings = resolve_sensors(group.sensors, origin, folder)
+def resolve_group(
+    group: RobotGroup, step_ms: int, origin: str, folder: Path | None, *, controller_is_swept: bool
+) -> RobotGroup:
+    """Return the group with all parameters, and with the paths of its files; not yet of a controller that is swept."""
+    resolved = {
+        name: resolve_sensor(given, f"{origin}.sensors.{name}", folder) for name, given in group.sensors.items()
+    }
+    sensors = {name: {FILE: sensor.stored_name, **parameters} for name, (sensor, parameters) in resolved.items()}
+    if controller_is_swept:
+        return group.model_copy(update={"sensors": sensors})
     with refused_at(f"{origin}.controller"):
         controller = find_controller(group.controller, folder)
-        check_sensed(controller, readings)
+        check_sensed(controller, tuple(name for sensor, _ in resolved.values() for name in sensor.readings.names or ()))
     parameters = resolve_parameters(controller, group.parameters, step_ms, origin)
     with refused_at(f"{origin}.memory"):
         for name, value in group.memory.items():
@@ -371,29 +365,3 @@ def _without(group: Mapping[str, Any], lacking: Mapping[str, Collection[str]]) -
         if section in group
     }
     return {**group, **kept}
-
-
-def keys_of_swept_controllers(groups: Any, axes: Iterable[tuple[Any, Sequence[Any]]], folder: Path | None) -> list[str]:
-    """Return the keys of parameters and memory that groups have at points: those of controllers that are axes' values.
-
-    Args:
-        groups: The groups, as they are given.
-        axes: Keys, or endings of them, with values.
-        folder: The scenario's folder.
-    """
-    found = []
-    for key, values in axes:
-        axis = re.fullmatch(r"((robots\.)?(?P<group>\d+)\.)?controller", str(key))
-        if axis is None:
-            continue
-        numbers = [axis["group"]] if axis["group"] else range(len(groups) if are_groups(groups) else 1)
-        for value in values:
-            with suppress(EpuckSimError):  # what is wrong with files is said when points are made
-                names = _own_names(find_controller(str(value), folder))
-                found += [
-                    f"robots.{group}.{section}.{name}"
-                    for group in numbers
-                    for section, each in names.items()
-                    for name in sorted(each)
-                ]
-    return found

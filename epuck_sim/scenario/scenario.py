@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar, get_args
 
 from pydantic import Field, ValidationError
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, describe_problem, keys_of, problems_in, refused_at
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, keys_of, problems_in, refused_at
 from epuck_sim.scenario.changes import condition_key
 from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
 from epuck_sim.scenario.yaml_io import write_yaml
@@ -24,8 +24,6 @@ STOP = "stop.when"
 class Scenario(ConfigModel):
     """Everything on which a trial depends, except its seed."""
 
-    foreign_keys: ClassVar[dict[str, str]] = {}
-    """Dotted keys of another model, and the message for a scenario of this model that has them."""
     event_method: ClassVar[str] = "event"
     """Name of the method by which a measure is told of every event (`measures.interface.EVENT_METHODS`)."""
 
@@ -62,9 +60,10 @@ class Scenario(ConfigModel):
         try:
             return cls.model_validate(given)
         except ValidationError as error:
-            keys = cls.all_keys(given)
-            problems = (describe_problem(cls, origin, each, keys) for each in problems_in(error))
-            raise ScenarioError("\n".join(problems)) from error
+            models = {kind: get_args(kind.model_fields["model"].annotation) for kind in Scenario.__subclasses__()}
+            owners = {key: model for kind, names in models.items() for model in names for key in kind.model_fields}
+            problems = problems_in(cls, error, cls.all_keys(given), owners)
+            raise ScenarioError("\n".join(f"{origin}: {said}" for _, said in problems)) from error
 
     @property
     def population(self) -> int:

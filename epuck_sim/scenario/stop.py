@@ -89,10 +89,8 @@ class StopSection(ConfigModel):
     @model_validator(mode="after")
     def _check_ends(self) -> Self:
         if self.when is not None and self.order_parameter is not None:
-            raise ValueError(
-                f"order_parameter is {self.order_parameter:g} and when is {str(self.when)!r}; give order_parameter: "
-                "null, as trials cannot end with synchrony and by another condition"
-            )
+            shown = f"order_parameter is {self.order_parameter:g} and when is {str(self.when)!r}"
+            raise ValueError(f"{shown}; give order_parameter: null, as one of them alone may end trials")
         return self
 
 
@@ -158,9 +156,9 @@ def resolve_measures(scenario: Any, origin: str, folder: Path | None) -> tuple[M
             parameters = measure.resolve(section.parameters)
             measure.check_scenario(scenario, parameters)
             if measure.name in resolved:
+                another = f"{{{section.measure}: {{as: another}}}}"
                 raise ValueError(
-                    f"{measure.name} is the name of two measures; results have one of each name: give one of them "
-                    f"another, such as {{{section.measure}: {{as: another}}}}"
+                    f"{measure.name} is the name of two measures; give one of them another, such as {another}"
                 )
         resolved[measure.name] = MeasureSection.model_construct(
             measure=measure.stored_name, parameters=parameters, shown_as=section.shown_as
@@ -194,7 +192,5 @@ def check_condition(name: str, measures: Sequence[MeasureSection], event_method:
     if name not in found:
         raise ScenarioError(f"{origin}: {did_you_mean(name, dict(found))}; measures: {comma_list(found)}")
     if not any(found[name].is_told(method) for method in (event_method, CYCLE_METHOD)):
-        raise ScenarioError(
-            f"{origin}: {name} is measured at the end alone; allowed: measures with a method {CYCLE_METHOD} or "
-            f"{event_method}"
-        )
+        methods = f"methods {CYCLE_METHOD} or {event_method}"
+        raise ScenarioError(f"{origin}: {name} is measured at the end alone; allowed: measures with {methods}")

@@ -104,7 +104,7 @@ def test_infos_tell_of_the_trial_as_an_observer_of_it_is_told(control_steps):
         told.append((step.number, state.outcome.cycles, state.is_synchronised))
 
     env = parallel_env(still, seed=4, control_steps=control_steps, episode_s=400)
-    simulation = env._batch.simulations[0]
+    simulation = env._rows.simulations[0]
     _, infos = env.reset()
     shown = [(simulation.steps - 1, infos)]
     while env.agents:
@@ -246,18 +246,18 @@ def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost(action, message
     env.step({agent: np.zeros(3) for agent in env.agents})
 
 
-@pytest.mark.parametrize(("given", "said"), [([np.nan], "NaN"), ([1.0] * 3, r"the shape \(3,\)")])
-def test_rewards_that_are_no_number_for_each_swarm_or_robot_are_refused(given, said):
-    env = parallel_env(SWARM, reward=lambda _: np.array(given))
+@pytest.mark.parametrize(
+    ("robots", "reward", "said"),
+    [
+        (SWARM["robots"], lambda _: np.array([np.nan]), "reward returned NaN; allowed"),
+        (SWARM["robots"], lambda _: np.ones(3), r"reward returned the shape \(3,\); allowed"),
+        ([{"controller": "external"}], "synchrony", "synchrony is of oscillators, and no robot is one"),
+    ],
+)
+def test_rewards_that_are_no_number_for_each_swarm_or_robot_are_refused(robots, reward, said):
+    env = parallel_env({"robots": robots}, reward=reward)
     env.reset()
-    with pytest.raises(ValueError, match=f"reward returned {said}; allowed"):
-        env.step({agent: np.zeros(3) for agent in env.agents})
-
-
-def test_a_reward_for_synchrony_needs_oscillators():
-    env = parallel_env({"robots": [{"controller": "external"}]}, reward="synchrony")
-    env.reset()
-    with pytest.raises(ScenarioError, match="synchrony is of oscillators, and no robot is one"):
+    with pytest.raises((ValueError, ScenarioError), match=said):
         env.step({agent: np.zeros(3) for agent in env.agents})
 
 

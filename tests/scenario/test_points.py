@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.scenario.loader import load_scenario, write_scenario
-from epuck_sim.scenario.points import points
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.seeds import point_seed
 from tests.control.bench import with_step
@@ -30,10 +29,9 @@ def seeds(scenario, trials: int = 3):
 
 
 def test_a_scenario_without_a_sweep_is_one_point_without_axes() -> None:
-    scenario = load_scenario("thesis")
-    (point,) = points(scenario)
+    (point,) = points("thesis")
     assert (point.number, point.axes, point.key) == (0, {}, "{}")
-    assert point.scenario == scenario
+    assert point.scenario == load_scenario("thesis")
 
 
 SWEPT = {
@@ -142,15 +140,9 @@ def test_a_grid_shuffled_listed_or_zipped_and_with_other_numbers_has_the_same_ke
 
 
 def test_seeds_do_not_depend_on_trials_or_on_what_is_the_same_at_all_points() -> None:
-    for change in [
-        "trials=500",
-        "name=other",
-        "description=other",
-        "arena.height_cm=80",
-        "stop.max_cycles=7",
-        "noise=off",
-    ]:
-        base = {"sweep": {"grid": {COUNT: [2, 3]}}, "trials": 4}
+    base = {"sweep": {"grid": {COUNT: [2, 3]}}, "trials": 4}
+    others = ["arena.height_cm=80", "stop.max_cycles=7", "noise=off"]
+    for change in ("trials=500", "name=other", "description=other", *others):
         assert seeds(load_scenario(base, [change])) == seeds(load_scenario(base))
 
 
@@ -182,8 +174,13 @@ def test_controllers_are_found_beside_the_scenario_and_known_by_their_file_s_nam
     path = tmp_path / "scene.yaml"
     (tmp_path / "mine.py").write_text(MINE)
     path.write_text(f"robots: [{{count: 2}}]\nsweep: {{grid: {{{CONTROLLER}: [mine.py, constant, firefly]}}}}")
-    mine, constant, firefly = points(load_scenario(path))
-    assert [point.axes[CONTROLLER] for point in (mine, constant, firefly)] == ["mine.py", "constant", "firefly"]
+    scenario = load_scenario(path)
+    mine, constant, firefly = found = points(scenario)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "scenario.yaml").write_text(write_scenario(scenario))
+    assert load_scenario(tmp_path / "run") == scenario
+    assert points(tmp_path / "run") == found
+    assert [point.axes[CONTROLLER] for point in found] == ["mine.py", "constant", "firefly"]
     assert mine.scenario.robots[0].controller == str(tmp_path / "mine.py")
     assert mine.scenario.robots[0].parameters == {"pace": 2.0}
     assert constant.scenario.robots[0].parameters == {"left_cm_s": 0.0, "right_cm_s": 0.0, "ring_on": False}
@@ -196,15 +193,20 @@ def test_controllers_are_found_beside_the_scenario_and_known_by_their_file_s_nam
     ):
         path.write_text(f"robots: [{{count: 2}}]\nsweep: {{{sweep}}}")
         assert points(load_scenario(path))[0].scenario == mine.scenario
+    (tmp_path / "eye.py").write_text(
+        "READINGS = {'eye': float}\ndef sense(world, robot, readings, parameters, random): 0"
+    )
+    path.write_text(f"sensors: [eye.py]\nsweep: {{grid: {{{CONTROLLER}: [mine.py, firefly]}}}}")
+    assert {point.scenario.robots[0].sensors["eye"]["file"] for point in points(path)} == {str(tmp_path / "eye.py")}
 
 
-def two_of_one_name(folder: Path, first: str, second: str) -> Scenario:
-    """Return a sweep over two controllers of one name in two folders."""
+def points_of_one_name(folder: Path, first: str, second: str) -> tuple[Point, ...]:
+    """Return the points of a sweep over two controllers in two folders."""
     for number, name in enumerate((first, second)):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(MINE.replace("2.0", f"{number}.5"))
     (folder / "scene.yaml").write_text(f"sweep: {{grid: {{{CONTROLLER}: [{first}, {second}, firefly]}}}}")
-    return load_scenario(folder / "scene.yaml")
+    return points(folder / "scene.yaml")
 
 
 @pytest.mark.parametrize(
@@ -217,19 +219,8 @@ def two_of_one_name(folder: Path, first: str, second: str) -> Scenario:
     ],
 )
 def test_controllers_of_one_file_name_are_distinguished_by_their_folders(tmp_path, first, second, names) -> None:
-    one, other, _ = found = points(two_of_one_name(tmp_path / "here", first, second))
+    one, other, _ = found = points_of_one_name(tmp_path / "here", first, second)
     assert [point.axes[CONTROLLER] for point in found] == names
     assert [one.scenario.robots[0].parameters["pace"], other.scenario.robots[0].parameters["pace"]] == [0.5, 1.5]
-    moved = points(two_of_one_name(tmp_path / "there" / "deeper", first, second))
+    moved = points_of_one_name(tmp_path / "there" / "deeper", first, second)
     assert [point.key for point in moved] == [point.key for point in found]
-
-
-def test_a_sweep_over_a_user_s_controller_is_the_same_when_it_is_written_and_read_elsewhere(tmp_path) -> None:
-    (tmp_path / "mine.py").write_text(MINE)
-    (tmp_path / "scene.yaml").write_text(f"sweep: {{grid: {{{CONTROLLER}: [mine.py, firefly]}}}}")
-    scenario = load_scenario(tmp_path / "scene.yaml")
-    elsewhere = tmp_path / "run"
-    elsewhere.mkdir()
-    (elsewhere / "scenario.yaml").write_text(write_scenario(scenario))
-    assert load_scenario(elsewhere) == scenario
-    assert points(load_scenario(elsewhere)) == points(scenario)
