@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from epuck_sim.display.table import csv_cell, csv_text
+from epuck_sim.display.table import Row, csv_cell, csv_text
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
@@ -138,3 +138,11 @@ def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any
         [*axes.values(), *map(csv_cell, row)] for axes, columns in every for row in zip(*columns.values(), strict=True)
     )
     return Table((*every[0][0], *every[0][1]), rows)
+
+
+def tabulate_rows(rows: Sequence[Row]) -> Table:
+    """Return a table of rows that all have the same cells."""
+    records = [row.record() for row in rows]
+    columns = (*rows[0].axes, *records[0])
+    cells = zip(rows, records, strict=True)
+    return Table(columns, ([*row.axes.values(), *map(csv_cell, record.values())] for row, record in cells))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.figures.forms.form import Choices, Form
-from epuck_sim.figures.labels import FOLDER, sweep_title
+from epuck_sim.figures.labels import FOLDER
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.axes import check_labels
 from epuck_sim.scenario.keys import axis_key
@@ -151,8 +151,9 @@ def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> s
         scenarios.setdefault(point.axes.get(FOLDER), point.scenario)
     lines = []
     for (name, scenario), place in zip(scenarios.items(), places, strict=True):
+        title = f"{scenario.description[:1].upper()}{scenario.description[1:]}" or scenario.name
         head = f"{name}: " if name else ""
-        lines.append(f"{head}{sweep_title(scenario)} (scenario {scenario.name}, seed {scenario.seed}{place}).")
+        lines.append(f"{head}{title} (scenario {scenario.name}, seed {scenario.seed}{place}).")
     return "\n".join(lines)
 
 

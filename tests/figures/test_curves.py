@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from epuck_sim.figures.forms.curves import EXTREMA_COLUMNS, Curves
+from epuck_sim.figures.forms.curves import Curves
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import ExtremaSearch
@@ -345,7 +345,8 @@ def test_the_csv_has_the_numbers_of_the_curves(tmp_path) -> None:
 
 def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_value_alone(tmp_path) -> None:
     found = written(tmp_path, FORM.tables["-regimes.csv"])
-    assert list(found[0]) == [COUPLING, *EXTREMA_COLUMNS, "p_value", "reason"]
+    names = [f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high")]
+    assert list(found[0]) == [COUPLING, *names, "p_value", "reason"]
     for row, curve, (pair, _) in zip(found, CURVES, EXTREMA, strict=True):
         numbers = [
             n if pair.is_found else math.nan for place in range(4) for n in (pair[place], *pair.intervals[place])

@@ -11,13 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.labels import axis_label, distinguishing_labels, quantity_label
+from epuck_sim.figures.labels import axis_label, format_axis_values, short_files
 from epuck_sim.figures.saving import Table
 from epuck_sim.figures.style import finish, make_panels, style, typeset
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import FigureSection
+from epuck_sim.scenario.axes import FigureSection, distinguishing_axes
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.measured import Measured, measure
+from epuck_sim.statistics.measured import Measured, measure, quantity
 
 MAX_DOTS = 1000
 """Largest number of trials at a point that an SVG holds as dots; more of them are a picture in it."""
@@ -119,7 +119,7 @@ class Form(ABC):
     @property
     def quantity(self) -> str:
         """Label of T_sync or of the measure."""
-        return quantity_label(self.of, self.unit, self.settings.labels)
+        return self.settings.labels.get(self.of or "T_sync") or quantity(self.of, self.unit)
 
     def label_of(self, key: str, among: Collection[str]) -> str:
         """Return the label of an axis of the figure that stands beside other keys."""
@@ -127,12 +127,17 @@ class Form(ABC):
 
     def labels_of(self, rows: Sequence[Mapping[str, Any]], among: Collection[str] = ()) -> list[str]:
         """Return a label for each row of axis values, with what distinguishes it from the others."""
-        return distinguishing_labels(rows, among, self.settings.labels)
+        return [format_axis_values(row, among, self.settings.labels) for row in short_files(distinguishing_axes(rows))]
 
 
 def names_of(curves: Sequence[Curve]) -> list[str]:
     """Return the names of the statistics of curves, each once."""
     return list(dict.fromkeys(name for curve in curves for name in curve.names))
+
+
+def joined(curves: Sequence[Any], name: str) -> Any:
+    """Return the arrays that curves, or maps, have under a name, one behind the other."""
+    return np.concatenate([getattr(curve, name) for curve in curves])
 
 
 def draw_trials(panel: Axes, x: float, measured: Measured, colour: str) -> None:

@@ -14,21 +14,11 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures import style
 from epuck_sim.figures.forms.curves import curves_table
-from epuck_sim.figures.forms.form import Choices, Form, check_has_values, names_of
+from epuck_sim.figures.forms.form import Choices, Form, check_has_values, joined, names_of
 from epuck_sim.figures.labels import statistic_label
 from epuck_sim.figures.saving import Table
-from epuck_sim.figures.style import (
-    add_colour_bar,
-    count_trials,
-    format_tick,
-    has_log_scale,
-    is_logarithmic,
-    is_plain,
-    make_logarithmic,
-    mark_wholes,
-    typeset,
-)
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
@@ -108,7 +98,7 @@ class Maps(Form):
     @property
     def shows(self) -> str:
         names = " or ".join(names_of(self._rows)).capitalize()
-        trials = count_trials(np.concatenate([row.trials for row in self._rows]).tolist())
+        trials = style.count_trials(joined(self._rows, "trials").tolist())
         return f"{names} of {self.quantity} over {self.labels[0]} and {self.labels[1]}; {trials}"
 
     @property
@@ -116,11 +106,11 @@ class Maps(Form):
         return {".csv": curves_table(self.x, self._rows)}
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        x, y = (np.concatenate([getattr(each, name) for each in self.maps]) for name in "xy")
-        scales = is_logarithmic(self.x, x), is_logarithmic(self.y, y)
+        x, y = joined(self.maps, "x"), joined(self.maps, "y")
+        scales = style.is_logarithmic(self.x, x), style.is_logarithmic(self.y, y)
         has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in self.maps)
         values = np.concatenate([each.values.ravel() for each in self.maps])
-        is_log = has_log_scale(self.of, values, self.settings.scale)
+        is_log = style.has_log_scale(self.of, values, self.settings.scale)
         levels = choose_levels(values, is_log=is_log)
         # panels end at the outermost points, or at the edges of their cells where there are no contours
         edges = [
@@ -131,22 +121,22 @@ class Maps(Form):
             for name, reach in zip("xy", (x, y) if has_contours else map(np.concatenate, edges), strict=True)
         }
         for panel, each, *cells in zip(panels, self.maps, *edges, strict=True):
-            make_logarithmic(panel, *(name for name, chosen in zip("xy", scales, strict=True) if chosen))
-            mark_wholes(panel.xaxis, x)
-            mark_wholes(panel.yaxis, y)
+            style.make_logarithmic(panel, *(name for name, chosen in zip("xy", scales, strict=True) if chosen))
+            style.mark_wholes(panel.xaxis, x)
+            style.mark_wholes(panel.yaxis, y)
             shown = np.ma.masked_invalid(np.log10(each.values) if is_log else each.values)
             _draw_cells(panel, each, shown, levels, cells)
             if has_contours:
                 _draw_contours(panel, each, shown, levels, scales)
         for panel in panels:
             panel.set(**ends)
-        label = typeset(statistic_label(names_of(self._rows), self.quantity))
+        label = style.typeset(statistic_label(names_of(self._rows), self.quantity))
         colours = ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS)
-        bar = add_colour_bar(panels, colours, label=label, spacing="proportional")
+        bar = style.add_colour_bar(panels, colours, label=label, spacing="proportional")
         if is_log:
-            plain = is_plain(10 ** levels[0], 10 ** levels[-1])
+            plain = style.is_plain(10 ** levels[0], 10 ** levels[-1])
             logs = _log_ticks(levels)
-            bar.set_ticks(logs, labels=[format_tick(float(f"{10**each:.3g}"), plain=plain) for each in logs])
+            bar.set_ticks(logs, labels=[style.format_tick(float(f"{10**each:.3g}"), plain=plain) for each in logs])
         bar.ax.minorticks_off()
 
 
