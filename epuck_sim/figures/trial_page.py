@@ -224,7 +224,7 @@ def describe_changes(scenario: Scenario) -> str:
     """Return the values in which a scenario differs from the shipped one of its name, or from its model's defaults.
 
     >>> describe_changes(load_scenario("thesis", ["robots.0.parameters.speed_cm_s=3", "stop.max_cycles=7"]))
-    'with V = 3 cm/s, max cycles = 7'
+    'with max cycles = 7, V = 3 cm/s'
     """
     name = scenario.name
     known = load_scenario(name if name in builtin_files(ARENAS) else {"model": scenario.model})

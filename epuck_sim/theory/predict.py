@@ -39,29 +39,18 @@ class Prediction(NamedTuple):
 
     scenario: str
     intermediate_regime: Verdict
-    v_m_cm_s: Estimate
-    """Speed at the minimum before the peak, NaN where the verdict is no."""
-    v_p_cm_s: Estimate
-    """Speed at the peak."""
-    t_sync: Estimate
-    """T_sync at the scenario's own speed, in cycles."""
-    t_sync_fast: Estimate
-    """T_sync of the fastest swarms, in cycles."""
-    t_sync_frozen: Estimate
-    """T_sync of swarms that stand and can synchronise, in cycles."""
-    frozen_share: Estimate
-    """Share of swarms that can synchronise though they stand."""
-    link_cm: float
-    """How far agents move until a link is gone."""
-    link_cycles: float
-    """The same in cycles, at the scenario's own speed."""
+    v_m_cm_s: Estimate  # speed at the minimum before the peak; NaN where the verdict is no
+    v_p_cm_s: Estimate  # speed at the peak
+    t_sync: Estimate  # T_sync at the scenario's own speed, in cycles
+    t_sync_fast: Estimate  # T_sync of the fastest swarms, in cycles
+    t_sync_frozen: Estimate  # T_sync of swarms that stand and can synchronise, in cycles
+    frozen_share: Estimate  # share of swarms that can synchronise though they stand
+    link_cm: float  # how far agents move until a link is gone
+    link_cycles: float  # the same in cycles, at the scenario's own speed
     graph: GraphMeasures
-    pair: Pair
-    """Two oscillators with this response curve."""
-    reason: str
-    """What decides, in a sentence."""
-    notes: tuple[str, ...]
-    """What the prediction leaves out."""
+    pair: Pair  # two oscillators with this response curve
+    reason: str  # what decides, in a sentence
+    notes: tuple[str, ...]  # what the prediction leaves out
 
 
 def predict(scenario: Scenario) -> Prediction:

@@ -9,8 +9,8 @@ import pytest
 
 from epuck_sim import EpuckSimError, StoreError, load_scenario, read_points, run_sweep, summarize
 from epuck_sim.figures.style import COLOURS
-from epuck_sim.report import page as contents_module
-from epuck_sim.report.page import MOST_FAILURES, make_page, read_contents, write_report
+from epuck_sim.report import page as page_module
+from epuck_sim.report.page import MOST_FAILURES, make_page, write_report
 from epuck_sim.runs.status import Failure
 from epuck_sim.util.provenance import host
 from tests.browsers import picture
@@ -46,7 +46,7 @@ class Page(HTMLParser):
 
 
 def page_of(folder: Path) -> str:
-    return make_page(read_contents(folder))
+    return make_page(folder)
 
 
 def rows_of(html: str) -> list[list[str]]:
@@ -120,13 +120,13 @@ def test_names_and_messages_stay_text(tmp_path, monkeypatch) -> None:
         sweep({SPEED: [1, 2], COUPLING: [0.1, 0.2]}, name=NASTY, description=NASTY),
         lambda p: weibull(p, 50, 10),
     )
-    read = contents_module.read_status
+    read = page_module.read_status
 
     def nasty(path):
         status = read(path)
         return status._replace(failed=[Failure(0, 1, 7, NASTY + "\0\ud800")])
 
-    monkeypatch.setattr(contents_module, "read_status", nasty)
+    monkeypatch.setattr(page_module, "read_status", nasty)
     write_report(folder, tmp_path / "page.html")
     page = Page((tmp_path / "page.html").read_text())
     assert not {"b", "img"} & set(page.tags)
