@@ -31,6 +31,11 @@ def read(*arguments: str | Path) -> Any:
     return json.loads(called(*arguments, "--json"))
 
 
+def set_to(*settings: str) -> list[str]:
+    """Return the words that set keys, each given as KEY=VALUE."""
+    return [word for setting in settings for word in ("--set", setting)]
+
+
 def refused(*arguments: str | Path) -> str:
     """Return the line that a command ends with which prints nothing else."""
     result = call(*arguments)

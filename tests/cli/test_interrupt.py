@@ -8,6 +8,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from epuck_sim.cli import app as command
@@ -56,12 +57,6 @@ def running(scene: Path, *arguments: str) -> subprocess.Popen:
     """Start the command, whose processes are marked by the scene's folder; they end with the test."""
     options = {"cwd": scene.parent, "env": {"PYTHONUNBUFFERED": "1"}}
     return start([*COMMAND, "run", scene, *arguments], mark=scene.parent.name, **options)
-
-
-def cpu_s(pid: int) -> float:
-    """Return the processor time that a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def wait_for_the_loop(process: subprocess.Popen) -> None:
@@ -174,11 +169,7 @@ def test_the_third_request_in_a_row_ends_what_catches_every_one(tmp_path) -> Non
 def test_workers_in_an_endless_loop_end_with_the_command(scene, request_) -> None:
     process = running(scene, "--out", "run", "--trials", "4", "--workers", "2")
 
-    def at_work() -> bool:
-        others = [each for each in processes_marked(scene.parent.name) if each != process.pid]
-        return any(map(is_busy, others))
-
-    wait_until(at_work, 120)
+    wait_until(lambda: any(map(is_busy, {*processes_marked(scene.parent.name)} - {process.pid})), 120)
     os.kill(process.pid, request_)
     process.communicate(timeout=300)
     assert process.returncode == (-signal.SIGKILL if request_ == signal.SIGKILL else 130)
@@ -187,12 +178,9 @@ def test_workers_in_an_endless_loop_end_with_the_command(scene, request_) -> Non
 
 def is_busy(pid: int) -> bool:
     """Return whether a process computes all the time, as a loop does."""
-    try:
-        before = cpu_s(pid)
-        time.sleep(0.5)
-        return cpu_s(pid) > before + 0.1
-    except OSError:
-        return False
+    with suppress(psutil.NoSuchProcess):
+        return psutil.Process(pid).cpu_percent(0.5) > 20
+    return False
 
 
 DROPPED = """
