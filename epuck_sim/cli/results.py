@@ -219,6 +219,7 @@ def plot(
     from epuck_sim.figures.saving import parse_target
 
     target = parse_target(to) if to else None
+    reject_first(*(("=" not in text, f"--label is {text!r}; allowed: KEY=TEXT") for text in label or ()))
     wanted = {
         "form": form,
         "x": x,
@@ -227,7 +228,7 @@ def plot(
         "censored_at_cycles": censored_at,
         "statistic": statistic,
         "title": title,
-        "labels": _parse_labels(label) if label else None,
+        "labels": dict(text.split("=", 1) for text in label) if label else None,
         "scale": None if log is None else "log" if log else "linear",
         "points": points or None,
         "theory": theory or None,
@@ -241,11 +242,6 @@ def plot(
         files = _plot_trial(results[0], {**wanted, "of": of, "names": names}, target)
     for file in files:
         typer.echo(file)
-
-
-def _parse_labels(labels: list[str]) -> dict[str, str]:
-    reject_first(*(("=" not in label, f"--label is {label!r}; allowed: KEY=TEXT") for label in labels))
-    return dict(label.split("=", 1) for label in labels)
 
 
 def _plot_sweeps(

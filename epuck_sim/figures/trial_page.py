@@ -296,23 +296,17 @@ def _detour(
 ) -> FloatArray:
     """Return (points, 3) what lies between two points, (3,) s, cm, cm, that no straight line joins."""
     gap = np.full(3, np.nan)
-    ahead_cm = _distance_to_wall(start[1:], direction, side_cm)
-    wall = _point_along(start, direction, ahead_cm, speed)
+    wall = _meet_wall(start, direction, speed, side_cm)
     if is_cyclic:  # the heading stays the same
-        behind_cm = _distance_to_wall(end[1:], -direction, side_cm)
-        return np.array([wall, gap, _point_along(end, direction, -behind_cm, speed)])
-    length_cm = ahead_cm + math.hypot(*(end[1:] - wall[1:]))
-    is_one_wall = abs(length_cm - speed * (end[0] - start[0])) <= TOLERANCE * side_cm
+        return np.array([wall, gap, _meet_wall(end, -direction, -speed, side_cm)])
+    rest_cm = math.hypot(*(end[1:] - wall[1:]))
+    is_one_wall = abs(rest_cm - speed * (end[0] - wall[0])) <= TOLERANCE * side_cm
     return wall[None] if is_one_wall else np.array([wall, gap])
 
 
-def _distance_to_wall(position: FloatArray, direction: FloatArray, side_cm: float) -> float:
-    """Return the distance in cm from a position, (2,) cm, to the next wall in a direction."""
+def _meet_wall(origin: FloatArray, direction: FloatArray, speed: float, side_cm: float) -> FloatArray:
+    """Return (3,) s, cm, cm: when and where an agent meets the next wall; a negative speed looks back in time."""
     moves = direction != 0
-    room = np.where(direction > 0, side_cm - position, position)[moves]
-    return max(0.0, float((room / np.abs(direction[moves])).min()))
-
-
-def _point_along(origin: FloatArray, direction: FloatArray, distance_cm: float, speed: float) -> FloatArray:
-    """Return (3,) s, cm, cm: when and where an agent that passes `origin` has gone on for a distance."""
-    return np.array([origin[0] + distance_cm / speed, *(origin[1:] + distance_cm * direction)])
+    room = np.where(direction > 0, side_cm - origin[1:], origin[1:])[moves]
+    way_cm = max(0.0, float((room / np.abs(direction[moves])).min()))
+    return np.array([origin[0] + way_cm / speed, *(origin[1:] + way_cm * direction)])

@@ -1,12 +1,12 @@
 """Predictions of a scenario's regimes, and the table of those of a sweep."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.display.table import Share, cell_text
+from epuck_sim.display.table import Row, Share, Table, cell_text
 from epuck_sim.errors import ScenarioError
 from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
@@ -52,6 +52,41 @@ class Prediction(NamedTuple):
     reason: str  # what decides, in a sentence
     notes: tuple[str, ...]  # what the prediction leaves out
 
+    @property
+    def cells(self) -> dict[str, Any]:
+        """What a table of several predictions has of each."""
+        return {
+            "regime": self.intermediate_regime.verdict,
+            "probability": Share(self.intermediate_regime.probability),
+            "v_m": self.v_m_cm_s,
+            "v_p": self.v_p_cm_s,
+            "t_sync": self.t_sync,
+            "t_fast": self.t_sync_fast,
+            "t_frozen": self.t_sync_frozen,
+            "frozen_share": Share(self.frozen_share.value),
+        }
+
+    def table(self) -> Table:
+        """Return a table with a quantity a line."""
+        rows: list[tuple[str, Any, str]] = [
+            ("intermediate regime", self.intermediate_regime.verdict, ""),
+            ("its probability", Share(self.intermediate_regime.probability), ""),
+            ("V_m, minimum of T_sync", self.v_m_cm_s, "cm/s"),
+            ("V_p, peak of T_sync", self.v_p_cm_s, "cm/s"),
+            ("T_sync at this speed", self.t_sync, "cycles"),
+            ("T_sync, fast limit", self.t_sync_fast, "cycles"),
+            ("T_sync, standing swarms", self.t_sync_frozen, "cycles"),
+            ("standing swarms that can", Share(self.frozen_share.value), ""),
+            ("link lasts", self.link_cm, "cm"),
+            ("link lasts", self.link_cycles, "cycles"),
+            ("links an agent", self.graph.links, ""),
+            ("reciprocal links", Share(self.graph.reciprocity.value), ""),
+            ("heard, hear nobody", Share(self.graph.sources.value), ""),
+            ("frustrated clusters", Share(self.graph.frustrated.value), "of snapshots"),
+        ]
+        made = [Row({}, {"quantity": name, "predicted": value, "unit": unit}) for name, value, unit in rows]
+        return Table(self.scenario, made, (self.reason, *self.notes))
+
 
 def predict(scenario: Scenario) -> Prediction:
     """Return the prediction for a scenario without a sweep.
@@ -77,6 +112,13 @@ def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
             kept[key] = _predictor(point.scenario)
         found.append((point, kept[key](_speed_of(point.scenario))))
     return found
+
+
+def sweep_table(name: str, found: Sequence[tuple[Point, Prediction]]) -> Table:
+    """Return the predictions of a sweep of this name, a point a line."""
+    notes = dict.fromkeys(note for _, prediction in found for note in prediction.notes)
+    rows = [Row(point.axes, prediction.cells) for point, prediction in found]
+    return Table(name, rows, tuple(notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
 
 
 def _predictor(scenario: Scenario) -> Callable[[float], Prediction]:

@@ -15,7 +15,7 @@ from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import ExtremaSearch
 from epuck_sim.statistics.names import Statistic
-from tests.figures.drawn import laid_out, legend_texts, written
+from tests.figures.drawn import in_csv, laid_out, legend_texts, written
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -27,7 +27,6 @@ from tests.runs.made_folders import (
     bumpy_mean,
     extremes,
     falling_mean,
-    six_digits,
     sweep,
 )
 
@@ -251,18 +250,15 @@ def test_axes_have_the_thesis_s_symbols_and_plain_numbers_and_there_is_no_title(
         assert seen(axis.get_ticklabels(minor=True)) == []
 
 
-@pytest.mark.parametrize(
-    ("axis", "x", "scale"),
-    [
+def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade() -> None:
+    for axis, x, scale in [
         (SPEED, [1, 2, 3], "log"),
         (SPEED, [0, 1, 20], "linear"),
         (COUNT, [5, 20, 40], "linear"),
         (COUNT, [5, 20, 50], "log"),
         (COUNT, [5, 5, 5], "linear"),
-    ],
-)
-def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade(axis: str, x: list, scale: str) -> None:
-    assert axes_of([curve_of([30, 20, 10], x=x)], axis=axis).get_xscale() == scale
+    ]:
+        assert axes_of([curve_of([30, 20, 10], x=x)], axis=axis).get_xscale() == scale
 
 
 def test_many_decades_are_labelled_by_powers_of_ten_alone_on_both_axes_and_do_not_overlap() -> None:
@@ -330,28 +326,23 @@ def test_keys_have_the_thesis_s_symbols() -> None:
 # The tables
 
 
-def test_the_csv_has_the_numbers_of_the_curves(tmp_path) -> None:
-    table = written(tmp_path, FORM.tables[".csv"])
+def test_the_csv_has_the_numbers_of_the_curves() -> None:
+    table = written(FORM.tables[".csv"])
     assert list(table[0]) == [COUPLING, SPEED, *POINT_COLUMNS]
-    expected = [
-        [str(curve.axes[COUPLING]), *map(six_digits, row[:3]), row[3], *map(six_digits, row[4:])]
-        for curve in CURVES
-        for row in zip(
-            curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T, strict=True
-        )
-    ]
+    expected = []
+    for curve in CURVES:
+        columns = curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T
+        expected += [in_csv(*curve.axes.values(), *row) for row in zip(*columns, strict=True)]
     assert [[*row.values()] for row in table] == expected
 
 
-def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_value_alone(tmp_path) -> None:
-    found = written(tmp_path, FORM.tables["-regimes.csv"])
+def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_value_alone() -> None:
+    found = written(FORM.tables["-regimes.csv"])
     names = [f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high")]
     assert list(found[0]) == [COUPLING, *names, "p_value", "reason"]
     for row, curve, (pair, _) in zip(found, CURVES, EXTREMA, strict=True):
-        numbers = [
-            n if pair.is_found else math.nan for place in range(4) for n in (pair[place], *pair.intervals[place])
-        ]
-        assert [*row.values()] == [str(curve.axes[COUPLING]), *map(six_digits, [*numbers, pair.p_value]), ""]
+        numbers = np.column_stack([pair[:4], pair.intervals]) if pair.is_found else np.full((4, 3), math.nan)
+        assert [*row.values()] == in_csv(*curve.axes.values(), *numbers.ravel(), pair.p_value, "")
 
 
 @pytest.mark.parametrize(
@@ -361,13 +352,13 @@ def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_va
         (curve_of(BUMPY.values, x=np.arange(13) + 2), COUNT, "the axis is no speed"),
     ],
 )
-def test_where_there_can_be_no_extrema_the_table_says_why(tmp_path, curve, axis, reason) -> None:
-    (row,) = written(tmp_path, form_of([curve], axis).tables["-regimes.csv"])
+def test_where_there_can_be_no_extrema_the_table_says_why(curve, axis, reason) -> None:
+    (row,) = written(form_of([curve], axis).tables["-regimes.csv"])
     assert [*row.values()] == [*[""] * 13, reason]
 
 
-def test_axis_values_are_in_the_csv_as_they_are_in_the_sweep(tmp_path) -> None:
+def test_axis_values_are_in_the_csv_as_they_are_in_the_sweep() -> None:
     axes = {"noise": 'a "quoted", name', "arena.obstacles": [], "stop.max_time_s": None, COUNT: 10}
     for table in form_of([curve_of([3, 2], axes=axes)]).tables.values():
-        row = written(tmp_path, table)[0]
+        row = written(table)[0]
         assert {key: row[key] for key in axes} == {key: "" if v is None else str(v) for key, v in axes.items()}

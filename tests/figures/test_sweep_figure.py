@@ -136,7 +136,7 @@ def test_folders_are_told_apart_by_their_names_in_the_figure_the_table_and_the_c
     form = read_form(folders, {}, names=["mine", "thesis"])
     (panel,) = form.draw_figure().axes
     assert panel.get_legend_handles_labels()[1][:3] == ["mine, N = 3", "mine, N = 5", "thesis, N = 3"]
-    assert [*written(tmp_path, form.tables[".csv"])[0]][:3] == ["folder", COUNT, SPEED]
+    assert [*written(form.tables[".csv"])[0]][:3] == ["folder", COUNT, SPEED]
     assert form.caption.splitlines()[:2] == [
         "mine: demo (scenario demo, seed 0, run folder run).",
         "thesis: other (scenario other, seed 0, run folder run).",

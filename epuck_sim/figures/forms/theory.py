@@ -28,6 +28,8 @@ DASHES: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7, "zorder": 
 PLACE: dict[str, Any] = {"markerfacecolor": "white", "markersize": 5, "linewidth": 0.7}  # looks of V_m and V_p
 EDGE = 0.04  # length of the marks of the limits at the edges of a panel, as a share of its width
 
+CELLS = ("regime", "probability", "v_m", "v_p", "t_frozen", "frozen_share", "t_fast")  # of the table
+
 CAPTION = (
     "dashed is T_sync as predict has it from who hears whom, without a trial: its course, at the left edge that of "
     "swarms that stand, at the right one that of the fastest; hollow triangles are V_m and V_p, with their uncertainty"
@@ -81,7 +83,7 @@ class PredictedCurves(Curves):
     def tables(self) -> Mapping[str, Table]:
         """The tables of the curves; and a row for each, with its verdict, V_m and V_p, and T_sync in both limits."""
         each = zip(self.curves, self.predicted, strict=False)
-        rows = [Row(curve.axes, _cells(predicted.at_any)) for curve, predicted in each]
+        rows = [Row(curve.axes, {name: predicted.at_any.cells[name] for name in CELLS}) for curve, predicted in each]
         return {**super().tables, **({"-theory.csv": tabulate_rows(rows)} if rows else {})}
 
     @property
@@ -113,15 +115,3 @@ def draw_prediction(panel: Axes, predicted: Predicted, colour: str) -> None:
             ends = np.clip((place.low, place.value, place.high), speeds[0], speeds[-1])
             time = np.interp(np.log(place.value), np.log(speeds), times)
             panel.plot(ends, (time,) * 3, marker=marker, markevery=[1], color=colour, **PLACE)
-
-
-def _cells(found: Prediction) -> dict[str, Any]:
-    return {
-        "regime": found.intermediate_regime.verdict,
-        "probability": found.intermediate_regime.probability,
-        "v_m": found.v_m_cm_s,
-        "v_p": found.v_p_cm_s,
-        "t_frozen": found.t_sync_frozen,
-        "frozen_share": found.frozen_share.value,
-        "t_fast": found.t_sync_fast,
-    }
