@@ -96,12 +96,9 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """What a page may load, and run: nothing, whatever names and messages of others stand in it."""
 
 
-SUFFIXES = (".html", ".htm")  # endings of a page's name
-
-
 def check_suffix(path: Path) -> None:
     """Raise EpuckSimError if a file's name is not that of a page."""
-    if path.suffix not in SUFFIXES:
+    if path.suffix not in (".html", ".htm"):
         raise EpuckSimError(f"{path}: unknown format {path.suffix!r}; allowed: .html")
 
 

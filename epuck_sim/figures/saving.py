@@ -95,9 +95,7 @@ def to_svg(figure: Figure, name: str) -> Element:
     """Return a figure as a part of a page; its ids begin with `name`, so that they are its own there."""
     drawn = io.StringIO()
     nothing: Any = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    with warnings.catch_warnings(), rc_context(EDITABLE):
-        warnings.filterwarnings("ignore", "Glyph .* missing")
-        figure.savefig(drawn, format="svg", metadata=nothing)
+    _render(figure, drawn, "svg", nothing)
     root = ElementTree.fromstring(drawn.getvalue())
     for defs in root.findall(f"{SVG}defs"):
         for style in defs.findall(f"{SVG}style"):  # would hold for the whole page
@@ -125,10 +123,13 @@ def check_files(stem: Path, endings: Iterable[str]) -> list[Path]:
 
 def _save_picture(figure: Figure, part: Path, ending: str, caption: str) -> None:
     key, date = METADATA[ending]
-    metadata: Any = {**({date: None} if date else {}), **({key: caption} if caption else {})}
+    _render(figure, part, ending[1:], {**({date: None} if date else {}), **({key: caption} if caption else {})})
+
+
+def _render(figure: Figure, target: Any, kind: str, metadata: Any) -> None:
     with warnings.catch_warnings(), rc_context(EDITABLE):
         warnings.filterwarnings("ignore", "Glyph .* missing")  # of a name in letters that the font lacks
-        figure.savefig(part, format=ending[1:], metadata=metadata)
+        figure.savefig(target, format=kind, metadata=metadata)
 
 
 def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any]]]]) -> Table:
