@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim import EpuckSimError, StoreError, load_scenario, read_points, run_sweep, summarize
+from epuck_sim import load_scenario, read_points, run_sweep, summarize
 from epuck_sim.figures.style import COLOURS
 from epuck_sim.report import page as page_module
 from epuck_sim.report.page import MOST_FAILURES, make_page, write_report
@@ -155,12 +155,3 @@ def test_it_is_legible_in_the_dark_and_a_figure_is_seen_on_narrow_screens(tmp_pa
         assert (abs(seen - tuple(bytes.fromhex(COLOURS[0][1:]))).max(axis=-1) < 10).sum() > 100
         assert seen.min() < 30
         assert seen.max() > 225
-
-
-def test_pages_are_written_whole_and_mistakes_are_said(tmp_path) -> None:
-    folder = store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=2), lambda p: weibull(p, 50, 2))
-    with pytest.raises(EpuckSimError, match=r"allowed: \.html$"):
-        write_report(folder, tmp_path / "page.pdf")
-    with pytest.raises(StoreError, match="is not a run folder"):
-        write_report(tmp_path, tmp_path / "page.html")
-    assert [path.name for path in tmp_path.iterdir()] == ["run"]
