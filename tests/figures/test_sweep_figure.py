@@ -164,7 +164,7 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
         scenario = sweep({SPEED: SPEEDS}, trials=2, measures=[str(path)])
         folders.append(store_measured(tmp_path / f"run-{unit}", scenario, lambda point: [point.axes[SPEED]] * 2))
     assert [figures.plot(each, of="way").axes[0].get_ylabel() for each in folders] == ["way (cm)", "way (mm)"]
-    with pytest.raises(EpuckSimError, match=r"run-mm: way is in mm, and in .*run-cm cm: they have no common scale"):
+    with pytest.raises(EpuckSimError, match="the unit of way differs: cm, mm; give folders with one"):
         figures.plot(folders, of="way")
     (tmp_path / "mm/mine.py").unlink()
     assert figures.plot(folders[1], of="way").axes[0].get_ylabel() == "way"
