@@ -344,19 +344,18 @@ def plan(
             for name, given in (("--difference", difference), ("--of", of), ("--power", power))
         ),
     )
-    processes = workers or available_cores()
+    processes, planned = workers or available_cores(), None
     if is_folder:
-        stored, planned = read_points(folder, of=of), None
+        stored = read_points(folder, of=of)
         if of or difference or all(point.has_t_sync for point in stored):
             planned = plan_trials(stored, (difference or 20) / 100, (power or 80) / 100)
         else:
             typer.echo("note: trials have no T_sync; --of NAME tells how many trials a measure takes", err=True)
         duration = duration_of_folder(folder, trials, processes, trusted=trust)
-        print_plan(sweep, duration, planned, as_json=as_json)
-        return
-    loaded = options.read_scenario(sweep, settings, axes, quick=quick)
-    with prefix_scenario(sweep):
-        found = find_points(loaded)
-        check_sweep(found)
-        duration = duration_of_scenario(found, trials or loaded.trials, seconds or 20, processes)
-    print_plan(sweep, duration, None, as_json=as_json)
+    else:
+        loaded = options.read_scenario(sweep, settings, axes, quick=quick)
+        with prefix_scenario(sweep):
+            found = find_points(loaded)
+            check_sweep(found)
+            duration = duration_of_scenario(found, trials or loaded.trials, seconds or 20, processes)
+    print_plan(sweep, duration, planned, as_json=as_json)

@@ -146,8 +146,7 @@ class Curves(Form):
             _draw_curve(panel, curve, search.extrema, look, 1 - CROSS_ROW * (row + 0.8), beyond)
             if self.settings.points:
                 places = shifted(curve.x, [*looks].index(label), len(looks), panel.get_xscale() == "log")
-                for place, measured in zip(places.tolist(), curve.measured, strict=True):
-                    draw_trials(panel, place, measured, look.colour)
+                draw_trials(panel, places, curve, look.colour)
         self._label_marks(panels[0])
         for panel in panels:
             if self.of is None:

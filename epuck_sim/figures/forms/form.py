@@ -10,6 +10,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.labels import axis_label, format_axis_values, short_files
 from epuck_sim.figures.saving import Table
@@ -17,7 +18,7 @@ from epuck_sim.figures.style import finish, make_panels, style, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, distinguishing_axes
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.measured import Measured, measure, quantity
+from epuck_sim.statistics.measured import measure, quantity
 
 MAX_DOTS = 1000
 """Largest number of trials at a point that an SVG holds as dots; more of them are a picture in it."""
@@ -140,14 +141,15 @@ def joined(curves: Sequence[Any], name: str) -> Any:
     return np.concatenate([getattr(curve, name) for curve in curves])
 
 
-def draw_trials(panel: Axes, x: float, measured: Measured, colour: str) -> None:
-    """Draw each trial of a point as a dot; those that are censored are hollow."""
-    for observed, face, label in ((True, colour, "a trial"), (False, "none", "a censored trial")):
-        values = measured.values[measured.observed == observed]
-        if len(values):
-            places, is_picture = np.full(len(values), x), len(values) > MAX_DOTS
-            looks: Any = {"color": colour, "markerfacecolor": face, "markeredgewidth": 0.4, "markersize": 1.6}
-            panel.plot(places, values, "o", alpha=0.4, zorder=1.9, rasterized=is_picture, label=label, **looks)
+def draw_trials(panel: Axes, places: FloatArray, curve: Curve, colour: str) -> None:
+    """Draw each trial of a curve as a dot at the place, (S,), of its point; those that are censored are hollow."""
+    looks: Any = {"color": colour, "markeredgewidth": 0.4, "markersize": 1.6, "alpha": 0.4, "zorder": 1.9}
+    for x, measured in zip(places.tolist(), curve.measured, strict=True):
+        for observed, face, label in ((True, colour, "a trial"), (False, "none", "a censored trial")):
+            values = measured.values[measured.observed == observed]
+            if len(values):
+                dots = np.full(len(values), x), values, "o"
+                panel.plot(*dots, markerfacecolor=face, rasterized=len(values) > MAX_DOTS, label=label, **looks)
 
 
 def check_has_values(points: Sequence[PointTrials], form: str) -> None:

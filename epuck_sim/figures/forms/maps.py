@@ -112,6 +112,7 @@ class Maps(Form):
         values = np.concatenate([each.values.ravel() for each in self.maps])
         is_log = style.has_log_scale(self.of, values, self.settings.scale)
         levels = choose_levels(values, is_log=is_log)
+        norm = BoundaryNorm(levels, COLOURS.N)
         # panels end at the outermost points, or at the edges of their cells where there are no contours
         edges = [
             [_edges(getattr(each, name), log) for each in self.maps] for name, log in zip("xy", scales, strict=True)
@@ -125,14 +126,13 @@ class Maps(Form):
             style.mark_wholes(panel.xaxis, x)
             style.mark_wholes(panel.yaxis, y)
             shown = np.ma.masked_invalid(np.log10(each.values) if is_log else each.values)
-            _draw_cells(panel, each, shown, levels, cells)
+            _draw_cells(panel, each, shown, norm, cells)
             if has_contours:
-                _draw_contours(panel, each, shown, levels, scales)
+                _draw_contours(panel, each, shown, norm, scales)
         for panel in panels:
             panel.set(**ends)
         label = style.typeset(statistic_label(names_of(self._rows), self.quantity))
-        colours = ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS)
-        bar = style.add_colour_bar(panels, colours, label=label, spacing="proportional")
+        bar = style.add_colour_bar(panels, ScalarMappable(norm, COLOURS), label=label, spacing="proportional")
         if is_log:
             plain = style.is_plain(10 ** levels[0], 10 ** levels[-1])
             logs = _log_ticks(levels)
@@ -160,8 +160,7 @@ def _map(points: Sequence[PointTrials], x: str, y: str, others: dict[str, Any], 
     return Map(others, xs, np.array([row.axes[y] for row in rows], np.float64), values, is_tried, rows)
 
 
-def _draw_cells(panel: Axes, each: Map, values: Any, levels: FloatArray, edges: Sequence[FloatArray]) -> None:
-    norm = BoundaryNorm(levels, COLOURS.N)
+def _draw_cells(panel: Axes, each: Map, values: Any, norm: BoundaryNorm, edges: Sequence[FloatArray]) -> None:
     panel.pcolormesh(*edges, values, cmap=COLOURS, norm=norm, edgecolors="face", linewidth=0.2)
     is_undetermined = each.is_tried & np.isnan(each.values)
     if is_undetermined.any():
@@ -173,10 +172,10 @@ def _draw_cells(panel: Axes, each: Map, values: Any, levels: FloatArray, edges: 
         cells.update_scalarmappable()  # or the legend would have another colour
 
 
-def _draw_contours(panel: Axes, each: Map, values: Any, levels: FloatArray, scales: Sequence[bool]) -> None:
+def _draw_contours(panel: Axes, each: Map, values: Any, norm: BoundaryNorm, scales: Sequence[bool]) -> None:
     # in the coordinates of the page, where a contour between two points of a logarithmic axis belongs
     places = [np.log10(axis) if is_log else axis for axis, is_log in zip((each.x, each.y), scales, strict=True)]
-    looks: Any = {"cmap": COLOURS, "norm": BoundaryNorm(levels, COLOURS.N), "levels": levels}
+    looks: Any = {"cmap": COLOURS, "norm": norm, "levels": norm.boundaries}
     panel.contourf(*places, values, corner_mask=False, transform=panel.transLimits + panel.transAxes, **looks)
 
 

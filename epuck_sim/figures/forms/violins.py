@@ -106,8 +106,8 @@ class Violins(Form):
             style.mark_wholes(panel.xaxis, x)
             self._draw_violins(panel, curve, half_width, is_log, has_logs)
             self._draw_estimates(panel, curve)
-            for place, measured in zip(curve.x.tolist(), curve.measured if self.settings.points else (), strict=False):
-                draw_trials(panel, place, measured, "black")
+            if self.settings.points:
+                draw_trials(panel, curve.x, curve, "black")
             if self.censored_at is not None:
                 limit = style.format_tick(self.censored_at, plain=style.is_plain(1, self.censored_at))
                 label = f"{style.typeset('T_cens')} of the Weibull mean: {limit}"
