@@ -351,15 +351,17 @@ def test_a_port_in_use_is_refused_before_a_trial_runs(pair, swept, here, monkeyp
 # Processes
 
 
-def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path) -> None:
+def test_ctrl_c_keeps_whole_files_of_trials_that_have_ended_and_leaves_nothing_half_written(tmp_path) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 500}")
-    process = start([*COMMAND, "run", scene, "--trials", "60", "--record", tmp_path / "t.rrd"])
+    files = ["--record", tmp_path / "t.rrd", "--trace", tmp_path / "t.parquet"]
+    process = start([*COMMAND, "run", scene, "--trials", "60", *files])
     wait_until(lambda: any(tmp_path.glob("t-1.rrd*part/data.rrd")) or process.poll() is not None, 120)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: rerun's programs hear it, too
     stdout, stderr = process.communicate(timeout=300)
     assert (process.returncode, stderr) == (130, "interrupted\n")
     finished = len(cells(stdout))
     assert finished >= 1
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.yaml", *(f"t-{n}.rrd" for n in range(finished))]
+    kept = [f"t-{n}.{ending}" for n in range(finished) for ending in ("rrd", "parquet")]
+    assert {path.name for path in tmp_path.iterdir()} == {"scene.yaml", *kept}
     assert len(read_recording(tmp_path / "t-0.rrd").time_s) == 5_000

@@ -2,7 +2,6 @@
 
 import json
 import re
-import signal
 
 import pytest
 
@@ -13,7 +12,6 @@ from epuck_sim.util.builtin import ARENAS, CONTROLLERS, ROBOTS, SWEEPS, builtin_
 from epuck_sim.util.messages import natural_order
 from tests.cli.commands import call, called, read, set_to, trials
 from tests.control.bench import with_step
-from tests.processes import COMMAND, start, wait_until
 
 BAD_STEP = with_step(
     "memory.steps += 1\n    if memory.steps == 8: raise ValueError('seven is enough')", MEMORY='{"steps": int}'
@@ -60,20 +58,6 @@ def test_a_controller_that_raises_is_named_with_robot_step_and_seed(tmp_path, in
     assert "mine: robot 2, step 7, seed 6: " in result.stderr
     assert re.search(r"bad\.py:\d+: ValueError: seven is enough", result.stderr)
     assert sorted(path.name for path in tmp_path.glob("*.parquet*")) == []
-
-
-def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(tmp_path) -> None:
-    scene = tmp_path / "scene.yaml"
-    scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 1000}")
-    process = start([*COMMAND, "run", scene, "--trials", "1000", "--trace", tmp_path / "t.parquet"])
-    wait_until(lambda: any(tmp_path.glob("t-1.parquet.*.part")) or process.poll() is not None, 120)
-    process.send_signal(signal.SIGTERM)
-    stdout, stderr = process.communicate(timeout=300)
-    assert process.returncode == 130
-    assert stderr.strip() == "interrupted"
-    assert stdout.count(" 1000 ") >= 1
-    assert (tmp_path / "t-0.parquet").exists()
-    assert list(tmp_path.glob("*.part")) == []
 
 
 def test_of_millions_of_traces_only_those_that_are_there_already_are_checked_one_by_one(tmp_path, monkeypatch) -> None:
