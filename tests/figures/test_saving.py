@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.saving import Table, Target, parse_target, save_figure
+from tests.cli.films import names
 from tests.runs.made_folders import rows
 
 ENDINGS = (".png", ".svg", ".csv", "-more.csv")
@@ -28,10 +29,6 @@ def draw(title: str = "title") -> Figure:
 
 def tables(value: float = 1.5) -> dict[str, Table]:
     return {".csv": Table(("a", "b"), [(1, value)]), "-more.csv": Table(("c",), [("x",), ("y, z",)])}
-
-
-def names(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.fixture(scope="module")
