@@ -26,21 +26,14 @@ class Duration(NamedTuple):
     """How long a sweep will take."""
 
     points: int
-    trials: int
-    """Trials at each point."""
-    left: int
-    """Number of trials that are still to be run."""
+    trials: int  # trials at each point
+    left: int  # number of trials that are still to be run
     workers: int
-    compute_s: Estimate
-    """Computing time of these trials together."""
-    timed: int
-    """Number of trials from which this follows."""
-    is_cut: bool
-    """Whether the last of these was cut: then it takes longer."""
-    at_limit: Sequence[PointAtLimit] = ()
-    """Points whose trials, of these, have all reached their limit."""
-    share: str | None = None
-    """Share of the sweep that the run folder is for, such as 3/40; None if it is for all of it."""
+    compute_s: Estimate  # computing time of these trials together
+    timed: int  # number of trials from which this follows
+    is_cut: bool  # whether the last of these was cut: then it takes longer
+    at_limit: Sequence[PointAtLimit] = ()  # points whose trials, of these, have all reached their limit
+    share: str | None = None  # share of the sweep that the run folder is for, such as 3/40; None if it is for all of it
 
 
 def duration_of_folder(folder: Path, trials: int | None, workers: int, *, trusted: bool) -> Duration:

@@ -219,6 +219,7 @@ def plot(
     from epuck_sim.figures.saving import parse_target
 
     target = parse_target(to) if to else None
+    reject_first(*(("=" not in text, f"--label is {text!r}; allowed: KEY=TEXT") for text in label or ()))
     wanted = {
         "form": form,
         "x": x,
@@ -227,7 +228,7 @@ def plot(
         "censored_at_cycles": censored_at,
         "statistic": statistic,
         "title": title,
-        "labels": _parse_labels(label) if label else None,
+        "labels": dict(text.split("=", 1) for text in label) if label else None,
         "scale": None if log is None else "log" if log else "linear",
         "points": points or None,
         "theory": theory or None,
@@ -241,11 +242,6 @@ def plot(
         files = _plot_trial(results[0], {**wanted, "of": of, "names": names}, target)
     for file in files:
         typer.echo(file)
-
-
-def _parse_labels(labels: list[str]) -> dict[str, str]:
-    reject_first(*(("=" not in label, f"--label is {label!r}; allowed: KEY=TEXT") for label in labels))
-    return dict(label.split("=", 1) for label in labels)
 
 
 def _plot_sweeps(
@@ -348,19 +344,18 @@ def plan(
             for name, given in (("--difference", difference), ("--of", of), ("--power", power))
         ),
     )
-    processes = workers or available_cores()
+    processes, planned = workers or available_cores(), None
     if is_folder:
-        stored, planned = read_points(folder, of=of), None
+        stored = read_points(folder, of=of)
         if of or difference or all(point.has_t_sync for point in stored):
             planned = plan_trials(stored, (difference or 20) / 100, (power or 80) / 100)
         else:
             typer.echo("note: trials have no T_sync; --of NAME tells how many trials a measure takes", err=True)
         duration = duration_of_folder(folder, trials, processes, trusted=trust)
-        print_plan(sweep, duration, planned, as_json=as_json)
-        return
-    loaded = options.read_scenario(sweep, settings, axes, quick=quick)
-    with prefix_scenario(sweep):
-        found = find_points(loaded)
-        check_sweep(found)
-        duration = duration_of_scenario(found, trials or loaded.trials, seconds or 20, processes)
-    print_plan(sweep, duration, None, as_json=as_json)
+    else:
+        loaded = options.read_scenario(sweep, settings, axes, quick=quick)
+        with prefix_scenario(sweep):
+            found = find_points(loaded)
+            check_sweep(found)
+            duration = duration_of_scenario(found, trials or loaded.trials, seconds or 20, processes)
+    print_plan(sweep, duration, planned, as_json=as_json)

@@ -135,7 +135,7 @@ def run(
             for option, path, ending in endings
         ),
     )
-    from epuck_sim.cli.trials import LiveView, Watched, run_trials, seeds_of, sweep_into, trial_of_sweep
+    from epuck_sim.cli.trials import Watched, run_trials, seeds_of, sweep_into, trial_of_sweep
     from epuck_sim.runs import folder as run_folder
     from epuck_sim.scenario.loader import find_scenario
 
@@ -155,8 +155,9 @@ def run(
     )
     if folder is not None and take_over and (holder := run_folder.take_over(folder)) is not None:
         typer.echo(f"{folder}: taken over from {holder}", err=True)
-    view = LiveView(speed or 1.0, (port or options.WEB_PORT) if web else None) if live else None
-    watched = Watched(trace, record, film, view, level or Level.FULL, tuple(memory or ()), relations)
+    port_shown = (port or options.WEB_PORT) if web else None
+    fields = tuple(memory or ())
+    watched = Watched(trace, record, film, live, level or Level.FULL, fields, relations, speed or 1.0, port_shown)
     changes = [*(settings or ()), *([] if trial_timeout is None else [f"trial_timeout_s={trial_timeout}"])]
     with print_traceback() if traceback else nullcontext():
         loaded: Scenario = options.read_scenario(

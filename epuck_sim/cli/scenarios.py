@@ -4,9 +4,9 @@ import json
 import keyword
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -14,11 +14,6 @@ from epuck_sim.cli import options
 from epuck_sim.cli.errors import prefix_scenario, print_warnings, reject_first, word_if_slow
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.builtin import TEMPLATES, builtin_folder
-
-if TYPE_CHECKING:  # or --help would wait for pydantic
-    from epuck_sim.display.table import Table
-    from epuck_sim.scenario.points import Point
-    from epuck_sim.theory.predict import Prediction
 
 scenarios = typer.Typer()
 news = typer.Typer(no_args_is_help=True, help="Write a commented file to begin with.")
@@ -113,62 +108,16 @@ def predict(
     reject_first(options.both(as_json, as_csv))
     loaded = options.read_scenario(scenario, settings, axes, quick=quick)
     from epuck_sim.cli.tables import show
-    from epuck_sim.theory.predict import predict_points
+    from epuck_sim.theory.predict import predict_points, sweep_table
 
     with word_if_slow(f"predicting {scenario}"), prefix_scenario(scenario):
         found = predict_points(loaded)
     if loaded.sweep is None:
-        table, record = _predicted(found[0][1]), found[0][1]._asdict()
+        table, record = found[0][1].table(), found[0][1]._asdict()
     else:
         records = [{"axes": point.axes, **prediction._asdict()} for point, prediction in found]
-        table, record = _predicted_points(loaded.name, found), {"scenario": loaded.name, "points": records}
+        table, record = sweep_table(loaded.name, found), {"scenario": loaded.name, "points": records}
     show([table], record, as_json=as_json, as_csv=as_csv)
-
-
-def _predicted_points(name: str, found: "Sequence[tuple[Point, Prediction]]") -> "Table":
-    """Return the predictions of a sweep, a point a line."""
-    from epuck_sim.display.table import Row, Share, Table
-
-    rows = []
-    for point, predicted in found:
-        cells = {
-            "regime": predicted.intermediate_regime.verdict,
-            "probability": Share(predicted.intermediate_regime.probability),
-            "v_m": predicted.v_m_cm_s,
-            "v_p": predicted.v_p_cm_s,
-            "t_sync": predicted.t_sync,
-            "t_fast": predicted.t_sync_fast,
-            "t_frozen": predicted.t_sync_frozen,
-            "frozen_share": Share(predicted.frozen_share.value),
-        }
-        rows.append(Row(point.axes, cells))
-    notes = dict.fromkeys(note for _, prediction in found for note in prediction.notes)
-    return Table(name, rows, tuple(notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
-
-
-def _predicted(found: "Prediction") -> "Table":
-    """Return the prediction of one scenario, a quantity a line."""
-    from epuck_sim.display.table import Row, Share, Table
-
-    graph, regime = found.graph, found.intermediate_regime
-    rows: list[tuple[str, Any, str]] = [
-        ("intermediate regime", regime.verdict, ""),
-        ("its probability", Share(regime.probability), ""),
-        ("V_m, minimum of T_sync", found.v_m_cm_s, "cm/s"),
-        ("V_p, peak of T_sync", found.v_p_cm_s, "cm/s"),
-        ("T_sync at this speed", found.t_sync, "cycles"),
-        ("T_sync, fast limit", found.t_sync_fast, "cycles"),
-        ("T_sync, standing swarms", found.t_sync_frozen, "cycles"),
-        ("standing swarms that can", Share(found.frozen_share.value), ""),
-        ("link lasts", found.link_cm, "cm"),
-        ("link lasts", found.link_cycles, "cycles"),
-        ("links an agent", graph.links, ""),
-        ("reciprocal links", Share(graph.reciprocity.value), ""),
-        ("heard, hear nobody", Share(graph.sources.value), ""),
-        ("frustrated clusters", Share(graph.frustrated.value), "of snapshots"),
-    ]
-    made = [Row({}, {"quantity": name, "predicted": value, "unit": unit}) for name, value, unit in rows]
-    return Table(found.scenario, made, (found.reason, *found.notes))
 
 
 class New(NamedTuple):

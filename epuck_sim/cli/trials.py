@@ -37,28 +37,18 @@ ObserverFactory = Callable[[int, int], AbstractContextManager[Observer]]
 """Opens an observer of a trial, from the trial's number and seed."""
 
 
-class LiveView(NamedTuple):
-    """How trials are shown while they run."""
-
-    speed: float
-    """Simulated seconds in a second."""
-    port: int | None
-    """Port of a viewer for browsers; None for a window."""
-
-
 class Watched(NamedTuple):
     """What is written or shown of trials."""
 
     trace: Path | None = None
     record: Path | None = None
     film: Path | None = None
-    live: LiveView | None = None
-    level: Level = Level.FULL
-    """How much is recorded, or shown while it runs."""
-    memory: tuple[str, ...] = ()
-    """Fields of the controllers' MEMORY that traces, recordings and the live view have."""
-    relations: bool = False
-    """Whether traces list whom each robot sees lit, and whom it touches."""
+    live: bool = False  # whether trials are shown while they run
+    level: Level = Level.FULL  # how much is recorded, or shown while it runs
+    memory: tuple[str, ...] = ()  # fields of the controllers' MEMORY that traces, recordings and the live view have
+    relations: bool = False  # whether traces list whom each robot sees lit, and whom it touches
+    speed: float = 1.0  # simulated seconds in a second, where trials are shown
+    port: int | None = None  # port of a viewer for browsers; None for a window
 
 
 @contextmanager
@@ -90,27 +80,27 @@ def open_observers(
         from epuck_sim.overhead.filming import film_trial  # OpenCV and PyAV take a while
 
         factories.append(lambda trial, seed: film_trial(trial_path(film, trial, trials), scenario, seed))
-    if watched.live is None:
+    if not watched.live:
         yield factories
     else:
-        with _viewer(watched, watched.live, scenario, echo) as factory:
+        with _viewer(watched, scenario, echo) as factory:
             yield [*factories, factory]
 
 
 @contextmanager
-def _viewer(watched: Watched, view: LiveView, scenario: Scenario, echo: bool) -> Iterator[ObserverFactory]:
+def _viewer(watched: Watched, scenario: Scenario, echo: bool) -> Iterator[ObserverFactory]:
     from epuck_sim.cli.keys import pressed_keys
     from epuck_sim.recording.live import live, live_viewer, sleep
 
     memory, level = tuple(dict.fromkeys(watched.memory)), watched.level
     invitation = "open this address in a browser on this machine; the trial begins by itself:\n"
-    with live_viewer(view.port, lambda address: print_stderr(invitation + address)) as (viewer, intake):
+    with live_viewer(watched.port, lambda address: print_stderr(invitation + address)) as (viewer, intake):
         with pressed_keys(echo=echo) as wait:
             if wait is not None:
                 print_stderr("space: pause, go on; n: one step; q: end")
             more: dict[str, Any] = {"memory": memory, "wait": wait or sleep}
-            yield lambda _, seed: live(viewer, intake, scenario, seed, level, view.speed, **more)
-        print_stderr("press Ctrl-C to end" if view.port else "close the viewer to end")
+            yield lambda _, seed: live(viewer, intake, scenario, seed, level, watched.speed, **more)
+        print_stderr("press Ctrl-C to end" if watched.port else "close the viewer to end")
         with suppress(KeyboardInterrupt):
             viewer.wait()
 
@@ -177,7 +167,7 @@ def _run_trial(
         setting_up = f"setting up a trial with a population of {scenario.population:,}"
         with word_if_slow(setting_up) if scenario.population >= LARGE else nullcontext():
             simulation = simulate(scenario, seed, interpret=interpret)
-        if watched.live is not None and isinstance(scenario, EmbodiedScenario):
+        if watched.live and isinstance(scenario, EmbodiedScenario):
             from epuck_sim.embodied.changes.replacement import ControllerFiles  # numba takes a while
             from epuck_sim.embodied.simulation import Simulation
 

@@ -44,10 +44,10 @@ def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on
     scale = SIDE_PX / (longer + 2 * margin)
     top, bottom = middle, middle + arena.height_cm
     walls = _corners([(0, top), (width, top), (width, bottom), (0, bottom)])
-    parts = [element("polygon", points=walls, fill="none", stroke="currentColor", stroke_width=_text(stroke))]
+    parts = [element("polygon", points=walls, fill="none", stroke="currentColor", stroke_width=stroke)]
     if not arena.floor.is_white:
-        place = dict(zip(("x", "y", "width", "height"), map(_text, (0, top, width, arena.height_cm)), strict=True))
-        box = f"0 0 {_text(width)} {_text(arena.height_cm)}"  # a picture in the picture shows nothing beyond it
+        box = f"0 0 {width:.5g} {arena.height_cm:.5g}"  # a picture in the picture shows nothing beyond it
+        place = {"x": 0, "y": top, "width": width, "height": arena.height_cm}
         parts.insert(0, element("svg", *_draw_floor(arena), viewBox=box, class_="floor", **place))
     for x, y, radius in arena.circles.tolist():
         parts.append(_circle(x, height - middle - y, radius, fill=OBSTACLE))
@@ -65,15 +65,15 @@ def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on
         font = max(SHARE_OF_NUMBERS * radius_cm, longer / SMALLEST_NUMBERS)
         parts.append(_draw_robot(label, (x, height - middle - y), heading, radius_cm, font, is_lit=is_lit))
     sides = width + 2 * margin, height + 2 * margin
-    size = dict(zip(("width", "height"), (round(scale * side) for side in sides), strict=True))
-    box = " ".join(map(_text, (-margin, -margin, *sides)))
+    box = " ".join(f"{each:.5g}" for each in (-margin, -margin, *sides))
+    size = {"width": round(scale * sides[0]), "height": round(scale * sides[1])}
     head = {"xmlns": "http://www.w3.org/2000/svg", "viewBox": box, **size}
     return element("svg", *parts, **head, role="img", aria_label="the arena from above")
 
 
 def _draw_floor(arena: Arena) -> Iterator[Element]:
     """Yield the picture or the brightness of a floor, and its patches, from the upper left corner on."""
-    floor, size = arena.floor, {"width": _text(arena.width_cm), "height": _text(arena.height_cm)}
+    floor, size = arena.floor, {"width": arena.width_cm, "height": arena.height_cm}
     if floor.picture.size:
         levels = floor_levels(replace(arena, floor=replace(floor, patches=floor.patches[:0])), SIDE_PX)
         yield element("image", href=_png_address(levels), preserveAspectRatio="none", **size)
@@ -110,9 +110,8 @@ def _draw_robot(
     x, y = place
     parts = [_circle(x, y, radius, fill=LIT if is_lit else DARK)]
     if not math.isnan(heading):
-        front = (x + radius * math.cos(heading), y - radius * math.sin(heading))
-        ends = dict(zip(("x1", "y1", "x2", "y2"), map(_text, (x, y, *front)), strict=True))
-        parts.append(element("line", stroke="white", stroke_width=_text(0.25 * radius), **ends))
+        front = {"x2": x + radius * math.cos(heading), "y2": y - radius * math.sin(heading)}
+        parts.append(element("line", stroke="white", stroke_width=0.25 * radius, x1=x, y1=y, **front))
     if label:
         parts.append(_write_number(label, place, radius, font))
     state = "lit" if is_lit else "dark"
@@ -121,21 +120,17 @@ def _draw_robot(
 
 def _write_number(label: str, place: tuple[float, float], radius: float, font: float) -> Element:
     """Return a number on its disc, or beside it where the disc has no room for it."""
-    style: dict[str, object] = {"font_family": "sans-serif", "font_size": _text(font), "dominant_baseline": "central"}
+    style: dict[str, object] = {"font_family": "sans-serif", "font_size": font, "dominant_baseline": "central"}
     x, y = place
     if font > SHARE_OF_NUMBERS * radius:
-        return element("text", label, x=_text(x + 1.2 * radius), y=_text(y), fill="currentColor", **style)
-    outline = {"stroke": "#1c2126", "stroke_width": _text(0.2 * radius), "paint_order": "stroke"}
-    return element("text", label, x=_text(x), y=_text(y), fill="white", text_anchor="middle", **outline, **style)
+        return element("text", label, x=x + 1.2 * radius, y=y, fill="currentColor", **style)
+    outline = {"stroke": "#1c2126", "stroke_width": 0.2 * radius, "paint_order": "stroke"}
+    return element("text", label, x=x, y=y, fill="white", text_anchor="middle", **outline, **style)
 
 
 def _circle(x: float, y: float, radius: float, **attributes: object) -> Element:
-    return element("circle", cx=_text(x), cy=_text(y), r=_text(radius), **attributes)
+    return element("circle", cx=x, cy=y, r=radius, **attributes)
 
 
 def _corners(points: Iterable[tuple[float, float]]) -> str:
-    return " ".join(f"{_text(x)},{_text(y)}" for x, y in points)
-
-
-def _text(number: float) -> str:
-    return f"{number:.5g}"
+    return " ".join(f"{x:.5g},{y:.5g}" for x, y in points)

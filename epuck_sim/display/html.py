@@ -12,10 +12,13 @@ Node = Element | str  # A part of a page: an element, or text
 def element(tag: str, *children: Node, **attributes: object) -> Element:
     """Return an element; in the names of attributes, _ stands for -, and a last _ keeps them apart from Python's words.
 
+    Values that are floats have five significant digits.
+
     >>> to_html(element("p", "1 < 2, ", element("b", "surely"), "!", class_="note"))
     '<p class="note">1 &lt; 2, <b>surely</b>!</p>'
     """
-    made = Element(tag, {name.rstrip("_").replace("_", "-"): str(value) for name, value in attributes.items()})
+    given = {name: f"{value:.5g}" if isinstance(value, float) else str(value) for name, value in attributes.items()}
+    made = Element(tag, {name.rstrip("_").replace("_", "-"): value for name, value in given.items()})
     for child in children:
         if isinstance(child, Element):
             made.append(child)
@@ -93,12 +96,9 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """What a page may load, and run: nothing, whatever names and messages of others stand in it."""
 
 
-SUFFIXES = (".html", ".htm")  # endings of a page's name
-
-
 def check_suffix(path: Path) -> None:
     """Raise EpuckSimError if a file's name is not that of a page."""
-    if path.suffix not in SUFFIXES:
+    if path.suffix not in (".html", ".htm"):
         raise EpuckSimError(f"{path}: unknown format {path.suffix!r}; allowed: .html")
 
 

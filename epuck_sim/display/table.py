@@ -104,10 +104,6 @@ class _Column(NamedTuple):
         """Width of the widest cell, and of the longest word of the heading."""
         return max(map(len, (*self.texts, *self.heading.split())))
 
-    @property
-    def is_text(self) -> bool:
-        return all(isinstance(cell, str) for cell in self.cells)
-
 
 def cell_text(cell: Any) -> str:
     """Return what people read in a cell.
@@ -261,7 +257,8 @@ def _lines(columns: Sequence[_Column]) -> list[str]:
     above = [[""] * (height - len(lines)) + lines for lines in headings]
     rule = ["-" * column.least for column in columns]
     rows = [*zip(*above, strict=True), rule, *zip(*(column.texts for column in columns), strict=True)]
-    align: list[Callable[[str, int], str]] = [str.ljust if column.is_text else str.rjust for column in columns]
+    are_texts = (all(isinstance(cell, str) for cell in column.cells) for column in columns)
+    align: list[Callable[[str, int], str]] = [str.ljust if is_text else str.rjust for is_text in are_texts]
     gap = " " * GAP
     return [
         gap.join(put(cell, column.least) for put, cell, column in zip(align, row, columns, strict=True)).rstrip()

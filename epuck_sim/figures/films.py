@@ -14,7 +14,6 @@ from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.display.table import csv_cell
-from epuck_sim.errors import FilmError
 from epuck_sim.figures.saving import Table, parse_target, save_figure
 from epuck_sim.figures.style import add_shared_legend, make_logarithmic
 from epuck_sim.overhead.compare import QuantityComparison
@@ -35,12 +34,8 @@ TRIALS, FILM = "0.6", "#d62728"
 def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None) -> list[Path]:
     """Draw the figure of a tracked film as FILE.png, with a snapshot if there is one, and its evaluations as FILE.csv.
 
-    Raises:
-        FilmError: The name does not end in .png.
-        EpuckSimError: One of the files cannot be written.
+    EpuckSimError is raised if one of the files cannot be written.
     """
-    if png.suffix != ".png":
-        raise FilmError(f"{png}: ends in {png.suffix!r}; allowed: .png, the figure; its table is written as .csv")
     rows = (
         [*map(csv_cell, (each.time_s, track.periods_at(each.time_s), each.rings, 1000 * each.spread_s))]
         for each in track.evaluations

@@ -6,10 +6,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from epuck_sim.scenario.axes import distinguishing_axes
-from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.measured import quantity
-
 SYMBOLS = {
     "speed_cm_s": ("V", "cm/s"),
     "arena.width_cm": ("L", "cm"),
@@ -48,11 +44,6 @@ OTHER_GROUP = re.compile(r"robots\.[1-9][0-9]*(\..*)?")
 """What keys of a group of robots beside the first begin with; such a group is always named."""
 
 NO_LABELS: Mapping[str, str] = MappingProxyType({})
-
-
-def quantity_label(of: str | None, unit: str = "", own: Mapping[str, str] = NO_LABELS) -> str:
-    """Return the label of T_sync, or of the measure of this name and unit: that in `own`, if there is any."""
-    return own.get(of or "T_sync") or quantity(of, unit)
 
 
 def statistic_label(names: Iterable[str], label: str) -> str:
@@ -124,13 +115,6 @@ def format_axis_values(
     return ", ".join(text if key == FOLDER else f"{key_name(key, keys, own)} = {text}" for key, text in texts.items())
 
 
-def distinguishing_labels(
-    rows: Sequence[Mapping[str, Any]], among: Collection[str] = (), own: Mapping[str, str] = NO_LABELS
-) -> list[str]:
-    """Return a label for each row of axis values, with the values that distinguish it from the others."""
-    return [format_axis_values(row, among, own) for row in short_files(distinguishing_axes(rows))]
-
-
 def short_files(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return rows of axis values with users' files by their names alone, where these tell them apart.
 
@@ -165,9 +149,3 @@ def axis_label(key: str, among: Collection[str] = (), own: Mapping[str, str] = N
     """
     unit, name = _symbol_and_unit(key)[1], key_name(key, among, own)
     return own.get(key) or (f"{name} ({unit})" if unit else name)
-
-
-def sweep_title(scenario: Scenario) -> str:
-    """Return a sweep's description, or its name where it has none."""
-    text = scenario.description or scenario.name
-    return text[:1].upper() + text[1:] if scenario.description else text

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from epuck_sim.display.table import csv_cell, csv_text
+from epuck_sim.display.table import Row, csv_cell, csv_text
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
@@ -95,9 +95,7 @@ def to_svg(figure: Figure, name: str) -> Element:
     """Return a figure as a part of a page; its ids begin with `name`, so that they are its own there."""
     drawn = io.StringIO()
     nothing: Any = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    with warnings.catch_warnings(), rc_context(EDITABLE):
-        warnings.filterwarnings("ignore", "Glyph .* missing")
-        figure.savefig(drawn, format="svg", metadata=nothing)
+    _render(figure, drawn, "svg", nothing)
     root = ElementTree.fromstring(drawn.getvalue())
     for defs in root.findall(f"{SVG}defs"):
         for style in defs.findall(f"{SVG}style"):  # would hold for the whole page
@@ -125,10 +123,13 @@ def check_files(stem: Path, endings: Iterable[str]) -> list[Path]:
 
 def _save_picture(figure: Figure, part: Path, ending: str, caption: str) -> None:
     key, date = METADATA[ending]
-    metadata: Any = {**({date: None} if date else {}), **({key: caption} if caption else {})}
+    _render(figure, part, ending[1:], {**({date: None} if date else {}), **({key: caption} if caption else {})})
+
+
+def _render(figure: Figure, target: Any, kind: str, metadata: Any) -> None:
     with warnings.catch_warnings(), rc_context(EDITABLE):
         warnings.filterwarnings("ignore", "Glyph .* missing")  # of a name in letters that the font lacks
-        figure.savefig(part, format=ending[1:], metadata=metadata)
+        figure.savefig(target, format=kind, metadata=metadata)
 
 
 def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any]]]]) -> Table:
@@ -138,3 +139,11 @@ def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any
         [*axes.values(), *map(csv_cell, row)] for axes, columns in every for row in zip(*columns.values(), strict=True)
     )
     return Table((*every[0][0], *every[0][1]), rows)
+
+
+def tabulate_rows(rows: Sequence[Row]) -> Table:
+    """Return a table of rows that all have the same cells."""
+    records = [row.record() for row in rows]
+    columns = (*rows[0].axes, *records[0])
+    cells = zip(rows, records, strict=True)
+    return Table(columns, ([*row.axes.values(), *map(csv_cell, record.values())] for row, record in cells))

@@ -4,6 +4,7 @@ import math
 import re
 import textwrap
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from matplotlib.axis import Axis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
-from matplotlib.ticker import Formatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
@@ -243,7 +244,7 @@ def make_logarithmic(axes: Axes, *names: str) -> None:
         axes.set(**{f"{name}scale": "log"})
         axis = axes.xaxis if name == "x" else axes.yaxis
         axis.set_major_locator(_LogLocator())
-        axis.set_major_formatter(_LogFormatter())
+        axis.set_major_formatter(partial(_label_tick, axis))
         axis.set_minor_formatter(NullFormatter())
 
 
@@ -297,11 +298,6 @@ class _LogLocator(LogLocator):
         return super().tick_values(vmin, vmax)
 
 
-class _LogFormatter(Formatter):
-    """Plain numbers, or powers of ten where a number of the panel is very small or large."""
-
-    axis: Axis  # matplotlib sets it
-
-    def __call__(self, x: float, pos: int | None = None) -> str:  # noqa: ARG002 - matplotlib's signature
-        """Return the label of a tick."""
-        return format_tick(x, plain=_has_plain_numbers(self.axis)) if x > 0 else ""
+def _label_tick(axis: Axis, number: float, _: int | None = None) -> str:
+    """Return a plain number, or a power of ten where a number of the panel is very small or large."""
+    return format_tick(number, plain=_has_plain_numbers(axis)) if number > 0 else ""

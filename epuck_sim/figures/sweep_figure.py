@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.figures.forms.form import Choices, Form
-from epuck_sim.figures.labels import FOLDER, sweep_title
+from epuck_sim.figures.labels import FOLDER
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.axes import check_labels
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.measured import measure_unit
+from epuck_sim.statistics.measured import check_units, measure_unit
 from epuck_sim.statistics.series import has_series
 from epuck_sim.util.messages import comma_list
 
@@ -123,24 +123,17 @@ def _read_folders(folders: Sequence[Path | str], of: str | None, names: Sequence
     names = names or (own if len(set(own)) == len(own) else [str(folder) for folder in folders])
     if not (all(names) and len(set(names)) == len(names) == len(folders) > 1):
         raise EpuckSimError(f"names are for several folders, one that differs for each; given: {comma_list([*names])}")
-    for folder, sweep in zip(folders, sweeps, strict=True):
-        _check_alike(folders[0], sweeps[0][0], folder, sweep[0])
+    firsts = [sweep[0] for sweep in sweeps]
+    kinds = [f"model {point.scenario.model} over {comma_list([*point.axes])}" for point in firsts]
+    for folder, kind in zip(folders, kinds, strict=True):
+        if kind != kinds[0]:
+            raise EpuckSimError(
+                f"{folder}: is of another scenario than {folders[0]}: {kind}, and not {kinds[0]}; one figure shows "
+                "folders of one scenario, or variants of it"
+            )
+    check_units(firsts)
     named = zip(names, sweeps, strict=True)
     return [point._replace(axes={FOLDER: name, **point.axes}) for name, sweep in named for point in sweep]
-
-
-def _check_alike(folder: Path | str, point: PointTrials, other_folder: Path | str, other: PointTrials) -> None:
-    """Raise EpuckSimError if two folders, of which these are points, do not go into one figure."""
-    of, unit, other_unit = point.of, measure_unit(point), measure_unit(other)
-    if point.scenario.model != other.scenario.model or [*point.axes] != [*other.axes]:
-        one, two = (f"model {each.scenario.model} over {comma_list([*each.axes])}" for each in (point, other))
-        raise EpuckSimError(
-            f"{other_folder}: is of another scenario than {folder}: {two}, and not {one}; one figure shows folders of "
-            "one scenario, or variants of it"
-        )
-    if unit != other_unit and None not in (unit, other_unit):
-        units = f"{other_unit or 'no unit'}, and in {folder} {unit or 'no unit'}"
-        raise EpuckSimError(f"{other_folder}: {of} is in {units}: they have no common scale")
 
 
 def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> str:
@@ -151,8 +144,9 @@ def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> s
         scenarios.setdefault(point.axes.get(FOLDER), point.scenario)
     lines = []
     for (name, scenario), place in zip(scenarios.items(), places, strict=True):
+        title = f"{scenario.description[:1].upper()}{scenario.description[1:]}" or scenario.name
         head = f"{name}: " if name else ""
-        lines.append(f"{head}{sweep_title(scenario)} (scenario {scenario.name}, seed {scenario.seed}{place}).")
+        lines.append(f"{head}{title} (scenario {scenario.name}, seed {scenario.seed}{place}).")
     return "\n".join(lines)
 
 

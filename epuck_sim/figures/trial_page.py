@@ -1,7 +1,7 @@
 """A recorded trial on one page: the arena with paths, flashes, phases, the order parameter, and how the trial ended."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from textwrap import shorten, wrap
 from typing import Any
 
@@ -135,20 +135,24 @@ def draw_arena(axes: Axes, recorded: Recorded, population: Population) -> None:
     axes.set_xlabel("x (cm)")
 
 
-def _paths(recorded: Recorded, population: Population, rows: slice) -> Iterator[FloatArray]:
-    """Yield the path of each robot or agent, (points, 3) s, cm, cm: time, x, y; NaN where it has a gap.
+def _robots(
+    recorded: Recorded, population: Population, rows: slice
+) -> Iterator[tuple[int, FloatArray, FloatArray, str]]:
+    """Yield of each robot or agent its number, path, (points, 3) s, cm, cm: time, x, y, colour and the ring's colour.
 
-    Robots, and agents in a cube, of whose headings only the horizontal part is known, are drawn from row to row.
+    Paths are NaN where they have gaps. Those of robots, and of agents in a cube, of whose headings only the horizontal
+    part is known, go from row to row.
     """
     scenario, time_s = recorded.scenario, recorded.time_s[rows]
-    for number in range(population.size):
+    for number, colour in enumerate(robot_colours(population)):
         positions, headings = recorded.positions[rows, number], recorded.headings[rows, number]
         if isinstance(scenario, ParticleScenario) and not population.is_cube:
             side_cm = scenario.space.side_cm
-            yield agent_path(time_s, positions, headings, side_cm, is_cyclic=population.is_cyclic)
+            path = agent_path(time_s, positions, headings, side_cm, is_cyclic=population.is_cyclic)
         else:
             path = np.column_stack([time_s, positions])
-            yield np.insert(path, _jumps(positions, population), np.nan, axis=0)
+            path = np.insert(path, _jumps(positions, population), np.nan, axis=0)
+        yield number, path, colour, RED if recorded.ring_on[rows, number][-1] else DARK
 
 
 def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: slice) -> None:
@@ -158,43 +162,33 @@ def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: sl
         axes.add_patch(Circle((x, y), radius, facecolor="0.85"))
     for corners in arena.polygons:
         axes.add_patch(Polygon(corners, facecolor="0.85"))
-    each = zip(robot_colours(population), _paths(recorded, population, rows), strict=True)
-    for number, (colour, path) in enumerate(each):
+    for number, path, colour, face in _robots(recorded, population, rows):
         axes.plot(path[:, 1], path[:, 2], color=colour, linewidth=0.8, alpha=0.6)
         x, y = recorded.positions[rows, number][-1]
         if math.isnan(x):  # the robot is not in the arena
             continue
         heading, radius_cm = recorded.headings[rows, number][-1], population.radii_cm[number]
-        face = RED if recorded.ring_on[rows, number][-1] else DARK
         axes.add_patch(Circle((x, y), radius_cm, facecolor=face, edgecolor=colour, linewidth=1.5, zorder=3))
         # a white line keeps colours apart that the colour-blind confuse
         axes.add_patch(Circle((x, y), INNER_SHARE * radius_cm, fill=False, edgecolor="white", linewidth=1, zorder=3.5))
-        front = (x + radius_cm * math.cos(heading), y + radius_cm * math.sin(heading))
-        axes.plot([x, front[0]], [y, front[1]], color="white", zorder=4)
-        if population.size < UNLABELLED:
-            _write_number(axes, number, (x, y), heading, population)
+        ahead_x, ahead_y = radius_cm * math.cos(heading), radius_cm * math.sin(heading)
+        axes.plot([x, x + ahead_x], [y, y + ahead_y], color="white", zorder=4)
+        if population.size < UNLABELLED:  # on its disc, behind its front, or beside it if that is small
+            span_cm = max(population.arena.width_cm, population.arena.height_cm)
+            behind = 0.45 if 2 * radius_cm >= LEGIBLE_SHARE * span_cm else 1.9
+            outline = [withStroke(linewidth=2, foreground="white")]
+            looks: dict[str, Any] = {"fontsize": 8, "zorder": 5, "path_effects": outline}
+            axes.text(x - behind * ahead_x, y - behind * ahead_y, str(number), ha="center", va="center", **looks)
     axes.set(aspect="equal", ylabel="y (cm)")
     axes.margins(0.02)
-
-
-def _write_number(axes: Axes, number: int, middle: tuple[float, float], heading: float, population: Population) -> None:
-    """Write the number of a robot or agent behind its front: on its disc, or beside it if that is small."""
-    span_cm = max(population.arena.width_cm, population.arena.height_cm)
-    radius_cm = population.radii_cm[number]
-    behind = (-0.45 if 2 * radius_cm >= LEGIBLE_SHARE * span_cm else -1.9) * radius_cm
-    place = middle[0] + behind * math.cos(heading), middle[1] + behind * math.sin(heading)
-    outline = [withStroke(linewidth=2, foreground="white")]
-    axes.text(*place, str(number), fontsize=8, ha="center", va="center", zorder=5, path_effects=outline)
 
 
 def _draw_segment(axes: Axes, recorded: Recorded, population: Population, rows: slice) -> None:
     """Draw a segment, which has no y, with time as the vertical axis of its paths."""
     for wall in (0, population.arena.width_cm):
         axes.axvline(wall, color="black", linewidth=1.5)
-    each = zip(robot_colours(population), _paths(recorded, population, rows), strict=True)
-    for number, (colour, path) in enumerate(each):
+    for number, path, colour, face in _robots(recorded, population, rows):
         axes.plot(path[:, 1], path[:, 0], color=colour, linewidth=0.8)
-        face = RED if recorded.ring_on[rows, number][-1] else DARK
         axes.plot(path[-1, 1], path[-1, 0], "o", color=face, markeredgecolor=colour, markersize=10)
         if population.size < UNLABELLED:
             axes.text(path[-1, 1], path[-1, 0], str(number), color="white", fontsize=6, ha="center", va="center")
@@ -222,38 +216,29 @@ def page_title(recorded: Recorded, *, has_oscillators: bool) -> str:
         outcome = f"{recorded.cycles} cycles"
     else:
         outcome = "not synchronised" if has_oscillators else "without oscillators"
-    changes = describe_changes(changed_values(recorded.scenario))
-    return "\n".join([f"{recorded.scenario.name}, seed {recorded.seed}: {outcome}", *wrap(changes, LINE_LENGTH)])
+    head = f"{recorded.scenario.name}, seed {recorded.seed}: {outcome}"
+    return "\n".join([head, *wrap(describe_changes(recorded.scenario), LINE_LENGTH)])
 
 
-def changed_values(scenario: Scenario) -> dict[str, Any]:
-    """Return the values, by dotted key, in which a scenario differs from the shipped one of its name.
+def describe_changes(scenario: Scenario) -> str:
+    """Return the values in which a scenario differs from the shipped one of its name, or from its model's defaults.
 
-    If none has its name, these are the values in which it differs from its model's defaults.
-
-    >>> changed_values(load_scenario("thesis", ["stop.max_cycles=7"]))
-    {'stop.max_cycles': 7}
+    >>> describe_changes(load_scenario("thesis", ["robots.0.parameters.speed_cm_s=3", "stop.max_cycles=7"]))
+    'with max cycles = 7, V = 3 cm/s'
     """
     name = scenario.name
     known = load_scenario(name if name in builtin_files(ARENAS) else {"model": scenario.model})
     irrelevant = WITHOUT_EFFECT | {"model", "seed", "sweep"}
     before, values = (dict(leaves(each.model_dump(mode="json", exclude=irrelevant))) for each in (known, scenario))
-    return {key: value for key, value in values.items() if key not in before or before[key] != value}
-
-
-def describe_changes(changes: Mapping[str, Any]) -> str:
-    """Return changed values as text, with symbols and units.
-
-    >>> describe_changes({"robots.0.parameters.speed_cm_s": 3.0, "stop.max_cycles": 7})
-    'with V = 3 cm/s, max cycles = 7'
-    """
-    if not changes:
-        return ""
-    values = {key: f"{value:g}" if isinstance(value, float) else value for key, value in changes.items()}
-    texts = [format_axis_values({key: value}, changes) for key, value in values.items()]
+    changes = {
+        key: f"{value:g}" if isinstance(value, float) else value
+        for key, value in values.items()
+        if key not in before or before[key] != value
+    }
+    texts = [format_axis_values({key: value}, changes) for key, value in changes.items()]
     shown = [shorten(text, len(text.partition(" = ")[0]) + MAX_VALUE, placeholder=" …") for text in texts[:MAX_CHANGES]]
-    rest = len(texts) - len(shown)
-    return "with " + ", ".join(shown) + (f", and {rest} more" if rest else "")
+    rest = [f"and {len(texts) - len(shown)} more"] * (len(texts) > len(shown))
+    return f"with {', '.join([*shown, *rest])}" if texts else ""
 
 
 TOLERANCE = 1e-4
@@ -311,23 +296,17 @@ def _detour(
 ) -> FloatArray:
     """Return (points, 3) what lies between two points, (3,) s, cm, cm, that no straight line joins."""
     gap = np.full(3, np.nan)
-    ahead_cm = _distance_to_wall(start[1:], direction, side_cm)
-    wall = _point_along(start, direction, ahead_cm, speed)
+    wall = _meet_wall(start, direction, speed, side_cm)
     if is_cyclic:  # the heading stays the same
-        behind_cm = _distance_to_wall(end[1:], -direction, side_cm)
-        return np.array([wall, gap, _point_along(end, direction, -behind_cm, speed)])
-    length_cm = ahead_cm + math.hypot(*(end[1:] - wall[1:]))
-    is_one_wall = abs(length_cm - speed * (end[0] - start[0])) <= TOLERANCE * side_cm
+        return np.array([wall, gap, _meet_wall(end, -direction, -speed, side_cm)])
+    rest_cm = math.hypot(*(end[1:] - wall[1:]))
+    is_one_wall = abs(rest_cm - speed * (end[0] - wall[0])) <= TOLERANCE * side_cm
     return wall[None] if is_one_wall else np.array([wall, gap])
 
 
-def _distance_to_wall(position: FloatArray, direction: FloatArray, side_cm: float) -> float:
-    """Return the distance in cm from a position, (2,) cm, to the next wall in a direction."""
+def _meet_wall(origin: FloatArray, direction: FloatArray, speed: float, side_cm: float) -> FloatArray:
+    """Return (3,) s, cm, cm: when and where an agent meets the next wall; a negative speed looks back in time."""
     moves = direction != 0
-    room = np.where(direction > 0, side_cm - position, position)[moves]
-    return max(0.0, float((room / np.abs(direction[moves])).min()))
-
-
-def _point_along(origin: FloatArray, direction: FloatArray, distance_cm: float, speed: float) -> FloatArray:
-    """Return (3,) s, cm, cm: when and where an agent that passes `origin` has gone on for a distance."""
-    return np.array([origin[0] + distance_cm / speed, *(origin[1:] + distance_cm * direction)])
+    room = np.where(direction > 0, side_cm - origin[1:], origin[1:])[moves]
+    way_cm = max(0.0, float((room / np.abs(direction[moves])).min()))
+    return np.array([origin[0] + way_cm / speed, *(origin[1:] + way_cm * direction)])

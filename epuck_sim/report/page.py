@@ -1,10 +1,9 @@
 """The page of a run folder as HTML: its sections, one after the other."""
 
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple
 
 from epuck_sim.display.html import Node, check_suffix, details, element, facts, in_words, make_document, table, to_html
 from epuck_sim.display.table import Row, Table
@@ -27,32 +26,6 @@ MOST_FAILURES = 100  # maximum number of failed trials that are listed
 MOST_VALUES = 12  # maximum number of values of an axis that are listed
 
 
-class Contents(NamedTuple):
-    """Everything on the page of a run folder."""
-
-    folder: str  # the folder, as it was given
-    scenario: str  # the scenario as the folder keeps it, YAML
-    changed: datetime  # when a result was last stored, UTC
-    status: Status
-    points: list[PointTrials]
-    quantities: Mapping[str, list[PointTrials]]  # T_sync, and measures of one value a trial, at all points
-    series: Mapping[str, list[PointTrials]]  # measures with a value for each cycle
-
-
-def read_contents(folder: Path | str) -> Contents:
-    """Read a run folder, also an unfinished one; raise StoreError if it is none, or its database is damaged."""
-    points = read_points(folder)
-    names = dict.fromkeys(section.name for point in points for section in point.scenario.measures)
-    measures = {name: read_points(folder, name) for name in names}
-    series = {name: found for name, found in measures.items() if any(map(has_series, found))}
-    quantities = {"T_sync": points} if all(point.has_t_sync for point in points) else {}
-    quantities |= {name: found for name, found in measures.items() if name not in series}
-    stored = Path(folder) / RUN_SCENARIO
-    text = stored.read_text(encoding="utf-8", errors="replace") if stored.is_file() else ""
-    changed = datetime.fromtimestamp(database_of(folder).stat().st_mtime, UTC)
-    return Contents(str(folder), text, changed, read_status(Path(folder)), points, quantities, series)
-
-
 def write_report(folder: Path | str, path: Path | str) -> None:
     """Write one HTML page about a run folder, complete in itself: it needs no network, and can be sent to others.
 
@@ -67,35 +40,63 @@ def write_report(folder: Path | str, path: Path | str) -> None:
     target = Path(path)
     check_suffix(target)
     check_target(target)
-    page = make_page(read_contents(folder))
+    page = make_page(folder)
     with atomic_write(target) as part:
         part.write_text(page, encoding="utf-8", errors="backslashreplace")
 
 
-def make_page(contents: Contents) -> str:
-    """Return the page; equal contents give an equal page."""
-    return make_document(f"{contents.status.scenario}: report", to_html(*_sections(contents)))
+def make_page(folder: Path | str) -> str:
+    """Return the page of a run folder, also of an unfinished one; equal folders give equal pages."""
+    status = read_status(Path(folder))
+    return make_document(f"{status.scenario}: report", to_html(*_sections(folder, status)))
 
 
-def _sections(contents: Contents) -> Iterator[Node]:
-    yield from _describe_run(contents)
-    for name, points in contents.quantities.items():
-        summaries = summarize(points)
-        yield element("h2", summaries.label, id=_anchor(name))
+def _sections(folder: Path | str, status: Status) -> Iterator[Node]:
+    points = read_points(folder)
+    names = dict.fromkeys(section.name for point in points for section in point.scenario.measures)
+    measures = {name: read_points(folder, name) for name in names}
+    series = {name: found for name, found in measures.items() if any(map(has_series, found))}
+    quantities = {"T_sync": points} if all(point.has_t_sync for point in points) else {}
+    quantities |= {name: found for name, found in measures.items() if name not in series}
+    yield element("h1", status.scenario)
+    if description := points[0].scenario.description:
+        yield element("p", description)
+    links = [(f"of-{name}", name) for name in (*quantities, *series)]
+    links += [("failed", "Failed trials")] * bool(status.failed) + [("again", "Run a trial again")]
+    yield element("nav", *(element("a", text, href=f"#{target}") for target, text in links))
+    yield element("h2", "What was run")
+    yield facts(_facts(folder, status, points))
+    if status.versions:
+        headings = ("trials", *(name.replace("_", "-") for name in PROVENANCE))
+        rows = [[str(row.trials), *row.made_by.values()] for row in status.versions]
+        yield element("h3", "Versions and hosts")
+        yield element("div", table(headings, rows, class_="left"), class_="scroll")
+    for name, found in quantities.items():
+        summaries = summarize(found)
+        yield element("h2", summaries.label, id=f"of-{name}")
         yield summaries.table().to_html()
         for form in FORMS:
-            yield from _draw(points, form, name)
-    if not contents.quantities:  # neither oscillators nor a measure of one value
-        rows = [Row(point.axes, {"point": point.number, "trials": len(point.times)}) for point in contents.points]
+            yield from _draw(found, form, name)
+    if not quantities:  # neither oscillators nor a measure of one value
         yield element("h2", "Points")
-        yield Table("", rows).to_html()
-    for name, points in contents.series.items():
-        yield element("h2", name, id=_anchor(name))
-        yield from _draw(points, "series", name)
-    yield from _list_failures(contents)
-    yield from _list_commands(contents)
+        cells = [{"point": point.number, "trials": len(point.times)} for point in points]
+        yield Table("", [Row(point.axes, each) for point, each in zip(points, cells, strict=True)]).to_html()
+    for name, found in series.items():
+        yield element("h2", name, id=f"of-{name}")
+        yield from _draw(found, "series", name)
+    yield from _list_failures(shlex.quote(str(folder)), status)
+    again = f"epuck-sim run {shlex.quote(str(folder))} --point K --trial J"
+    yield element("h2", "Run a trial again", id="again")
+    yield element(
+        "p",
+        "Trials repeat to the bit with the same versions. K is the number of a point, J that of a trial, from 0 to one "
+        "less than trials at a point.",
+    )
+    yield element("pre", "\n".join([again, f"{again} --record trial.rrd", "epuck-sim replay trial.rrd"]))
     yield element("h2", "Scenario")
-    yield details("The scenario with every default, as YAML", element("pre", contents.scenario))
+    stored = Path(folder) / RUN_SCENARIO
+    text = stored.read_text(encoding="utf-8", errors="replace") if stored.is_file() else ""
+    yield details("The scenario with every default, as YAML", element("pre", text))
 
 
 def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[Node]:
@@ -114,38 +115,15 @@ def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[N
     yield element("figure", picture, element("figcaption", form.caption.removeprefix(form.ran)))
 
 
-def _anchor(name: str) -> str:
-    """Return the id of the section of T_sync or a measure."""
-    return f"of-{name}"
-
-
-def _describe_run(contents: Contents) -> Iterator[Node]:
-    """Yield what was run: scenario, links to the sections, how far it is, by what it was made."""
-    status, first = contents.status, contents.points[0].scenario
-    yield element("h1", status.scenario)
-    if first.description:
-        yield element("p", first.description)
-    links = [(_anchor(name), name) for name in (*contents.quantities, *contents.series)]
-    links += [("failed", "Failed trials")] * bool(status.failed) + [("again", "Run a trial again")]
-    yield element("nav", *(element("a", text, href=f"#{target}") for target, text in links))
-    yield element("h2", "What was run")
-    yield facts(_facts(contents))
-    if status.versions:
-        headings = ("trials", *(name.replace("_", "-") for name in PROVENANCE))
-        rows = [[str(row.trials), *row.made_by.values()] for row in status.versions]
-        yield element("h3", "Versions and hosts")
-        yield element("div", table(headings, rows, class_="left"), class_="scroll")
-
-
-def _facts(contents: Contents) -> Iterator[tuple[str, Node]]:
-    status, points = contents.status, contents.points
-    yield "folder", contents.folder
+def _facts(folder: Path | str, status: Status, points: Sequence[PointTrials]) -> Iterator[tuple[str, Node]]:
+    """Yield what was run, how far it is, and by what it was made."""
+    yield "folder", str(folder)
     yield "model", points[0].scenario.model
     noun = "robots" if points[0].scenario.controllers else "agents"
     yield noun, _range(point.scenario.population for point in points)
     left = status.trials - status.stored - len(status.failed)
     trials = [f"{status.stored} of {status.trials} have a result"]
-    trials += [f"{status.censored} censored"] * ("T_sync" in contents.quantities)
+    trials += [f"{status.censored} censored"] * all(point.has_t_sync for point in points)
     trials += [f"{len(status.failed)} failed"] * bool(status.failed) + [f"{left} still to be run"] * bool(left)
     yield "trials", ", ".join(trials)
     yield "points", str(status.points)
@@ -156,11 +134,12 @@ def _facts(contents: Contents) -> Iterator[tuple[str, Node]]:
         yield label, ", ".join([*values[:MOST_VALUES], *more])
     yield "master seed", _range(point.scenario.seed for point in points)
     yield "computing time", in_words(status.wall_s)
-    yield "last result", f"{contents.changed:%Y-%m-%d %H:%M} UTC"
+    changed = datetime.fromtimestamp(database_of(folder).stat().st_mtime, UTC)
+    yield "last result", f"{changed:%Y-%m-%d %H:%M} UTC"
     if status.at_work:
         yield "at work", status.at_work
     if left:
-        yield "to go on", _code(f"run {shlex.quote(contents.folder)}/")
+        yield "to go on", _code(f"run {shlex.quote(str(folder))}/")
 
 
 def _range(numbers: Iterable[int]) -> str:
@@ -168,34 +147,20 @@ def _range(numbers: Iterable[int]) -> str:
     return str(found[0]) if len(found) == 1 else f"{found[0]} to {found[-1]}"
 
 
-def _list_failures(contents: Contents) -> Iterator[Node]:
+def _list_failures(folder: str, status: Status) -> Iterator[Node]:
     """Yield the failed trials with their messages, if there are any."""
-    failed = contents.status.failed
-    if not failed:
+    if not status.failed:
         return
-    folder, touched = shlex.quote(contents.folder), len({failure.point for failure in failed})
-    yield element("h2", f"Failed trials: {len(failed)}", id="failed")
-    yield element("p", f"At {touched} of {len(contents.points)} points; ", _code(f"run {folder}/"), " retries them.")
+    touched = len({failure.point for failure in status.failed})
+    yield element("h2", f"Failed trials: {len(status.failed)}", id="failed")
+    yield element("p", f"At {touched} of {status.points} points; ", _code(f"run {folder}/"), " retries them.")
     rows: list[list[Node]] = [
         [element("code", f"--point {each.point} --trial {each.trial}"), str(each.seed), each.error]
-        for each in failed[:MOST_FAILURES]
+        for each in status.failed[:MOST_FAILURES]
     ]
     yield element("div", table(("trial", "seed", "message"), rows, class_="left"), class_="scroll")
-    if len(failed) > MOST_FAILURES:
-        more = f"There are {len(failed) - MOST_FAILURES} more, which "
-        yield element("p", more, _code(f"status {folder} --json"), " lists.")
-
-
-def _list_commands(contents: Contents) -> Iterator[Node]:
-    """Yield the commands that run trials again."""
-    again = f"epuck-sim run {shlex.quote(contents.folder)} --point K --trial J"
-    yield element("h2", "Run a trial again", id="again")
-    yield element(
-        "p",
-        "Trials repeat to the bit with the same versions. K is the number of a point, J that of a trial, from 0 to one "
-        "less than trials at a point.",
-    )
-    yield element("pre", "\n".join([again, f"{again} --record trial.rrd", "epuck-sim replay trial.rrd"]))
+    if (more := len(status.failed) - MOST_FAILURES) > 0:
+        yield element("p", f"There are {more} more, which ", _code(f"status {folder} --json"), " lists.")
 
 
 def _code(command: str) -> Node:

@@ -23,7 +23,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate, significant
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, group_rows
-from epuck_sim.statistics.measured import Measured, measure, measure_unit, quantity, restrict
+from epuck_sim.statistics.measured import Measured, check_units, measure, measure_unit, quantity, restrict
 from epuck_sim.statistics.names import Statistic, statistic_name
 from epuck_sim.statistics.statistic import (
     estimate_mean,
@@ -265,10 +265,7 @@ class Comparison(NamedTuple):
 
 def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
     """Match the points of sweeps that have the same axis values, in the order in which these come."""
-    found = [measure_unit(points[0]) for points in folders]  # None where the measure's file is gone
-    units = dict.fromkeys(unit or "none" for unit in found if unit is not None)
-    if len(units) > 1:
-        raise EpuckSimError(f"the unit of {folders[0][0].of} differs: {comma_list([*units])}; give folders with one")
+    check_units([points[0] for points in folders])
     axes = [sorted(points[0].axes) for points in folders]
     if any(keys != axes[0] for keys in axes):
         raise EpuckSimError(

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.errors import MeasureError, StoreError
+from epuck_sim.errors import EpuckSimError, MeasureError, StoreError
 from epuck_sim.estimate import MIN_TRIALS, Estimate
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.util.messages import comma_list
@@ -82,6 +82,14 @@ def measure_unit(point: PointTrials) -> str | None:
         return sections[0].find().unit if sections else None
     except MeasureError:  # its file is gone
         return None
+
+
+def check_units(points: Sequence[PointTrials]) -> None:
+    """Raise EpuckSimError if a measure has several units at points of several folders; one whose file is gone fits."""
+    found = map(measure_unit, points)
+    units = dict.fromkeys(unit or "none" for unit in found if unit is not None)
+    if len(units) > 1:
+        raise EpuckSimError(f"the unit of {points[0].of} differs: {comma_list([*units])}; give folders with one")
 
 
 def measure_t_sync(point: PointTrials) -> Measured:

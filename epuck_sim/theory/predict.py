@@ -1,12 +1,12 @@
 """Predictions of a scenario's regimes, and the table of those of a sweep."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.display.table import Share, cell_text
+from epuck_sim.display.table import Row, Share, Table, cell_text
 from epuck_sim.errors import ScenarioError
 from epuck_sim.estimate import UNDETERMINED, Estimate
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
@@ -39,29 +39,53 @@ class Prediction(NamedTuple):
 
     scenario: str
     intermediate_regime: Verdict
-    v_m_cm_s: Estimate
-    """Speed at the minimum before the peak, NaN where the verdict is no."""
-    v_p_cm_s: Estimate
-    """Speed at the peak."""
-    t_sync: Estimate
-    """T_sync at the scenario's own speed, in cycles."""
-    t_sync_fast: Estimate
-    """T_sync of the fastest swarms, in cycles."""
-    t_sync_frozen: Estimate
-    """T_sync of swarms that stand and can synchronise, in cycles."""
-    frozen_share: Estimate
-    """Share of swarms that can synchronise though they stand."""
-    link_cm: float
-    """How far agents move until a link is gone."""
-    link_cycles: float
-    """The same in cycles, at the scenario's own speed."""
+    v_m_cm_s: Estimate  # speed at the minimum before the peak; NaN where the verdict is no
+    v_p_cm_s: Estimate  # speed at the peak
+    t_sync: Estimate  # T_sync at the scenario's own speed, in cycles
+    t_sync_fast: Estimate  # T_sync of the fastest swarms, in cycles
+    t_sync_frozen: Estimate  # T_sync of swarms that stand and can synchronise, in cycles
+    frozen_share: Estimate  # share of swarms that can synchronise though they stand
+    link_cm: float  # how far agents move until a link is gone
+    link_cycles: float  # the same in cycles, at the scenario's own speed
     graph: GraphMeasures
-    pair: Pair
-    """Two oscillators with this response curve."""
-    reason: str
-    """What decides, in a sentence."""
-    notes: tuple[str, ...]
-    """What the prediction leaves out."""
+    pair: Pair  # two oscillators with this response curve
+    reason: str  # what decides, in a sentence
+    notes: tuple[str, ...]  # what the prediction leaves out
+
+    @property
+    def cells(self) -> dict[str, Any]:
+        """What a table of several predictions has of each."""
+        return {
+            "regime": self.intermediate_regime.verdict,
+            "probability": Share(self.intermediate_regime.probability),
+            "v_m": self.v_m_cm_s,
+            "v_p": self.v_p_cm_s,
+            "t_sync": self.t_sync,
+            "t_fast": self.t_sync_fast,
+            "t_frozen": self.t_sync_frozen,
+            "frozen_share": Share(self.frozen_share.value),
+        }
+
+    def table(self) -> Table:
+        """Return a table with a quantity a line."""
+        rows: list[tuple[str, Any, str]] = [
+            ("intermediate regime", self.intermediate_regime.verdict, ""),
+            ("its probability", Share(self.intermediate_regime.probability), ""),
+            ("V_m, minimum of T_sync", self.v_m_cm_s, "cm/s"),
+            ("V_p, peak of T_sync", self.v_p_cm_s, "cm/s"),
+            ("T_sync at this speed", self.t_sync, "cycles"),
+            ("T_sync, fast limit", self.t_sync_fast, "cycles"),
+            ("T_sync, standing swarms", self.t_sync_frozen, "cycles"),
+            ("standing swarms that can", Share(self.frozen_share.value), ""),
+            ("link lasts", self.link_cm, "cm"),
+            ("link lasts", self.link_cycles, "cycles"),
+            ("links an agent", self.graph.links, ""),
+            ("reciprocal links", Share(self.graph.reciprocity.value), ""),
+            ("heard, hear nobody", Share(self.graph.sources.value), ""),
+            ("frustrated clusters", Share(self.graph.frustrated.value), "of snapshots"),
+        ]
+        made = [Row({}, {"quantity": name, "predicted": value, "unit": unit}) for name, value, unit in rows]
+        return Table(self.scenario, made, (self.reason, *self.notes))
 
 
 def predict(scenario: Scenario) -> Prediction:
@@ -88,6 +112,13 @@ def predict_points(scenario: Scenario) -> list[tuple[Point, Prediction]]:
             kept[key] = _predictor(point.scenario)
         found.append((point, kept[key](_speed_of(point.scenario))))
     return found
+
+
+def sweep_table(name: str, found: Sequence[tuple[Point, Prediction]]) -> Table:
+    """Return the predictions of a sweep of this name, a point a line."""
+    notes = dict.fromkeys(note for _, prediction in found for note in prediction.notes)
+    rows = [Row(point.axes, prediction.cells) for point, prediction in found]
+    return Table(name, rows, tuple(notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
 
 
 def _predictor(scenario: Scenario) -> Callable[[float], Prediction]:

@@ -37,19 +37,21 @@ def changed_links(scenario: Scenario, speeds_cm_s: Sequence[float], count: int) 
 
     Agents walk as the scenario says; robots drive straight ahead, and turn at walls as light does. NaN without links.
     """
-    changed, seeds = [], range(count)
-    poses = _poses(scenario, seeds) if isinstance(scenario, EmbodiedScenario) else np.zeros((0, 0, 3))
-    for speed in speeds_cm_s:
-        if isinstance(scenario, EmbodiedScenario):
-            moved = _moved(scenario, poses, speed * scenario.scales["tau"])
-            before, after = (_links_of_robots(scenario, each) for each in (poses, moved))
-        elif isinstance(scenario, ParticleScenario) and not isinstance(scenario.neighbourhood, RandomAgents):
-            before, after = _links_of_agents(scenario, speed, seeds, (0.0, scenario.clocks.period_s))
-        else:
-            before = after = np.zeros((1, 1, 1), np.bool_)
-        either = int((before | after).sum())
-        changed.append(int((before ^ after).sum()) / either if either else math.nan)
-    return np.array(changed)
+    seeds, tau_s = range(count), scenario.scales["tau"]
+    if isinstance(scenario, EmbodiedScenario):
+        poses = _poses(scenario, seeds)
+        begin = _links_of_robots(scenario, poses)
+        moved = (_moved(scenario, poses, speed * tau_s) for speed in speeds_cm_s)
+        found = [[begin, _links_of_robots(scenario, each)] for each in moved]
+    else:
+        assert isinstance(scenario, ParticleScenario)
+        found = [_links_of_agents(scenario, speed, seeds, (0.0, tau_s)) for speed in speeds_cm_s]
+    return np.array([_share_changed(before, after) for before, after in found])
+
+
+def _share_changed(before: BoolArray, after: BoolArray) -> float:
+    either = int((before | after).sum())
+    return int((before ^ after).sum()) / either if either else math.nan
 
 
 def _drawn(agents: int, k: int, count: int, seed: int) -> BoolArray:

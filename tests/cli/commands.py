@@ -26,6 +26,16 @@ def called(*arguments: str | Path, env: dict[str, str] | None = None) -> str:
     return result.stdout
 
 
+def read(*arguments: str | Path) -> Any:
+    """Return what a command that ends well prints with --json."""
+    return json.loads(called(*arguments, "--json"))
+
+
+def set_to(*settings: str) -> list[str]:
+    """Return the words that set keys, each given as KEY=VALUE."""
+    return [word for setting in settings for word in ("--set", setting)]
+
+
 def refused(*arguments: str | Path) -> str:
     """Return the line that a command ends with which prints nothing else."""
     result = call(*arguments)

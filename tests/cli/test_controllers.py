@@ -1,6 +1,5 @@
 """Controllers on the command line: what is said of errors in them, and which one runs."""
 
-import json
 import re
 
 import numpy as np
@@ -9,15 +8,12 @@ import pytest
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
-from tests.cli.commands import call, called, refused
+from tests.cli.commands import call, called, read, refused
 from tests.control.bench import with_step
 
+pytestmark = pytest.mark.usefixtures("here")
+
 SHORT = ["--set", "stop.max_time_s=1", "--json"]
-
-
-@pytest.fixture(autouse=True)
-def _here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 def scene(folder, **files):
@@ -115,20 +111,25 @@ def test_an_ending_is_looked_for_among_the_parameters_of_controllers_that_are_an
 # --- new ----------------------------------------------------------------------------------------------
 
 
+def same_either_way(scenario):
+    """Return a few steps of a swarm, which are the same compiled and interpreted."""
+    compiled, interpreted = (Simulation(scenario, 3, interpret=interpret).advance(100) for interpret in (False, True))
+    assert compiled.poses.tobytes() == interpreted.poses.tobytes()
+    return compiled
+
+
 def test_new_writes_a_controller_that_runs_as_it_stands(tmp_path):
     said = called("new", "controller", "wanderer")
     assert said == "wanderer.py: try it: epuck-sim run thesis --controller wanderer.py\n"
     assert (tmp_path / "wanderer.py").read_text().count("#") > 8
     scenario = load_scenario({"robots": [{"controller": "wanderer.py", "count": 5}]})
-    runs = [Simulation(scenario, 3, interpret=interpret).advance(100) for interpret in (False, True)]
-    assert runs[0].poses.tobytes() == runs[1].poses.tobytes()
-    assert np.isfinite(runs[0].phase_ms).all()
+    assert np.isfinite(same_either_way(scenario).phase_ms).all()
 
 
 def test_new_writes_a_scenario_that_runs_as_it_stands(tmp_path):
     assert called("new", "scenario", "pillar-80") == "pillar-80.yaml: try it: epuck-sim run pillar-80.yaml\n"
     text = (tmp_path / "pillar-80.yaml").read_text()
-    assert json.loads(called("run", "pillar-80.yaml", "--set", "stop.max_cycles=1", "--json"))["cycles"] == 1
+    assert read("run", "pillar-80.yaml", "--set", "stop.max_cycles=1")["cycles"] == 1
     swept = text.replace("# sweep:", "sweep:").replace("#   ", "  ")
     (tmp_path / "swept.yaml").write_text(swept)
     assert len(points(load_scenario("swept.yaml"))) == 6
@@ -138,7 +139,5 @@ def test_new_writes_a_sensor_and_a_robot_that_run_as_they_stand():
     assert called("new", "sensor", "eye").startswith("eye.py: try it: epuck-sim run thesis --set ")
     assert called("new", "robot", "cart") == "cart.yaml: try it: epuck-sim run thesis --set robot=cart.yaml\n"
     swarm = load_scenario("thesis", ["robot=cart.yaml", "robots.0.sensors=[eye.py]"])
-    runs = [Simulation(swarm, 3, interpret=interpret).advance(30) for interpret in (False, True)]
-    assert runs[0].poses.tobytes() == runs[1].poses.tobytes()
-    assert runs[0].readings["eye"].tolist() == [1.0] * 10
+    assert same_either_way(swarm).readings["eye"].tolist() == [1.0] * 10
     assert swarm.robot.radius_cm == 3

@@ -56,14 +56,6 @@ def test_whatever_a_controller_raises_is_named_with_its_line(tmp_path, line: str
     assert f"{tmp_path}/mine.py:15: {message}" in stderr
 
 
-@pytest.mark.parametrize("line", ["raise BaseException('mine')", "raise GeneratorExit", "raise Strange()"])
-def test_whatever_a_file_raises_when_it_is_loaded_is_named(tmp_path, line: str) -> None:
-    path = scene(tmp_path, "pass")
-    with (tmp_path / "mine.py").open("a") as file:
-        file.write(f"\n{line}\n")
-    assert f"{tmp_path}/mine.py:17: cannot be loaded: " in refused("check", path)
-
-
 @pytest.mark.parametrize("line", ["sys.stdout.close()", "sys.stdout = None"])
 def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path, line: str) -> None:
     command = [*COMMAND, "run", scene(tmp_path, line), "--interpret"]

@@ -46,7 +46,6 @@ def test_a_filmed_run_prints_the_same_and_writes_the_film(shelf, here) -> None:
     frames, description = frames_and_description("t.mp4")
     assert frames[0].picture.shape == (128, 160, 3)
     assert len(frames) == pytest.approx(15 * plain[0]["simulated_s"], abs=2)
-    assert description is not None
     assert (description["scenario"], description["seed"], description["robots"]) == ("three", plain[0]["seed"], 3)
 
 
@@ -57,7 +56,6 @@ def test_several_trials_are_filmed_recorded_and_traced_into_files_of_their_own(s
     assert rows[0]["seed"] != rows[1]["seed"]
     for trial, row in enumerate(rows):
         description, recorded = frames_and_description(f"t-{trial}.mp4")[1], read_recording(here / f"t-{trial}.rrd")
-        assert description is not None
         assert description["seed"] == recorded.seed == row["seed"]
         table = pq.read_table(f"t-{trial}.parquet")
         traced = np.column_stack([table["x_cm"], table["y_cm"]]).astype(np.float32)
@@ -87,8 +85,6 @@ def test_settings_change_the_camera_and_nothing_else(shelf) -> None:
     assert lit[0].picture.shape == (128, 200, 3)
     assert len(lit) == pytest.approx(len(dark) / 3, abs=1)
     assert lit[0].picture.mean() > 5 * dark[0].picture.mean()
-    assert described is not None
-    assert changed is not None
     assert changed["overhead"] == described["overhead"] | {"light": "lit", "width_px": 200, "frames_per_s": 5}
     assert {**changed, "overhead": 0} == {**described, "overhead": 0}
 

@@ -1,6 +1,5 @@
 """What the command tells of itself: help, completion, lists, and where it does not run."""
 
-import json
 import subprocess
 import sys
 
@@ -9,7 +8,7 @@ from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
 from epuck_sim.cli.listing import list_measures
-from tests.cli.commands import called
+from tests.cli.commands import called, read
 
 
 @pytest.mark.parametrize("words", [(), ("run",), ("new", "controller")])
@@ -45,12 +44,12 @@ def test_the_options_of_track_stand_in_groups() -> None:
 
 
 def test_lists_are_also_json() -> None:
-    listed = json.loads(called("list", "--json"))
+    listed = read("list")
     assert list(listed) == ["scenarios", "sweeps", "controllers", "robots"]
     sweeps = list(listed["sweeps"])
     assert sweeps.index("fig-5-9") < sweeps.index("fig-5-10")
     assert listed["scenarios"]["pair"].startswith("two e-pucks")
-    assert json.loads(called("list", "--measures", "--json")) == list_measures()
+    assert read("list", "--measures") == list_measures()
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from epuck_sim.cli import app as command
@@ -58,15 +59,14 @@ def running(scene: Path, *arguments: str) -> subprocess.Popen:
     return start([*COMMAND, "run", scene, *arguments], mark=scene.parent.name, **options)
 
 
-def cpu_s(pid: int) -> float:
-    """Return the processor time that a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+def end_of(process: subprocess.Popen) -> tuple[int, str]:
+    """Return the exit code of a process that would run for ever without a request, and what it says."""
+    _, stderr = process.communicate(timeout=300)
+    return process.returncode, stderr
 
 
 def wait_for_the_loop(process: subprocess.Popen) -> None:
     """Wait until the controller says that it is in its endless loop."""
-    assert process.stdout is not None
     assert process.stdout.readline() == "in the loop\n"
 
 
@@ -75,7 +75,6 @@ def test_a_compiled_controller_in_an_endless_loop_is_ended_and_leaves_nothing(sc
     before = sorted(path.name for path in scene.parent.iterdir())
     process = running(scene, "--trace=t.parquet")
     wait_for_the_loop(process)
-    assert process.stderr is not None
     for number, each in enumerate(request_):
         if number:
             said = process.stderr.readline()
@@ -93,8 +92,7 @@ def test_an_interpreted_controller_in_an_endless_loop_is_interrupted_by_one_ctrl
     process = running(scene, "--trace", "t.parquet", "--interpret")
     wait_for_the_loop(process)
     os.kill(process.pid, signal.SIGINT)
-    _, stderr = process.communicate(timeout=300)
-    assert (process.returncode, stderr) == (130, "interrupted\n")
+    assert end_of(process) == (130, "interrupted\n")
 
 
 IMPORTS = {
@@ -144,7 +142,6 @@ def importing(folder: Path, end: str) -> subprocess.Popen:
     """Start the command with a controller whose import does not end, and wait until it is there."""
     (folder / "endless.py").write_text(f"{ENDLESS}\nprint('importing', flush=True)\n{end}")
     process = start([*COMMAND, "run", "pair", "--controller", folder / "endless.py"], mark=folder.name)
-    assert process.stdout is not None
     assert process.stdout.readline() == "importing\n"
     time.sleep(0.2)
     return process
@@ -154,31 +151,24 @@ def importing(folder: Path, end: str) -> subprocess.Popen:
 def test_one_request_ends_an_import_that_never_does(tmp_path, end: str, request_) -> None:
     process = importing(tmp_path, end)
     os.kill(process.pid, request_)
-    _, stderr = process.communicate(timeout=300)
-    assert (process.returncode, stderr) == (130, "interrupted\n")
+    assert end_of(process) == (130, "interrupted\n")
 
 
 def test_the_third_request_in_a_row_ends_what_catches_every_one(tmp_path) -> None:
     process = importing(tmp_path, DEAF)
-    assert process.stdout is not None
     for _ in range(2):
         os.kill(process.pid, signal.SIGINT)
         assert process.stdout.readline() == "caught\n"
         time.sleep(0.2)  # until it sleeps again: what catches one request is not to be hit by the next
     os.kill(process.pid, signal.SIGINT)
-    _, stderr = process.communicate(timeout=300)
-    assert (process.returncode, stderr) == (130, "ended at the third request\n")
+    assert end_of(process) == (130, "ended at the third request\n")
 
 
 @pytest.mark.parametrize("request_", [signal.SIGTERM, signal.SIGKILL])
 def test_workers_in_an_endless_loop_end_with_the_command(scene, request_) -> None:
     process = running(scene, "--out", "run", "--trials", "4", "--workers", "2")
 
-    def at_work() -> bool:
-        others = [each for each in processes_marked(scene.parent.name) if each != process.pid]
-        return any(map(is_busy, others))
-
-    wait_until(at_work, 120)
+    wait_until(lambda: any(map(is_busy, {*processes_marked(scene.parent.name)} - {process.pid})), 120)
     os.kill(process.pid, request_)
     process.communicate(timeout=300)
     assert process.returncode == (-signal.SIGKILL if request_ == signal.SIGKILL else 130)
@@ -187,12 +177,9 @@ def test_workers_in_an_endless_loop_end_with_the_command(scene, request_) -> Non
 
 def is_busy(pid: int) -> bool:
     """Return whether a process computes all the time, as a loop does."""
-    try:
-        before = cpu_s(pid)
-        time.sleep(0.5)
-        return cpu_s(pid) > before + 0.1
-    except OSError:
-        return False
+    with suppress(psutil.NoSuchProcess):
+        return psutil.Process(pid).cpu_percent(0.5) > 20
+    return False
 
 
 DROPPED = """
@@ -215,7 +202,6 @@ with exit_on_error():
 
 def test_a_request_in_a_destructor_is_not_lost() -> None:
     process = start([sys.executable, "-c", DROPPED])
-    assert process.stdout is not None
     assert process.stdout.readline() == "in a destructor\n"
     process.send_signal(signal.SIGTERM)
     _, stderr = process.communicate(timeout=300)

@@ -1,11 +1,9 @@
 """Measures on the command line: `run --measure`, `list --measures` and `new measure`."""
 
-import json
-
 import pytest
 
 from epuck_sim.measures.loader import SHIPPED, find_measure
-from tests.cli.commands import call, called, refused
+from tests.cli.commands import call, called, read, refused
 from tests.measures.files import COUNTER, write
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
@@ -14,15 +12,14 @@ SHORT = ["--set", "stop.max_cycles=3"]
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write(tmp_path / "mine.py", COUNTER)
+def _mine(here):
+    write(here / "mine.py", COUNTER)
 
 
 @pytest.mark.parametrize("scenario", ["thesis", "particles"])
 def test_run_prints_measures_as_json_and_as_columns(scenario):
     command = ["run", scenario, *SHORT, "--measure", "order_parameter", "--measure", "mine.py:Counter"]
-    trial = json.loads(called(*command, "--json"))
+    trial = read(*command)
     assert list(trial["measures"]) == ["order_parameter", "Counter"]
     assert trial["measures"]["Counter"] == 3.0
     assert len(trial["measures"]["order_parameter"]) == trial["cycles"] == 3
@@ -56,7 +53,7 @@ def test_new_writes_a_measure_that_runs_as_it_stands(scenario, tmp_path):
         called("new", "measure", "wandering") == "wandering.py: try it: epuck-sim run thesis --measure wandering.py\n"
     )
     assert (tmp_path / "wandering.py").read_text().count("#") > 5
-    trial = json.loads(called("run", scenario, *SHORT, "--measure", "wandering.py", "--json"))
+    trial = read("run", scenario, *SHORT, "--measure", "wandering.py")
     assert trial["measures"]["wandering"] > 0
     assert call("new").exit_code == 2
 
@@ -67,9 +64,9 @@ def test_new_writes_a_measure_that_runs_as_it_stands(scenario, tmp_path):
 def test_summarize_takes_a_measure_of_the_folder():
     command = ["run", "particles", *SHORT, "--trials", "3", "--workers", "1", "--out", "run"]
     call(*command, "--measure", "mine.py", "--measure", "order_parameter")
-    (point,) = json.loads(called("summarize", "run", "--of", "Counter", "--json"))
+    (point,) = read("summarize", "run", "--of", "Counter")
     assert (point["trials"], point["mean"], point["weibull_mean"]) == (3, 3.0, None)
     assert "run: Counter, with 95 % intervals" in called("summarize", "run", "--of", "Counter")
     assert "order_parameter" in called("summarize", "run", "--of", "order_parameter")
     assert called("summarize", "run") == called("summarize", "run", "--of", "T_sync")
-    assert [point["trials"] for point in json.loads(called("summarize", "run", "--json"))] == [3]
+    assert [point["trials"] for point in read("summarize", "run")] == [3]

@@ -1,6 +1,5 @@
 """Point agents on the command line: what it prints of a trial, and how a long one ends."""
 
-import json
 import signal
 import sys
 from pathlib import Path
@@ -11,7 +10,7 @@ from epuck_sim.cli import progress
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
-from tests.cli.commands import call, called, cells, trials
+from tests.cli.commands import call, called, cells, read, set_to, trials
 from tests.processes import start, wait_until
 
 
@@ -31,10 +30,10 @@ def test_a_trial_in_which_the_reference_never_fires_has_no_order_parameter() -> 
     ]
     scenario = load_scenario("particles", settings)
     seed = next(seed for seed in range(500) if run_trial(ParticleSimulation(scenario, seed)).order_parameter is None)
-    options = ["--seed", seed, *(word for setting in settings for word in ("--set", setting))]
-    row = json.loads(called("run", "particles", *options, "--json"))
+    command = ["run", "particles", "--seed", seed, *set_to(*settings)]
+    row = read(*command)
     assert (row["order_parameter"], row["cycles"], row["censored"]) == (None, 0, True)
-    ((_, t_sync, censored, order, *_),) = cells(called("run", "particles", *options))
+    ((_, t_sync, censored, order, *_),) = cells(called(*command))
     assert (t_sync, censored, order) == ("-", "yes, at 0", "-")
 
 
@@ -58,8 +57,7 @@ runpy.run_module("epuck_sim", run_name="__main__")
 
 @pytest.mark.parametrize(("speed", "signalled"), [(2, signal.SIGINT), (0, signal.SIGTERM)])
 def test_ctrl_c_ends_a_long_trial_soon(tmp_path, speed: int, signalled: signal.Signals) -> None:
-    settings = [f"agents.speed_cm_s={speed}", "response.coupling=0", "stop.max_cycles=1000000000"]
-    options = [word for setting in settings for word in ("--set", setting)]
+    options = set_to(f"agents.speed_cm_s={speed}", "response.coupling=0", "stop.max_cycles=1000000000")
     errors = tmp_path / "stderr"
     with errors.open("w") as stderr:
         path = {"PYTHONPATH": str(Path(progress.__file__).parents[2])}

@@ -1,19 +1,20 @@
 """The command line of recordings: trials recorded, recorded again, shown and drawn, and how mistakes end."""
 
 import os
+import re
 import shutil
 import signal
 import socket
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from epuck_sim.cli.trials import LiveView
 from epuck_sim.embodied.changes import replacement
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
@@ -42,11 +43,11 @@ sweep: {grid: {robots.0.parameters.speed_cm_s: [1, 4, 8]}}
 """
 
 ADDRESS = "http://127.0.0.1"
-UNSEEN = "give --web to look in a browser"
 
 
-def check_same(recorded: Recorded, scenario: Scenario, seed: int) -> None:
-    """Simulate a trial and compare each step with what was recorded, bit for bit."""
+def check_same(path: Path, scenario: Scenario, seed: int) -> Recorded:
+    """Simulate a trial, compare each step with what was recorded into a file, bit for bit, and return that."""
+    recorded = read_recording(path)
     rows: list[tuple[Any, ...]] = []
     result = run_trial(
         Simulation(scenario, seed),
@@ -60,6 +61,13 @@ def check_same(recorded: Recorded, scenario: Scenario, seed: int) -> None:
     np.testing.assert_array_equal(recorded.positions, positions.astype(np.float32))
     np.testing.assert_array_equal(recorded.ring_on, ring_on)
     np.testing.assert_array_equal(recorded.phase_ms, phase_ms)
+    return recorded
+
+
+def check_is(path: Path, swept: Path, point: int, trial: int) -> Recorded:
+    """Compare a recording with that trial of a sweep."""
+    chosen = points(load_scenario(swept))[point]
+    return check_same(path, chosen.scenario, chosen.seed(trial))
 
 
 @pytest.fixture(scope="module")
@@ -104,31 +112,6 @@ def views(monkeypatch) -> Views:
     return found
 
 
-@pytest.fixture
-def no_display(monkeypatch) -> None:
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(sys, "platform", "linux")
-
-
-@pytest.fixture
-def nothing_runs(monkeypatch) -> None:
-    """Have no trial simulated."""
-
-    def forbidden(*_: Any, **__: Any) -> None:
-        pytest.fail("a trial was simulated")
-
-    monkeypatch.setattr("epuck_sim.cli.trials.simulate", forbidden)
-
-
-@pytest.fixture
-def busy_port() -> Iterator[int]:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        yield taken.getsockname()[1]
-
-
 # run --record
 
 
@@ -136,7 +119,7 @@ def test_a_recorded_run_prints_the_same_and_writes_the_file(tmp_path) -> None:
     plain = called("run", "thesis", "--json")
     assert trials(called("run", "thesis", "--json", "--record", tmp_path / "t.rrd")) == trials(plain)
     assert [path.name for path in tmp_path.iterdir()] == ["t.rrd"]
-    check_same(read_recording(tmp_path / "t.rrd"), load_scenario("thesis"), 0)
+    check_same(tmp_path / "t.rrd", load_scenario("thesis"), 0)
 
 
 @pytest.mark.parametrize("level", Level)
@@ -150,11 +133,9 @@ def test_the_level_says_how_much_is_recorded_and_any_is_shown(tmp_path, views, l
 
 
 def test_a_trial_of_a_sweep_can_be_recorded_by_run(swept, tmp_path) -> None:
-    chosen = points(load_scenario(swept))[2]
-    rows = trials(called("run", swept, "--point", "2", "--trial", "1", "--json", "--record", tmp_path / "t.rrd"))
-    assert [row["seed"] for row in rows] == [chosen.seed(1)]
+    (row,) = trials(called("run", swept, "--point", "2", "--trial", "1", "--json", "--record", tmp_path / "t.rrd"))
     assert [path.name for path in tmp_path.iterdir()] == ["t.rrd"]
-    check_same(read_recording(tmp_path / "t.rrd"), chosen.scenario, chosen.seed(1))
+    assert check_is(tmp_path / "t.rrd", swept, 2, 1).seed == row["seed"]
 
 
 # replay of a run folder
@@ -166,12 +147,10 @@ def test_trials_of_a_run_folder_are_simulated_again_bit_for_bit_and_shown(swept,
         name = f"run-point-{point}-trial-{trial}.rrd"
         assert called("replay", swept, "--point", point, "--trial", trial).splitlines()[-1] == name
         assert views.shown.pop() == Path(name)
-        recorded = read_recording(here / name)
+        recorded = check_is(here / name, swept, point, trial)
         outcomes.add(read_outcome(swept, point, trial))
         assert read_outcome(swept, point, trial) == (recorded.cycles, not recorded.synchronised)
         assert recorded.level is Level.FULL
-        chosen = points(load_scenario(swept))[point]
-        check_same(recorded, chosen.scenario, chosen.seed(trial))
     assert {censored for _, censored in outcomes} == {True, False}
     assert len(outcomes) == len(list(here.iterdir())) == 3
     assert contents(swept) == before
@@ -182,7 +161,7 @@ def test_it_is_recorded_to_the_file_that_is_given(swept, here, views) -> None:
     words = ["replay", swept, "--point", "0", "--trial", "1", "--record", target, "--web", "--port", "1234"]
     assert call(*words).stdout.splitlines()[-2:] == [str(target), f"{ADDRESS}:1234"]
     assert list(here.iterdir()) == [target]
-    assert read_recording(target).seed == points(load_scenario(swept))[0].seed(1)
+    check_is(target, swept, 0, 1)
     assert views.served == [(target, 1234)]
 
 
@@ -207,21 +186,20 @@ def test_an_interpreted_trial_of_a_run_folder_is_the_same_one(swept, tmp_path, v
     monkeypatch.setattr("epuck_sim.cli.trials.simulate", simulate)
     words = ["replay", swept, "--point", "1", "--trial", "1", "--record", tmp_path / "t.rrd"]
     called(*words, "--interpret")
-    chosen = points(load_scenario(swept))[1]
-    check_same(read_recording(tmp_path / "t.rrd"), chosen.scenario, chosen.seed(1))
+    check_is(tmp_path / "t.rrd", swept, 1, 1)
     called(*words)
     assert asked == [True, False]
     assert len(views.shown) == 2
 
 
-@pytest.mark.usefixtures("no_display")
-def test_where_nothing_can_be_shown_the_trial_is_recorded_all_the_same(swept, here) -> None:
+def test_where_nothing_can_be_shown_the_trial_is_recorded_all_the_same(swept, here, monkeypatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
     result = call("replay", swept, "--point", "2", "--trial", "1")
-    assert result.exit_code == 0
-    assert result.stdout.splitlines()[-1] == "run-point-2-trial-1.rrd"
-    assert "there is no display here" in result.stderr
-    assert UNSEEN in result.stderr
-    assert read_recording(here / "run-point-2-trial-1.rrd").seed == points(load_scenario(swept))[2].seed(1)
+    assert (result.exit_code, result.stdout.splitlines()[-1]) == (0, "run-point-2-trial-1.rrd")
+    assert re.search("there is no display here.*give --web to look in a browser", result.stderr, re.DOTALL)
+    check_is(here / "run-point-2-trial-1.rrd", swept, 2, 1)
 
 
 @pytest.mark.parametrize(
@@ -268,121 +246,122 @@ def test_a_screenshot_is_drawn_of_the_end_or_the_moment_that_is_given_up_to_the_
 # run --live
 
 
-class Window:
-    """Stands for a viewer."""
+class Live(NamedTuple):
+    """What `--live` asks the viewer for."""
 
-    waited = 0
+    opened: list[int | None]  # port of each viewer
+    shown: list[tuple[Any, ...]]  # scenario, seed, level and speed of each trial
+    waited: list[None]  # for each viewer that the user closed
+    more: dict[str, Any]
 
-    def wait(self) -> None:
-        self.waited += 1
+
+@pytest.fixture
+def windows(monkeypatch) -> Callable[..., Live]:
+    """Return what has observers look at each trial that is shown, without a viewer."""
+
+    def show_in(look: Callable[[Step, Any], None]) -> Live:
+        found = Live([], [], [], {})
+        window = SimpleNamespace(wait=lambda: found.waited.append(None))
+
+        @contextmanager
+        def live_viewer(port: int | None, tell: Callable[[str], None]) -> Iterator[tuple[Any, int]]:
+            found.opened.append(port)
+            tell("the address")
+            yield window, 77
+
+        @contextmanager
+        def show(viewer: Any, intake: int, *given: Any, **more: Any) -> Iterator[Any]:
+            assert (viewer, intake) == (window, 77)
+            found.shown.append(given)
+            found.more.update(more)
+            yield look
+
+        monkeypatch.setattr(live, "live_viewer", live_viewer)
+        monkeypatch.setattr(live, "live", show)
+        return found
+
+    return show_in
 
 
 @pytest.mark.parametrize(
-    ("arguments", "showing", "level"),
+    ("arguments", "speed", "port", "level"),
     [
-        ([], LiveView(1.0, None), Level.FULL),
-        (["--web", "--record-level", "poses"], LiveView(1.0, 9090), Level.POSES),
-        (["--speed", "0.5", "--web", "--port", "1234"], LiveView(0.5, 1234), Level.FULL),
+        ([], 1, None, Level.FULL),
+        (["--web", "--record-level", "poses"], 1, 9090, Level.POSES),
+        (["--speed", "0.5", "--web", "--port", "1234"], 0.5, 1234, Level.FULL),
     ],
 )
-def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
-    monkeypatch, arguments: list[str], showing: LiveView, level: Level
-) -> None:
-    opened, shown, steps = [], [], []
-    window = Window()
-
-    @contextmanager
-    def live_viewer(port: int | None, tell) -> Iterator[tuple[Window, int]]:
-        opened.append(port)
-        tell("the address")
-        yield window, 77
-
-    @contextmanager
-    def show_live(*given: Any, memory: tuple[str, ...], wait: Any) -> Iterator[Any]:
-        assert (memory, wait) == ((), sleep)  # stdin is no terminal
-        shown.append(given)
-        yield lambda step, _: steps.append(step.number)
-
-    monkeypatch.setattr(live, "live_viewer", live_viewer)
-    monkeypatch.setattr(live, "live", show_live)
+def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(windows, arguments, speed, port, level) -> None:
+    steps: list[int] = []
+    found = windows(lambda step, _: steps.append(step.number))
     result = call("run", "pair", "--trials", "2", "--json", "--live", *arguments)
     assert result.exit_code == 0
     assert "the address\n" in result.stderr
     assert result.stderr.rstrip().endswith("to end")
     rows = trials(result.stdout)
     assert rows == trials(called("run", "pair", "--trials", "2", "--json"))
-    assert opened == [showing.port]
-    assert [(*each[:2], *each[3:]) for each in shown] == [
-        (window, 77, row["seed"], level, showing.speed) for row in rows
-    ]
+    assert found.opened == [port]
+    assert [given[1:] for given in found.shown] == [(row["seed"], level, speed) for row in rows]
+    assert found.more == {"memory": (), "wait": sleep}  # stdin is no terminal
     assert steps == [*range(rows[0]["steps"]), *range(rows[1]["steps"])]
-    assert window.waited == 1
+    assert len(found.waited) == 1
 
 
 BLINKER = with_step("memory.steps += 1; actuators.ring_on = 0", MEMORY='{"steps": int}')
 
 
-def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_then_on(monkeypatch, tmp_path) -> None:
-    monkeypatch.chdir(tmp_path)
-    file, rings, given = Path("blinker.py"), [], {}
+@pytest.mark.usefixtures("here")
+def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_then_on(monkeypatch, windows) -> None:
+    file, rings = Path("blinker.py"), []
     file.write_text(BLINKER)
 
-    @contextmanager
-    def show_live(*_: Any, **more: Any) -> Iterator[Any]:
-        given.update(more)
+    def look(step: Step, _: Any) -> None:
+        rings.append(int(step.ring_on.sum()))
+        if step.number in (10, 20):
+            file.write_text(BLINKER.replace("ring_on = 0", "ring_on = 1" if step.number == 10 else "ring ="))
+            os.utime(file, ns=(0, step.number))
 
-        def look(step: Step, _: Any) -> None:
-            rings.append(int(step.ring_on.sum()))
-            if step.number in (10, 20):
-                file.write_text(BLINKER.replace("ring_on = 0", "ring_on = 1" if step.number == 10 else "ring ="))
-                os.utime(file, ns=(0, step.number))
-
-        yield look
-
-    @contextmanager
-    def live_viewer(*_: Any) -> Iterator[tuple[Window, int]]:
-        yield Window(), 77
-
+    found = windows(look)
     monkeypatch.setattr(replacement, "LOOK_S", 0)
-    monkeypatch.setattr(live, "live_viewer", live_viewer)
-    monkeypatch.setattr(live, "live", show_live)
     options = ("--set", "stop.max_time_s=4", "--memory", "steps", "--interpret")
     result = call("run", "pair", "--controller", "blinker.py", "--live", *options)
     assert result.exit_code == 0, result.stderr
     assert rings == [0] * 11 + [2] * 29
     assert "blinker.py: robots go on with the new one from step 11; memory is kept\n" in result.stderr
     assert "blinker.py:9: cannot be loaded: SyntaxError" in result.stderr
-    assert given["memory"] == ("steps",)
+    assert found.more["memory"] == ("steps",)
 
 
 # Mistakes
 
 
-@pytest.mark.usefixtures("nothing_runs")
 @pytest.mark.parametrize(
     "arguments",
     ["run pair --live", "run pair --record t.rrd --live", "replay PAIR", "replay RUN --point 0 --trial 0"],
 )
-def test_a_port_in_use_is_refused(pair, swept, here, busy_port, arguments: str) -> None:
-    files = {"PAIR": str(pair), "RUN": str(swept)}
-    given = [files.get(word, word) for word in arguments.split()]
-    message = refused(*given, "--web", "--port", str(busy_port))
-    assert f"port {busy_port} cannot be used" in message
+def test_a_port_in_use_is_refused_before_a_trial_runs(pair, swept, here, monkeypatch, arguments: str) -> None:
+    monkeypatch.setattr("epuck_sim.cli.trials.simulate", lambda *_, **__: pytest.fail("a trial was simulated"))
+    given = [{"PAIR": str(pair), "RUN": str(swept)}.get(word, word) for word in arguments.split()]
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert f"port {port} cannot be used" in refused(*given, "--web", "--port", port)
     assert list(here.iterdir()) == []
 
 
 # Processes
 
 
-def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path) -> None:
+def test_ctrl_c_keeps_whole_files_of_trials_that_have_ended_and_leaves_nothing_half_written(tmp_path) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 500}")
-    process = start([*COMMAND, "run", scene, "--trials", "60", "--record", tmp_path / "t.rrd"])
+    files = ["--record", tmp_path / "t.rrd", "--trace", tmp_path / "t.parquet"]
+    process = start([*COMMAND, "run", scene, "--trials", "60", *files])
     wait_until(lambda: any(tmp_path.glob("t-1.rrd*part/data.rrd")) or process.poll() is not None, 120)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: rerun's programs hear it, too
     stdout, stderr = process.communicate(timeout=300)
     assert (process.returncode, stderr) == (130, "interrupted\n")
     finished = len(cells(stdout))
     assert finished >= 1
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.yaml", *(f"t-{n}.rrd" for n in range(finished))]
+    kept = [f"t-{n}.{ending}" for n in range(finished) for ending in ("rrd", "parquet")]
+    assert {path.name for path in tmp_path.iterdir()} == {"scene.yaml", *kept}
     assert len(read_recording(tmp_path / "t-0.rrd").time_s) == 5_000

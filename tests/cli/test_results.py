@@ -1,22 +1,17 @@
 """The commands that read run folders: what they print and write, and how they end where something is wrong."""
 
-import json
 import shutil
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 from matplotlib import image
-from matplotlib.figure import Figure
 
 from epuck_sim.estimate import Estimate, significant
 from epuck_sim.runs.folder import DATABASE
-from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
-from epuck_sim.statistics.curves import read_curves
-from tests.cli.commands import call, called, cells, contents
-from tests.figures.drawn import note_figures
+from tests.cli.commands import call, called, cells, contents, read
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -25,6 +20,7 @@ from tests.runs.made_folders import (
     SPEEDS,
     bumpy,
     bumpy_mean,
+    censored,
     ended,
     rows,
     six_digits,
@@ -117,22 +113,8 @@ def test_plot_writes_the_figure_into_the_folder_and_names_its_files(small) -> No
     assert image.imread(small / "T_sync.png").std() > 0.05
 
 
-def test_plot_s_numbers_are_those_of_the_results(made, plotted) -> None:
-    curves = read_curves(read_points(made), SPEED)
-    expected = [
-        [str(curve.axes[COUPLING]), *map(six_digits, row[:3]), row[3], *map(six_digits, row[4:])]
-        for curve in curves
-        for row in zip(
-            curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T, strict=True
-        )
-    ]
-    assert [[*row.values()] for row in rows(plotted.with_suffix(".csv"))] == expected
-    assert [len(curve.x) for curve in curves] == [len(MANY_SPEEDS) - 1, len(MANY_SPEEDS)]
-
-
 def test_plot_and_fit_find_the_same_regimes(made, plotted) -> None:
-    fitted = json.loads(called("fit", made, "--json"))["curves"]
-    for row, curve in zip(rows(plotted.with_name("fig-regimes.csv")), fitted, strict=True):
+    for row, curve in zip(rows(plotted.with_name("fig-regimes.csv")), read("fit", made)["curves"], strict=True):
         assert row[COUPLING] == str(curve["axes"][COUPLING])
         for name in ("v_m", "t_m", "v_p", "t_p"):
             estimate = [six_digits(curve[name][end]) for end in ("value", "low", "high")]
@@ -142,17 +124,11 @@ def test_plot_and_fit_find_the_same_regimes(made, plotted) -> None:
 # The forms
 
 
-@pytest.fixture
-def shown(monkeypatch) -> list[Figure]:
-    """Return the list of figures that `plot` saves; nothing is rendered."""
-    return note_figures(monkeypatch)
-
-
-def test_options_of_the_figure_are_those_of_the_section(small_one, shown, tmp_path) -> None:
+def test_options_of_the_figure_are_those_of_the_section(small_one, figures_noted, tmp_path) -> None:
     words = ["--title", "mine", "--label", f"{SPEED}=speed = V", "--linear", "--points", "--font-pt", 9]
     assert call("plot", small_one, *words, "--to", tmp_path / "fig").exit_code == 0
-    (panel,) = shown[0].axes
-    assert (shown[0].get_suptitle(), panel.get_xlabel(), panel.get_yscale()) == ("mine", "speed = V", "linear")
+    (panel,) = figures_noted[0].axes
+    assert (figures_noted[0].get_suptitle(), panel.get_xlabel(), panel.get_yscale()) == ("mine", "speed = V", "linear")
     assert panel.xaxis.label.get_fontsize() == 9
     assert "a trial" in panel.get_legend_handles_labels()[1]
 
@@ -162,9 +138,9 @@ def test_options_of_the_figure_are_those_of_the_section(small_one, shown, tmp_pa
 
 def test_fit_of_several_folders_prints_them_all(made, tmp_path) -> None:
     other = store(tmp_path / "other", sweep({COUNT: [10], SPEED: MANY_SPEEDS}, trials=100), bumpy)
-    read = json.loads(called("fit", made, other, "--json"))
-    assert [curve["run"] for curve in read["curves"]] == [str(made), str(made), str(other)]
-    assert read["laws"]["curves"] == 3
+    found = read("fit", made, other)
+    assert [curve["run"] for curve in found["curves"]] == [str(made), str(made), str(other)]
+    assert found["laws"]["curves"] == 3
     stdout = called("fit", made, other)
     assert "Scaling laws of 3 curves" in stdout
     assert "coupling" in stdout
@@ -173,7 +149,7 @@ def test_fit_of_several_folders_prints_them_all(made, tmp_path) -> None:
 # What can be read
 
 
-@pytest.mark.usefixtures("shown")
+@pytest.mark.usefixtures("figures_noted")
 def test_a_run_at_work_can_be_read_by_every_command(small, tmp_path) -> None:
     with Store(small, SMALL, points(SMALL)):
         for command in COMMANDS:
@@ -213,26 +189,26 @@ def test_with_few_trials_fit_prints_no_p_value_and_says_what_would_be_enough(few
     stdout = called("fit", few)
     assert "Not looked for on 1 of 1 curves: fewer than 20 trials at 13 of 13 speeds" in stdout
     assert "--trials 20 is the least" in stdout
-    (curve,) = json.loads(called("fit", few, "--json"))["curves"]
+    (curve,) = read("fit", few)["curves"]
     assert [curve[name] for name in ("p_value", "v_m", "t_m", "v_p", "t_p")] == [None] * 5
     assert curve["reason"].startswith("fewer than 20 trials")
 
 
-def test_with_few_trials_plot_draws_no_bands_and_no_marks_and_says_so(few, shown, tmp_path) -> None:
+def test_with_few_trials_plot_draws_no_bands_and_no_marks_and_says_so(few, figures_noted, tmp_path) -> None:
     result = call("plot", few, "--to", tmp_path / "fig")
     assert result.exit_code == 0
     lines = result.stderr.splitlines()
     assert lines[0] == "note: no bands where a point has fewer than 5 trials"
     assert lines[1].startswith("note: no minimum and peak are looked for: fewer than 20 trials")
-    assert {line.get_marker() for line in shown[0].axes[0].get_lines()}.isdisjoint({"v", "^"})
+    assert {line.get_marker() for line in figures_noted[0].axes[0].get_lines()}.isdisjoint({"v", "^"})
     assert [row["low"] + row["high"] for row in rows(tmp_path / "fig.csv")] == [""] * len(MANY_SPEEDS)
 
 
 def test_fit_names_the_statistic_that_it_fits(made) -> None:
     assert "T_m and T_p: mean or restricted mean." in called("fit", made)
     assert "T_m and T_p: median." in called("fit", made, "--statistic", "median")
-    read = json.loads(called("fit", made, "--statistic", "weibull-mean", "--json"))
-    assert [curve["statistic"] for curve in read["curves"]] == [["Weibull mean"]] * 2
+    fitted = read("fit", made, "--statistic", "weibull-mean")["curves"]
+    assert [curve["statistic"] for curve in fitted] == [["Weibull mean"]] * 2
 
 
 # compare
@@ -253,7 +229,7 @@ def two(tmp_path_factory) -> tuple[Path, Path]:
 
 def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> None:
     stdout = called("compare", *two)
-    found = json.loads(called("compare", *two, "--json"))
+    found = read("compare", *two)
     assert (found["a"], found["b"]) == (str(two[0]), str(two[1]))
     assert "trials A 60; trials B 60; censored A 0 %; censored B 0 %" in stdout
     for row, point in zip(cells(stdout), found["points"], strict=True):
@@ -264,31 +240,34 @@ def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> Non
     assert f"B / A = {Estimate(**found['ratio'])}, the geometric mean of 4 points; p = 0.0002" in stdout
 
 
-def test_compare_says_where_trials_are_too_few(few, tmp_path) -> None:
-    other = shutil.copytree(few, tmp_path / "other")
-    stdout = called("compare", few, other)
-    assert "-: fewer than 5 trials on one side, or none that synchronised, at 13 points." in stdout
-    assert "Over all" not in stdout
-    assert json.loads(called("compare", few, other, "--json"))["p_value"] is None
-
-
 # plan
 
 
 def test_plan_of_a_folder_tells_how_long_more_trials_take(two) -> None:
-    stdout = called("plan", two[0], "--trials", 100_060, "--workers", 4)
+    more = "plan", two[0], "--trials", 100_060, "--workers", 4
+    stdout, duration = called(*more), read(*more)["duration"]
     assert "4 points, 100060 trials each: 400000 are left: 7 min of computing, 2 min with 4 workers." in stdout
-    duration = json.loads(called("plan", two[0], "--trials", 100_060, "--workers", 4, "--json"))["duration"]
     assert duration["compute_s"]["value"] == pytest.approx(400)
     assert (duration["wall_s"], duration["left"], duration["timed"]) == (pytest.approx(100), 400_000, 240)
 
 
-def test_plan_of_a_folder_without_t_sync_tells_how_long_it_takes_alone(tmp_path) -> None:
-    scenario = sweep({SPEED: [1, 2]}, trials=3, stop={"order_parameter": None, "max_cycles": 9})
-    result = call("plan", store(tmp_path / "run", scenario, lambda _: ended([9] * 3, [False] * 3)))
+@pytest.mark.parametrize(
+    ("changes", "printed", "note"),
+    [
+        (
+            {"stop": {"order_parameter": None, "max_cycles": 9}},
+            ": all are stored.",
+            "note: trials have no T_sync; --of",
+        ),
+        ({}, "in 80 % of all cases: all are censored at their limit.", ""),
+    ],
+)
+def test_plan_of_a_folder_says_where_trials_tell_of_time_alone(tmp_path, changes, printed: str, note: str) -> None:
+    scenario = sweep({SPEED: [1, 2]}, trials=9, **changes)
+    result = call("plan", store(tmp_path / "run", scenario, lambda point: censored(point, 9)))
     assert result.exit_code == 0
-    assert "2 points, 3 trials each: all are stored." in result.stdout
-    assert result.stderr.startswith("note: trials have no T_sync; --of NAME")
+    assert printed in result.stdout
+    assert result.stderr[: len(note) or None] == note
 
 
 def test_plan_names_the_share_that_a_folder_is_for(tmp_path) -> None:
@@ -296,17 +275,12 @@ def test_plan_names_the_share_that_a_folder_is_for(tmp_path) -> None:
     assert "2 trials each: all of share 1/2 are stored." in called("plan", tmp_path / "run")
 
 
-def test_plan_says_that_censored_trials_tell_nothing(tmp_path) -> None:
-    folder = store(tmp_path / "run", sweep({SPEED: [1, 2]}), lambda _: ended([5000] * 9, [False] * 9))
-    assert "in 80 % of all cases: all are censored at their limit." in called("plan", folder)
-
-
 def test_plan_of_a_scenario_times_some_of_its_trials() -> None:
     options = ("--sweep", f"{SPEED}=1,2,4,8,10,12", "--set", "stop.max_cycles=2", "--trials", 1000, "--workers", 2)
     stdout = called("plan", "pair", *options)
     assert stdout.startswith("pair: 6 points, 1000 trials each: 6000 are left: ")
     assert "That follows from 6 trials." in stdout
-    duration = json.loads(called("plan", "pair", *options, "--json"))["duration"]
+    duration = read("plan", "pair", *options)["duration"]
     assert duration["compute_s"]["low"] < duration["compute_s"]["value"] < duration["compute_s"]["high"]
     assert duration["wall_s"] == pytest.approx(duration["compute_s"]["value"] / 2)
 

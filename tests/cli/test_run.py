@@ -2,7 +2,6 @@
 
 import json
 import re
-import signal
 
 import pytest
 
@@ -11,40 +10,31 @@ from epuck_sim.cli import progress
 from epuck_sim.util import atomic_write
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, ROBOTS, SWEEPS, builtin_files
 from epuck_sim.util.messages import natural_order
-from tests.cli.commands import call, called, trials
+from tests.cli.commands import call, called, read, set_to, trials
 from tests.control.bench import with_step
-from tests.processes import COMMAND, start, wait_until
 
 BAD_STEP = with_step(
     "memory.steps += 1\n    if memory.steps == 8: raise ValueError('seven is enough')", MEMORY='{"steps": int}'
 )
 
 
-def test_json_is_one_object_a_trial_and_nothing_else_on_stdout() -> None:
+def test_json_is_one_object_a_trial_and_the_seed_of_one_gives_the_same_trial_alone() -> None:
     rows = trials(called("run", "thesis", "--trials", "3", "--seed", "5", "--json"))
-    assert len(rows) == 3
+    assert (len({row["seed"] for row in rows}), rows[0]["seed"]) == (3, 5)
     for row in rows:
         wanted = {"scenario", "seed", "t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps"}
         assert wanted <= row.keys()
-        assert row["scenario"] == "thesis"
-        assert row["censored"] is False
+        assert (row["scenario"], row["censored"], row["versions"]["epuck_sim"]) == ("thesis", False, __version__)
         assert row["order_parameter"] >= 0.95
         assert row["simulated_s"] == row["steps"] / 10
-        assert row["versions"]["epuck_sim"] == __version__
-
-
-def test_the_seed_of_a_row_gives_the_same_trial_alone() -> None:
-    first, second, third = trials(called("run", "thesis", "--trials", "3", "--seed", "5", "--json"))
-    assert first["seed"] == 5
-    assert len({first["seed"], second["seed"], third["seed"]}) == 3
-    for row in (first, third):
+    for row in (rows[0], rows[2]):
         assert trials(called("run", "thesis", "--seed", row["seed"], "--json")) == [row]
 
 
 def test_a_censored_trial_says_so() -> None:
-    command = ("run", "thesis", "--set", "stop.max_cycles=1", "--set", "stop.order_parameter=1")
+    command = ("run", "thesis", *set_to("stop.max_cycles=1", "stop.order_parameter=1"))
     assert "yes, at 1" in called(*command)
-    (row,) = trials(called(*command, "--json"))
+    row = read(*command)
     assert (row["censored"], row["t_sync_cycles"], row["cycles"]) == (True, None, 1)
 
 
@@ -68,20 +58,6 @@ def test_a_controller_that_raises_is_named_with_robot_step_and_seed(tmp_path, in
     assert "mine: robot 2, step 7, seed 6: " in result.stderr
     assert re.search(r"bad\.py:\d+: ValueError: seven is enough", result.stderr)
     assert sorted(path.name for path in tmp_path.glob("*.parquet*")) == []
-
-
-def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(tmp_path) -> None:
-    scene = tmp_path / "scene.yaml"
-    scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 1000}")
-    process = start([*COMMAND, "run", scene, "--trials", "1000", "--trace", tmp_path / "t.parquet"])
-    wait_until(lambda: any(tmp_path.glob("t-1.parquet.*.part")) or process.poll() is not None, 120)
-    process.send_signal(signal.SIGTERM)
-    stdout, stderr = process.communicate(timeout=300)
-    assert process.returncode == 130
-    assert stderr.strip() == "interrupted"
-    assert stdout.count(" 1000 ") >= 1
-    assert (tmp_path / "t-0.parquet").exists()
-    assert list(tmp_path.glob("*.part")) == []
 
 
 def test_of_millions_of_traces_only_those_that_are_there_already_are_checked_one_by_one(tmp_path, monkeypatch) -> None:
@@ -126,12 +102,12 @@ def test_a_trial_that_looks_hopeless_says_so_once_and_what_to_do_and_ends_as_it_
 
 
 def test_without_an_oscillator_and_a_limit_trials_end_after_ten_minutes_and_the_command_says_so() -> None:
-    wanders = ("run", "thesis", "--set", "controller=constant", "--set", "parameters={}", "--set", "count=1", "--json")
-    result = call(*wanders)
+    wanders = ("run", "thesis", *set_to("controller=constant", "parameters={}", "count=1"))
+    result = call(*wanders, "--json")
     assert json.loads(result.stdout)["simulated_s"] == 600
     assert result.stderr == (
         "note: robot 0 is no oscillator, so that trials have no T_sync; they end after 600 simulated seconds; "
         "for another limit: --set stop.max_time_s=3600\n"
     )
     for limit, simulated_s in {"max_time_s=700": 700, "max_time_s=600": 600, "max_cycles=130": 650}.items():
-        assert json.loads(called(*wanders, "--set", limit))["simulated_s"] == simulated_s
+        assert read(*wanders, "--set", limit)["simulated_s"] == simulated_s

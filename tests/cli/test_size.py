@@ -9,11 +9,14 @@ from epuck_sim.cli import errors
 from epuck_sim.cli.errors import word_if_slow
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
-from tests.cli.commands import call, called, refused
+from tests.cli.commands import call, called, refused, set_to
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
 SWEEP = ("particles", "--sweep", "agents.speed_cm_s=1,2,3", "--set", "trials=400", "--set", "stop.max_cycles=3")
+
+
+LARGE = ("arena.width_cm=5000", "arena.height_cm=5000", "robots.0.count=20000", "robots.0.camera.pixels=900")
 
 
 def test_check_says_how_many_points_and_trials_there_are_and_what_they_take() -> None:
@@ -23,9 +26,7 @@ def test_check_says_how_many_points_and_trials_there_are_and_what_they_take() ->
 
 
 def test_check_says_what_measures_and_large_swarms_take() -> None:
-    large = ("arena.width_cm=5000", "arena.height_cm=5000", "robots.0.count=20000", "robots.0.camera.pixels=900")
-    settings = [word for setting in large for word in ("--set", setting)]
-    last = called("check", "thesis", *settings, "--set", "measures=[order_parameter]").splitlines()[-1]
+    last = called("check", "thesis", *set_to(*LARGE, "measures=[order_parameter]")).splitlines()[-1]
     assert last == (
         "# 1 point, 1 trial: about 0.14 kB on disk, besides its measures; up to 240 MB of memory for a trial"
     )
@@ -41,8 +42,7 @@ def test_a_sweep_begins_with_its_size(tmp_path) -> None:
 def test_a_sweep_that_needs_too_much_memory_is_refused_and_leaves_nothing(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("epuck_sim.util.machine.available_bytes", lambda: 1000)
     monkeypatch.setattr("epuck_sim.sweep.checks.available_bytes", lambda: 1000)
-    large = ("--set", "arena.width_cm=5000", "--set", "arena.height_cm=5000", "--set", "robots.0.count=20000")
-    message = refused("run", "thesis", *large, "--out", tmp_path / "run", "--workers", "2")
+    message = refused("run", "thesis", *set_to(*LARGE[:3]), "--out", tmp_path / "run", "--workers", "2")
     assert "on each of 2 workers needs about 211 MB of memory, and 1 kB are available here" in message
     assert not list(tmp_path.iterdir())
 

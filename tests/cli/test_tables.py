@@ -2,7 +2,9 @@
 
 import json
 import re
+from contextlib import suppress
 from io import StringIO
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,19 +28,10 @@ from tests.cli.commands import call, called
 TRIALS = 1000
 
 
-class Clock:
-    """A clock that stands until it is moved."""
-
-    def __init__(self) -> None:
-        self.now = 1e6
-
-    def monotonic(self) -> float:
-        return self.now
-
-
 @pytest.fixture
-def clock(monkeypatch) -> Clock:
-    clock = Clock()
+def clock(monkeypatch) -> SimpleNamespace:
+    """Return a clock that stands until its `now` is moved."""
+    clock = SimpleNamespace(now=1e6, monotonic=lambda: clock.now)
     monkeypatch.setattr(progress_module, "time", clock)
     return clock
 
@@ -47,7 +40,7 @@ def tally(ended: int, before: int = 0, censored: int = 0, failed: int = 0) -> Sw
     return SweepProgress(TRIALS, before + ended - failed, censored, failed, ended)
 
 
-def shown(clock: Clock, capsys, steps: list[tuple[float, SweepProgress]]) -> list[str]:
+def shown(clock, capsys, steps: list[tuple[float, SweepProgress]]) -> list[str]:
     """Return the lines on stderr after tallies came at these times; nothing may be on stdout."""
     began = clock.now
     with SweepProgressBar() as progress:
@@ -101,13 +94,6 @@ def test_lines_come_no_more_often_than_they_should_and_the_last_always(clock, ca
     assert [int(line.split()[0]) for line in shown(clock, capsys, steps)] == told
 
 
-def stopped() -> None:
-    """Show a tally, and stop the sweep as Ctrl-C does."""
-    with SweepProgressBar() as progress:
-        progress(tally(1))
-        raise KeyboardInterrupt
-
-
 # On a terminal
 
 
@@ -129,18 +115,13 @@ def last_of(written: StringIO) -> str:
     return re.sub(r"\x1b\[[?\d]*[a-zA-Z]", "", last).strip()
 
 
-@pytest.mark.usefixtures("clock")
-def test_the_bar_grows_with_trials_that_have_ended_one_way_or_the_other(capsys, monkeypatch) -> None:
-    def bar_at(ended: int, failed: int) -> tuple[float, float]:
-        on_terminal(monkeypatch)
-        with SweepProgressBar() as progress:
-            progress(tally(ended, failed=failed))
-            (task,) = progress._bar.tasks
-        return task.completed, task.total
-
-    assert bar_at(0, 0) == (0, TRIALS)
-    assert bar_at(400, 0) == bar_at(400, 100) == (400, TRIALS)
-    assert capsys.readouterr() == ("", "")
+def test_the_bar_grows_with_trials_that_have_ended_one_way_or_the_other(clock, capsys, monkeypatch) -> None:
+    bars = []
+    for each in (tally(0), tally(500), tally(500, failed=100)):
+        written = on_terminal(monkeypatch)
+        assert shown(clock, capsys, [(0, each)]) == []
+        bars.append(last_of(written).count("━"))
+    assert bars[0] == 0 < bars[1] == bars[2]
 
 
 @pytest.mark.parametrize("width", [120, 60])
@@ -154,8 +135,9 @@ def test_on_a_terminal_there_is_a_bar_with_the_same_words_which_stay_whole(clock
 @pytest.mark.usefixtures("clock")
 def test_after_ctrl_c_the_terminal_has_its_cursor_again(monkeypatch) -> None:
     written = on_terminal(monkeypatch)
-    with pytest.raises(KeyboardInterrupt):
-        stopped()
+    with suppress(KeyboardInterrupt), SweepProgressBar() as progress:
+        progress(tally(1))
+        raise KeyboardInterrupt
     assert written.getvalue().rfind("\x1b[?25h") > written.getvalue().rfind("\x1b[?25l") >= 0
 
 
@@ -198,7 +180,7 @@ def test_the_status_tells_points_trials_time_what_made_them_who_is_at_work_and_t
 
 
 def test_on_a_narrow_terminal_lines_end_between_words(capsys, monkeypatch) -> None:
-    results = [TrialResult("thesis", n, 10 + n, False, 10 + n, 0.9, 9, 9.0, 0.4) for n in range(20)]
+    results = list(map(trial, range(20)))
     duration = Duration(1, 1, 1, 2, Estimate(0.0), 1, is_cut=True)
     for show in (
         lambda: print_status(status(), as_json=False),
@@ -258,24 +240,24 @@ def test_while_a_sweep_runs_it_is_said_once_of_each_such_point_of_a_run(tmp_path
             assert shown == [ends[0], ends[1] + WHAT_TO_DO]
 
 
+def trial(number: int, **changes) -> TrialResult:
+    return TrialResult("thesis", number, 10 + number, False, 10 + number, 0.9, 9, 9.0, 0.4)._replace(**changes)
+
+
 @pytest.mark.parametrize("width", [200, 80, None])
 def test_a_table_of_trials_has_units_and_whole_seeds_on_any_terminal(monkeypatch, capsys, width: int | None) -> None:
     monkeypatch.setattr(tables, "terminal_width", lambda: width)
-    seed = 2**53 - 1
-    tables.print_trials([TrialResult("thesis", seed, 24, False, 24, 0.964, 1050, 104.9, 0.39)], 100)
+    tables.print_trials([trial(24, seed=2**53 - 1)], 100)
     shown = capsys.readouterr().out
-    assert str(seed) in shown
+    assert str(2**53 - 1) in shown
     assert shown.count("(s)") == 2
     assert "(cycles)" in shown
     assert "T_sync of" not in shown
 
 
 def test_several_trials_end_with_a_line_of_statistics(capsys) -> None:
-    results = [
-        TrialResult("thesis", n, None if n > 15 else 10 + n, n > 15, min(10 + n, 25), 0.9, 9, 9.0, 0.4)
-        for n in range(20)
-    ]
-    tables.print_trials(results, 25)
+    late = {"t_sync_cycles": None, "censored": True, "cycles": 25}
+    tables.print_trials([trial(n, **late if n > 15 else {}) for n in range(20)], 25)
     measured = Measured(np.minimum(10.0 + np.arange(20), 25), np.arange(20) <= 15, 25, 0)
     mean, median = (estimate(measured, statistic) for statistic in (Statistic.MEAN, Statistic.MEDIAN))
     last = capsys.readouterr().out.splitlines()[-1]

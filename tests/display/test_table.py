@@ -150,6 +150,4 @@ def test_json_and_csv_have_every_number(table: Table) -> None:
 def test_pages_and_notebooks_have_the_cells_and_escape_what_they_hold() -> None:
     table = Table("<T>", [Row({"a": "<b>"}, {"mean": Estimate(44.21, 28.9, 66.8)})], ["x < y"])
     assert "<td>44 [29, 67]</td>" in to_html(table.to_html())
-    assert "&lt;b&gt;" in to_html(table.to_html())
-    assert "&lt;T&gt;" in table._repr_html_()
-    assert "x &lt; y" in table._repr_html_()
+    assert all(escaped in table._repr_html_() for escaped in ("&lt;T&gt;", "&lt;b&gt;", "x &lt; y"))

@@ -1,14 +1,16 @@
 """What the tests of figures share: a figure that is laid out without being rendered, and the rows of a table."""
 
+import csv
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 from matplotlib.figure import Figure
 
 from epuck_sim.display.table import csv_text
 from epuck_sim.figures.saving import Table
-from tests.runs.made_folders import rows
+from tests.runs.made_folders import six_digits
 
 
 def laid_out(figure: Figure) -> Figure:
@@ -38,7 +40,11 @@ def legend_texts(figure: Figure) -> list[str]:
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
-def written(folder: Path, table: Table) -> list[dict[str, str]]:
+def written(table: Table) -> list[dict[str, str]]:
     """Return the rows of a table as they are in its CSV file."""
-    (folder / "table.csv").write_text(csv_text(*table))
-    return rows(folder / "table.csv")
+    return list(csv.DictReader(StringIO(csv_text(*table))))
+
+
+def in_csv(*cells: Any) -> list[str]:
+    """Return a row as it is in a CSV file."""
+    return [cell if isinstance(cell, str) else six_digits(cell) for cell in cells]

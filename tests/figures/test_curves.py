@@ -10,12 +10,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from epuck_sim.figures.forms.curves import EXTREMA_COLUMNS, Curves
+from epuck_sim.figures.forms.curves import Curves
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import ExtremaSearch
 from epuck_sim.statistics.names import Statistic
-from tests.figures.drawn import laid_out, legend_texts, written
+from tests.figures.drawn import in_csv, laid_out, legend_texts, written
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -27,7 +27,6 @@ from tests.runs.made_folders import (
     bumpy_mean,
     extremes,
     falling_mean,
-    six_digits,
     sweep,
 )
 
@@ -250,18 +249,15 @@ def test_axes_have_the_thesis_s_symbols_and_plain_numbers_and_there_is_no_title(
         assert seen(axis.get_ticklabels(minor=True)) == []
 
 
-@pytest.mark.parametrize(
-    ("axis", "x", "scale"),
-    [
+def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade() -> None:
+    for axis, x, scale in [
         (SPEED, [1, 2, 3], "log"),
         (SPEED, [0, 1, 20], "linear"),
         (COUNT, [5, 20, 40], "linear"),
         (COUNT, [5, 20, 50], "log"),
         (COUNT, [5, 5, 5], "linear"),
-    ],
-)
-def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade(axis: str, x: list, scale: str) -> None:
-    assert axes_of([curve_of([30, 20, 10], x=x)], axis=axis).get_xscale() == scale
+    ]:
+        assert axes_of([curve_of([30, 20, 10], x=x)], axis=axis).get_xscale() == scale
 
 
 def test_many_decades_are_labelled_by_powers_of_ten_alone_on_both_axes_and_do_not_overlap() -> None:
@@ -303,23 +299,16 @@ def test_labels_of_curves_say_what_tells_them_apart(rows, axis, labels) -> None:
 
 
 def test_keys_have_the_thesis_s_symbols() -> None:
-    values = {
-        "space.side_cm": 100,
-        "space.dimensions": 2,
-        "agents.count": 20,
-        "neighbourhood.radius_cm": 25,
-        "neighbourhood.angle_deg": 60,
-        "neighbourhood.k": 1,
-        "response.refractory": 0.1,
-        "clocks.jitter": 0.01,
-        PERIOD: 5,
-        "noise": "off",
-    }
-    expected = (
-        "L = 100 cm, dimensions = 2, N = 20, R = 25 cm, θ = 60°, K = 1, D = 0.1, \N{GREEK SMALL LETTER SIGMA} = 0.01, "
-        "τ = 5 s, noise = off"
-    )
-    assert format_axis_values(values) == expected
+    for key, value, text in [
+        ("space.side_cm", 100, "L = 100 cm"),
+        ("space.dimensions", 2, "dimensions = 2"),
+        ("neighbourhood.k", 1, "K = 1"),
+        ("response.refractory", 0.1, "D = 0.1"),
+        ("clocks.jitter", 0.01, "\N{GREEK SMALL LETTER SIGMA} = 0.01"),
+        (PERIOD, 5, "τ = 5 s"),
+        ("noise", "off", "noise = off"),
+    ]:
+        assert format_axis_values({key: value}) == text
     assert axis_label("neighbourhood.angle_deg") == "θ (°)"
     assert axis_label("robots.1.parameters.speed_cm_s") == "V of robots.1 (cm/s)"
     assert key_name("arena.width_cm", ["arena.obstacles.0.width_cm"]) == "L"  # a box has a width, and no L
@@ -329,25 +318,23 @@ def test_keys_have_the_thesis_s_symbols() -> None:
 # The tables
 
 
-def test_the_csv_has_the_numbers_of_the_curves(tmp_path) -> None:
-    table = written(tmp_path, FORM.tables[".csv"])
+def test_the_csv_has_the_numbers_of_the_curves() -> None:
+    table = written(FORM.tables[".csv"])
     assert list(table[0]) == [COUPLING, SPEED, *POINT_COLUMNS]
-    expected = [
-        [str(curve.axes[COUPLING]), *map(six_digits, row[:3]), row[3], *map(six_digits, row[4:])]
-        for curve in CURVES
-        for row in zip(
-            curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T, strict=True
-        )
-    ]
+    expected = []
+    for curve in CURVES:
+        columns = curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T
+        expected += [in_csv(*curve.axes.values(), *row) for row in zip(*columns, strict=True)]
     assert [[*row.values()] for row in table] == expected
 
 
-def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_value_alone(tmp_path) -> None:
-    found = written(tmp_path, FORM.tables["-regimes.csv"])
-    assert list(found[0]) == [COUPLING, *EXTREMA_COLUMNS, "p_value", "reason"]
+def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_value_alone() -> None:
+    found = written(FORM.tables["-regimes.csv"])
+    names = [f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high")]
+    assert list(found[0]) == [COUPLING, *names, "p_value", "reason"]
     for row, curve, search in zip(found, CURVES, EXTREMA, strict=True):
         numbers = [end for place in search.places.values() for end in place.estimate.ends] or [math.nan] * 12
-        assert [*row.values()] == [str(curve.axes[COUPLING]), *map(six_digits, [*numbers, search.p_value]), ""]
+        assert [*row.values()] == in_csv(*curve.axes.values(), *numbers, search.p_value, "")
 
 
 @pytest.mark.parametrize(
@@ -357,13 +344,13 @@ def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_va
         (curve_of(BUMPY.values, x=np.arange(13) + 2), COUNT, "the axis is no speed"),
     ],
 )
-def test_where_there_can_be_no_extrema_the_table_says_why(tmp_path, curve, axis, reason) -> None:
-    (row,) = written(tmp_path, form_of([curve], axis).tables["-regimes.csv"])
+def test_where_there_can_be_no_extrema_the_table_says_why(curve, axis, reason) -> None:
+    (row,) = written(form_of([curve], axis).tables["-regimes.csv"])
     assert [*row.values()] == [*[""] * 13, reason]
 
 
-def test_axis_values_are_in_the_csv_as_they_are_in_the_sweep(tmp_path) -> None:
+def test_axis_values_are_in_the_csv_as_they_are_in_the_sweep() -> None:
     axes = {"noise": 'a "quoted", name', "arena.obstacles": [], "stop.max_time_s": None, COUNT: 10}
     for table in form_of([curve_of([3, 2], axes=axes)]).tables.values():
-        row = written(tmp_path, table)[0]
+        row = written(table)[0]
         assert {key: row[key] for key in axes} == {key: "" if v is None else str(v) for key, v in axes.items()}

@@ -16,8 +16,8 @@ from epuck_sim.figures.forms.maps import COLOURS, GREY, MAX_LEVELS, Map, Maps, c
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection
 from epuck_sim.statistics.names import Statistic
-from tests.figures.drawn import laid_out, legend_texts, written
-from tests.runs.made_folders import PIXELS, SPEED, SPEEDS, WIDTH, ended, in_memory, six_digits, sweep
+from tests.figures.drawn import in_csv, laid_out, legend_texts, written
+from tests.runs.made_folders import PIXELS, SPEED, SPEEDS, WIDTH, ended, in_memory, sweep
 
 WIDTHS = [40, 60, 80, 100]
 PANELS = [16, 4, 8]
@@ -194,14 +194,13 @@ def test_levels_are_even_few_enough_and_enclose_all_values(values: list[float]) 
     assert math.log10(max(values)) < levels[-1] + 1e-9
 
 
-def test_the_csv_has_a_row_for_each_point_with_trials(tmp_path) -> None:
-    table = written(tmp_path, Maps(x=SPEED, y=WIDTH, maps=MAPS).tables[".csv"])
+def test_the_csv_has_a_row_for_each_point_with_trials() -> None:
+    table = written(Maps(x=SPEED, y=WIDTH, maps=MAPS).tables[".csv"])
     assert list(table[0]) == [PIXELS, WIDTH, SPEED, "trials", "censored", "statistic", "estimate", "low", "high"]
     expected = []
     for pixels, width, speed in product(PANELS, WIDTHS, SPEEDS):
-        where, point = (speed, width, pixels), [str(pixels), str(width), six_digits(speed)]
-        if where in UNDETERMINED:
-            expected.append([*point, "12", "1", "restricted mean", "", "", ""])
-        elif where not in UNTRIED:
-            expected.append([*point, "3", "0", "mean", six_digits(mean_at(*where)), "", ""])
+        where = (speed, width, pixels)
+        found = (12, 1, "restricted mean", "") if where in UNDETERMINED else (3, 0, "mean", mean_at(*where))
+        if where not in UNTRIED:
+            expected.append(in_csv(pixels, width, speed, *found, "", ""))
     assert [[*row.values()] for row in table] == expected

@@ -39,14 +39,14 @@ def test_lines_and_limits_are_those_of_predict(folder) -> None:
     assert legend_texts(figure)[-2:] == ["predicted", "predicted $V_\\mathrm{m}$ and $V_\\mathrm{p}$"]
 
 
-def test_minimum_and_peak_are_marked_where_a_regime_is_predicted_alone(folder, tmp_path) -> None:
+def test_minimum_and_peak_are_marked_where_a_regime_is_predicted_alone(folder) -> None:
     form = read_form(folder, {"theory": True})
     (panel,) = form.draw_figure().axes
     drawn = [line for line in panel.lines if line.get_markersize() == 5 and len(line.get_xdata()) == 3]
     marks = {line.get_marker(): line.get_xdata()[1] for line in drawn}
     nearest = of_nearest(1)
     assert marks == pytest.approx({"v": nearest.v_m_cm_s.value, "^": nearest.v_p_cm_s.value})
-    one, five = written(tmp_path, form.tables["-theory.csv"])
+    one, five = written(form.tables["-theory.csv"])
     assert [one["regime"], five["regime"], five["v_p"]] == ["yes", "no", ""]
     assert float(one["v_p_high"]) == pytest.approx(nearest.v_p_cm_s.high, rel=1e-5)
     assert "who hears whom" in form.caption

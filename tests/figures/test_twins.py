@@ -14,8 +14,8 @@ from epuck_sim.figures.forms.twins import MAX_MOMENTS, MIN_DEVIATION, Course, Co
 from epuck_sim.figures.style import choose_looks
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.axes import FigureSection
-from tests.figures.drawn import laid_out, legend_texts, written
-from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep
+from tests.figures.drawn import in_csv, laid_out, legend_texts, written
+from tests.runs.made_folders import censored, ended, in_memory, sweep
 
 SPEED = "agents.speed_cm_s"
 DISPLACED = {"phases": "synchronised", "displacement": 0.01}
@@ -147,18 +147,18 @@ def test_each_panel_holds_the_deviation_of_every_agent_at_every_moment_with_noth
         assert corners[:, 0, 1].tolist() == [agent - 0.5 for agent in range(6)]
 
 
-def test_tables_hold_every_moment_of_every_course_and_every_deviation_that_is_not_zero(tmp_path) -> None:
-    table = written(tmp_path, READ.tables[".csv"])
+def test_tables_hold_every_moment_of_every_course_and_every_deviation_that_is_not_zero() -> None:
+    table = written(READ.tables[".csv"])
     assert [*table[0]] == [SPEED, "cycle", "order_parameter", "deviation"]
     assert [[*row.values()] for row in table] == [
-        [str(read.axes[SPEED]), *map(six_digits, row)]
+        in_csv(read.axes[SPEED], *row)
         for read in READ.courses
         for row in zip(read.cycle, read.order_parameter, read.deviation, strict=True)
     ]
-    table = written(tmp_path, SHOWN.tables[".csv"])
+    table = written(SHOWN.tables[".csv"])
     assert [*table[0]] == [SPEED, "cycle", "agent", "deviation"]
     assert [[*row.values()] for row in table] == [
-        [str(read.axes[SPEED]), six_digits(cycle), str(agent), six_digits(read.deviation[moment, agent])]
+        in_csv(read.axes[SPEED], cycle, agent, read.deviation[moment, agent])
         for read in SHOWN.shown
         for moment, cycle in enumerate(read.cycle)
         for agent in range(5)

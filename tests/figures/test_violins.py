@@ -14,8 +14,8 @@ from epuck_sim.figures.forms.violins import LINE, VIOLIN, Violins, density, read
 from epuck_sim.figures.style import count_trials
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.survival import estimate_weibull_mean
-from tests.figures.drawn import laid_out, legend_texts, written
-from tests.runs.made_folders import COUNT, SPEED, SPEEDS, ended, in_memory, six_digits, sweep, weibull
+from tests.figures.drawn import in_csv, laid_out, legend_texts, written
+from tests.runs.made_folders import COUNT, SPEED, SPEEDS, ended, in_memory, sweep, weibull
 
 COUNTS = [7, 3, 5]
 CENSORED_AT = 60
@@ -143,12 +143,12 @@ def test_the_caption_says_how_many_trials_are_censored_and_nothing_where_none_is
     assert Violins(axis=SPEED, curves=FORM.curves[1:]).shows == f"{what}; {numbers}"
 
 
-def test_the_csv_has_the_numbers_of_the_violins(tmp_path) -> None:
-    table = written(tmp_path, FORM.tables[".csv"])
+def test_the_csv_has_the_numbers_of_the_violins() -> None:
+    table = written(FORM.tables[".csv"])
     assert list(table[0]) == [COUNT, SPEED, "trials", "censored", "mean", "weibull_mean", "weibull_low", "weibull_high"]
-    expected, estimates = [], iter(np.concatenate([np.column_stack([c.values, c.intervals]) for c in FORM.curves]))
+    expected, estimates = [], np.concatenate([np.column_stack([c.values, c.intervals]) for c in FORM.curves])
     for point, ends in zip(POINTS, estimates, strict=True):
         share = 1 - point.observed.mean()
-        numbers = [len(point.times), share, math.nan if share else point.times.mean(), *ends]
-        expected.append([str(point.axes[COUNT]), *map(six_digits, [point.axes[SPEED], *numbers])])
+        mean = math.nan if share else point.times.mean()
+        expected.append(in_csv(point.axes[COUNT], point.axes[SPEED], len(point.times), share, mean, *ends))
     assert [[*row.values()] for row in table] == expected

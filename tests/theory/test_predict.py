@@ -1,12 +1,10 @@
 """Predictions, and the command that prints them."""
 
-import json
-
 import pytest
 
 from epuck_sim import load_scenario
 from epuck_sim.theory.predict import predict, predict_points
-from tests.cli.commands import called
+from tests.cli.commands import called, read
 
 
 def of_agents(*settings: str):
@@ -73,9 +71,9 @@ def test_the_command_prints_a_table_an_object_or_a_row_a_point() -> None:
     told = called(*words)
     assert "intermediate regime" in told
     assert "V_p, peak of T_sync" in told
-    printed = json.loads(called(*words, "--json"))
+    printed = read(*words)
     assert printed["intermediate_regime"].keys() == {"verdict", "probability"}
     assert printed["graph"]["links"]["value"] == 1
-    rows = json.loads(called(*words, "--sweep", "speed_cm_s=1,30", "--json"))["points"]
+    rows = read(*words, "--sweep", "speed_cm_s=1,30")["points"]
     assert [row["axes"] for row in rows] == [{"agents.speed_cm_s": 1}, {"agents.speed_cm_s": 30}]
     assert len(called(*words, "--sweep", "speed_cm_s=1,30", "--csv").splitlines()) == 3

@@ -10,23 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.estimate import MIN_TRIALS
-from epuck_sim.figures.forms.form import Choices, Form, draw_trials, names_of
+from epuck_sim.display.table import Row
+from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED
+from epuck_sim.figures import style
+from epuck_sim.figures.forms.form import Choices, Form, draw_trials, joined, names_of
 from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
-from epuck_sim.figures.saving import Table, tabulate
-from epuck_sim.figures.style import (
-    BAND,
-    GREY,
-    Look,
-    choose_looks,
-    count_trials,
-    draw_intervals,
-    has_log_scale,
-    is_logarithmic,
-    make_logarithmic,
-    mark_wholes,
-    typeset,
-)
+from epuck_sim.figures.saving import Table, tabulate, tabulate_rows
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics.curves import Curve, read_curves
@@ -36,14 +25,13 @@ from epuck_sim.statistics.names import Statistic
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
 """Columns after the axes in a table of curves: number of trials, share of censored ones, what is estimated, cycles."""
 
-EXTREMA_COLUMNS = tuple(f"{name.lower()}{end}" for name in PLACES for end in ("", "_low", "_high"))
-"""Columns of the minimum and the peak in the table of extrema, cm/s and cycles."""
-
 MAX_EXTRAPOLATION = 100
 """Largest Weibull mean that is shown, as a multiple of the limit of cycles; larger ones are extrapolated too far."""
 
 CROSS_ROW = 0.045
 """Height of a row of crosses at the upper edge of a panel, one for each curve that has any, as a share of the panel."""
+
+EXTREMUM: Any = {"markersize": 7, "markeredgecolor": "black"}  # looks of the minimum and the peak
 
 NOT_A_SPEED = ExtremaSearch({}, None, "the axis is no speed")
 
@@ -82,15 +70,26 @@ class Curves(Form):
             return [NOT_A_SPEED] * len(self.curves)
         return [search_extrema(curve) for curve in self.curves]
 
-    @property
-    def titles(self) -> Sequence[str]:
-        return list(dict.fromkeys(self._heads))
+    @cached_property
+    def placed(self) -> Sequence[tuple[str, str, style.Look]]:
+        """Title of the panel, label and look of each curve; curves with one label, in several panels, look alike."""
+        rows = [curve.axes for curve in self.curves]
+        heads = short_files([{self.split_by: row[self.split_by]} if self.split_by else {} for row in rows])
+        titles = [format_axis_values(head, self._keys, self.settings.labels) for head in heads]
+        told = short_files(distinguishing_axes(rows))
+        own = [{key: value for key, value in row.items() if key != self.split_by} for row in told]
+        labels = [format_axis_values(row, (self.axis, *told[0]), self.settings.labels) for row in own]
+        names = list(dict.fromkeys(labels))
+        looks = style.choose_looks(len(names))
+        return [(title, label, looks[names.index(label)]) for title, label in zip(titles, labels, strict=True)]
 
     @property
-    def _heads(self) -> list[str]:
-        """Title of the panel of each curve."""
-        rows = [{self.split_by: curve.axes[self.split_by]} if self.split_by else {} for curve in self.curves]
-        return [format_axis_values(row, self._keys, self.settings.labels) for row in short_files(rows)]
+    def titles(self) -> Sequence[str]:
+        return list(dict.fromkeys(title for title, _, _ in self.placed))
+
+    def panels_of(self, panels: Sequence[Axes]) -> list[Axes]:
+        """Return the panel of each curve."""
+        return [panels[self.titles.index(title)] for title, _, _ in self.placed]
 
     @property
     def _keys(self) -> tuple[str, ...]:
@@ -103,7 +102,7 @@ class Curves(Form):
     @property
     def shows(self) -> str:
         names = " or ".join(names_of(self.curves)).capitalize()
-        trials = count_trials(np.concatenate([curve.trials for curve in self.curves]).tolist())
+        trials = style.count_trials(joined(self.curves, "trials").tolist())
         return f"{names} of {self.quantity} against {self.labels[0]}, with 95 % intervals; {trials}"
 
     @property
@@ -113,7 +112,7 @@ class Curves(Form):
         if self.of is not None:
             return points
         each = zip(self.curves, self.searches, strict=True)
-        return {**points, "-regimes.csv": tabulate((curve.axes, _extrema_row(search)) for curve, search in each)}
+        return {**points, "-regimes.csv": tabulate_rows([_extrema_row(*found) for found in each])}
 
     @property
     def notes(self) -> Sequence[str]:
@@ -127,27 +126,26 @@ class Curves(Form):
         return notes
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        labels, looks = self._curve_labels(), self.looks
         highest, beyond = self._ends()
-        x, values = (np.concatenate([getattr(curve, name) for curve in self.curves]) for name in ("x", "values"))
-        is_log = has_log_scale(self.of, values, self.settings.scale)
+        x = joined(self.curves, "x")
+        is_log = style.has_log_scale(self.of, joined(self.curves, "values"), self.settings.scale)
         for panel in panels:
-            make_logarithmic(panel, *["y"] * is_log, *["x"] * is_logarithmic(self.axis, x))
-            mark_wholes(panel.xaxis, x)
-        named = dict(zip(labels, looks, strict=True))
-        for name, look in named.items():
-            if name:
-                panels[0].plot([], [], marker=look.marker, color=look.colour, label=typeset(name))
-        hidden = {label for curve, label in zip(self.curves, labels, strict=True) if np.isnan(curve.values).any()}
-        crossed = [name for name in named if name in hidden]
-        each = zip(self.panels_of(panels), self.curves, self.searches, labels, looks, strict=True)
-        for panel, curve, search, label, look in each:
+            style.make_logarithmic(panel, *["y"] * is_log, *["x"] * style.is_logarithmic(self.axis, x))
+            style.mark_wholes(panel.xaxis, x)
+        looks = {label: look for _, label, look in self.placed}
+        for label, look in looks.items():
+            if label:
+                panels[0].plot([], [], marker=look.marker, color=look.colour, label=style.typeset(label))
+        each = zip(self.curves, self.placed, strict=True)
+        hidden = {label for curve, (_, label, _) in each if np.isnan(curve.values).any()}
+        crossed = [label for label in looks if label in hidden]
+        drawn = zip(self.panels_of(panels), self.curves, self.searches, self.placed, strict=True)
+        for panel, curve, search, (_, label, look) in drawn:
             row = crossed.index(label) if label in crossed else 0
             _draw_curve(panel, curve, search.places, look, 1 - CROSS_ROW * (row + 0.8), beyond)
             if self.settings.points:
-                places = shifted(curve.x, [*named].index(label), len(named), panel.get_xscale() == "log")
-                for place, measured in zip(places.tolist(), curve.measured, strict=True):
-                    draw_trials(panel, place, measured, look.colour)
+                places = shifted(curve.x, [*looks].index(label), len(looks), panel.get_xscale() == "log")
+                draw_trials(panel, places, curve, look.colour)
         self._label_marks(panels[0])
         for panel in panels:
             if self.of is None:
@@ -155,64 +153,44 @@ class Curves(Form):
             if math.isfinite(highest):
                 _make_room(panel, highest, CROSS_ROW * (len(crossed) + 0.8) if crossed else 0.0)
 
-    @property
-    def looks(self) -> list[Look]:
-        """Look of each curve; curves with one label, in several panels, look alike."""
-        labels = self._curve_labels()
-        names = list(dict.fromkeys(labels))
-        return [choose_looks(len(names))[names.index(label)] for label in labels]
-
-    def panels_of(self, panels: Sequence[Axes]) -> list[Axes]:
-        """Return the panel of each curve."""
-        return [panels[self.titles.index(head)] for head in self._heads]
-
-    def _curve_labels(self) -> list[str]:
-        rows = short_files(distinguishing_axes([curve.axes for curve in self.curves]))
-        own = [{key: value for key, value in row.items() if key != self.split_by} for row in rows]
-        return [format_axis_values(row, (self.axis, *rows[0]), self.settings.labels) for row in own]
-
     def _ends(self) -> tuple[float, float]:
         """Return the highest value, -inf without any, and how far up bands are drawn whose end is not reached."""
         dots = [each.values for curve in self.curves for each in curve.measured if self.settings.points]
-        values = np.concatenate([curve.values for curve in self.curves] + dots + self.others)
+        values = np.concatenate([joined(self.curves, "values"), *dots, *self.others])
         known = values[np.isfinite(values)]
         if self.of is not None:
-            highest = float(known.max(initial=-math.inf))
-            ends = np.concatenate([curve.intervals[:, 1] for curve in self.curves])
+            highest, ends = float(known.max(initial=-math.inf)), joined(self.curves, "intervals")[:, 1]
             return highest, float(ends[np.isfinite(ends)].max(initial=highest))
         longest = MAX_EXTRAPOLATION * max(curve.scenario.stop.max_cycles for curve in self.curves)
         return min(float(known.max(initial=1.0)), longest), 1e12
 
     def _label_marks(self, panel: Axes) -> None:
         """Add an empty mark with a label for each kind that is drawn."""
-        is_known = ~np.isnan(np.concatenate([curve.values for curve in self.curves]))
-        if np.isfinite(np.concatenate([curve.intervals[:, 0] for curve in self.curves])[is_known]).any():
-            panel.fill_between([], [], color=GREY, alpha=BAND, linewidth=0, label="95 % interval")
+        is_known = ~np.isnan(joined(self.curves, "values"))
+        if np.isfinite(joined(self.curves, "intervals")[is_known, 0]).any():
+            panel.fill_between([], [], color=style.GREY, alpha=style.BAND, linewidth=0, label="95 % interval")
         if any(map(is_base_case, self.curves)):
-            panel.plot([], [], "--", color=GREY, label="base case")
-        if (np.concatenate([curve.censored for curve in self.curves])[is_known] > 0).any():
-            panel.plot([], [], "o", color=GREY, markerfacecolor="white", label="some trials censored")
+            panel.plot([], [], "--", color=style.GREY, label="base case")
+        if (joined(self.curves, "censored")[is_known] > 0).any():
+            panel.plot([], [], "o", color=style.GREY, markerfacecolor="white", label="some trials censored")
         if not is_known.all():
-            panel.plot([], [], "x", color=GREY, label=undetermined_label(self.of))
+            panel.plot([], [], "x", color=style.GREY, label=undetermined_label(self.of))
         if any(search.places for search in self.searches):
             for marker, label in (("v", "local minimum V_m"), ("^", "peak V_p")):
-                panel.plot([], [], marker, color=GREY, markersize=7, markeredgecolor="black", label=typeset(label))
+                panel.plot([], [], marker, color=style.GREY, label=style.typeset(label), **EXTREMUM)
 
 
 def curves_table(axis: str, curves: Sequence[Curve]) -> Table:
     """Return a table with a row for each point of curves over `axis`; their other axes come first."""
     names = (axis, *POINT_COLUMNS)
     columns = [(c.x, c.trials, c.censored, c.names, c.values, *c.intervals.T) for c in curves]
-    each = zip(curves, columns, strict=True)
-    return tabulate((curve.axes, dict(zip(names, found, strict=True))) for curve, found in each)
+    return tabulate((c.axes, dict(zip(names, found, strict=True))) for c, found in zip(curves, columns, strict=True))
 
 
-def _extrema_row(search: ExtremaSearch) -> dict[str, list[Any]]:
-    """Return columns of one row, with the p-value alone where the pair may be noise, or why there is none."""
-    ends = [end for place in search.places.values() for end in place.estimate.ends]
-    p_value = np.nan if search.p_value is None else search.p_value
-    row = dict(zip(EXTREMA_COLUMNS, ends or [np.nan] * len(EXTREMA_COLUMNS), strict=True))
-    return {name: [value] for name, value in {**row, "p_value": p_value, "reason": search.reason}.items()}
+def _extrema_row(curve: Curve, search: ExtremaSearch) -> Row:
+    """Return the pair of a curve, with the p-value alone where it may be noise, or why there is none."""
+    places = {name.lower(): search.places[name].estimate if search.places else UNDETERMINED for name in PLACES}
+    return Row(curve.axes, {**places, "p_value": search.p_value, "reason": search.reason})
 
 
 def shifted(x: FloatArray, number: int, count: int, is_log: bool) -> FloatArray:
@@ -244,13 +222,13 @@ def _make_room(panel: Axes, highest: float, share: float) -> None:
 
 
 def _draw_curve(
-    panel: Axes, curve: Curve, places: Mapping[str, Place], look: Look, cross_at: float, beyond: float
+    panel: Axes, curve: Curve, places: Mapping[str, Place], look: style.Look, cross_at: float, beyond: float
 ) -> None:
     known = ~np.isnan(curve.values)
     low, high = np.where(known[:, None], np.nan_to_num(curve.intervals, nan=np.nan, posinf=beyond), np.nan).T
-    draw_intervals(panel, curve.x, low, high, look.colour)
-    style = "--" if is_base_case(curve) else "-"
-    panel.plot(curve.x, curve.values, style, color=look.colour)  # with a gap where it is undetermined
+    style.draw_intervals(panel, curve.x, low, high, look.colour)
+    line_style = "--" if is_base_case(curve) else "-"
+    panel.plot(curve.x, curve.values, line_style, color=look.colour)  # with a gap where it is undetermined
     for censored, face in ((False, look.colour), (True, "white")):
         chosen = known & ((curve.censored > 0) == censored)
         panel.plot(curve.x[chosen], curve.values[chosen], look.marker, color=look.colour, markerfacecolor=face)
@@ -258,4 +236,4 @@ def _draw_curve(
     panel.plot(curve.x[~known], at, "x", color=look.colour, transform=panel.get_xaxis_transform())
     for v, t, marker in (("V_m", "T_m", "v"), ("V_p", "T_p", "^")) if places else ():
         speed, time = places[v].estimate.value, places[t].estimate.value
-        panel.plot(speed, time, marker, color=look.colour, markersize=7, markeredgecolor="black", zorder=4)
+        panel.plot(speed, time, marker, color=look.colour, zorder=4, **EXTREMUM)

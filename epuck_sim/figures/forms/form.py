@@ -10,14 +10,15 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.labels import axis_label, distinguishing_labels, quantity_label
+from epuck_sim.figures.labels import axis_label, format_axis_values, short_files
 from epuck_sim.figures.saving import Table
 from epuck_sim.figures.style import finish, make_panels, style, typeset
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import FigureSection
+from epuck_sim.scenario.axes import FigureSection, distinguishing_axes
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.measured import Measured, measure
+from epuck_sim.statistics.measured import measure, quantity
 
 MAX_DOTS = 1000
 """Largest number of trials at a point that an SVG holds as dots; more of them are a picture in it."""
@@ -119,7 +120,7 @@ class Form(ABC):
     @property
     def quantity(self) -> str:
         """Label of T_sync or of the measure."""
-        return quantity_label(self.of, self.unit, self.settings.labels)
+        return self.settings.labels.get(self.of or "T_sync") or quantity(self.of, self.unit)
 
     def label_of(self, key: str, among: Collection[str]) -> str:
         """Return the label of an axis of the figure that stands beside other keys."""
@@ -127,7 +128,7 @@ class Form(ABC):
 
     def labels_of(self, rows: Sequence[Mapping[str, Any]], among: Collection[str] = ()) -> list[str]:
         """Return a label for each row of axis values, with what distinguishes it from the others."""
-        return distinguishing_labels(rows, among, self.settings.labels)
+        return [format_axis_values(row, among, self.settings.labels) for row in short_files(distinguishing_axes(rows))]
 
 
 def names_of(curves: Sequence[Curve]) -> list[str]:
@@ -135,14 +136,20 @@ def names_of(curves: Sequence[Curve]) -> list[str]:
     return list(dict.fromkeys(name for curve in curves for name in curve.names))
 
 
-def draw_trials(panel: Axes, x: float, measured: Measured, colour: str) -> None:
-    """Draw each trial of a point as a dot; those that are censored are hollow."""
-    for observed, face, label in ((True, colour, "a trial"), (False, "none", "a censored trial")):
-        values = measured.values[measured.observed == observed]
-        if len(values):
-            places, is_picture = np.full(len(values), x), len(values) > MAX_DOTS
-            looks: Any = {"color": colour, "markerfacecolor": face, "markeredgewidth": 0.4, "markersize": 1.6}
-            panel.plot(places, values, "o", alpha=0.4, zorder=1.9, rasterized=is_picture, label=label, **looks)
+def joined(curves: Sequence[Any], name: str) -> Any:
+    """Return the arrays that curves, or maps, have under a name, one behind the other."""
+    return np.concatenate([getattr(curve, name) for curve in curves])
+
+
+def draw_trials(panel: Axes, places: FloatArray, curve: Curve, colour: str) -> None:
+    """Draw each trial of a curve as a dot at the place, (S,), of its point; those that are censored are hollow."""
+    looks: Any = {"color": colour, "markeredgewidth": 0.4, "markersize": 1.6, "alpha": 0.4, "zorder": 1.9}
+    for x, measured in zip(places.tolist(), curve.measured, strict=True):
+        for observed, face, label in ((True, colour, "a trial"), (False, "none", "a censored trial")):
+            values = measured.values[measured.observed == observed]
+            if len(values):
+                dots = np.full(len(values), x), values, "o"
+                panel.plot(*dots, markerfacecolor=face, rasterized=len(values) > MAX_DOTS, label=label, **looks)
 
 
 def check_has_values(points: Sequence[PointTrials], form: str) -> None:

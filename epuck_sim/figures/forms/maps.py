@@ -14,21 +14,11 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures import style
 from epuck_sim.figures.forms.curves import curves_table
-from epuck_sim.figures.forms.form import Choices, Form, check_has_values, names_of
+from epuck_sim.figures.forms.form import Choices, Form, check_has_values, joined, names_of
 from epuck_sim.figures.labels import statistic_label
 from epuck_sim.figures.saving import Table
-from epuck_sim.figures.style import (
-    add_colour_bar,
-    count_trials,
-    format_tick,
-    has_log_scale,
-    is_logarithmic,
-    is_plain,
-    make_logarithmic,
-    mark_wholes,
-    typeset,
-)
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis, choose_second_axis
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
@@ -108,7 +98,7 @@ class Maps(Form):
     @property
     def shows(self) -> str:
         names = " or ".join(names_of(self._rows)).capitalize()
-        trials = count_trials(np.concatenate([row.trials for row in self._rows]).tolist())
+        trials = style.count_trials(joined(self._rows, "trials").tolist())
         return f"{names} of {self.quantity} over {self.labels[0]} and {self.labels[1]}; {trials}"
 
     @property
@@ -116,12 +106,13 @@ class Maps(Form):
         return {".csv": curves_table(self.x, self._rows)}
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        x, y = (np.concatenate([getattr(each, name) for each in self.maps]) for name in "xy")
-        scales = is_logarithmic(self.x, x), is_logarithmic(self.y, y)
+        x, y = joined(self.maps, "x"), joined(self.maps, "y")
+        scales = style.is_logarithmic(self.x, x), style.is_logarithmic(self.y, y)
         has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in self.maps)
         values = np.concatenate([each.values.ravel() for each in self.maps])
-        is_log = has_log_scale(self.of, values, self.settings.scale)
+        is_log = style.has_log_scale(self.of, values, self.settings.scale)
         levels = choose_levels(values, is_log=is_log)
+        norm = BoundaryNorm(levels, COLOURS.N)
         # panels end at the outermost points, or at the edges of their cells where there are no contours
         edges = [
             [_edges(getattr(each, name), log) for each in self.maps] for name, log in zip("xy", scales, strict=True)
@@ -131,22 +122,21 @@ class Maps(Form):
             for name, reach in zip("xy", (x, y) if has_contours else map(np.concatenate, edges), strict=True)
         }
         for panel, each, *cells in zip(panels, self.maps, *edges, strict=True):
-            make_logarithmic(panel, *(name for name, chosen in zip("xy", scales, strict=True) if chosen))
-            mark_wholes(panel.xaxis, x)
-            mark_wholes(panel.yaxis, y)
+            style.make_logarithmic(panel, *(name for name, chosen in zip("xy", scales, strict=True) if chosen))
+            style.mark_wholes(panel.xaxis, x)
+            style.mark_wholes(panel.yaxis, y)
             shown = np.ma.masked_invalid(np.log10(each.values) if is_log else each.values)
-            _draw_cells(panel, each, shown, levels, cells)
+            _draw_cells(panel, each, shown, norm, cells)
             if has_contours:
-                _draw_contours(panel, each, shown, levels, scales)
+                _draw_contours(panel, each, shown, norm, scales)
         for panel in panels:
             panel.set(**ends)
-        label = typeset(statistic_label(names_of(self._rows), self.quantity))
-        colours = ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS)
-        bar = add_colour_bar(panels, colours, label=label, spacing="proportional")
+        label = style.typeset(statistic_label(names_of(self._rows), self.quantity))
+        bar = style.add_colour_bar(panels, ScalarMappable(norm, COLOURS), label=label, spacing="proportional")
         if is_log:
-            plain = is_plain(10 ** levels[0], 10 ** levels[-1])
+            plain = style.is_plain(10 ** levels[0], 10 ** levels[-1])
             logs = _log_ticks(levels)
-            bar.set_ticks(logs, labels=[format_tick(float(f"{10**each:.3g}"), plain=plain) for each in logs])
+            bar.set_ticks(logs, labels=[style.format_tick(float(f"{10**each:.3g}"), plain=plain) for each in logs])
         bar.ax.minorticks_off()
 
 
@@ -170,8 +160,7 @@ def _map(points: Sequence[PointTrials], x: str, y: str, others: dict[str, Any], 
     return Map(others, xs, np.array([row.axes[y] for row in rows], np.float64), values, is_tried, rows)
 
 
-def _draw_cells(panel: Axes, each: Map, values: Any, levels: FloatArray, edges: Sequence[FloatArray]) -> None:
-    norm = BoundaryNorm(levels, COLOURS.N)
+def _draw_cells(panel: Axes, each: Map, values: Any, norm: BoundaryNorm, edges: Sequence[FloatArray]) -> None:
     panel.pcolormesh(*edges, values, cmap=COLOURS, norm=norm, edgecolors="face", linewidth=0.2)
     is_undetermined = each.is_tried & np.isnan(each.values)
     if is_undetermined.any():
@@ -183,10 +172,10 @@ def _draw_cells(panel: Axes, each: Map, values: Any, levels: FloatArray, edges: 
         cells.update_scalarmappable()  # or the legend would have another colour
 
 
-def _draw_contours(panel: Axes, each: Map, values: Any, levels: FloatArray, scales: Sequence[bool]) -> None:
+def _draw_contours(panel: Axes, each: Map, values: Any, norm: BoundaryNorm, scales: Sequence[bool]) -> None:
     # in the coordinates of the page, where a contour between two points of a logarithmic axis belongs
     places = [np.log10(axis) if is_log else axis for axis, is_log in zip((each.x, each.y), scales, strict=True)]
-    looks: Any = {"cmap": COLOURS, "norm": BoundaryNorm(levels, COLOURS.N), "levels": levels}
+    looks: Any = {"cmap": COLOURS, "norm": norm, "levels": norm.boundaries}
     panel.contourf(*places, values, corner_mask=False, transform=panel.transLimits + panel.transAxes, **looks)
 
 

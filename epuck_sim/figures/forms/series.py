@@ -10,19 +10,9 @@ from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import MIN_TRIALS
+from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.saving import Table, tabulate
-from epuck_sim.figures.style import (
-    BAND,
-    GREY,
-    choose_looks,
-    count_trials,
-    draw_course,
-    draw_intervals,
-    has_log_scale,
-    make_logarithmic,
-    typeset,
-)
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.series import PointSeries, summarize_series
 
@@ -58,7 +48,7 @@ class Series(Form):
 
     @property
     def shows(self) -> str:
-        trials = count_trials([int(point.statistics.trials[0]) for point in self.points])
+        trials = style.count_trials([int(point.statistics.trials[0]) for point in self.points])
         return f"{self.of}: means over the cycles of the trials that reach them, with 95 % intervals; {trials}"
 
     @property
@@ -75,22 +65,22 @@ class Series(Form):
 
     def draw(self, panels: Sequence[Axes]) -> None:
         (panel,) = panels
-        labels, looks = self.labels_of([point.axes for point in self.points]), choose_looks(len(self.points))
+        labels, looks = self.labels_of([point.axes for point in self.points]), style.choose_looks(len(self.points))
         has_bands = has_ended = False
         for place, ((_, series), label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
             mean, low, high = series.mean.T
             complete = int(np.count_nonzero(series.trials == series.trials[0]))
-            draw_intervals(panel, series.cycles, low, high, look.colour)
-            draw_course(panel, series.cycles[:complete], mean[:complete], place, look, typeset(label))
+            style.draw_intervals(panel, series.cycles, low, high, look.colour)
+            style.draw_course(panel, series.cycles[:complete], mean[:complete], place, look, style.typeset(label))
             if complete < len(mean):
                 panel.plot(series.cycles[complete - 1 :], mean[complete - 1 :], "--", color=look.colour)
             has_bands |= bool(np.isfinite(low).any())
             has_ended |= complete < len(mean)
         means = np.concatenate([point.statistics.mean[:, 0] for point in self.points])
-        if self.settings.scale == "log" and has_log_scale(self.of, means, "log"):
-            make_logarithmic(panel, "y")
+        if self.settings.scale == "log" and style.has_log_scale(self.of, means, "log"):
+            style.make_logarithmic(panel, "y")
         panel.xaxis.set_major_locator(MaxNLocator(integer=True))
         if has_bands:
-            panel.fill_between([], [], color=GREY, alpha=BAND, linewidth=0, label="95 % interval")
+            panel.fill_between([], [], color=style.GREY, alpha=style.BAND, linewidth=0, label="95 % interval")
         if has_ended:
-            panel.plot([], [], "--", color=GREY, label="some trials have ended")
+            panel.plot([], [], "--", color=style.GREY, label="some trials have ended")

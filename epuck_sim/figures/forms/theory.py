@@ -12,7 +12,7 @@ from epuck_sim.display.table import Row
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.curves import Curves
 from epuck_sim.figures.forms.form import Choices
-from epuck_sim.figures.saving import Table, tabulate
+from epuck_sim.figures.saving import Table, tabulate_rows
 from epuck_sim.figures.style import GREY, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import Curve
@@ -28,6 +28,8 @@ DASHES: dict[str, Any] = {"linestyle": (0, (5, 2)), "linewidth": 0.7, "zorder": 
 PLACE: dict[str, Any] = {"markerfacecolor": "white", "markersize": 5, "linewidth": 0.7}  # looks of V_m and V_p
 EDGE = 0.04  # length of the marks of the limits at the edges of a panel, as a share of its width
 
+CELLS = ("regime", "probability", "v_m", "v_p", "t_frozen", "frozen_share", "t_fast")  # of the table
+
 CAPTION = (
     "dashed is T_sync as predict has it from who hears whom, without a trial: its course, at the left edge that of "
     "swarms that stand, at the right one that of the fastest; hollow triangles are V_m and V_p, with their uncertainty"
@@ -38,12 +40,8 @@ class Predicted(NamedTuple):
     """Prediction of a curve."""
 
     speeds: FloatArray  # (S,) cm/s, ascending
-    at: list[Prediction]  # (S,) predictions
-
-    @property
-    def times(self) -> FloatArray:
-        """(S,) T_sync, cycles."""
-        return np.array([each.t_sync.value for each in self.at])
+    times: FloatArray  # (S,) T_sync, cycles
+    at_any: Prediction  # what holds at all of these speeds
 
 
 def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
@@ -56,7 +54,8 @@ def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
     for curve in curves:
         moving = curve.x[curve.x > 0]
         speeds = np.geomspace(moving.min(), moving.max(), SPEEDS) if len(moving) else np.zeros(1)
-        found.append(Predicted(speeds, predict_speeds(curve.scenario, speeds.tolist())))
+        at = predict_speeds(curve.scenario, speeds.tolist())
+        found.append(Predicted(speeds, np.array([each.t_sync.value for each in at]), at[0]))
     return found
 
 
@@ -83,48 +82,36 @@ class PredictedCurves(Curves):
     @property
     def tables(self) -> Mapping[str, Table]:
         """The tables of the curves; and a row for each, with its verdict, V_m and V_p, and T_sync in both limits."""
-        rows = [(curve.axes, _row(each.at[0])) for curve, each in zip(self.curves, self.predicted, strict=False)]
-        return {**super().tables, **({"-theory.csv": tabulate(rows)} if rows else {})}
+        each = zip(self.curves, self.predicted, strict=False)
+        rows = [Row(curve.axes, {name: predicted.at_any.cells[name] for name in CELLS}) for curve, predicted in each]
+        return {**super().tables, **({"-theory.csv": tabulate_rows(rows)} if rows else {})}
 
     @property
     def notes(self) -> Sequence[str]:
         """What curves do not show, and what predictions leave out."""
         if not self.predicted:
             return [*super().notes, f"no prediction: {self.reason}"]
-        left_out = dict.fromkeys(note.removesuffix(".") for each in self.predicted for note in each.at[0].notes)
+        left_out = dict.fromkeys(note.removesuffix(".") for each in self.predicted for note in each.at_any.notes)
         return [*super().notes, CAPTION, *left_out]
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        for panel, each, look in zip(self.panels_of(panels), self.predicted, self.looks, strict=False):
+        for panel, each, (*_, look) in zip(self.panels_of(panels), self.predicted, self.placed, strict=False):
             draw_prediction(panel, each, look.colour)
         super().draw(panels)
         if self.predicted:
             panels[0].plot([], [], color=GREY, label="predicted", **DASHES)
-        if any(np.isfinite(each.at[0].v_p_cm_s.value) for each in self.predicted):
+        if any(np.isfinite(each.at_any.v_p_cm_s.value) for each in self.predicted):
             panels[0].plot([], [], "^", color=GREY, label=typeset("predicted V_m and V_p"), **PLACE)
 
 
 def draw_prediction(panel: Axes, predicted: Predicted, colour: str) -> None:
     """Draw T_sync as it is predicted, its limits at the edges of the panel, and V_m and V_p, if there are any."""
-    speeds, times, any_speed = predicted.speeds, predicted.times, predicted.at[0]
+    speeds, times, at_any = predicted
     panel.plot(speeds, times, color=colour, **DASHES)
-    for limit, edge in ((any_speed.t_sync_frozen, (0, EDGE)), (any_speed.t_sync_fast, (1 - EDGE, 1))):
+    for limit, edge in ((at_any.t_sync_frozen, (0, EDGE)), (at_any.t_sync_fast, (1 - EDGE, 1))):
         panel.plot(edge, (limit.value,) * 2, color=colour, transform=panel.get_yaxis_transform(), **DASHES)
-    for place, marker in ((any_speed.v_m_cm_s, "v"), (any_speed.v_p_cm_s, "^")):
+    for place, marker in ((at_any.v_m_cm_s, "v"), (at_any.v_p_cm_s, "^")):
         if speeds[0] <= place.value <= speeds[-1]:
             ends = np.clip((place.low, place.value, place.high), speeds[0], speeds[-1])
             time = np.interp(np.log(place.value), np.log(speeds), times)
             panel.plot(ends, (time,) * 3, marker=marker, markevery=[1], color=colour, **PLACE)
-
-
-def _row(found: Prediction) -> dict[str, list[Any]]:
-    cells = {
-        "regime": found.intermediate_regime.verdict,
-        "probability": found.intermediate_regime.probability,
-        "v_m": found.v_m_cm_s,
-        "v_p": found.v_p_cm_s,
-        "t_frozen": found.t_sync_frozen,
-        "frozen_share": found.frozen_share.value,
-        "t_fast": found.t_sync_fast,
-    }
-    return {name: [value] for name, value in Row({}, cells).record().items()}

@@ -11,17 +11,9 @@ from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.saving import Table, tabulate
-from epuck_sim.figures.style import (
-    add_colour_bar,
-    choose_looks,
-    count_trials,
-    draw_course,
-    format_tick,
-    make_logarithmic,
-    typeset,
-)
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
@@ -60,7 +52,7 @@ class Courses(Form):
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        return cls(courses=[_course(point) for point in _of_particles(points)])
+        return cls(courses=[_course(point, _scenario(point)) for point in points if point.seeds])
 
     @property
     def titles(self) -> Sequence[str]:
@@ -73,7 +65,7 @@ class Courses(Form):
     @property
     def shows(self) -> str:
         deviation = ", and deviation from an undisturbed twin," if len(self.titles) > 1 else ""
-        trials = count_trials([course.trials for course in self.courses])
+        trials = style.count_trials([course.trials for course in self.courses])
         return f"Order parameter{deviation} over time; means of {trials}"
 
     @property
@@ -87,12 +79,12 @@ class Courses(Form):
         labels = self.labels_of([course.axes for course in self.courses])
         is_long = any(course.cycle[-1] > MAX_MOMENTS for course in self.courses)
         for is_below, panel in enumerate(panels):
-            each = zip(self.courses, labels, choose_looks(len(labels)), strict=True)
+            each = zip(self.courses, labels, style.choose_looks(len(labels)), strict=True)
             for place, (course, label, look) in enumerate(each):
                 deviation = np.where(course.deviation > 0, course.deviation, np.nan)
-                values, named = (deviation, "_") if is_below else (course.order_parameter, typeset(label))
-                draw_course(panel, course.cycle, values, place, look, named)
-            make_logarithmic(panel, *["x"] * is_long, *["y"] * is_below)
+                values, named = (deviation, "_") if is_below else (course.order_parameter, style.typeset(label))
+                style.draw_course(panel, course.cycle, values, place, look, named)
+            style.make_logarithmic(panel, *["x"] * is_long, *["y"] * is_below)
         panels[0].set_ylim(-0.03, 1.03)
 
 
@@ -117,13 +109,13 @@ class Perturbation(Form):
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
-        tried = _of_particles(points)
+        tried = [(point, _scenario(point)) for point in points if point.seeds]
         if not any(scenario.start.displacement > 0 or scenario.clocks.jitter > 0 for _, scenario in tried):
             raise EpuckSimError(
                 "nothing deviates from the undisturbed twin, because start.displacement and clocks.jitter are 0, so "
                 "that --form perturbation would be blank; --form course shows the order parameter"
             )
-        return cls(shown=[_deviations(point) for point in tried])
+        return cls(shown=[_deviations(*each) for each in tried])
 
     @property
     def titles(self) -> Sequence[str]:
@@ -140,13 +132,12 @@ class Perturbation(Form):
     @property
     def tables(self) -> Mapping[str, Table]:
         """A row for each agent and moment with a deviation."""
-        places = [np.nonzero(each.deviation > 0) for each in self.shown]
-        return {
-            ".csv": tabulate(
-                (each.axes, {"cycle": each.cycle[place[0]], "agent": place[1], "deviation": each.deviation[place]})
-                for each, place in zip(self.shown, places, strict=True)
-            )
-        }
+        groups = []
+        for each in self.shown:
+            moment, agent = np.nonzero(each.deviation > 0)
+            cells = {"cycle": each.cycle[moment], "agent": agent, "deviation": each.deviation[moment, agent]}
+            groups.append((each.axes, cells))
+        return {".csv": tabulate(groups)}
 
     def draw(self, panels: Sequence[Axes]) -> None:
         norm = LogNorm(MIN_DEVIATION, MAX_DEVIATION)
@@ -156,9 +147,9 @@ class Perturbation(Form):
             panel.yaxis.set_major_locator(MaxNLocator(integer=True))
             shown = np.ma.masked_equal(each.deviation.T, 0)
             mesh = panel.pcolormesh(*places, shown, norm=norm, cmap="viridis", rasterized=True)
-        bar = add_colour_bar(panels, mesh, label="|Δϕ| (cycles)", extend="min")
+        bar = style.add_colour_bar(panels, mesh, label="|Δϕ| (cycles)", extend="min")
         powers = [10.0**exponent for exponent in range(-4, 0)]
-        bar.set_ticks(powers, labels=[format_tick(power, plain=False) for power in powers])
+        bar.set_ticks(powers, labels=[style.format_tick(power, plain=False) for power in powers])
 
 
 def choose_moments(cycles: int) -> FloatArray:
@@ -172,15 +163,11 @@ def choose_moments(cycles: int) -> FloatArray:
     return np.unique(np.geomspace(1, cycles, MAX_MOMENTS).astype(int)) - 0.5
 
 
-def _of_particles(points: Sequence[PointTrials]) -> list[tuple[PointTrials, ParticleScenario]]:
-    """Return the points that have trials, each with its scenario; raise ScenarioError for another model."""
-    needs = "the forms perturbation and course need model: particles"
-    scenarios = [require_model(point.scenario, ParticleScenario, needs) for point in points]
-    return [each for each in zip(points, scenarios, strict=True) if each[0].seeds]
+def _scenario(point: PointTrials) -> ParticleScenario:
+    return require_model(point.scenario, ParticleScenario, "the forms perturbation and course need model: particles")
 
 
-def _course(tried: tuple[PointTrials, ParticleScenario]) -> Course:
-    point, scenario = tried
+def _course(point: PointTrials, scenario: ParticleScenario) -> Course:
     cycle = choose_moments(scenario.stop.max_cycles)
     times = cycle * scenario.clocks.period_s
     comparisons = [simulate_with_twin(scenario, seed, times) for seed in point.seeds]
@@ -194,8 +181,7 @@ def _course(tried: tuple[PointTrials, ParticleScenario]) -> Course:
     )
 
 
-def _deviations(tried: tuple[PointTrials, ParticleScenario]) -> Deviations:
-    point, scenario = tried
+def _deviations(point: PointTrials, scenario: ParticleScenario) -> Deviations:
     cycle = np.arange(0.5, min(scenario.stop.max_cycles, MAX_CYCLES))
     comparison = simulate_with_twin(scenario, point.seeds[0], cycle * scenario.clocks.period_s)
     return Deviations(point.axes, cycle, comparison.deviation)

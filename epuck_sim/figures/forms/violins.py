@@ -12,21 +12,10 @@ from matplotlib.axes import Axes
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials
+from epuck_sim.figures import style
+from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials, joined
 from epuck_sim.figures.labels import undetermined_label
 from epuck_sim.figures.saving import Table, tabulate
-from epuck_sim.figures.style import (
-    GREY,
-    count_trials,
-    draw_intervals,
-    format_tick,
-    has_log_scale,
-    is_logarithmic,
-    is_plain,
-    make_logarithmic,
-    mark_wholes,
-    typeset,
-)
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import choose_axis
 from epuck_sim.statistics.curves import Curve, read_curves
@@ -90,7 +79,7 @@ class Violins(Form):
         trials = np.concatenate(observed)
         censored = np.count_nonzero(~trials)
         left_out = f"; {censored} of {len(trials)} trials censored, not in the violins" if censored else ""
-        return f"{what}; {count_trials(list(map(len, observed)))}{left_out}"
+        return f"{what}; {style.count_trials(list(map(len, observed)))}{left_out}"
 
     @property
     def tables(self) -> Mapping[str, Table]:
@@ -106,23 +95,23 @@ class Violins(Form):
         return found | dict(zip(ends, (curve.values, *curve.intervals.T), strict=True))
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        x = np.concatenate([curve.x for curve in self.curves])
+        x = joined(self.curves, "x")
         shown = np.concatenate([each for curve in self.curves for each in (*synchronised(curve), curve.values)])
         dots = [each.values for curve in self.curves for each in curve.measured if self.settings.points]
-        is_log, has_logs = is_logarithmic(self.axis, x), has_log_scale(self.of, shown, self.settings.scale)
+        is_log, has_logs = style.is_logarithmic(self.axis, x), style.has_log_scale(self.of, shown, self.settings.scale)
         places = np.unique(np.log10(x) if is_log else x)
         half_width = HALF_WIDTH * (np.diff(places).min() if len(places) > 1 else 1.0)
         for panel, curve in zip(panels, self.curves, strict=True):
-            make_logarithmic(panel, *["y"] * has_logs, *["x"] * is_log)
-            mark_wholes(panel.xaxis, x)
+            style.make_logarithmic(panel, *["y"] * has_logs, *["x"] * is_log)
+            style.mark_wholes(panel.xaxis, x)
             self._draw_violins(panel, curve, half_width, is_log, has_logs)
             self._draw_estimates(panel, curve)
-            for place, measured in zip(curve.x.tolist(), curve.measured if self.settings.points else (), strict=False):
-                draw_trials(panel, place, measured, "black")
+            if self.settings.points:
+                draw_trials(panel, curve.x, curve, "black")
             if self.censored_at is not None:
-                limit = format_tick(self.censored_at, plain=is_plain(1, self.censored_at))
-                label = f"{typeset('T_cens')} of the Weibull mean: {limit}"
-                panel.axhline(self.censored_at, color=GREY, linestyle="--", linewidth=1, label=label)
+                limit = style.format_tick(self.censored_at, plain=style.is_plain(1, self.censored_at))
+                label = f"{style.typeset('T_cens')} of the Weibull mean: {limit}"
+                panel.axhline(self.censored_at, color=style.GREY, linestyle="--", linewidth=1, label=label)
         if self.of is None and has_logs:
             for panel in panels:
                 panel.set_ylim(top=3 * float(np.nanmax(np.concatenate([shown, *dots]), initial=self.censored_at or 1)))
@@ -141,7 +130,7 @@ class Violins(Form):
         low, high = np.nan_to_num(curve.intervals, posinf=1e12, nan=np.nan).T
         label = "Weibull mean (Appendix A)" if self.of is None else "mean"
         panel.plot(curve.x, curve.values, ".-", color=LINE, label=label)
-        draw_intervals(panel, curve.x, low, high, LINE, "its 95 % interval")
+        style.draw_intervals(panel, curve.x, low, high, LINE, "its 95 % interval")
         unknown = curve.x[np.isnan(curve.values)]
         if len(unknown):
             at, place = np.full(len(unknown), CROSS_AT), panel.get_xaxis_transform()
