@@ -54,24 +54,26 @@ class Entities:
 
     def times(self, entity: str) -> FloatArray:
         """Return (rows,) s: the times of an entity's rows."""
-        times = [batch.column(TIMELINE).cast(pa.int64()).to_numpy() for batch in self._batches[entity]]
+        times = [column.cast(pa.int64()).to_numpy() for column in self._columns(entity, TIMELINE)]
         return np.concatenate([np.empty(0), *times]) / 1e9
 
     def values(self, entity: str, component: str) -> FloatArray:
         """Return the numbers of a component in all rows, one after the other."""
-        columns = [batch.column(component).flatten() for batch in self._batches[entity]]
+        columns = [column.flatten() for column in self._columns(entity, component)]
         numbers = [column.flatten() if pa.types.is_fixed_size_list(column.type) else column for column in columns]
         return np.concatenate([np.empty(0), *(number.to_numpy() for number in numbers)])
 
     def texts(self, entity: str, component: str) -> list[str]:
         """Return the texts of a component in all rows, one after the other."""
-        columns = [batch.column(component).flatten() for batch in self._batches[entity]]
-        return [text for column in columns for text in column.to_pylist()]
+        return [text for column in self._columns(entity, component) for text in column.flatten().to_pylist()]
 
     def lengths(self, entity: str, component: str) -> IntArray:
         """Return (rows,) how many values a component has in each row."""
-        counts = [pc.fill_null(pc.list_value_length(batch.column(component)), 0) for batch in self._batches[entity]]
+        counts = [pc.fill_null(pc.list_value_length(column), 0) for column in self._columns(entity, component)]
         return np.concatenate([np.empty(0, np.int64), *(count.to_numpy() for count in counts)])
+
+    def _columns(self, entity: str, name: str) -> list[pa.Array]:
+        return [batch.column(name) for batch in self._batches[entity]]
 
 
 @lru_cache(maxsize=64)
