@@ -101,7 +101,7 @@ def _written(part: Path, recording_id: str, target: Path) -> Iterator[Callable[[
     def pull() -> None:
         try:
             stream.write_rrd(part, application_id=APPLICATION, recording_id=recording_id)
-        except Exception as error:  # `check` raises it in the thread that runs the trial
+        except Exception as error:  # `write` raises it in the thread that runs the trial
             problems.append(error)
 
     thread = threading.Thread(target=pull, daemon=True)
@@ -114,21 +114,18 @@ def _written(part: Path, recording_id: str, target: Path) -> Iterator[Callable[[
                 chunks.put(chunk, timeout=0.1)
                 return
 
-    def check() -> None:
-        for problem in problems:
-            raise RecordingError(f"{target}: cannot be written: {problem}") from problem
-
     def write(given: Iterable[Chunk]) -> None:
         for chunk in given:
             put(chunk)
-        check()
+        for problem in problems:
+            raise RecordingError(f"{target}: cannot be written: {problem}") from problem
 
     try:
         yield write
     finally:
         put(None)
         thread.join()
-    check()
+    write(())  # raises what came last
 
 
 def _seal(path: Path) -> None:
