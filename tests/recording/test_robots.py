@@ -5,7 +5,6 @@ import subprocess
 from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import cv2
@@ -31,7 +30,7 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.provenance import versions
-from tests.recording.recordings import Array, Found, compare, recorded, towards
+from tests.recording.recordings import Array, Found, Watched, compare, recorded, towards
 
 RADIUS_CM = 3.7
 
@@ -98,32 +97,6 @@ CASES: dict[str, tuple[Any, list[str], str]] = {
 }
 
 
-class Watched:
-    """An observer that copies what it is shown."""
-
-    def __init__(self) -> None:
-        self.steps: list[SimpleNamespace] = []
-        self.order: list[float] = []
-        self.firings: list[tuple[float, float]] = []
-        self._cycles = 0
-
-    def __call__(self, step: Step, watch: SynchronyWatch) -> None:
-        arrays = ("poses", "camera", "distance_mm", "wheels_cm_s", "ring_on", "phase_ms", "contacts", "sightings")
-        copies = {field: np.array(getattr(step, field)) for field in arrays}
-        self.steps.append(SimpleNamespace(number=step.number, time_s=step.time_s, **copies))
-        self.order.append(float(watch.measure(step.phase_ms)))
-        if watch.cycles > self._cycles and watch.order_parameter is not None:
-            self.firings.append((step.time_s, watch.order_parameter))
-        self._cycles = watch.cycles
-
-    def __getitem__(self, field: str) -> Array:
-        return np.array([getattr(step, field) for step in self.steps])
-
-    def pairs(self, field: str) -> list[list[int]]:
-        """Return rows of links of all steps, each with the number of its step."""
-        return sorted([step.number, *pair] for step in self.steps for pair in getattr(step, field).tolist())
-
-
 class Trial(NamedTuple):
     """A trial that was recorded, and the same one as it was watched without a recorder."""
 
@@ -175,8 +148,7 @@ def slow_flashes(times: list[float], rings: BoolArray, phases: FloatArray) -> li
 def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
     recorded_result, result = trial.results
     assert recorded_result == result
-    for field in ("poses", "camera", "distance_mm", "wheels_cm_s", "ring_on", "phase_ms"):
-        assert trial.beside[field].tobytes() == trial.watched[field].tobytes()
+    assert trial.beside.is_like(trial.watched)
     read = trial.read
     assert (read.scenario, read.seed, read.level) == (trial.scenario, 2**64 + 5, Level.FULL)
     assert read.versions == {**versions(), "rerun": version("rerun-sdk")}
