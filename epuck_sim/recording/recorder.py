@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -117,11 +118,13 @@ class Recorder:
         if not self._buffer.row_count:
             return
         batch, population = self._buffer.flush(), self._population
+        said: list[Iterable[Chunk]] = []
         if self._state is not None:
             events = self._state.events
-            self._write(event_chunks(events[self._events_written :]), self._now.chunks(batch, self._state))
+            said = [event_chunks(events[self._events_written :]), self._now.chunks(batch, self._state)]
             self._events_written = len(events)
         self._write(
+            *said,
             time_series(batch, population, self._threshold, self._level),
             arena_entities(batch, population) if self._level is not Level.SUMMARY else (),
             self._layers.chunks(batch) if self._layers is not None else (),
@@ -129,8 +132,7 @@ class Recorder:
 
     def _write(self, *parts: Iterable[Chunk]) -> None:
         with strict_mode():
-            for chunks in parts:
-                self._send(chunks)
+            self._send(chain.from_iterable(parts))
 
     def finish(self) -> None:
         """Write the remaining rows, and how the trial ended."""
