@@ -15,7 +15,7 @@ from rerun.chunk import Chunk
 from epuck_sim.recording import Level
 from epuck_sim.recording.layers.arena import AgentLayers, arena_entities, static_arena_entities
 from epuck_sim.recording.layers.robots import RobotLayers
-from epuck_sim.recording.layers.series import Now, event_chunks, recorded_fields, static_time_series, time_series
+from epuck_sim.recording.layers.series import Texts, recorded_fields, static_time_series, time_series
 from epuck_sim.recording.layout import arrangement_of, layout_file
 from epuck_sim.recording.rows import AgentBuffer, RobotBuffer, population_of
 from epuck_sim.recording.rrd_file import rrd_file, static_chunk, strict_mode
@@ -92,8 +92,7 @@ class Recorder:
             assert isinstance(scenario, ParticleScenario), "other models have no population"
             self._buffer = AgentBuffer(scenario, seed, level)
             self._layers = AgentLayers(scenario, population) if level is Level.FULL else None
-        self._events_written = 0
-        self._now = Now()
+        self._texts = Texts()
         self._write(
             _description(scenario, seed, level, memory),
             static_time_series(population, level, memory),
@@ -118,13 +117,8 @@ class Recorder:
         if not self._buffer.row_count:
             return
         batch, population = self._buffer.flush(), self._population
-        said: list[Iterable[Chunk]] = []
-        if self._state is not None:
-            events = self._state.events
-            said = [event_chunks(events[self._events_written :]), self._now.chunks(batch, self._state)]
-            self._events_written = len(events)
         self._write(
-            *said,
+            self._texts.chunks(batch, self._state) if self._state is not None else (),
             time_series(batch, population, self._threshold, self._level),
             arena_entities(batch, population) if self._level is not Level.SUMMARY else (),
             self._layers.chunks(batch) if self._layers is not None else (),

@@ -78,15 +78,19 @@ def time_series(batch: RowBatch, population: Population, threshold: float | None
             yield temporal_chunk(PHASE_LEAD, time_ns[batch.firings], *scalar_columns(lead))
 
 
-class Now:
-    """Texts about what the trial has come to: whole seconds, the cycle, and T_sync once it is known."""
+class Texts:
+    """What has changed, as a log, and what the trial has come to: seconds, the cycle, and T_sync once it is known."""
 
     def __init__(self) -> None:
-        self._cycles = 0  # before the first row
+        self._events = self._cycles = 0  # before the first row
         self._said = ""
 
     def chunks(self, batch: RowBatch, state: TrialState) -> Iterator[Chunk]:
         """Yield the texts of these rows, after whose last the trial is in a state, where they are new."""
+        if events := state.events[self._events :]:
+            self._events += len(events)
+            times = np.array([round(event.time_s * 1e9) for event in events])
+            yield temporal_chunk(EVENTS, times, *rr.TextLog.columns(text=list(map(_in_words, events))))
         cycles = self._cycles + np.searchsorted(batch.firings, np.arange(len(batch.time_ns)), side="right")
         self._cycles = state.cycles
         t_sync = state.outcome.cycles if state.is_synchronised else math.inf
@@ -134,13 +138,6 @@ def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> 
 def memory_entity(field: str) -> str:
     """Return the entity of a field: NaN for robots whose controllers have no such field."""
     return f"{MEMORY}/{field}"
-
-
-def event_chunks(events: Sequence[TrialEvent]) -> Iterator[Chunk]:
-    """Yield events of a trial as a log, if there are any."""
-    if events:
-        time_ns = np.array([round(event.time_s * 1e9) for event in events])
-        yield temporal_chunk(EVENTS, time_ns, *rr.TextLog.columns(text=[_in_words(event) for event in events]))
 
 
 def _in_words(event: TrialEvent) -> str:
