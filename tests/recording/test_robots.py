@@ -19,6 +19,7 @@ from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.embodied.step import Step, memory_values
 from epuck_sim.recording import Level, recorder
 from epuck_sim.recording.layers import robots as layers
+from epuck_sim.recording.layers.arena import row_numbers
 from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
 from epuck_sim.recording.layout import layout_of
 from epuck_sim.recording.process import PROGRAM, run_rerun
@@ -356,6 +357,14 @@ def test_many_robots_have_no_numbers_beside_them(tmp_path, robots: int, are_show
     assert drawn["/arena/robots"]["Points2D:radii"] == [np.float32(RADIUS_CM)] * robots
 
 
+def test_the_number_of_a_row_is_within_it_and_left_of_the_picture() -> None:
+    strips = [np.array(strip) for strip in row_numbers(12).strips.as_arrow_array().to_pylist()]
+    for row, strip in zip([*range(10), 10, 10, 11, 11], strips, strict=True):
+        assert row < strip[:, 1].min() < strip[:, 1].max() < row + 1
+        assert strip[:, 0].max() < 0
+    assert strips[10][:, 0].max() < strips[11][:, 0].min()
+
+
 # --- levels ------------------------------------------------------------------------------------------
 
 OF_LEVELS = ["stop.max_time_s=12", "stop.order_parameter=1"]
@@ -367,8 +376,10 @@ def of_level(request, tmp_path_factory) -> tuple[Level, Path, TrialResult]:
     return request.param, path, recorded(path, load_scenario("obstacles", OF_LEVELS), 3, request.param)
 
 
-def test_each_level_holds_what_it_should_and_no_more(of_level: tuple[Level, Path, TrialResult]) -> None:
-    level, path, _ = of_level
+def test_each_level_holds_what_it_should_and_no_more_and_says_of_which_trial(
+    of_level: tuple[Level, Path, TrialResult],
+) -> None:
+    level, path, result = of_level
     found, read = Found(path), read_recording(path)
     assert set(found.moving) == MOVING[level]
     properties = {"/__properties", "/__properties/trial", "/__properties/outcome", SEAL}
@@ -383,16 +394,12 @@ def test_each_level_holds_what_it_should_and_no_more(of_level: tuple[Level, Path
         with pytest.raises(RecordingError, match=f"obstacles: .*level {level} holds no {name}; .*--record-level full"):
             getattr(read, name)
     run_rerun("rrd", "verify", str(path))
-
-
-def test_a_recording_says_what_was_run_and_how_it_ended(of_level: tuple[Level, Path, TrialResult]) -> None:
-    level, path, result = of_level
-    said = Found(path).property("trial")
+    said = found.property("trial")
     assert load_scenario(parse_yaml(said.pop("scenario"), "x")) == load_scenario("obstacles", OF_LEVELS)
     assert json.loads(said.pop("versions")) == {**versions(), "rerun": version("rerun-sdk")}
     assert said == {"format": 1, "level": str(level), "seed": "3"}
     assert (result.cycles > 0, result.censored) == (True, True)
-    assert Found(path).property("outcome") == {"cycles": result.cycles, "synchronised": False}
+    assert found.property("outcome") == {"cycles": result.cycles, "synchronised": False}
 
 
 def test_the_layout_is_in_the_file_and_the_viewer_takes_it(of_level: tuple[Level, Path, TrialResult]) -> None:
