@@ -175,7 +175,7 @@ def _film_agents(path: Path, scenario: ParticleScenario, seed: int) -> Iterator[
     corner = AGENTS_PX - AGENTS_MARGIN_PX, top_px + round(scale * height_cm)
     cv2.rectangle(floor, (AGENTS_MARGIN_PX, top_px), corner, GREY, 2)
     radius_px = round(scale * population.radii_cm[0])
-    buffer = AgentBuffer(scenario, seed, Level.POSES, 1, AGENTS_FRAMES_PER_S * scenario.clocks.period_s)
+    buffer = AgentBuffer(scenario, seed, Level.POSES, AGENTS_FRAMES_PER_S * scenario.clocks.period_s)
     captions, frames = Captions(0.0), 0
 
     def draw(poses: FloatArray, is_lit: BoolArray) -> Picture:

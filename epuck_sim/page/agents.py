@@ -5,8 +5,7 @@ import math
 from typing import Any
 
 from epuck_sim.page.own import CURVE
-from epuck_sim.page.records import fields_of
-from epuck_sim.page.settings import Setting, refuse, stops
+from epuck_sim.page.settings import Setting, fields_of, refuse, stops
 from epuck_sim.particles import neighbours
 from epuck_sim.particles.oscillators import BRANCHES, FLAT
 from epuck_sim.particles.rules import rules_of
@@ -25,13 +24,6 @@ CALL_NAMES = ["CURVE", "SEARCH", "CONTINUE", "BEGIN_RUN", "REORIENT"]  # what a 
 assert MOST_AGENTS <= FLAT
 assert len(CALL_NAMES) == CALLS
 
-_FUNCTIONS = {
-    "CURVE": CURVE,
-    "CONTINUE": "continue_trajectory",
-    "BEGIN_RUN": "begin_run",
-    "REORIENT": "reorient_agents",
-}
-
 
 def check_agents(scenario: ParticleScenario) -> None:
     """Raise ScenarioError for what keeps a scenario of agents from being a page, with its key."""
@@ -39,13 +31,10 @@ def check_agents(scenario: ParticleScenario) -> None:
     refuse(
         scenario,
         {
-            "sweep": (scenario.sweep is not None, "a page has one scenario; it sweeps the speed itself"),
             "agents.count": (agents.count > MOST_AGENTS, f"is {agents.count}; a page shows up to {MOST_AGENTS}"),
             "agents.speed_distribution": (agents.speed_distribution != "fixed", RANDOM_NUMBERS),
             "clocks.jitter": (scenario.clocks.jitter > 0, RANDOM_NUMBERS),
-            "schedule": (bool(scenario.schedule), "pages change nothing by a schedule"),
             "start.like": (scenario.start.like is not None, "a page has no trial of robots to begin with"),
-            "stop.when": (scenario.stop.when is not None, "pages have no measures that could end a trial"),
         },
     )
 
@@ -60,10 +49,10 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
     rules, start = rules_of(scenario), scenario.start
     arrays, walk, stop = Arrays(rules.new_block()), scenario.agents.walk, scenario.stop
     functions = {
-        "CURVE": len(arrays.curve) > 0,
-        "CONTINUE": True,
-        "BEGIN_RUN": walk.kind != "straight",
-        "REORIENT": bool(scenario.agents.reorient_on),
+        "CURVE": (CURVE, len(arrays.curve) > 0),
+        "CONTINUE": ("continue_trajectory", True),
+        "BEGIN_RUN": ("begin_run", walk.kind != "straight"),
+        "REORIENT": ("reorient_agents", bool(scenario.agents.reorient_on)),
     }
     given = {
         "origin": start.positions_cm is not None,
@@ -83,7 +72,7 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
         "is_synchronised": start.phases == "synchronised",
         "displacement": start.displacement,
         "calls": CALL_NAMES,
-        "functions": {call: _FUNCTIONS[call] for call, is_called in functions.items() if is_called},
+        "functions": {call: name for call, (name, is_called) in functions.items() if is_called},
         "kinds": {
             "nearest": neighbours.NEAREST,
             "vision": neighbours.VISION_CONE,

@@ -72,8 +72,7 @@ def compile_own(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
         ControllerError: A controller or a sensor cannot be compiled.
         CurveError: A response curve cannot be compiled.
     """
-    has_curve = isinstance(scenario, ParticleScenario) and scenario.response.curve not in CURVES
-    if not has_curve and not (isinstance(scenario, EmbodiedScenario) and own_controllers(scenario)):
+    if not own_roots(scenario):
         return b""
     if find_spec("ziglang") is None:
         what = "controllers, sensors and response curves in files are compiled for a page by ziglang"

@@ -18,9 +18,8 @@ from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import CAMERA, GROUP, RAY, ROBOT, SCENE, Swarm
 from epuck_sim.page.own import own_controllers, own_sensors
-from epuck_sim.page.records import fields_of
 from epuck_sim.page.roots import shipped_root
-from epuck_sim.page.settings import Setting, refuse, stops
+from epuck_sim.page.settings import Setting, fields_of, refuse, stops
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import with_values
 from epuck_sim.scenario.robot_kind import cell_cm
@@ -48,7 +47,6 @@ def check_robots(scenario: EmbodiedScenario) -> None:
     refuse(
         scenario,
         {
-            "sweep": (scenario.sweep is not None, "a page has one scenario; it sweeps the speed itself"),
             "robots": (
                 scenario.robot_count > MOST_ROBOTS,
                 f"are {scenario.robot_count}{' with radios' * radios}; a page shows up to {MOST_ROBOTS}",
@@ -60,8 +58,6 @@ def check_robots(scenario: EmbodiedScenario) -> None:
             "arena.movables": (bool(scenario.arena.movables), "nothing is pushed in pages"),
             "robots.present": (scenario.members_change, "all robots of a page are there all the time"),
             "faults": (bool(scenario.faults), "robots of pages have no faults"),
-            "schedule": (bool(scenario.schedule), "pages change nothing by a schedule"),
-            "stop.when": (scenario.stop.when is not None, "pages have no measures that could end a trial"),
         },
     )
 

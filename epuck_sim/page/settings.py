@@ -1,12 +1,15 @@
-"""What a page lets its reader change: keys of a scenario, each with the values that its slider stops at."""
+"""What pages of agents and of robots share: keys that are changed, refusals, and where numbers stand in records."""
 
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from epuck_sim.display.table import leaves
+import numpy as np
+
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.particles import ParticleScenario
 
 Value = float | int | str | bool | None
 
@@ -42,13 +45,29 @@ def stops(low: float, high: float, *, step: float = 0.0, also: Iterable[float] =
     return tuple(sorted(numbers.union(also)))
 
 
-def values_of(scenario: Scenario) -> dict[str, Value]:
-    """Return the value of each dotted key of a scenario."""
-    return dict(leaves(scenario.model_dump(mode="json", warnings=False)))
-
-
-def refuse(scenario: Scenario, reasons: Mapping[str, tuple[bool, str]]) -> None:
-    """Raise ScenarioError for the first key that is a reason not to be a page, with why."""
-    for key, (is_reason, why) in reasons.items():
+def refuse(scenario: EmbodiedScenario | ParticleScenario, reasons: Mapping[str, tuple[bool, str]]) -> None:
+    """Raise ScenarioError for the first key that is a reason not to be a page, of its model or of any, with why."""
+    of_any = {
+        "sweep": (scenario.sweep is not None, "a page has one scenario; it sweeps the speed itself"),
+        "schedule": (bool(scenario.schedule), "pages change nothing by a schedule"),
+        "stop.when": (scenario.stop.when is not None, "pages have no measures that could end a trial"),
+    }
+    for key, (is_reason, why) in {**of_any, **reasons}.items():
         if is_reason:
             raise ScenarioError(f"{scenario.name}: {key}: {why}; `epuck-sim run` does")
+
+
+def fields_of(dtype: np.dtype[Any], prefix: str = "", first: int = 0) -> dict[str, tuple[int, str]]:
+    """Return offset and kind of each number of a record by its dotted name, of an array by the name of all.
+
+    >>> fields_of(np.dtype([("a", "?"), ("b", [("c", "f8"), ("d", "u8", 2)])], align=True))
+    {'a': (0, '?'), 'b.c': (8, 'f8'), 'b.d': (16, 'u8')}
+    """
+    found: dict[str, tuple[int, str]] = {}
+    for name, field in (dtype.fields or {}).items():
+        kind, offset = field[0], field[1]
+        if kind.base.fields:
+            found |= fields_of(kind.base, f"{prefix}{name}.", first + offset)
+        else:
+            found[prefix + name] = first + offset, "?" if kind.base == np.bool_ else kind.base.str[1:]
+    return found

@@ -4,6 +4,7 @@ import base64
 import gzip
 import hashlib
 import json
+import re
 import tempfile
 import webbrowser
 from collections.abc import Sequence
@@ -14,11 +15,12 @@ from typing import Any
 
 from epuck_sim import __version__
 from epuck_sim.display.html import check_suffix
+from epuck_sim.display.table import leaves
 from epuck_sim.page.agents import agents_facts, agents_settings
 from epuck_sim.page.kernels import Model, read_module
 from epuck_sim.page.own import compile_own
 from epuck_sim.page.robots import robots_facts, robots_settings
-from epuck_sim.page.settings import Setting, Value, values_of
+from epuck_sim.page.settings import Setting, Value
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario, robots_like
 from epuck_sim.scenario.particles import ParticleScenario
@@ -105,12 +107,7 @@ def make_page(scenario: EmbodiedScenario | ParticleScenario, source: str, settin
         "CORE": core,
         "PAGE": interface,
     }
-    before, *pieces = (WEB / "page.html").read_text(encoding="utf-8").split("@")
-    texts, is_name = [before], True
-    for piece in pieces:
-        texts.append(parts[piece] if is_name else piece)
-        is_name = not is_name
-    return "".join(texts)
+    return re.sub("@([A-Z]+)@", lambda name: parts[name[1]], _joined(["page.html"]))
 
 
 def page_data(
@@ -131,13 +128,12 @@ def page_data(
         speed_key, one = "agents.speed_cm_s", "agent"
     limit = scenario.stop.max_cycles
     changes.append(Setting("stop.max_cycles", "trials end after", "cycles", _limits(limit), limit))
-    values = values_of(scenario)
-    values.update({each.key: each.value for each in changes})
+    nested = scenario.model_dump(mode="json", warnings=False)
     speed = next((each for each in changes if each.key == speed_key), None)
     return {
         "facts": facts,
-        "values": values,
-        "nested": scenario.model_dump(mode="json", warnings=False),
+        "values": dict(leaves(nested)) | {each.key: each.value for each in changes},
+        "nested": nested,
         "settings": [asdict(each) for each in changes],
         "speed": speed and {"key": speed_key, "stops": _spread(speed)},
         "scenario": source,

@@ -28,8 +28,8 @@ PAUSE, STEP, END = " ", "n", "q"
 MOST_LATE_S = 2.0
 """A trial that is later than this goes on from there at its pace; one that is less late catches up."""
 
-LOOK_S = 0.1  # between two looks at the viewer during a pause
-REFRESH_S = 0.1  # between two updates of the viewer
+REFRESH_S = 0.1
+"""Seconds between two updates of the viewer, and between two looks at it during a pause."""
 
 NO_DISPLAY = "there is no display here; give --web to look in a browser, or --record FILE.rrd to look later"
 CLOSED = "the viewer was closed before the trial ended"
@@ -77,7 +77,7 @@ class Pace:
         stopped = time.monotonic()
         while self.is_paused and not self._steps_wanted:
             look()
-            self._obey(self._wait(LOOK_S))
+            self._obey(self._wait(REFRESH_S))
         self._steps_wanted = max(self._steps_wanted - 1, 0)
         assert self._began is not None, "a trial stands still at a step"
         self._began += time.monotonic() - stopped

@@ -54,24 +54,26 @@ class Entities:
 
     def times(self, entity: str) -> FloatArray:
         """Return (rows,) s: the times of an entity's rows."""
-        times = [batch.column(TIMELINE).cast(pa.int64()).to_numpy() for batch in self._batches[entity]]
+        times = [column.cast(pa.int64()).to_numpy() for column in self._columns(entity, TIMELINE)]
         return np.concatenate([np.empty(0), *times]) / 1e9
 
     def values(self, entity: str, component: str) -> FloatArray:
         """Return the numbers of a component in all rows, one after the other."""
-        columns = [batch.column(component).flatten() for batch in self._batches[entity]]
+        columns = [column.flatten() for column in self._columns(entity, component)]
         numbers = [column.flatten() if pa.types.is_fixed_size_list(column.type) else column for column in columns]
         return np.concatenate([np.empty(0), *(number.to_numpy() for number in numbers)])
 
     def texts(self, entity: str, component: str) -> list[str]:
         """Return the texts of a component in all rows, one after the other."""
-        columns = [batch.column(component).flatten() for batch in self._batches[entity]]
-        return [text for column in columns for text in column.to_pylist()]
+        return [text for column in self._columns(entity, component) for text in column.flatten().to_pylist()]
 
     def lengths(self, entity: str, component: str) -> IntArray:
         """Return (rows,) how many values a component has in each row."""
-        counts = [pc.fill_null(pc.list_value_length(batch.column(component)), 0) for batch in self._batches[entity]]
+        counts = [pc.fill_null(pc.list_value_length(column), 0) for column in self._columns(entity, component)]
         return np.concatenate([np.empty(0, np.int64), *(count.to_numpy() for count in counts)])
+
+    def _columns(self, entity: str, name: str) -> list[pa.Array]:
+        return [batch.column(name) for batch in self._batches[entity]]
 
 
 @lru_cache(maxsize=64)
@@ -141,20 +143,14 @@ def read_recording(path: Path | str) -> Recorded:
     entities = Entities(path, *_READ, f"{series.MEMORY}/**")
     trial = _trial_of(path, entities)
     try:
-        recorded = _gather(entities, trial, entities.properties(OUTCOME))
+        return _gather(entities, trial, entities.properties(OUTCOME))
     except ScenarioError as error:
         raise RecordingError(f"{path}: holds a scenario that this version cannot read: {error}") from error
     except (KeyError, ValueError) as error:
         raise RecordingError(f"{path}: is not a complete recording: {error}") from error
-    rows = len(recorded.time_s)
-    posed = ("phase_ms", "positions", "headings", "ring_on", "movables") if recorded.level is not Level.SUMMARY else ()
-    arrays = {name: getattr(recorded, name) for name in posed}
-    for name, array in (arrays | {f"memory.{name}": each for name, each in recorded.memory.items()}).items():
-        if len(array) != rows:
-            raise RecordingError(f"{path}: is not a complete recording: {name} is missing in some of {rows} rows")
-    return recorded
 
 
+SCALARS = "Scalars:scalars"
 _READ = (
     *(series.ORDER_AT_STEPS, series.ORDER_AT_FIRINGS, series.FLASHES, series.PHASES, series.EVENTS),
     *(ROBOTS, HEADINGS, MOVABLES, SIGHTINGS, CONTACTS, LINKS),
@@ -175,14 +171,18 @@ def _trial_of(path: Path, entities: Entities) -> dict[str, Any]:
 
 def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
     """Return a recording's arrays; raise KeyError or ValueError if something is missing."""
-    scenario = _scenario(trial)
+    scenario, level, times = _scenario(trial), Level(trial["level"]), entities.times(series.ORDER_AT_STEPS)
     count, movables = scenario.population, len(population_of(scenario).arena.movables)
-    arrows = entities.values(HEADINGS, "Arrows2D:vectors").reshape(-1, count, 2)
-    positions = entities.values(ROBOTS, "Points2D:positions").astype(np.float32).reshape(-1, count, 2)
+
+    def rows(entity: str, component: str, *shape: int, is_there: bool = level is not Level.SUMMARY) -> FloatArray:
+        found = entities.values(entity, component).reshape(-1 if all(shape) else is_there * len(times), *shape)
+        if is_there and len(found) != len(times):
+            raise ValueError(f"{entity} is missing in some of {len(times)} rows")
+        return found
+
+    arrows = rows(HEADINGS, "Arrows2D:vectors", count, 2)
+    positions = rows(ROBOTS, "Points2D:positions", count, 2).astype(np.float32)
     headings = np.arctan2(arrows[..., 1], arrows[..., 0])
-    pushed = entities.values(MOVABLES, "Points2D:positions").astype(np.float32)
-    scalars = {name: entities.values(name, "Scalars:scalars") for name in _READ[:4]}
-    level = Level(trial["level"])
     return Recorded(
         scenario=scenario,
         seed=int(trial["seed"]),
@@ -190,22 +190,19 @@ def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) 
         versions=json.loads(trial["versions"]),
         cycles=outcome["cycles"],
         synchronised=outcome["synchronised"],
-        time_s=entities.times(series.ORDER_AT_STEPS),
-        order_parameter=scalars[series.ORDER_AT_STEPS],
+        time_s=times,
+        order_parameter=entities.values(series.ORDER_AT_STEPS, SCALARS),
         flash_s=entities.times(series.FLASHES),
-        flash_robot=scalars[series.FLASHES].astype(np.int64),
+        flash_robot=entities.values(series.FLASHES, SCALARS).astype(np.int64),
         flash_cycle=entities.values(series.FLASHES, "cycle").astype(np.int64),
         firing_s=entities.times(series.ORDER_AT_FIRINGS),
-        firing_order=scalars[series.ORDER_AT_FIRINGS],
-        phase_ms=scalars[series.PHASES].reshape(-1, count),
+        firing_order=entities.values(series.ORDER_AT_FIRINGS, SCALARS),
+        phase_ms=rows(series.PHASES, SCALARS, count),
         positions=positions,
         headings=headings,
-        ring_on=entities.values(ROBOTS, "Points2D:class_ids").reshape(-1, count) == 1,
-        movables=pushed.reshape((-1, movables, 2) if movables else (len(positions), 0, 2)),
-        memory={
-            field: entities.values(series.memory_entity(field), "Scalars:scalars").reshape(-1, count)
-            for field in _fields(trial)
-        },
+        ring_on=rows(ROBOTS, "Points2D:class_ids", count) == 1,
+        movables=rows(MOVABLES, "Points2D:positions", movables, 2).astype(np.float32),
+        memory={name: rows(series.memory_entity(name), SCALARS, count, is_there=True) for name in _fields(trial)},
         events=tuple(
             zip(entities.times(series.EVENTS).tolist(), entities.texts(series.EVENTS, "TextLog:text"), strict=True)
         ),

@@ -3,8 +3,12 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import numpy as np
+
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from epuck_sim.display.arena_svg import draw_arena
+from epuck_sim.display.html import element, facts, to_html
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level
 from epuck_sim.recording.rows import population_of
@@ -86,19 +90,29 @@ class Recorded(NamedTuple):
 
     def _repr_html_(self) -> str:
         """Return the last moment at which most rings were lit, and what is recorded, for notebooks."""
-        from epuck_sim.recording.notebook import show_recorded  # noqa: PLC0415 is for notebooks alone
-
-        return show_recorded(self)
+        population = population_of(self.scenario)
+        rows = [
+            (f"{population.noun}s", str(population.size)),
+            ("level", str(self.level)),
+            ("duration", f"{self.time_s.max(initial=0):.1f} s, {self.cycles} cycles"),
+            ("synchronised", "yes" if self.synchronised else "no"),
+            ("rows", str(len(self.time_s))),
+        ]
+        parts = [element("p", element("b", self.scenario.name), f", seed {self.seed}"), facts(rows)]
+        if len(self.ring_on):
+            rings = self.ring_on.sum(axis=1)
+            moment = int(np.flatnonzero(rings == rings.max())[-1])
+            poses = np.column_stack([self.positions[moment], self.headings[moment]])
+            parts.append(element("p", f"at {self.time_s[moment]:.2f} s:"))
+            parts.append(draw_arena(self.arena_at(moment), poses, population.radii_cm, self.ring_on[moment]))
+        return to_html(*parts)
 
     def _linked(self, what: str, model: str) -> IntArray:
-        if self.scenario.model != model:
-            raise RecordingError(
-                f"{self.scenario.name}: model: {self.scenario.model} has no {what}; they are of model: {model}"
-            )
+        name, own = self.scenario.name, self.scenario.model
+        if own != model:
+            raise RecordingError(f"{name}: model: {own} has no {what}; they are of model: {model}")
         if self.links is None:
-            raise RecordingError(
-                f"{self.scenario.name}: a recording of level {self.level} holds no {what}; record the trial again with "
-                "--record-level full"
-            )
+            again = "record the trial again with --record-level full"
+            raise RecordingError(f"{name}: a recording of level {self.level} holds no {what}; {again}")
         found: IntArray = getattr(self.links, what)
         return found

@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,7 @@ from rerun.chunk import Chunk
 from epuck_sim.recording import Level
 from epuck_sim.recording.layers.arena import AgentLayers, arena_entities, static_arena_entities
 from epuck_sim.recording.layers.robots import RobotLayers
-from epuck_sim.recording.layers.series import (
-    MemorySeries,
-    Now,
-    event_chunks,
-    recorded_fields,
-    static_time_series,
-    time_series,
-)
+from epuck_sim.recording.layers.series import Texts, recorded_fields, static_time_series, time_series
 from epuck_sim.recording.layout import arrangement_of, layout_file
 from epuck_sim.recording.rows import AgentBuffer, RobotBuffer, population_of
 from epuck_sim.recording.rrd_file import rrd_file, static_chunk, strict_mode
@@ -60,7 +54,7 @@ def record(
     scenario = complete(scenario, scenario.name)  # with every default written out
     memory = recorded_fields(scenario, level, memory)
     layout = layout_file(arrangement_of(scenario, level, memory))
-    with rrd_file(Path(path), recording_id(scenario, seed, level, memory), layout) as write:
+    with rrd_file(Path(path), _recording_id(scenario, seed, level, memory), layout) as write:
         recorder = Recorder(scenario, seed, level, BUFFER_S, write, memory)
         yield recorder
         recorder.finish()
@@ -81,30 +75,27 @@ class Recorder:
         """Write what does not change; the simulation need not exist yet, and at most `buffer_s` of it is held back.
 
         Raises:
-            EpuckSimError: The scenario cannot be recorded, or no controller remembers such a field.
+            RecordingError: The scenario cannot be recorded.
         """
         self._level = level
         self._send = write
         self._population = population = population_of(scenario)
         self._threshold = scenario.stop.order_parameter
         self._state: TrialState | None = None
-        capacity = max(1, int(min(buffer_s * population.rows_per_s, BUFFER_ROWS / population.size)))
+        self._capacity = max(1, int(min(buffer_s * population.rows_per_s, BUFFER_ROWS / population.size)))
         self._buffer: Any
         self._layers: RobotLayers | AgentLayers | None = None
         if isinstance(scenario, EmbodiedScenario):
-            self._buffer = RobotBuffer(scenario, level, capacity)
+            self._buffer = RobotBuffer(scenario, level, self._capacity, memory)
             self._layers = RobotLayers(scenario, population) if level is Level.FULL else None
         else:
             assert isinstance(scenario, ParticleScenario), "other models have no population"
-            self._buffer = AgentBuffer(scenario, seed, level, capacity)
+            self._buffer = AgentBuffer(scenario, seed, level)
             self._layers = AgentLayers(scenario, population) if level is Level.FULL else None
-        self._memory = MemorySeries(scenario, memory, population)
-        self._events_written = 0
-        self._now = Now()
+        self._texts = Texts()
         self._write(
             _description(scenario, seed, level, memory),
-            self._memory.static_chunks(),
-            static_time_series(population, level),
+            static_time_series(population, level, memory),
             static_arena_entities(population, level) if level is not Level.SUMMARY else (),
             self._layers.static_chunks() if self._layers is not None else (),
         )
@@ -113,14 +104,12 @@ class Recorder:
         """Record an event of the trial."""
         self._state = state
         self._buffer.append(event, state)
-        self._memory.append(event)
-        if self._buffer.is_full:
+        if self._buffer.row_count >= self._capacity:
             self.flush()
 
     def catch_up(self, time_s: float) -> None:
         """Record agents, of which nothing is heard between two events, up to a time before the next one."""
-        if isinstance(self._buffer, AgentBuffer):
-            self._buffer.catch_up(time_s)
+        self._buffer.catch_up(time_s)
         self.flush()
 
     def flush(self) -> None:
@@ -128,12 +117,8 @@ class Recorder:
         if not self._buffer.row_count:
             return
         batch, population = self._buffer.flush(), self._population
-        if self._state is not None:
-            events = self._state.events
-            self._write(event_chunks(events[self._events_written :]), self._now.chunks(batch, self._state))
-            self._events_written = len(events)
         self._write(
-            self._memory.flush(batch.time_ns),
+            self._texts.chunks(batch, self._state) if self._state is not None else (),
             time_series(batch, population, self._threshold, self._level),
             arena_entities(batch, population) if self._level is not Level.SUMMARY else (),
             self._layers.chunks(batch) if self._layers is not None else (),
@@ -141,8 +126,7 @@ class Recorder:
 
     def _write(self, *parts: Iterable[Chunk]) -> None:
         with strict_mode():
-            for chunks in parts:
-                self._send(chunks)
+            self._send(chain.from_iterable(parts))
 
     def finish(self) -> None:
         """Write the remaining rows, and how the trial ended."""
@@ -155,7 +139,7 @@ class Recorder:
         self._write([Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
 
 
-def recording_id(scenario: Scenario, seed: int, level: Level, memory: Sequence[str] = ()) -> str:
+def _recording_id(scenario: Scenario, seed: int, level: Level, memory: Sequence[str]) -> str:
     """Return a name that is the same whenever the same trial is recorded at the same level, with the same fields."""
     described = "\n".join([write_scenario(scenario), str(seed), level, json.dumps(versions()), *memory])
     return hashlib.sha256(described.encode()).hexdigest()[:32]
@@ -163,15 +147,13 @@ def recording_id(scenario: Scenario, seed: int, level: Level, memory: Sequence[s
 
 def _description(scenario: Scenario, seed: int, level: Level, memory: Sequence[str]) -> Iterator[Chunk]:
     """Yield the properties that describe the trial."""
-    made_by = {**versions(), "rerun": version("rerun-sdk")}
-    remembered: dict[str, Any] = {"memory": json.dumps(memory)} if memory else {}
-    trial = rr.AnyValues(
-        format=FORMAT,
-        level=str(level),
-        scenario=write_scenario(scenario),
-        seed=str(seed),  # which may exceed 64 bits
-        versions=json.dumps(made_by),
-        **remembered,
-    )
-    yield Chunk.from_property(TRIAL, trial)
+    described: dict[str, Any] = {
+        "format": FORMAT,
+        "level": str(level),
+        "scenario": write_scenario(scenario),
+        "seed": str(seed),  # which may exceed 64 bits
+        "versions": json.dumps({**versions(), "rerun": version("rerun-sdk")}),
+        **({"memory": json.dumps(memory)} if memory else {}),
+    }
+    yield Chunk.from_property(TRIAL, rr.AnyValues(**described))
     yield static_chunk("/__properties", rr.archetypes.RecordingInfo(name=f"{scenario.name}, seed {seed}"))

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.control.interface import SENSORS
-from epuck_sim.embodied.step import Step
+from epuck_sim.embodied.step import Step, field_values
 from epuck_sim.errors import RecordingError
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles.simulation import Event, ParticleSimulation
@@ -120,59 +120,56 @@ class RowBatch(NamedTuple):
     distance_mm: npt.NDArray[np.uint16] = np.empty((0, 0, SENSORS), np.uint16)  # (rows, robots, 8) infrared
     wheels_cm_s: FloatArray = np.empty((0, 0, 2))  # (rows, robots, 2) left and right wheel, as commanded
     movables: FloatArray = np.empty((0, 0, 2))  # (rows, movables, 2) cm
+    memory: Sequence[tuple[str, FloatArray]] = ()  # name and (rows, robots) values of fields and readings
     arenas: Sequence[tuple[int, Arena]] = ()  # of robots: first row, from 0, of each arena; movables are elsewhere
     links: IntArray = np.empty((0, 4), np.int64)  # (links, 4) row, firing agent, receiving agent, 1 if its phase shifts
 
 
-class RobotBuffer:
-    """Gathers steps of robots, a row each; it must be flushed when it is full."""
+_OF_STEPS: dict[Level, dict[str, type]] = {
+    Level.SUMMARY: {"ring_on": np.bool_, "phase_ms": np.float64},
+    Level.POSES: {"poses": np.float64, "movables": np.float64},
+    Level.FULL: {"camera": np.uint8, "distance_mm": np.uint16, "wheels_cm_s": np.float64},
+}
+"""Arrays of steps that are kept, with the type of their numbers, from each level on."""
 
-    def __init__(self, scenario: EmbodiedScenario, level: Level, capacity: int) -> None:
-        """Reserve memory for `capacity` rows."""
-        robots, movables = scenario.robot_count, len(scenario.arena.movables)
-        self._columns: dict[str, tuple[tuple[int, ...], type]] = {
-            "ring_on": ((robots,), np.bool_),
-            "phase_ms": ((robots,), np.float64),
-        }
-        if level is not Level.SUMMARY:
-            self._columns["poses"] = (robots, 3), np.float64
-            if movables:
-                self._columns["movables"] = (movables, 2), np.float64
-        if level is Level.FULL:
-            self._columns["camera"] = (robots, scenario.camera_pixels), np.uint8
-            self._columns["distance_mm"] = (robots, SENSORS), np.uint16
-            self._columns["wheels_cm_s"] = (robots, 2), np.float64
+
+class RobotBuffer:
+    """Gathers steps of robots, a row each."""
+
+    def __init__(self, scenario: EmbodiedScenario, level: Level, capacity: int, memory: Sequence[str]) -> None:
+        """Prepare for at most `capacity` rows; memory: fields and readings to keep."""
+        levels = list(Level)
+        kept = levels[: levels.index(level) + 1]
+        self._kinds = {name: kind for each in kept for name, kind in _OF_STEPS[each].items()}
+        self._fields = memory
         self._capacity = capacity
         self._step_ns = scenario.timing.step_ms * 1_000_000
         self._next_step = 0
         self._cycles = 0  # of the reference
-        self._ring_before = np.zeros((1, robots), np.bool_)
-        self._phase_before = np.full((1, robots), np.nan)
-        self._flashes = np.zeros(robots, np.int64)  # of each robot, before the first row
-        self._clear()
-
-    def _clear(self) -> None:
-        """Take new arrays: those that were returned are not written to again."""
+        self._ring_before = np.zeros((1, scenario.robot_count), np.bool_)
+        self._phase_before = np.full((1, scenario.robot_count), np.nan)
+        self._flashes = np.zeros(scenario.robot_count, np.int64)  # of each robot, before the first row
         self.row_count = 0
+
+    def _begin(self, step: Step) -> None:
+        """Take new arrays, for rows like a first one: those that were returned are not written to again."""
         self._arrays: dict[str, npt.NDArray[Any]] = {
-            name: np.empty((self._capacity, *shape), kind) for name, (shape, kind) in self._columns.items()
+            name: np.empty((self._capacity, *getattr(step, name).shape), kind) for name, kind in self._kinds.items()
         }
         self._firings: list[tuple[int, float]] = []
-        self._arenas: list[tuple[int, Arena]] = []
-
-    @property
-    def is_full(self) -> bool:
-        """Whether there is no room for another step."""
-        return self.row_count == self._capacity
+        self._arenas: list[tuple[int, Arena]] = [(0, step.arena)]
+        self._memory: list[list[FloatArray]] = []
 
     def append(self, step: Step, watch: SynchronyWatch) -> None:
         """Add a step."""
-        self._watch = watch
-        row = self.row_count
+        row, self._watch = self.row_count, watch
+        if not row:
+            self._begin(step)
         for name, array in self._arrays.items():
             array[row] = getattr(step, name)
-        if not row or step.arena is not self._arenas[-1][1]:
+        if step.arena is not self._arenas[-1][1]:
             self._arenas.append((row, step.arena))
+        self._memory.append([field_values(step, field) for field in self._fields])
         if watch.cycles > self._cycles:
             self._cycles = watch.cycles
             if watch.order_parameter is not None:
@@ -193,32 +190,26 @@ class RobotBuffer:
             ring_before=ring_before,
             order_parameter=self._watch.measure(phase_ms),
             flashes=np.column_stack([rows, robots, counts[rows, robots]]),
+            memory=tuple(zip(self._fields, np.array(self._memory).swapaxes(0, 1), strict=True)),
             arenas=tuple(self._arenas),
             **_firing_columns(self._firings),
             **arrays,
         )
         self._next_step += self.row_count
         self._ring_before, self._phase_before, self._flashes = ring_on[-1:].copy(), phase_ms[-1:].copy(), counts[-1]
-        self._clear()
+        self.row_count = 0
         return batch
 
 
 class AgentBuffer:
-    """Gathers moments of point-like agents, a row each; it must be flushed when it is full."""
+    """Gathers moments of point-like agents, a row each."""
 
     def __init__(
-        self,
-        scenario: ParticleScenario,
-        seed: int,
-        level: Level,
-        capacity: int,
-        rows_per_period: float = ROWS_PER_PERIOD,
+        self, scenario: ParticleScenario, seed: int, level: Level, rows_per_period: float = ROWS_PER_PERIOD
     ) -> None:
-        """Prepare for `capacity` rows, which those that lead to a single event may exceed."""
         fresh = ParticleSimulation(scenario, seed)  # observers are shown no swarm before its first event
         self._remember(fresh)
         self._periods_s = fresh.periods_s
-        self._capacity = capacity
         self._rows_per_period = rows_per_period
         self._stop = scenario.stop
         self._period_s = scenario.clocks.period_s
@@ -234,11 +225,6 @@ class AgentBuffer:
         self._flash_rows = [np.empty((0, 3), np.int64)]
         self._firings: list[tuple[int, float]] = []
         self._links = [np.empty((0, 4), np.int64)]
-
-    @property
-    def is_full(self) -> bool:
-        """Whether it must be flushed."""
-        return self.row_count >= self._capacity
 
     def append(self, event: Event, swarm: ParticleSimulation) -> None:
         """Add an event and the regular rows before it; raise RecordingError if its time is too late to be recorded."""

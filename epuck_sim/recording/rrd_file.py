@@ -2,11 +2,9 @@
 
 import hashlib
 import mmap
-import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from queue import Full, Queue
 
 import rerun as rr
 from rerun.chunk import Chunk, LazyChunkStream
@@ -19,7 +17,6 @@ from epuck_sim.util.atomic_write import check_target, publish, temporary_path, w
 APPLICATION = "epuck-sim"  # by which the viewer matches layouts to recordings
 TIMELINE = "sim_time"
 ENDING = ".rrd"  # by which the viewer knows a recording
-QUEUE_LENGTH = 64  # most chunks that wait to be written; if the disk is slower than the simulation, that waits, too
 
 SEAL = "/__properties/seal"
 """The property that holds the digest and the length of the file."""
@@ -61,6 +58,8 @@ def temporal_chunk(entity: str, time_ns: IntArray, *columns: rr.ComponentColumn)
 def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[[Iterable[Chunk]], None]]:
     """Yield a writer of chunks into a recording, which gets its name when the block ends without an error.
 
+    What is written in one call is on the disk after it, as a part in a temporary folder, so that memory does not grow.
+
     Args:
         path: The recording; an older one stays, and nothing else is left, if the block ends with an error.
         recording_id: The recording's name in the viewer.
@@ -72,63 +71,25 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[
     check_recording_target(path)
     path = path.resolve()
     with temporary_path(path) as folder:
-        layout_part, named_part, data_part, whole = (
-            folder / f"{name}.rrd" for name in ("layout", "named", "data", "whole")
-        )
+        unnamed, whole, parts = folder / "layout.rrd", folder / "whole.rrd", [folder / "0.rrd"]
+
+        def write(chunks: Iterable[Chunk]) -> None:
+            if given := list(chunks):
+                parts.append(folder / f"{len(parts)}.rrd")
+                with _blaming(path):
+                    stream = LazyChunkStream.from_iter(given)
+                    stream.write_rrd(parts[-1], application_id=APPLICATION, recording_id=recording_id)
+
         with _blaming(path):
             folder.mkdir()
-            layout_part.write_bytes(layout)
-            run_rerun("rrd", "route", "--recording-id", recording_id, str(layout_part), "-o", str(named_part))
-        with _written(data_part, recording_id, path) as write:
-            write([static_chunk(SEAL, rr.AnyValues(digest=(_GUARD + _MARK + _BLANK + _GUARD).decode()))])
-            yield write
+            unnamed.write_bytes(layout)
+            run_rerun("rrd", "route", "--recording-id", recording_id, str(unnamed), "-o", str(parts[0]))
+        write([static_chunk(SEAL, rr.AnyValues(digest=(_GUARD + _MARK + _BLANK + _GUARD).decode()))])
+        yield write
         with _blaming(path):
-            run_rerun("rrd", "route", str(named_part), str(data_part), "-o", str(whole))
+            run_rerun("rrd", "route", *map(str, parts), "-o", str(whole))
             _seal(whole)
             publish(whole, path)
-
-
-@contextmanager
-def _written(part: Path, recording_id: str, target: Path) -> Iterator[Callable[[Iterable[Chunk]], None]]:
-    """Yield a writer of chunks into `part`, which will become `target`: each as it comes, so that memory does not grow.
-
-    Rerun pulls chunks from an iterator until that ends, so it runs in a thread of its own.
-    """
-    chunks: Queue[Chunk | None] = Queue(QUEUE_LENGTH)
-    stream = LazyChunkStream.from_iter(iter(chunks.get, None))
-    problems: list[Exception] = []
-
-    def pull() -> None:
-        try:
-            stream.write_rrd(part, application_id=APPLICATION, recording_id=recording_id)
-        except Exception as error:  # `check` raises it in the thread that runs the trial
-            problems.append(error)
-
-    thread = threading.Thread(target=pull, daemon=True)
-    thread.start()
-
-    def put(chunk: Chunk | None) -> None:
-        """Queue a chunk when there is room; drop it if the thread has ended, which only an error can make it do."""
-        while thread.is_alive():
-            with suppress(Full):
-                chunks.put(chunk, timeout=0.1)
-                return
-
-    def check() -> None:
-        for problem in problems:
-            raise RecordingError(f"{target}: cannot be written: {problem}") from problem
-
-    def write(given: Iterable[Chunk]) -> None:
-        for chunk in given:
-            put(chunk)
-        check()
-
-    try:
-        yield write
-    finally:
-        put(None)
-        thread.join()
-    check()
 
 
 def _seal(path: Path) -> None:
@@ -166,7 +127,7 @@ def _blaming(path: Path) -> Iterator[None]:
     try:
         with write_errors(path):
             yield
-    except RecordingError as error:
+    except (RecordingError, RuntimeError) as error:  # rerun raises the latter
         raise RecordingError(f"{path}: cannot be written: {error}") from error
 
 

@@ -51,7 +51,6 @@ def serve(path: Path, port: int, announce: Callable[[str], None]) -> None:
         PortError: The port cannot be used.
         RecordingError: The file holds no recording.
     """
-    check_port(port)
     layout = read_layout(path)
     with web_viewer(port) as (server, address, intake), suppress(KeyboardInterrupt):
         try:

@@ -10,6 +10,7 @@ import sys
 import time
 
 from epuck_sim.particles.simulation import ParticleSimulation
+from tests.benchmarks.measuring import cpu_s
 from tests.benchmarks.test_particle_speed import make_simulation
 
 NEAREST = {"kind": "nearest", "k": 1}
@@ -20,9 +21,9 @@ FIRINGS = 100_000
 
 def cost_ns(simulation: ParticleSimulation, periods: int) -> float:
     """Return the CPU time of a firing in the next periods."""
-    began, firings = time.process_time(), simulation.firings
-    simulation.run(10**9, periods)
-    return 1e9 * (time.process_time() - began) / max(simulation.firings - firings, 1)
+    firings = simulation.firings
+    spent_s = cpu_s(lambda: simulation.run(10**9, periods))
+    return 1e9 * spent_s / max(simulation.firings - firings, 1)
 
 
 def main(speed: float, counts: list[int]) -> None:

@@ -1,7 +1,8 @@
-"""What benchmarks share: swarms, CPU time of pieces of work that take turns, and tables."""
+"""What benchmarks share: swarms, CPU time of pieces of work, threads and memory, and tables."""
 
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,19 @@ def swarm_of(robots: int, side_cm: float, *settings: str) -> EmbodiedScenario:
     """Return the thesis's scenario with so many robots in an arena of this size."""
     size = [f"robots.0.count={robots}", f"arena.width_cm={side_cm}", f"arena.height_cm={side_cm}"]
     return load_scenario("thesis", [*size, *settings])
+
+
+def cpu_s(work: Work) -> float:
+    """Return the CPU time of a piece of work, of all threads."""
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
+def status(line: str) -> int:
+    """Return a number from the kernel's account of this process: kB, or threads."""
+    (found,) = (each for each in Path("/proc/self/status").read_text().splitlines() if each.startswith(line))
+    return int(found.split()[1])
 
 
 def take_turns(benchmark: Any, works: Mapping[str, Work], rounds: int) -> dict[str, FloatArray]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from epuck_sim import ArenaView, Simulation, load_scenario
+from epuck_sim import Simulation, load_scenario
 from epuck_sim.environments import parallel_env, vector_env
 from tests.benchmarks.measuring import Work, take_turns
 
@@ -69,13 +69,6 @@ def test_resets(benchmark, show) -> None:
     found = take_turns(benchmark, works, ROUNDS)
     built_us, reset_us = found["built"] / 10, found["reset"] / 50
     show(STARTS, np.median(built_us), np.median(reset_us), np.median(built_us / reset_us))
-
-
-@pytest.mark.parametrize("side", [128, 240, 480])
-def test_pictures(benchmark, side: int) -> None:
-    view, step = ArenaView(load_scenario("thesis"), side, side), next(Simulation("thesis", 1))
-    view.draw(step.poses, step.ring_on)
-    benchmark.pedantic(view.draw, (step.poses, step.ring_on), rounds=50)
 
 
 def swarm_step(env: Any) -> Work:

@@ -1,13 +1,14 @@
 """What the shipped measures cost for each step and cycle, beside the same trials without. Run by `make bench`."""
 
 import statistics
-import time
+from functools import partial
 
 import pytest
 
 from epuck_sim.measures.loader import SHIPPED
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
+from tests.benchmarks.measuring import cpu_s
 
 ROBOTS = {10: (60, 10), 100: (221, 4), 1000: (700, 2)}
 """Robots: side of their arena in cm, cycles of a trial."""
@@ -27,20 +28,15 @@ FOR_AGENTS = ("perturbation", "perturbation_exponent", "perturbation_growth", "p
 FOR_ROBOTS = ("avoiding", "flashes_missed", "flashes_repeated", "flashes_seen", "in_contact", "memory")
 
 
-def cpu_s(scenario) -> tuple[float, int]:
-    """Return the CPU time of a trial, without its making, and its steps, or, of agents, cycles."""
-    simulation = simulate(scenario, 1)
-    began = time.process_time()
-    result = run_trial(simulation)
-    return time.process_time() - began, result.steps if scenario.model == "embodied" else result.cycles
-
-
 def compare(sections, name: str) -> tuple[float, float]:
     """Return how many times as long trials take with a measure, and how much longer a step or cycle is, in us."""
     parameters = DISPLACEMENT if name in FOR_AGENTS else GIVEN.get(name, {})
     plain, measured = load_scenario(sections), load_scenario({**sections, "measures": [{name: parameters}]})
-    _, parts = cpu_s(measured)
-    pairs = [(cpu_s(plain)[0], cpu_s(measured)[0]) for _ in range(PAIRS)]
+    result = run_trial(simulate(measured, 1))
+    parts = result.steps if measured.model == "embodied" else result.cycles
+    pairs = [
+        tuple(cpu_s(partial(run_trial, simulate(scenario, 1))) for scenario in (plain, measured)) for _ in range(PAIRS)
+    ]
     ratio = statistics.median(after / before for before, after in pairs)
     return ratio, statistics.median(after - before for before, after in pairs) / parts * 1e6
 

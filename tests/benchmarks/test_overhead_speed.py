@@ -4,14 +4,12 @@ Figures are frames per second of CPU time, of all threads, so that another proce
 thesis's camera has 15 frames a second: what is tracked at 150 a second is tracked at ten times real time.
 """
 
-import os
 import time
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
 
 from epuck_sim.arena import make_arena
@@ -21,6 +19,7 @@ from epuck_sim.overhead.film import film_file, open_film
 from epuck_sim.overhead.filming import VirtualCamera
 from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.scenario.overhead import OverheadSection
+from tests.benchmarks.measuring import status
 
 SIZES = {"480 x 480": (480, 480), "1080p": (1920, 1080)}
 FILM_S = {"480 x 480": 20, "1080p": 5}
@@ -101,13 +100,12 @@ def test_frames_in_a_second(benchmark, show, steps, tmp_path, size: str) -> None
 def test_memory_of_an_hour(benchmark, steps, tmp_path) -> None:
     section = OverheadSection(width_px=240, height_px=240)
     path = tmp_path / "hour.mp4"
-    process = psutil.Process(os.getpid())
     used: dict[str, list[int]] = {"filming": [], "tracking": []}
 
     def noting(doing: str, frames: Iterator[Frame]) -> Iterator[Frame]:
         for number, frame in enumerate(frames):
             if number % 500 == 0:
-                used[doing].append(process.memory_info().rss)
+                used[doing].append(status("VmRSS"))
             yield frame
 
     def hour() -> None:
@@ -121,6 +119,6 @@ def test_memory_of_an_hour(benchmark, steps, tmp_path) -> None:
     benchmark.pedantic(hour, rounds=1)
     print()
     for doing, sizes in used.items():
-        early, late = (max(part) / 2**20 for part in (sizes[5:20], sizes[-15:]))
+        early, late = (max(part) / 1024 for part in (sizes[5:20], sizes[-15:]))
         print(f"{doing} an hour: {early:.0f} MB after some minutes, {late:.0f} MB at the end")
         assert late < early + 30

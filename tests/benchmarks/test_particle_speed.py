@@ -4,12 +4,11 @@ Trials have random initial conditions and end with synchrony, or after enough cy
 Machines are noisy: compare only numbers of one run.
 """
 
-import time
-
 import pytest
 
-from epuck_sim import ParticleSimulation, run_trial
+from epuck_sim import ParticleSimulation
 from epuck_sim.particles import neighbours
+from tests.benchmarks.measuring import cpu_s
 
 CONE = {"kind": "cone_of_vision", "radius_cm": 40, "angle_deg": 60}
 RANGE = {"kind": "range", "radius_cm": 40}
@@ -29,7 +28,6 @@ DENSITY = 1000 / 707**2
 
 SPEEDS = "agents", "cm/s", "cycles/s", "firings/s", "ns a firing", "cycles/s in C++", "ratio"
 GROWTH = "agents", "ns a firing", "with a search over all pairs"
-SHORT = "us to make a trial of 70 cycles", "to run it"
 NEIGHBOURS = "neighbours", "ns a firing", "times that of one"
 
 
@@ -45,10 +43,7 @@ def make_simulation(agents: int, neighbourhood: dict, side_cm: float, speed: flo
 
 def measure(simulations: list[ParticleSimulation], cycles: int) -> tuple[float, float]:
     """Return the cycles, and the firings, simulated per CPU second."""
-    began = time.process_time()
-    for simulation in simulations:
-        simulation.run(cycles)
-    spent = time.process_time() - began
+    spent = cpu_s(lambda: [simulation.run(cycles) for simulation in simulations])
     return sum(each.cycles for each in simulations) / spent, sum(each.firings for each in simulations) / spent
 
 
@@ -67,24 +62,6 @@ def test_cycles_and_firings_per_second(benchmark, show, name: str, speed: float)
     theirs = references[speed]
     show(SPEEDS, name, speed, cycles_s, firings_s, 1e9 / firings_s, theirs, cycles_s / theirs)
     assert cycles_s > theirs / 4  # holds on any machine; the table shows the margin
-
-
-def test_the_cost_of_a_short_trial(benchmark, show) -> None:
-    scenario = make_simulation(20, {"kind": "nearest", "k": 1}, 100, 100, 0).scenario
-    spent_s: list[tuple[float, float]] = []
-
-    def once() -> None:
-        began = time.process_time()
-        simulations = [ParticleSimulation(scenario, seed) for seed in range(100)]
-        made = time.process_time()
-        for simulation in simulations:
-            run_trial(simulation)
-        spent_s.append((made - began, time.process_time() - made))
-
-    benchmark.pedantic(once, rounds=5)
-    making_s, running_s = min(spent_s, key=sum)
-    show(SHORT, 1e4 * making_s, 1e4 * running_s)
-    assert making_s < 3 * running_s
 
 
 @pytest.mark.parametrize("agents", AGENTS)

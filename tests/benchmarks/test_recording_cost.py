@@ -1,16 +1,14 @@
-"""What recording costs: time of a step, bytes of a minute, threads and memory. Run by `make bench`."""
+"""What recording costs: time of a step, bytes of a minute, memory. Run by `make bench`."""
 
-import os
 import time
 from itertools import islice
-from pathlib import Path
 
 import pytest
 
-from epuck_sim import Simulation, load_scenario, record
+from epuck_sim import Simulation, record
 from epuck_sim.recording import Level
 from epuck_sim.trial.embodied import SynchronyWatch
-from tests.benchmarks.measuring import swarm_of
+from tests.benchmarks.measuring import status, swarm_of
 
 SWARMS = {10: (60, 6000), 100: (221, 3000), 1000: (700, 600)}
 """Robots: side of their arena in cm, steps."""
@@ -19,13 +17,7 @@ TARGETS = {(10, Level.SUMMARY): "<= 5 us", (10, Level.FULL): "<= 30 us, < 700 kB
 """On a quiet machine."""
 
 
-def status(line: str) -> int:
-    """Return a number from the kernel's account of this process: kB, or threads."""
-    (found,) = (each for each in Path("/proc/self/status").read_text().splitlines() if each.startswith(line))
-    return int(found.split()[1])
-
-
-COLUMNS = "robots", "level", "us a step", "over the step", "kB a minute", "target"
+COLUMNS = "robots", "level", "us a step", "over the step", "kB a minute", "ms an empty one", "target"
 
 
 @pytest.mark.parametrize("level", Level)
@@ -56,7 +48,7 @@ def test_a_step_and_a_minute(benchmark, show, tmp_path, robots: int, level: Leve
     recording_s, simulating_s = (min(column) for column in zip(*found, strict=True))
     added_s = recording_s - empty_s
     target = TARGETS.get((robots, level), "")
-    show(COLUMNS, robots, level, added_s / steps * 1e6, added_s / simulating_s, minute_kb, target)
+    show(COLUMNS, robots, level, added_s / steps * 1e6, added_s / simulating_s, minute_kb, 1e3 * empty_s, target)
 
 
 def test_ten_hours(benchmark, tmp_path) -> None:
@@ -77,21 +69,3 @@ def test_ten_hours(benchmark, tmp_path) -> None:
     size_mb = (tmp_path / "t.rrd").stat().st_size / 1e6
     print(f"\nten hours: {size_mb:.0f} MB; memory after each hour: {', '.join(f'{mb:.0f}' for mb in resident)} MB")
     assert resident[-1] <= 1.1 * resident[0]
-
-
-def test_a_hundred_recordings_in_one_process(benchmark, tmp_path) -> None:
-    """Threads and memory before and after, and the time that a recording takes whatever is in it."""
-    scenario = load_scenario("thesis")
-
-    def record_nothing() -> None:
-        with record(tmp_path / "t.rrd", scenario, 1):
-            pass
-
-    record_nothing()
-    threads, kb = status("Threads"), status("VmRSS")
-    benchmark.pedantic(record_nothing, rounds=100)
-    print(
-        f"\n100 recordings: threads from {threads} to {status('Threads')}, memory from {kb / 1024:.0f} to "
-        f"{status('VmRSS') / 1024:.0f} MB; {benchmark.stats.stats.median * 1e3:.0f} ms each, of {os.cpu_count()} cores"
-    )
-    assert status("Threads") == threads

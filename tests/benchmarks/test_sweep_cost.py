@@ -7,13 +7,14 @@ import statistics
 import subprocess
 import sys
 import time
-from pathlib import Path
+from functools import partial
 
 from epuck_sim import load_scenario, points
 from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.sweep.run import missing_tasks
 from epuck_sim.sweep.worker import run_chunk
+from tests.benchmarks.measuring import cpu_s, status
 
 SPEEDS = "0.05,0.1,0.2,0.4,0.8,1.6,3.2,6.4,9.6,12.8"
 TRIALS = 40
@@ -43,9 +44,7 @@ def test_the_share_of_a_sweep_that_is_not_simulation(benchmark, tmp_path) -> Non
     found = points(load_scenario("thesis", [f"trials={TRIALS}"], [axis]))
     tasks = [*missing_tasks(found, [range(TRIALS)] * len(found), FinishedTrials([]), interpret=False)]
     run_chunk(tasks[:1])
-    began = time.process_time()
-    run_chunk(tasks)
-    plain = time.process_time() - began
+    plain = cpu_s(lambda: run_chunk(tasks))
     folder = tmp_path / "run"
     arguments = ("run", "thesis", "--sweep", axis, "--trials", str(TRIALS), "--out", str(folder), "--workers", "2")
     began = time.perf_counter()
@@ -70,14 +69,8 @@ def test_ten_thousand_short_trials_in_one_process(benchmark) -> None:
 
     def all_blocks() -> None:
         for block in blocks:
-            times = []
-            for task in block:
-                began = time.process_time()
-                run_chunk([task])
-                times.append(time.process_time() - began)
-            seconds.append(statistics.median(times))
-            (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)
-            resident.append(int(line.split()[1]))
+            seconds.append(statistics.median(cpu_s(partial(run_chunk, [task])) for task in block))
+            resident.append(status("VmRSS"))
 
     benchmark.pedantic(all_blocks, rounds=1)
     assert resident[-1] <= 1.05 * resident[1]

@@ -356,7 +356,7 @@ def test_ctrl_c_keeps_whole_files_of_trials_that_have_ended_and_leaves_nothing_h
     scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 500}")
     files = ["--record", tmp_path / "t.rrd", "--trace", tmp_path / "t.parquet"]
     process = start([*COMMAND, "run", scene, "--trials", "60", *files])
-    wait_until(lambda: any(tmp_path.glob("t-1.rrd*part/data.rrd")) or process.poll() is not None, 120)
+    wait_until(lambda: any(tmp_path.glob("t-1.rrd*part/1.rrd")) or process.poll() is not None, 120)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: rerun's programs hear it, too
     stdout, stderr = process.communicate(timeout=300)
     assert (process.returncode, stderr) == (130, "interrupted\n")

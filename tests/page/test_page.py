@@ -193,11 +193,8 @@ def test_simulations_show_themselves_as_pages_in_notebooks() -> None:
 
 @needs_browser
 @pytest.mark.parametrize("name", ["particles", "thesis"])
-def test_a_page_opens_from_disk_without_network_and_without_complaint(browser: Driven, pages: Path, name: str) -> None:
-    path = pages / f"{name}.html"
-    write_page(name, path)
-    browser.said.clear()
-    browser.open(path.as_uri())
+def test_a_page_opens_from_disk_without_network_and_without_complaint(opened, name: str) -> None:
+    browser = opened(name)
     for control in ("step", "again", "next", "play"):
         browser.run(f"find('{control}').click()")
     browser.run("find('hundred').click(); find('stop').click()")
@@ -211,11 +208,9 @@ def test_a_page_opens_from_disk_without_network_and_without_complaint(browser: D
 
 @needs_browser
 @pytest.mark.parametrize("width", [360, 1200])
-def test_a_page_fits_its_window_and_has_names_for_what_can_be_pressed(browser: Driven, pages: Path, width: int) -> None:
-    path = pages / "thesis.html"
-    write_page("thesis", path)
+def test_a_page_fits_its_window_and_has_names_for_what_can_be_pressed(browser: Driven, opened, width: int) -> None:
     browser.set_window(width, 900, is_dark=width == 360)
-    browser.open(path.as_uri())
+    opened("thesis")
     assert browser.run("document.documentElement.scrollWidth") <= width
     nameless = """[...document.querySelectorAll('button, input, select, canvas')].filter((each) => {
       const named = each.textContent.trim() || each.labels?.length || each.ariaLabel || each.closest('figure');
@@ -225,10 +220,8 @@ def test_a_page_fits_its_window_and_has_names_for_what_can_be_pressed(browser: D
 
 
 @needs_browser
-def test_a_link_brings_values_and_seed_back(browser: Driven, pages: Path) -> None:
-    path = pages / "particles.html"
-    write_page("particles", path)
-    browser.open(path.as_uri())
+def test_a_link_brings_values_and_seed_back(opened) -> None:
+    browser = opened("particles")
     browser.run("page.change({'agents.speed_cm_s': 2, 'neighbourhood.kind': 'range'}); page.take_seed(12n)")
     link, command = browser.run("[location.href, page.command]")
     assert command == (
@@ -239,11 +232,9 @@ def test_a_link_brings_values_and_seed_back(browser: Driven, pages: Path) -> Non
 
 
 @needs_browser
-def test_a_push_and_a_drag_change_the_swarm(browser: Driven, pages: Path) -> None:
+def test_a_push_and_a_drag_change_the_swarm(opened) -> None:
     for name in ("particles", "thesis"):
-        path = pages / f"{name}.html"
-        write_page(name, path)
-        browser.open(path.as_uri())
+        browser = opened(name)
         before, after = browser.run(
             "(() => { const phase = () => page.swarm.look().phases[3]; const before = phase();"
             "page.touch(() => page.swarm.push(3, 0.01)); return [before, phase()] })()"

@@ -11,12 +11,11 @@ import pytest
 import yaml
 
 from epuck_sim import load_scenario, run_trial
-from epuck_sim.page.writer import make_page, page_data
+from epuck_sim.page.writer import page_data
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.statistic import estimate_mean
 from epuck_sim.trial.model import simulate
 from epuck_sim.util.seeds import trial_seed
-from tests.browsers import Driven
 from tests.tools import needs_browser
 
 CASES: dict[str, tuple[str, list[str], int]] = {
@@ -92,22 +91,12 @@ TRIALS = """
 """
 
 
-def opened(browser: Driven, pages: Path, scenario: str, changes: list[str]) -> Any:
-    """Open a page; return the scenario."""
-    loaded = load_scenario(scenario, changes)
-    path = pages / "page.html"
-    path.write_text(make_page(loaded, scenario, changes))
-    browser.open(path.as_uri())
-    return loaded
-
-
 @needs_browser
 @pytest.mark.parametrize("case", CASES)
-def test_trials_end_as_the_programs_do_to_the_bit(browser: Driven, pages: Path, case: str) -> None:
+def test_trials_end_as_the_programs_do_to_the_bit(opened, case: str) -> None:
     name, changes, trials = CASES[case]
-    scenario = opened(browser, pages, name, changes)
-    found = browser.run(f"({TRIALS})(page.values, {json.dumps(list(range(trials)))})")
-    assert found == ended(scenario, range(trials))
+    found = opened(name, changes).run(f"({TRIALS})(page.values, {json.dumps(list(range(trials)))})")
+    assert found == ended(load_scenario(name, changes), range(trials))
 
 
 OWN_FILES = {
@@ -169,13 +158,13 @@ OWN_CASES = {
 @pytest.mark.skipif(find_spec("ziglang") is None, reason="there is no ziglang to compile users' files for pages with")
 @pytest.mark.parametrize("case", OWN_CASES)
 def test_a_users_files_run_in_a_page_to_the_bit(
-    browser: Driven, pages: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str
+    opened, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str
 ) -> None:
     for name, text in OWN_FILES.items():
         (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
     name, changes, moved = OWN_CASES[case]
-    scenario = opened(browser, pages, name, changes)
+    browser, scenario = opened(name, changes), load_scenario(name, changes)
     assert browser.run(f"({TRIALS})(page.values, {json.dumps(list(range(8)))})") == ended(scenario, range(8))
     for key, value in (change.split("=") for change in moved):
         browser.run(f"page.change({{'{key}': {value}}})")
@@ -185,9 +174,9 @@ def test_a_users_files_run_in_a_page_to_the_bit(
 
 @needs_browser
 @pytest.mark.parametrize("name", ["particles", "thesis"])
-def test_what_sliders_change_is_what_the_command_says(browser: Driven, pages: Path, name: str) -> None:
-    scenario = opened(browser, pages, name, ["stop.max_cycles=30"])
-    settings = page_data(scenario, name)["settings"]
+def test_what_sliders_change_is_what_the_command_says(opened, name: str) -> None:
+    browser = opened(name, ["stop.max_cycles=30"])
+    settings = page_data(load_scenario(name, ["stop.max_cycles=30"]), name)["settings"]
     random = np.random.default_rng(3)
     for _ in range(8):
         chosen = [each for each in settings if each["key"] != "stop.max_cycles" and random.random() < 0.5]
@@ -207,8 +196,8 @@ def test_what_sliders_change_is_what_the_command_says(browser: Driven, pages: Pa
 
 @needs_browser
 @pytest.mark.parametrize("name", ["particles", "thesis"])
-def test_a_trial_that_is_looked_at_ends_as_one_that_is_not(browser: Driven, pages: Path, name: str) -> None:
-    opened(browser, pages, name, [])
+def test_a_trial_that_is_looked_at_ends_as_one_that_is_not(opened, name: str) -> None:
+    browser = opened(name)
     looked = browser.run(
         """(() => {
           const swarm = makeSwarm(page.modules, page.data.facts, page.values), flashes = [];
@@ -230,10 +219,8 @@ def test_a_trial_that_is_looked_at_ends_as_one_that_is_not(browser: Driven, page
 
 @needs_browser
 @pytest.mark.parametrize("worker", ["", "globalThis.Worker = class { constructor() { throw new Error('refused'); } };"])
-def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(
-    browser: Driven, pages: Path, worker: str
-) -> None:
-    scenario = opened(browser, pages, "particles", [])
+def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(opened, worker: str) -> None:
+    browser, scenario = opened("particles"), load_scenario("particles")
     browser.run(f"{worker} page.take_seed(7n); page.hundred()")
     rows = [line.split(",") for line in browser.run("page.csv()").splitlines()[1:]]
     rows.sort(key=lambda row: int(row[1]))
@@ -246,8 +233,8 @@ def test_a_hundred_trials_are_those_of_the_command_with_workers_or_without(
 
 
 @needs_browser
-def test_means_and_intervals_are_the_programs(browser: Driven, pages: Path) -> None:
-    opened(browser, pages, "particles", [])
+def test_means_and_intervals_are_the_programs(opened) -> None:
+    browser = opened("particles")
     random = np.random.default_rng(1)
     for limit in (1000, 40, 15):
         times = np.minimum(random.integers(5, 60, 30), limit)

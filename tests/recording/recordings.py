@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from rerun.chunk import RrdReader
 
-from epuck_sim import Scenario, TrialResult, record
+from epuck_sim import Scenario, Step, TrialResult, record
 from epuck_sim.recording import Level
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.rrd_file import SEAL
+from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial, simulate
 
 Array = npt.NDArray[Any]
@@ -30,6 +32,37 @@ def recorded(
 def towards(angles: Array) -> Array:
     """Return (..., 2) unit vectors."""
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+class Watched:
+    """An observer that copies what it is shown of robots."""
+
+    def __init__(self) -> None:
+        self.steps: list[SimpleNamespace] = []
+        self.order: list[float] = []
+        self.firings: list[tuple[float, float]] = []
+        self._cycles = 0
+
+    def __call__(self, step: Step, watch: SynchronyWatch) -> None:
+        arrays = ("poses", "camera", "distance_mm", "wheels_cm_s", "ring_on", "phase_ms", "contacts", "sightings")
+        copies = {field: np.array(getattr(step, field)) for field in arrays}
+        self.steps.append(SimpleNamespace(number=step.number, time_s=step.time_s, **copies))
+        self.order.append(float(watch.measure(step.phase_ms)))
+        if watch.cycles > self._cycles and watch.order_parameter is not None:
+            self.firings.append((step.time_s, watch.order_parameter))
+        self._cycles = watch.cycles
+
+    def __getitem__(self, field: str) -> Array:
+        return np.array([getattr(step, field) for step in self.steps])
+
+    def is_like(self, other: "Watched") -> bool:
+        """Whether robots did and sensed the same, to the bit."""
+        fields = ("poses", "camera", "distance_mm", "wheels_cm_s", "ring_on", "phase_ms")
+        return all(self[field].tobytes() == other[field].tobytes() for field in fields)
+
+    def pairs(self, field: str) -> list[list[int]]:
+        """Return rows of links of all steps, each with the number of its step."""
+        return sorted([step.number, *pair] for step in self.steps for pair in getattr(step, field).tolist())
 
 
 class Found:

@@ -22,7 +22,8 @@ from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial, simulate
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
-from tests.recording.viewers import ARENA, DARK, LIT, answer, discs, listening, nothing_left, pixels, replace_rerun
+from tests.recording.recordings import Watched
+from tests.recording.viewers import ARENA, DARK, LIT, answer, discs, nothing_left, pixels, replace_rerun
 
 FAST = 1000.0
 SCENARIO = load_scenario("thesis")
@@ -33,20 +34,6 @@ AGENTS = load_scenario("particles", ["stop.max_cycles=5"])
 def all_has_ended(tmp_path) -> Iterator[None]:
     with nothing_left(tmp_path):
         yield
-
-
-class Watched:
-    """An observer that copies what it is shown."""
-
-    def __init__(self) -> None:
-        self.arrays: list[bytes] = []
-        self.ring_on = np.empty(0, bool)
-        self.time_s = np.nan
-
-    def __call__(self, step: Step, _: SynchronyWatch) -> None:
-        arrays = (step.poses, step.camera, step.infrared, step.wheels_cm_s, step.ring_on, *step.memories)
-        self.arrays.append(b"".join(array.tobytes() for array in arrays))
-        self.ring_on, self.time_s = step.ring_on.copy(), step.time_s
 
 
 def ran(*observers: Observer, scenario: Scenario = SCENARIO) -> TrialResult:
@@ -85,7 +72,7 @@ def shown(tmp_path_factory) -> Shown:
             with live(window, port, SCENARIO, 3, Level.FULL, FAST) as look:
                 ran(look, watched)
             client = ViewerClient.connect(proxy_url(port))
-            client.set_time("sim_time", duration=watched.time_s, play_state="paused")
+            client.set_time("sim_time", duration=watched.steps[-1].time_s, play_state="paused")
             robots: list[tuple[int, int]] = []
 
             def all_are_there() -> bool:
@@ -110,8 +97,9 @@ def test_the_viewer_shows_the_whole_trial_and_the_rings_as_they_are_in_the_end(s
     assert recording.store_id.startswith("Recording:epuck-sim:")
     (timeline,) = recording.timelines
     assert (timeline.name, timeline.time_type) == ("sim_time", "duration")
-    assert (timeline.start, timeline.end) == (0, round(shown.watched.time_s * 1e9))
-    lit = int(shown.watched.ring_on.sum())
+    last = shown.watched.steps[-1]
+    assert (timeline.start, timeline.end) == (0, round(last.time_s * 1e9))
+    lit = int(last.ring_on.sum())
     assert lit > 0
     assert shown.robots == (lit, SCENARIO.robot_count - lit)
 
@@ -125,43 +113,34 @@ def test_the_viewer_takes_the_layout_and_can_show_it_all(shown: Shown) -> None:
     assert [view.name for view in shown.state.views if view.reports] == []
 
 
-class Server(NamedTuple):
-    """A viewer for browsers, its processes and the addresses that it was announced at."""
-
-    viewer: tuple[ViewerProcess, int]
-    port: int
-    addresses: list[str]
-    processes: list[int]
-
-
 @pytest.fixture(scope="module")
-def server(tmp_path_factory) -> Iterator[Server]:
-    port, addresses, mark = free_port(), [], tmp_path_factory.mktemp("server")
-    with nothing_left(mark), live_viewer(port, addresses.append) as viewer:
-        yield Server(viewer, port, addresses, processes_marked(str(mark)))
-
-
-def test_a_browser_on_this_machine_only_finds_the_viewer_at_the_port(server: Server) -> None:
-    (address,) = server.addresses
-    assert address.startswith(f"http://127.0.0.1:{server.port}?url=")
-    assert answer(address)
-    assert listening(server.processes) == {("127.0.0.1", server.port), ("127.0.0.1", server.viewer[1])}
+def server(tmp_path_factory) -> Iterator[tuple[ViewerProcess, int]]:
+    """A viewer for browsers, whose page is at the address that it was announced at."""
+    port, addresses = free_port(), []
+    with nothing_left(tmp_path_factory.mktemp("server")), live_viewer(port, addresses.append) as viewer:
+        (address,) = addresses
+        assert address.startswith(f"http://127.0.0.1:{port}?url=")
+        assert answer(address)
+        yield viewer
 
 
 @pytest.mark.parametrize("level", Level)
-def test_a_trial_that_is_shown_is_the_same_trial(server: Server, level: Level) -> None:
+def test_a_trial_that_is_shown_is_the_same_trial(server: Any, level: Level) -> None:
     alone, beside = Watched(), Watched()
-    with live(*server.viewer, SCENARIO, 3, level, FAST) as look:
+    with live(*server, SCENARIO, 3, level, FAST) as look:
         result = ran(look, beside)
-    with live(*server.viewer, AGENTS, 3, level, FAST) as look:
+    with live(*server, AGENTS, 3, level, FAST) as look:
         of_agents = ran(look, scenario=AGENTS)
-    assert (result, beside.arrays) == (ran(alone), alone.arrays)
+    assert result == ran(alone)
+    assert beside.is_like(alone)
     assert of_agents == ran(scenario=AGENTS)
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
-def test_an_error_that_ends_the_trial_is_raised_unchanged(server: Server, error: type[BaseException]) -> None:
-    with pytest.raises(error), live(*server.viewer, SCENARIO, 3, Level.FULL, FAST):
+def test_an_error_that_ends_the_trial_is_raised_unchanged(
+    server: tuple[ViewerProcess, int], error: type[BaseException]
+) -> None:
+    with pytest.raises(error), live(*server, SCENARIO, 3, Level.FULL, FAST):
         raise error
 
 
@@ -254,14 +233,8 @@ def test_short_delays_are_caught_up_with_and_long_ones_are_not(begin) -> None:
     assert clock.waits == 0
 
 
-class Told(NamedTuple):
-    """What a recorder is told, and when."""
-
-    clock: Clock
-    held_back_s: list[float]
-    """Simulated time that each recorder holds back."""
-    calls: list[tuple[float, str]]
-    """When it was called, and for what."""
+Told = tuple[list[float], list[tuple[float, str]]]
+"""Simulated time that each recorder holds back, and when it was called, and for what."""
 
 
 @pytest.fixture
@@ -270,20 +243,20 @@ def told(begin, monkeypatch) -> Callable[..., Told]:
 
     def show(scenario: Scenario, speed: float, times: list[float], *pressed: tuple[float, str]) -> Told:
         clock, _ = begin(*pressed)
-        found = Told(clock, [], [])
+        held_back_s, calls = [], []
 
         class Recorder:
             def __init__(self, *given: Any) -> None:
-                found.held_back_s.append(given[3])
+                held_back_s.append(given[3])
 
-            def __call__(self, *_: Any) -> None:
-                found.calls.append((round(clock.now, 6), "event"))
+            def __call__(self, *_: Any, what: str = "event") -> None:
+                calls.append((round(clock.now, 6), what))
 
             def catch_up(self, time_s: float) -> None:
-                found.calls.append((round(clock.now, 6), f"until {time_s:g}"))
+                self(what=f"until {time_s:g}")
 
             def flush(self) -> None:
-                found.calls.append((round(clock.now, 6), "flush"))
+                self(what="flush")
 
             def finish(self) -> None:
                 pass
@@ -294,24 +267,23 @@ def told(begin, monkeypatch) -> Callable[..., Told]:
         with live(viewer, free_port(), scenario, 0, Level.FULL, speed, wait=clock.wait) as look:
             for time_s in times:
                 look(SimpleNamespace(time_s=time_s), None)
-        return found
+        return held_back_s, calls
 
     return show
 
 
 @pytest.mark.parametrize("speed", [0.1, 1.0, 10.0])
 def test_the_viewer_gets_what_is_new_ten_times_a_second_and_all_of_it_in_a_pause(told, speed: float) -> None:
-    shown = told(SCENARIO, speed, [0, 0.1, 0.2], (0.15 / speed, PAUSE), (9 / speed, PAUSE))
-    assert shown.held_back_s == [pytest.approx(0.1 * speed)]
-    events = [at for at, what in shown.calls if what == "event"]
-    assert events == pytest.approx([0, 0.1 / speed, 0.2 / speed])
-    assert [what for _, what in shown.calls] == ["event", "event", "event", "flush"]
+    held_back_s, calls = told(SCENARIO, speed, [0, 0.1, 0.2], (0.15 / speed, PAUSE), (9 / speed, PAUSE))
+    assert held_back_s == [pytest.approx(0.1 * speed)]
+    assert [what for _, what in calls] == ["event", "event", "event", "flush"]
+    assert [at for at, _ in calls[:3]] == pytest.approx([0, 0.1 / speed, 0.2 / speed])
 
 
 def test_agents_that_move_on_between_two_events_are_shown_as_often_as_the_viewer_is_told(told) -> None:
-    shown = told(load_scenario("particles"), 2.0, [0.1, 0.75, 0.8])
-    assert [what for _, what in shown.calls] == ["event", "until 0.3", "until 0.5", "until 0.7", "event", "event"]
-    assert [at for at, _ in shown.calls] == pytest.approx([0, 0.1, 0.2, 0.3, 0.325, 0.35])
+    _, calls = told(AGENTS, 2.0, [0.1, 0.75, 0.8])
+    assert [what for _, what in calls] == ["event", "until 0.3", "until 0.5", "until 0.7", "event", "event"]
+    assert [at for at, _ in calls] == pytest.approx([0, 0.1, 0.2, 0.3, 0.325, 0.35])
 
 
 # --- viewers that end -----------------------------------------------------------------------------------

@@ -5,7 +5,6 @@ import subprocess
 from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import cv2
@@ -20,6 +19,7 @@ from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.embodied.step import Step, memory_values
 from epuck_sim.recording import Level, recorder
 from epuck_sim.recording.layers import robots as layers
+from epuck_sim.recording.layers.arena import row_numbers
 from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
 from epuck_sim.recording.layout import layout_of
 from epuck_sim.recording.process import PROGRAM, run_rerun
@@ -31,7 +31,7 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.provenance import versions
-from tests.recording.recordings import Array, Found, compare, recorded, towards
+from tests.recording.recordings import Array, Found, Watched, compare, recorded, towards
 
 RADIUS_CM = 3.7
 
@@ -98,32 +98,6 @@ CASES: dict[str, tuple[Any, list[str], str]] = {
 }
 
 
-class Watched:
-    """An observer that copies what it is shown."""
-
-    def __init__(self) -> None:
-        self.steps: list[SimpleNamespace] = []
-        self.order: list[float] = []
-        self.firings: list[tuple[float, float]] = []
-        self._cycles = 0
-
-    def __call__(self, step: Step, watch: SynchronyWatch) -> None:
-        arrays = ("poses", "camera", "distance_mm", "wheels_cm_s", "ring_on", "phase_ms", "contacts", "sightings")
-        copies = {field: np.array(getattr(step, field)) for field in arrays}
-        self.steps.append(SimpleNamespace(number=step.number, time_s=step.time_s, **copies))
-        self.order.append(float(watch.measure(step.phase_ms)))
-        if watch.cycles > self._cycles and watch.order_parameter is not None:
-            self.firings.append((step.time_s, watch.order_parameter))
-        self._cycles = watch.cycles
-
-    def __getitem__(self, field: str) -> Array:
-        return np.array([getattr(step, field) for step in self.steps])
-
-    def pairs(self, field: str) -> list[list[int]]:
-        """Return rows of links of all steps, each with the number of its step."""
-        return sorted([step.number, *pair] for step in self.steps for pair in getattr(step, field).tolist())
-
-
 class Trial(NamedTuple):
     """A trial that was recorded, and the same one as it was watched without a recorder."""
 
@@ -175,8 +149,7 @@ def slow_flashes(times: list[float], rings: BoolArray, phases: FloatArray) -> li
 def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
     recorded_result, result = trial.results
     assert recorded_result == result
-    for field in ("poses", "camera", "distance_mm", "wheels_cm_s", "ring_on", "phase_ms"):
-        assert trial.beside[field].tobytes() == trial.watched[field].tobytes()
+    assert trial.beside.is_like(trial.watched)
     read = trial.read
     assert (read.scenario, read.seed, read.level) == (trial.scenario, 2**64 + 5, Level.FULL)
     assert read.versions == {**versions(), "rerun": version("rerun-sdk")}
@@ -384,6 +357,14 @@ def test_many_robots_have_no_numbers_beside_them(tmp_path, robots: int, are_show
     assert drawn["/arena/robots"]["Points2D:radii"] == [np.float32(RADIUS_CM)] * robots
 
 
+def test_the_number_of_a_row_is_within_it_and_left_of_the_picture() -> None:
+    strips = [np.array(strip) for strip in row_numbers(12).strips.as_arrow_array().to_pylist()]
+    for row, strip in zip([*range(10), 10, 10, 11, 11], strips, strict=True):
+        assert row < strip[:, 1].min() < strip[:, 1].max() < row + 1
+        assert strip[:, 0].max() < 0
+    assert strips[10][:, 0].max() < strips[11][:, 0].min()
+
+
 # --- levels ------------------------------------------------------------------------------------------
 
 OF_LEVELS = ["stop.max_time_s=12", "stop.order_parameter=1"]
@@ -395,8 +376,10 @@ def of_level(request, tmp_path_factory) -> tuple[Level, Path, TrialResult]:
     return request.param, path, recorded(path, load_scenario("obstacles", OF_LEVELS), 3, request.param)
 
 
-def test_each_level_holds_what_it_should_and_no_more(of_level: tuple[Level, Path, TrialResult]) -> None:
-    level, path, _ = of_level
+def test_each_level_holds_what_it_should_and_no_more_and_says_of_which_trial(
+    of_level: tuple[Level, Path, TrialResult],
+) -> None:
+    level, path, result = of_level
     found, read = Found(path), read_recording(path)
     assert set(found.moving) == MOVING[level]
     properties = {"/__properties", "/__properties/trial", "/__properties/outcome", SEAL}
@@ -411,16 +394,12 @@ def test_each_level_holds_what_it_should_and_no_more(of_level: tuple[Level, Path
         with pytest.raises(RecordingError, match=f"obstacles: .*level {level} holds no {name}; .*--record-level full"):
             getattr(read, name)
     run_rerun("rrd", "verify", str(path))
-
-
-def test_a_recording_says_what_was_run_and_how_it_ended(of_level: tuple[Level, Path, TrialResult]) -> None:
-    level, path, result = of_level
-    said = Found(path).property("trial")
+    said = found.property("trial")
     assert load_scenario(parse_yaml(said.pop("scenario"), "x")) == load_scenario("obstacles", OF_LEVELS)
     assert json.loads(said.pop("versions")) == {**versions(), "rerun": version("rerun-sdk")}
     assert said == {"format": 1, "level": str(level), "seed": "3"}
     assert (result.cycles > 0, result.censored) == (True, True)
-    assert Found(path).property("outcome") == {"cycles": result.cycles, "synchronised": False}
+    assert found.property("outcome") == {"cycles": result.cycles, "synchronised": False}
 
 
 def test_the_layout_is_in_the_file_and_the_viewer_takes_it(of_level: tuple[Level, Path, TrialResult]) -> None:

@@ -3,7 +3,6 @@
 import math
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -24,23 +23,21 @@ from PIL import Image
 from rerun.chunk import RrdReader
 from scipy import ndimage
 
-from epuck_sim import Step, load_scenario, read_recording
+from epuck_sim import load_scenario, read_recording
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.epuck import RADIUS_CM
-from epuck_sim.errors import PortError, RecordingError
+from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level, process, viewer
 from epuck_sim.recording.process import NO_GRAPHICS, in_background, run_rerun
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.viewer import draw_screenshot, has_display, serve, show, web_viewer
-from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
-from tests.recording.recordings import recorded
+from tests.recording.recordings import Watched, recorded
 from tests.recording.viewers import (
     ARENA,
     DARK,
     LIT,
-    NOTHING_STARTS,
     Stand,
     alike,
     answer,
@@ -84,17 +81,6 @@ class Moment(NamedTuple):
     """(height, width, 3)"""
 
 
-def drawn(path: Path, at_s: float, png: Path) -> FloatArray:
-    """Return a picture of a recording, (height, width, 3)."""
-    try:
-        draw_screenshot(path, at_s, png)
-    except RecordingError as error:
-        if str(error) == NO_GRAPHICS:
-            pytest.skip(NO_GRAPHICS)
-        raise
-    return pixels(png)
-
-
 def marks(picture: FloatArray, colour: Sequence[int]) -> FloatArray:
     """Return (marks, 2) x and y, in pixels, of the spots of a colour."""
     found, count = ndimage.label(alike(picture, colour))
@@ -115,28 +101,29 @@ def lit_step(read: Recorded) -> int:
 
 
 @pytest.fixture(scope="module")
-def thesis(tmp_path_factory) -> tuple[Path, list[Any]]:
-    """Return a recording, and what rings, positions and cameras were at each step."""
-    path, steps = tmp_path_factory.mktemp("thesis") / "t.rrd", []
-    scenario = load_scenario("thesis")
-
-    def copy(step: Step, _: SynchronyWatch) -> None:
-        steps.append((step.ring_on.copy(), step.poses[:, :2].copy(), step.camera.copy()))
-
-    recorded(path, scenario, 3, Level.FULL, copy)
-    return path, steps
+def thesis(tmp_path_factory) -> tuple[Path, Watched]:
+    """Return a recording, and what it is of."""
+    path, watched = tmp_path_factory.mktemp("thesis") / "t.rrd", Watched()
+    recorded(path, load_scenario("thesis"), 3, Level.FULL, watched)
+    return path, watched
 
 
 @pytest.fixture(scope="module")
-def moment(thesis: tuple[Path, list[Any]], tmp_path_factory) -> Moment:
-    path, steps = thesis
+def moment(thesis: tuple[Path, Watched], tmp_path_factory) -> Moment:
+    path, watched = thesis
     read = read_recording(path)
     step = lit_step(read)
     folder = tmp_path_factory.mktemp("picture")
-    with nothing_left(folder):
-        picture = drawn(path, read.time_s[step], folder / "p.png")
+    try:
+        with nothing_left(folder):
+            draw_screenshot(path, read.time_s[step], folder / "p.png")
+    except RecordingError as error:
+        if str(error) == NO_GRAPHICS:
+            pytest.skip(NO_GRAPHICS)
+        raise
     assert [file.name for file in folder.iterdir()] == ["p.png"]
-    return Moment(read, *steps[step], picture)
+    was = watched.steps[step]
+    return Moment(read, was.ring_on, was.poses[:, :2], was.camera, pixels(folder / "p.png"))
 
 
 def test_each_robot_is_a_disc_red_if_its_ring_is_lit_where_it_was_with_y_up(moment: Moment) -> None:
@@ -367,26 +354,9 @@ def test_a_browser_finds_the_viewer_on_this_machine_only_until_the_block_ends_or
         wait_until(lambda: not processes_marked(str(tmp_path)))
 
 
-@pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
-def test_a_port_in_use_is_reported_before_anything_starts(monkeypatch, address: str) -> None:
-    monkeypatch.setattr(process, "PROGRAM", NOTHING_STARTS)
-    with socket.socket() as taken:
-        taken.bind((address, 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        with pytest.raises(PortError, match=f"^port {port} cannot be used: .*; give another with --port$"):
-            serve(Path("t.rrd"), port, pytest.fail)
-
-
-class Serving(NamedTuple):
-    """A process that serves a recording."""
-
-    process: subprocess.Popen[str]
-    address: str
-
-
 @contextmanager
-def serving(recording: Path, folder: Path, prepare: Callable[[], None] | None = None) -> Iterator[Serving]:
+def serving(recording: Path, folder: Path, prepare: Callable[[], None] | None = None) -> Iterator[Any]:
+    """Yield a process that serves a recording, and where."""
     port, address = free_port(), folder / "address"
     process = subprocess.Popen(
         [sys.executable, "-c", SERVE, str(recording), str(port), str(address)],
@@ -400,7 +370,7 @@ def serving(recording: Path, folder: Path, prepare: Callable[[], None] | None = 
         wait_until(lambda: process.poll() is not None or (address.exists() and address.read_text()))
         assert address.exists(), process.communicate()
         assert address.read_text().startswith(f"http://127.0.0.1:{port}?url=")
-        yield Serving(process, address.read_text())
+        yield process, address.read_text()
     finally:
         process.kill()
         process.communicate()
@@ -414,13 +384,18 @@ def test_serving_ends_well_on_ctrl_c_even_if_the_parent_had_it_ignored(thesis, t
         assert process.returncode == 0
 
 
-def test_sigterm_ends_the_block_like_ctrl_c(stand: Stand) -> None:
+def test_sigterm_ends_the_block_like_ctrl_c_unless_the_program_has_a_handler_of_its_own(stand: Stand) -> None:
     stand.acts(SLEEP)
+    caught: list[int] = []
     before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
         with pytest.raises(KeyboardInterrupt), in_background():
             os.kill(os.getpid(), signal.SIGTERM)
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
+        signal.signal(signal.SIGTERM, lambda number, _: caught.append(number))
+        with in_background():
+            os.kill(os.getpid(), signal.SIGTERM)
+            wait_until(lambda: caught == [signal.SIGTERM])
     finally:
         signal.signal(signal.SIGTERM, before)
 
@@ -474,18 +449,6 @@ def rows_by_entity(path: Path) -> Counter[str]:
     return rows
 
 
-def test_a_handler_of_the_program_s_own_stays(stand: Stand) -> None:
-    caught: list[int] = []
-    before = signal.signal(signal.SIGTERM, lambda number, _: caught.append(number))
-    try:
-        stand.acts(SLEEP)
-        with in_background():
-            os.kill(os.getpid(), signal.SIGTERM)
-            wait_until(lambda: caught == [signal.SIGTERM])
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
 def test_a_second_ctrl_c_while_a_viewer_that_ignores_signals_is_ended_leaves_none_behind(
     stand: Stand, tmp_path
 ) -> None:
@@ -510,13 +473,9 @@ def test_a_viewer_that_breaks_down_before_it_has_the_recording_is_reported(thesi
 
 
 def test_a_viewer_that_breaks_down_later_is_reported(thesis, tmp_path) -> None:
-    addresses: list[str] = []
-
-    def end_it(address: str) -> None:
-        addresses.append(address)
+    def end_it(_: str) -> None:
         for each in processes_marked(str(tmp_path)):
             os.kill(each, signal.SIGKILL)
 
     with pytest.raises(RecordingError, match=r"^the viewer does not work: it does not answer$"):
         serve(thesis[0], free_port(), end_it)
-    assert len(addresses) == 1

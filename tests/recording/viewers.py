@@ -28,8 +28,6 @@ LIT, DARK = (220, 40, 30), (62, 67, 78)
 ARENA = np.s_[172:660, :955]
 """In a picture of 1600 x 900: columns are laid out as 3 to 2, rows as 3 to 1; words are above."""
 
-NOTHING_STARTS = ("/nonexistent/rerun",)
-
 TELL = """
 import json, os, pathlib, socket, sys, time
 received = {"arguments": sys.argv[1:], "analytics": os.environ.get("RERUN_ANALYTICS")}

@@ -193,11 +193,12 @@ def test_a_port_at_which_browsers_open_no_page_is_refused() -> None:
         check_port(6000)
 
 
-def test_a_free_port_can_be_used_until_a_program_has_it() -> None:
+@pytest.mark.parametrize("address", [HOST, "0.0.0.0"])
+def test_a_free_port_can_be_used_until_a_program_has_it(address: str) -> None:
     port = free_port()
     check_port(port)
     with socket.socket() as taken:
-        taken.bind((HOST, port))
+        taken.bind((address, port))
         taken.listen()
         with pytest.raises(PortError, match=f"^port {port} cannot be used: Address already in use; give another"):
             check_port(port)

@@ -215,7 +215,7 @@ def arena_entities(batch: RowBatch, population: Population) -> Iterator[Chunk]:
         for number in range(poses.shape[1]):
             moved = rr.Transform3D.columns(translation=places[:, number])
             yield temporal_chunk(f"{NUMBERS}/{number}", time_ns, *moved)
-    if len(batch.movables):
+    if batch.movables.size:
         pushed = rr.Points2D.columns(positions=batch.movables.reshape(-1, 2))
         yield temporal_chunk(MOVABLES, time_ns, *pushed.partition(np.full(len(poses), batch.movables.shape[1])))
 

@@ -49,47 +49,6 @@ SIGHTS = rr.AnnotationContext([(0, "in view", (75, 85, 110)), (1, "seen lit", LI
 COLOURS = rr.AnnotationContext([(0, "dark", (30, 30, 34)), (1, "red", (225, 40, 40)), (BETWEEN, "", (90, 90, 96))])
 
 
-class SpaceTime:
-    """The picture of the current minute: camera rows over time, robots side by side."""
-
-    def __init__(self, scenario: EmbodiedScenario) -> None:
-        self._pixels = pixels = scenario.camera_pixels
-        robots = _columns_side_by_side(scenario) // (pixels + GAP)
-        self._blank = np.full((PICTURE_STEPS, robots, pixels + GAP), BETWEEN, np.uint8)
-        self._blank[:, :, :pixels] = 0
-        self._picture = self._blank.copy()
-        self._filled = 0
-        self._began_ns = 0
-
-    def chunks(self, batch: RowBatch) -> Iterator[Chunk]:
-        """Yield the pictures that these steps complete, each at the time of its first row."""
-        camera = batch.camera[:, : self._blank.shape[1]]
-        step = 0
-        while step < len(camera):
-            if self._filled == 0:
-                self._began_ns = batch.time_ns[step]
-            rows = camera[step : step + PICTURE_STEPS - self._filled]
-            self._picture[self._filled : self._filled + len(rows), :, : self._pixels] = rows
-            self._filled += len(rows)
-            step += len(rows)
-            if self._filled == PICTURE_STEPS:
-                yield from self.final_chunks()
-
-    def final_chunks(self) -> Iterator[Chunk]:
-        """Yield the current picture, if it has any rows, and begin the next."""
-        if self._filled:
-            buffer = self._picture.reshape(1, -1)
-            yield temporal_chunk(SPACE_TIME, np.array([self._began_ns]), *rr.SegmentationImage.columns(buffer=buffer))
-            self._picture = self._blank.copy()
-            self._filled = 0
-
-
-def _columns_side_by_side(scenario: EmbodiedScenario) -> int:
-    """Return the number of columns of a picture over time: a gap follows the pixels of each robot."""
-    columns = scenario.camera_pixels + GAP
-    return columns * max(1, min(scenario.robot_count, MAX_COLUMNS // columns))
-
-
 def _format(width: int, height: int, number: rr.ChannelDatatype) -> rr.components.ImageFormat:
     """Return the format of a picture with one number per pixel."""
     return rr.components.ImageFormat(width=width, height=height, channel_datatype=number)
@@ -105,7 +64,10 @@ class RobotLayers:
         outlines = [_outline(*each) for each in zip(scenario.robots, scenario.group_kinds, strict=True)]
         self._forward_cm, self._longest_cm, self._half_rad, self._circle_cm = np.repeat(outlines, counts, axis=0).T
         self._encircled = np.flatnonzero(self._circle_cm)
-        self._space_time = SpaceTime(scenario)
+        self._step_ns = scenario.timing.step_ms * 1_000_000
+        self._minutes = 0  # pictures over time so far
+        self._side_by_side = max(1, min(population.size, MAX_COLUMNS // (scenario.camera_pixels + GAP)))
+        self._rows = np.empty((0, self._side_by_side, scenario.camera_pixels), np.uint8)  # of the next picture
         scene, nowhere = self._scene(population.arena), np.zeros((0, population.size, 3))
         find_sightings(scene, nowhere)
         find_contacts(scene, nowhere)
@@ -128,7 +90,7 @@ class RobotLayers:
     def _static_pictures(self) -> Iterator[Chunk]:
         scenario = self._scenario
         robots, one_byte = scenario.robot_count, rr.ChannelDatatype.U8
-        minute = _columns_side_by_side(scenario), PICTURE_STEPS
+        minute = self._side_by_side * (scenario.camera_pixels + GAP), PICTURE_STEPS
         for entity, size in ((CAMERA, (scenario.camera_pixels, robots)), (SPACE_TIME, minute)):
             yield static_chunk(entity, COLOURS)
             yield static_chunk(entity, rr.SegmentationImage.from_fields(format=_format(*size, one_byte)))
@@ -150,19 +112,26 @@ class RobotLayers:
         yield temporal_chunk(VIEWS, time_ns, *strip_columns(self._views(batch)))
         if len(self._encircled) > 0:
             yield ranges(poses[:, self._encircled, :2], batch)
-        yield self._sightings(batch)
-        moments = [(first, find_contacts(self._scene(arena), each)) for first, each, arena in _moments(batch)]
-        steps = np.concatenate([first + found[:, 0] for first, (found, _) in moments])
-        points = rr.Points2D.columns(positions=np.concatenate([places for _, (_, places) in moments]))
-        yield temporal_chunk(CONTACTS, time_ns, *points.partition(np.bincount(steps, minlength=len(poses))))
+        yield from self._links(batch)
         rows, distances = batch.camera.reshape(len(poses), -1), batch.distance_mm.reshape(len(poses), -1)
         yield temporal_chunk(CAMERA, time_ns, *rr.SegmentationImage.columns(buffer=rows))
         yield temporal_chunk(INFRARED, time_ns, *rr.DepthImage.columns(buffer=distances.view(np.uint8)))
-        yield from self._space_time.chunks(batch)
+        self._rows = np.concatenate([self._rows, batch.camera[:, : self._side_by_side]])
+        while len(self._rows) >= PICTURE_STEPS:
+            yield from self.final_chunks()
 
     def final_chunks(self) -> Iterator[Chunk]:
-        """Yield the camera rows of the last minute."""
-        return self._space_time.final_chunks()
+        """Yield the picture of the current minute, robots side by side, if it has any rows, and begin the next."""
+        rows, self._rows = np.split(self._rows, [PICTURE_STEPS])
+        if len(rows):
+            robots, pixels = rows.shape[1:]
+            picture = np.full((1, PICTURE_STEPS, robots, pixels + GAP), BETWEEN, np.uint8)
+            picture[..., :pixels] = 0
+            picture[0, : len(rows), :, :pixels] = rows
+            began_ns = np.array([self._minutes * PICTURE_STEPS * self._step_ns])
+            self._minutes += 1
+            buffer = rr.SegmentationImage.columns(buffer=picture.reshape(1, -1))
+            yield temporal_chunk(SPACE_TIME, began_ns, *buffer)
 
     def _views(self, batch: RowBatch) -> FloatArray:
         """Return (steps, robots, 3, 2) cm: left end, apex and right end of each view or cone, within the walls."""
@@ -175,15 +144,16 @@ class RobotLayers:
                 views[steps, :, place] = ray_ends(eyes[steps], rays[steps], self._longest_cm, arena)
         return views
 
-    def _sightings(self, batch: RowBatch) -> Chunk:
-        """Return the arrows to the robots in view; a ring is seen as it was commanded a step before."""
-        poses, parts = batch.poses, []
+    def _links(self, batch: RowBatch) -> Iterator[Chunk]:
+        """Yield arrows to the robots in view, and contacts; a ring is seen as it was commanded a step before."""
+        poses, time_ns, seen_parts, touched_parts, points = batch.poses, batch.time_ns, [], [], []
         for first_step, some, arena in _moments(batch):
-            scene = self._scene(arena)
-            for group in range(len(self._scenario.robots)):
-                parts.append(find_sightings(scene, some, group))
-                parts[-1][:, 0] += first_step
-        found = np.concatenate(parts)
+            scene, first = self._scene(arena), np.array([first_step, 0, 0])
+            seen_parts += [first + find_sightings(scene, some, group) for group in range(len(self._scenario.robots))]
+            contacts, places = find_contacts(scene, some)
+            touched_parts.append(first + contacts)
+            points.append(places)
+        found = np.concatenate(seen_parts)
         for whom in (1, 2):  # who is parked outside sees nobody, and is not seen
             found = found[~np.isnan(poses[found[:, 0], found[:, whom], 0])]
         steps, observers, seen = found[np.argsort(found[:, 0], kind="stable")].T
@@ -191,7 +161,10 @@ class RobotLayers:
         origins = poses[steps, observers, :2] + forward_cm * unit_vectors(poses[steps, observers, 2])
         lit = batch.ring_before[steps, seen].astype(np.uint16)
         arrows = rr.Arrows2D.columns(origins=origins, vectors=poses[steps, seen, :2] - origins, class_ids=lit)
-        return temporal_chunk(SIGHTINGS, batch.time_ns, *arrows.partition(np.bincount(steps, minlength=len(poses))))
+        yield temporal_chunk(SIGHTINGS, time_ns, *arrows.partition(np.bincount(steps, minlength=len(poses))))
+        steps = np.concatenate(touched_parts)[:, 0]
+        dots = rr.Points2D.columns(positions=np.concatenate(points))
+        yield temporal_chunk(CONTACTS, time_ns, *dots.partition(np.bincount(steps, minlength=len(poses))))
 
 
 def _stretches(batch: RowBatch) -> Iterator[tuple[slice, Arena]]:
@@ -205,8 +178,9 @@ def _moments(batch: RowBatch) -> Iterator[tuple[int, FloatArray, Arena]]:
     """Yield the first of some steps, their (steps, robots, 3) poses, and the arena, in which nothing moves then."""
     for steps, arena in _stretches(batch):
         poses = parked(batch.poses[steps])
-        if not len(batch.movables):
+        if not batch.movables.size:
             yield steps.start, poses, arena
+            continue
         for step, places in enumerate(batch.movables[steps]):
             yield steps.start + step, poses[step : step + 1], arena.with_movables_at(places)
 

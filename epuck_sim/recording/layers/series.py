@@ -8,8 +8,8 @@ import numpy as np
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.step import READING, Step, check_fields, field_values, reading_fields
+from epuck_sim.arrays import FloatArray
+from epuck_sim.embodied.step import READING, check_fields, reading_fields
 from epuck_sim.recording import Level
 from epuck_sim.recording.rows import Population, RowBatch
 from epuck_sim.recording.rrd_file import static_chunk, temporal_chunk
@@ -37,8 +37,11 @@ GREY = (150, 150, 150)
 BLUE = (60, 130, 230)
 
 
-def static_time_series(population: Population, level: Level) -> Iterator[Chunk]:
+def static_time_series(population: Population, level: Level, memory: Sequence[str]) -> Iterator[Chunk]:
     """Yield the appearance of the plots."""
+    lines = rr.SeriesLines(names=robot_names(population), **KEEP_EXTREMES)
+    for field in memory:
+        yield static_chunk(memory_entity(field), lines)
     yield static_chunk(FLASHES, rr.SeriesPoints(colors=RED, markers="circle", marker_sizes=3, names="flash"))
     yield static_chunk(
         ORDER_AT_STEPS, rr.SeriesLines(colors=GREY, widths=1, names=f"at each {population.moment}", **KEEP_EXTREMES)
@@ -49,13 +52,15 @@ def static_time_series(population: Population, level: Level) -> Iterator[Chunk]:
     yield static_chunk(THRESHOLD, rr.SeriesLines(colors=RED, widths=1, names="synchronised"))
     yield static_chunk(NOW, rr.TextDocument.from_fields(media_type="text/markdown"))
     if level is not Level.SUMMARY:
-        yield static_chunk(PHASES, rr.SeriesLines(names=robot_names(population), **KEEP_EXTREMES))
+        yield static_chunk(PHASES, lines)
         yield static_chunk(PHASE_LEAD, rr.SeriesPoints(names=robot_names(population), markers="circle", marker_sizes=2))
 
 
 def time_series(batch: RowBatch, population: Population, threshold: float | None, level: Level) -> Iterator[Chunk]:
     """Yield what the plots show of these rows; `threshold` is that of the order parameter, None if there is none."""
     time_ns = batch.time_ns
+    for field, values in batch.memory:
+        yield temporal_chunk(memory_entity(field), time_ns, *scalar_columns(values))
     if len(batch.flashes):
         rows, flashing, cycles = batch.flashes.T
         numbers = rr.Scalars.columns(scalars=flashing)
@@ -73,15 +78,19 @@ def time_series(batch: RowBatch, population: Population, threshold: float | None
             yield temporal_chunk(PHASE_LEAD, time_ns[batch.firings], *scalar_columns(lead))
 
 
-class Now:
-    """Texts about what the trial has come to: whole seconds, the cycle, and T_sync once it is known."""
+class Texts:
+    """What has changed, as a log, and what the trial has come to: seconds, the cycle, and T_sync once it is known."""
 
     def __init__(self) -> None:
-        self._cycles = 0  # before the first row
+        self._events = self._cycles = 0  # before the first row
         self._said = ""
 
     def chunks(self, batch: RowBatch, state: TrialState) -> Iterator[Chunk]:
         """Yield the texts of these rows, after whose last the trial is in a state, where they are new."""
+        if events := state.events[self._events :]:
+            self._events += len(events)
+            times = np.array([round(event.time_s * 1e9) for event in events])
+            yield temporal_chunk(EVENTS, times, *rr.TextLog.columns(text=list(map(_in_words, events))))
         cycles = self._cycles + np.searchsorted(batch.firings, np.arange(len(batch.time_ns)), side="right")
         self._cycles = state.cycles
         t_sync = state.outcome.cycles if state.is_synchronised else math.inf
@@ -113,36 +122,15 @@ def scalar_columns(values: FloatArray) -> rr.ComponentColumnList:
     return rr.Scalars.columns(scalars=flat.ravel()).partition(np.full(len(flat), flat.shape[1]))
 
 
-class MemorySeries:
-    """Gathers fields of what robots remember, and readings of their sensors, a row for each step."""
-
-    def __init__(self, scenario: Scenario, fields: Sequence[str], population: Population) -> None:
-        """Check the fields; raise ScenarioError if no controller remembers one, or if there are no controllers."""
-        if fields:
-            own = [field for field in fields if not field.startswith(READING)]
-            check_fields(require_model(scenario, EmbodiedScenario, "robots alone have a memory to record"), own)
-        self._rows: dict[str, list[FloatArray]] = {field: [] for field in fields}
-        self._names = robot_names(population)
-
-    def append(self, step: Step) -> None:
-        """Add a step."""
-        for field, rows in self._rows.items():
-            rows.append(field_values(step, field))
-
-    def static_chunks(self) -> Iterator[Chunk]:
-        """Yield the appearance of the plots."""
-        for field in self._rows:
-            yield static_chunk(memory_entity(field), rr.SeriesLines(names=self._names, **KEEP_EXTREMES))
-
-    def flush(self, time_ns: IntArray) -> Iterator[Chunk]:
-        """Yield the steps, which were at these times, and remove them."""
-        for field, rows in self._rows.items():
-            yield temporal_chunk(memory_entity(field), time_ns, *scalar_columns(np.array(rows)))
-            rows.clear()
-
-
 def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> tuple[str, ...]:
-    """Return the fields that a recording has: those that are asked for, each once, and in a full one all readings."""
+    """Return the fields that a recording has: those that are asked for, each once, and in a full one all readings.
+
+    Raises:
+        ScenarioError: No controller remembers a field, or there are no controllers.
+    """
+    if memory:
+        bodies = require_model(scenario, EmbodiedScenario, "robots alone have a memory to record")
+        check_fields(bodies, [field for field in memory if not field.startswith(READING)])
     readings = reading_fields(scenario) if level is Level.FULL and isinstance(scenario, EmbodiedScenario) else []
     return tuple(dict.fromkeys([*memory, *readings]))
 
@@ -150,13 +138,6 @@ def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> 
 def memory_entity(field: str) -> str:
     """Return the entity of a field: NaN for robots whose controllers have no such field."""
     return f"{MEMORY}/{field}"
-
-
-def event_chunks(events: Sequence[TrialEvent]) -> Iterator[Chunk]:
-    """Yield events of a trial as a log, if there are any."""
-    if events:
-        time_ns = np.array([round(event.time_s * 1e9) for event in events])
-        yield temporal_chunk(EVENTS, time_ns, *rr.TextLog.columns(text=[_in_words(event) for event in events]))
 
 
 def _in_words(event: TrialEvent) -> str:
