@@ -150,7 +150,7 @@ AT_CYCLES = [
 
 
 @models
-@pytest.mark.parametrize(("measure", "parameters", "look", "expected"), AT_CYCLES, ids=lambda each: str(each)[:30])
+@pytest.mark.parametrize(("measure", "parameters", "look", "expected"), AT_CYCLES, ids=[each[0] for each in AT_CYCLES])
 def test_what_is_measured_at_cycles_is_that_of_a_slow_twin(measure, parameters, look, expected, sections):
     observer, seen = at_cycles(look)
     _, value = run({measure: parameters}, observer, **sections)
