@@ -6,12 +6,12 @@ BIN := $(VENV)/bin
 SOURCES := pyproject.toml README.md
 SWEEPS := fig-4-2a fig-4-2b fig-4-3a fig-4-3b fig-4-4
 TRIALS ?= 200
-QUICK_SWEEPS := fig-2-6 fig-5-3 fig-5-4 fig-5-5 \
-    fig-5-6 fig-5-7 fig-5-8 fig-5-9 fig-5-10 fig-5-11 fig-a-1 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6 \
-    kilobot-ranges mean-field speed-distributions
-CHAPTER_3 := fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8
-CHAPTER_5 := fig-5-3 fig-5-4 fig-5-5
-LONGER_SWEEPS := wireless order-change random-walks broad-speeds random-walks-robots broad-speeds-robots
+QUICK_SWEEPS := fig-5-8 fig-5-9 fig-5-11 mean-field
+OF_40 := fig-5-6 fig-5-7 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6
+OF_60 := fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8
+OF_100 := fig-2-6 fig-5-10 kilobot-ranges speed-distributions wireless order-change random-walks broad-speeds \
+    random-walks-robots broad-speeds-robots
+OF_200 := fig-5-3 fig-5-4 fig-5-5
 
 BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
 # plots the run folder $(1) as the figure and the table $(2) of the docs
@@ -118,21 +118,16 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/epuck-sim run fig-5-5 --quick --sweep neighbourhood.k=1 --sweep agents.count=5,10,20,40 \
 	    --sweep agents.speed_cm_s=6,8,11,15,21,30,50,97 --trials 40 --set stop.max_cycles=3000 --out runs/v-f
 	$(BIN)/epuck-sim fit runs/v-f > docs/figures/v_f.txt
-	set -e; for sweep in $(QUICK_SWEEPS); do \
+	set -e; for sweep in $(QUICK_SWEEPS) $(STUDIED); do \
 	    $(BIN)/epuck-sim run $$sweep --quick --out runs/$$sweep-quick; \
 	    $(call draw,$$sweep-quick,$$sweep); \
 	done
-	set -e; for sweep in $(CHAPTER_3); do \
-	    $(BIN)/epuck-sim run $$sweep --quick --trials 60 --out runs/$$sweep-quick; \
-	    $(call draw,$$sweep-quick,$$sweep); \
-	done
-	set -e; for sweep in $(CHAPTER_5); do \
-	    $(BIN)/epuck-sim run $$sweep --quick --trials 200 --out runs/$$sweep; \
-	    $(call draw,$$sweep,$$sweep); \
-	done # beside the quick ones, on which the study of statistics rests
+	set -e; for each in $(OF_40:%=40/%) $(OF_60:%=60/%) $(OF_100:%=100/%) $(OF_200:%=200/%); do \
+	    $(BIN)/epuck-sim run $${each#*/} --quick --trials $${each%%/*} --out runs/$${each#*/}; \
+	    $(call draw,$${each#*/},$${each#*/}); \
+	done # after the quick ones, on which the study of statistics rests
 	$(BIN)/epuck-sim run embodiment --quick --trials 40 --sweep once_per_sighting=false,true --out runs/embodiment
-	set -e; for sweep in $(LONGER_SWEEPS); do $(BIN)/epuck-sim run $$sweep --quick --trials 100 --out runs/$$sweep; done
-	set -e; for sweep in $(LONGER_SWEEPS) embodiment; do $(call draw,$$sweep,$$sweep); done
+	$(call draw,embodiment,embodiment)
 	set -e; for axis in contact.robots=true,false robots.0.signal.occlusion=true,false once_per_sighting=false,true; do \
 	    $(BIN)/epuck-sim compare runs/embodiment --axis $$axis; \
 	done > docs/figures/embodiment.txt
