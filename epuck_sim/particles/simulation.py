@@ -320,10 +320,23 @@ class ParticleSimulation:
         swarm.next_firing[agents] = swarm.scene.now + ((1 - displaced) * swarm.period)[agents]
         forget_earliest(swarm)
 
-    def bring_forward(self, cycles: float) -> None:
-        """Bring the first firing of agent 0 forward, before anything happens: by so much, or to the present time."""
+    def displace(self, agent: int, cycles: float) -> None:
+        """Bring the next firing of an agent forward, before the first event; its phase is ahead by so much at most.
+
+        Args:
+            agent: Index of the agent.
+            cycles: By how much, 0 or more; no further than to the present time.
+
+        Raises:
+            ValueError: Agents have fired already, or `cycles` is negative.
+        """
+        if self.instants or cycles < 0:
+            raise ValueError(
+                f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more, before the first"
+            )
         swarm = self._arrays
-        swarm.next_firing[0] = max(swarm.next_firing[0] - cycles * swarm.period[0], self._scene["now"])
+        forward = cycles * swarm.period[agent]
+        swarm.next_firing[agent] = max(swarm.next_firing[agent] - forward, self._scene["now"])
         forget_earliest(swarm)
 
     def page(self) -> Any:

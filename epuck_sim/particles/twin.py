@@ -35,7 +35,7 @@ def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) 
         changes["clocks"] = scenario.clocks.model_copy(update={"jitter": 0.0})
     twin = ParticleSimulation(scenario.model_copy(update=changes), seed)
     if displacement:
-        twin.bring_forward(displacement)
+        twin.displace(0, displacement)
     return twin
 
 

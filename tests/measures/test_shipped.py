@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim import MeasureError, load_scenario
+from epuck_sim import MeasureError, ParticleSimulation, load_scenario
 from epuck_sim.measures.clusters import cluster_numbers, surviving_clusters
 from epuck_sim.measures.motion import Moved, correlation_time
 from epuck_sim.measures.order import BelowThreshold, StaysAbove, ThresholdCycles
@@ -318,6 +318,16 @@ def test_growth_is_told_where_a_deviation_is_neither_rounding_nor_large():
     assert mean - low == pytest.approx(high - mean)
     assert mean_with_interval([]) == [None, None, None]
     assert mean_with_interval([1.0]) == [1.0, None, None]
+
+
+def test_an_agent_is_displaced_before_anything_has_happened():
+    simulation = ParticleSimulation(load_scenario(AGENTS), 3)
+    before = simulation.phases()
+    simulation.displace(2, 0.01)
+    assert simulation.phases()[2] == pytest.approx(min(before[2] + 0.01, 1))
+    simulation.run(2)
+    with pytest.raises(ValueError, match=r"after \d+ instants; allowed: 0 or more"):
+        simulation.displace(2, 0.01)
 
 
 def test_a_twin_may_be_displaced_itself():
