@@ -27,13 +27,16 @@ class Commands:
         external = {part: [part in each.external for each in controllers] for part in EXTERNAL}
         self.robots = {part: np.flatnonzero(np.repeat(each, swarm.groups["count"])) for part, each in external.items()}
         actuators = swarm.robots["actuators"].view(np.ndarray)
-        self._actuators: dict[str, npt.NDArray[Any]] = {name: actuators[name] for name in PARTS}
+        self._targets: dict[str, tuple[npt.NDArray[Any], IntArray]] = {
+            name: (actuators[name], self.robots[part]) for name, part in PARTS.items()
+        }
 
     def carry_out(self, **given: npt.ArrayLike | None) -> None:
         """Have robots do what is given, unchecked, from the last control step on; see `Simulation.command`."""
         for name, values in given.items():
             if values is not None:
-                self._actuators[name][self.robots[PARTS[name]]] = values
+                actuators, robots = self._targets[name]
+                actuators[robots] = values
         act_again(self._block, self._addresses)
 
     def check(self, **given: npt.ArrayLike | None) -> None:

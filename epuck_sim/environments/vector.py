@@ -210,12 +210,16 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         """Return where all robots are and what they do."""
         self._check_begun()
         arena, steps = self.simulations[0].scenario.arena, list(self._steps.values())
+        ring_on = gather([step.ring_on for step in steps])
+        phase = np.full(ring_on.shape, np.nan)
+        if self._oscillators_exist:
+            phase = gather([step.phase_ms for step in steps]) / self.simulations[0].period_ms
         return Situation(
             time_s=np.array([step.time_s for step in steps]),
             poses=gather([step.poses for step in steps]),
             wheels_cm_s=gather([step.wheels_cm_s for step in steps]),
-            ring_on=gather([step.ring_on for step in steps]),
-            phase=gather([step.phase_ms for step in steps]) / self.simulations[0].period_ms,
+            ring_on=ring_on,
+            phase=phase,
             width_cm=arena.width_cm,
             height_cm=arena.height_cm,
             movables=gather([step.movables for step in steps]),
