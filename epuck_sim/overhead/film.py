@@ -35,6 +35,7 @@ GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dr
 RESTART_S = 1.0  # time before the last time stamp from which a clock counts as restarted, not a frame as out of order
 LONGEST_GAP_S = 86_400.0  # time after it from which a clock counts as set anew: no camera is still for a day
 
+TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})  # by which FFmpeg renders text files as films of a terminal
 ANY_METADATA: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
 """Options for films whose metadata are no UTF-8, which PyAV reads by itself from version 19 on."""
 
@@ -246,6 +247,8 @@ def _picture_stream(name: str, container: InputContainer) -> VideoStream:
             continue
         if stream.codec_context is None:
             raise FilmError(f"{name}: no decoder for its pictures is available; convert it: ffmpeg -i {name} film.mp4")
+        if stream.codec_context.name in TEXT_CODECS:
+            raise FilmError(f"{name}: is a text file, not a film; give the film itself")
         return stream
     kinds = ", ".join(sorted({stream.type for stream in container.streams})) or "nothing"
     raise FilmError(f"{name}: holds no moving pictures, only {kinds}: cut off, or not the film itself; give that")

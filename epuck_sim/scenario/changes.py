@@ -393,7 +393,7 @@ def check_schedule(
     for number, entry in enumerate(schedule):
         origin = f"schedule.{number}"
         for group, _ in entry.parameters():
-            check_range(f"{origin}.set: robots.NUMBER", group, 0, len(groups) - 1)
+            check_range(f"{origin}.set: the number of a group", group, 0, len(groups) - 1)
         if reference in entry.remove:
             raise ValueError(
                 f"{origin}.remove: {reference} is the reference, whose firings are counted, and stays; remove others, "

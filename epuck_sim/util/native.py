@@ -246,7 +246,10 @@ def compiled_now() -> Path | None:
     """Return the file of which a function is being compiled, but this package's and numba's own; None if none is."""
     begun: list[Any] = []
     for begins, function in _compilations():
-        (begun.append if begins else begun.remove)(function)
+        if begins:
+            begun.append(function)
+        else:
+            begun.remove(function)
     ours = {PACKAGE, Path(numba.__file__).parent}
     files = [Path(function.__code__.co_filename) for function in reversed(begun)]
     return next((file for file in files if file.suffix == ".py" and ours.isdisjoint(file.parents)), None)

@@ -172,6 +172,7 @@ def test_an_mp4_film_without_its_index(tmp_path, capfd, kept):
 def test_what_is_no_film(tmp_path, capfd):
     for name, content, said in [
         ("film.mp4", b"", "is empty"),
+        ("film.txt", b"Dear diary,\nit rained.\n" * 40, "is a text file, not a film"),
         ("film.avi", bytes(range(256)) * 20, "cannot be read as a film"),
     ]:
         (tmp_path / name).write_bytes(content)
