@@ -170,7 +170,7 @@ class EmbodiedScenario(Scenario):
         check_range("stop.reference_robot", reference, 0, self.robot_count - 1)
         for number, group in enumerate(self.robots):
             key, control_hz = f"robots.{number}.camera.frames_per_s", self.timing.control_hz
-            check_range(key, group.camera.frames_per_s, 0.1, control_hz, ", timing.control_hz")
+            check_range(key, group.camera.frames_per_s, 0.1, control_hz, " (timing.control_hz)")
         check_faults(self.faults, self.robots)
         check_schedule(self.schedule, self.robots, self.faults, reference)
         if not self.present[reference]:

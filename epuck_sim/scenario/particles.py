@@ -324,7 +324,7 @@ class StartSection(ConfigModel):
                 if key == "headings" and not any(row):
                     raise ValueError(f"{where} is {list(row)}; allowed: a vector that is not 0")
                 for place in row if key == "positions_cm" else ():
-                    check_range(where, place, 0, side_cm, ", space.side_cm")
+                    check_range(where, place, 0, side_cm, " (space.side_cm)")
 
     @model_validator(mode="after")
     def _check_start(self) -> "StartSection":

@@ -110,14 +110,14 @@ class CameraSection(ConfigModel):
                 "they lie in the middle of the row"
             )
         if self.range_cm is not None:
-            why = ", range_cm: no mirror image is seen farther than the ring itself"
+            why = " (range_cm): no mirror image is seen farther than the ring itself"
             check_range("reflection_range_cm", self.reflection_range_cm, 0, self.range_cm, why)
         if self.frames_per_s is not None:
             why = f", the time in ms from one picture to the next at {self.frames_per_s:g} frames_per_s"
             check_range("latency_ms", self.latency_ms, 0, 1000 / self.frames_per_s, why)
         elif self.latency_ms > 0:
             raise ValueError(
-                f"latency_ms is {self.latency_ms:g}, frames_per_s is null; give both, or leave latency_ms out"
+                f"latency_ms is {self.latency_ms:g}, frames_per_s is null; give frames_per_s, or leave latency_ms out"
             )
         return self
 

@@ -125,6 +125,9 @@ class TestRobot:
         if isinstance(sensors, str | Path):
             raise ValueError(f"sensors is {str(sensors)!r}; allowed: a list of files")  # noqa: TRY004
         own = [find_sensor(str(sensor)) for sensor in sensors]
+        told = [name for sensor in own for name in sensor.readings.names or ()]
+        if twice := next((name for name in told if told.count(name) > 1), None):
+            raise ValueError(f"two of the sensors tell {twice!r}; give one of them")
         sizes = [sensed_bytes_needed(sensor, 1) for sensor in own]
         lengths = {"robots": 1, "groups": 1, "pixels": pixels, "bytes": bytes_needed(found, 1)}
         block = make_block({**lengths, "senses": len(own), "sensed": sum(sizes)})
