@@ -49,6 +49,7 @@ def refusals(path: Path) -> list[str]:
 @settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=FLIPS)
 def test_changed_bytes_are_refused_in_words(whole: Path, tmp_path, flips) -> None:
+    assert is_whole(whole)
     damaged = bytearray(whole.read_bytes())
     for place, change in flips:
         damaged[int(place * len(damaged))] ^= change
