@@ -3,6 +3,7 @@
 import hashlib
 import mmap
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -70,7 +71,8 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[
     """
     check_recording_target(path)
     path = path.resolve()
-    with temporary_path(path) as folder:
+    # a thread of its own writes, as rerun would take Ctrl-C for an error of its own
+    with temporary_path(path) as folder, ThreadPoolExecutor(1) as thread:
         unnamed, whole, parts = folder / "layout.rrd", folder / "whole.rrd", [folder / "0.rrd"]
 
         def write(chunks: Iterable[Chunk]) -> None:
@@ -78,7 +80,8 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[
                 parts.append(folder / f"{len(parts)}.rrd")
                 with _blaming(path):
                     stream = LazyChunkStream.from_iter(given)
-                    stream.write_rrd(parts[-1], application_id=APPLICATION, recording_id=recording_id)
+                    names = {"application_id": APPLICATION, "recording_id": recording_id}
+                    thread.submit(stream.write_rrd, parts[-1], **names).result()
 
         with _blaming(path):
             folder.mkdir()
