@@ -117,17 +117,18 @@ def _mistakes(
     parts = [node for node in ast.walk(definition) if isinstance(node, ast.Attribute | ast.Subscript)]
     also_named = _names_of_parts(definition, names)
     for node in sorted(parts, key=lambda node: (node.lineno, node.col_offset)):
-        said, is_set = ast.unparse(node), not isinstance(node.ctx, ast.Load)
+        is_set = not isinstance(node.ctx, ast.Load)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names:
             role = names[node.value.id]
             kind = {"sensors": Sensors, "world": World}.get(role, np.record)  # whose own attributes are allowed, too
             if role in known and node.attr not in known[role] and not hasattr(kind, node.attr):
                 yield node.lineno, unknown_name(role, node.attr, known[role])
             if (role, node.attr) in several and is_set:
+                said = ast.unparse(node)
                 yield node.lineno, f"sets {said}, which is several numbers; set {said}[:] instead"
         if is_set and also_named.get(_root(node)) in fixed:
             why = "a sensor sets its readings alone" if "world" in fixed else "all robots share them; use memory"
-            yield node.lineno, f"sets {said}; {why}"
+            yield node.lineno, f"sets {ast.unparse(node)}; {why}"
 
 
 def _names_of_parts(definition: ast.FunctionDef, names: Mapping[str, str]) -> dict[str, str]:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +48,15 @@ from epuck_sim.util.machine import lack_of_memory
 from epuck_sim.util.messages import whole
 
 
+class Change(NamedTuple):
+    """A call from outside that changed a simulation after so many control steps: a method and its arguments."""
+
+    steps: int
+    method: str
+    given: tuple[Any, ...]
+    values: dict[str, Any]
+
+
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """A simulation at one moment; can be pickled."""
@@ -56,8 +65,8 @@ class Snapshot:
     seed: int
     steps: int
     """Control steps taken."""
-    changes: tuple[tuple[int, str, tuple[Any, ...], dict[str, Any]], ...] = field(repr=False)
-    """What was commanded and changed from outside, in order: after how many steps, by which method, its arguments."""
+    changes: tuple[Change, ...] = field(repr=False)
+    """What was commanded and changed from outside, in order."""
 
 
 class Simulation:
@@ -178,7 +187,7 @@ class Simulation:
         """
         scenario, block, addresses = self.scenario, self._block, self._loop.addresses
         self.seed = self.seed if seed is None else seed_of_trial(scenario, seed)
-        self._changes: list[tuple[int, str, tuple[Any, ...], dict[str, Any]]] = []
+        self._changes: list[Change] = []
         self.events = []
         self._timed.restart()
         self._replaced_at: int | None = None
@@ -488,7 +497,7 @@ class Simulation:
 
     def _note(self, method: str, *given: Any, **values: Any) -> None:
         """Have snapshots know of a call that has changed the simulation."""
-        self._changes.append((self.steps, method, given, values))
+        self._changes.append(Change(self.steps, method, given, values))
 
     def snapshot(self) -> Snapshot:
         """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later.

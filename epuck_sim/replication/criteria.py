@@ -204,7 +204,7 @@ def _log_ratio(means: Sequence[MeanError]) -> tuple[float, float, float]:
     logs, pairs = [math.log(each.mean) for each in means], len(means) / 2
     error = math.hypot(*(each.error / each.mean for each in means)) / pairs
     is_known = all(each.error > 0 for each in means)
-    return (sum(logs[1::2]) - sum(logs[::2])) / pairs, error * is_known, min(each.freedom for each in means)
+    return (sum(logs[1::2]) - sum(logs[::2])) / pairs, error if is_known else 0.0, min(each.freedom for each in means)
 
 
 def superiority(first: Measured, second: Measured) -> Effect:

@@ -192,7 +192,9 @@ MAX_POINTS = 100_000
 RANGE = re.compile(r"\s*([-+.\deE]+):([-+.\deE]+):([-+.\deE]+)(?::(\w+))?\s*")
 """A range of values, FROM:TO:NUMBER, and :lin or :log."""
 
-_RANGES = "FROM:TO:NUMBER, as in 0.05:12.8:20: FROM below TO, 2 to 100000 values; and :lin, or :log with FROM above 0"
+_RANGES = (
+    f"FROM:TO:NUMBER, as in 0.05:12.8:20: FROM below TO, 2 to {MAX_POINTS} values; and :lin, or :log with FROM above 0"
+)
 
 NO_AXES = ("sweep", "seed", "trials", "name", "description")
 """Keys of a scenario that cannot be an axis."""
@@ -219,13 +221,14 @@ def with_ranges(key: str, values: Any) -> Any:
 
 
 def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
+    refusal = f"{key} is {parts[0]}; allowed: {_RANGES}"
     try:
         first, last, number = float(parts[1]), float(parts[2]), int(parts[3])
-    except ValueError:
-        first, last, number = 0.0, 0.0, 0
+    except ValueError as error:
+        raise ValueError(refusal) from error
     is_even = parts[4] in (None, "lin") or (parts[4] == "log" and first > 0)
     if not (first < last and 2 <= number <= MAX_POINTS and is_even):
-        raise ValueError(f"{key} is {parts[0]}; allowed: {_RANGES}")
+        raise ValueError(refusal)
     is_log = is_logarithmic(key, first, last) if parts[4] is None else parts[4] == "log"
     inner = (np.geomspace if is_log else np.linspace)(first, last, number)[1:-1]
     values = [first, *(float(f"{value:.6g}") for value in inner), last]
@@ -278,8 +281,10 @@ class SweepAxes(ConfigModel):
 
     @model_validator(mode="after")
     def _check_axes(self) -> "SweepAxes":
-        for number, row in enumerate(self.points or ()):
-            if row.keys() != (first := self.points[0].keys() if self.points else ()):
+        points = self.points or ()
+        for number, row in enumerate(points):
+            first = points[0].keys()
+            if row.keys() != first:
                 raise ValueError(f"points.{number} has the keys {sorted(row)}, points.0 has {sorted(first)}")
         lengths = {key: len(values) for key, values in self.zip.items()}
         if len(set(lengths.values())) > 1:

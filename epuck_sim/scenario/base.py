@@ -24,7 +24,10 @@ def _reject_bool(value: object) -> object:
 
 Number = Annotated[float, BeforeValidator(_reject_bool)]
 WholeNumber = Annotated[int, BeforeValidator(_reject_bool)]
-Positive = Annotated[Number, Field(gt=0, le=1e6)]
+LARGEST = 1e6
+"""Largest number that keys without a limit of their own may have."""
+
+Positive = Annotated[Number, Field(gt=0, le=LARGEST)]
 
 
 def check_range(key: str, value: float | None, least: float, most: float, why: str = "") -> None:
@@ -76,31 +79,35 @@ def refused_at(origin: str) -> Iterator[None]:
 TAGS = ("kind", "shape")
 """Keys whose value names the class of a section that is one of several."""
 
-_ALLOWED = {
-    "true or false": "bool_parsing bool_type",
-    "a number": "float_parsing float_type",
-    "a finite number": "finite_number",
-    "above {gt:.12g}": "greater_than",
-    "at least {ge:.12g}": "greater_than_equal",
-    "below {lt:.12g}": "less_than",
-    "at most {le:.12g}": "less_than_equal",
-    "a multiple of {multiple_of:g}": "multiple_of",
-    "a whole number": "int_from_float int_parsing int_type",
-    "a whole number with fewer digits": "int_parsing_size",
-    "text": "string_type",
-    "text as the key": "invalid_key",
-    "text in Unicode": "string_unicode",
-    "at most {max_length} characters": "string_too_long",
-    "{min_length} or more characters": "string_too_short",
-    "a list": "tuple_type",
-    "at most {max_length} values": "too_long",
-    "{min_length} or more values": "too_short",
-    "a mapping of keys to values": "dict_type model_attributes_type model_type",
-    "{expected}": "literal_error",
-    "{error}": "value_error",
+ALLOWED = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
+    "dict_type": "a mapping of keys to values",
+    "finite_number": "a finite number",
+    "float_parsing": "a number",
+    "float_type": "a number",
+    "greater_than": "above {gt:.12g}",
+    "greater_than_equal": "at least {ge:.12g}",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "int_parsing_size": "a whole number with fewer digits",
+    "int_type": "a whole number",
+    "invalid_key": "text as the key",
+    "less_than": "below {lt:.12g}",
+    "less_than_equal": "at most {le:.12g}",
+    "literal_error": "{expected}",
+    "model_attributes_type": "a mapping of keys to values",
+    "model_type": "a mapping of keys to values",
+    "multiple_of": "a multiple of {multiple_of:g}",
+    "string_too_long": "at most {max_length} characters",
+    "string_too_short": "{min_length} or more characters",
+    "string_type": "text",
+    "string_unicode": "text in Unicode",
+    "too_long": "at most {max_length} values",
+    "too_short": "{min_length} or more values",
+    "tuple_type": "a list",
+    "value_error": "{error}",
 }
-
-ALLOWED = {error: said for said, errors in _ALLOWED.items() for error in errors.split()}
 """What is allowed, by pydantic's type of the error; in braces, what pydantic knows of it."""
 
 

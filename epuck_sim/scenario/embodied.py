@@ -77,8 +77,9 @@ class NoiseSection(ConfigModel):
     @model_validator(mode="before")
     @classmethod
     def _on_or_off(cls, given: Any) -> Any:
-        off = {"wheel_speed": 0, "infrared_counts": 0}
-        return {"off": off, "false": off, "on": {}, "true": {}}.get(str(given).lower(), given)
+        if given in ("off", "OFF", "Off", False):
+            return {"wheel_speed": 0, "infrared_counts": 0}
+        return {} if given in ("on", "ON", "On", True) else given
 
 
 class SpreadSection(ConfigModel):

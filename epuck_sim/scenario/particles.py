@@ -21,7 +21,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from epuck_sim.errors import CurveError, EpuckSimError
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
+from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import AgentScheduleEntry, check_numbers
 from epuck_sim.scenario.keys import set_value
 from epuck_sim.scenario.scenario import Scenario
@@ -119,7 +119,7 @@ class ResponseSection(ConfigModel):
     curve: str = "multiplicative"
     """Phase response curve, shift of the phase against the phase (5.1.1): the name of a shipped or installed one, or a
     file that ends in .py, relative to the scenario's file."""
-    coupling: Annotated[Number, Field(ge=0, le=1e6)] = 0.1
+    coupling: Annotated[Number, Field(ge=0, le=LARGEST)] = 0.1
     """Strength of the response: epsilon, or kappa of the sawtooth and sine curves."""
     refractory: Annotated[Number, Field(ge=0, lt=0.5)] = 0.0
     """Phase D, up to which pulses have no effect."""
@@ -205,7 +205,7 @@ class AgentsSection(ConfigModel):
 
     count: Annotated[WholeNumber, Field(ge=1, le=1_000_000)] = 20
     """Number N of agents."""
-    speed_cm_s: Annotated[Number, Field(ge=0, le=1e6)] = 1.0
+    speed_cm_s: Annotated[Number, Field(ge=0, le=LARGEST)] = 1.0
     """Speed of each agent, or the mean of the distribution of speeds."""
     speed_distribution: Literal["fixed", "uniform", "normal", "exponential", "lognormal", "two_speeds"] = "fixed"
     """Distribution from which the speed of each agent is drawn, once a trial (thesis 6.2)."""
@@ -398,7 +398,7 @@ class ParticleScenario(Scenario):
         fastest_cm_s = MOST_SIDES * self.space.side_cm / period_s
         check_range("agents.speed_cm_s", agents.speed_cm_s, 0, fastest_cm_s, f", {MOST_SIDES} sides a period")
         check_range(
-            "agents.walk.run_s", agents.walk.run_s, period_s / MOST_RUNS, 1e6, f", up to {MOST_RUNS} runs a period"
+            "agents.walk.run_s", agents.walk.run_s, period_s / MOST_RUNS, LARGEST, f", up to {MOST_RUNS} runs a period"
         )
         if isinstance(self.neighbourhood, Nearest | RandomAgents):
             why = f", because agents.count is {agents.count}"

@@ -17,7 +17,7 @@ from epuck_sim.control.names import check_sensed
 from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.arena import ArenaSection
-from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
+from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.robot_kind import FILE, RobotKind, are_groups, by_name, resolve_sensor
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
@@ -94,7 +94,7 @@ class CameraSection(ConfigModel):
     """Number of pixels in the middle of the row that are used (thesis 4.2.1); all by default."""
     range_cm: Positive | None = None
     """Distance beyond which nothing is seen; unlimited by default."""
-    reflection_range_cm: Annotated[Number, Field(ge=0, le=1e6)] = 0.0
+    reflection_range_cm: Annotated[Number, Field(ge=0, le=LARGEST)] = 0.0
     """Longest way, by a wall to a ring, on which the ring's reflection in the wall is seen (thesis 4.4); 0 for none."""
     frames_per_s: Annotated[Number, Field(ge=0.1, le=1000)] | None = None
     """Pictures a second, about 8 on the real robots (thesis 4.3.1); by default one in each control step."""
@@ -252,7 +252,7 @@ def _check_room(kinds: Sequence[RobotKind], counts: Sequence[int], arena: ArenaS
     for kind, count in zip(kinds, counts, strict=True):
         wide[2 * kind.radius_cm] += count
     for key, side_cm in (("width_cm", arena.width_cm), ("height_cm", arena.height_cm)):
-        check_range(f"arena.{key}", side_cm, max(wide), 1e6)
+        check_range(f"arena.{key}", side_cm, max(wide), LARGEST)
     densest = math.pi / math.sqrt(12) if len(wide) == 1 else 1.0  # of equal discs; others may fill what these leave
     covered_cm2 = sum(robots * math.pi * (diameter_cm / 2) ** 2 for diameter_cm, robots in wide.items())
     if covered_cm2 > densest * arena.width_cm * arena.height_cm:

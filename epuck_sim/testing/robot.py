@@ -134,7 +134,8 @@ class TestRobot:
         swarm = open_block(block)
         for number, sensor in enumerate(own):
             assign_sense(swarm.senses[number], sensor, 0, 1, sum(sizes[:number]))
-        robots, swarm.scene[0].serving = swarm.robots, -1
+        robots = swarm.robots
+        swarm.scene[0].serving = -1
         robots.wheel_limit_cm_s, robots.wheel_base_cm = wheels
         swarm.groups.count, swarm.groups.pixels = 1, pixels
         robots.present, robots.random = True, robot_streams(np.random.SeedSequence(seed), 1)

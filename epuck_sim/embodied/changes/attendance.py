@@ -109,7 +109,8 @@ def put_in(
                 raise ScenarioError(f"{origin}: no free place was found for robot {robot}")
             world.move(robot, (record.x, record.y, record.heading))
         else:
-            x, y, _ = pose = poses[number]
+            pose = poses[number]
+            x, y, _ = pose
             if not is_free(swarm, float(x), float(y), float(record.radius_cm) - TOLERANCE_CM):
                 raise ScenarioError(
                     f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an "
