@@ -178,9 +178,10 @@ def told(measure, series):
 
 @given(orders)
 def test_thresholds_are_passed_at_the_first_cycle_that_reaches_them(series):
-    found = told(ThresholdCycles(None, thresholds="0.5, 0.9"), series)
+    found = told(ThresholdCycles(None, thresholds="0.9, 0.5, 0.9"), series)
     expected = [
-        next((cycle for cycle, order in enumerate(series, 1) if order >= threshold), None) for threshold in (0.5, 0.9)
+        next((cycle for cycle, order in enumerate(series, 1) if order >= threshold), None)
+        for threshold in (0.9, 0.5, 0.9)
     ]
     assert found == expected
 
