@@ -192,6 +192,9 @@ MAX_POINTS = 100_000
 RANGE = re.compile(r"\s*([-+.\deE]+):([-+.\deE]+):([-+.\deE]+)(?::(\w+))?\s*")
 """A range of values, FROM:TO:NUMBER, and :lin or :log."""
 
+COUNTS = ("count", "k", "central_pixels")
+"""Last words of keys whose values in a range are whole."""
+
 _RANGES = (
     f"FROM:TO:NUMBER, as in 0.05:12.8:20: FROM below TO, 2 to {MAX_POINTS} values; and :lin, or :log with FROM above 0"
 )
@@ -204,10 +207,10 @@ def with_ranges(key: str, values: Any) -> Any:
     """Return the values of an axis with those of ranges instead of each range.
 
     The values of a range are even in the logarithm where figures would draw them so, unless it says otherwise. They
-    have six digits; its ends are as they are given.
+    have six digits, and are rounded for `COUNTS`; its ends are as they are given.
 
-    >>> with_ranges("agents.speed_cm_s", "0.1:10:3"), with_ranges("agents.count", [2, "5:15:3"])
-    ([0.1, 1.0, 10.0], [2, 5, 10, 15])
+    >>> with_ranges("agents.speed_cm_s", "0.1:10:3"), with_ranges("agents.count", [2, "1:10:4"])
+    ([0.1, 1.0, 10.0], [2, 1, 2, 5, 10])
     """
     if isinstance(values, str) and RANGE.fullmatch(values):
         values = [values]
@@ -231,6 +234,8 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
         raise ValueError(refusal)
     is_log = is_logarithmic(key, first, last) if parts[4] is None else parts[4] == "log"
     inner = (np.geomspace if is_log else np.linspace)(first, last, number)[1:-1]
+    if key.rpartition(".")[2] in COUNTS:
+        inner = np.round(inner)
     values = [first, *(float(f"{value:.6g}") for value in inner), last]
     is_whole = {*"eE."}.isdisjoint(parts[1] + parts[2]) and all(value == int(value) for value in values)
     return [int(value) for value in values] if is_whole else values
