@@ -206,7 +206,7 @@ class Claim(ConfigModel):
 class Claims(ConfigModel):
     """All claims of a file, and their sweeps by name."""
 
-    seed: WholeNumber = 0  # seed of all sweeps
+    seed: WholeNumber = 0  # seed of sweeps whose keys have none
     pooled: str = ""  # which trials count, and which do not
     sweeps: dict[str, AskedSweep] = Field(default_factory=dict)
     claims: Annotated[tuple[Claim, ...], Field(min_length=1)]

@@ -48,7 +48,7 @@ def sweep_scenario(claims: Claims, name: str) -> Scenario:
     if "points" in asked.keys.get("sweep", {}):
         given.pop("sweep", None)  # points are of this sweep's own axes
     try:
-        return from_keys({**merge(given, asked.keys), "name": name, "seed": claims.seed}, "scenario")
+        return from_keys({**merge({**given, "seed": claims.seed}, asked.keys), "name": name}, "scenario")
     except ScenarioError as error:
         raise ScenarioError(f"sweep {name}: {error}") from error
 
