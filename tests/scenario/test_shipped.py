@@ -42,7 +42,9 @@ def versions():
 def test_a_shipped_scenario_is_checked_written_and_read_again_and_its_figure_is_of_its_axes(name, quick) -> None:
     scenario = loaded(name, quick)
     printed = call("check", name, *["--quick"] * quick)
-    assert (printed.exit_code, printed.stderr) == (0, "")
+    on_a_busy_machine = f"checking {name} takes a while; Ctrl-C ends it\n"
+    assert printed.exit_code == 0
+    assert printed.stderr in ("", on_a_busy_machine)
     assert printed.stdout.startswith(write_scenario(scenario))
     written = parse_yaml(printed.stdout, "stdout")
     assert load_scenario(written) == complete(scenario, name) == scenario
