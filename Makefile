@@ -4,25 +4,16 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := pyproject.toml README.md
-SWEEPS := fig-4-2a fig-4-2b fig-4-3a fig-4-3b fig-4-4
-TRIALS ?= 200
-QUICK_SWEEPS := fig-5-8 fig-5-9 fig-5-11 mean-field
-OF_40 := fig-5-6 fig-5-7 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6
-OF_60 := fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8
-OF_100 := fig-2-6 fig-5-10 kilobot-ranges speed-distributions wireless order-change random-walks broad-speeds \
-    random-walks-robots broad-speeds-robots
-OF_200 := fig-5-3 fig-5-4 fig-5-5
-
-BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
-# plots the run folder $(1) as the figure and the table $(2) of the docs
-draw = $(BIN)/epuck-sim plot runs/$(1) --to runs/$(2); cp runs/$(2).png runs/$(2).csv docs/figures/
-
-STUDIED := fig-a-1 fig-5-3 fig-5-4 fig-5-5 fig-5-10 speed-distributions
+REGIMES := fig-4-2a fig-4-2b fig-4-3a fig-4-3b fig-4-4
+DRAWN := fig-2-6 fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8 fig-5-3 fig-5-4 fig-5-5 fig-5-6 fig-5-7 fig-5-8 fig-5-9 \
+    fig-5-10 fig-5-11 fig-a-1 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6 mean-field embodiment kilobot-ranges order-change \
+    random-walks random-walks-robots speed-distributions broad-speeds broad-speeds-robots wireless
+STUDIED := thesis-speeds k-nearest fig-a-1 fig-5-3 fig-5-4 fig-5-5 fig-5-10 speed-distributions
 
 COMPILED := epuck_sim/compiled
 PRECOMPILED := thesis particles obstacles physical
 
-.PHONY: run test lint docs compiled dist wasm page-types bench slow torture figures clean
+.PHONY: run test lint docs compiled dist wasm page-types bench slow torture trials figures clean
 
 run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
@@ -75,59 +66,46 @@ torture: $(VENV)/test-tools ## every command that writes, with kills and full di
 	    tests/cli/test_far_fetched.py tests/cli/test_job_array.py tests/util/test_machine.py \
 	    tests/recording/test_damaged.py tests/overhead/test_film.py tests/sweep/test_run.py
 
-figures: $(VENV)/installed ## make the figures and tables of the docs anew; hours, but it can be stopped and goes on
-	mkdir -p runs
+trials: $(VENV)/installed ## make the tables of trials anew, on which claims and figures rest; days, but it can be stopped and goes on
+	$(BIN)/python -m docs.figures.tables --run runs
+	$(BIN)/epuck-sim replicate --until-decided --out runs/replication
+	$(BIN)/python -m docs.trials runs/replication
+
+figures: $(VENV)/installed ## make the figures and tables of the docs anew, from tables of trials where these take long
+	$(BIN)/python -m docs.figures.tables runs
 	$(BIN)/epuck-sim run thesis --seed 13 --record runs/thesis_run.rrd
 	$(BIN)/epuck-sim plot runs/thesis_run.rrd --to docs/figures/thesis_run
 	$(BIN)/epuck-sim replay runs/thesis_run.rrd --screenshot docs/figures/viewer.png --at 89
 	$(BIN)/python docs/figures/animation.py
 	$(BIN)/python docs/run_notebook.py docs/notebook.ipynb
 	$(BIN)/python docs/figures/moving.py
-	$(BIN)/python docs/figures/base_curve.py
+	$(BIN)/python docs/figures/base_curve.py runs/thesis-speeds
 	$(BIN)/python docs/figures/shipped_pictures.py
 	$(BIN)/python -m docs.validation runs/validation
 	$(BIN)/python -m docs.paper.make
-	set -e; for sweep in $(SWEEPS); do \
-	    $(BIN)/epuck-sim run $$sweep --trials $(TRIALS) --out runs/$$sweep; \
-	    $(BIN)/epuck-sim plot runs/$$sweep --to docs/figures/$$sweep; \
-	done
-	$(BIN)/epuck-sim fit $(SWEEPS:%=runs/%) > docs/figures/scaling.txt
+	set -e; for sweep in $(REGIMES); do $(BIN)/epuck-sim plot runs/$$sweep --to docs/figures/$$sweep; done
+	$(BIN)/epuck-sim fit $(REGIMES:%=runs/%) > docs/figures/scaling.txt
 	$(BIN)/python docs/figures/response_curves.py
 	$(BIN)/python docs/examples/learn_response.py docs/figures/learning
 	$(BIN)/python docs/examples/learnt_policy.py docs/figures/policy
 	$(BIN)/python docs/figures/overhead_views.py
 	$(BIN)/python -m docs.figures.overhead_kinds
 	$(BIN)/python -m docs.figures.overhead_identities
-	$(BIN)/epuck-sim run switching --quick --trials 100 --out runs/switching
 	$(BIN)/epuck-sim summarize runs/switching --of mean_speed --csv > docs/figures/switching.csv
 	$(BIN)/epuck-sim plot runs/switching --of order_parameter --to runs/switching.png
 	cp runs/switching.png docs/figures/
-	set -e; for sweep in consensus consensus-robots fault-detection; do \
-	    $(BIN)/epuck-sim run $$sweep --quick --out runs/$$sweep-quick; \
-	done
-	$(BIN)/epuck-sim plot runs/consensus-quick --of consensus --to docs/figures/consensus.png
-	$(BIN)/epuck-sim plot runs/consensus-robots-quick --of consensus --to docs/figures/consensus-robots.png
-	$(BIN)/epuck-sim plot runs/fault-detection-quick --of false_alarms --to docs/figures/fault-detection.png
-	$(BIN)/epuck-sim summarize runs/fault-detection-quick --of detection_delay --csv > docs/figures/detection-delay.csv
-	$(BIN)/epuck-sim run fig-4-7 --out runs/fig-4-7
+	$(BIN)/epuck-sim plot runs/consensus --of consensus --to docs/figures/consensus.png
+	$(BIN)/epuck-sim plot runs/consensus-robots --of consensus --to docs/figures/consensus-robots.png
+	$(BIN)/epuck-sim plot runs/fault-detection --of false_alarms --to docs/figures/fault-detection.png
+	$(BIN)/epuck-sim summarize runs/fault-detection --of detection_delay --csv > docs/figures/detection-delay.csv
 	$(BIN)/python docs/figures/fig_4_7.py runs/fig-4-7
-	$(BIN)/epuck-sim run pushing-synchrony --quick --out runs/pushing-synchrony-quick
-	$(BIN)/python docs/figures/pushing.py runs/pushing-synchrony-quick
-	$(BIN)/epuck-sim run neighbour-change --out runs/neighbour-change
+	$(BIN)/python docs/figures/pushing.py runs/pushing-synchrony
 	$(BIN)/python docs/figures/neighbour_change.py runs/neighbour-change
-	$(BIN)/epuck-sim run fig-5-5 --quick --sweep neighbourhood.k=1 --sweep agents.count=5,10,20,40 \
-	    --sweep agents.speed_cm_s=6,8,11,15,21,30,50,97 --trials 40 --set stop.max_cycles=3000 --out runs/v-f
 	$(BIN)/epuck-sim fit runs/v-f > docs/figures/v_f.txt
-	set -e; for sweep in $(QUICK_SWEEPS) $(STUDIED); do \
-	    $(BIN)/epuck-sim run $$sweep --quick --out runs/$$sweep-quick; \
-	    $(call draw,$$sweep-quick,$$sweep); \
+	set -e; for sweep in $(DRAWN); do \
+	    $(BIN)/epuck-sim plot runs/$$sweep --to runs/$$sweep; \
+	    cp runs/$$sweep.png runs/$$sweep.csv docs/figures/; \
 	done
-	set -e; for each in $(OF_40:%=40/%) $(OF_60:%=60/%) $(OF_100:%=100/%) $(OF_200:%=200/%); do \
-	    $(BIN)/epuck-sim run $${each#*/} --quick --trials $${each%%/*} --out runs/$${each#*/}; \
-	    $(call draw,$${each#*/},$${each#*/}); \
-	done # after the quick ones, on which the study of statistics rests
-	$(BIN)/epuck-sim run embodiment --quick --trials 40 --sweep once_per_sighting=false,true --out runs/embodiment
-	$(call draw,embodiment,embodiment)
 	set -e; for axis in contact.robots=true,false robots.0.signal.occlusion=true,false once_per_sighting=false,true; do \
 	    $(BIN)/epuck-sim compare runs/embodiment --axis $$axis; \
 	done > docs/figures/embodiment.txt
@@ -139,17 +117,10 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	done > docs/figures/random-walks-robots.txt
 	$(BIN)/epuck-sim compare runs/broad-speeds-robots --axis robots.0.parameters.speed_spread=0,0.5,1 \
 	    > docs/figures/broad-speeds-robots.txt
-	$(BIN)/epuck-sim run embodiment-agents --sweep coupling=0.1,0.4641 --trials 50 --set stop.max_cycles=500 \
-	    --out runs/embodiment-agents
 	$(BIN)/epuck-sim summarize runs/embodiment-agents --csv > docs/figures/embodiment-agents.csv
-	$(BIN)/epuck-sim run thesis --trials 200 --sweep reflection_range_cm=0,50,200 --sweep speed_cm_s=0.2,1,4,12.8 \
-	    --out runs/reflections
 	$(BIN)/epuck-sim summarize runs/reflections --csv > docs/figures/reflections.csv
 	$(BIN)/epuck-sim compare runs/reflections --axis reflection_range_cm=0,50,200 > docs/figures/reflections.txt
-	$(BIN)/epuck-sim run thesis --trials 200 --sweep robots.0.parameters.speed_cm_s=$(BASE_SPEEDS) --out runs/base
-	$(BIN)/epuck-sim run fig-5-5 --quick --sweep neighbourhood.k=1,2,3,10 --sweep agents.speed_cm_s=0.2,5,10,20,40,100 \
-	    --trials 200 --out runs/k-200
-	$(BIN)/python docs/figures/statistics_study.py runs/base runs/k-200 $(STUDIED:%=runs/%-quick)
+	$(BIN)/python docs/figures/statistics_study.py $(STUDIED:%=runs/%)
 
 $(VENV)/created:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "epuck-sim needs Python 3.11 or newer")'

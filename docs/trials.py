@@ -13,11 +13,11 @@ import gzip
 import io
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -94,6 +94,11 @@ class Table(NamedTuple):
     has_t_sync: bool
     columns: dict[str, tuple[str, ...]]  # as they are written
 
+    @property
+    def further(self) -> list[str]:
+        """Names of the columns after those that all tables have."""
+        return [*self.columns][len(COLUMNS) :]
+
 
 @cache
 def read_table(sweep: str) -> Table:
@@ -117,21 +122,28 @@ def read_times() -> dict[str, float]:
 
 
 def write_tables(claims: Claims, scenarios: dict[str, Scenario], trials: Trials) -> None:
-    """Write a table for each sweep of some trials, with a row for each trial, and their computing times."""
+    """Write a table for each sweep of some trials, and their computing times."""
     times = read_times()
     for sweep in trials.folders:
         checks = [check for claim in claims.claims if claim.sweep == sweep for check in claim.checks if check.of]
         measures = {column(check): _measured(trials.read(sweep, check)) for check in checks}
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow([*COLUMNS, *measures])
-        for ends, *values in zip(_ends(trials.read(sweep), points(scenarios[sweep])), *measures.values(), strict=True):
-            writer.writerow([*ends, *map(json.dumps, values)])
-        with atomic_write(TABLES / f"{sweep}.csv.gz") as part:
-            part.write_bytes(gzip.compress(text.getvalue().encode(), mtime=0))
+        write_table(sweep, trials.read(sweep), points(scenarios[sweep]), measures)
         times[sweep] = trials.effort(sweep)[0]
     with atomic_write(TIMES) as part:
         part.write_text("".join(["sweep,computing_s\n", *(f"{name},{round(times[name])}\n" for name in scenarios)]))
+
+
+def write_table(
+    sweep: str, stored: Sequence[PointTrials], swept: Sequence[Point], columns: Mapping[str, Iterable[Any]]
+) -> None:
+    """Write the table of a sweep, with a row for each trial: its end, and what further columns have of it, as JSON."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*COLUMNS, *columns])
+    for ends, *values in zip(_ends(stored, swept), *columns.values(), strict=True):
+        writer.writerow([*ends, *map(json.dumps, values)])
+    with atomic_write(TABLES / f"{sweep}.csv.gz") as part:
+        part.write_bytes(gzip.compress(text.getvalue().encode(), mtime=0))
 
 
 def _ends(stored: Sequence[PointTrials], swept: Sequence[Point]) -> Iterator[tuple[int | str, ...]]:

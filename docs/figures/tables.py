@@ -1,0 +1,102 @@
+"""The trials that figures of the docs show, in docs/trials/figures; docs/figures/sweeps.yaml has their sweeps.
+
+`python -m docs.figures.tables FOLDER` puts them into run folders in FOLDER, from which `make figures` draws;
+`python -m docs.figures.tables --run FOLDER` first runs those that are missing there, for hours, and writes the tables.
+"""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from docs.trials import read_table, write_table
+from epuck_sim import Scenario, load_scenario, points, read_points, run_sweep
+from epuck_sim.runs.database import reading
+from epuck_sim.runs.reader import measures_in
+from epuck_sim.runs.records import Outcome
+from epuck_sim.runs.store import Store
+from epuck_sim.scenario.changes import TrialEvent
+from epuck_sim.scenario.yaml_io import read_yaml
+from epuck_sim.trial.result import TrialResult
+from epuck_sim.util.provenance import versions
+
+SWEEPS = Path(__file__).with_name("sweeps.yaml")
+TABLES = "figures"  # in docs/trials
+
+
+def sweeps() -> dict[str, Scenario]:
+    """Return the scenarios of all sweeps, by name."""
+    return {name: _scenario(name, **keys) for name, keys in read_yaml(SWEEPS).items()}
+
+
+def _scenario(
+    name: str,
+    trials: int,
+    scenario: str = "",
+    quick: bool = False,
+    settings: Sequence[str] = (),
+    axes: Sequence[str] = (),
+) -> Scenario:
+    return load_scenario(scenario or name, [*settings, f"trials={trials}"], axes, quick=quick)
+
+
+def write(name: str, scenario: Scenario, folder: Path) -> None:
+    """Write the table of a run folder."""
+    with reading(folder) as connection:
+        measures = measures_in(connection)
+    stored = read_points(folder)
+    columns: dict[str, list[Any]] = {
+        measure: [value for point in read_points(folder, measure) for value in point.measured] for measure in measures
+    }
+    events = [[event._asdict() for event in trial] for point in stored for trial in point.events]
+    write_table(
+        f"{TABLES}/{name}", stored, points(scenario), {**columns, **({"events": events} if any(events) else {})}
+    )
+
+
+def restore(name: str, scenario: Scenario, folder: Path) -> None:
+    """Put the trials of a table into a run folder, without what tables do not have: steps, computing time, versions."""
+    swept, table = points(scenario), read_table(f"{TABLES}/{name}")
+    made = {**versions(), "host": "docs/trials"}
+    columns = {column: [*map(json.loads, table.columns[column])] for column in table.further}
+    outcomes, trial = [], 0
+    for row, (number, cycles, observed) in enumerate(zip(table.points, table.times, table.observed, strict=True)):
+        trial = trial + 1 if row and number == table.points[row - 1] else 0
+        further = {column: values[row] for column, values in columns.items()}
+        events = tuple(TrialEvent(**event) for event in further.pop("events", ()))
+        ended = 0 if np.isnan(cycles) else int(cycles)
+        result = TrialResult(
+            scenario=scenario.name,
+            seed=swept[number].seed(trial),
+            t_sync_cycles=ended if observed else None,
+            censored=not observed if table.has_t_sync else None,
+            cycles=ended,
+            order_parameter=None,
+            steps=0,
+            simulated_s=0.0,
+            wall_s=0.0,
+            measures=further,
+            events=events,
+        )
+        outcomes.append(Outcome(int(number), trial, result.seed, result, None, made))
+    with Store(folder, scenario, swept) as store:
+        store.add(outcomes)
+
+
+def main(*arguments: str) -> None:
+    """Fill run folders from tables; with `--run` run what is missing in them, and write the tables."""
+    folder = Path(arguments[-1])
+    for name, scenario in sweeps().items():
+        if "--run" in arguments:
+            run_sweep(scenario, folder / name)
+            write(name, scenario, folder / name)
+        else:
+            restore(name, scenario, folder / name)
+        print(name, flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
