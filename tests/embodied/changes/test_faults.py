@@ -36,7 +36,6 @@ def with_fault(kind, **keys):
 
 
 def faulty_block(faults, robots, seed):
-    """Return a block of robots that begin a trial with faults."""
     size = {"width_cm": 500, "height_cm": 500}
     scenario = load_scenario({"faults": faults, "robots": [{"count": robots}], "arena": size})
     lengths = {"robots": robots, "faults": len(faults), "affected": len(faults) * robots, "numbers": 2 * robots}
@@ -49,7 +48,6 @@ def faulty_block(faults, robots, seed):
 
 
 def active_over(fault, steps, robots=10, seed=3):
-    """Return (steps, robots) whether robots have a fault."""
     block = faulty_block([fault], robots, seed)
     swarm, found = open_block(block), np.empty((steps, robots), bool)
     for step in range(steps):
