@@ -163,15 +163,3 @@ def test_firings_within_a_trillionth_of_a_cycle_from_the_earliest_on_happen_at_o
     assert (as_set(event.fired), as_set(event.received)) == (first, {0, 1, 2} - first)
     assert event.time_s == min(firings)
     assert as_set(next(swarm).fired) == {0, 1, 2} - first
-
-
-def test_a_synchronised_swarm_goes_on_turning_only_if_arriving_pulses_turn_agents():
-    for reorient_on, turns in [("receiving", False), ("arriving", True)]:
-        swarm = make_simulation(
-            start={"phases": "synchronised"},
-            agents={"count": 6, "speed_cm_s": 0.01, "reorient_on": [reorient_on]},
-            neighbourhood={"kind": "all"},
-        )
-        headings = swarm.headings()
-        assert len(next(swarm).fired) == 6
-        assert ((swarm.headings() != headings).any(axis=1) == turns).all()

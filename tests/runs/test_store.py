@@ -71,16 +71,6 @@ def stored(folder: Path) -> list[dict]:
     return rows
 
 
-def test_a_new_folder_holds_the_database_and_the_scenario_that_was_run(tmp_path) -> None:
-    folder = tmp_path / "runs" / "new"
-    with Store(folder, DEMO, points(DEMO)) as store:
-        assert set(store.finished()) == set()
-        assert store.censored() is None
-    assert stored(folder) == []
-    assert set(contents(folder)) == FILES
-    assert load_scenario(folder) == load_scenario(folder / "scenario.yaml") == DEMO
-
-
 OF_ROBOTS = ("speed_cm_s", "period_s", "coupling", "refractory_fraction")
 AXES = scenario_of(
     {"grid": {COUNT: [2, 3]} | {f"robots.0.parameters.{name}": [0.2, 0.3] for name in OF_ROBOTS}}, trials=1

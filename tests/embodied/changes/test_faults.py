@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.changes import faults
 from epuck_sim.embodied.changes.faults import (
     LOGGED_STEPS,
     change_faults,
@@ -21,7 +20,7 @@ from epuck_sim.embodied.changes.faults import (
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
-from epuck_sim.scenario.changes import FAULTS, TrialEvent
+from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util.rng import next_word, uniform
@@ -55,10 +54,6 @@ def active_over(fault, steps, robots=10, seed=3):
         change_faults(block, NOWHERE, 0)
         found[step] = swarm.affected.is_active
     return found
-
-
-def test_every_kind_has_a_number():
-    assert [getattr(faults, kind.upper()) for kind in FAULTS] == list(range(len(FAULTS)))
 
 
 @given(st.integers(0, 200), st.integers(1, 200), st.sets(st.integers(0, 9), min_size=1))
