@@ -76,17 +76,6 @@ def test_the_order_parameter_is_that_of_all_phases_at_each_time():
         assert order == pytest.approx(abs(np.exp(2j * math.pi * swarm.phases()).mean()), abs=1e-12)
 
 
-def test_a_trial_continues_beyond_synchrony():
-    given = {"agents": {"count": 5, "speed_cm_s": 50}, "neighbourhood": {"kind": "all"}, "start": {"phases": "random"}}
-    times = np.arange(0.5, 300)
-    ends, goes_on = (
-        compare(2, times, **given, stop={"order_parameter": threshold, "max_cycles": 20}) for threshold in (0.9, None)
-    )
-    assert ends.order_parameter[-1] == pytest.approx(1)
-    assert ends.order_parameter.tolist() == goes_on.order_parameter.tolist()
-    np.testing.assert_array_equal(ends.deviation, goes_on.deviation)
-
-
 @pytest.mark.parametrize(("ahead", "phase"), [(0.25, 0.95), (0.4, 1.0)])
 def test_a_twin_of_ones_own_displacement_is_ahead_by_it_or_by_what_is_left_until_it_fires(ahead, phase):
     given = load_scenario(scenario(agents={"count": 3}, start={"phases": [0.7, 0.4, 0.1]}))

@@ -11,7 +11,7 @@ from epuck_sim.errors import StoreError
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.records import FinishedTrials
-from epuck_sim.runs.share import WHOLE, Share, merge_folders
+from epuck_sim.runs.share import Share, merge_folders
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
@@ -202,11 +202,6 @@ def test_shares_take_about_as_long_even_if_one_speed_takes_a_hundred_times_anoth
     ]
     # a point's trials cannot be divided among shares better than by one trial of 100
     assert max(costs) < 1.1 * sum(costs) / count + 300
-
-
-def test_a_share_is_read_as_it_is_written() -> None:
-    assert str(Share.parse("3/40")) == "3/40"
-    assert [*WHOLE.trials(17, 4)] == [0, 1, 2, 3]
 
 
 @given(
