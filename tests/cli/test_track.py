@@ -144,6 +144,26 @@ def test_tags_tell_who_is_who(here) -> None:
     assert "no tag is read, or all are seen twice; check" in refused("track", "tagged.mp4", "--tags", "5X5_50")
 
 
+def test_options_say_what_is_known(shelf, plain) -> None:
+    film = shelf / "swarm.mp4"
+    assert tracked(film, "--period-s", "1")["estimated"] == ["threshold_ms"]
+    strict = tracked(film, "--threshold-ms", "5")
+    assert (strict["threshold_ms"], strict["histogram_s"], strict["histogram_periods"]) == (5, None, None)
+    assert strict["estimated"] == ["period_s"]
+    assert json.loads(call("track", film, "--json", "--order-parameter", "1").stdout)["t_sync_s"] is None  # r < 1
+    assert tracked(film, "--robots", str(ROBOTS)) == plain
+
+
+def test_geometry_that_is_given_places_the_rings(shelf, here) -> None:
+    film = shelf / "swarm.mp4"
+    assert tracked(film, "--corners", FLOOR, "--rings", "c.csv")["calibration"] == "the corners given"
+    called("track", film, "--rings", "w.csv", "--arena-cm", "80x60", "--height-cm", "110")
+    corners, wide = (read_rings(here / name) for name in ("c.csv", "w.csv"))
+    for there, aside in zip(corners, wide, strict=True):
+        assert aside["x_cm"] == pytest.approx(there["x_cm"] + 10, abs=1.5)
+        assert aside["y_cm"] == pytest.approx(there["y_cm"], abs=1.5)
+
+
 def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkeypatch) -> None:
     @contextmanager
     def plugged_in(number: int, _: object) -> Iterator[Film]:
