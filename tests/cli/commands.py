@@ -32,7 +32,6 @@ def read(*arguments: str | Path) -> Any:
 
 
 def set_to(*settings: str) -> list[str]:
-    """Return the words that set keys, each given as KEY=VALUE."""
     return [word for setting in settings for word in ("--set", setting)]
 
 

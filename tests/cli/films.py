@@ -13,7 +13,6 @@ def names(folder: Path) -> list[str]:
 
 
 def frames_and_description(film: str | Path) -> tuple[list[Frame], dict[str, Any] | None]:
-    """Return the frames of a film, and the description stored in it."""
     with open_film(str(film)) as opened:
         return list(opened.frames()), opened.description
 

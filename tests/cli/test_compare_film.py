@@ -32,8 +32,6 @@ def film(tmp_path_factory) -> Path:
 
 
 class State:
-    """How far the trial is."""
-
     cycles = 0
     order_parameter = None
 

@@ -41,9 +41,6 @@ def test_traceback_shows_the_controller_s_own_lines_alone(tmp_path):
     assert "helper.py:2: RuntimeError: no half (in the controller" in result.stderr
 
 
-# --- run --controller ---------------------------------------------------------------------------------
-
-
 def test_controller_replaces_that_of_all_robots_and_keeps_the_parameters_that_it_has(tmp_path):
     (tmp_path / "mine.py").write_text(with_step("pass", PARAMETERS="{'speed_cm_s': 1.0, 'gain': 2.0}"))
     (tmp_path / "two.yaml").write_text("robots: [{count: 1, parameters: {speed_cm_s: 5, coupling: 0.2}}, {count: 2}]")
@@ -72,24 +69,10 @@ def test_a_shipped_controller_can_be_given_and_set_comes_after_it():
     assert scenario.description.endswith("; with controller=constant; with robots.0.parameters.left_cm_s=2")
 
 
-# --- sweeps of controllers ----------------------------------------------------------------------------
-
-
 def controllers(folder, **parameters):
     for name, text in parameters.items():
         (folder / f"{name}.py").write_text(with_step("pass", PARAMETERS=text))
     return f"robots.0.controller={','.join(f'{name}.py' for name in parameters)}"
-
-
-def test_a_sweep_compares_files_each_with_the_parameters_that_it_has(tmp_path):
-    axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0, 'period_s': 3.0, 'coupling': 0.5}")
-    settings = ["robots.0.parameters={speed_cm_s: 7, period_s: 5}"]
-    found = points(load_scenario("thesis", settings, [axis]))
-    assert [point.axes for point in found] == [{"robots.0.controller": "a.py"}, {"robots.0.controller": "b.py"}]
-    assert [point.scenario.robots[0].parameters for point in found] == [
-        {"speed_cm_s": 7.0},
-        {"speed_cm_s": 7.0, "period_s": 5.0, "coupling": 0.5},
-    ]
 
 
 @pytest.mark.parametrize("way", ["option", "grid", "points"])
@@ -106,9 +89,6 @@ def test_an_ending_is_looked_for_among_the_parameters_of_controllers_that_are_an
         {"speed_cm_s": 2.0, "gain": 2.0, "lead": 3.0},
     ]
     assert {point.scenario.overhead.gain for point in found} == {load_scenario({}).overhead.gain}
-
-
-# --- new ----------------------------------------------------------------------------------------------
 
 
 def same_either_way(scenario):

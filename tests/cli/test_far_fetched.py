@@ -76,6 +76,7 @@ def test_a_message_that_is_no_unicode_costs_a_sweep_its_own_trial_alone(tmp_path
     line = "raise ValueError('\\ud800')"
     result = call("run", scene(tmp_path, line), "--interpret", "--out", tmp_path / "run", "--trials", "2")
     assert result.exit_code == 1
+    assert "--trial 1: " in result.stdout
     assert [failure.error.rpartition("ValueError: ")[2] for failure in read_status(tmp_path / "run").failed] == [
         *("\\ud800", "\\ud800")
     ]

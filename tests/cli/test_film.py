@@ -6,10 +6,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.film import FilmWriter
 from epuck_sim.recording.reader import read_recording
-from tests.cli.commands import call, called, contents, trials
+from tests.cli.commands import called, trials
 from tests.cli.films import frames_and_description, names
 
 THREE = """
@@ -33,9 +31,6 @@ def shelf(tmp_path_factory) -> Path:
     called(*run, "--record", folder / "three.rrd", *POSES, "--film", folder / "three.mp4")
     called(*run, "--record", folder / "summary.rrd", "--record-level", "summary")
     return folder
-
-
-# run --film
 
 
 def test_a_filmed_run_prints_the_same_and_writes_the_film(shelf, here) -> None:
@@ -63,9 +58,6 @@ def test_several_trials_are_filmed_recorded_and_traced_into_files_of_their_own(s
         assert len(recorded.time_s) == row["steps"]
 
 
-# film
-
-
 def test_a_recording_is_filmed_as_the_trial_was(shelf, here) -> None:
     assert called("film", shelf / "three.rrd", "t.mp4") == ""
     assert names(here) == ["t.mp4"]
@@ -87,18 +79,3 @@ def test_settings_change_the_camera_and_nothing_else(shelf) -> None:
     assert lit[0].picture.mean() > 5 * dark[0].picture.mean()
     assert changed["overhead"] == described["overhead"] | {"light": "lit", "width_px": 200, "frames_per_s": 5}
     assert {**changed, "overhead": 0} == {**described, "overhead": 0}
-
-
-def test_ctrl_c_leaves_an_older_film_and_nothing_half_written(shelf, here, monkeypatch) -> None:
-    (here / "t.mp4").write_text("older")
-    frames: list[Frame] = []
-
-    def write(_: FilmWriter, frame: Frame) -> None:
-        frames.append(frame)
-        if len(frames) == 3:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(FilmWriter, "write", write)
-    result = call("film", shelf / "three.rrd", "t.mp4")
-    assert (result.exit_code, result.stdout, result.stderr) == (130, "", "interrupted\n")
-    assert contents(here) == {"t.mp4": b"older"}

@@ -34,7 +34,6 @@ def step(sensors, memory, actuators, parameters, random):
 
 
 def write_scene(folder: Path) -> Path:
-    """Write a scenario whose sixth step never ends."""
     (folder / "endless.py").write_text(ENDLESS)
     path = folder / "scene.yaml"
     path.write_text("name: endless\nrobots: [{controller: endless.py, count: 1}]\nstop: {max_time_s: 60}\n")
@@ -66,7 +65,6 @@ def end_of(process: subprocess.Popen) -> tuple[int, str]:
 
 
 def wait_for_the_loop(process: subprocess.Popen) -> None:
-    """Wait until the controller says that it is in its endless loop."""
     assert process.stdout.readline() == "in the loop\n"
 
 
@@ -86,13 +84,6 @@ def test_a_compiled_controller_in_an_endless_loop_is_ended_and_leaves_nothing(sc
     assert stderr.endswith("ended where Ctrl-C is not heard\n")
     assert "Traceback" not in stdout + stderr
     assert sorted(path.name for path in scene.parent.iterdir()) == before
-
-
-def test_an_interpreted_controller_in_an_endless_loop_is_interrupted_by_one_ctrl_c(scene) -> None:
-    process = running(scene, "--trace", "t.parquet", "--interpret")
-    wait_for_the_loop(process)
-    os.kill(process.pid, signal.SIGINT)
-    assert end_of(process) == (130, "interrupted\n")
 
 
 IMPORTS = {

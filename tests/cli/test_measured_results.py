@@ -117,8 +117,6 @@ def test_plan_says_how_many_trials_show_a_difference_of_a_measure(folder_of):
     assert "no share can differ by so much" in called(*truths, "--difference", 99)
 
 
-# --- without oscillators --------------------------------------------------------------------------
-
 WANDERING = ["--set", "robots.0={controller: obstacle_avoidance, count: 3}", "--set", "stop.max_time_s=1"]
 
 

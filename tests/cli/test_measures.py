@@ -3,7 +3,7 @@
 import pytest
 
 from epuck_sim.measures.loader import SHIPPED, find_measure
-from tests.cli.commands import call, called, read, refused
+from tests.cli.commands import call, called, read
 from tests.measures.files import COUNTER, write
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
@@ -29,22 +29,12 @@ def test_run_prints_measures_as_json_and_as_columns(scenario):
     assert "Counter" in table
 
 
-def test_a_measure_that_raises_ends_the_command_with_file_and_line(tmp_path):
-    path = write(tmp_path / "bad.py", "def bad(simulation):\n    return 1 / 0\n")
-    said = refused("run", "particles", *SHORT, "--measure", "bad.py", "--json")
-    assert "measure bad, seed " in said
-    assert f"{path}:2: ZeroDivisionError: division by zero" in said
-
-
 def test_list_tells_the_shipped_measures_and_their_parameters():
     heading, *lines = called("list", "--measures").splitlines()
     assert heading == "measures"
     assert [line.split()[0] for line in lines] == sorted(SHIPPED)
     for line in lines:
         assert all(f"{name}: {default}" in line for name, default in find_measure(line.split()[0]).parameters.items())
-
-
-# --- new ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("scenario", ["thesis", "particles"])
@@ -56,17 +46,3 @@ def test_new_writes_a_measure_that_runs_as_it_stands(scenario, tmp_path):
     trial = read("run", scenario, *SHORT, "--measure", "wandering.py")
     assert trial["measures"]["wandering"] > 0
     assert call("new").exit_code == 2
-
-
-# --- summarize ------------------------------------------------------------------------------------
-
-
-def test_summarize_takes_a_measure_of_the_folder():
-    command = ["run", "particles", *SHORT, "--trials", "3", "--workers", "1", "--out", "run"]
-    call(*command, "--measure", "mine.py", "--measure", "order_parameter")
-    (point,) = read("summarize", "run", "--of", "Counter")
-    assert (point["trials"], point["mean"], point["weibull_mean"]) == (3, 3.0, None)
-    assert "run: Counter, with 95 % intervals" in called("summarize", "run", "--of", "Counter")
-    assert "order_parameter" in called("summarize", "run", "--of", "order_parameter")
-    assert called("summarize", "run") == called("summarize", "run", "--of", "T_sync")
-    assert [point["trials"] for point in read("summarize", "run")] == [3]

@@ -23,7 +23,6 @@ from tests.runs.made_folders import (
     censored,
     ended,
     rows,
-    six_digits,
     store,
     sweep,
     weibull,
@@ -66,16 +65,6 @@ def made(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def plotted(made, tmp_path_factory) -> Path:
-    """Return the stem of that folder's figure."""
-    stem = tmp_path_factory.mktemp("plotted") / "fig"
-    before = contents(made)
-    called("plot", made, "--to", stem)
-    assert contents(made) == before
-    return stem
-
-
-@pytest.fixture(scope="module")
 def small_one(tmp_path_factory) -> Path:
     return store(tmp_path_factory.mktemp("small_one") / "run", SMALL, lambda point: weibull(point, 30))
 
@@ -84,9 +73,6 @@ def small_one(tmp_path_factory) -> Path:
 def small(small_one, tmp_path) -> Path:
     """Return a run folder that the test may change."""
     return Path(shutil.copytree(small_one, tmp_path / "small"))
-
-
-# export
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
@@ -101,9 +87,6 @@ def test_export_writes_a_row_for_each_trial_with_a_result_and_tells_of_failed_on
     assert [path.name for path in tmp_path.iterdir()] == [target.name]
 
 
-# plot
-
-
 def test_plot_writes_the_figure_into_the_folder_and_names_its_files(small) -> None:
     before = set(contents(small))
     stdout = called("plot", small)
@@ -113,17 +96,6 @@ def test_plot_writes_the_figure_into_the_folder_and_names_its_files(small) -> No
     assert image.imread(small / "T_sync.png").std() > 0.05
 
 
-def test_plot_and_fit_find_the_same_regimes(made, plotted) -> None:
-    for row, curve in zip(rows(plotted.with_name("fig-regimes.csv")), read("fit", made)["curves"], strict=True):
-        assert row[COUPLING] == str(curve["axes"][COUPLING])
-        for name in ("v_m", "t_m", "v_p", "t_p"):
-            estimate = [six_digits(curve[name][end]) for end in ("value", "low", "high")]
-            assert [row[name], row[f"{name}_low"], row[f"{name}_high"]] == estimate
-
-
-# The forms
-
-
 def test_options_of_the_figure_are_those_of_the_section(small_one, figures_noted, tmp_path) -> None:
     words = ["--title", "mine", "--label", f"{SPEED}=speed = V", "--linear", "--points", "--font-pt", 9]
     assert call("plot", small_one, *words, "--to", tmp_path / "fig").exit_code == 0
@@ -131,9 +103,6 @@ def test_options_of_the_figure_are_those_of_the_section(small_one, figures_noted
     assert (figures_noted[0].get_suptitle(), panel.get_xlabel(), panel.get_yscale()) == ("mine", "speed = V", "linear")
     assert panel.xaxis.label.get_fontsize() == 9
     assert "a trial" in panel.get_legend_handles_labels()[1]
-
-
-# fit
 
 
 def test_fit_of_several_folders_prints_them_all(made, tmp_path) -> None:
@@ -146,17 +115,11 @@ def test_fit_of_several_folders_prints_them_all(made, tmp_path) -> None:
     assert "coupling" in stdout
 
 
-# What can be read
-
-
 @pytest.mark.usefixtures("figures_noted")
 def test_a_run_at_work_can_be_read_by_every_command(small, tmp_path) -> None:
     with Store(small, SMALL, points(SMALL)):
         for command in COMMANDS:
             called(*words(command, small, small, tmp_path / "out"))
-
-
-# What cannot
 
 
 @pytest.mark.parametrize("name", ["damaged", "gone", "file", "file/deeper", "empty", "x" * 300])
@@ -173,9 +136,6 @@ def test_what_is_damaged_empty_or_no_folder_is_refused_by_every_command_and_noth
         assert f"{tmp_path / name}" in result.stderr
         assert ("is damaged" in result.stderr) == (name == "damaged")
         assert contents(tmp_path) == before
-
-
-# What few trials do not show, and which statistic is shown
 
 
 @pytest.fixture(scope="module", params=[1, 3])
@@ -211,9 +171,6 @@ def test_fit_names_the_statistic_that_it_fits(made) -> None:
     assert [curve["statistic"] for curve in fitted] == [["Weibull mean"]] * 2
 
 
-# compare
-
-
 @pytest.fixture(scope="module")
 def two(tmp_path_factory) -> tuple[Path, Path]:
     """Return two folders, of which the second has T_sync half as long again."""
@@ -238,9 +195,6 @@ def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> Non
         assert row == [str(point["axes"][COUNT]), str(point["axes"][SPEED]), *estimates, *p_values]
     assert found["ratio"]["low"] < 1.5 < found["ratio"]["high"]
     assert f"B / A = {Estimate(**found['ratio'])}, the geometric mean of 4 points; p = 0.0002" in stdout
-
-
-# plan
 
 
 def test_plan_of_a_folder_tells_how_long_more_trials_take(two) -> None:

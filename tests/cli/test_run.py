@@ -8,14 +8,7 @@ import pytest
 from epuck_sim import __version__, load_scenario
 from epuck_sim.cli import progress
 from epuck_sim.util import atomic_write
-from epuck_sim.util.builtin import ARENAS, CONTROLLERS, ROBOTS, SWEEPS, builtin_files
-from epuck_sim.util.messages import natural_order
 from tests.cli.commands import call, called, read, set_to, trials
-from tests.control.bench import with_step
-
-BAD_STEP = with_step(
-    "memory.steps += 1\n    if memory.steps == 8: raise ValueError('seven is enough')", MEMORY='{"steps": int}'
-)
 
 
 def test_json_is_one_object_a_trial_and_the_seed_of_one_gives_the_same_trial_alone() -> None:
@@ -29,35 +22,6 @@ def test_json_is_one_object_a_trial_and_the_seed_of_one_gives_the_same_trial_alo
         assert row["simulated_s"] == row["steps"] / 10
     for row in (rows[0], rows[2]):
         assert trials(called("run", "thesis", "--seed", row["seed"], "--json")) == [row]
-
-
-def test_a_censored_trial_says_so() -> None:
-    command = ("run", "thesis", *set_to("stop.max_cycles=1", "stop.order_parameter=1"))
-    assert "yes, at 1" in called(*command)
-    row = read(*command)
-    assert (row["censored"], row["t_sync_cycles"], row["cycles"]) == (True, None, 1)
-
-
-def test_list_names_arenas_and_controllers_a_line_each() -> None:
-    lines = call("list").stdout.splitlines()
-    names = [line.split()[0] for line in lines if line.startswith("  ")]
-    kinds = [sorted(builtin_files(kind), key=natural_order) for kind in (ARENAS, SWEEPS, CONTROLLERS, ROBOTS)]
-    assert names == [name for kind in kinds for name in kind]
-    assert names.index("fig-5-3") < names.index("fig-5-10")
-    assert all(len(line.split()) > 3 for line in lines if line.startswith("  "))
-
-
-@pytest.mark.parametrize("interpret", [[], ["--interpret"]])
-def test_a_controller_that_raises_is_named_with_robot_step_and_seed(tmp_path, interpret: list[str]) -> None:
-    (tmp_path / "bad.py").write_text(BAD_STEP)
-    scene = tmp_path / "scene.yaml"
-    scene.write_text("name: mine\nrobots: [{count: 2, controller: constant}, {count: 2, controller: bad.py}]")
-    trace = tmp_path / "trace.parquet"
-    result = call("run", str(scene), "--seed", "6", "--trace", str(trace), *interpret)
-    assert result.exit_code == 2
-    assert "mine: robot 2, step 7, seed 6: " in result.stderr
-    assert re.search(r"bad\.py:\d+: ValueError: seven is enough", result.stderr)
-    assert sorted(path.name for path in tmp_path.glob("*.parquet*")) == []
 
 
 def test_of_millions_of_traces_only_those_that_are_there_already_are_checked_one_by_one(tmp_path, monkeypatch) -> None:

@@ -52,9 +52,6 @@ def shown(clock, capsys, steps: list[tuple[float, SweepProgress]]) -> list[str]:
     return captured.err.splitlines()
 
 
-# Without a terminal
-
-
 @pytest.mark.parametrize(
     ("steps", "lines"),
     [
@@ -92,9 +89,6 @@ def test_a_line_tells_trials_done_censored_and_failed_per_minute_and_time_left(c
 )
 def test_lines_come_no_more_often_than_they_should_and_the_last_always(clock, capsys, steps, told) -> None:
     assert [int(line.split()[0]) for line in shown(clock, capsys, steps)] == told
-
-
-# On a terminal
 
 
 def on_terminal(monkeypatch, width: int = 120) -> StringIO:
@@ -139,9 +133,6 @@ def test_after_ctrl_c_the_terminal_has_its_cursor_again(monkeypatch) -> None:
         progress(tally(1))
         raise KeyboardInterrupt
     assert written.getvalue().rfind("\x1b[?25h") > written.getvalue().rfind("\x1b[?25l") >= 0
-
-
-# What a folder holds
 
 
 def failures(count: int) -> list[Failure]:

@@ -60,9 +60,6 @@ def plain(shelf) -> dict[str, Any]:
     return tracked(shelf / "swarm.mp4")
 
 
-# What it finds
-
-
 def test_the_result_is_one_json_object(shelf, plain) -> None:
     assert plain.keys() == KEYS
     assert plain["film"] == str(shelf / "swarm.mp4")
@@ -184,9 +181,6 @@ def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkey
     assert names(here) == ["a.mp4", "p.csv", "p.png", "r.csv", "raw.mp4"]
 
 
-# Mistakes of track
-
-
 def test_what_cannot_be_is_refused_and_leaves_nothing(shelf, here, monkeypatch) -> None:
     corners = "10,10,150,10,150,400,10,150"
     stderr = refused("track", shelf / "swarm.mp4", "--corners", corners, "--rings", "r.csv")
@@ -196,9 +190,6 @@ def test_what_cannot_be_is_refused_and_leaves_nothing(shelf, here, monkeypatch) 
     monkeypatch.setattr(track, "open_film", lambda *_: pytest.fail("it ran"))
     stderr = refused("track", shelf / "swarm.mp4", "--rings", "shut/t.csv")
     assert "cannot be written: no permission to write in shut" in stderr
-
-
-# Ctrl-C
 
 
 def test_ctrl_c_leaves_nothing_half_written(here) -> None:

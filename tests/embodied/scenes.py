@@ -67,13 +67,10 @@ class Scene(NamedTuple):
 
     @property
     def radii_cm(self) -> FloatArray:
-        """(robots,) radius of each."""
         return np.full(len(self.poses), self.body.radius_cm) if self.others_cm is None else self.others_cm
 
 
 class CameraSettings(NamedTuple):
-    """Settings of a camera, as a scenario gives them."""
-
     pixels: int = 60
     field_of_view_deg: float = 56.0
     central_pixels: int = 60
@@ -97,12 +94,8 @@ class CameraSettings(NamedTuple):
         return np.radians(self.field_of_view_deg * (0.5 - (np.arange(self.pixels) + 0.5) / self.pixels))
 
     def window(self) -> slice:
-        """Return which pixels are central."""
         outside = (self.pixels - self.central_pixels) // 2
         return slice(outside, self.pixels - outside)
-
-
-# --- the sensors under test, for all robots in a scene ----------------------------------------------
 
 
 ADDRESSES = np.zeros(3, np.int64)
@@ -153,19 +146,16 @@ def block_of(
     return Block(block, swarm)
 
 
-def readings(scene: Scene, observer: int = 0) -> FloatArray:
-    block = block_of(scene, observer=observer)
+def readings(scene: Scene) -> FloatArray:
+    block = block_of(scene)
     sense_infrared(block.bytes, ADDRESSES, 0)
-    return block.swarm.robots.sensors.infrared[observer:, : len(scene.body.infrared.sensors)]
+    return block.swarm.robots.sensors.infrared[:, : len(scene.body.infrared.sensors)]
 
 
 def rows(scene: Scene, camera: CameraSettings) -> IntArray:
     block = block_of(scene, camera)
     look(block.bytes, ADDRESSES, 0)
     return block.swarm.pixels.reshape(-1, camera.pixels)
-
-
-# --- scenes -----------------------------------------------------------------------------------------
 
 
 def empty_arena(width_cm: float = 200.0, height_cm: float = 200.0) -> Arena:
@@ -266,9 +256,6 @@ def camera_settings(draw: st.DrawFn) -> CameraSettings:
     )
 
 
-# --- rays, cast on everything -----------------------------------------------------------------------
-
-
 def _in_frame_of_rays(origins: FloatArray, directions: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far ahead and how far left of each ray each point is, both (rays, points)."""
     offset = points[None] - origins[:, None]
@@ -316,9 +303,6 @@ def _towards(angles: FloatArray) -> FloatArray:
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-# --- the infrared sensors' twin ---------------------------------------------------------------------
-
-
 def slow_response(distance_cm: FloatArray, of: ProximitySection) -> FloatArray:
     """F of the facts: level nearer than 0.3 cm, nothing beyond 12 cm."""
     x0 = of.peak_cm
@@ -350,9 +334,6 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
         at_range = np.abs(np.column_stack([distance, foot]) - infrared.range_cm) < EDGE_CM
         doubtful[robot] = by_edge.any(axis=1) | at_range.any(axis=1)
     return written, doubtful
-
-
-# --- the camera's twin ------------------------------------------------------------------------------
 
 
 class Pixels(NamedTuple):

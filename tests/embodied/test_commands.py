@@ -20,7 +20,6 @@ POLICY = with_step(
 
 
 def act(simulation, step):
-    """Command what POLICY would in this step."""
     robots = simulation.external_wheels
     seen = step.camera[robots].sum(axis=1) > 0
     near = step.distance_mm[robots].min(axis=1) < 60

@@ -4,7 +4,6 @@ import importlib
 import os
 import subprocess
 import sys
-from bdb import BdbQuit
 from pathlib import Path
 from types import ModuleType
 
@@ -382,11 +381,6 @@ def test_a_compiled_controller_s_own_functions_and_modules_stay_as_they_were(tmp
     assert {path: dict(vars(module)) for path, module in controller.modules.items()} == before
 
 
-def test_what_cannot_be_compiled_runs_interpreted(tmp_path):
-    controller = write_controller(tmp_path / "mine.py", with_step("memory.x = len({'any': object()})"))
-    assert outcome(controller, interpret=True) == 1
-
-
 HELPER = """
 import numpy as np
 
@@ -434,9 +428,3 @@ def test_a_program_can_set_a_value_in_the_controller_s_own_copy(helped, interpre
     other.__file__, other.GAIN = str(tmp_path / "elsewhere" / "helper.py"), 7.0
     monkeypatch.setitem(sys.modules, "helper", other)
     assert outcome(controller, interpret) == 6
-
-
-def test_leaving_the_debugger_is_no_error_of_the_controller(tmp_path):
-    text = f"import bdb\n{EMPTY}".replace("def step", "def step(*_):\n    raise bdb.BdbQuit\n\ndef _step")
-    with pytest.raises(BdbQuit):
-        outcome(write_controller(tmp_path / "mine.py", text), interpret=True)

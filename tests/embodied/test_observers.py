@@ -14,7 +14,6 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies.contacts import MARGIN_CM
 from epuck_sim.embodied.observers import find_contacts, find_sightings, make_scene
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import RobotGroup
 from tests.embodied.scenes import (
@@ -190,45 +189,6 @@ def test_there_is_room_for_any_number_of_contacts() -> None:
     expected = [(step, *point) for step in range(3) for x, y in between for point in ((x, y), (y, x))]
     assert len(found) == len(expected) == 60 * 3
     assert np.abs(found[:, None] - np.array(expected)[None]).max(axis=2).min(axis=0).max() < 1e-9
-
-
-CROWD = load_scenario(
-    {
-        "arena": {
-            "width_cm": 70,
-            "height_cm": 60,
-            "obstacles": [
-                {"shape": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 5},
-                {"shape": "box", "x_cm": 45, "y_cm": 40, "width_cm": 12, "height_cm": 6, "heading_rad": 0.5},
-            ],
-        },
-        "robots": [
-            {"count": 8, "parameters": {"period_s": 1.5}},
-            {"count": 8, "camera": {"pixels": 300, "field_of_view_deg": 360, "range_cm": 40}},
-        ],
-    }
-)
-
-
-def test_the_sightings_of_a_step_are_the_lit_ones_in_view_and_its_contacts_those_of_its_poses() -> None:
-    scene = make_scene(CROWD.robots, CROWD.group_kinds, CROWD.arena.build())
-    lit, seen_lit, touched = np.zeros(16, bool), 0, 0
-    for step in islice(Simulation(CROWD, 1), 200):
-        poses, expected = step.poses[None].copy(), []
-        for group in range(2):
-            found = find_sightings(scene, poses, group)
-            expected += [[looks, seen] for _, looks, seen in found.tolist() if lit[seen]]
-        assert step.sightings.tolist() == expected
-        assert set(step.sightings[:, 0].tolist()) == set(np.flatnonzero(step.camera.any(axis=1)).tolist())
-        touching, points = find_contacts(scene, poses)
-        assert step.contacts.tolist() == touching[:, 1:].tolist()
-        for (_, robot, other), point in zip(touching, points, strict=True):
-            if other >= 0:
-                np.testing.assert_allclose(point, step.poses[[robot, other], :2].mean(axis=0))
-            assert np.hypot(*(point - step.poses[robot, :2])) <= 3.7 + 0.16
-        seen_lit, touched, lit = seen_lit + len(expected), touched + len(touching), step.ring_on.copy()
-    assert seen_lit > 500
-    assert touched > 20
 
 
 @pytest.mark.parametrize("interpret", [False, True])

@@ -51,7 +51,8 @@ def placed_slowly(scenario, seed):
             poses.update(zip(numbers, group.poses, strict=True))
     for group, numbers in numbered:
         if group.placement == "grid":
-            lines = [length / 2 + 10 * (np.arange(n) - (n - 1) / 2) for length, n in grid_sizes(arena)]
+            sizes = [(length, max(1, math.floor(length / 10) - 1)) for length in (arena.width_cm, arena.height_cm)]
+            lines = [length / 2 + 10 * (np.arange(n) - (n - 1) / 2) for length, n in sizes]
             free = np.array([(x, y) for y in lines[1] for x in lines[0] if is_free_of_all(x, y, radii[numbers[0]])])
             chosen = random.choice(free, group.count, replace=False)
             headings = random.integers(8, size=group.count) * (2 * math.pi / 8)
@@ -66,10 +67,6 @@ def placed_slowly(scenario, seed):
                     free = is_free_of_all(x, y, radius)
                 poses[number] = (x, y, 2 * math.pi * random.random())
     return np.array([poses[number] for number in range(len(radii))])
-
-
-def grid_sizes(arena):
-    return [(length, max(1, math.floor(length / 10) - 1)) for length in (arena.width_cm, arena.height_cm)]
 
 
 @settings(max_examples=60)

@@ -19,9 +19,6 @@ def test_agents_begin_anywhere_in_any_direction_at_any_phase(dimensions):
     assert abs(np.corrcoef(swarm.positions()[:, 0], swarm.phases())[0, 1]) < 0.03
 
 
-# --- a start of one's own ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
 @pytest.mark.parametrize("part", ["phases", "positions_cm", "headings"])
 def test_what_is_given_takes_the_place_of_what_is_drawn_and_all_else_stays(dimensions, part):
@@ -36,8 +33,6 @@ def test_what_is_given_takes_the_place_of_what_is_drawn_and_all_else_stays(dimen
         assert getattr(given, method)() == pytest.approx(expected, abs=1e-15)
     assert (given._arrays.streams == drawn._arrays.streams).all()
 
-
-# --- speeds and periods -----------------------------------------------------------------------------
 
 MANY = 20_000
 

@@ -26,9 +26,6 @@ boundaries = st.sampled_from(["bounded", "cyclic", "mirrored"])
 SIDE_CM = 60.0
 
 
-# --- brute force ------------------------------------------------------------------------------------
-
-
 def brute_force_receivers(swarm, firing):
     """Return a mask of the agents that receive a pulse, and a mask of those too close to the edge to decide."""
     receives, margin = receivers_of(swarm.scenario, swarm.positions(), swarm.headings(), firing)
@@ -98,8 +95,6 @@ def test_receivers_in_large_swarms_are_the_agents_in_the_neighbourhood(agents, s
         assert compared + compare_receivers(swarm, 40) > 70
 
 
-# --- neighbourhoods set by hand ---------------------------------------------------------------------
-
 PLACES = [[50.0, 50.0], [60.0, 50.0], [50.0, 65.0], [30.0, 50.0], [50.0, 45.0]]
 
 
@@ -111,9 +106,6 @@ def test_all_agents_within_a_range_receive_including_its_edge(radius_cm, receive
         rule = {"kind": kind, "radius_cm": radius_cm, **({} if kind == "range" else {"angle_deg": 360})}
         swarm = make_resting([0.9, 0.5, 0.5, 0.5, 0.5], PLACES, [[1, 0]] * 5, neighbourhood=rule)
         assert as_set(next(swarm).received) == received
-
-
-# --- agents drawn at random -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("agents", "k"), [(6, 1), (6, 2), (6, 4), (5, 4), (2, 1)])
@@ -133,9 +125,6 @@ def test_each_set_of_random_agents_is_drawn_as_often_whoever_fires_and_wherever_
     for firing in range(agents):
         counts = [number for (sender, _), number in drawn.items() if sender == firing]
         assert sets == 1 or stats.chisquare(counts).pvalue > UNLIKELY
-
-
-# --- the adjacency matrix (eq. 5.6) -----------------------------------------------------------------
 
 
 @by_position

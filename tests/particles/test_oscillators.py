@@ -22,7 +22,6 @@ phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BR
 
 
 def start_oscillators(phases, periods, *, has_parts=False):
-    """Return oscillators that have some phases at time 0."""
     sizes = (-(-len(phases) // BRANCHES**level) if has_parts or level == 1 else 0 for level in (1, 2, 3))
     levels = (np.full(size, -math.inf) for size in sizes)
     return Oscillators(np.zeros(1, SCENE)[0], (1 - phases) * periods, periods, *levels)
@@ -67,8 +66,6 @@ def test_the_earliest_of_many_are_found_in_whatever_part_they_are(agents):
             set_next_firing(oscillators, agent, earliest + (0.0 if share < 0.2 else share * (now - earliest)))
 
 
-# --- no drift ---------------------------------------------------------------------------------------
-
 CYCLES = 1_000_000
 
 
@@ -103,9 +100,6 @@ def test_merged_oscillators_stay_merged_and_others_keep_their_distances_to_the_l
     assert (np.sort(free._arrays.next_firing - free._arrays.scene.now) == due).all()
     assert (merged.instants - instants, merged.firings - firings) == (100_000, 2_000_000)
     assert merged.order_parameter == 1
-
-
-# --- when the order parameter is measured ------------------------------------------------------------
 
 
 @given(st.lists(st.floats(-0.5, 0.5), min_size=1, max_size=30), st.floats(0, 0.5), st.floats(0, 1))

@@ -20,9 +20,6 @@ RESTING = {
 }
 
 
-# --- against the naive model ------------------------------------------------------------------------
-
-
 class ChangingModel(NaiveModel):
     """The naive model, which makes the changes of a schedule whose entries have times."""
 
@@ -86,9 +83,6 @@ def test_swarms_that_a_schedule_changes_agree_with_the_naive_model(data, seed, k
     compare_events(swarm, ChangingModel(swarm), cycles=10)
 
 
-# --- closed forms -----------------------------------------------------------------------------------
-
-
 def test_what_changes_at_the_start_is_as_if_the_scenario_had_it():
     def swarm(speed, k, changes):
         agents = {"speed_cm_s": speed, "speed_distribution": "uniform", "speed_spread": 0.5}
@@ -115,9 +109,6 @@ def test_a_curve_of_ones_own_gets_new_parameters(tmp_path):
     assert swarm.phases() == pytest.approx([0.5, 0.75, 0, 0.25])
     swarm.run_to(0.65)  # agent 1 shifts the others
     assert swarm.phases() == pytest.approx([0.8, 0, 0.3, 0.55])
-
-
-# --- at one instant ---------------------------------------------------------------------------------
 
 
 def test_those_that_fire_at_the_time_of_a_change_fire_before_it():
@@ -147,9 +138,6 @@ def test_changes_at_one_instant_are_made_in_their_order_and_are_one_event(first)
     sequence = np.random.SeedSequence(3, spawn_key=(4, changes.index("random")))
     drawn = np.random.Generator(np.random.SFC64(sequence)).random(4)
     assert swarm.phases() == pytest.approx((drawn + (0.25 if first == "random" else 0)) % 1)
-
-
-# --- however it is asked for ------------------------------------------------------------------------
 
 
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS), st.lists(st.floats(0.01, 7), max_size=4))

@@ -44,8 +44,6 @@ def test_a_reset_without_a_seed_takes_that_of_the_scenario():
     assert (swarm.seed, state_of(swarm)) == (3, state_of(new))
 
 
-# --- motion is independent of the oscillators ---------------------------------------------------------
-
 OTHERS = [
     {"response": {"curve": "sine", "coupling": 0.3, "refractory": 0.4}},
     {"neighbourhood": {"kind": "cone_of_vision", "angle_deg": 90}},

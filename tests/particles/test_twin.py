@@ -24,9 +24,6 @@ def compare(seed=0, times=MIDDLES, **sections):
     return simulate_with_twin(load_scenario(scenario(**sections)), seed, times)
 
 
-# --- the deviation ----------------------------------------------------------------------------------
-
-
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
 @settings(max_examples=25)
 def test_undisturbed_nothing_deviates_at_any_time(data, seed, kind):
@@ -70,9 +67,6 @@ def test_with_jitter_deviations_grow_with_the_error_of_the_periods_and_wrap_at_h
     assert found.deviation.max() > 0.49
 
 
-# --- the order parameter ----------------------------------------------------------------------------
-
-
 def test_the_order_parameter_is_that_of_all_phases_at_each_time():
     given = {"clocks": {"jitter": 0.01}, "stop": {"metric": "reference"}, "agents": {"count": 7, "speed_cm_s": 20}}
     found = compare(5, MIDDLES + 0.123, **given)
@@ -80,20 +74,6 @@ def test_the_order_parameter_is_that_of_all_phases_at_each_time():
     for time, order in zip(MIDDLES + 0.123, found.order_parameter, strict=True):
         swarm.run_to(time)
         assert order == pytest.approx(abs(np.exp(2j * math.pi * swarm.phases()).mean()), abs=1e-12)
-
-
-def test_a_trial_continues_beyond_synchrony():
-    given = {"agents": {"count": 5, "speed_cm_s": 50}, "neighbourhood": {"kind": "all"}, "start": {"phases": "random"}}
-    times = np.arange(0.5, 300)
-    ends, goes_on = (
-        compare(2, times, **given, stop={"order_parameter": threshold, "max_cycles": 20}) for threshold in (0.9, None)
-    )
-    assert ends.order_parameter[-1] == pytest.approx(1)
-    assert ends.order_parameter.tolist() == goes_on.order_parameter.tolist()
-    np.testing.assert_array_equal(ends.deviation, goes_on.deviation)
-
-
-# --- the twin ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("ahead", "phase"), [(0.25, 0.95), (0.4, 1.0)])

@@ -27,18 +27,12 @@ def walkers(walk, count=4000, speed_cm_s=1.0, seed=0, agents=None, **sections):
     return make_simulation(seed, agents=motion, start={"phases": "synchronised"}, **sections)
 
 
-# --- turns and runs ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("exponent", [2.2, 3.0])
 def test_runs_of_a_levy_walk_have_a_power_law_above_the_shortest(exponent):
     swarm = walkers({**LEVY, "exponent": exponent}, count=20_000)
     durations = swarm._arrays.run_end_cycle + swarm._arrays.run_end_time
     assert durations.min() >= 0.3
     assert stats.kstest(durations, "pareto", args=(exponent - 1, 0, 0.3)).pvalue > UNLIKELY
-
-
-# --- how agents spread ------------------------------------------------------------------------------
 
 
 @dimensions
@@ -54,8 +48,6 @@ def test_the_mean_squared_displacement_is_that_of_theory(dimensions, walk, reori
         squares = ((swarm.positions() - start) ** 2).sum(axis=1)
         assert abs(squares.mean() - expected) < 4 * squares.std() / math.sqrt(len(squares))
 
-
-# --- speeds of runs ---------------------------------------------------------------------------------
 
 DISTRIBUTIONS = {
     "uniform": {"speed_spread": 0.5},

@@ -24,19 +24,15 @@ Array = npt.NDArray[Any]
 def recorded(
     path: Path, scenario: Scenario, seed: int = 1, level: Level = Level.FULL, *others: Observer, **more: Any
 ) -> TrialResult:
-    """Record a trial that others observe, too."""
     with record(path, scenario, seed, level, **more) as observer:
         return run_trial(simulate(scenario, seed), [observer, *others])
 
 
 def towards(angles: Array) -> Array:
-    """Return (..., 2) unit vectors."""
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
 class Watched:
-    """An observer that copies what it is shown of robots."""
-
     def __init__(self) -> None:
         self.steps: list[SimpleNamespace] = []
         self.order: list[float] = []
@@ -66,8 +62,6 @@ class Watched:
 
 
 class Found:
-    """What rerun's reader finds in a file."""
-
     def __init__(self, path: Path) -> None:
         self.static: dict[str, dict[str, Any]] = defaultdict(dict)
         self.moving: dict[str, list[Any]] = defaultdict(list)

@@ -44,8 +44,6 @@ SCENES: dict[str, Callable[[], EmbodiedScenario]] = {
 
 
 class Trial(NamedTuple):
-    """A trial that was recorded, filmed and looked at."""
-
     name: str
     folder: Path
     scenario: EmbodiedScenario

@@ -50,9 +50,6 @@ def impatient(monkeypatch) -> None:
     monkeypatch.setattr(viewer_module, "FLUSH_S", 0.2)
 
 
-# --- what is shown --------------------------------------------------------------------------------------
-
-
 class Shown(NamedTuple):
     """A trial that has been shown, and what the viewer prints and shows of it in the end."""
 
@@ -142,9 +139,6 @@ def test_an_error_that_ends_the_trial_is_raised_unchanged(
 ) -> None:
     with pytest.raises(error), live(*server, SCENARIO, 3, Level.FULL, FAST):
         raise error
-
-
-# --- pace and keys --------------------------------------------------------------------------------------
 
 
 class Clock:
@@ -284,9 +278,6 @@ def test_agents_that_move_on_between_two_events_are_shown_as_often_as_the_viewer
     _, calls = told(AGENTS, 2.0, [0.1, 0.75, 0.8])
     assert [what for _, what in calls] == ["event", "until 0.3", "until 0.5", "until 0.7", "event", "event"]
     assert [at for at, _ in calls] == pytest.approx([0, 0.1, 0.2, 0.3, 0.325, 0.35])
-
-
-# --- viewers that end -----------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("impatient")

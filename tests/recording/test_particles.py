@@ -86,8 +86,6 @@ def load(name: str, **more: Any) -> ParticleScenario:
 
 
 class Seen(NamedTuple):
-    """A swarm at an event."""
-
     event: Event
     time_ns: int
     phases: FloatArray
@@ -112,7 +110,6 @@ class Trial(NamedTuple):
 
     @property
     def places(self) -> list[int]:
-        """Rows of the instants."""
         return np.searchsorted(self.time_ns, [each.time_ns for each in self.instants]).tolist()
 
     @property
@@ -167,7 +164,6 @@ def flat(vectors: FloatArray) -> FloatArray:
 
 
 def check_row(trial: Trial, row: int, phases: FloatArray, positions: FloatArray, headings: FloatArray) -> None:
-    """Compare a row with a swarm, up to rounding."""
     read = trial.recorded
     np.testing.assert_allclose(read.positions[row], flat(positions), rtol=0, atol=1e-6 * trial.scenario.space.side_cm)
     np.testing.assert_allclose(read.phase_ms[row], 1000 * trial.scenario.clocks.period_s * phases, atol=1e-5)
@@ -175,9 +171,6 @@ def check_row(trial: Trial, row: int, phases: FloatArray, positions: FloatArray,
     ahead = flat(headings)
     turned = read.headings[row] - np.arctan2(ahead[:, 1], ahead[:, 0])
     np.testing.assert_allclose(np.angle(np.exp(1j * turned)), 0, atol=1e-5)
-
-
-# --- what every agent did ---------------------------------------------------------------------------
 
 
 def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
@@ -246,9 +239,6 @@ def test_agents_that_have_just_fired_are_lit(trial: Trial) -> None:
     assert not expected.all()
 
 
-# --- pulse links ------------------------------------------------------------------------------------
-
-
 def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial: Trial) -> None:
     found, side_cm = Found(trial.path), trial.scenario.space.side_cm
     parts = [found.lists("/arena/links", f"Arrows2D:{part}") for part in ("origins", "vectors", "class_ids")]
@@ -310,15 +300,12 @@ def test_a_range_is_drawn_as_circles_around_the_agents(of) -> None:
     assert found.static["/arena/ranges"]["Ellipses2D:half_sizes"] == [[20, 20]] * 6
 
 
-# --- levels and windows -----------------------------------------------------------------------------
-
 SUMMARY = {"/now", "/flashes", "/order/steps", "/order/firings"}
 POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
 MOVING = {Level.SUMMARY: SUMMARY, Level.POSES: POSES, Level.FULL: POSES | {"/arena/links"}}
 
 
 def check_entities(path: Path, scenario: ParticleScenario, level: Level) -> None:
-    """Check that a recording holds what its level should, and no more."""
     kind, is_full, numbered = scenario.neighbourhood.kind, level is Level.FULL, range(scenario.agents.count)
     there = {
         "/order/threshold": scenario.stop.order_parameter is not None,
@@ -346,9 +333,6 @@ def test_each_level_holds_what_it_should_and_no_more(tmp_path, of, name: str, le
         np.testing.assert_array_equal(found, expected[:0] if level is Level.SUMMARY else expected)
 
 
-# --- what cannot be recorded ------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("more", "said"),
     [
@@ -370,9 +354,6 @@ def test_a_trial_that_outlasts_the_clock_is_refused_in_words(tmp_path, monkeypat
     with pytest.raises(EpuckSimError, match="alone: lasts more than 9e\\+07 s"):
         recorded(tmp_path / "t.rrd", scenario, level=Level.SUMMARY)
     assert not any(tmp_path.iterdir())
-
-
-# --- the page ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["cyclic", "cyclic cube"])

@@ -143,9 +143,6 @@ def slow_flashes(times: list[float], rings: BoolArray, phases: FloatArray) -> li
     return found
 
 
-# --- what every robot did and saw --------------------------------------------------------------------
-
-
 def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
     recorded_result, result = trial.results
     assert recorded_result == result
@@ -304,9 +301,6 @@ def test_in_a_picture_of_a_minute_time_runs_down_and_robots_with_room_stand_side
         assert (columns[:, :, 12:] == 2).all()
 
 
-# --- what does not move ------------------------------------------------------------------------------
-
-
 def static_of(folder: Path, scenario: EmbodiedScenario) -> dict[str, dict[str, Any]]:
     with record(folder / "t.rrd", scenario, 0, Level.POSES):
         pass
@@ -364,8 +358,6 @@ def test_the_number_of_a_row_is_within_it_and_left_of_the_picture() -> None:
         assert strip[:, 0].max() < 0
     assert strips[10][:, 0].max() < strips[11][:, 0].min()
 
-
-# --- levels ------------------------------------------------------------------------------------------
 
 OF_LEVELS = ["stop.max_time_s=12", "stop.order_parameter=1"]
 
@@ -434,9 +426,6 @@ def test_a_recording_that_rerun_has_optimised_is_read_the_same(tmp_path, monkeyp
                 np.testing.assert_array_equal(one, other, err_msg=field)
 
 
-# --- again -------------------------------------------------------------------------------------------
-
-
 def test_the_same_trial_is_recorded_alike_and_another_otherwise(tmp_path) -> None:
     scenario = load_scenario("thesis", ["stop.max_time_s=10"])
     given = [(1, Level.FULL), (1, Level.FULL), (2, Level.FULL), (1, Level.POSES)]
@@ -480,11 +469,7 @@ def test_a_minute_of_ten_robots_takes_less_than_1100_kb(tmp_path) -> None:
     assert 50_000 < bytes_of[1] - bytes_of[0] < 550_000
 
 
-# --- memory and events -------------------------------------------------------------------------------
-
-
 def origins(level: Level, scenario: EmbodiedScenario, fields: list[str]) -> list[str]:
-    """Return the origins of the views in a layout."""
     found, parts = [], [layout_of(scenario, level, fields).root_container]
     while parts:
         part = parts.pop(0)

@@ -67,9 +67,6 @@ def all_has_ended(tmp_path) -> Iterator[None]:
         yield
 
 
-# --- pictures -----------------------------------------------------------------------------------------
-
-
 class Moment(NamedTuple):
     """A step of the thesis arena, as it was and as it is drawn."""
 
@@ -102,7 +99,6 @@ def lit_step(read: Recorded) -> int:
 
 @pytest.fixture(scope="module")
 def thesis(tmp_path_factory) -> tuple[Path, Watched]:
-    """Return a recording, and what it is of."""
     path, watched = tmp_path_factory.mktemp("thesis") / "t.rrd", Watched()
     recorded(path, load_scenario("thesis"), 3, Level.FULL, watched)
     return path, watched
@@ -187,9 +183,6 @@ def test_without_a_graphics_driver_an_error_says_what_to_install(thesis, tmp_pat
         draw_screenshot(thesis[0], 1.0, tmp_path / "p.png")
     assert str(caught.value) == NO_GRAPHICS
     assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {"p.png": "older"}
-
-
-# --- a program that stands for rerun's ------------------------------------------------------------------
 
 
 SLEEP = "time.sleep(600)"
@@ -282,9 +275,6 @@ def test_a_command_that_fails_is_reported(stand: Stand, tmp_path, monkeypatch) -
         run_rerun("rrd", "verify", str(tmp_path / "gone.rrd"))
 
 
-# --- in a window ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("names", "platform", "is_there"),
     [
@@ -321,8 +311,6 @@ def test_a_window_shows_the_recording_until_it_is_closed_from_any_thread(
     assert options[options.index("--bind") + 1] == "127.0.0.1"
     assert options[options.index("--port") + 1] == "auto"
 
-
-# --- in a browser ---------------------------------------------------------------------------------------
 
 SERVE = """
 import signal, sys
@@ -441,7 +429,6 @@ def test_a_browser_gets_the_whole_recording_with_its_layout_and_nothing_is_done_
 
 
 def rows_by_entity(path: Path) -> Counter[str]:
-    """Return how many rows each entity of a recording has."""
     rows: Counter[str] = Counter()
     for chunk in RrdReader(path).store().stream().to_chunks():
         if not chunk.is_static:

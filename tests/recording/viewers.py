@@ -94,8 +94,6 @@ def discs(picture: FloatArray, colour: Sequence[int]) -> FloatArray:
 
 
 class Stand(NamedTuple):
-    """Stands for rerun's program."""
-
     script: Path
 
     def acts(self, *lines: str) -> None:

@@ -35,8 +35,6 @@ LOW, PEAK, STEEPNESS = -0.6, 0.3, 4.0
 
 
 class Trials(NamedTuple):
-    """How the trials of a point end."""
-
     times: np.ndarray
     observed: np.ndarray
 
@@ -77,12 +75,10 @@ def weibull(point: Point, mean: float, trials: int | None = None, shape: float =
 
 
 def ended(times: Sequence[float], observed: Sequence[bool] | None = None) -> Trials:
-    """Return trials that ended so; all of them synchronised by default."""
     return Trials(np.array(times, float), np.array([True] * len(times) if observed is None else observed, bool))
 
 
 def censored(point: Point, trials: int) -> Trials:
-    """Return trials none of which has synchronised."""
     return ended([point.scenario.stop.max_cycles] * trials, [False] * trials)
 
 
@@ -100,7 +96,6 @@ def in_memory(scenario: Scenario, law: Law) -> list[PointTrials]:
 
 
 def of_point(point: Point, trials: Trials) -> PointTrials:
-    """Return a point's trials as `read_points` gives them."""
     return PointTrials(
         number=point.number,
         key=point.key,
@@ -168,7 +163,6 @@ def store_measured(folder: Path, scenario: Scenario, law: Callable[[Point], Sequ
 
 
 def rows(file: Path) -> list[dict[str, str]]:
-    """Return the rows of a CSV file, each value as it is written."""
     with file.open(newline="", encoding="utf-8") as text:
         return list(csv.DictReader(text))
 

@@ -74,19 +74,11 @@ def test_thousands_of_flipped_bytes_never_give_wrong_rows(whole, tmp_path) -> No
     print(f"\n5,000 damaged databases: {refusals} refused, {5000 - refusals} read as they were, none with wrong rows")
 
 
-@pytest.mark.parametrize(
-    ("statement", "said"),
-    [
-        ("UPDATE trials SET cycles = cycles + 1", "row 0 of trials does not have its checksum"),
-        ("UPDATE points SET trials = trials + 1", "row 0 of points does not have its checksum"),
-        ("ALTER TABLE trials DROP COLUMN checksum", "trials has no checksums"),
-    ],
-)
-def test_a_value_that_is_not_what_was_stored_is_refused(whole, tmp_path, statement: str, said: str) -> None:
+def test_a_database_without_checksums_is_refused(whole, tmp_path) -> None:
     (tmp_path / DATABASE).write_bytes((whole / DATABASE).read_bytes())
     with closing(sqlite3.connect(tmp_path / DATABASE)) as connection, connection:
-        connection.execute(statement)
-    assert f"is damaged: {said}" in refused("status", tmp_path)
+        connection.execute("ALTER TABLE trials DROP COLUMN checksum")
+    assert "is damaged: trials has no checksums" in refused("status", tmp_path)
 
 
 def killed(folder: Path) -> Path:

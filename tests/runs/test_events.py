@@ -70,13 +70,6 @@ def test_events_are_equal_after_a_resume_with_any_workers(changes, pool, tmp_pat
     assert parted == whole
 
 
-def test_a_folder_without_events_is_exported_without_them(tmp_path):
-    fill(tmp_path)
-    assert all(point.events == ((),) * 3 for point in read_points(tmp_path))
-    export(tmp_path, tmp_path / "out.csv")
-    assert "events" not in pyarrow.csv.read_csv(tmp_path / "out.csv").column_names
-
-
 def test_what_changes_is_resampled_apart_and_its_defaults_leave_seeds_as_they_were(tmp_path):
     def seed(name, **changes):
         fill(tmp_path / name, load_scenario({**DEMO.model_dump(), **changes}))

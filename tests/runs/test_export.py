@@ -1,7 +1,6 @@
 """The exported table: every result once, in order, under the right names and types, exact, and never half of it."""
 
 import json
-import math
 import random
 from pathlib import Path
 from typing import BinaryIO
@@ -13,7 +12,6 @@ import pytest
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.export import WRITERS, export
 from epuck_sim.runs.store import Store
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
 from tests.runs.made_folders import WIDTH, rows
@@ -89,19 +87,6 @@ def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folde
         for row in csv_of(folder)
     ]
     assert read == expected  # JSON's numbers, true and false are those of the CSV
-
-
-def test_floats_are_read_back_exactly(folder) -> None:
-    chance = random.Random(2)
-    floats = [0.1 + 0.2, 1 / 3, 5e-324, 1.7976931348623157e308, math.nextafter(1, 0), 123456789.123456789, 1e22]
-    floats += [chance.uniform(0, 1) * 10 ** chance.uniform(-12, 12) for _ in range(100)]
-    changes = [{"wall_s": value, "order_parameter": -value, "simulated_s": value} for value in floats]
-    trials = ((0, trial, each) for trial, each in enumerate(changes))
-    put(folder, *trials, scenario=load_scenario(DEMO, ["trials=200"]))
-    table, written = parquet_of(folder), csv_of(folder)
-    for name, expected in (("wall_s", floats), ("simulated_s", floats), ("order_parameter", [-x for x in floats])):
-        assert list(map(repr, table[name].to_pylist())) == list(map(repr, expected))
-        assert [repr(float(row[name])) for row in written] == list(map(repr, expected))
 
 
 def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -> None:

@@ -55,9 +55,6 @@ def test_a_sweep_ends_when_its_folder_is_no_longer_there_and_leaves_alone_what_i
             assert (0, 0) in set(store.finished())
 
 
-# Without locks
-
-
 @pytest.fixture
 def _no_locks(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     def fail(*_: object) -> None:

@@ -80,9 +80,6 @@ def test_a_column_has_the_kind_of_its_values(values, kind, folder, mine, tmp_pat
     assert (column.type, column.to_pylist()) == (kind, values)
 
 
-# --- the same sweep -------------------------------------------------------------------------------
-
-
 def refused(folder: Path, loaded) -> str:
     with pytest.raises(StoreError) as caught:
         fill(folder, loaded, [])

@@ -1,6 +1,5 @@
 """Shares that are put together are the table that one run would have made, and what does not belong is refused."""
 
-import json
 from pathlib import Path
 from random import Random
 
@@ -12,13 +11,13 @@ from epuck_sim.errors import StoreError
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.records import FinishedTrials
-from epuck_sim.runs.share import WHOLE, Share, merge_folders
+from epuck_sim.runs.share import Share, merge_folders
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.run import run_sweep
-from tests.cli.commands import call, called, contents, refused
+from tests.cli.commands import called, contents
 from tests.runs.made_folders import edit
 from tests.runs.test_store import CONTROLLER, COUNT, DATABASE, DEMO, MINE, fill, outcome, scenario_of, stored
 from tests.sweep.pool_here import pool_here
@@ -48,7 +47,7 @@ def shares(tmp_path: Path, count: int, **changes) -> list[Path]:
 def test_all_shares_together_are_one_run_bit_for_bit(tmp_path, count: int) -> None:
     folders = shares(tmp_path, count)
     before = [contents(folder) for folder in folders]
-    merge_folders([*reversed(folders)], tmp_path / "merged")
+    assert "42 of 42 trials" in called("merge", *reversed(folders), "--out", tmp_path / "merged")
     fill(tmp_path / "one", MANY)
     assert stored(tmp_path / "merged") == stored(tmp_path / "one")
     for name in ("merged", "one"):
@@ -178,30 +177,6 @@ def test_the_status_of_many_shares_says_what_is_missing(tmp_path) -> None:
     assert called("status", *folders, "--json").count('"folder"') == 3
 
 
-def test_shares_that_are_run_by_the_command_are_merged_to_what_one_run_makes(tmp_path) -> None:
-    sweep = ("pair", "--set", "stop.max_time_s=0.3", "--sweep", "robots.0.parameters.coupling=0.1,0.2", "--trials", "5")
-    for number in (1, 2):
-        share = ("--share", f"{number}/2", "--out", tmp_path / f"{number}", "--workers", "1")
-        assert call("run", *sweep, *share).exit_code == 0
-    assert call("run", *sweep, "--out", tmp_path / "one", "--workers", "1").exit_code == 0
-    assert "10 of 10 trials" in called("merge", tmp_path / "1", tmp_path / "2", "--out", tmp_path / "merged")
-    assert [{**row, "wall_s": 0, "checksum": 0} for row in stored(tmp_path / "merged")] == [
-        {**row, "wall_s": 0, "checksum": 0} for row in stored(tmp_path / "one")
-    ]
-    assert "5 of 5 trials" in call("run", tmp_path / "1").stdout
-    assert "--share needs a run folder of its own" in refused("run", "pair", "--share", "1/2")
-
-
-def test_a_plan_of_a_share_is_of_its_own_trials(tmp_path) -> None:
-    found = [json.loads(called("plan", folder, "--json"))["duration"] for folder in shares(tmp_path, 2, part=0.5)]
-    for number, duration in enumerate(found, start=1):
-        status = read_status(tmp_path / f"{number}")
-        assert duration["left"] == status.trials - status.stored > 0
-
-
-# Every trial is in one share, and each share takes about as long as any other
-
-
 @given(st.integers(1, 50), st.integers(0, 10_000), st.integers(0, 200))
 def test_every_trial_is_in_one_share_and_shares_of_a_point_differ_by_one_trial(count, point, trials) -> None:
     parts = [Share(number, count).trials(point, trials) for number in range(1, count + 1)]
@@ -227,11 +202,6 @@ def test_shares_take_about_as_long_even_if_one_speed_takes_a_hundred_times_anoth
     ]
     # a point's trials cannot be divided among shares better than by one trial of 100
     assert max(costs) < 1.1 * sum(costs) / count + 300
-
-
-def test_a_share_is_read_as_it_is_written() -> None:
-    assert str(Share.parse("3/40")) == "3/40"
-    assert [*WHOLE.trials(17, 4)] == [0, 1, 2, 3]
 
 
 @given(

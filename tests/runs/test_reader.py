@@ -40,19 +40,6 @@ def test_times_are_the_cycles_at_which_trials_ended_and_say_whether_synchrony_wa
         assert (each.times.dtype, each.observed.dtype) == (np.float64, np.bool_)
 
 
-def test_after_the_sweep_has_grown_points_are_read_in_its_new_order(tmp_path) -> None:
-    fill(tmp_path)
-    grown = scenario_of({"grid": {COUNT: [3, 1, 2], SPEED: [1, 0.5]}})
-    with Store(tmp_path, grown, points(grown)):
-        pass
-    read = read_points(tmp_path)
-    assert [each.number for each in read] == [*range(6)]
-    assert [(each.axes, each.scenario) for each in read] == [(point.axes, point.scenario) for point in points(grown)]
-    assert [len(each.times) for each in read] == [3, 3, 0, 0, 3, 3]
-    assert read[4].times.tolist() == [0, 1, 2]
-    assert read[0].times.tolist() == [2000, 2001, 2002]
-
-
 def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -> None:
     ended = (0, 0, {"wall_s": 0.5}), (0, 1, {"wall_s": 0.25, "t_sync_cycles": None, "censored": True})
     failed = (3, 1, {"error": "RuntimeError: second"}), (1, 2, {"error": "RuntimeError: first"})
@@ -167,9 +154,6 @@ def test_a_database_is_checked_once_however_often_it_is_read_and_written(tmp_pat
     (tmp_path / "run" / DATABASE).touch()
     read(tmp_path / "run")
     assert len(checked) == 2
-
-
-# Results as a DataFrame
 
 
 FOUR = sweep({COUNT: [3, 5], SPEED: [1, 2]}, trials=2)

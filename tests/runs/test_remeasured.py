@@ -35,27 +35,7 @@ def run(folder, scenario):
 
 
 def everything(folder):
-    """Return the rows of a folder, without what differs from run to run."""
     return [{**row, "wall_s": None, "checksum": None} for row in stored(folder)]
-
-
-def test_stored_trials_get_the_added_measures_and_keep_their_results(folder, mine, tmp_path):
-    run(folder, sweep("near_walls", trials=2))
-    before = everything(folder)
-    progress = run(folder, sweep("near_walls", mine, "order_parameter", trials=3))
-    assert (progress.stored, progress.failed, progress.ended) == (6, 0, 6)
-    run(tmp_path / "anew", sweep("near_walls", mine, "order_parameter", trials=3))
-    assert everything(folder) == everything(tmp_path / "anew")
-    assert [row["seed"] for row in before] == [row["seed"] for row in everything(folder) if row["trial"] < 2]
-    assert run(folder, sweep("near_walls", mine, "order_parameter")).ended == 0
-    for point in read_points(folder, "order_parameter"):
-        assert [len(series) for series in point.measured] == point.times.tolist()
-
-
-def test_so_do_those_of_a_folder_without_any_measure(folder, mine):
-    run(folder, sweep())
-    run(folder, sweep(mine))
-    assert [point.measured for point in read_points(folder, "Counter")] == [(6.0,) * 3] * 2
 
 
 def test_a_run_that_was_stopped_goes_on(folder, mine):

@@ -71,19 +71,6 @@ def stored(folder: Path) -> list[dict]:
     return rows
 
 
-# What a folder holds
-
-
-def test_a_new_folder_holds_the_database_and_the_scenario_that_was_run(tmp_path) -> None:
-    folder = tmp_path / "runs" / "new"
-    with Store(folder, DEMO, points(DEMO)) as store:
-        assert set(store.finished()) == set()
-        assert store.censored() is None
-    assert stored(folder) == []
-    assert set(contents(folder)) == FILES
-    assert load_scenario(folder) == load_scenario(folder / "scenario.yaml") == DEMO
-
-
 OF_ROBOTS = ("speed_cm_s", "period_s", "coupling", "refractory_fraction")
 AXES = scenario_of(
     {"grid": {COUNT: [2, 3]} | {f"robots.0.parameters.{name}": [0.2, 0.3] for name in OF_ROBOTS}}, trials=1
@@ -125,9 +112,6 @@ def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_h
         "events": None,
     }
     assert [*row][3:7] == [COUNT, SPEED, "seed", "t_sync_cycles"]
-
-
-# What a folder takes in
 
 
 def test_a_trial_that_has_a_result_is_never_overwritten(tmp_path) -> None:
@@ -214,9 +198,6 @@ def test_a_folder_that_is_empty_but_for_what_a_killed_run_left_is_taken(tmp_path
     assert set(contents(tmp_path)) == FILES
 
 
-# What a folder refuses
-
-
 def refused(folder: Path, scenario: Scenario) -> str:
     """Return the message of the StoreError with which the folder is refused, nothing in it being touched."""
     before = contents(folder)
@@ -270,9 +251,6 @@ def test_an_axis_value_beyond_64_bits_is_stored(tmp_path) -> None:
     robots = [{"controller": str(tmp_path / "mine.py")}]
     fill(tmp_path / "r", scenario_of({"grid": {"robots.0.parameters.pace": [10**30]}}, robots=robots, trials=1))
     assert float(stored(tmp_path / "r")[0]["robots.0.parameters.pace"]) == 1e30
-
-
-# One at a time
 
 
 LOCK_IT = """
@@ -334,12 +312,8 @@ def test_a_database_that_another_program_has_locked_is_reported_and_stays_intact
     assert [row["trial"] for row in stored(tmp_path)] == [0, 2]
 
 
-# Foreign and damaged databases
-
-
 @pytest.fixture(scope="module")
 def big(tmp_path_factory) -> bytes:
-    """Return the database of four thousand trials."""
     folder = tmp_path_factory.mktemp("big")
     fill(folder, load_scenario(DEMO, ["trials=1000"]))
     assert len(stored(folder)) == 4000
@@ -348,11 +322,6 @@ def big(tmp_path_factory) -> bytes:
 
 def garbage(size: int) -> bytes:
     return random.Random(4).randbytes(size)
-
-
-def pages_overwritten(database: bytes) -> bytes:
-    start = len(database) // 2 // 4096 * 4096
-    return database[:start] + garbage(5 * 4096) + database[start + 5 * 4096 :]
 
 
 def foreign_database(_: bytes) -> bytes:
@@ -376,13 +345,10 @@ def after(statement: str) -> Callable[[bytes], bytes]:
 
 SPOILT: dict[str, tuple[Callable[[bytes], bytes], str]] = {
     "empty": (lambda _: b"", "is not a database of epuck-sim"),
-    "text": (lambda _: b"seed,t_sync_cycles\n" * 1000, "is not a database of epuck-sim"),
     "foreign": (foreign_database, "is not a database of epuck-sim"),
-    "cut within its header": (lambda whole: whole[:50], "is not a database of epuck-sim"),
     "cut after its header": (lambda whole: whole[:100], "is damaged"),
     "cut in half": (lambda whole: whole[: len(whole) // 2], "is damaged"),
     "cut within its last page": (lambda whole: whole[:-10], "is damaged"),
-    "overwritten in the middle": (pages_overwritten, "is damaged"),
     "without its tables' definitions": (lambda whole: whole[:100] + garbage(3996) + whole[4096:], "is damaged"),
     "without points": (after("DELETE FROM points"), "is damaged: it has no points"),
     "without a point": (after("DELETE FROM points WHERE number = 0"), "it has trials of a point that is gone"),
@@ -427,9 +393,6 @@ def test_a_folder_with_other_files_is_refused(tmp_path, name: str) -> None:
     message = refused(tmp_path, DEMO)
     assert f"is not a run folder: it holds {name!r} but no {DATABASE}; give a new or empty one" in message
     assert set(contents(tmp_path)) == {name}
-
-
-# A full disk
 
 
 @contextmanager

@@ -8,8 +8,6 @@ from epuck_sim.sweep.executors import Pool
 
 
 class Here(Executor):
-    """Runs what it is given at once, in this process."""
-
     def submit(self, function, /, *arguments, **named) -> Future:
         future: Future = Future()
         try:

@@ -13,7 +13,6 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.runs.records import FinishedTrials, SweepProgress
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
@@ -21,13 +20,11 @@ from epuck_sim.sweep import executors
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import first_of_each_kind, missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
-from epuck_sim.trial.model import run_trial
-from epuck_sim.util.messages import counted
 from tests.cli.commands import call
 from tests.processes import processes_marked, start, wait_until
 from tests.runs.made_folders import edit
 from tests.sweep.pool_here import pool_here
-from tests.sweep.short_sweeps import begin, errors, short_sweep, stored, table
+from tests.sweep.short_sweeps import begin, short_sweep, stored, table
 
 TRIALS = 30
 POINTS = 8
@@ -54,30 +51,6 @@ def test_more_workers_give_the_same_table_bit_for_bit(tmp_path, uninterrupted) -
     assert tallies[-1].censored > 0
 
 
-def test_a_row_is_what_its_trial_gives_alone(tmp_path, uninterrupted) -> None:
-    places = points(load_scenario(short_sweep(tmp_path, TRIALS)))
-    by_seed = {row[5]: row for row in uninterrupted}
-    for place in places:
-        result = run_trial(Simulation(place.scenario, place.seed(7)))
-        row = by_seed[result.seed]
-        assert row[1:5] == (7, *place.axes.values())
-        assert row[6:11] == (
-            *(result.t_sync_cycles, int(result.censored), result.order_parameter, result.simulated_s, result.steps),
-        )
-
-
-def test_added_trials_and_points_leave_the_others_as_they_were(tmp_path, uninterrupted) -> None:
-    path = short_sweep(tmp_path, TRIALS)
-    fewer = load_scenario(path, ["trials=11"], ["robots.0.parameters.speed_cm_s=12,4"])
-    run_sweep(fewer, tmp_path / "run", pool_here)
-    first = table(tmp_path / "run")
-    assert len(first) == 2 * 2 * 11
-    assert set(first) < set(uninterrupted)
-    tally = run_sweep(load_scenario(path), tmp_path / "run", pool_here)
-    assert tally.ended == POINTS * TRIALS - len(first)
-    assert table(tmp_path / "run") == uninterrupted
-
-
 def test_nothing_is_left_to_do_when_all_is_stored(tmp_path) -> None:
     scenario = load_scenario(short_sweep(tmp_path, 1))
     run_sweep(scenario, tmp_path / "run", pool_here)
@@ -101,9 +74,6 @@ def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> Non
     done = [*((number, [0, 1]) for number in (0, 1, 2)), (4, [0])]
     ahead = first_of_each_kind(found, [range(2)] * len(found), FinishedTrials(done), interpret=False)
     assert [(task.point, task.trial) for task in ahead] == [(3, 0), (4, 1)]
-
-
-# --- killed, and asked to end -------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -200,65 +170,6 @@ def test_a_script_that_begins_a_sweep_wherever_it_is_imported_is_told_so(tmp_pat
     assert run.returncode == 1
     assert err.endswith('workers cannot start; a script must begin sweeps below `if __name__ == "__main__":`\n')
     assert stored(tmp_path / "run") == 0
-
-
-# --- trials that fail ---------------------------------------------------------------------------------
-
-
-POISONED = """
-import os
-from pathlib import Path
-
-PARAMETERS = {"deadly": 0, "raising": 0}
-MEMORY = {"fate": int}
-POISON = Path(__file__).with_name("poison")
-
-
-def start(memory, parameters, random):
-    memory.fate = int(random[0] % 3)
-
-
-def step(sensors, memory, actuators, parameters, random):
-    if memory.fate == 0 and POISON.exists():
-        if parameters.raising:
-            raise ValueError("not today")
-        if parameters.deadly:
-            os.kill(os.getpid(), 9)
-"""
-
-
-def test_a_trial_that_fails_is_named_and_run_again_alone(tmp_path) -> None:
-    (tmp_path / "poisoned.py").write_text(POISONED)
-    (tmp_path / "poison").touch()
-    path, folder = tmp_path / "sweep.yaml", tmp_path / "run"
-    path.write_text(
-        """
-robots: [{count: 1, controller: poisoned.py}]
-stop: {max_time_s: 1}
-trials: 4
-sweep:
-  zip: {robots.0.parameters.raising: [0, 1, 0], robots.0.parameters.deadly: [0, 0, 1]}
-"""
-    )
-    run = call("run", path, "--out", folder, "--workers", 2, "--interpret")
-    assert run.exit_code == 1, run.stderr
-    messages = errors(folder)
-    failed = [row for row in table(folder) if row[:2] in messages]
-    assert stored(folder) == 12
-    said = {(1, 0): "ValueError: not today", (0, 1): "its worker died"}
-    assert {row[2:4] for row in failed} == said.keys()
-    assert len(failed) < 8
-    for row in failed:
-        assert said[row[2:4]] in messages[row[:2]]
-        assert row[5] is None
-        assert f"--trial {row[1]}: " in run.stdout
-    assert f"{counted(len(failed), 'trial')} failed; run again to retry them: epuck-sim run {folder}" in run.stderr
-    before = set(table(folder)) - set(failed)
-    (tmp_path / "poison").unlink()
-    scenario = load_scenario(folder)
-    assert run_sweep(scenario, folder, pool_here, interpret=True).failed == 0
-    assert before < set(table(folder))
-    assert len(set(table(folder)) - before) == len(failed)
 
 
 def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:

@@ -198,8 +198,6 @@ def test_no_chunk_is_so_long_that_others_wait_for_it_at_the_end(waiting: int, sl
 
 
 class CountedLock(threading.Condition):
-    """Counts how often it is taken."""
-
     taken = 0
 
     def __enter__(self) -> bool:

@@ -73,8 +73,6 @@ def frames(path: Path) -> Any:
 
 
 class Row(NamedTuple):
-    """A command that writes."""
-
     words: str
     """The command, in a folder with what `prepare` has made."""
     target: str
@@ -118,8 +116,6 @@ EVER = 2**40
 
 
 class End(NamedTuple):
-    """How a command ended."""
-
     signal: int
     code: int = 0
     says: str = ""

@@ -44,7 +44,6 @@ SCENARIOS = {
 
 
 def tasks_of(given, trials: int = 4) -> list[Task]:
-    """Return trials of a sweep, points in turn."""
     found = points(load_scenario(given))
     return [Task(p.number, trial, p.key, p.scenario, False) for trial, p in product(range(trials), found)]
 

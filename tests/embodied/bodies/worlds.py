@@ -1,8 +1,5 @@
 """Worlds without scenarios, and their slow twin: all robots are in pymunk's space, and its own methods move them."""
 
-from collections.abc import Sequence
-from itertools import cycle, islice
-
 import numpy as np
 import pymunk
 
@@ -14,13 +11,14 @@ from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.observers import make_scene
 from epuck_sim.embodied.swarm import offset_of, open_block, poses_of
 from epuck_sim.scenario.embodied import ContactSection
-from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
+from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import RobotGroup
 
 
-def block_of(kinds: Sequence[RobotKind], arena: Arena, physics_hz: int = 100):
+def block_of(robots: int, arena: Arena, physics_hz: int):
     """Return a block with robots at the origin of an arena, and with ten physics steps in a control step."""
-    _, block, swarm = make_scene([RobotGroup(signal={"kind": "radio"}, count=1)] * len(kinds), kinds, arena)
+    groups = [RobotGroup(signal={"kind": "radio"}, count=1)] * robots
+    _, block, swarm = make_scene(groups, [EPUCK] * robots, arena)
     scene = swarm.scene[0]
     scene.physics_steps, scene.physics_s, scene.touch = 10, 1.0 / physics_hz, True
     swarm.robots.present, swarm.robots.wheel_gain = True, 1.0
@@ -30,21 +28,12 @@ def block_of(kinds: Sequence[RobotKind], arena: Arena, physics_hz: int = 100):
 class MovedWorld:
     """A world with robots at given places, for any number of physics steps at a time."""
 
-    def __init__(
-        self,
-        arena: Arena,
-        poses,
-        friction: float = 0.0,
-        physics_hz: int = 100,
-        kinds: Sequence[RobotKind] = (EPUCK,),
-        **how: object,
-    ) -> None:
-        """Begin a trial; kinds: of one robot after the other, and again; how: further fields of `ContactSection`."""
+    def __init__(self, arena: Arena, poses, friction: float = 0.0, physics_hz: int = 100, **how: object) -> None:
+        """Begin a trial; how: further fields of `ContactSection`."""
         places = np.array(poses, float)
-        every = list(islice(cycle(kinds), len(places)))
-        self.block = block_of(every, arena, physics_hz)
+        self.block = block_of(len(places), arena, physics_hz)
         self.swarm = open_block(self.block)
-        self.world = World([arena], every, ContactSection(friction=friction, **how))
+        self.world = World([arena], [EPUCK] * len(places), ContactSection(friction=friction, **how))
         self.world.use(self.block, self.swarm, np.array(self.world.addresses()))
         self.poses[:] = places
         self.world.place()
@@ -62,7 +51,6 @@ class MovedWorld:
 
     @property
     def is_in_space(self):
-        """(robots,) whether each robot is in Chipmunk's space."""
         return self.swarm.robots.in_space
 
     def advance(self, steps: int = 10) -> None:
@@ -72,17 +60,10 @@ class MovedWorld:
 
 
 class FullSpaceWorld:
-    def __init__(
-        self,
-        arena: Arena,
-        poses,
-        friction: float = 0.0,
-        physics_hz: int = 100,
-        kinds: Sequence[RobotKind] = (EPUCK,),
-    ) -> None:
+    def __init__(self, arena: Arena, poses, friction: float = 0.0, physics_hz: int = 100) -> None:
         self.poses = np.array(poses, float)
         self.velocities = np.zeros_like(self.poses)
-        self._bodies = make_bodies(arena, list(islice(cycle(kinds), len(poses))), ContactSection(friction=friction))
+        self._bodies = make_bodies(arena, [EPUCK] * len(poses), ContactSection(friction=friction))
         self._step_s = 1.0 / physics_hz
         self._space = pymunk.Space()
         self._space.collision_slop, self._space.collision_bias = SLOP_CM, 0.0
@@ -100,7 +81,6 @@ class FullSpaceWorld:
 
 
 def advanced(worlds, velocities, steps: int = 10):
-    """Move worlds by some physics steps with the same velocities, and return them."""
     for world in worlds:
         world.velocities[:] = velocities
         world.advance(steps)

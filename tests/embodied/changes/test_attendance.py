@@ -22,8 +22,6 @@ MOVABLES = [{"x_cm": 25, "y_cm": 30, "radius_cm": 3, "mass_kg": 0.05, "friction"
 
 
 class Bodies:
-    """Bodies that only write where robots are."""
-
     def __init__(self, swarm):
         self.robots = swarm.robots
 
@@ -109,26 +107,6 @@ def test_who_is_out_is_as_if_it_did_not_exist(signal, faults, movables):
         assert not any(found[name][:, 4:].any() for name in ("ring_on", "ring_commands", "infrared", "camera"))
         assert (found["distance_mm"][:, 4:] == OUT_OF_RANGE_MM).all()
     assert expected["camera"].any()
-
-
-def test_a_robot_that_leaves_is_seen_and_touched_until_then():
-    robots = [{"poses": [[10, 20, 0], [20, 20, 0]], "controller": "external"}]
-    given = {"robots": robots, "noise": "off", "arena": {"width_cm": 40, "height_cm": 40}}
-    simulation = Simulation({**given, "schedule": [{"at_s": 2, "remove": [1]}]}, 1)
-    simulation.command(12.8, 12.8, ring_on=True)
-    next(simulation)
-    simulation.command([5, 0], [5, 0])
-    met = simulation.advance(19)
-    assert met.present.all()
-    assert met.contacts.tolist() == met.sightings.tolist() == [[0, 1]]
-    before = met.poses[0, 0]
-    simulation.command(9, 9, ring_on=True)
-    alone = simulation.advance(2)
-    assert alone.present.tolist() == [True, False]
-    assert alone.contacts.tolist() == alone.sightings.tolist() == []
-    assert not alone.ring_on[1]
-    assert alone.poses[0, 0] > before + 1
-    assert alone.infrared[0].max() == 0
 
 
 def test_order_counts_those_present():

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.changes import faults
 from epuck_sim.embodied.changes.faults import (
     LOGGED_STEPS,
     change_faults,
@@ -21,7 +20,7 @@ from epuck_sim.embodied.changes.faults import (
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
-from epuck_sim.scenario.changes import FAULTS, TrialEvent
+from epuck_sim.scenario.changes import TrialEvent
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util.rng import next_word, uniform
@@ -36,7 +35,6 @@ def with_fault(kind, **keys):
 
 
 def faulty_block(faults, robots, seed):
-    """Return a block of robots that begin a trial with faults."""
     size = {"width_cm": 500, "height_cm": 500}
     scenario = load_scenario({"faults": faults, "robots": [{"count": robots}], "arena": size})
     lengths = {"robots": robots, "faults": len(faults), "affected": len(faults) * robots, "numbers": 2 * robots}
@@ -49,7 +47,6 @@ def faulty_block(faults, robots, seed):
 
 
 def active_over(fault, steps, robots=10, seed=3):
-    """Return (steps, robots) whether robots have a fault."""
     block = faulty_block([fault], robots, seed)
     swarm, found = open_block(block), np.empty((steps, robots), bool)
     for step in range(steps):
@@ -57,10 +54,6 @@ def active_over(fault, steps, robots=10, seed=3):
         change_faults(block, NOWHERE, 0)
         found[step] = swarm.affected.is_active
     return found
-
-
-def test_every_kind_has_a_number():
-    assert [getattr(faults, kind.upper()) for kind in FAULTS] == list(range(len(FAULTS)))
 
 
 @given(st.integers(0, 200), st.integers(1, 200), st.sets(st.integers(0, 9), min_size=1))

@@ -55,7 +55,6 @@ def simulate(path: Path, interpret: bool, **changes) -> Simulation:
 
 
 def twins(path: Path, interpret: bool, steps: int) -> tuple[Simulation, Simulation]:
-    """Return two simulations that are equal after some steps."""
     simulation, twin = simulate(path, interpret), simulate(path, interpret)
     for each in (simulation, twin):
         each.advance(steps)

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.arena import make_arena
 from epuck_sim.arrays import IntArray
 from epuck_sim.embodied.sensors.camera import add_reflections, look
 from epuck_sim.embodied.simulation import Simulation
@@ -20,26 +19,20 @@ from tests.embodied.scenes import (
     Scene,
     block_of,
     camera_settings,
+    empty_arena,
     rows,
     scenes,
     slow_rows,
 )
 
-SIDE = 200.0
 FAR = 10_000.0
-MIRRORS = CameraSettings(reflection_range_cm=FAR)
 
 
-def mirrored_rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> IntArray:
-    block = block_of(scene, camera, observer)
+def mirrored_rows(scene: Scene, camera: CameraSettings) -> IntArray:
+    block = block_of(scene, camera)
     look(block.bytes, ADDRESSES, 0)
     add_reflections(block.bytes, ADDRESSES, 0)
     return block.swarm.pixels.reshape(-1, camera.pixels)
-
-
-def seen_by_first(poses, lit, camera: CameraSettings = MIRRORS, obstacles=((), ()), side: float = SIDE) -> list[int]:
-    scene = Scene(np.array(poses, float), np.array(lit, bool), make_arena(side, side, *obstacles))
-    return mirrored_rows(scene, camera)[0].tolist()
 
 
 def test_rows_are_those_of_the_slow_twin() -> None:
@@ -67,9 +60,10 @@ def test_rows_are_those_of_the_slow_twin() -> None:
 @pytest.mark.parametrize("beyond_cm", [0.0, 0.03])
 @pytest.mark.parametrize("others_are_lit", [False, True])
 def test_a_robot_that_presses_its_nose_against_a_wall_sees_its_own_ring_at_most(beyond_cm, others_are_lit):
-    poses = [(SIDE - RADIUS_CM + beyond_cm, 100.0, 0.0), (150.0, 100.0, 0.0), (170.0, 120.0, 0.0)]
+    poses = np.array([(200 - RADIUS_CM + beyond_cm, 100.0, 0.0), (150.0, 100.0, 0.0), (170.0, 120.0, 0.0)])
     for own in (False, True):
-        assert seen_by_first(poses, [own, others_are_lit, others_are_lit]) == [int(own)] * 60
+        scene = Scene(poses, np.array([own, others_are_lit, others_are_lit]), empty_arena())
+        assert mirrored_rows(scene, CameraSettings(reflection_range_cm=FAR))[0].tolist() == [int(own)] * 60
 
 
 def facing_a_wall(range_cm=200, **keys):
