@@ -100,10 +100,15 @@ class Table(NamedTuple):
         return [*self.columns][len(COLUMNS) :]
 
 
+def table_file(sweep: str) -> Path:
+    """Return the file of the table of a sweep."""
+    return TABLES / f"{sweep}.csv.gz"
+
+
 @cache
 def read_table(sweep: str) -> Table:
     """Return the table of a sweep."""
-    with gzip.open(TABLES / f"{sweep}.csv.gz", "rt", encoding="utf-8", newline="") as file:
+    with gzip.open(table_file(sweep), "rt", encoding="utf-8", newline="") as file:
         names, *rows = csv.reader(file)
     columns = dict(zip(names, zip(*rows, strict=True), strict=True))
     return Table(
@@ -142,7 +147,7 @@ def write_table(
     writer.writerow([*COLUMNS, *columns])
     for ends, *values in zip(_ends(stored, swept), *columns.values(), strict=True):
         writer.writerow([*ends, *map(json.dumps, values)])
-    with atomic_write(TABLES / f"{sweep}.csv.gz") as part:
+    with atomic_write(table_file(sweep)) as part:
         part.write_bytes(gzip.compress(text.getvalue().encode(), mtime=0))
 
 

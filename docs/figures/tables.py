@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from docs.trials import read_table, write_table
+from docs.trials import read_table, table_file, write_table
 from epuck_sim import Scenario, load_scenario, points, read_points, run_sweep
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.reader import measures_in
@@ -87,10 +87,10 @@ def restore(name: str, scenario: Scenario, folder: Path) -> None:
 
 
 def main(*arguments: str) -> None:
-    """Fill run folders from tables; with `--run` run what is missing in them, and write the tables."""
+    """Fill run folders from tables; with `--run`, and where there is no table, run what is missing and write it."""
     folder = Path(arguments[-1])
     for name, scenario in sweeps().items():
-        if "--run" in arguments:
+        if "--run" in arguments or not table_file(f"{TABLES}/{name}").exists():
             run_sweep(scenario, folder / name)
             write(name, scenario, folder / name)
         else:
