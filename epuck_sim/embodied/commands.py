@@ -23,7 +23,7 @@ class Commands:
 
     def __init__(self, controllers: Sequence[Controller], block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
         """Find the robots that are commanded from outside, in groups with these controllers."""
-        self._block, self._addresses = block, addresses
+        self.memory = block, addresses  # of the swarm, and of what it calls
         external = {part: [part in each.external for each in controllers] for part in EXTERNAL}
         self.robots = {part: np.flatnonzero(np.repeat(each, swarm.groups["count"])) for part, each in external.items()}
         actuators = swarm.robots["actuators"].view(np.ndarray)
@@ -37,7 +37,7 @@ class Commands:
             if values is not None:
                 actuators, robots = self._targets[name]
                 actuators[robots] = values
-        act_again(self._block, self._addresses)
+        act_again(*self.memory)
 
     def check(self, **given: npt.ArrayLike | None) -> None:
         """Raise ValueError for commands that robots cannot be given, or for none; see `Simulation.command`."""

@@ -19,7 +19,7 @@ from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.sensors.radio import receive_pulses
 from epuck_sim.embodied.start import draw_noise
-from epuck_sim.embodied.swarm import FLOAT64, HIDE, INT64, Swarm, swarm_at
+from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, Swarm, copy_array, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.elementary import log
@@ -27,8 +27,8 @@ from epuck_sim.util.jit import bind, jit_no_alloc
 from epuck_sim.util.native import address_of, array_at, call
 from epuck_sim.util.rng import uniform
 
-DONE, FIRED = -1, -2
-"""What `take_steps` returns: all is well, and the reference does not, or does, fire in the last step."""
+DONE, FIRED, AT_WORK = -1, -2, -3
+"""What `take_steps` returns: all is well, and the reference does not, or does, fire at the end; and nothing yet."""
 
 
 @jit_no_alloc
@@ -139,6 +139,29 @@ def act_again(block: ByteArray, addresses: IntArray) -> None:
     if scene.step >= 0:  # before, nobody can act
         apply_commands(swarm)
         make_calls(block, addresses, scene.late, scene.calls)
+
+
+@jit_no_alloc
+def act_together(
+    block: ByteArray, addresses: IntArray, places: IntArray, copies: ByteArray, outcomes: IntArray, steps: int
+) -> None:
+    """Have the swarms whose outcome is `AT_WORK` take steps, until their references fire, and write what comes out.
+
+    Each first does what actuators say in its row of copies, which are of the beginnings of blocks, and is copied then.
+    Places are those of its block and its addresses, in bytes from those of the first swarm, which are given.
+    """
+    for swarm in range(len(places)):
+        if outcomes[swarm] != AT_WORK:
+            continue
+        own = array_at(block, places[swarm, 0], places[swarm, 0] + len(block), BYTE)
+        calls = array_at(addresses, places[swarm, 1], places[swarm, 1] + 8 * len(addresses), INT64)
+        copy = array_at(copies, swarm * copies.shape[1], (swarm + 1) * copies.shape[1], BYTE)
+        robots, commanded = swarm_at(own).robots, swarm_at(copy).robots
+        for number in range(len(robots)):
+            robots[number].actuators = commanded[number].actuators
+        act_again(own, calls)
+        outcomes[swarm] = take_steps(own, calls, steps, True)
+        copy_array(array_at(own, 0, len(copy), INT64), array_at(copy, 0, len(copy), INT64))
 
 
 def plan_calls(

@@ -210,7 +210,7 @@ class Simulation:
             try:
                 group.run(block, addresses, number)  # which starts all, as the template says
             except BaseException as error:  # whatever a user's controller may raise
-                raise self._located(error) from error
+                raise self.located(error) from error
             for name, value in section.memory.items():
                 group.memory[name] = value
         self._starts[0] = False
@@ -336,7 +336,11 @@ class Simulation:
         try:
             outcome = self._loop.take(steps, until_firing=until_firing) if history is None else history.take(steps)
         except BaseException as error:  # whatever a user's controller may raise
-            raise self._located(error) from error
+            raise self.located(error) from error
+        self.conclude(outcome)
+
+    def conclude(self, outcome: int) -> None:
+        """Take note of what `take_steps` has returned; a robot whose controller commands no numbers is named."""
         self.is_firing = outcome == FIRED
         if outcome >= 0:
             controller = next(group.controller for group in self._groups if outcome < group.robots.stop)
@@ -346,7 +350,7 @@ class Simulation:
         if self.scenario.faults:
             self.events += take_events(self._swarm)
 
-    def _located(self, error: BaseException) -> BaseException:
+    def located(self, error: BaseException) -> BaseException:
         """Return the error of a controller with its location; any other error as it is."""
         for code in (*self._sensors, *self._groups):
             if fault := code.fault(error):

@@ -72,8 +72,8 @@ class Step(NamedTuple):
         for robots, records in self.sensed:
             for name in records.dtype.names or ():
                 values = records[name]
-                everyone = found.setdefault(name, np.full((len(self.poses), *values.shape[1:]), np.nan))
-                everyone[robots] = values
+                shape = *self.present.shape, *values.shape[records.ndim :]
+                found.setdefault(name, np.full(shape, np.nan))[(slice(None),) * (records.ndim - 1) + (robots,)] = values
         return found
 
     @property
@@ -175,12 +175,12 @@ def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def memory_values(memories: Sequence[npt.NDArray[Any]], field: str) -> FloatArray:
-    """Return (robots,) a copy of a field of all groups' memories; NaN for robots that have no such field."""
+    """Return (..., robots) a copy of a field of all groups' memories; NaN for robots that have no such field."""
     parts = [
-        np.array(memory[field], float) if field in (memory.dtype.names or ()) else np.full(len(memory), np.nan)
+        np.array(memory[field], float) if field in (memory.dtype.names or ()) else np.full(memory.shape, np.nan)
         for memory in memories
     ]
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)  # a concatenation takes as long as all else
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)  # a concatenation takes as long as all else
 
 
 READING = "sensors."

@@ -1,6 +1,6 @@
 """All robots of many swarms as one Gymnasium vector environment: one policy for all, evaluated on all at once.
 
-Swarms take their steps together, on threads: compiled steps run side by side.
+Compiled code takes the steps of all in one call, or of those of a thread in one for each.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,12 +13,14 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+from epuck_sim.embodied.loop import AT_WORK, DONE, act_together
 from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
+from epuck_sim.embodied.swarm import PIXELS
 from epuck_sim.environments.rewards import Situation, SituationFunction, find_reward, order_of
-from epuck_sim.environments.spaces import AgentSpaces, Commanded, gather
+from epuck_sim.environments.spaces import AgentSpaces
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import arena_entries
 from epuck_sim.scenario.scenario import Scenario
@@ -108,17 +110,35 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self._scene = make_scene(first.scenario.robots, first.scenario.group_kinds, first.scenario.arena.build())
         self._oscillators_exist = not np.isnan(first.period_ms).all()
         self.control_steps = whole("control_steps", control_steps)
+        self._arrange()
         if not isinstance(episode_s, int | float | np.number) or not episode_s >= first.step_s:
             raise ValueError(f"episode_s is {episode_s!r}; allowed: at least a control step, {first.step_s:g} s")
         self._last_step = episode_s / first.step_s - 1e-6  # 6 s are 60 steps, however 0.1 s is rounded
         master = first.seed if seed is None else whole("seed", seed, 0)
         self._masters = [master + swarm for swarm in range(self.swarms)]
         self._episodes = [-1] * self.swarms
-        self._steps: dict[int, Step] = {}
         self._watches: dict[int, SynchronyWatch] = {}
         self._is_over = np.ones(self.swarms, np.bool_)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self._shares = [range(share, self.swarms, threads) for share in range(min(threads, self.swarms))]
+
+    def _arrange(self) -> None:
+        """Find all swarms in memory, for compiled code, and make copies of them side by side."""
+        step = self.simulations[0].last_step
+        swarm, scenario = step.scene.swarm, self.simulations[0].scenario
+        needs_python = scenario.schedule or scenario.faults or swarm.scene[0].moved_publicly
+        self._steps_together = 0 if needs_python else self.control_steps
+        self._memories = [simulation.commands.memory for simulation in self.simulations]
+        places = np.array([[each.ctypes.data for each in memory] for memory in self._memories])
+        self._copies = np.array([block[: swarm.scene[0].at[PIXELS + 1]] for block, _ in self._memories])
+        self._places, shown = places - places[0], (swarm.scene["step"], swarm.robots["actuators"], tuple(step))
+        numbers, self._actuators, beside = _side_by_side(shown, self._memories[0][0], self._copies)
+        self._numbers, self._step = numbers[:, 0], Step._make(beside)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take the state of another one, whose swarms are elsewhere in memory."""
+        vars(self).update(state)
+        self._arrange()
 
     def reset(
         self,
@@ -148,8 +168,8 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             self._episodes[swarm] += 1
             simulation.reset(trial_seed(self._masters[swarm], self._episodes[swarm]))
             self._watches[swarm] = SynchronyWatch(simulation)
-            self._steps[swarm] = step = next(simulation)
-            self._watches[swarm].look(step)
+            self._watches[swarm].look(next(simulation))
+            self._copies[swarm] = self._memories[swarm][0][: self._copies.shape[1]]
 
     def step(self, actions: npt.ArrayLike) -> tuple[Float32Array, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
         """Have all robots act; those of swarms whose episodes are over begin a new one instead.
@@ -162,75 +182,81 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
             of one for each agent.
 
         Raises:
-            ValueError: `reset` was not called, or actions are not of the action space.
+            ValueError: `reset` was not called, a controller was replaced, or actions are not of the action space.
         """
         self._check_begun()
+        if any(each.commands.memory is not known for each, known in zip(self.simulations, self._memories, strict=True)):
+            raise ValueError("robots have got another controller since the environment was made; make another one")
         given = np.asarray(actions)
         if given.shape[:1] != (self.num_envs,):
             raise ValueError(f"actions have the shape {given.shape}; allowed: {self.num_envs} rows, one for each agent")
         resting = self._is_over.copy()
-        commanded = self.spaces.command(given.reshape(self.swarms, self.agents, *given.shape[1:]))
+        self.spaces.command(given.reshape(self.swarms, self.agents, *given.shape[1:]), self._actuators)
         shares = [[swarm for swarm in share if not resting[swarm]] for share in self._shares]
         if self._pool is None:
-            self._advance(shares[0], commanded)
+            self._advance(shares[0])
         else:
-            for done in [self._pool.submit(self._advance, share, commanded) for share in shares]:
+            for done in [self._pool.submit(self._advance, share) for share in shares]:
                 done.result()
         self._begin(np.flatnonzero(resting).tolist())
         situation = self.look()
-        rewards = _for_each_robot("reward", self._reward(situation), situation)[:, self.spaces.robots]
+        rewards = _for_each_robot("reward", self._reward(situation), situation)[:, self.spaces.chosen]
         terminated = np.zeros(self.swarms, np.bool_)
         if self._terminate is not None:
             terminated[:] = self._terminate(situation)
         terminated &= ~resting
-        truncated = np.array([step.number >= self._last_step for step in self._steps.values()]) & ~resting
+        truncated = (self._numbers >= self._last_step) & ~resting
         self._is_over = terminated | truncated
         flags = np.repeat(terminated, self.agents), np.repeat(truncated, self.agents)
         rewards = np.where(resting[:, None], 0.0, rewards)
         return self._observe(situation), rewards.ravel(), *flags, self._infos(situation)
 
-    def _advance(self, swarms: Sequence[int], commanded: Commanded) -> None:
-        wheels, rings = commanded
-        for swarm in swarms:
-            simulation = self.simulations[swarm]
-            left, right = (None, None) if wheels is None else wheels[swarm].T
-            rings_on = None if rings is None else rings[swarm]
-            simulation.commands.carry_out(left_cm_s=left, right_cm_s=right, ring_on=rings_on)
-            watch, end = self._watches[swarm], simulation.steps + self.control_steps
-            while simulation.steps < end:
-                step = simulation.advance(end - simulation.steps, until_firing=watch.measures)
+    def _advance(self, swarms: Sequence[int]) -> None:
+        """Have the robots of these swarms act, and take the steps for which actions hold."""
+        ends, outcomes = self._numbers + (1 + self.control_steps), np.full(self.swarms, DONE)
+        outcomes[swarms] = AT_WORK
+        try:
+            act_together(*self._memories[0], self._places, self._copies, outcomes, self._steps_together)
+        except BaseException as error:  # whatever a user's controller may raise
+            raise self.simulations[int(outcomes.argmin())].located(error) from error
+        for swarm, outcome in zip(swarms, outcomes[swarms].tolist(), strict=True):
+            simulation, watch = self.simulations[swarm], self._watches[swarm]
+            simulation.conclude(outcome)
+            if simulation.is_firing:
+                watch.look(simulation.last_step)
+            elif self._steps_together:
+                continue
+            while simulation.steps < ends[swarm]:
+                step = simulation.advance(int(ends[swarm]) - simulation.steps, until_firing=True)
                 watch.look(step, may_fire=simulation.is_firing)
-            self._steps[swarm] = step
+            self._copies[swarm] = self._memories[swarm][0][: self._copies.shape[1]]
 
     def _check_begun(self) -> None:
-        if len(self._steps) < self.swarms:
+        if len(self._watches) < self.swarms:
             raise ValueError("no episode has begun; call reset()")
 
     def look(self) -> Situation:
         """Return where all robots are and what they do."""
         self._check_begun()
-        arena, steps = self.simulations[0].scenario.arena, list(self._steps.values())
-        ring_on = gather([step.ring_on for step in steps])
-        phase = np.full(ring_on.shape, np.nan)
-        if self._oscillators_exist:
-            phase = gather([step.phase_ms for step in steps]) / self.simulations[0].period_ms
+        first, step = self.simulations[0], self._step
+        copied = {name: getattr(step, name).copy() for name in ("poses", "wheels_cm_s", "ring_on", "movables")}
         return Situation(
-            time_s=np.array([step.time_s for step in steps]),
-            poses=gather([step.poses for step in steps]),
-            wheels_cm_s=gather([step.wheels_cm_s for step in steps]),
-            ring_on=ring_on,
-            phase=phase,
-            width_cm=arena.width_cm,
-            height_cm=arena.height_cm,
-            movables=gather([step.movables for step in steps]),
+            time_s=self._numbers * first.scenario.timing.step_ms / 1000,
+            phase=step.phase_ms / first.period_ms if self._oscillators_exist else np.full(step.ring_on.shape, np.nan),
+            width_cm=first.scenario.arena.width_cm,
+            height_cm=first.scenario.arena.height_cm,
+            **copied,
         )
 
     def _observe(self, situation: Situation) -> Float32Array:
-        return self.spaces.observe(situation, list(self._steps.values())).reshape(self.num_envs, -1)
+        camera = self._step.camera
+        if camera.ndim == 2:  # as rows differ in length, those that steps show are padded copies
+            camera = np.stack([simulation.last_step.camera for simulation in self.simulations])
+        return self.spaces.observe(situation, self._step, camera).reshape(self.num_envs, -1)
 
     def _infos(self, situation: Situation) -> dict[str, Any]:
         """Return infos as Gymnasium has them of vectors: an array by each key, and which agents it tells of."""
-        found: dict[str, npt.NDArray[Any]] = {"contacts": self._contacts(situation)[:, self.spaces.robots]}
+        found: dict[str, npt.NDArray[Any]] = {"contacts": self._contacts(situation)[:, self.spaces.chosen]}
         if self._oscillators_exist:
             found["order_parameter"] = order_of(situation.phase)
         watches = self._watches.values()
@@ -243,7 +269,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
     def _contacts(self, situation: Situation) -> IntArray:
         """Return (swarms, robots) how many robots, walls and other things each robot touches."""
         if situation.movables.size:
-            pairs = [step.contacts for step in self._steps.values()]
+            pairs = [simulation.last_step.contacts for simulation in self.simulations]
             touching = np.column_stack([np.repeat(range(len(pairs)), list(map(len, pairs))), np.concatenate(pairs)])
         else:  # swarms differ in poses alone, and are looked at together
             touching = find_contacts(self._scene, situation.poses)[0]
@@ -256,6 +282,16 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         """End the threads."""
         if self._pool is not None:
             self._pool.shutdown()
+
+
+def _side_by_side(value: Any, block: ByteArray, copies: ByteArray) -> Any:
+    """Return what an array of a block, or each of a tuple, is in copies of the block; what is not in it as it is."""
+    if type(value) is tuple:
+        return tuple(_side_by_side(each, block, copies) for each in value)
+    first = value.ctypes.data - block.ctypes.data if isinstance(value, np.ndarray) else -1
+    if not 0 <= first < len(block):
+        return value
+    return np.ndarray((len(copies), *value.shape), value.dtype, copies, first, (copies.strides[0], *value.strides))
 
 
 def _seeds_from(seed: int | Sequence[int | None] | None, swarms: int) -> Sequence[int | None]:
@@ -288,4 +324,4 @@ def _for_each_robot(name: str, values: npt.ArrayLike, situation: Situation) -> F
             f"{name} returned {'NaN' if np.isnan(given).any() else f'the shape {given.shape}'}; allowed: numbers of "
             f"the shape {shape[:1]}, one for each swarm, or {shape}, one for each robot"
         )
-    return given if given.shape == shape else np.broadcast_to(given[:, None], shape)
+    return given if given.shape == shape else np.repeat(given, shape[1]).reshape(shape)

@@ -1,10 +1,14 @@
 """Claims about the vector environment: swarms in a batch do what they do alone, on any number of threads."""
 
+import pickle
+
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
+from epuck_sim import Simulation
+from epuck_sim.control.loader import find_controller
 from epuck_sim.environments import parallel_env, vector_env
 from epuck_sim.errors import ControllerError, ScenarioError
 
@@ -49,6 +53,42 @@ def test_each_swarm_does_what_it_does_alone_to_the_bit(threads):
     batch.close()
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"schedule": [{"at_s": 0.5, "set": {"robots.1.parameters.speed_cm_s": 1.0}}]},
+        {"faults": [{"kind": "ring_dead", "share": 0.5, "at_s": 0.5}]},
+        {"robots": [{**SWARM["robots"][0], "camera": {"pixels": 20}}, {"count": 2}]},
+    ],
+)
+def test_swarms_do_what_simulations_do(changes):
+    """Where Python has a part in steps, and where compiled code takes all of them."""
+    batch = vector_env({**SWARM, **changes}, 3, seed=7, control_steps=3)
+    rows, _ = batch.reset()
+    alone = [Simulation({**SWARM, **changes}, each.seed) for each in batch.simulations]
+    steps = [next(each) for each in alone]
+    for _ in range(10):
+        camera = np.concatenate([step.camera[:3] for step in steps])
+        np.testing.assert_array_equal(rows[:, batch.observation_fields["camera"]], camera)
+        np.testing.assert_array_equal(batch.look().poses, [step.poses for step in steps])
+        actions = policy(rows)
+        rows, *_ = batch.step(actions)
+        for each, (left, right, ring) in zip(alone, actions.reshape(3, 3, 3).transpose(0, 2, 1), strict=True):
+            each.command(*(12.8 * np.array([left, right], float)), ring > 0)
+        steps = [each.advance(3) for each in alone]
+
+
+def test_a_copy_steps_swarms_of_its_own():
+    batch = vector_env(SWARM, 2, seed=7)
+    copy = pickle.loads(pickle.dumps(batch))
+    rows, _ = copy.reset()
+    np.testing.assert_array_equal(batch.reset()[0], rows)
+    later = [copy.step(policy(rows))[0] for _ in range(3)][-1]
+    assert [each.steps for each in batch.simulations] == [1, 1]
+    np.testing.assert_array_equal([batch.step(policy(rows))[0] for _ in range(3)][-1], later)
+
+
 def test_resets_take_one_seed_or_one_for_each_swarm():
     batch = vector_env(SWARM, 3)
     rows, _ = batch.reset(seed=5)
@@ -75,6 +115,14 @@ def test_actions_are_needed_for_each_agent_of_an_episode_that_has_begun():
         with pytest.raises(ValueError, match=message):
             batch.step(np.zeros((5, 3)))
         batch.reset()
+
+
+def test_no_step_is_taken_with_a_controller_that_was_replaced():
+    batch = vector_env(SWARM, 2)
+    batch.reset()
+    batch.simulations[1].replace_controller(1, find_controller("firefly"))
+    with pytest.raises(ValueError, match="have got another controller"):
+        batch.step(np.zeros((6, 3)))
 
 
 def test_an_error_of_a_controller_in_a_thread_reaches_the_caller(tmp_path):
