@@ -26,8 +26,8 @@ def check(parameters):
         raise ValueError(f"period_s is {parameters.period_s}; allowed: 0.001 to 86400")
     if abs(whole_ms(parameters.period_s) - parameters.period_s * 1000) > 1e-3:
         raise ValueError(f"period_s is {parameters.period_s}; allowed: whole milliseconds")
-    if not 0.000001 <= parameters.coupling <= 10:
-        raise ValueError(f"coupling is {parameters.coupling}; allowed: 0.000001 to 10")
+    if parameters.coupling != 0 and not 0.000001 <= parameters.coupling <= 10:
+        raise ValueError(f"coupling is {parameters.coupling}; allowed: 0, or 0.000001 to 10")
     if not 0 <= parameters.refractory_fraction < 1:
         raise ValueError(f"refractory_fraction is {parameters.refractory_fraction}; allowed: 0 to below 1")
     if not 0 <= parameters.flash_fraction <= parameters.refractory_fraction:

@@ -42,6 +42,8 @@ DIMMER = 0.8  # light of a mirror image, relative to that of its robot, at most
 STRAIGHT_CM = 1.0  # distance aside of a mirror image from the line across the wall through its robot
 COMMON_IMAGES = 0.1  # share of all flashes that look like mirror images from which it is not chance
 USUAL_PERIODS_S = (0.3, 60.0)  # bounds of periods in which robots are seen to flash; thesis 4.2.1 has 5 s
+ENOUGH_RECURRENCES = 4  # times that the swarm flashes together from which their distance tells of the period
+OTHER_PERIOD = 0.05  # relative difference from it from which the given period is doubtful; clocks differ by less
 ENOUGH_PERIODS = 3.5  # periods in a film below which the estimated period may be wrong
 WRONG_SIZE = 0.08  # relative error of the rings' size from which the scale is doubtful; blur and haze give half of it
 TILTED_DEG = 3.0  # tilt of a camera from which positions are doubtful if no corners are given
@@ -134,9 +136,10 @@ def objections(evidence: Evidence) -> list[str]:
             return [f"no whole period of {period_s:.4g} s was seen; check --period-s, or film for longer"]
         near = order_at_end(evidence.flashes.onset_s, period_s, evidence.span_s[1], evidence.swarm)
         if near >= NEAR_ORDER:
+            least = math.floor(100 * near) / 100
             found.append(
-                f"the film ends too early to tell: at its last flashes the order parameter is {near:.2f} or more; film "
-                f"for a period of {period_s:.4g} s longer (`run` does with stop.further_cycles=2)"
+                f"the film ends too early to tell: at its last flashes the order parameter is at least {least:.2f}; "
+                f"film for a period of {period_s:.4g} s longer (`run` does with stop.further_cycles=2)"
             )
     return found + _about_light(evidence)
 
@@ -327,6 +330,15 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
         found.append(
             f"the period is estimated, and robots hardly flash every {period_s:.3g} s; check --fps, or give --period-s"
         )
+    if evidence.period_is_given and evidence.in_order_s is not None:
+        onsets_s = evidence.flashes.onset_s[evidence.flashes.onset_s >= evidence.in_order_s]
+        together_s = onsets_s[np.diff(onsets_s, prepend=-math.inf) > period_s / 4]
+        recurrence_s = float(np.median(np.diff(together_s))) if len(together_s) >= ENOUGH_RECURRENCES else period_s
+        if abs(recurrence_s / period_s - 1) > OTHER_PERIOD:
+            found.append(
+                f"the synchronised swarm flashes every {recurrence_s:.3g} s, not every {period_s:.4g} s: "
+                "check --period-s and --fps"
+            )
     if may_be_half_a_period(evidence):
         found.append(
             f"the period is estimated; {2 * period_s:.4g} s fit as well, if two groups flash in turn, and robots move "

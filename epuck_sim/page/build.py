@@ -5,6 +5,7 @@ the LLVM that numba brings, without fast-math: each number is the program's, to 
 """
 
 import gzip
+import re
 import subprocess
 import sys
 import tarfile
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import get_args
 
 from epuck_sim.embodied.bodies.chipmunk import FUNCTIONS
+from epuck_sim.errors import ScenarioError
 from epuck_sim.page.kernels import FOLDER, Model
 from epuck_sim.page.roots import Root, digest_kernels, roots
 from epuck_sim.util.machine import in_bytes
@@ -55,8 +57,20 @@ def link(kernels: bytes, names: Iterable[str], folder: Path, *sources: object) -
     made.write_bytes(kernels)
     exports = (f"-Wl,--export={name}" for name in names)
     command = [sys.executable, "-m", "ziglang", "cc", *LINKING, made, SHIM, *sources, *exports, "-o", linked]
-    subprocess.run(list(map(str, command)), check=True)
+    done = subprocess.run(list(map(str, command)), stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        raise ScenarioError(_why_not(done.stderr))
     return linked.read_bytes()
+
+
+def _why_not(said: str) -> str:
+    lacking = sorted(set(re.findall(r"undefined symbol: (\w+)", said)))
+    if not lacking:
+        return f"ziglang cannot link the page: {said.strip()}"
+    return (
+        f"code in a file calls what pages do not have ({', '.join(lacking)}), such as new arrays or lists; "
+        "`epuck-sim run` does"
+    )
 
 
 def chipmunk_sources(folder: Path) -> list[object]:

@@ -24,6 +24,16 @@ void *NRT_MemInfo_alloc_aligned(int64_t size, int32_t alignment) {
 
 void NRT_MemInfo_call_dtor(void *array) { free(array); }
 
+/* Whether an array's elements are evenly spaced, so that it has another shape where it is; `min` and `max` ask so. */
+int32_t numba_attempt_nocopy_reshape(int64_t axes, const int64_t *sizes, const int64_t *strides, int64_t new_axes,
+                                     const int64_t *new_sizes, int64_t *new_strides, int64_t bytes, int32_t is_fortran) {
+    int64_t stride = axes ? strides[axes - 1] : bytes, next = stride;
+    for (int64_t axis = axes; axis-- > 0; next *= sizes[axis])
+        if (is_fortran || strides[axis] != next) return 0;
+    for (int64_t axis = new_axes; axis-- > 0; stride *= new_sizes[axis]) new_strides[axis] = stride;
+    return 1;
+}
+
 /* --- what numba calls for a number's mantissa and exponent --------------------------------------------- */
 
 double numba_ldexp(double number, int exponent) { return ldexp(number, exponent); }

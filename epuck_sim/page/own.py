@@ -68,7 +68,7 @@ def compile_own(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
     """Return the module of a scenario's own files, gzipped; nothing if there are none.
 
     Raises:
-        ScenarioError: ziglang is not installed.
+        ScenarioError: ziglang is not installed, or a file calls what pages do not have.
         ControllerError: A controller or a sensor cannot be compiled.
         CurveError: A response curve cannot be compiled.
     """

@@ -1,6 +1,7 @@
 """What a page needs to know of a scenario of robots: blocks as the program makes them, and where things stand there."""
 
 import base64
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -32,7 +33,7 @@ VIEWS_DEG = (20, 30, 40, 56, 70, 90, 120, 150, 180, 240, 300, 360)
 
 PARAMETERS: Mapping[str, tuple[str, str, tuple[Any, ...]]] = {
     "speed_cm_s": ("speed", "cm/s", stops(0.1, 12.8)),
-    "coupling": ("coupling", "", stops(0.01, 1, step=0.01)),
+    "coupling": ("coupling", "", stops(0, 1, step=0.01)),
     "period_s": ("period", "s", stops(1, 10, step=0.5)),
     "refractory_fraction": ("refractory, share of the period", "", stops(0, 0.6, step=0.01)),
 }
@@ -181,7 +182,9 @@ def robots_settings(scenario: EmbodiedScenario, thesis: EmbodiedScenario) -> lis
         own, of_base = group.parameters.get(name), base.parameters.get(name)
         if isinstance(own, float):
             least = group.parameters.get("flash_fraction", 0.0) if name == "refractory_fraction" else 0.0
-            values = tuple(sorted(value for value in {*found, own, of_base} if value is not None and value >= least))
+            most = scenario.group_kinds[0].wheel_limit_cm_s if name == "speed_cm_s" else math.inf
+            fitting = {value for value in (*found, of_base) if value is not None and least <= value <= most}
+            values = tuple(sorted({own, *fitting}))
             settings.append(Setting(f"robots.0.parameters.{name}", label, unit, values, own, of_base))
     if group.signal.kind == "camera":
         view, of_base = group.camera.field_of_view_deg, base.camera.field_of_view_deg

@@ -32,14 +32,14 @@ def stops(low: float, high: float, *, step: float = 0.0, also: Iterable[float] =
 
     >>> stops(1, 4, step=1, also=[2.5])
     (1, 2, 2.5, 3, 4)
-    >>> stops(1, 1.4)
-    (1, 1.1, 1.3, 1.4)
+    >>> stops(1, 1.35)
+    (1, 1.1, 1.3, 1.35)
     """
     if step:
         found = [low + step * number for number in range(round((high - low) / step) + 1)]
     else:
         found = [low * 10 ** (number / 20) for number in range(math.floor(20 * math.log10(high / low)) + 1)]
-        found = [float(f"{value:.2g}") for value in found] + [high]
+        found = [min(float(f"{value:.2g}"), high) for value in found] + [high]
     rounded = [float(f"{value:.10g}") for value in found]
     numbers: set[float] = {int(value) if value.is_integer() else value for value in rounded}
     return tuple(sorted(numbers.union(also)))

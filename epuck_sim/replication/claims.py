@@ -259,6 +259,8 @@ def _message(path: Path, given: Any, error: ValidationError) -> str:
     what = detail["msg"].removeprefix("Value error, ")
     if detail["type"] == "extra_forbidden":
         what = f"unknown key {location[-1]!r}"
-    elif detail["type"] not in ("missing", "value_error"):
+    elif detail["type"] == "missing":
+        what = "is missing"
+    elif detail["type"] != "value_error":
         what = f"is {short_repr(detail['input'])}; {what[0].lower()}{what[1:]}"
     return ": ".join(part for part in (str(path), ".".join(map(str, location)), what) if part)

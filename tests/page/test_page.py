@@ -232,6 +232,24 @@ def test_a_link_brings_values_and_seed_back(opened) -> None:
 
 
 @needs_browser
+def test_robots_that_do_not_fit_are_said_and_the_page_goes_on(opened) -> None:
+    browser = opened("thesis")
+    browser.run("page.change({'robots.0.count': 50, 'arena.width_cm': 30})")
+    assert "do not fit" in browser.run(
+        "page.picture(performance.now()), document.getElementById('trouble').textContent"
+    )
+    browser.run("page.change({...page.data.values}), page.advance(1)")
+    assert browser.run("document.getElementById('trouble').hidden")
+
+
+@pytest.mark.parametrize(("scenario", "limit"), [("thesis", 12.8), ("kilobots", 1.0)])
+def test_no_speed_is_beyond_what_wheels_can(scenario: str, limit: float) -> None:
+    stops = page_data(load_scenario(scenario), scenario)["speed"]["stops"]
+    assert max(stops) == limit
+    assert len(set(stops)) == len(stops)
+
+
+@needs_browser
 def test_a_push_and_a_drag_change_the_swarm(opened) -> None:
     for name in ("particles", "thesis"):
         browser = opened(name)

@@ -55,8 +55,9 @@ class Page {
   /** Begin a trial with the present values and seed. */
   begin() {
     try {
-      if (!this.swarm || this.swarm.values !== this.values) this.swarm = makeSwarm(this.modules, this.data.facts, this.values);
-      this.swarm.reset(this.seed);
+      const swarm = this.swarm?.values === this.values ? this.swarm : makeSwarm(this.modules, this.data.facts, this.values);
+      swarm.reset(this.seed);
+      this.swarm = swarm;
       find("trouble").hidden = true;
     } catch (error) {
       complain(error);
@@ -81,7 +82,17 @@ class Page {
     if (this.values["neighbourhood.kind"] === "range") this.values["neighbourhood.radius_cm"] ??= this.data.facts.reach_cm;
     if ("arena.width_cm" in changes) this.values["arena.height_cm"] = changes["arena.width_cm"];
     this.show_values();
+    this.outdate();
     this.begin();
+  }
+
+  /** Say of figures of many trials that something has been changed since. */
+  outdate() {
+    const said = " Of the settings before.";
+    for (const id of ["histogram", "curve"]) {
+      const text = find(id).parentElement.querySelector("figcaption");
+      if (text.textContent && !text.textContent.endsWith(said)) text.textContent += said;
+    }
   }
 
   /** Simulate for some time, with a look at the order parameter ten times a period. @param {number} span_s @param {number} until */
@@ -355,17 +366,23 @@ class Page {
     };
     busy(true);
     find("summary").hidden = true;
-    await this.trials.run(points, count, this.seed, (done) => {
-      results[done.task.point].push(done.result);
-      this.results.push(done);
-      progress.value = this.results.length / (points.length * count);
-      if (performance.now() - shown > 80) [shown] = [performance.now()], show(results);
-    }, () => {
-      find("summary").hidden = false;
-      find("summary").textContent = "This browser refuses workers to the page: trials run in the page itself, a little at a time.";
-    });
-    busy(false);
-    show(results);
+    try {
+      await this.trials.run(points, count, this.seed, (done) => {
+        results[done.task.point].push(done.result);
+        this.results.push(done);
+        progress.value = this.results.length / (points.length * count);
+        if (performance.now() - shown > 80) [shown] = [performance.now()], show(results);
+      }, () => {
+        find("summary").hidden = false;
+        find("summary").textContent = "This browser refuses workers to the page: trials run in the page itself, a little at a time.";
+      });
+      show(results);
+    } catch (error) {
+      find("summary").hidden = true;
+      complain(error);
+    } finally {
+      busy(false);
+    }
   }
 
   /** Show a figure with what it says. @param {string} id @param {string} said */
@@ -427,6 +444,7 @@ class Page {
   /** @param {bigint} seed */
   take_seed(seed) {
     this.seed = seed;
+    this.outdate();
     this.begin();
   }
 
@@ -456,6 +474,11 @@ class Page {
     });
     const again = () => [this.redraw, this.recurve].forEach((draw) => draw?.());
     window.addEventListener("resize", again);
+    window.addEventListener("hashchange", () => {
+      this.values = { ...this.data.values };
+      this.read_address();
+      this.change({});
+    });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
     this.listen_to_arena(find("arena"));
   }
