@@ -5,6 +5,7 @@ sensors in files of their own. What a controller reads of its sensors depends on
 """
 
 import ast
+import random
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -28,6 +29,9 @@ ARGUMENTS: Mapping[str, tuple[str, ...]] = {
 
 FIXED: Mapping[type, Sequence[str]] = {Sensor: ("world", "robot", "parameters"), Controller: ("parameters",)}
 """What is not set: a sensor would change outcomes, and a controller what all robots of its group have."""
+
+GENERATORS = (random.Random, np.random.RandomState, np.random.Generator)
+"""Classes whose methods draw numbers that are no robot's own."""
 
 SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "number")
 """What a sensor sees of a robot's record."""
@@ -80,9 +84,13 @@ def _check_names(
                 raise ControllerError(f"{function.__code__.co_filename}:{line}: {said}")
             for node in ast.walk(definition):
                 if isinstance(node, ast.Call):
+                    called = _value_of(node.func, function.__globals__)
+                    if isinstance(getattr(called, "__self__", None), GENERATORS):
+                        where = f"{function.__code__.co_filename}:{node.lineno}"
+                        said = f"calls {ast.unparse(node.func)}, whose numbers follow from no seed of a trial"
+                        raise ControllerError(f"{where}: {said}; draw by epuck_sim.util.rng.uniform(random)")
                     given = tuple(names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args)
-                    if any(given):
-                        todo.append((_value_of(node.func, function.__globals__), given))
+                    todo.append((called, given))
 
 
 def _definition_of(function: FunctionType, trees: Mapping[str, ast.Module]) -> ast.FunctionDef | None:

@@ -207,7 +207,8 @@ def difference(stored: Mapping[str, Any], result: TrialResult) -> str | None:
         if json.dumps(before) != json.dumps(now):  # 1, 1.0 and true are equal, but not the same
             return (
                 f"is not the trial that is stored, so that new measures are not its own: {name} is "
-                f"{short_repr(before)} in the folder, {short_repr(now)} now; another version or host made it"
+                f"{short_repr(before)} in the folder, {short_repr(now)} now; another version or host made it, or "
+                "code that draws numbers of its own"
             )
     return None
 
