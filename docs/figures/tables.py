@@ -52,9 +52,9 @@ def write(name: str, scenario: Scenario, folder: Path) -> None:
         measure: [value for point in read_points(folder, measure) for value in point.measured] for measure in measures
     }
     events = [[event._asdict() for event in trial] for point in stored for trial in point.events]
-    write_table(
-        f"{TABLES}/{name}", stored, points(scenario), {**columns, **({"events": events} if any(events) else {})}
-    )
+    if any(events):
+        columns["events"] = events
+    write_table(f"{TABLES}/{name}", stored, points(scenario), columns)
 
 
 def restore(name: str, scenario: Scenario, folder: Path) -> None:
@@ -62,9 +62,9 @@ def restore(name: str, scenario: Scenario, folder: Path) -> None:
     swept, table = points(scenario), read_table(f"{TABLES}/{name}")
     made = {**versions(), "host": "docs/trials"}
     columns = {column: [*map(json.loads, table.columns[column])] for column in table.further}
-    outcomes, trial = [], 0
+    outcomes = []
     for row, (number, cycles, observed) in enumerate(zip(table.points, table.times, table.observed, strict=True)):
-        trial = trial + 1 if row and number == table.points[row - 1] else 0
+        trial = row - int(np.searchsorted(table.points, number))
         further = {column: values[row] for column, values in columns.items()}
         events = tuple(TrialEvent(**event) for event in further.pop("events", ()))
         ended = 0 if np.isnan(cycles) else int(cycles)

@@ -9,6 +9,7 @@ import random
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from types import FunctionType, ModuleType
 
@@ -80,17 +81,13 @@ def _check_names(
         definition = _definition_of(function, trees)
         if definition is not None:
             names = _names_of_arguments(definition, roles)
-            for line, said in _mistakes(definition, names, known, several, fixed):
+            mistakes = _mistakes(definition, names, known, several, fixed)
+            for line, said in chain(mistakes, _draws(definition, function.__globals__)):
                 raise ControllerError(f"{function.__code__.co_filename}:{line}: {said}")
             for node in ast.walk(definition):
                 if isinstance(node, ast.Call):
-                    called = _value_of(node.func, function.__globals__)
-                    if isinstance(getattr(called, "__self__", None), GENERATORS):
-                        where = f"{function.__code__.co_filename}:{node.lineno}"
-                        said = f"calls {ast.unparse(node.func)}, whose numbers follow from no seed of a trial"
-                        raise ControllerError(f"{where}: {said}; draw by epuck_sim.util.rng.uniform(random)")
                     given = tuple(names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args)
-                    todo.append((called, given))
+                    todo.append((_value_of(node.func, function.__globals__), given))
 
 
 def _definition_of(function: FunctionType, trees: Mapping[str, ast.Module]) -> ast.FunctionDef | None:
@@ -137,6 +134,16 @@ def _mistakes(
         if is_set and also_named.get(_root(node)) in fixed:
             why = "a sensor sets its readings alone" if "world" in fixed else "all robots share them; use memory"
             yield node.lineno, f"sets {ast.unparse(node)}; {why}"
+
+
+def _draws(definition: ast.FunctionDef, values: Mapping[str, object]) -> Iterator[tuple[int, str]]:
+    """Yield lines of a function that draw numbers which are no robot's own, and what to call instead."""
+    for node in ast.walk(definition):
+        if isinstance(node, ast.Call) and isinstance(
+            getattr(_value_of(node.func, values), "__self__", None), GENERATORS
+        ):
+            said = f"calls {ast.unparse(node.func)}, whose numbers follow from no seed of a trial"
+            yield node.lineno, f"{said}; draw by epuck_sim.util.rng.uniform(random)"
 
 
 def _names_of_parts(definition: ast.FunctionDef, names: Mapping[str, str]) -> dict[str, str]:

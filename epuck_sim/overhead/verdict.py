@@ -330,21 +330,26 @@ def _doubts_about_numbers(evidence: Evidence) -> list[str]:
         found.append(
             f"the period is estimated, and robots hardly flash every {period_s:.3g} s; check --fps, or give --period-s"
         )
-    if evidence.period_is_given and evidence.in_order_s is not None:
-        onsets_s = evidence.flashes.onset_s[evidence.flashes.onset_s >= evidence.in_order_s]
-        together_s = onsets_s[np.diff(onsets_s, prepend=-math.inf) > period_s / 4]
-        recurrence_s = float(np.median(np.diff(together_s))) if len(together_s) >= ENOUGH_RECURRENCES else period_s
-        if abs(recurrence_s / period_s - 1) > OTHER_PERIOD:
-            found.append(
-                f"the synchronised swarm flashes every {recurrence_s:.3g} s, not every {period_s:.4g} s: "
-                "check --period-s and --fps"
-            )
+    recurrence_s = _recurrence_s(evidence) if evidence.period_is_given else period_s
+    if abs(recurrence_s / period_s - 1) > OTHER_PERIOD:
+        found.append(
+            f"the synchronised swarm flashes every {recurrence_s:.3g} s, not every {period_s:.4g} s: "
+            "check --period-s and --fps"
+        )
     if may_be_half_a_period(evidence):
         found.append(
             f"the period is estimated; {2 * period_s:.4g} s fit as well, if two groups flash in turn, and robots move "
             "too far between flashes to tell; give --period-s or --robots"
         )
     return found
+
+
+def _recurrence_s(evidence: Evidence) -> float:
+    """Return how often the synchronised swarm flashes; the period where it is seen too seldom to tell."""
+    onsets_s, period_s = evidence.flashes.onset_s, evidence.period_s
+    since_s = onsets_s[onsets_s >= (math.inf if evidence.in_order_s is None else evidence.in_order_s)]
+    together_s = since_s[np.diff(since_s, prepend=-math.inf) > period_s / 4]
+    return float(np.median(np.diff(together_s))) if len(together_s) >= ENOUGH_RECURRENCES else period_s
 
 
 def why_never(evidence: Evidence) -> str:
