@@ -38,7 +38,7 @@ def test_every_event_is_that_of_the_naive_model(kind, data, seed):
 
 @kinds
 @given(st.data(), SEEDS)
-@settings(max_examples=1500)
+@settings(max_examples=300)
 @pytest.mark.slow
 def test_every_event_is_that_of_the_naive_model_in_many_more_and_larger_swarms(kind, data, seed):
     compare(kind, data, seed, cycles=50, most_agents=data.draw(st.sampled_from([7, 7, 7, 50])))
