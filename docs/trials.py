@@ -109,6 +109,7 @@ def table_file(sweep: str) -> Path:
 def read_table(sweep: str) -> Table:
     """Return the table of a sweep."""
     with gzip.open(table_file(sweep), "rt", encoding="utf-8", newline="") as file:
+        csv.field_size_limit(2**31 - 1)  # series of a long trial are longer than the 131,072 characters of the default
         names, *rows = csv.reader(file)
     columns = dict(zip(names, zip(*rows, strict=True), strict=True))
     return Table(

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from docs.figures.tables import restore, sweeps
-from docs.trials import TABLES
+from docs.trials import TABLES, read_table
 from tests.cli.commands import call
 
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
@@ -27,6 +27,11 @@ def test_the_trials_of_a_table_give_the_figure(tmp_path: Path, name: str) -> Non
     restore(name, sweeps()[name], tmp_path / name)
     assert call("plot", tmp_path / name, "--to", tmp_path / "figure").exit_code == 0
     assert (tmp_path / "figure.csv").read_text() == (FIGURES / f"{name}.csv").read_text()
+
+
+def test_a_table_may_have_long_series() -> None:
+    table = read_table("figures/neighbour-change")
+    assert max(map(len, table.columns["neighbour_change"])) > 1_000_000
 
 
 def test_every_table_has_its_sweep() -> None:
