@@ -25,7 +25,7 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import Estimate
 from epuck_sim.figures.labels import format_axis_values
 from epuck_sim.figures.style import COLUMN_CM, choose_looks, style
-from epuck_sim.statistics.comparison import contrast, holm, log_rank, log_rank_parts, mean_log_ratio, pair_up
+from epuck_sim.statistics.comparison import contrast, holm, log_rank, log_rank_parts, mean_contrast, pair_up
 from epuck_sim.statistics.measured import Measured, measure_t_sync
 from epuck_sim.statistics.statistic import mean_and_error
 from epuck_sim.sweep.executors import local_pool
@@ -162,8 +162,8 @@ def compare_table(peer: Peer, points: Sequence[Compared]) -> Overall:
     chi_square = float(z @ z)
     shift = float(z.sum()) / math.sqrt(len(z))
     p_values = {"chi-square": float(stats.chi2.sf(chi_square, len(z))), "shift": float(2 * stats.norm.sf(abs(shift)))}
-    means = [contrast(pair_up(each.theirs, each.ours)) for each in points]
-    ratio = mean_log_ratio(means).apply(math.exp)
+    means = [contrast(pair_up(each.theirs, each.ours), of_logarithms=True) for each in points]
+    ratio = mean_contrast(means).apply(math.exp)
     return Overall(peer, points, len(z), chi_square, ratio, p_values)
 
 

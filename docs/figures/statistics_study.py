@@ -163,7 +163,7 @@ def _p_values(law: str, other: str, sizes: tuple[int, int], seed: int) -> tuple[
     )
     pair = Pair(*(Measured(each, np.ones(len(each), bool), math.inf, 0) for each in (one, two)))
     statistics = studentised([permute(pair, seed, of_logarithms=True, count=1999)])
-    _, freedom = welch(contrast(pair).log_parts)
+    _, freedom = welch(contrast(pair, of_logarithms=True).parts)
     return float((statistics >= statistics[0] * (1 - 1e-9)).mean()), float(stats.t.sf(statistics[0], freedom))
 
 

@@ -24,14 +24,8 @@ from epuck_sim.estimate import MIN_TRIALS, UNDETERMINED, Estimate, significant
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text, group_rows
 from epuck_sim.statistics.measured import Measured, check_units, measure, measure_unit, quantity, restrict
-from epuck_sim.statistics.names import Statistic, statistic_name
-from epuck_sim.statistics.statistic import (
-    estimate_mean,
-    estimate_share,
-    mean_and_error,
-    share_difference,
-    student_estimate,
-)
+from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.statistic import MeanError, estimate, mean_and_error, share_difference, student_estimate
 from epuck_sim.util.messages import comma_list, counted, did_you_mean, short_repr
 
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
@@ -72,13 +66,10 @@ Parts = list[tuple[float, int]]
 
 
 class Contrast(NamedTuple):
-    """How the means of two samples differ."""
+    """The difference of the means of two samples, the second minus the first, or of their logarithms."""
 
-    difference: Estimate  # the second minus the first; no interval where one has few trials, or is without an error
-    bound: float  # the largest that it can be, either way: the horizon where trials are censored, else inf
-    parts: Parts  # of the difference
-    log_ratio: Estimate  # logarithm of the second over the first; undetermined unless both are positive
-    log_parts: Parts
+    estimate: Estimate  # without an interval where one sample has few trials, or is without an error
+    parts: Parts
 
 
 def pair_up(first: Measured, second: Measured) -> Pair:
@@ -86,47 +77,25 @@ def pair_up(first: Measured, second: Measured) -> Pair:
     return Pair(*restrict((first, second)))
 
 
-def contrast(pair: Pair) -> Contrast:
-    """Return how the means of two samples differ, with Student's intervals."""
-    first, second = both = [mean_and_error(each) for each in pair]
+def contrast(pair: Pair, *, of_logarithms: bool) -> Contrast:
+    """Return how the means of two samples differ, with Welch's interval."""
+    first, second = means = [mean_and_error(each) for each in pair]
     is_known = pair.is_comparable and min(first.error, second.error) > 0  # trials that are all censored show no error
-    bound = math.inf if all(each.observed.all() for each in pair) else min(each.horizon for each in pair)
-    parts = [(each.error**2, each.freedom) for each in both]
-    difference, log_parts, log_ratio = Estimate(second.mean - first.mean), [], UNDETERMINED
-    if is_known:
-        difference = _within(student_estimate(difference.value, *welch(parts)), bound)
-    if min(first.mean, second.mean) > 0:
-        log_parts = [((each.error / each.mean) ** 2, each.freedom) for each in both]
-        log_ratio = Estimate(math.log(second.mean / first.mean))
-        if is_known:
-            log_ratio = student_estimate(log_ratio.value, *welch(log_parts))
-    return Contrast(difference, bound, parts, log_ratio, log_parts)
+    if of_logarithms:
+        first, second = means = [MeanError(math.log(mean), error / mean, freedom) for mean, error, freedom in means]
+    parts = [(each.error**2, each.freedom) for each in means]
+    value = second.mean - first.mean
+    return Contrast(student_estimate(value, *welch(parts)) if is_known else Estimate(value), parts)
 
 
-def mean_log_ratio(contrasts: Sequence[Contrast]) -> Estimate:
-    """Return the mean of the log ratios that have intervals, each of which counts alike."""
-    known = [each for each in contrasts if each.log_ratio.has_interval]
-    return _mean_of([each.log_ratio for each in known], [each.log_parts for each in known])
-
-
-def mean_difference(contrasts: Sequence[Contrast]) -> Estimate:
-    """Return the mean of the differences that have intervals, each of which counts alike."""
-    known = [each for each in contrasts if each.difference.has_interval]
-    mean = _mean_of([each.difference for each in known], [each.parts for each in known])
-    return _within(mean, sum(each.bound for each in known) / max(len(known), 1))
-
-
-def _within(difference: Estimate, bound: float) -> Estimate:
-    """Return a difference whose interval has no ends that cannot be."""
-    return difference._replace(low=max(difference.low, -bound), high=min(difference.high, bound))
-
-
-def _mean_of(terms: Sequence[Estimate], parts: Sequence[Parts]) -> Estimate:
-    if not terms:
+def mean_contrast(contrasts: Sequence[Contrast]) -> Estimate:
+    """Return the mean of the contrasts that have intervals, each of which counts alike."""
+    known = [each for each in contrasts if each.estimate.has_interval]
+    if not known:
         return UNDETERMINED
-    count = len(terms)
-    of_mean = [(part / count**2, freedom) for each in parts for part, freedom in each]
-    return student_estimate(sum(term.value for term in terms) / count, *welch(of_mean))
+    count = len(known)
+    parts = [(variance / count**2, freedom) for each in known for variance, freedom in each.parts]
+    return student_estimate(sum(each.estimate.value for each in known) / count, *welch(parts))
 
 
 def welch(parts: Parts) -> tuple[float, float]:
@@ -137,20 +106,16 @@ def welch(parts: Parts) -> tuple[float, float]:
 
 
 Permuted = tuple[FloatArray, FloatArray]
-"""What a pair has for a difference, and after permutations, (1 + B,), and the variances of these, (1 + B,).
-
-The difference is that of the means, the second minus the first, or of their logarithms; variances are as each
-permutation shows them.
-"""
+"""What a pair has for a contrast, and after permutations, (1 + B,), and the variances of these, (1 + B,)."""
 
 
 def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTATIONS) -> Permuted:
-    """Return the difference of the means of two samples, and those after permutations of trials between them.
+    """Return the contrast of two samples, and those after permutations of trials between them.
 
     Args:
         pair: Two samples none of which is censored before the horizon.
         seed: Equal seeds give equal permutations.
-        of_logarithms: Whether the difference is that of the logarithms of the means; all values are positive then.
+        of_logarithms: Whether it is that of the logarithms of the means; all values are positive then.
         count: Number B of permutations.
     """
     # in order, so that the order in which trials are stored does not matter
@@ -237,7 +202,7 @@ class PointComparison(NamedTuple):
     censored: tuple[float, float]  # share of the trials of each, at the lower of the two limits
     statistic: str
     """What is compared: mean, restricted mean where trials are censored, or share of truth values that are true."""
-    first: Estimate
+    first: Estimate  # undetermined where all trials are censored, as are difference and ratio then
     second: Estimate
     difference: Estimate  # B - A
     ratio: Estimate  # B / A; undetermined unless both are positive
@@ -253,14 +218,15 @@ class Comparison(NamedTuple):
     points: list[PointComparison]
     compared: int  # number of points with trials enough to be compared
     left_out: int  # number of points that only one of the two has trials at
-    averaged: int  # number of these at which B / A has an interval
-    ratio: Estimate  # geometric mean of B / A over these, each of which counts alike
+    averaged: int  # number of these at which what is tested has an interval
+    tested: str
+    """What p-values and intervals are of: `ratio` where all values are positive, else `difference`."""
+    ratio: Estimate  # geometric mean of B / A over the points averaged; undetermined if differences are tested
+    difference: Estimate  # mean of B - A over these; undetermined if ratios are tested
     p_value: float  # probability that chance makes all points as different together; NaN where none is compared
     p_holm: float  # the same, corrected for the number of pairs
     test: str
     of: str | None  # name of the measure that is compared; None for T_sync
-    difference: Estimate
-    """Mean of B - A over all points that have an interval of it, each of which counts alike."""
 
 
 def match_folders(folders: Sequence[Points], names: Sequence[str]) -> Samples:
@@ -355,36 +321,44 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
         return None
     pairs = [pair_up(measure(first), measure(second)) for _, first, second in matches]
     good = [pair for pair in pairs if pair.is_comparable]
+    is_ratio = all(pair.is_positive and not pair.is_share for pair in good)
     is_early = any(pair.is_censored_early for pair in good)
     if is_early:
         parts = [log_rank_parts(pair) for pair in good]
         p_values, p_value = [log_rank([each]) for each in parts], log_rank(parts)
     else:
-        p_values, p_value = _permutation_test(good)
-    tested = iter(p_values)
-    contrasts = list(map(contrast, good))
+        p_values, p_value = _permutation_test(good, of_logarithms=is_ratio)
+    p_of_pair = iter(p_values)
+    contrasts = [contrast(pair, of_logarithms=is_ratio) for pair in good]
+    mean = mean_contrast(contrasts)
     return Comparison(
         a=samples.names[a],
         b=samples.names[b],
         points=[
-            _compare_point(axes, pair, next(tested) if pair.is_comparable else math.nan)
+            _compare_point(axes, pair, next(p_of_pair) if pair.is_comparable else math.nan, is_ratio=is_ratio)
             for (axes, *_), pair in zip(matches, pairs, strict=True)
         ],
         compared=len(good),
         left_out=sum((first is None) != (second is None) for _, first, second in sides),
-        averaged=sum(each.log_ratio.has_interval for each in contrasts),
-        ratio=mean_log_ratio(contrasts).apply(math.exp),
+        averaged=sum(each.estimate.has_interval for each in contrasts),
+        tested="ratio" if is_ratio else "difference",
+        ratio=mean.apply(math.exp) if is_ratio else UNDETERMINED,
+        difference=UNDETERMINED if is_ratio else mean,
         p_value=p_value,
         p_holm=math.nan,
         test=LOG_RANK if is_early else PERMUTATION,
         of=matches[0][1].of,
-        difference=mean_difference(contrasts),
     )
 
 
-def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float) -> PointComparison:
-    first, second = map(_mean, pair)
-    means = contrast(pair)
+def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float, *, is_ratio: bool) -> PointComparison:
+    first, second = (estimate(each, Statistic.MEAN) for each in pair)
+    difference = Estimate(second.value - first.value)
+    ratio = Estimate(second.value / first.value) if min(first.value, second.value) > 0 else UNDETERMINED
+    if is_ratio and not math.isnan(ratio.value):
+        ratio = contrast(pair, of_logarithms=True).estimate.apply(math.exp)
+    elif not is_ratio:
+        difference = share_difference(*pair) if pair.is_share else contrast(pair, of_logarithms=False).estimate
     return PointComparison(
         axes=axes,
         trials=(first.n, second.n),
@@ -392,22 +366,14 @@ def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float) -> PointCom
         statistic=first.name if first.censored else second.name,
         first=first,
         second=second,
-        difference=share_difference(*pair) if pair.is_share else means.difference,
-        ratio=means.log_ratio.apply(math.exp),
+        difference=difference,
+        ratio=ratio,
         p_value=p_value,
     )
 
 
-def _mean(measured: Measured) -> Estimate:
-    """Return the mean, or share; where all trials are censored, the limit."""
-    found = estimate_share(measured) if measured.is_share else estimate_mean(measured)
-    name = statistic_name(Statistic.MEAN, measured.censored > 0, is_share=measured.is_share)
-    return measured.described(found, name)
-
-
-def _permutation_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
+def _permutation_test(pairs: Sequence[Pair], *, of_logarithms: bool) -> tuple[list[float], float]:
     """Return the p-value of each pair, and that of all together; NaN without any."""
-    of_logarithms = all(pair.is_positive and not pair.is_share for pair in pairs)
     # two samples may be of one seed, and two points of two sweeps too
     permuted = [
         permute(pair, number + pair.first.seed // 2 + pair.second.seed // 2, of_logarithms=of_logarithms)
@@ -449,13 +415,13 @@ def comparison_tables(compared: Sequence[Comparison], points: Points) -> list[Ta
         for pair, each in zip(pairs, compared, strict=True)
         for point in each.points
     ]
-    notes = [*_notes(compared), *([_over_all(first, headings)] if is_one else [])]
+    notes = [*_notes(compared, headings), *([_over_all(first, headings)] if is_one else [])]
     table = Table(title, rows, list(filter(None, notes)), headings)
     if is_one:
         return [table]
-    names = [*["difference"] * (first.of is not None), "ratio", "p_value", "p_holm"]
-    found = zip(pairs, compared, strict=True)
-    totals = [Row(pair, {name: getattr(each, name) for name in names}) for pair, each in found]
+    found = list(zip(pairs, compared, strict=True))
+    tested = list(dict.fromkeys(each.tested for each in compared))
+    totals = [Row(pair, {name: getattr(each, name) for name in (*tested, "p_value", "p_holm")}) for pair, each in found]
     return [table, Table("Over all points", totals, (), headings)]
 
 
@@ -466,18 +432,25 @@ def _point_cells(point: PointComparison, of: str | None) -> dict[str, Any]:
     return {**trials, **censored, **{name: getattr(point, name) for name in names}}
 
 
-def _notes(compared: Sequence[Comparison]) -> Iterator[str]:
+def _notes(compared: Sequence[Comparison], headings: Mapping[str, str]) -> Iterator[str]:
     points = [point for each in compared for point in each.points]
-    statistics, tests = (dict.fromkeys(names) for names in ([p.statistic for p in points], [c.test for c in compared]))
-    yield f"Compared: {' or '.join(statistics)}. p: {' or '.join(tests)}; Holm: corrected for their number."
+    statistics, tests, tested = (
+        " or ".join(dict.fromkeys(names))
+        for names in (
+            [point.statistic for point in points],
+            [each.test for each in compared],
+            [headings[each.tested] for each in compared],
+        )
+    )
+    yield f"Compared: {statistics}. p: {tests}, of {tested}, as its interval is; Holm: corrected for their number."
     few = len(points) - sum(each.compared for each in compared)
     if few:
         none = "with a value" if compared[0].of else "that synchronised"
         yield f"-: fewer than {MIN_TRIALS} trials on one side, or none {none}, at {counted(few, 'point')}."
     unaveraged = sum(each.compared - each.averaged for each in compared)
     if unaveraged:
-        alike = "the trials of one side are all censored or alike" + ", or a mean is not above 0" * bool(compared[0].of)
-        yield f"In p over all, and not in the ratio: {counted(unaveraged, 'point')}, where {alike}."
+        where = "the trials of one side are all censored or alike"
+        yield f"In p over all alone: {counted(unaveraged, 'point')}, where {where}."
     left_out = sum(each.left_out for each in compared)
     if left_out:
         yield f"Left out: {counted(left_out, 'point')} with trials on one side only."
@@ -486,7 +459,6 @@ def _notes(compared: Sequence[Comparison]) -> Iterator[str]:
 def _over_all(each: Comparison, headings: Mapping[str, str]) -> str:
     if not each.compared:
         return ""
-    parts = [f"{headings['difference']} = {each.difference}"] * (each.of is not None)
-    if each.averaged:
-        parts.append(f"{headings['ratio']} = {each.ratio}, the geometric mean of {counted(each.averaged, 'point')}")
-    return f"Over all: {'; '.join([*parts, f'p = {significant(each.p_value)}'])}"
+    mean = "geometric mean" if each.tested == "ratio" else "mean"
+    found = f"{headings[each.tested]} = {getattr(each, each.tested)}, the {mean} of {counted(each.averaged, 'point')}; "
+    return f"Over all: {found * bool(each.averaged)}p = {significant(each.p_value)}"

@@ -301,12 +301,11 @@ def _summarize_point(point: PointTrials) -> PointSummary:
         nothing = dict.fromkeys(SUMMARIES, UNDETERMINED)
         return PointSummary(point.number, point.axes, 0, 0.0, nothing, measured.limit)
     mean = estimate(measured, Statistic.MEAN)
-    restricted = mean if measured.observed.any() else Estimate(measured.horizon)  # the area under the survival curve
     is_time = measured.limit < math.inf
     estimates = (
         measured.described(UNDETERMINED, "mean") if measured.censored else mean,
         UNDETERMINED if measured.is_share else estimate(measured, Statistic.MEDIAN),
-        measured.described(restricted, "restricted mean") if is_time else UNDETERMINED,
+        mean._replace(name="restricted mean") if is_time else UNDETERMINED,
         estimate(measured, Statistic.WEIBULL_MEAN) if is_time else UNDETERMINED,
     )
     head = (

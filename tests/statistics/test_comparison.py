@@ -138,7 +138,7 @@ def test_folders_whose_measures_have_other_units_are_refused(tmp_path) -> None:
     st.lists(st.integers(1, 999), min_size=5, max_size=20, unique=True),
 )
 def test_uncensored_the_difference_is_welchs(first, second) -> None:
-    found = contrast(pair_up(measured(first), measured(second))).difference
+    found = contrast(pair_up(measured(first), measured(second)), of_logarithms=False).estimate
     expected = stats.ttest_ind(second, first, equal_var=False).confidence_interval(0.95)
     assert found.value == pytest.approx(np.mean(second) - np.mean(first))
     assert (found.low, found.high) == pytest.approx(tuple(expected))
@@ -189,12 +189,11 @@ def test_one_permutation_test_is_scipys(of_logarithms: bool) -> None:
 @given(st.lists(st.integers(1, 50), min_size=2, max_size=9), st.lists(st.integers(1, 50), min_size=2, max_size=9))
 def test_what_is_permuted_is_the_contrast_over_its_error(first, second) -> None:
     pair = pair_up(measured(first), measured(second))
-    means = contrast(pair)
-    for of_logarithms, found in ((False, means.difference), (True, means.log_ratio)):
+    for of_logarithms in (False, True):
+        found = contrast(pair, of_logarithms=of_logarithms)
         differences, variances = permute(pair, 0, of_logarithms=of_logarithms, count=3)
-        assert differences[0] == pytest.approx(found.value, abs=1e-12)
-        parts = means.log_parts if of_logarithms else means.parts
-        assert variances[0] == pytest.approx(sum(part for part, _ in parts), abs=1e-12)
+        assert differences[0] == pytest.approx(found.estimate.value, abs=1e-12)
+        assert variances[0] == pytest.approx(sum(part for part, _ in found.parts), abs=1e-12)
         assert len(differences) == 4
 
 
@@ -236,7 +235,19 @@ def test_where_all_trials_of_one_side_are_censored_there_is_a_p_value_and_no_int
     ).points
     assert point.statistic == "restricted mean"
     assert point.p_value < 0.001
-    assert not point.difference.has_interval
+    for unknown in (point.first, point.difference, point.ratio):
+        assert math.isnan(unknown.value)
+
+
+def test_the_interval_is_of_what_is_tested() -> None:
+    for low, tested, other in ((1, "ratio", "difference"), (-20, "difference", "ratio")):
+        values = [[*range(low, 40 + low)], [*range(low, 80 + low, 2)]]
+        points = in_memory(sweep({SPEED: [1, 2]}, trials=40), lambda _: ended([7] * 40))
+        found = compared(*([point._replace(measured=tuple(each), of="x") for point in points] for each in values))
+        assert found.tested == tested
+        assert getattr(found, tested).has_interval
+        assert math.isnan(getattr(found, other).value)
+        assert [getattr(found.points[0], name).has_interval for name in (tested, other)] == [True, False]
 
 
 def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() -> None:
@@ -248,17 +259,8 @@ def test_points_in_the_p_value_over_all_that_are_not_in_its_ratio_are_named() ->
         in_memory(sweep({SPEED: [1, 2]}), lambda _: ended(range(20, 40))),
     )
     (table,) = comparison_tables([compared(first, second)], first)
-    assert any(note.startswith("In p over all, and not in the ratio: 1 point, where") for note in table.notes)
+    assert any(note.startswith("In p over all alone: 1 point, where") for note in table.notes)
     assert "the geometric mean of 1 point; p = " in table.notes[-1]
-
-
-def test_where_most_trials_are_censored_no_difference_is_beyond_the_limit() -> None:
-    found = compared(
-        in_memory(sweep({SPEED: [1]}), lambda _: ended([5, *[5000] * 4], [True] + [False] * 4)),
-        in_memory(sweep({SPEED: [1]}), lambda _: ended([5, 8, *[5000] * 18], [True] * 2 + [False] * 18)),
-    )
-    for difference in (found.points[0].difference, found.difference):
-        assert (difference.low, difference.high) == (-5000, 5000)
 
 
 def test_trials_that_ran_out_of_time_are_compared_by_their_ranks() -> None:

@@ -37,8 +37,8 @@ def test_intervals_of_means(law: str, censored: float, trials: int) -> None:
 def test_intervals_of_differences_and_ratios() -> None:
     held = []
     for seed in range(400):
-        found = contrast(pair_up(lognormal(50, 10, 2 * seed), lognormal(100, 20, 2 * seed + 1)))
-        difference, log_ratio = found.difference, found.log_ratio
+        pair = pair_up(lognormal(50, 10, 2 * seed), lognormal(100, 20, 2 * seed + 1))
+        difference, log_ratio = (contrast(pair, of_logarithms=each).estimate for each in (False, True))
         held.append((difference.low <= 50 <= difference.high, log_ratio.low <= math.log(2) <= log_ratio.high))
     assert (np.mean(held, axis=0) > 0.9).all()
 

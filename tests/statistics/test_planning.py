@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from epuck_sim.statistics.comparison import contrast, mean_log_ratio, pair_up
+from epuck_sim.statistics.comparison import contrast, mean_contrast, pair_up
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.planning import plan_trials, trials_for_shares, trials_needed
 from tests.runs.made_folders import SPEED, SPEEDS, ended, in_memory, sweep, weibull
@@ -30,7 +30,7 @@ def share_seen(difference: float, points: int, trials: int) -> float:
             pair_up(drawn(50, trials, [seed, n]), drawn(50 * (1 + difference), trials, [seed, n, 1]))
             for n in range(points)
         ]
-        seen += mean_log_ratio([contrast(pair) for pair in pairs]).low > 0
+        seen += mean_contrast([contrast(pair, of_logarithms=True) for pair in pairs]).low > 0
     return seen / 300
 
 
