@@ -131,6 +131,7 @@ class TrialProgress(_ProgressLine):
     def __call__(self, state: TrialState) -> None:
         """Show how far the trial is, if it is time to; say once if it looks hopeless."""
         if self._stop.order_parameter is not None and self._stop.max_cycles > FEWER_CYCLES:
+            self._is_alone = state.oscillators == 1
             self._watch(state)
         now = time.perf_counter()
         if now < self._next:
@@ -144,11 +145,13 @@ class TrialProgress(_ProgressLine):
         )
 
     def _tell_of_hopelessness(self, order: float) -> None:
-        print_stderr(
-            f"trial {self._trial + 1} of {self._trials} looks hopeless: over {CYCLES} cycles the order parameter, "
-            f"{order:.2f}, is that of random phases or does not change; to end sooner: "
-            f"--set stop.max_cycles={FEWER_CYCLES}"
-        )
+        said = "ends at its limit: one oscillator has none to synchronise with"
+        if not self._is_alone:
+            found = (
+                f"over {CYCLES} cycles the order parameter, {order:.2f}, is of random phases or does not change"
+            )
+            said = f"looks hopeless: {found}"
+        print_stderr(f"trial {self._trial + 1} of {self._trials} {said}; sooner: --set stop.max_cycles={FEWER_CYCLES}")
 
 
 class SweepProgressBar(_ProgressLine):

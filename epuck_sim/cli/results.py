@@ -177,7 +177,7 @@ def plot(
         typer.Option(
             metavar="FILE",
             help="Write one picture, FILE.png, FILE.svg or FILE.pdf, or STEM.png, STEM.svg and so on; by default "
-            "FOLDER/T_sync, FOLDER/NAME_OF_MEASURE or FOLDER/FORM, or the recording's name.",
+            "FOLDER/T_sync or FOLDER/NAME_OF_MEASURE, and -FORM where one is given, or the recording's name.",
         ),
     ] = None,
     statistic: Annotated[Statistic | None, looks_option(metavar="NAME", help=_STATISTIC_HELP)] = None,
@@ -251,7 +251,7 @@ def _plot_sweeps(
     from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, read_form
 
     form = read_form(folders, wanted, of, names, "--")
-    stem = form.name if form.name in SIMULATED_AGAIN else of or "T_sync"
+    stem = form.name if form.name in SIMULATED_AGAIN else f"{of or 'T_sync'}{f'-{form.name}' * bool(wanted['form'])}"
     others = "".join(f"-with-{folder.resolve().name}" for folder in folders[1:])
     target = target or Target(folders[0] / f"{stem}{others}")
     files = save_figure(target, form.draw_figure, form.tables, form.caption)

@@ -70,7 +70,7 @@ def list_shipped(
 @scenarios.command()
 def page(
     scenario: options.ScenarioArgument,
-    out: Annotated[Path, typer.Option(metavar="PAGE.html", help="The page, which is complete in itself.")],
+    to: Annotated[Path, typer.Option(metavar="PAGE.html", help="The page, which is complete in itself.")],
     settings: options.SetOption = None,
 ) -> None:
     """Write SCENARIO as one HTML file in which it runs: with the program's own kernels, without server and network."""
@@ -78,19 +78,19 @@ def page(
     from epuck_sim.runs.sources import check_trusted
 
     check_trusted(scenario)
-    with word_if_slow(f"making the page of {scenario}"), print_warnings():
-        write_page(scenario, out, settings or ())
-    typer.echo(out)
+    with word_if_slow(f"making the page of {scenario}"), print_warnings(), prefix_scenario(scenario):
+        write_page(scenario, to, settings or ())
+    typer.echo(to)
 
 
 @scenarios.command()
 def play(scenario: options.ScenarioArgument = "thesis", settings: options.SetOption = None) -> None:
-    """Open SCENARIO as a page in the browser, from a temporary file."""
+    """Open SCENARIO as a page in the browser, from a file in the user's cache, which the next one replaces."""
     from epuck_sim.page.writer import open_page
     from epuck_sim.runs.sources import check_trusted
 
     check_trusted(scenario)
-    with word_if_slow(f"making the page of {scenario}"), print_warnings():
+    with word_if_slow(f"making the page of {scenario}"), print_warnings(), prefix_scenario(scenario):
         path = open_page(scenario, settings or ())
     typer.echo(path)
 

@@ -43,6 +43,8 @@ FOLDER = "folder"  # axis of points of several run folders, whose values are the
 OTHER_GROUP = re.compile(r"robots\.[1-9][0-9]*(\..*)?")
 """What keys of a group of robots beside the first begin with; such a group is always named."""
 
+KINDS = ("kind", "shape")  # keys of a section that say what it is
+
 NO_LABELS: Mapping[str, str] = MappingProxyType({})
 
 
@@ -107,11 +109,13 @@ def format_axis_values(
     'neighbourhood = range, R = 25 cm'
     >>> format_axis_values({"arena.walls": "low", "robots.0.signal": {"kind": "cone", "range_cm": 85}})
     'walls = low, signal = cone, range = 85 cm'
+    >>> format_axis_values({"arena.obstacles": [{"shape": "circle", "x_cm": 5, "y_cm": 9, "radius_cm": 2}]})
+    'obstacles = circle, x = 5 cm, y = 9 cm, R = 2 cm'
     >>> format_axis_values({"folder": "mine", "robots.0.count": 10})
     'mine, N = 10'
     """
     keys = (*values, *among)
-    texts = {key: _format_value(key, value) for key, value in values.items()}
+    texts = {key: format_value(key, value) for key, value in values.items()}
     return ", ".join(text if key == FOLDER else f"{key_name(key, keys, own)} = {text}" for key, text in texts.items())
 
 
@@ -131,13 +135,15 @@ def short_files(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
-def _format_value(key: str, value: Any) -> str:
+def format_value(key: str, value: Any) -> str:
+    """Return a value of an axis as text, with its unit."""
     unit = _symbol_and_unit(key)[1]
     if isinstance(value, Mapping):  # a whole section: its kind, and what goes with it
-        details = format_axis_values({f"{key}.{name}": detail for name, detail in value.items() if name != "kind"})
-        return ", ".join(filter(None, [str(value.get("kind", "")), details]))
+        kinds = [str(value[name]) for name in KINDS if name in value]
+        details = {f"{key}.{name}": detail for name, detail in value.items() if name not in KINDS}
+        return ", ".join(filter(None, [*kinds, format_axis_values(details)]))
     if isinstance(value, list | tuple):
-        return " and ".join(map(str, value)) or "nothing"
+        return " and ".join(format_value(key, each) for each in value) or "nothing"
     return "none" if value is None else f"{value}{unit}" if unit in ("", "°") else f"{value} {unit}"
 
 

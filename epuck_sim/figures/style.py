@@ -154,7 +154,7 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
 def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
     """Add a legend below the panels that names each label of any of them once, in as many columns as have room.
 
-    Each label has one line; one that is wider than the figure loses its middle.
+    Each label has one line; one that is wider than the figure loses its middle, unless it is told by that.
     """
     handles: dict[str, Any] = {}
     for panel in panels:
@@ -168,7 +168,10 @@ def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
             return
         legend.remove()
     letters = int(figure.get_figwidth() * 2.54 * LETTERS_PER_CM / rcParams["font.size"]) - 4
-    figure.legend(handles.values(), [_shorten(label, letters) for label in handles], loc="outside lower center")
+    labels = [_shorten(label, letters) for label in handles]
+    if len(set(labels)) < len(labels):
+        labels = [textwrap.fill(label, letters) for label in handles]
+    figure.legend(handles.values(), labels, loc="outside lower center")
 
 
 def _shorten(label: str, letters: int) -> str:

@@ -12,7 +12,7 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.labels import FOLDER
 from epuck_sim.runs.reader import PointTrials, read_points
-from epuck_sim.scenario.axes import check_labels
+from epuck_sim.scenario.axes import check_labels, numeric_axes
 from epuck_sim.scenario.keys import axis_key
 from epuck_sim.scenario.loader import validate
 from epuck_sim.scenario.scenario import Scenario
@@ -162,7 +162,9 @@ def _usual_form(points: Sequence[PointTrials]) -> str:
     form = points[0].scenario.figure.form
     if any(map(has_series, points)):
         return "series"
-    return "curves" if form in (SIMULATED_AGAIN if points[0].of is not None else ["series"]) else form
+    form = "curves" if form in (SIMULATED_AGAIN if points[0].of is not None else ["series"]) else form
+    rows = [point.axes for point in points]
+    return "violins" if form == "curves" and rows[0] and not numeric_axes(rows) else form
 
 
 def _check_fit(points: Sequence[PointTrials], form: str, given: Mapping[str, object]) -> None:

@@ -49,7 +49,7 @@ AGENTS_FRAMES_PER_S = 25  # pictures of agents in a simulated second
 DISC = (120, 126, 138)  # colour of an agent that has not just fired: in the viewer, where it has a number, it is darker
 
 TIME_TOLERANCE_S = 1e-6  # times that differ by no more than this are taken as equal; the difference is rounding
-HEIGHT_SHARE = 0.03  # height of a caption's capital letters, as a share of the picture's height
+HEIGHT_SHARE = 0.03  # height of a caption's capital letters, as a share of the picture's height, or of half its width
 CAPITAL_PX = 21  # height of capital letters at OpenCV's scale 1, in pixels
 
 
@@ -320,7 +320,7 @@ class Captions:
         _, cycles, order = self._states[0]
         more = "" if order is None else f"   cycle {cycles}   order parameter {order:.2f}"
         text, picture = f"{time_s:.1f} s{more}", frame.picture.copy()
-        letter_px = HEIGHT_SHARE * len(picture)
+        letter_px = HEIGHT_SHARE * max(len(picture), picture.shape[1] / 2)
         left, base, edge_px = round(letter_px / 2), round(1.6 * letter_px), max(1, round(letter_px / 8))
         around = [(x, y) for x in (-edge_px, 0, edge_px) for y in (-edge_px, 0, edge_px) if x or y]
         for x, y in (*around, (0, 0)):  # thicker letters would also be wider

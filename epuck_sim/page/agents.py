@@ -88,6 +88,7 @@ def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
         "min_cell_list": neighbours.MIN_CELL_LIST_AGENTS,
         "max_cached": neighbours.MAX_CACHED,
         "branches": BRANCHES,
+        "has_cycles": True,
         "is_cyclic": scenario.space.boundary == "cyclic",
         "reorients": bool(scenario.agents.reorient_on),
         "sends_every_pulse": "arriving" in scenario.agents.reorient_on,

@@ -101,6 +101,7 @@ def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
         "step_ms": scenario.timing.step_ms,
         "nominal_period_ms": NOMINAL_PERIOD_S * 1000,
         "reference": stop.reference_robot,
+        "has_cycles": bool(np.isfinite(Simulation(scenario, seed=0).period_ms[stop.reference_robot])),
         "metric": stop.metric,
         "order_parameter": stop.order_parameter,
         "further_cycles": stop.further_cycles,

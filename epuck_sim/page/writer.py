@@ -5,13 +5,14 @@ import gzip
 import hashlib
 import json
 import re
-import tempfile
 import webbrowser
 from collections.abc import Sequence
 from dataclasses import asdict
 from html import escape
 from pathlib import Path
 from typing import Any
+
+import platformdirs
 
 from epuck_sim import __version__
 from epuck_sim.display.html import check_suffix
@@ -60,8 +61,8 @@ def write_page(scenario: str | Path, path: Path | str, settings: Sequence[str] =
 
 
 def open_page(scenario: str | Path, settings: Sequence[str] = ()) -> Path:
-    """Write a scenario as a page to a temporary file, and open it in the browser; return the file."""
-    path = Path(tempfile.mkdtemp(prefix="epuck-sim-")) / "page.html"
+    """Write a scenario as a page to one file of this user's, and open it in the browser; return the file."""
+    path = platformdirs.user_cache_path("epuck-sim", ensure_exists=True) / "page.html"
     write_page(scenario, path, settings)
     webbrowser.open(path.as_uri())
     return path

@@ -4,6 +4,7 @@ A table of verdicts, and what is to be known of those that are not plain; as CSV
 a sweep; and a figure for each claim: the curves that its tests look at.
 """
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -199,7 +200,10 @@ def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
     lines: list[str] = []
     for judged in decisive[:MOST_TESTS]:
         check, found = judged.tested.check, judged.tested.effect.estimate
-        lines.append(f"- {describe_check(check)}{f': {found} ({_predicted(check)})' if lines else ''}")
+        number = f": {found} ({_predicted(check)})" if lines else ""
+        is_known = found.has_interval or check.test == "formula" or math.isnan(found.value)
+        why = "" if is_known else "; it has no p-value: its trials are few, or have one value, and show no scatter"
+        lines.append(f"- {describe_check(check)}{number}{why}")
     if left := len(decisive) - len(lines):
         lines.append(f"- and {left} more, which are in the table of tests")
     yield escaped("\n".join(lines))

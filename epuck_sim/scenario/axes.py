@@ -67,26 +67,28 @@ def is_logarithmic(key: str, low: float, high: float) -> bool:
     return low > 0 and (key.endswith(SPEED) or high / low >= LOG_RATIO)
 
 
-def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -> str:
+def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x", *, by_name: bool = False) -> str:
     """Choose the axis to draw against: the requested one, or a speed, or the one with the most distinct numbers.
 
     A speed with a single value is chosen only where every axis has a single value. `origin` is the option or key that
-    requests one.
+    requests one. With `by_name`, it may have other values than numbers.
     """
-    numbers = _numeric_axes(rows)
+    numbers = numeric_axes(rows)
+    if by_name and (requested is not None or not numbers):
+        numbers = {key: {repr(row[key]) for row in rows} for key in rows[0]}
     if requested is not None:
         if requested not in numbers:
             said = f"{requested} has other values" if requested in rows[0] else did_you_mean(requested, numbers)
             raise EpuckSimError(f"{origin}: {said}; axes with numbers: {comma_list(numbers)}")
         return requested
     if not numbers:
-        raise EpuckSimError("there is no axis with numbers to draw T_sync against")
+        raise EpuckSimError("there is no axis with numbers to draw T_sync against; --form violins has names")
     return max(numbers, key=lambda key: (len(numbers[key]) > 1, key.endswith(SPEED), len(numbers[key])))
 
 
 def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin: str = "--y") -> str:
     """Choose the vertical axis of a map, beside `x`: the requested one, or the only other one whose numbers differ."""
-    others = _untied(_numeric_axes(rows), rows, x)
+    others = _untied(numeric_axes(rows), rows, x)
     choice = f"give --y one of {comma_list(others)}" if others else "there is no other axis whose numbers differ"
     if requested is not None:
         if choose_axis(rows, requested, origin) == x or is_tied_to(requested, x, rows):
@@ -143,7 +145,7 @@ def group_rows(rows: Rows, *axes: str) -> list[tuple[dict[str, Any], list[int]]]
     return [({key: rows[places[0]][key] for key in others}, places) for places in groups.values()]
 
 
-def _numeric_axes(rows: Rows) -> dict[str, set[float]]:
+def numeric_axes(rows: Rows) -> dict[str, set[Any]]:
     """Return the distinct values of each axis all of whose values are numbers."""
     columns = {key: [row[key] for row in rows] for key in rows[0]}
     return {key: set(values) for key, values in columns.items() if {*map(type, values)} <= {int, float}}

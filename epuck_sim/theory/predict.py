@@ -26,6 +26,8 @@ MOST_AGENTS = 300  # largest swarm of which predictions are made: snapshots are 
 LINK_SNAPSHOTS, TRIED_SIDES = 60, tuple(2.0**power for power in range(-9, 1))
 """Snapshots from which the length of links follows, and the distances, in sides, that agents move in a period."""
 
+BRACKETS = "[]: V_m and V_p within the factor by which trials were off, one standard deviation; else 95 % of chains."
+
 CHANGED = 0.1  # share of links that is replaced while agents move this share of the length of links
 
 PLACES = {"v_m": (0.42, 1.9), "v_p": (0.73, 2.3)}
@@ -85,7 +87,7 @@ class Prediction(NamedTuple):
             ("frustrated clusters", Share(self.graph.frustrated.value), "of snapshots"),
         ]
         made = [Row({}, {"quantity": name, "predicted": value, "unit": unit}) for name, value, unit in rows]
-        return Table(self.scenario, made, (self.reason, *self.notes))
+        return Table(self.scenario, made, (self.reason, BRACKETS, *self.notes))
 
 
 def predict(scenario: Scenario) -> Prediction:
@@ -118,7 +120,7 @@ def sweep_table(name: str, found: Sequence[tuple[Point, Prediction]]) -> Table:
     """Return the predictions of a sweep of this name, a point a line."""
     notes = dict.fromkeys(note for _, prediction in found for note in prediction.notes)
     rows = [Row(point.axes, prediction.cells) for point, prediction in found]
-    return Table(name, rows, tuple(notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
+    return Table(name, rows, (BRACKETS, *notes), {"v_m": "V_m cm/s", "v_p": "V_p cm/s"})
 
 
 def _predictor(scenario: Scenario) -> Callable[[float], Prediction]:

@@ -18,6 +18,7 @@ from epuck_sim.figures.style import (
     COLOURS,
     GREY,
     MARKERS,
+    add_shared_legend,
     choose_looks,
     finish,
     format_tick,
@@ -30,6 +31,7 @@ from epuck_sim.figures.style import (
 )
 from epuck_sim.overhead.annotate import CYAN
 from epuck_sim.recording.layers.arena import DARK, LIT, NIGHT
+from tests.figures.drawn import legend_texts
 
 MIN_CONTRAST = 3.0
 """Least contrast of graphical objects with what is behind them (Web Content Accessibility Guidelines 2.1, 1.4.11)."""
@@ -129,6 +131,11 @@ def test_a_long_label_has_one_line_within_the_figure_with_both_its_ends(width_cm
     assert label.startswith(first)
     assert label.endswith(last)
     assert len(first) + len(last) > 3 * width_cm
+    panel.plot([0, 2], label=label.replace("_6 = 6", "_6 = 7"))
+    legend.remove()
+    with rc_context(style()):
+        add_shared_legend(figure, [panel])
+    assert len(set(legend_texts(figure))) == 2
 
 
 @given(st.floats(1e-3, 9e4))

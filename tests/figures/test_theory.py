@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from epuck_sim import load_scenario, read_points
-from epuck_sim.figures.forms.theory import EDGE, PredictedCurves
+from epuck_sim.figures.forms.theory import EDGE, PredictedCurves, predict_curves
 from epuck_sim.figures.sweep_figure import read_form
 from epuck_sim.theory.predict import predict
 from tests.figures.drawn import laid_out, legend_texts, written
@@ -50,6 +50,9 @@ def test_minimum_and_peak_are_marked_where_a_regime_is_predicted_alone(folder) -
     assert [one["regime"], five["regime"], five["v_p"]] == ["yes", "no", ""]
     assert float(one["v_p_high"]) == pytest.approx(nearest.v_p_cm_s.high, rel=1e-5)
     assert "who hears whom" in form.caption
+    assert "hollow triangles" in form.caption
+    (still,) = predict_curves("agents.speed_cm_s", [form.curves[0]._replace(x=np.array([0.0]))])
+    assert still.places == []
 
 
 def test_a_scenario_asks_for_them_and_an_option_decides(folder) -> None:

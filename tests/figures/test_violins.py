@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from epuck_sim.figures.forms.violins import LINE, VIOLIN, Violins, density, read_violins
 from epuck_sim.figures.style import count_trials
+from epuck_sim.figures.sweep_figure import read_form
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.survival import estimate_weibull_mean
 from tests.figures.drawn import in_csv, laid_out, legend_texts, written
@@ -152,3 +153,15 @@ def test_the_csv_has_the_numbers_of_the_violins() -> None:
         mean = math.nan if share else point.times.mean()
         expected.append(in_csv(point.axes[COUNT], point.axes[SPEED], len(point.times), share, mean, *ends))
     assert [[*row.values()] for row in table] == expected
+
+
+def test_a_sweep_over_files_has_violins_by_their_names() -> None:
+    key, files = "robots.0.controller", ["/me/once.py", "firefly"]
+    made = in_memory(sweep({SPEED: [1, 2]}), lambda point: weibull(point, 100 + point.number))
+    for others, options in (({}, {}), ({COUNT: 5}, {"form": "violins", "x": key})):
+        points = [point._replace(axes={key: file, **others}) for point, file in zip(made, files, strict=True)]
+        form = read_form(points, options)
+        assert isinstance(form, Violins)
+        (panel,) = laid_out(form.draw_figure()).axes
+        assert [label.get_text() for label in panel.get_xticklabels()] == ["once", "firefly"]
+        assert [row[key] for row in written(form.tables[".csv"])] == ["once", "firefly"]

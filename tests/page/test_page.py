@@ -168,20 +168,23 @@ def test_a_page_is_named_as_such(tmp_path: Path) -> None:
 
 def test_the_command_writes_a_page_and_says_where(tmp_path: Path) -> None:
     path = tmp_path / "x.html"
-    result = call("page", "particles", "--set", "agents.count=7", "--out", path)
+    result = call("page", "particles", "--set", "agents.count=7", "--to", path)
     assert (result.exit_code, result.stdout.strip()) == (0, str(path))
     assert "epuck-sim page particles" in path.read_text()
-    refused = call("page", "particles", "--set", "clocks.jitter=0.1", "--out", path)
+    refused = call("page", "particles", "--set", "clocks.jitter=0.1", "--to", path)
     assert refused.exit_code == 2
     assert "clocks.jitter" in refused.output
 
 
-def test_play_opens_a_page_in_the_browser(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_play_opens_a_page_in_the_browser_which_the_next_one_replaces(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
-    result = call("play", "particles")
-    assert [Path(result.stdout.strip()).as_uri()] == opened
-    assert "<canvas" in Path(result.stdout.strip()).read_text()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    paths = [Path(call("play", name).stdout.strip()) for name in ("particles", "pair")]
+    assert opened == [paths[0].as_uri()] * 2
+    assert '"pair"' in paths[0].read_text() or "epuck-sim page pair" in paths[0].read_text()
 
 
 def test_simulations_show_themselves_as_pages_in_notebooks() -> None:
@@ -217,6 +220,16 @@ def test_a_page_fits_its_window_and_has_names_for_what_can_be_pressed(browser: D
       return !named;
     })"""
     assert browser.run(f"{nameless}.map((each) => each.outerHTML)") == []
+
+
+@needs_browser
+def test_robots_without_oscillators_have_no_cycles_and_a_refused_seed_does_not_stay(opened) -> None:
+    browser = opened("wall")
+    assert browser.run("[find('many').hidden, find('counted').hidden]") == [True, True]
+    browser.run("page.advance(1e9)")
+    assert browser.run("find('banner').textContent").startswith("Ended after ")
+    browser.run("find('seed').value = '1x'; find('seed').onchange()")
+    assert browser.run("[find('seed').value, find('banner').textContent.slice(0, 18)]") == ["0", "The seed is not 1x"]
 
 
 @needs_browser

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from epuck_sim.arrays import FloatArray
 from epuck_sim.display.table import Row
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.estimate import Estimate
 from epuck_sim.figures.forms.curves import Curves
 from epuck_sim.figures.forms.form import Choices
 from epuck_sim.figures.saving import Table, tabulate_rows
@@ -32,8 +33,9 @@ CELLS = ("regime", "probability", "v_m", "v_p", "t_frozen", "frozen_share", "t_f
 
 CAPTION = (
     "dashed is T_sync as predict has it from who hears whom, without a trial: its course, at the left edge that of "
-    "swarms that stand, at the right one that of the fastest; hollow triangles are V_m and V_p, with their uncertainty"
+    "swarms that stand, at the right one that of the fastest"
 )
+HOLLOW = "; hollow triangles are the predicted V_m (down) and V_p (up), with a standard deviation either way"
 
 
 class Predicted(NamedTuple):
@@ -42,6 +44,12 @@ class Predicted(NamedTuple):
     speeds: FloatArray  # (S,) cm/s, ascending
     times: FloatArray  # (S,) T_sync, cycles
     at_any: Prediction  # what holds at all of these speeds
+
+    @property
+    def places(self) -> list[tuple[Estimate, str]]:
+        """V_m and V_p where they are within the speeds, and their markers."""
+        places = ((self.at_any.v_m_cm_s, "v"), (self.at_any.v_p_cm_s, "^"))
+        return [each for each in places if self.speeds[0] <= each[0].value <= self.speeds[-1]]
 
 
 def predict_curves(axis: str, curves: Sequence[Curve]) -> list[Predicted]:
@@ -92,7 +100,7 @@ class PredictedCurves(Curves):
         if not self.predicted:
             return [*super().notes, f"no prediction: {self.reason}"]
         left_out = dict.fromkeys(note.removesuffix(".") for each in self.predicted for note in each.at_any.notes)
-        return [*super().notes, CAPTION, *left_out]
+        return [*super().notes, f"{CAPTION}{HOLLOW * any(each.places for each in self.predicted)}", *left_out]
 
     def draw(self, panels: Sequence[Axes]) -> None:
         for panel, each, (*_, look) in zip(self.panels_of(panels), self.predicted, self.placed, strict=False):
@@ -100,7 +108,7 @@ class PredictedCurves(Curves):
         super().draw(panels)
         if self.predicted:
             panels[0].plot([], [], color=GREY, label="predicted", **DASHES)
-        if any(np.isfinite(each.at_any.v_p_cm_s.value) for each in self.predicted):
+        if any(each.places for each in self.predicted):
             panels[0].plot([], [], "^", color=GREY, label=typeset("predicted V_m and V_p"), **PLACE)
 
 
@@ -110,8 +118,7 @@ def draw_prediction(panel: Axes, predicted: Predicted, colour: str) -> None:
     panel.plot(speeds, times, color=colour, **DASHES)
     for limit, edge in ((at_any.t_sync_frozen, (0, EDGE)), (at_any.t_sync_fast, (1 - EDGE, 1))):
         panel.plot(edge, (limit.value,) * 2, color=colour, transform=panel.get_yaxis_transform(), **DASHES)
-    for place, marker in ((at_any.v_m_cm_s, "v"), (at_any.v_p_cm_s, "^")):
-        if speeds[0] <= place.value <= speeds[-1]:
-            ends = np.clip((place.low, place.value, place.high), speeds[0], speeds[-1])
-            time = np.interp(np.log(place.value), np.log(speeds), times)
-            panel.plot(ends, (time,) * 3, marker=marker, markevery=[1], color=colour, **PLACE)
+    for place, marker in predicted.places:
+        ends = np.clip((place.low, place.value, place.high), speeds[0], speeds[-1])
+        time = np.interp(np.log(place.value), np.log(speeds), times)
+        panel.plot(ends, (time,) * 3, marker=marker, markevery=[1], color=colour, **PLACE)

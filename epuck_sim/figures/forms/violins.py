@@ -14,10 +14,10 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import style
 from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials, joined
-from epuck_sim.figures.labels import undetermined_label
+from epuck_sim.figures.labels import format_value, short_files, undetermined_label
 from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import choose_axis
+from epuck_sim.scenario.axes import choose_axis, numeric_axes
 from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.names import Statistic
 
@@ -44,6 +44,7 @@ class Violins(Form):
     takes = ("x", "censored_at_cycles", "scale", "points")
 
     axis: str  # dotted key of the horizontal axis
+    names: Sequence[str] = ()  # its values where they are no numbers; places of violins are 0, 1 and so on then
     curves: Sequence[Curve]  # the estimates of each panel, with the trials that they are of
     censored_at: int | None = None
     """Cycle at which the estimates take trials to be censored; where they are if None."""
@@ -51,13 +52,19 @@ class Violins(Form):
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
         check_has_values(points, cls.name)
-        axis = choose_axis([point.axes for point in points], *choices.axis("x"))
+        rows = [point.axes for point in points]
+        axis, names = choose_axis(rows, *choices.axis("x"), by_name=True), list[str]()
+        if axis not in numeric_axes(rows):
+            texts = [format_value(axis, row[axis]) for row in short_files([{axis: row[axis]} for row in rows])]
+            names = list(dict.fromkeys(texts))
+            each = zip(points, texts, strict=True)
+            points = [point._replace(axes={**point.axes, axis: names.index(text)}) for point, text in each]
         censored_at = choices.section.censored_at_cycles if points[0].of is None else None
         limit = max(point.scenario.stop.max_cycles for point in points)
         if "censored_at_cycles" in choices.given and censored_at is not None and censored_at > limit:
             name = "--censored-at" if choices.prefix else "censored_at_cycles"
             raise EpuckSimError(f"{name} is {censored_at}; allowed: up to {limit}, the limit of the trials")
-        return cls(axis=axis, curves=read_violins(points, axis, censored_at), censored_at=censored_at)
+        return cls(axis=axis, names=names, curves=read_violins(points, axis, censored_at), censored_at=censored_at)
 
     @property
     def titles(self) -> Sequence[str]:
@@ -87,7 +94,8 @@ class Violins(Form):
         return {".csv": tabulate((curve.axes, self._columns(curve)) for curve in self.curves)}
 
     def _columns(self, curve: Curve) -> dict[str, Any]:
-        found: dict[str, Any] = {self.axis: curve.x, "trials": curve.trials}
+        values = [self.names[int(place)] for place in curve.x] if self.names else curve.x
+        found: dict[str, Any] = {self.axis: values, "trials": curve.trials}
         if self.of is None:
             found |= {"censored": curve.censored, "mean": sample_means(curve)}
         name = "weibull" if self.of is None else "mean"
@@ -104,6 +112,8 @@ class Violins(Form):
         for panel, curve in zip(panels, self.curves, strict=True):
             style.make_logarithmic(panel, *["y"] * has_logs, *["x"] * is_log)
             style.mark_wholes(panel.xaxis, x)
+            if self.names:
+                panel.set_xticks(range(len(self.names)), list(map(style.typeset, self.names)))
             self._draw_violins(panel, curve, half_width, is_log, has_logs)
             self._draw_estimates(panel, curve)
             if self.settings.points:

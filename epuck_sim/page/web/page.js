@@ -45,6 +45,7 @@ class Page {
     this.read_address();
     this.show_settings();
     this.show_keys();
+    for (const id of ["many", "counted"]) find(id).hidden = !data.facts.has_cycles;
     this.listen();
     this.begin();
     requestAnimationFrame((now) => this.picture(now));
@@ -123,7 +124,8 @@ class Page {
   end() {
     const { cycles, is_synchronised } = this.swarm.finish();
     this.play(false);
-    const said = is_synchronised ? `Synchronised: T_sync is ${cycles} cycles` : `Not synchronised within ${cycles} cycles`;
+    const said = !this.data.facts.has_cycles ? `Ended after ${this.swarm.time_s.toFixed(1)} s`
+      : is_synchronised ? `Synchronised: T_sync is ${cycles} cycles` : `Not synchronised within ${cycles} cycles`;
     this.say(`${said}${this.is_touched ? ", of a trial that you have changed" : ""}`);
   }
 
@@ -460,12 +462,17 @@ class Page {
     const pressed = {
       play: () => this.toggle(), step: () => this.step(), again: () => this.begin(), next: () => this.take_seed(this.seed + 1n),
       defaults: () => this.change({ ...this.data.values }), hundred: () => this.hundred(), sweep: () => this.sweep(), stop: () => this.trials.stop(),
-      link: () => this.copy(location.href, "The link"), command: () => this.copy(this.command, "The command"),
+      link: () => this.copy(location.href, location.protocol === "file:" ? "The link, for this computer alone," : "The link"), command: () => this.copy(this.command, "The command"),
       yaml: () => save("scenario.yaml", toYaml(this.nested())), csv: () => save("trials.csv", this.csv()), svg: () => save("swarm.svg", this.svg()),
     };
     for (const [id, what] of Object.entries(pressed)) find(id).onclick = what;
     find("find").oninput = () => this.show_keys();
-    find("seed").onchange = () => find("seed").reportValidity() && find("seed").value && this.take_seed(BigInt(find("seed").value));
+    find("seed").onchange = () => {
+      const { value } = find("seed"), is_seed = /^\d{1,18}$/.test(value);
+      if (is_seed) return this.take_seed(BigInt(value));
+      this.say(`The seed is not ${value || "empty"}: it has 1 to 18 digits`);
+      find("seed").value = `${this.seed}`;
+    };
     document.addEventListener("keydown", (event) => {
       const { target, key } = event, id = { " ": "play", ".": "step", r: "again", n: "next" }[key.toLowerCase()];
       if (!id || event.ctrlKey || event.metaKey || event.altKey || /INPUT|SELECT|BUTTON/.test(/** @type {Element} */ (target).tagName)) return;
@@ -526,8 +533,9 @@ class Page {
       const area = Object.assign(tag("textarea", text), { value: text });
       document.body.append(area);
       area.select();
-      document.execCommand("copy");
+      const is_done = document.execCommand("copy");
       area.remove();
+      if (!is_done) return (find("copied").textContent = `This browser copies nothing; take it from here: ${text}`);
     }
     find("copied").textContent = `${what} is copied.`;
   }
