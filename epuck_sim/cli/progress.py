@@ -147,9 +147,7 @@ class TrialProgress(_ProgressLine):
     def _tell_of_hopelessness(self, order: float) -> None:
         said = "ends at its limit: one oscillator has none to synchronise with"
         if not self._is_alone:
-            found = (
-                f"over {CYCLES} cycles the order parameter, {order:.2f}, is of random phases or does not change"
-            )
+            found = f"over {CYCLES} cycles the order parameter, {order:.2f}, is that of random phases or stands still"
             said = f"looks hopeless: {found}"
         print_stderr(f"trial {self._trial + 1} of {self._trials} {said}; sooner: --set stop.max_cycles={FEWER_CYCLES}")
 

@@ -19,10 +19,7 @@ SIDE_PX = 320  # longer side of a picture in pixels
 MOST_NUMBERED = 50  # swarms of this size or larger are drawn without numbers
 SHARE_OF_NUMBERS = 1.1  # height of numbers on discs, in radii
 SMALLEST_NUMBERS = 26  # the longer side of a picture, in heights of the smallest legible number
-
-LAMP = "#ffc800"
-"""Colour of lamps."""
-
+LAMP = "#ffc800"  # colour of lamps
 MARGIN = 0.03  # margin around the walls, as a share of the longer side
 
 LIT, DARK, OBSTACLE = "#ff503c", "#6b7280", "#9aa3ad"

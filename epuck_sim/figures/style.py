@@ -210,8 +210,7 @@ def draw_course(panel: Axes, x: FloatArray | IntArray, values: FloatArray, place
     panel.plot(x, values, color=look.colour, marker=look.marker, markevery=every, label=label or None)
 
 
-PLAIN = (1e-3, 1e5)
-"""Ends of the range whose numbers are written out; where a panel has others, all are powers of ten."""
+PLAIN = (1e-3, 1e5)  # ends of the range whose numbers are written out; where a panel has others, all are powers of ten
 
 
 def draw_intervals(

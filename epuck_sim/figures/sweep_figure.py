@@ -30,8 +30,7 @@ FORMS = {
 }
 """Module in `figures.forms` and class of each form, by its name."""
 
-Results = Path | str | Sequence[Path | str] | Sequence[PointTrials]
-"""A run folder, several, or the points of one."""
+Results = Path | str | Sequence[Path | str] | Sequence[PointTrials]  # a run folder, several, or the points of one
 
 SIMULATED_AGAIN = ("perturbation", "course")  # forms for which trials are simulated again
 

@@ -27,16 +27,10 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.util.builtin import ARENAS, builtin_files
 
-RED = "#dc2828"
-"""Colour of rings that are lit, and of flashes."""
-
-DARK = "#8a8f98"
-"""Colour of rings that are dark."""
-
+RED = "#dc2828"  # colour of rings that are lit, and of flashes
+DARK = "#8a8f98"  # colour of rings that are dark
 INNER_SHARE = 0.88  # radius of the white line within the coloured edge of a disc, as a share of its radius
-
-MAX_VECTOR_MARKS = 5_000
-"""Largest number of marks that an SVG holds one by one; more of them are a picture in it."""
+MAX_VECTOR_MARKS = 5_000  # largest number of marks that an SVG holds one by one; more of them are a picture in it
 
 MARGINS = {"left": 0.08, "right": 0.985, "bottom": 0.14}
 """Where the panels begin and end, as shares of the page."""

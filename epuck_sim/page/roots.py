@@ -29,8 +29,7 @@ from epuck_sim.util.native import ADDRESSES, BLOCK, compile_part
 
 WORDS, ROWS = types.Array(types.uint64, 1, "C"), types.Array(types.float64, 2, "C")
 
-Root = tuple[Any, tuple[Any, ...]]
-"""A kernel, and the types of its arguments."""
+Root = tuple[Any, tuple[Any, ...]]  # a kernel, and the types of its arguments
 
 _SWARM = BLOCK, ADDRESSES
 _OF_AGENT = *_SWARM, types.int64, types.float64

@@ -17,11 +17,8 @@ from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.stop import MeasureSection
 from epuck_sim.util.messages import short_repr
 
-MOST_SHOWN = 8
-"""Largest number of differences in a message."""
-
-MISSING = "nothing"
-"""Value that a message shows for a key that is missing on one side."""
+MOST_SHOWN = 8  # largest number of differences in a message
+MISSING = "nothing"  # value that a message shows for a key that is missing on one side
 
 
 class StoredPoint(NamedTuple):
@@ -36,10 +33,8 @@ class StoredPoint(NamedTuple):
     controllers: str
     """Controller of each group, a shipped one's name, or the name and the digest of the sources of a user's file, and
     likewise those of sensors, and the picture of a floor; of agents, a user's response curve."""
-    measures: str
-    """By the name of each measure, its parameters and the measure itself, as controllers are stored."""
-    share: str | None = None
-    """Share of the sweep that the folder is for, as 3/40; None for the whole."""
+    measures: str  # by the name of each measure, its parameters and the measure itself, as controllers are stored
+    share: str | None = None  # share of the sweep that the folder is for, as 3/40; None for the whole
 
 
 def stored_point(point: Point) -> StoredPoint:

@@ -23,8 +23,7 @@ from epuck_sim.util.provenance import PROVENANCE
 APPLICATION_ID = int.from_bytes(b"epck")
 """Marks a SQLite file as ours (its header, bytes 68 to 71)."""
 
-FORMAT = 2
-"""Version of the tables (bytes 60 to 63)."""
+FORMAT = 2  # version of the tables (bytes 60 to 63)
 
 RESULT = ("t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps", "cycles")
 """Columns that hold fields of a TrialResult."""
@@ -72,8 +71,7 @@ UNMEASURED = """
 """
 """Condition on a trial: it lacks the value of a measure of its point."""
 
-NULL = -1
-"""Number that stands for NULL in a column of numbers that are never negative."""
+NULL = -1  # number that stands for NULL in a column of numbers that are never negative
 
 MARSHAL_VERSION = 2
 """Format in which values are summed: the first with floats in binary, without references, and never changed again."""

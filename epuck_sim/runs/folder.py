@@ -22,26 +22,13 @@ try:
 except ImportError:  # on Windows, where every run folder has a lease
     fcntl = None  # type: ignore[assignment]
 
-DATABASE = "results.sqlite"
-"""Name of the file that holds a row for each trial."""
-
-STORED = ".stored"
-"""Name of the file that says how many trials a run has stored, until SQLite's log is in the database."""
-
-LOCK = ".lock"
-"""Name of the file that is locked; the lock ends with the process at the latest."""
-
-HOLDER = ".lock-holder"
-"""Name of the file that names the process which holds the lock, or the lease."""
-
-WAIT_S = 0.2
-"""Time in seconds for which a lock is tried: `current_holder` of another process may have it for a moment."""
-
-RENEW_S, LEASE_S = 10.0, 60.0
-"""Times in seconds between two renewals of a lease, and from the last one to its end."""
-
-SETTLE_S = 0.5
-"""Time in seconds after which the last of several processes that take a lease at once has it."""
+DATABASE = "results.sqlite"  # name of the file that holds a row for each trial
+STORED = ".stored"  # name of the file that says how many trials a run has stored, until SQLite's log is in the database
+LOCK = ".lock"  # name of the file that is locked; the lock ends with the process at the latest
+HOLDER = ".lock-holder"  # name of the file that names the process which holds the lock, or the lease
+WAIT_S = 0.2  # time in seconds for which a lock is tried: `current_holder` of another process may have it for a moment
+RENEW_S, LEASE_S = 10.0, 60.0  # times in seconds between two renewals of a lease, and from the last one to its end
+SETTLE_S = 0.5  # time in seconds after which the last of several processes that take a lease at once has it
 
 
 def database_of(folder: Path | str) -> Path:

@@ -36,21 +36,15 @@ class PointTrials(NamedTuple):
     """The trials of one point of a sweep that have a result."""
 
     number: int
-    key: str
-    """The axis values as text."""
-    axes: dict[str, Any]
-    """Value of each axis by dotted key."""
+    key: str  # the axis values as text
+    axes: dict[str, Any]  # value of each axis by dotted key
     scenario: Scenario
-    times: FloatArray
-    """(trials,) cycles at which each trial ended."""
-    observed: BoolArray
-    """(trials,) whether each trial was synchronised then; otherwise it is censored."""
-    seeds: Sequence[int]
-    """(trials,) seed of each trial."""
+    times: FloatArray  # (trials,) cycles at which each trial ended
+    observed: BoolArray  # (trials,) whether each trial was synchronised then; otherwise it is censored
+    seeds: Sequence[int]  # (trials,) seed of each trial
     measured: tuple[Value, ...] = ()
     """(trials,) value in each trial of the measure that was asked for; empty if none was."""
-    of: str | None = None
-    """Name of the measure that was asked for; None if none was."""
+    of: str | None = None  # name of the measure that was asked for; None if none was
     events: tuple[tuple[TrialEvent, ...], ...] = ()
     """(trials,) what changed in each trial: entries of the schedule, and faults."""
     has_t_sync: bool = True
@@ -220,10 +214,8 @@ class PointAtLimit(NamedTuple):
     """A point whose trials have all reached their limit so far, without synchrony."""
 
     point: int
-    axes: dict[str, Any]
-    """Value of each axis by dotted key."""
-    trials: int
-    """Number of these trials."""
+    axes: dict[str, Any]  # value of each axis by dotted key
+    trials: int  # number of these trials
 
 
 FEW_TRIALS = 20
@@ -235,26 +227,16 @@ class Status(NamedTuple):
 
     scenario: str
     points: int
-    trials: int
-    """Number of trials in the whole sweep, or in the folder's share of it."""
-    stored: int
-    """Number of them that have a result."""
-    censored: int | None
-    """Number of trials that are censored; None if those that are stored have no T_sync."""
-    failed: list[Failure]
-    """Trials that failed, and stored ones for which a measure that was added later failed."""
-    wall_s: float
-    """Computing time of all trials together."""
-    versions: list[TrialsByOrigin]
-    """Numbers of trials by the versions and the host that made them."""
-    at_work: str | None
-    """The process that is running the sweep."""
-    unmeasured: int = 0
-    """Number of stored trials that lack a measure which was added later."""
-    share: str | None = None
-    """Share of the sweep that the folder is for, as 3/40; None for the whole sweep."""
-    at_limit: Sequence[PointAtLimit] = ()
-    """Points whose trials, `FEW_TRIALS` or more of them, are all censored."""
+    trials: int  # number of trials in the whole sweep, or in the folder's share of it
+    stored: int  # number of them that have a result
+    censored: int | None  # number of trials that are censored; None if those that are stored have no T_sync
+    failed: list[Failure]  # trials that failed, and stored ones for which a measure that was added later failed
+    wall_s: float  # computing time of all trials together
+    versions: list[TrialsByOrigin]  # numbers of trials by the versions and the host that made them
+    at_work: str | None  # the process that is running the sweep
+    unmeasured: int = 0  # number of stored trials that lack a measure which was added later
+    share: str | None = None  # share of the sweep that the folder is for, as 3/40; None for the whole sweep
+    at_limit: Sequence[PointAtLimit] = ()  # points whose trials, `FEW_TRIALS` or more of them, are all censored
 
 
 def read_status(folder: Path) -> Status:

@@ -16,14 +16,11 @@ from epuck_sim.util.seeds import point_seed
 class Task(NamedTuple):
     """A trial to be run."""
 
-    point: int
-    """Number of the point in the sweep."""
+    point: int  # number of the point in the sweep
     trial: int
-    key: str
-    """The point's axis values as text."""
+    key: str  # the point's axis values as text
     scenario: Scenario
-    interpret: bool
-    """Whether controllers run as plain Python."""
+    interpret: bool  # whether controllers run as plain Python
 
     @property
     def seed(self) -> int:
@@ -35,8 +32,7 @@ class Task(NamedTuple):
         return _unpacked_task, (*self[:3], _packed(self.scenario), self.interpret)
 
 
-MOST_PACKED = 1000
-"""Most scenarios of which the bytes are kept."""
+MOST_PACKED = 1000  # most scenarios of which the bytes are kept
 
 _kept: dict[int, tuple[Scenario, bytes]] = {}
 """Scenarios by their `id`, which is theirs as long as they are kept, and their bytes."""
@@ -66,31 +62,22 @@ class Outcome(NamedTuple):
     point: int
     trial: int
     seed: int
-    result: TrialResult | None
-    """Its result; None if it failed."""
-    error: str | None
-    """Message of the error with which it failed; None if it has a result."""
-    provenance: dict[str, str]
-    """Versions, and the host that ran it."""
+    result: TrialResult | None  # its result; None if it failed
+    error: str | None  # message of the error with which it failed; None if it has a result
+    provenance: dict[str, str]  # Versions, and the host that ran it
 
 
 class SweepProgress(NamedTuple):
     """How far a sweep is."""
 
-    trials: int
-    """Number of trials in the whole sweep."""
-    stored: int
-    """Number of trials that have a result."""
+    trials: int  # number of trials in the whole sweep
+    stored: int  # number of trials that have a result
     censored: int | None
     """Number of stored trials that were not synchronised; None as long as none of them has a T_sync."""
-    failed: int
-    """Number of trials that failed in this run, as trials or for a measure that was added."""
-    ended: int
-    """Number of trials that ended in this run, with a result or with an error."""
-    last: Outcome | None = None
-    """The last of these."""
-    narrow: int | None = None
-    """Number of points whose intervals are narrow enough; None if that was not asked for."""
+    failed: int  # number of trials that failed in this run, as trials or for a measure that was added
+    ended: int  # number of trials that ended in this run, with a result or with an error
+    last: Outcome | None = None  # the last of these
+    narrow: int | None = None  # number of points whose intervals are narrow enough; None if that was not asked for
 
 
 class FinishedTrials:

@@ -25,8 +25,7 @@ VERSIONS = tuple(name for name in PROVENANCE if name != "host")
 class Share(NamedTuple):
     """One of several shares, each of which has about as many trials of every point as any other."""
 
-    number: int
-    """From 1 to `of`."""
+    number: int  # from 1 to `of`
     of: int
 
     @classmethod
@@ -57,8 +56,7 @@ class Share(NamedTuple):
         return f"{self.number}/{self.of}"
 
 
-WHOLE = Share(1, 1)
-"""The only share of a sweep that is not divided."""
+WHOLE = Share(1, 1)  # the only share of a sweep that is not divided
 
 
 def read_share(connection: sqlite3.Connection) -> Share:

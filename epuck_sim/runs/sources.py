@@ -35,8 +35,7 @@ NO_FILES = ("name", "description", "figure")
 CODE = (".py", ".c", ".h", ".so")
 """Endings of files that are run, or compiled and run."""
 
-_trusted: set[str] = set()
-"""Digests of the code that was trusted in this process."""
+_trusted: set[str] = set()  # digests of the code that was trusted in this process
 
 
 def write_sources(folder: Path, scenario: Scenario, used: Iterable[Scenario]) -> None:

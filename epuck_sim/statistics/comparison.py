@@ -29,7 +29,6 @@ from epuck_sim.statistics.statistic import MeanError, estimate, mean_and_error, 
 from epuck_sim.util.messages import comma_list, counted, did_you_mean, short_repr
 
 PERMUTATIONS = 4999  # number of permutations: the smallest p-value is 1 / 5,000
-
 _BLOCK_SIZE = 2_000_000  # trials that are permuted at once
 
 
@@ -61,8 +60,7 @@ class Pair(NamedTuple):
         return any((~each.observed & (each.values < each.limit)).any() for each in self)
 
 
-Parts = list[tuple[float, int]]
-"""Variance of each term of a sum, and its degrees of freedom."""
+Parts = list[tuple[float, int]]  # variance of each term of a sum, and its degrees of freedom
 
 
 class Contrast(NamedTuple):
@@ -219,8 +217,7 @@ class Comparison(NamedTuple):
     compared: int  # number of points with trials enough to be compared
     left_out: int  # number of points that only one of the two has trials at
     averaged: int  # number of these at which what is tested has an interval
-    tested: str
-    """What p-values and intervals are of: `ratio` where all values are positive, else `difference`."""
+    tested: str  # what p-values and intervals are of: `ratio` where all values are positive, else `difference`
     ratio: Estimate  # geometric mean of B / A over the points averaged; undetermined if differences are tested
     difference: Estimate  # mean of B - A over these; undetermined if ratios are tested
     p_value: float  # probability that chance makes all points as different together; NaN where none is compared

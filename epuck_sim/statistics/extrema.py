@@ -13,8 +13,7 @@ from epuck_sim.estimate import Estimate
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.statistic import MOST_CENSORED
 
-MIN_SPEEDS = 6
-"""Fewest determined speeds of a curve with extrema: a smooth curve with two bends takes four or more."""
+MIN_SPEEDS = 6  # fewest determined speeds of a curve with extrema: a smooth curve with two bends takes four or more
 
 MIN_TRIALS = 20
 """Fewest trials of a point at which a curve may have extrema.

@@ -33,8 +33,7 @@ from epuck_sim.statistics.extrema import (
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.util.messages import counted
 
-Parameters = Mapping[str, FloatArray]
-"""Values of epsilon, L (cm), N and tau (s), each (C,): one for every curve."""
+Parameters = Mapping[str, FloatArray]  # values of epsilon, L (cm), N and tau (s), each (C,): one for every curve
 
 
 class Term(NamedTuple):

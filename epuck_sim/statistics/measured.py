@@ -16,11 +16,9 @@ from epuck_sim.util.messages import comma_list
 class Measured(NamedTuple):
     """The values of a measure in n trials."""
 
-    values: FloatArray
-    """(n,) values; of a censored trial all that is known is that its value is larger than this."""
+    values: FloatArray  # (n,) values; of a censored trial all that is known is that its value is larger than this
     observed: BoolArray  # (n,) whether each value is known; otherwise it is censored
-    limit: float
-    """Largest value that a trial can have before it is censored; inf for a measure that is never censored."""
+    limit: float  # largest value that a trial can have before it is censored; inf for a measure that is never censored
     seed: int  # seed of resamples
     is_share: bool = False
     """Whether the values are truth values, 1 or 0, whose mean is the share of trials in which they are true."""

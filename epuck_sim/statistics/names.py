@@ -6,10 +6,8 @@ from enum import StrEnum
 class Statistic(StrEnum):
     """What a figure shows of the trials of a point."""
 
-    MEAN = "mean"
-    """Mean of the sample; restricted to the horizon where trials are censored."""
-    MEDIAN = "median"
-    """Median of the Kaplan-Meier estimate."""
+    MEAN = "mean"  # mean of the sample; restricted to the horizon where trials are censored
+    MEDIAN = "median"  # median of the Kaplan-Meier estimate
     WEIBULL_MEAN = "weibull-mean"
     """Mean of the nearest Weibull distribution (thesis Appendix A), which is extrapolated where trials are censored."""
 

@@ -21,20 +21,15 @@ from epuck_sim.estimate import LEVEL, UNDETERMINED, Estimate
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.statistic import estimate_mean
 
-FIRST_LOOK = 20
-"""Number of trials of a point at its first look: with fewer, the spread is known too badly to end."""
-
-GROWTH = 1.5
-"""Number of trials at a look, relative to that at the look before."""
-
+FIRST_LOOK = 20  # number of trials of a point at its first look: with fewer, the spread is known too badly to end
+GROWTH = 1.5  # number of trials at a look, relative to that at the look before
 _NODES = 48  # of the Gauss-Legendre quadrature: at 24, the level has five digits
 
 
 class Precision(NamedTuple):
     """How narrow intervals are asked to be: the largest half of their width."""
 
-    reach: float
-    """Half of the width, in cycles, or relative to the estimate."""
+    reach: float  # half of the width, in cycles, or relative to the estimate
     is_relative: bool
 
     @classmethod

@@ -33,9 +33,7 @@ from epuck_sim.statistics.survival import (
 )
 
 RESAMPLES = 1000  # number of resamples of each point
-
-MOST_CENSORED = 0.5
-"""Share of censored trials from which on figures hatch a point, and minima and peaks do without it."""
+MOST_CENSORED = 0.5  # share of censored trials from which on figures hatch a point, and minima and peaks do without it
 
 
 def check_statistic(measured: Measured, statistic: Statistic) -> None:
@@ -92,8 +90,7 @@ def _shift(measured: Measured) -> float:
     return min(float(measured.values.min()), 0.0)
 
 
-QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)
-"""Number of standard errors that an interval reaches either way."""
+QUANTILE = NormalDist().inv_cdf((1 + LEVEL) / 2)  # number of standard errors that an interval reaches either way
 
 
 class MeanError(NamedTuple):
@@ -216,16 +213,13 @@ class PointSummary(NamedTuple):
 
     point: int
     axes: dict[str, Any]
-    trials: int
-    """Number of trials that have a result; of a measure, a value."""
-    censored: float
-    """Share of these trials that is censored; 0 without trials."""
+    trials: int  # number of trials that have a result; of a measure, a value
+    censored: float  # share of these trials that is censored; 0 without trials
     estimates: dict[str, Estimate]
     """The statistics, by the names in `SUMMARIES`; a mean of truth values is the share that is true."""
     horizon: float
     """Limit of cycles of T_sync, or the longest trial where some were censored before this limit; inf of a measure."""
-    is_share: bool = False
-    """Whether the mean is the share of trials in which a truth value is true."""
+    is_share: bool = False  # whether the mean is the share of trials in which a truth value is true
 
     def record(self) -> dict[str, Any]:
         """Return the point as JSON holds it: each estimate with `_low` and `_high`, null where there is none."""

@@ -61,10 +61,8 @@ class TimedTrial(NamedTuple):
 
     point: int
     wall_s: float
-    is_cut: bool
-    """Whether time was up before the trial ended: it takes longer than this."""
-    is_censored: bool = False
-    """Whether it reached its limit without synchrony."""
+    is_cut: bool  # whether time was up before the trial ended: it takes longer than this
+    is_censored: bool = False  # whether it reached its limit without synchrony
 
 
 def time_trials(points: Sequence[Point], budget_s: float) -> list[TimedTrial]:

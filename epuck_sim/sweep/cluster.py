@@ -19,14 +19,9 @@ from epuck_sim.util.provenance import format_versions, host, versions
 if TYPE_CHECKING:
     from distributed import Client
 
-CONNECT_S = 6
-"""Time in seconds within which a cluster must answer."""
-
-LOOK_S = 3.0
-"""Time in seconds between two looks whether a scheduler is back."""
-
-COUNT_S = 1.0
-"""Shortest time in seconds between two counts of a cluster's workers."""
+CONNECT_S = 6  # time in seconds within which a cluster must answer
+LOOK_S = 3.0  # time in seconds between two looks whether a scheduler is back
+COUNT_S = 1.0  # shortest time in seconds between two counts of a cluster's workers
 
 
 class SchedulerGoneError(Exception):

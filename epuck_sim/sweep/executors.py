@@ -26,10 +26,8 @@ class Pool(NamedTuple):
     """An executor, and what the scheduler needs to know of it."""
 
     executor: Executor
-    slots: Callable[[], int]
-    """Returns the number of chunks to have under way."""
-    deaths: tuple[type[Exception], ...]
-    """Errors that a future raises if its worker has died."""
+    slots: Callable[[], int]  # returns the number of chunks to have under way
+    deaths: tuple[type[Exception], ...]  # errors that a future raises if its worker has died
     losses: tuple[type[Exception], ...] = ()
     """Errors that a future, or `slots`, raises if all workers are gone at once, which no trial can have caused."""
 

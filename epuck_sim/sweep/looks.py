@@ -21,8 +21,7 @@ from epuck_sim.util.messages import comma_list, counted
 class Look(NamedTuple):
     """A look at a point."""
 
-    trials: int
-    """Number of its first trials that were looked at."""
+    trials: int  # number of its first trials that were looked at
     mean: Estimate
     """Mean of their T_sync, restricted where trials are censored, with an interval that holds at every look."""
     contrast: Estimate | None

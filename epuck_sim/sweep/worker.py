@@ -25,8 +25,7 @@ from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.messages import describe_error, storable
 from epuck_sim.util.provenance import host, versions
 
-LIMIT_VARIABLE = "EPUCK_SIM_STEP_LIMIT_S"
-"""Environment variable that replaces `STEP_LIMIT_S`."""
+LIMIT_VARIABLE = "EPUCK_SIM_STEP_LIMIT_S"  # environment variable that replaces `STEP_LIMIT_S`
 
 STEP_LIMIT_S = 60.0
 """Processor time in seconds in which a controller must return from a step: a million times what one takes.
@@ -34,11 +33,8 @@ STEP_LIMIT_S = 60.0
 So must measures and response curves.
 """
 
-SET_UP_FACTOR = 10
-"""Limit for setting up a trial, which may compile and runs `start`, relative to that of a step."""
-
-EXIT_CODE = 70
-"""Exit code of a worker that was ended."""
+SET_UP_FACTOR = 10  # limit for setting up a trial, which may compile and runs `start`, relative to that of a step
+EXIT_CODE = 70  # exit code of a worker that was ended
 
 OVERTIME_S = 1.0
 """Wall time in seconds beyond `trial_timeout_s` after which a trial that does not end itself is ended by its worker."""
@@ -52,11 +48,9 @@ AtWork = Callable[[], tuple[int, int, str] | None]
 KEPT, KEPT_BYTES = 200, 2**28
 """Most simulations that a worker keeps, and the memory that they may take: points of a sweep take turns."""
 
-Key = tuple[object, ...]
-"""All on which a simulation depends but the seed."""
+Key = tuple[object, ...]  # all on which a simulation depends but the seed
 
-_kept: dict[Key, Simulated] = {}
-"""Simulations whose trials have ended, the last used one last."""
+_kept: dict[Key, Simulated] = {}  # simulations whose trials have ended, the last used one last
 
 
 class TrialTimeoutError(EpuckSimError):

@@ -21,8 +21,7 @@ class GraphMeasures(NamedTuple):
     sources: Estimate  # share of agents that are heard and hear nobody
     frustrated: Estimate
     """Probability of two or more components without a way in: clusters that nothing brings together (Beardo et al.)."""
-    joined: Estimate
-    """Probability that one component reaches all others, so that a swarm that stands can synchronise."""
+    joined: Estimate  # probability that one component reaches all others, so that a swarm that stands can synchronise
 
 
 def measure_graphs(snapshots: BoolArray) -> GraphMeasures:

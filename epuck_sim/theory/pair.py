@@ -17,8 +17,7 @@ class Pair(NamedTuple):
     """Two oscillators that receive each other's pulses."""
 
     lead: float  # ln of the factor by which a small lead grows at a pulse: of who has just fired
-    lag: float
-    """The same for a small lag: of who is about to fire; minus infinity where the pulse makes it fire."""
+    lag: float  # the same for a small lag: of who is about to fire; minus infinity where the pulse makes it fire
     growth: float
     """ln of the factor by which 1 - r of a pair near synchrony changes in a cycle, in which each receives a pulse."""
     cycles: float  # mean T_sync from random phases, in cycles; infinite where some phases never synchronise

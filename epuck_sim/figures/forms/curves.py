@@ -50,8 +50,7 @@ class Curves(Form):
 
     axis: str  # dotted key of the horizontal axis
     curves: Sequence[Curve]
-    split_by: str | None = None
-    """Dotted key of the axis that has a panel for each of its values; None for one panel."""
+    split_by: str | None = None  # dotted key of the axis that has a panel for each of its values; None for one panel
     others: list[FloatArray] = field(default_factory=list)  # further values for which panels have room
 
     @classmethod

@@ -20,8 +20,7 @@ from epuck_sim.scenario.axes import FigureSection, distinguishing_axes
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.measured import measure, quantity
 
-MAX_DOTS = 1000
-"""Largest number of trials at a point that an SVG holds as dots; more of them are a picture in it."""
+MAX_DOTS = 1000  # largest number of trials at a point that an SVG holds as dots; more of them are a picture in it
 
 
 @dataclass(frozen=True)

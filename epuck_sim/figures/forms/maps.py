@@ -27,9 +27,7 @@ from epuck_sim.statistics.statistic import MOST_CENSORED
 
 COLOURS = colormaps["viridis"]
 
-MIN_CONTOUR_VALUES = 3
-"""Fewest values of x and of y in every panel with which contours are drawn between the points."""
-
+MIN_CONTOUR_VALUES = 3  # fewest values of x and of y in every panel with which contours are drawn between the points
 GREY = "0.88"  # colour of cells where half of the trials or more are censored
 MAX_LEVELS = 20  # largest number of levels of colour; more of them are hard to distinguish
 

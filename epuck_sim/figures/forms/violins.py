@@ -46,8 +46,7 @@ class Violins(Form):
     axis: str  # dotted key of the horizontal axis
     names: Sequence[str] = ()  # its values where they are no numbers; places of violins are 0, 1 and so on then
     curves: Sequence[Curve]  # the estimates of each panel, with the trials that they are of
-    censored_at: int | None = None
-    """Cycle at which the estimates take trials to be censored; where they are if None."""
+    censored_at: int | None = None  # cycle at which the estimates take trials to be censored; where they are if None
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
