@@ -69,7 +69,6 @@ def draw_arena(arena: Arena, poses: FloatArray, radii_cm: npt.ArrayLike, ring_on
 
 
 def _draw_floor(arena: Arena) -> Iterator[Element]:
-    """Yield the picture or the brightness of a floor, and its patches, from the upper left corner on."""
     floor, size = arena.floor, {"width": arena.width_cm, "height": arena.height_cm}
     if floor.picture.size:
         levels = floor_levels(replace(arena, floor=replace(floor, patches=floor.patches[:0])), SIDE_PX)
@@ -116,7 +115,6 @@ def _draw_robot(
 
 
 def _write_number(label: str, place: tuple[float, float], radius: float, font: float) -> Element:
-    """Return a number on its disc, or beside it where the disc has no room for it."""
     style: dict[str, object] = {"font_family": "sans-serif", "font_size": font, "dominant_baseline": "central"}
     x, y = place
     if font > SHARE_OF_NUMBERS * radius:

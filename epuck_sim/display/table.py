@@ -72,7 +72,6 @@ class Table(NamedTuple):
         return element("div", made, *[element("p", " ".join(self.notes), class_="note")] * bool(self.notes))
 
     def _repr_html_(self) -> str:
-        """Return the table for notebooks."""
         return to_html(element("p", self.title), self.to_html())
 
     def to_text(self, width: int | None = None) -> str:
@@ -236,7 +235,6 @@ def _width(columns: Sequence[_Column]) -> int:
 
 
 def _parts(columns: list[_Column], width: int | None) -> list[list[_Column]]:
-    """Return the columns in parts that fit the width, each with the columns of the axes."""
     if width is None or _width(columns) <= width:
         return [columns]
     keys = [column for column in columns if column.is_axis or column.heading == POINT]

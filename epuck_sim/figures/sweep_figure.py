@@ -103,7 +103,6 @@ def read_form(
 
 
 def _with_full_keys(given: Mapping[str, Any], points: Sequence[PointTrials], prefix: str) -> dict[str, Any]:
-    """Return options with the whole keys of axes in place of their endings."""
     rows = [point.axes for point in points]
     full: dict[str, Any] = {
         name: axis_key(given[name], rows, f"{prefix}{name}") for name in ("x", "y", "panels") if name in given
@@ -136,7 +135,6 @@ def _read_folders(folders: Sequence[Path | str], of: str | None, names: Sequence
 
 
 def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> str:
-    """Return a line for each folder that says what was run."""
     places = [f", run folder {Path(folder).resolve().name}" for folder in folders] or [""]
     scenarios: dict[str | None, Scenario] = {}
     for point in points:
@@ -157,7 +155,6 @@ def find_form(name: str) -> type[Form]:
 
 
 def _usual_form(points: Sequence[PointTrials]) -> str:
-    """Return the form of a figure if no option gives one."""
     form = points[0].scenario.figure.form
     if any(map(has_series, points)):
         return "series"

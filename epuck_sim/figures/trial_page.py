@@ -191,7 +191,6 @@ def _draw_segment(axes: Axes, recorded: Recorded, population: Population, rows: 
 
 
 def _jumps(path: Float32Array, population: Population) -> IntArray:
-    """Return the rows, (jumps,), of a path, (rows, 2) cm, before which it leaves a cyclic space and re-enters it."""
     far_cm = population.arena.width_cm / 2 if population.is_cyclic else math.inf
     return 1 + np.flatnonzero((np.abs(np.diff(path, axis=0)) > far_cm).any(axis=1))
 

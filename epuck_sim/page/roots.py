@@ -103,7 +103,6 @@ def curve_root(response: ResponseSection) -> Root:
 
 
 def _user_functions(described: Any, **functions: Any) -> dict[str, Any]:
-    """Return functions of a user's file as compiled code calls them, by the names of those that call them."""
     return dict(zip(functions, jit_functions(functions.values(), described.modules, described.name), strict=True))
 
 

@@ -76,7 +76,6 @@ class Shown:
         self.html = make_page(scenario.model_copy(update={"seed": seed}), scenario.name)
 
     def _repr_html_(self) -> str:
-        """Return a frame with the page."""
         frame = 'width="100%" height="900" style="border: 0" sandbox="allow-scripts allow-downloads"'
         return f'<iframe title="swarm" {frame} srcdoc="{escape(self.html)}"></iframe>'
 

@@ -116,7 +116,6 @@ def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[N
 
 
 def _facts(folder: Path | str, status: Status, points: Sequence[PointTrials]) -> Iterator[tuple[str, Node]]:
-    """Yield what was run, how far it is, and by what it was made."""
     yield "folder", str(folder)
     yield "model", points[0].scenario.model
     noun = "robots" if points[0].scenario.controllers else "agents"
@@ -148,7 +147,6 @@ def _range(numbers: Iterable[int]) -> str:
 
 
 def _list_failures(folder: str, status: Status) -> Iterator[Node]:
-    """Yield the failed trials with their messages, if there are any."""
     if not status.failed:
         return
     touched = len({failure.point for failure in status.failed})

@@ -99,7 +99,6 @@ def _measure(section: MeasureSection) -> str:
 
 
 def _named(path: str, sources: Mapping[Path, bytes]) -> str:
-    """Return the name of what is used, and the digest of its sources if it is a user's."""
     digest = f" with digest {hashlib.sha256(b''.join(sources.values())).hexdigest()[:12]}" if sources else ""
     return Path(path).name + digest
 

@@ -118,7 +118,6 @@ def _size(points: Sequence[StoredPoint]) -> tuple[int, int, int]:
 
 
 def _add(connection: sqlite3.Connection, folder: Path) -> None:
-    """Add the trials of a folder that are new, or that have failed or lack measures so far."""
     path = folder / DATABASE
     with sqlite_errors(path):
         connection.execute("ATTACH ? AS share", (file_uri(path, "ro"),))

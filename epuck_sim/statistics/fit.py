@@ -246,7 +246,6 @@ def _fit_curve(run: str, curve: Curve) -> FittedCurve:
 
 
 def _other_settings(scenario: Scenario) -> str:
-    """Return all settings that a law does not account for, as text."""
     rest = scenario.model_dump(mode="json", exclude=WITHOUT_EFFECT | {"seed"})
     for key in scenario.scale_keys:
         *path, name = key.split(".")

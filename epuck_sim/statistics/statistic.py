@@ -269,7 +269,6 @@ class Summaries(list[PointSummary]):
         return notes
 
     def _repr_html_(self) -> str:
-        """Return the table for notebooks."""
         return self.table()._repr_html_()
 
 

@@ -161,7 +161,6 @@ def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[
 
 
 def _gather(ended: dict[Future[list[Outcome]], list[Task]], pool: Pool) -> tuple[list[Outcome], list[Task]]:
-    """Return the outcomes of chunks that have ended, and the tasks of chunks that were lost with a worker."""
     outcomes: list[Outcome] = []
     lost: list[Task] = []
     for future, chunk in ended.items():

@@ -196,7 +196,6 @@ def watchdog(timeout_s: float | None = None) -> Iterator[Watchdog]:
 
 
 def _thread_clock() -> Callable[[], float]:
-    """Return a clock of the processor time of this thread, for others; of all time, where systems have none."""
     if not hasattr(time, "pthread_getcpuclockid"):
         return time.monotonic
     clock = time.pthread_getcpuclockid(threading.get_ident())

@@ -215,7 +215,6 @@ def _oscillators(scenario: Scenario) -> tuple[Response, float, float]:
 
 
 def _left_out(scenario: Scenario) -> tuple[str, ...]:
-    """Return what a prediction leaves out of a scenario."""
     notes = []
     if isinstance(scenario, EmbodiedScenario):
         notes.append("Robots are taken for point oscillators that move straight ahead; no trials have judged that.")

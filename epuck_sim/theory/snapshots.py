@@ -55,7 +55,6 @@ def _share_changed(before: BoolArray, after: BoolArray) -> float:
 
 
 def _drawn(agents: int, k: int, count: int, seed: int) -> BoolArray:
-    """Return links to k others drawn at random."""
     ranks = np.random.default_rng(seed).random((count, agents, agents))
     ranks[:, np.arange(agents), np.arange(agents)] = math.inf
     links: BoolArray = ranks.argsort(2).argsort(2) < min(k, agents - 1)

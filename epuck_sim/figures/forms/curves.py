@@ -164,7 +164,6 @@ class Curves(Form):
         return min(float(known.max(initial=1.0)), longest), 1e12
 
     def _label_marks(self, panel: Axes) -> None:
-        """Add an empty mark with a label for each kind that is drawn."""
         is_known = ~np.isnan(joined(self.curves, "values"))
         if np.isfinite(joined(self.curves, "intervals")[is_known, 0]).any():
             panel.fill_between([], [], color=style.GREY, alpha=style.BAND, linewidth=0, label="95 % interval")
