@@ -33,6 +33,7 @@ from epuck_sim.statistics.extrema import (
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.util.messages import counted
 
+Quantity = tuple[FloatArray, FloatArray]  # values, (C,), of curves, and resamples, (B, C); NaN where unknown
 Parameters = Mapping[str, FloatArray]  # values of epsilon, L (cm), N and tau (s), each (C,): one for every curve
 
 
@@ -87,13 +88,6 @@ class OffsetLaw(NamedTuple):
     factor: Estimate  # A, in cycles s^2 / cm
     offset: Estimate  # K, in cycles
     r_squared: float  # share of the weighted variance of T that the law explains
-
-
-class Quantity(NamedTuple):
-    """A quantity of C curves, for a law to explain."""
-
-    values: FloatArray  # (C,) NaN where unknown
-    resampled: FloatArray  # (B, C) resamples, NaN where unknown
 
 
 class Comparison(NamedTuple):
@@ -280,13 +274,13 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
 def _quantities(curves: Sequence[FittedCurve]) -> dict[str, Quantity]:
     resamples = max(len(place.resampled) for curve in curves for place in curve.places.values())
     missing = Place(UNDETERMINED, np.full(resamples, math.nan))
-    names = [name for name in QUANTITIES if any(name in curve.places for curve in curves)]
-    return {name: _quantity([curve.places.get(name, missing) for curve in curves]) for name in names}
-
-
-def _quantity(places: Sequence[Place]) -> Quantity:
-    values = np.array([place.estimate.value for place in places])
-    return Quantity(values, np.stack([place.resampled for place in places], axis=1))
+    found = {}
+    for name in QUANTITIES:
+        if any(name in curve.places for curve in curves):
+            places = [curve.places.get(name, missing) for curve in curves]
+            values = np.array([place.estimate.value for place in places])
+            found[name] = values, np.stack([place.resampled for place in places], axis=1)
+    return found
 
 
 def _offset_laws(parameters: Parameters, quantities: Mapping[str, Quantity]) -> dict[str, OffsetLaw]:

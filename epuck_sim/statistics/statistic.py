@@ -301,11 +301,5 @@ def _summarize_point(point: PointTrials) -> PointSummary:
         mean._replace(name="restricted mean") if is_time else UNDETERMINED,
         estimate(measured, Statistic.WEIBULL_MEAN) if is_time else UNDETERMINED,
     )
-    head = (
-        point.number,
-        point.axes,
-        len(measured.values),
-        measured.censored,
-        dict(zip(SUMMARIES, estimates, strict=True)),
-    )
-    return PointSummary(*head, measured.horizon, measured.is_share)
+    head = point.number, point.axes, len(measured.values), measured.censored
+    return PointSummary(*head, dict(zip(SUMMARIES, estimates, strict=True)), measured.horizon, measured.is_share)
