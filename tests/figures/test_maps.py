@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -184,14 +184,17 @@ def test_panels_are_arranged_in_rows_that_the_width_has_room_for_with_numbers_be
         assert bool(panel.get_ylabel()) == (number % shape[1] == 0)
 
 
-@given(st.lists(st.floats(1, 1e9), min_size=1, max_size=5))
-def test_levels_are_even_few_enough_and_enclose_all_values(values: list[float]) -> None:
-    levels = choose_levels(np.array([*values, math.nan]), is_log=True)
-    steps = np.diff(levels)
-    assert 1 <= len(steps) <= MAX_LEVELS
+@given(st.lists(st.floats(1, 1e9), min_size=1, max_size=5), st.booleans(), st.sampled_from([1, -1]))
+@example([1e-9, 1.1e-9], False, 1)
+@example([0.0], False, 1)
+def test_levels_are_even_few_enough_and_enclose_all_values(values: list[float], is_log: bool, sign: int) -> None:
+    given_values = np.array(values) if is_log else sign * np.array(values)
+    levels = choose_levels(np.append(given_values, math.nan), is_log=is_log)
+    steps, shown = np.diff(levels), np.log10(given_values) if is_log else given_values
+    assert 1 <= len(steps) <= MAX_LEVELS + (not is_log)
     assert np.allclose(steps, steps[0])
-    assert levels[0] <= math.log10(min(values)) + 1e-9
-    assert math.log10(max(values)) < levels[-1] + 1e-9
+    assert levels[0] <= shown.min() + 1e-8 * abs(shown.min()) + 1e-9 * is_log
+    assert shown.max() < levels[-1] + 1e-9 * is_log
 
 
 def test_the_csv_has_a_row_for_each_point_with_trials() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.curves import Curves
-from epuck_sim.figures.forms.maps import Maps, choose_levels, read_maps
+from epuck_sim.figures.forms.maps import Maps, read_maps
 from epuck_sim.figures.forms.series import MAX_LINES, Series
 from epuck_sim.figures.forms.violins import Violins, read_violins
 from epuck_sim.figures.style import has_log_scale
@@ -93,12 +93,3 @@ def test_points_without_a_value_are_crosses_above_all_others_and_hatched_in_maps
     )
     violins = Violins(axis=SPEED, curves=read_violins(gaps, SPEED), of="mine").draw_figure()
     assert "undetermined: no trial has a value" in legend_texts(violins)
-
-
-def test_linear_levels_hold_all_values():
-    for values in [[0.1, 0.32], [-5, 5], [3.0], [1e-9, 1.1e-9], [0, 1e6], [7, 7.0000001], [0.0]]:
-        levels = choose_levels(np.array([*values, np.nan], float), is_log=False)
-        assert levels[0] <= min(values) + 1e-8 * abs(min(values))
-        assert max(values) < levels[-1]
-        assert 2 <= len(levels) <= 22
-        assert np.diff(levels) == pytest.approx(levels[1] - levels[0])
