@@ -54,9 +54,6 @@ def parse_target(path: Path) -> Target:
 
     >>> parse_target(Path("fig.pdf")).formats, parse_target(Path("fig-0.5")).formats
     (('.pdf',), ('.png', '.svg'))
-
-    Raises:
-        EpuckSimError: The path ends in a file type that pictures cannot have.
     """
     if path.suffix.lower() in METADATA:
         return Target(path.with_suffix(""), (path.suffix,))

@@ -246,14 +246,8 @@ def agent_path(
 ) -> FloatArray:
     """Return the path of an agent in a segment or square, (points, 3) s, cm, cm: time, x, y; NaN where it has a gap.
 
-    An agent that meets two walls between two rows is drawn to the first of them; then its path has a gap.
-
-    Args:
-        time_s: (rows,) s.
-        positions: (rows, 2) cm; y is 0 in a segment.
-        headings: (rows,) rad.
-        side_cm: Side of the space.
-        is_cyclic: Whether agents that leave on one side enter on the opposite one.
+    An agent that meets two walls between two rows is drawn to the first of them; then its path has a gap. Times are
+    (rows,), positions (rows, 2), with y = 0 in a segment, and headings (rows,) rad.
     """
     points = np.column_stack([time_s, positions])
     directions = np.column_stack([np.cos(headings), np.sin(headings)])

@@ -40,11 +40,7 @@ def check_agents(scenario: ParticleScenario) -> None:
 
 
 def agents_facts(scenario: ParticleScenario) -> dict[str, Any]:
-    """Return what `web/agents.js` makes the swarms of a scenario from.
-
-    Raises:
-        ScenarioError: The scenario cannot be a page.
-    """
+    """Return what `web/agents.js` makes the swarms of a scenario from; raise ScenarioError if it cannot be a page."""
     check_agents(scenario)
     rules, start = rules_of(scenario), scenario.start
     arrays, walk, stop = Arrays(rules.new_block()), scenario.agents.walk, scenario.stop

@@ -19,11 +19,7 @@ ANEW = "make it anew: make wasm"
 
 
 def read_module(model: Model) -> bytes:
-    """Return the WebAssembly of a model, gzipped.
-
-    Raises:
-        EpuckSimError: It has not been made.
-    """
+    """Return the WebAssembly of a model, gzipped; raise EpuckSimError if it has not been made."""
     path = FOLDER / f"{model}.wasm.gz"
     try:
         return path.read_bytes()

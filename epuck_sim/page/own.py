@@ -67,10 +67,7 @@ def own_roots(scenario: EmbodiedScenario | ParticleScenario) -> dict[str, Root]:
 def compile_own(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
     """Return the module of a scenario's own files, gzipped; nothing if there are none.
 
-    Raises:
-        ScenarioError: ziglang is not installed, or a file calls what pages do not have.
-        ControllerError: A controller or a sensor cannot be compiled.
-        CurveError: A response curve cannot be compiled.
+    ScenarioError is raised without ziglang, and for a file that calls what pages do not have.
     """
     if not own_roots(scenario):
         return b""

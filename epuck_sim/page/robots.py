@@ -64,11 +64,7 @@ def check_robots(scenario: EmbodiedScenario) -> None:
 
 
 def robots_facts(scenario: EmbodiedScenario) -> dict[str, Any]:
-    """Return what `web/robots.js` makes the swarms of a scenario from.
-
-    Raises:
-        ScenarioError: The scenario cannot be a page.
-    """
+    """Return what `web/robots.js` makes the swarms of a scenario from; raise ScenarioError if it cannot be a page."""
     check_robots(scenario)
     arena, contact, stop = scenario.arena.build(), scenario.contact, scenario.stop
     group = scenario.robots[0]

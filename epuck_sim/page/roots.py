@@ -138,9 +138,7 @@ def digest_kernels(model: Model) -> str:
 def meanings(function: Any, seen: set[Any]) -> Iterator[str]:
     """Yield what a compiler makes a function from: its source without comments and docstring, and all that it names.
 
-    Args:
-        function: The function.
-        seen: What is not visited again; it is added to.
+    What is in `seen` is not visited again; it is added to.
     """
     if function in seen:
         return

@@ -113,11 +113,7 @@ def make_page(scenario: EmbodiedScenario | ParticleScenario, source: str, settin
 def page_data(
     scenario: EmbodiedScenario | ParticleScenario, source: str, settings: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return what a page knows of its scenario: facts of the swarm, values of all keys, and what can be changed.
-
-    Raises:
-        ScenarioError: The scenario cannot be a page.
-    """
+    """Return what a page knows of its scenario: facts of the swarm, values of all keys, and what can be changed."""
     if isinstance(scenario, EmbodiedScenario):
         facts = robots_facts(scenario)
         changes = robots_settings(scenario, robots_like("thesis", scenario.name))

@@ -42,10 +42,6 @@ class Share(NamedTuple):
         They follow from the number of the point and that of the trial alone: trials that are added later leave those
         before them where they were. Points that have fewer trials than there are shares begin at different shares.
 
-        Args:
-            point: Number of the point in the sweep.
-            trials: Number of its trials.
-
         >>> [list(Share(number, 3).trials(0, 5)) for number in (1, 2, 3)]
         [[0, 3], [1, 4], [2]]
         """
@@ -71,12 +67,8 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
     The folder appears with all trials or not at all, and the others stay as they are. They may be unfinished, and may
     share trials, whose results must then be the same.
 
-    Args:
-        folders: Run folders of the same sweep, or of shares of it; if some have more points or trials, so has `whole`.
-        whole: A folder that is new or empty.
-
-    Raises:
-        StoreError: A folder is none of these, is damaged, or does not belong to the others.
+    If some have more points or trials, so has `whole`, which is new or empty. StoreError is raised if a folder is
+    damaged, or does not belong to the others.
     """
     points: dict[Path, list[StoredPoint]] = {}
     versions: dict[tuple[str, ...], Path] = {}

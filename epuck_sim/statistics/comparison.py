@@ -110,11 +110,7 @@ Permuted = tuple[FloatArray, FloatArray]
 def permute(pair: Pair, seed: int, *, of_logarithms: bool, count: int = PERMUTATIONS) -> Permuted:
     """Return the contrast of two samples, and those after permutations of trials between them.
 
-    Args:
-        pair: Two samples none of which is censored before the horizon.
-        seed: Equal seeds give equal permutations.
-        of_logarithms: Whether it is that of the logarithms of the means; all values are positive then.
-        count: Number B of permutations.
+    Neither is censored before the horizon. Equal seeds give the same `count` permutations.
     """
     # in order, so that the order in which trials are stored does not matter
     pooled = np.concatenate([np.sort(each.values) for each in pair])

@@ -67,10 +67,7 @@ def read_curves(
 def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:
     """Group points by the values of all axes but `axes`, see `group_rows`, and sort each group by `axes`.
 
-    Points without trials are left out.
-
-    Returns:
-        For each group, the values of the other axes, and its points.
+    A group is the values of the other axes, and its points; those without trials are left out.
     """
     found = []
     for others, places in group_rows([point.axes for point in points], *axes):

@@ -109,13 +109,8 @@ def smooth_logs(speeds: FloatArray, means: FloatArray, resampled: FloatArray) ->
     Speed 0 is left out, and so is every speed whose mean, or more than 5 % of whose resamples, are undetermined (not
     finite). Up to 5 % count as the longest resample that is determined, since what is undetermined took too long.
 
-    Args:
-        speeds: (S,) cm/s, ascending.
-        means: (S,) cycles, NaN where undetermined.
-        resampled: (B, S) bootstrap means, cycles.
-
-    Returns:
-        The smoothed curve, or None if fewer than six speeds are determined.
+    Speeds, (S,) cm/s, ascend; means are (S,) cycles, those of resamples (B, S). None is returned if fewer than
+    `MIN_SPEEDS` are determined.
     """
     finite = np.isfinite(resampled)
     determined = (speeds > 0) & np.isfinite(means) & (finite.mean(axis=0) >= 1 - MAX_UNDETERMINED)
@@ -291,11 +286,8 @@ It is a multiple of T_sync at the largest speed. A curve that falls on, like a p
 def find_fast_speed(curve: Curve) -> Place | None:
     """Find V_f, the speed from which on T_sync is less than twice that at the largest speed.
 
-    Where T_sync is unknown because all trials are censored, it counts as the limit of cycles.
-
-    Returns:
-        V_f, cm/s, with its percentile interval; None where T_sync is nowhere that long or still falls at the largest
-        speeds, and where a point has fewer than `extrema.MIN_TRIALS` trials.
+    Where T_sync is unknown because all trials are censored, it counts as the limit of cycles. There is no V_f where
+    T_sync is nowhere that long or still falls at the largest speeds, and where a point has fewer than `MIN_TRIALS`.
     """
     moving = curve.x > 0
     if np.count_nonzero(moving) < 2 or curve.trials[moving].min() < MIN_TRIALS or curve.censored[-1] > 0:

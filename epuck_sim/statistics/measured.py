@@ -106,10 +106,7 @@ def measure(point: PointTrials) -> Measured:
     """Return the values of the measure that `read_points` was asked for; T_sync if it was asked for none.
 
     Values that are undetermined are left out. Truth values count as 1 and 0, so that their mean is the share of trials
-    in which they are true.
-
-    Raises:
-        StoreError: The values are series, or trials have no T_sync.
+    in which they are true. StoreError is raised for series, and where trials have no T_sync.
     """
     if point.of is None:
         return measure_t_sync(point)

@@ -46,12 +46,7 @@ class Looks:
     def __init__(self, until: str, contrast: str | None = None) -> None:
         """Take what is asked, as 10% of the estimate, or 3 cycles; half of an interval's width is to be at most that.
 
-        Args:
-            until: What is asked.
-            contrast: An axis, or an ending of its key: ratios, or differences in cycles, to its first value are asked.
-
-        Raises:
-            EpuckSimError: What is asked is neither.
+        With `contrast`, an axis or an ending of its key, ratios, or differences in cycles, to its first value are asked.
         """
         self._precision, self._key = Precision.parse(until), contrast
         self._last: list[Look] = []
@@ -84,11 +79,7 @@ class Looks:
         return [[points[place] for place in places] for _, places in groups]
 
     def begin(self, store: Store, points: Sequence[Point], finished: FinishedTrials) -> list[int]:
-        """Look at what is stored, and return the number of trials that each point is for so far.
-
-        Raises:
-            StoreError: The folder is for a share of the sweep, or its trials have no T_sync.
-        """
+        """Look at what is stored, and return the number of trials that each point is for so far."""
         if store.share != WHOLE:
             raise StoreError(f"the folder is for share {store.share}; --until looks at all trials of a point: merge")
         self._store, self._points, self._finished = store, points, finished

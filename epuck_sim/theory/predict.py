@@ -91,11 +91,7 @@ class Prediction(NamedTuple):
 
 
 def predict(scenario: Scenario) -> Prediction:
-    """Return the prediction for a scenario without a sweep.
-
-    Raises:
-        ScenarioError: No pulse can shift a phase, the swarm is of one or too large, or its oscillators are unknown.
-    """
+    """Return the prediction for a scenario without a sweep; raise ScenarioError where there cannot be one."""
     return _predictor(scenario)(_speed_of(scenario))
 
 

@@ -173,8 +173,7 @@ def sample_means(curve: Curve) -> FloatArray:
 def density(values: FloatArray, *, of_logarithms: bool) -> tuple[FloatArray, FloatArray]:
     """Estimate the density of values, (n,), or of their logarithms, by normal kernels as wide as Scott's rule says.
 
-    Returns:
-        Values from the smallest to the largest, and the density there, relative to its maximum; 1 where all are equal.
+    It is relative to its maximum, at values from the smallest to the largest; 1 where all are equal.
 
     >>> density(np.array([7.0, 7.0]), of_logarithms=True)
     (array([7., 7.]), array([1., 1.]))
