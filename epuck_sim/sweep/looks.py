@@ -46,7 +46,7 @@ class Looks:
     def __init__(self, until: str, contrast: str | None = None) -> None:
         """Take what is asked, as 10% of the estimate, or 3 cycles; half of an interval's width is to be at most that.
 
-        With `contrast`, an axis or an ending of its key, ratios, or differences in cycles, to its first value are asked.
+        With `contrast`, an axis or an ending of its key, ratios, or differences, to its first value are asked.
         """
         self._precision, self._key = Precision.parse(until), contrast
         self._last: list[Look] = []

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from epuck_sim import EpuckSimError, ParticleSimulation, ScenarioError, Simulation, load_scenario
+from epuck_sim import ParticleSimulation, ScenarioError, Simulation, load_scenario
 from epuck_sim.page import own
 from epuck_sim.page.kernels import ANEW, read_module
 from epuck_sim.page.roots import is_fresh, meanings
@@ -159,21 +159,11 @@ def test_firmware_is_refused_by_name(tmp_path: Path) -> None:
         write_page("thesis", tmp_path / "x.html", changes)
 
 
-def test_a_page_is_named_as_such(tmp_path: Path) -> None:
-    with pytest.raises(EpuckSimError, match=r"unknown format '\.txt'; allowed: \.html"):
-        write_page("particles", tmp_path / "x.txt")
-    with pytest.raises(EpuckSimError, match="there is no directory"):
-        write_page("particles", tmp_path / "missing" / "x.html")
-
-
 def test_the_command_writes_a_page_and_says_where(tmp_path: Path) -> None:
     path = tmp_path / "x.html"
     result = call("page", "particles", "--set", "agents.count=7", "--to", path)
     assert (result.exit_code, result.stdout.strip()) == (0, str(path))
     assert "epuck-sim page particles" in path.read_text()
-    refused = call("page", "particles", "--set", "clocks.jitter=0.1", "--to", path)
-    assert refused.exit_code == 2
-    assert "clocks.jitter" in refused.output
 
 
 def test_play_opens_a_page_in_the_browser_which_the_next_one_replaces(
@@ -184,7 +174,7 @@ def test_play_opens_a_page_in_the_browser_which_the_next_one_replaces(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     paths = [Path(call("play", name).stdout.strip()) for name in ("particles", "pair")]
     assert opened == [paths[0].as_uri()] * 2
-    assert '"pair"' in paths[0].read_text() or "epuck-sim page pair" in paths[0].read_text()
+    assert "epuck-sim page pair" in paths[0].read_text()
 
 
 def test_simulations_show_themselves_as_pages_in_notebooks() -> None:

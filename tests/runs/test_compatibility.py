@@ -12,6 +12,8 @@ from epuck_sim.errors import StoreError
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, stored_point
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
+from tests.control.bench import with_step
+from tests.tools import needs_compiler
 
 FOLDER = Path("runs/old")
 
@@ -69,22 +71,35 @@ def test_a_stored_scenario_that_today_s_keys_do_not_fit_is_compared_as_it_is():
     assert str(caught.value).splitlines()[1:] == ["  contact.bounce: 0.5 in the folder, 'nothing' now"]
 
 
-EYE = "READINGS = {{'eye': float}}\ndef sense(w, robot, readings, p, r): readings.eye = {}\n"
+EYE = "READINGS = {'eye': float}\ndef sense(w, robot, readings, p, r): readings.eye = NUMBER\n"
+CURVE = "def phase_shift(phase, coupling, parameters):\n    return NUMBER * coupling\n"
+FIRMWARE = "#define PARAMETERS\n#define MEMORY\n#include <epuck.h>\nvoid start(void) {}\nvoid step(void) { NUMBER; }\n"
+OWN = {
+    "eye.py": ("robots.0.sensors=[{}]", EYE),
+    "mine.py": ("robots=[{{count: 2, controller: {}}}]", with_step("actuators.left_cm_s = NUMBER")),
+    "mine.c": ("robots=[{{count: 2, controller: {}}}]", FIRMWARE),
+    "curve.py": ("response.curve={}", CURVE),
+    "ground.png": ("arena.floor.picture={}", ""),
+}
+"""The key that names each file of a user's, and what is in it."""
 
 
-@pytest.mark.parametrize(
-    ("name", "key", "write"),
-    [
-        ("ground.png", "arena.floor.picture={}", lambda path, n: cv2.imwrite(str(path), np.full((2, 2), n, np.uint8))),
-        ("eye.py", "robots.0.sensors=[{}]", lambda path, number: path.write_text(EYE.format(number))),
-    ],
-)
-def test_trials_with_another_version_of_a_picture_or_sensor_are_refused_wherever_it_lies(tmp_path, name, key, write):
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[needs_compiler] * (name == "mine.c")) for name in OWN])
+def test_trials_with_another_version_of_a_file_are_refused_wherever_it_lies(tmp_path, name):
+    key, text = OWN[name]
+
+    def write(path: Path, number: int) -> None:
+        if text:
+            path.write_text(text.replace("NUMBER", str(number)))
+        else:
+            cv2.imwrite(str(path), np.full((2, 2), number, np.uint8))
+
     versions = []
     for folder, number in (("here", 0), ("there", 0), ("edited", 255)):
         (tmp_path / folder).mkdir()
         write(tmp_path / folder / name, number)
-        versions.append(described(key.format(tmp_path / folder / name)))
+        scenario = "particles" if name == "curve.py" else "thesis"
+        versions.append(described(key.format(tmp_path / folder / name), scenario=scenario))
     here, there, edited = versions
     check_same_sweep(FOLDER, [here], [there])
     with pytest.raises(StoreError, match=rf"'{re.escape(name)} with digest .* in the folder, '{re.escape(name)} with"):

@@ -149,7 +149,7 @@ def test_what_shows_a_folder_runs_none_of_its_code(foreign: Path, tmp_path: Path
     assert name == "verify" or found.exit_code == 0, found.stderr
 
 
-@pytest.mark.parametrize("command", ["page --out x.html", "play", "predict", "compare-film"])
+@pytest.mark.parametrize("command", ["page --to x.html", "play", "predict", "compare-film"])
 def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(
     foreign: Path, tmp_path: Path, command: str
 ) -> None:

@@ -23,7 +23,7 @@ from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.provenance import host, versions
 from tests.cli.commands import contents
-from tests.control.bench import with_step, write_soon_after
+from tests.control.bench import with_step
 from tests.runs.made_folders import COUNT, SPEED, outcome
 
 CONTROLLER = "robots.0.controller"
@@ -217,33 +217,6 @@ def test_of_many_differences_from_another_scenario_the_first_eight_are_said(tmp_
     assert first == f"{tmp_path}: holds results of another scenario; give another folder:"
     assert (len(differences), differences[-1]) == (9, "  ...")
     assert len(stored(tmp_path)) == 12
-
-
-CURVE = "def phase_shift(phase, coupling, parameters):\n    return coupling\n"
-
-
-@pytest.mark.parametrize("axis", [False, True], ids=["the same at all points", "an axis"])
-@pytest.mark.parametrize("key", [CONTROLLER, "response.curve"])
-def test_a_user_s_file_that_has_changed_is_refused(tmp_path, key: str, axis: bool) -> None:
-    path, is_curve = tmp_path / "mine.py", key == "response.curve"
-    text = CURVE if is_curve else MINE
-    path.write_text(text)
-    one = {"response": {"curve": str(path)}} if is_curve else {"robots": [{"controller": str(path)}]}
-    given = {"model": "particles"} if is_curve else {}
-    other = "agents.count" if is_curve else COUNT
-    shipped = "sine" if is_curve else "firefly"
-    sweep = {"grid": {key: [str(path), shipped]} if axis else {other: [2, 3]}}
-    given |= {} if axis else one
-    fill(tmp_path / "r", scenario_of(sweep, **given))
-    write_soon_after(
-        path, text.replace("return coupling", "return 2 * coupling").replace("= parameters", "= 2 * parameters")
-    )
-    message = refused(tmp_path / "r", scenario_of(sweep, **given))
-    assert f"\n  {key}: 'mine.py with digest " in message
-    there, here = (part.split()[0] for part in message.split("digest ")[1:])
-    assert there != here
-    write_soon_after(path, text)
-    assert len(fill(tmp_path / "r", scenario_of(sweep, **given))) == 2
 
 
 def test_an_axis_value_beyond_64_bits_is_stored(tmp_path) -> None:

@@ -7,7 +7,6 @@ from epuck_sim.sweep.run import run_sweep
 from epuck_sim.sweep.worker import LIMIT_VARIABLE, out_of_time
 from epuck_sim.trial.model import simulate
 from tests.cli.commands import called
-from tests.runs.test_store import fill, refused
 from tests.sweep.pool_here import pool_here
 from tests.sweep.short_sweeps import begin, errors, stored
 from tests.tools import needs_compiler
@@ -127,11 +126,3 @@ def test_a_slow_trial_ends_itself_without_its_worker_and_may_be_run_with_another
     assert set(errors(tmp_path / "run").values()) == {out_of_time(0.3)}
     run_sweep(slow.model_copy(update={"trial_timeout_s": 0.2}), tmp_path / "run", pool_here)
     assert set(errors(tmp_path / "run").values()) == {out_of_time(0.2)}
-
-
-@needs_compiler
-def test_a_run_folder_refuses_firmware_that_has_changed(tmp_path) -> None:
-    path = write_sweep(tmp_path, mine="memory->fate = 1;")
-    fill(tmp_path / "run", load_scenario(path))
-    write_sweep(tmp_path, mine="memory->fate = 2;")
-    assert "robots.0.controller: 'mine.c with digest " in refused(tmp_path / "run", load_scenario(path))
