@@ -84,7 +84,9 @@ def save_figure(
             elif ending == CAPTION:
                 part.write_text(f"{caption}\n", encoding="utf-8")
             else:
-                _save_picture(figure, part, ending.lower(), caption)
+                key, date = METADATA[ending.lower()]
+                metadata = {**({date: None} if date else {}), **({key: caption} if caption else {})}
+                _render(figure, part, ending[1:].lower(), metadata)
     return files
 
 
@@ -116,11 +118,6 @@ def check_files(stem: Path, endings: Iterable[str]) -> list[Path]:
     for file in files:
         check_target(file)
     return files
-
-
-def _save_picture(figure: Figure, part: Path, ending: str, caption: str) -> None:
-    key, date = METADATA[ending]
-    _render(figure, part, ending[1:], {**({date: None} if date else {}), **({key: caption} if caption else {})})
 
 
 def _render(figure: Figure, target: Any, kind: str, metadata: Any) -> None:

@@ -123,7 +123,8 @@ def page_data(
         changes = agents_settings(scenario)
         speed_key, one = "agents.speed_cm_s", "agent"
     limit = scenario.stop.max_cycles
-    changes.append(Setting("stop.max_cycles", "trials end after", "cycles", _limits(limit), limit))
+    limits = {limit, *(factor * 10**power for power in range(2, 7) for factor in (1, 2, 5)), 10**7}
+    changes.append(Setting("stop.max_cycles", "trials end after", "cycles", tuple(sorted(limits)), limit))
     nested = scenario.model_dump(mode="json", warnings=False)
     speed = next((each for each in changes if each.key == speed_key), None)
     return {
@@ -138,10 +139,6 @@ def page_data(
         "one": one,
         "student": [student_quantile(freedom) for freedom in range(1, MOST_FREEDOM + 1)],
     }
-
-
-def _limits(own: int) -> tuple[Value, ...]:
-    return tuple(sorted({own, *(factor * 10**power for power in range(2, 7) for factor in (1, 2, 5)), 10**7}))
 
 
 def _spread(setting: Setting) -> list[Value]:

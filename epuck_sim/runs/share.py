@@ -81,7 +81,12 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
         (first, here), (second, there) = list(versions.items())[:2]
         one, other = (format_versions(dict(zip(VERSIONS, each, strict=True))) for each in (first, second))
         raise StoreError(f"{there}: holds trials made by {other}, {here} by {one}; merge folders of the same versions")
-    largest = max(points, key=lambda folder: _size(points[folder]))
+
+    def size(folder: Path) -> tuple[int, int, int]:  # the sweep may have grown since the first share was begun
+        measures = sum(len(json.loads(point.measures)) for point in points[folder])
+        return len(points[folder]), sum(point.trials for point in points[folder]), measures
+
+    largest = max(points, key=size)
     most: dict[str, int] = {}  # at each point, of any folder: one may have more trials at some points, and fewer in all
     for point in chain.from_iterable(points.values()):
         most[point.key] = max(point.trials, most.get(point.key, 0))
@@ -101,12 +106,6 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
         write_files(whole, sources)
         if is_trusted(largest):
             trust(whole)
-
-
-def _size(points: Sequence[StoredPoint]) -> tuple[int, int, int]:
-    """Return how large the sweep of a folder is: it may have grown since the first share was begun."""
-    measures = sum(len(json.loads(point.measures)) for point in points)
-    return len(points), sum(point.trials for point in points), measures
 
 
 def _add(connection: sqlite3.Connection, folder: Path) -> None:
