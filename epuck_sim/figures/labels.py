@@ -110,7 +110,7 @@ def format_axis_values(
     >>> format_axis_values({"arena.walls": "low", "robots.0.signal": {"kind": "cone", "range_cm": 85}})
     'walls = low, signal = cone, range = 85 cm'
     >>> format_axis_values({"arena.obstacles": [{"shape": "circle", "x_cm": 5, "y_cm": 9, "radius_cm": 2}]})
-    'obstacles = circle, x = 5 cm, y = 9 cm, R = 2 cm'
+    'obstacles = circle, x = 5 cm, y = 9 cm, radius = 2 cm'
     >>> format_axis_values({"folder": "mine", "robots.0.count": 10})
     'mine, N = 10'
     """
