@@ -36,8 +36,8 @@ class PointSeries(NamedTuple):
 
     def record(self) -> dict[str, Any]:
         """Return the statistics as JSON holds them: a list with a value for each cycle."""
-        found: dict[str, Any] = {name: getattr(self.statistics, name) for name in ("cycles", "trials", "known")}
-        found["cycle"] = found.pop("cycles")
+        cycles, trials, known, *_ = self.statistics
+        found: dict[str, Any] = {"trials": trials, "known": known, "cycle": cycles}
         for name in ("mean", "median"):
             ends = (name, f"{name}_low", f"{name}_high")
             found |= dict(zip(ends, getattr(self.statistics, name).T, strict=True))

@@ -40,14 +40,11 @@ def saved(tmp_path_factory) -> Path:
     return stem
 
 
-def test_the_pictures_are_whole(saved) -> None:
+def test_the_pictures_are_whole_and_the_tables_hold_their_rows(saved) -> None:
     picture = image.imread(saved.with_name("fig.png"))
     assert picture.shape == (450, 600, 4)
     assert picture[..., :3].std() > 0.05
     assert ElementTree.parse(saved.with_name("fig.svg")).getroot().tag == "{http://www.w3.org/2000/svg}svg"
-
-
-def test_the_tables_hold_their_rows(saved) -> None:
     assert rows(saved.with_name("fig.csv")) == [{"a": "1", "b": "1.5"}]
     assert rows(saved.with_name("fig-more.csv")) == [{"c": "x"}, {"c": "y, z"}]
 

@@ -176,17 +176,13 @@ def test_there_is_a_row_for_each_trial_in_the_order_of_the_sweep(tmp_path) -> No
     assert math.isnan(frame["t_sync_cycles"][1])
 
 
-def test_the_measure_that_was_asked_for_is_a_column() -> None:
-    points = [point._replace(measured=(0.5, [1, 2]), of="order") for point in in_memory(FOUR, half_censored)]
-    frame = SweepTrials(points).to_pandas()
-    assert frame["order"].tolist() == [0.5, [1, 2]] * 4
-
-
-def test_trials_without_t_sync_are_neither_censored_nor_not() -> None:
+def test_the_measure_asked_for_is_a_column_and_trials_without_t_sync_are_neither_censored_nor_not() -> None:
+    without = {"has_t_sync": False, "measured": (0.5, [1, 2]), "of": "order"}
     points = SweepTrials(
-        point._replace(has_t_sync=False, observed=point.observed & False) for point in in_memory(FOUR, half_censored)
+        point._replace(observed=point.observed & False, **without) for point in in_memory(FOUR, half_censored)
     )
     frame = points.to_pandas()
+    assert frame["order"].tolist() == [0.5, [1, 2]] * 4
     assert frame["censored"].tolist() == [None] * 8
     assert frame["t_sync_cycles"].isna().all()
     assert points._repr_html_().count("<td>-</td>") == 4

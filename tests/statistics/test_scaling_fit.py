@@ -86,12 +86,8 @@ def printed(capsys, curves, as_json: bool = False) -> str:
     return capsys.readouterr().out
 
 
-def no_constant(name: str) -> None:
-    raise AssertionError(f"{name} is no JSON")
-
-
 def json_of(capsys, curves) -> dict:
-    return json.loads(printed(capsys, curves, as_json=True), parse_constant=no_constant)
+    return json.loads(printed(capsys, curves, as_json=True), parse_constant=pytest.fail)
 
 
 def test_minimum_and_peak_lie_in_their_intervals_which_are_narrow(sizes, couplings) -> None:
