@@ -17,7 +17,7 @@ from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.filming import film_trial
 from epuck_sim.overhead.flashes import RingCounter
-from epuck_sim.overhead.track import snapshot, track_film, track_frames
+from epuck_sim.overhead.track import look_again, track_film, track_frames
 
 OUT = Path(__file__).parent
 SCENARIO = "thesis"
@@ -47,7 +47,7 @@ def main() -> None:
         film(dark)
         film(lit, "overhead.light=lit")
         track = track_film(str(dark), TrackOptions(), None, lambda frames, _: frames)
-        save_track_figure(OUT / "overhead_track.png", track, snapshot(track))
+        save_track_figure(OUT / "overhead_track.png", track, look_again(track, None, lambda frames, _: frames))
         with open_film(str(dark)) as opened:
             annotator = Annotator(opened.width_px, opened.height_px, track.period_s)
             counter = RingCounter(track.geometry)

@@ -26,6 +26,8 @@ from epuck_sim.overhead import LEAST_ORDER
 if TYPE_CHECKING:
     from epuck_sim.overhead.calibration import TrackOptions
 
+FILM_ENDINGS = {".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif"}  # by which films are told from scenarios
+
 films = typer.Typer()
 
 film_option, geometry_option, decision_option, camera_option = options_of("Film", "Geometry", "Decision", "Live camera")
@@ -76,7 +78,11 @@ PeriodOption = Annotated[
     ),
 ]
 RobotsOption = Annotated[
-    int | None, decision_option(min=1, help="Number of robots; no T_sync is given if the flashes do not add up to it.")
+    int | None,
+    decision_option(
+        min=1,
+        help="Number of robots; by default as the film describes it. T_sync is unknown if flashes do not add up to it.",
+    ),
 ]
 
 
@@ -245,7 +251,7 @@ def track(
     from epuck_sim.cli.tables import print_track, print_track_json
     from epuck_sim.overhead.live import Watching, track_camera
     from epuck_sim.overhead.robots import find_robots, save_robots
-    from epuck_sim.overhead.track import annotate_film, snapshot, track_film
+    from epuck_sim.overhead.track import look_again, track_film
 
     options = scene_options(arena, height, corners, period, robots, tags)._replace(
         threshold_ms=threshold,
@@ -275,12 +281,13 @@ def track(
     (print_track_json if as_json else print_track)(tracked, robots_found)
     if robots_found is not None:
         save_robots(tracked, robots_found, flashes, trace, pairs)
-    if annotate is not None and camera is None:
-        annotate_film(tracked, annotate, progress_bar("annotating"))
+    shown = None
+    if camera is None and (annotate or plot):
+        shown = look_again(tracked, annotate, progress_bar("annotating" if annotate else "drawing"))
     if plot is not None:
         from epuck_sim.figures.films import save_track_figure
 
-        save_track_figure(plot, tracked, snapshot(tracked) if camera is None else None)
+        save_track_figure(plot, tracked, shown)
 
 
 @films.command("compare-film")
@@ -318,6 +325,8 @@ def compare_film(
     from epuck_sim.scenario.embodied import EmbodiedScenario
     from epuck_sim.scenario.scenario import require_model
 
+    swapped = f"{scenario}: is a film, not a scenario; give FILM first, then SCENARIO"
+    reject_first((Path(scenario).suffix.lower() in FILM_ENDINGS, swapped))
     loaded = require_model(read_scenario(scenario, settings), EmbodiedScenario, "films are of robots")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
     options = scene_options(arena, height, corners, period, robots, tags)

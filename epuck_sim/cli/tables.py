@@ -280,6 +280,6 @@ def _cells_of_quantity(row: "QuantityComparison") -> dict[str, Any]:
         "quantity": row.name,
         "unit": row.unit,
         "film": "beyond" if math.isinf(row.film) else significant(row.film),
-        "trials": Estimate(middle, low, high),
+        "trials": str(Estimate(middle, low, high)).replace("?", "beyond"),
         "percentile": Share(row.percentile / 100),
     }

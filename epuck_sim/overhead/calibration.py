@@ -28,6 +28,9 @@ STUDIED_FRAMES = 400  # dark frames in which rings are studied; a swarm has then
 MIN_HEIGHT_CM = 10.0  # minimum height of a camera above the floor: twice the height of robots
 
 
+DESCRIBED = ("arena_cm", "robots", "period_s")  # what users and descriptions may say alike
+
+
 class FilmMetadata(BaseModel):
     """The part of a film's description (see `filming.describe_film`) that tracking uses."""
 
@@ -78,15 +81,25 @@ class TrackOptions(NamedTuple):
 
     def with_defaults(self, metadata: FilmMetadata, arena_cm: tuple[float, float] | None = None) -> Self:
         """Return these options, completed where they are None from a film's metadata, or else by an arena's size."""
-        return self._replace(
-            arena_cm=self.arena_cm or metadata.arena_cm or arena_cm,
-            period_s=self.period_s or metadata.period_s,
-            robots=self.robots or metadata.robots,
-        )
+        told = {name: getattr(self, name) or getattr(metadata, name) for name in DESCRIBED}
+        return self._replace(**told | {"arena_cm": told["arena_cm"] or arena_cm})
+
+    def contradictions(self, metadata: FilmMetadata) -> list[str]:
+        """Return sentences about what is said otherwise in a film's metadata."""
+        said = ((f"--{name.replace('_', '-')}", getattr(self, name), getattr(metadata, name)) for name in DESCRIBED)
+        return [
+            f"{option} is {_plain(given)}, but {DESCRIPTION} says {_plain(told)}"
+            for option, given, told in said
+            if None not in (given, told) and given != told
+        ]
 
     def threshold_s(self, period_s: float, flash_s: float) -> float:
         """Return the threshold of the histogram: the one given, or the bound of Appendix C."""
         return spread_threshold_s(period_s, flash_s) if self.threshold_ms is None else self.threshold_ms / 1000
+
+
+def _plain(value: Any) -> str:
+    return "x".join(f"{side:g}" for side in value) if isinstance(value, tuple) else f"{value:g}"
 
 
 def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:

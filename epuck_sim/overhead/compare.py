@@ -309,8 +309,9 @@ def _median_cycle(_: Track, robots: Robots) -> float:
 
 def _near_walls(track: Track, robots: Robots) -> float:
     places, floor_cm = robots.flashes.places_cm, np.array(track.geometry.floor_cm)
-    from_walls_cm = np.minimum(places, floor_cm - places).min(axis=1, initial=math.inf)
-    return float(np.mean(from_walls_cm <= NEAR_WALL_CM)) if len(places) else math.nan
+    if not len(places) or not track.geometry.knows_floor:  # then places are relative to each other
+        return math.nan
+    return float(np.mean(np.minimum(places, floor_cm - places).min(axis=1) <= NEAR_WALL_CM))
 
 
 def _slow(_: Track, robots: Robots) -> float:

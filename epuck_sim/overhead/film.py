@@ -6,13 +6,12 @@ frames; the spread of a histogram in seconds needs the true times.
 
 import json
 import math
-from array import array
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext, suppress
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import av
@@ -31,7 +30,6 @@ from epuck_sim.util.atomic_write import check_target, publish, temporary_path
 EARLY_S = 1.0  # time before its declared end from which a film counts as cut off; sound may outlast the pictures
 TIMEOUT_S = 15.0  # longest time that an address on the network may take to answer
 UNSTAMPED_RATE = 25  # frame rate where neither time stamps nor the file give one, as FFmpeg's for numbered pictures
-GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dropped frame
 RESTART_S = 1.0  # time before the last time stamp from which a clock counts as restarted, not a frame as out of order
 LONGEST_GAP_S = 86_400.0  # time after it from which a clock counts as set anew: no camera is still for a day
 
@@ -50,11 +48,12 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
     is_address = "://" in path_or_url
     source = path_or_url if is_address else _resolve_file(path_or_url)
     try:
-        container = av.open(source, timeout=TIMEOUT_S if is_address else None, **ANY_METADATA)
+        options = {} if is_address else _numbering(Path(source))
+        container = av.open(source, options=options, timeout=TIMEOUT_S if is_address else None, **ANY_METADATA)
     except FileNotFoundError as error:
         raise FilmError(
-            f"{path_or_url}: no such file; allowed: a film, numbered pictures such as frames_%04d.png whose first "
-            "number is 0 to 4, or an address such as http://..."
+            f"{path_or_url}: no such file; allowed: a film, numbered pictures such as frames_%04d.png, or an address "
+            "such as http://..."
         ) from error
     except (FFmpegError, OSError, ValueError) as error:
         raise FilmError(
@@ -80,8 +79,9 @@ class Film:
         self.is_pictures = container.format.name == "image2"
         """Whether it is a series of numbered pictures, which have no times."""
         self._container, self._stream = container, stream
-        self._rate = stream.average_rate or Fraction(UNSTAMPED_RATE)
-        self._clock = FilmClock(1 / self._rate)
+        self.rate = float(stream.average_rate or UNSTAMPED_RATE)
+        """Frames per second that the file declares."""
+        self._clock = FilmClock(1 / self.rate)
         self._damaged = 0
         self._ended_early = ""
         decoded = self._decode()
@@ -108,11 +108,6 @@ class Film:
         found = [self._ended_early] if self._ended_early else []
         if self._damaged:
             found.append(f"damaged frames: {self._damaged}; they were left out or patched from their neighbours")
-        if self.is_pictures:
-            found.append(
-                f"numbered pictures have no times: {float(self._rate):g} frames per second are assumed; for another "
-                f"rate, convert them to a film: ffmpeg -framerate RATE -i {self.name} film.mkv"
-            )
         return found + self._clock.warnings()
 
     def _decode(self) -> Iterator[VideoFrame]:
@@ -151,7 +146,7 @@ class Film:
                 turned = np.rot90(pixels, round(first.rotation / 90))  # as players show it
                 yield Frame(time_s, np.ascontiguousarray(turned, np.uint8))
             lasted_s = float(picture.duration * unit_s) if picture.duration and unit_s else 0.0
-        usual_s = self._clock.median_interval_s
+        usual_s = self._clock.average_s
         read_s = self._clock.last_s + max(lasted_s, usual_s)
         if not self._ended_early and (self.duration_s or 0.0) - read_s > max(EARLY_S, 3 * usual_s):
             self._ended_early = (
@@ -163,28 +158,23 @@ class Film:
 class FilmClock:
     """Turns the time stamps of frames into times that increase from 0, and counts the stamps that do not."""
 
-    def __init__(self, nominal_s: Fraction) -> None:
+    def __init__(self, nominal_s: float) -> None:
         """Begin before the first frame; nominal_s: interval between frames that the file declares."""
         self.last_s = -1.0
         """Time of the last frame; -1 before the first one."""
-        self._nominal_s = float(nominal_s)
+        self._nominal_s = nominal_s
         self._zero_s: Fraction | None = None
-        self._intervals_s = array("d")  # 8 bytes a frame: half a megabyte in an hour
-        self._doubled = self._unordered = self._missing = self._restarts = 0
+        self._intervals = self._doubled = self._unordered = self._missing = self._restarts = 0
 
     @property
-    def median_interval_s(self) -> float:
-        """Median time from one frame to the next."""
-        return median(self._intervals_s) if self._intervals_s else self._nominal_s
-
-    @property
-    def _average_s(self) -> float:
-        return self.last_s / len(self._intervals_s) if self._intervals_s else self._nominal_s
+    def average_s(self) -> float:
+        """Mean time from one frame to the next."""
+        return self.last_s / self._intervals if self._intervals else self._nominal_s
 
     def time_s(self, stamp_s: Fraction | None) -> float | None:
         """Return the time of the next frame, whose time stamp is `stamp_s`; None if the frame must be left out."""
         is_first = self.last_s < 0
-        time_s = 0.0 if is_first else self.last_s + self._average_s  # if it has no usable time stamp
+        time_s = 0.0 if is_first else self.last_s + self.average_s  # if it has no usable time stamp
         if stamp_s is None:
             self._missing += 1
         else:
@@ -199,29 +189,20 @@ class FilmClock:
                 self._unordered += since_s < 0
                 return None
             time_s = float(stamp_s - self._zero_s)
-        if not is_first:
-            self._intervals_s.append(time_s - self.last_s)
+        self._intervals += not is_first
         self.last_s = time_s
         return time_s
 
     def warnings(self) -> list[str]:
         """Return a sentence for each kind of defect among the time stamps so far."""
-        placed = f"placed {1000 * self._average_s:.3g} ms after the previous one"
+        placed = f"placed {1000 * self.average_s:.3g} ms after the previous one"
         defects = {
             "frames left out because they have the time stamp of the previous one": self._doubled,
             "frames left out because their time stamp is before that of the previous one": self._unordered,
             "jumps of the time stamps, across which the film is taken to continue": self._restarts,
             f"frames without a time stamp, {placed}": self._missing,
         }
-        found = [f"{defect}: {number}" for defect, number in defects.items() if number]
-        usual_s = self.median_interval_s
-        gaps = [interval for interval in self._intervals_s if interval > GAP * usual_s]
-        if gaps:
-            found.append(
-                f"gaps longer than {GAP:g} times the usual {1000 * usual_s:.3g} ms between frames: {len(gaps)}, "
-                f"the longest {max(gaps):.3g} s; frames were dropped"
-            )
-        return found
+        return [f"{defect}: {number}" for defect, number in defects.items() if number]
 
 
 def _resolve_file(path: str) -> str:
@@ -238,6 +219,16 @@ def _resolve_file(path: str) -> str:
     if file.is_file() and not file.stat().st_size:
         raise FilmError(f"{path}: is empty: nothing was recorded, or the copy failed; record or copy it again")
     return str(file)
+
+
+def _numbering(file: Path) -> dict[str, str]:
+    """Return FFmpeg's option for the first number of numbered pictures, which it looks for from 0 to 4 alone."""
+    parts = re.split(r"%\d*d", file.name)
+    if len(parts) != 2 or file.exists():
+        return {}
+    name = re.compile("([0-9]+)".join(map(re.escape, parts)))
+    numbers = [int(match[1]) for each in file.parent.glob("*") if (match := name.fullmatch(each.name))]
+    return {"start_number": str(min(numbers))} if numbers else {}
 
 
 def _picture_stream(name: str, container: InputContainer) -> VideoStream:
@@ -259,7 +250,9 @@ def _duration_s(container: InputContainer, stream: VideoStream) -> float | None:
         return float(stream.frames / stream.average_rate)  # FFmpeg would estimate the duration from the file's size
     if stream.duration and stream.time_base:
         return float(stream.duration * stream.time_base)
-    return container.duration / av.time_base if container.duration else None
+    from_0 = "matroska" in container.format.name  # counts it from 0, whenever its first frame is
+    before = max(container.start_time or 0, 0) if from_0 else 0
+    return (container.duration - before) / av.time_base if container.duration else None
 
 
 def _read_description(metadata: dict[str, str]) -> dict[str, Any] | None:

@@ -125,7 +125,8 @@ def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], sourc
         typed, value = parse_setting(override)
         found = full_keys(typed, keys, option)
         if not found and not typed.startswith("overhead."):
-            raise FilmError(f"{option}: the trial is over; allowed: the camera's keys, as in light=lit")
+            names = ", ".join(OverheadSection.model_fields)
+            raise FilmError(f"{option}: is no key of the camera, and the trial itself is over; allowed: {names}")
         mapping = set_value(mapping, (found or [typed])[0], value, option)
     return _require_rings(validate(mapping, source), source)
 

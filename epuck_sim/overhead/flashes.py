@@ -5,15 +5,17 @@ from array import array
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Self
 
-import cv2
 import numpy as np
 
+from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.camera import Frame, Geometry, Light
 from epuck_sim.overhead.light import LIT_LEVEL, Background, LightMeter
 from epuck_sim.overhead.rings import Ring, RingFinder
 
-REACH_CM = 2.5  # largest distance of a ring from its place in the frame before; less than the radius of a robot
+REACH_CM = 2.5  # largest distance of a ring from its place in the frame before, if frames come fast
+FASTEST_CM_S = 1.05 * epuck.WHEEL_LIMIT_CM_S  # speed by which it may be farther, if they do not
+MOST_REACH_CM = 1.6 * epuck.RADIUS_CM  # distance that is always of another robot: two touch at two radii
 MAX_MISSED = 2  # number of frames in a row in which a lit ring may be missed
 _COS, _SIN = (function(np.linspace(0, 2 * np.pi, 8, endpoint=False)) for function in (np.cos, np.sin))
 
@@ -67,6 +69,9 @@ class _Lit:
         self.ring, self.missed_s = ring, list[float]()
         self.seen.append((time_s, ring.x_cm, ring.y_cm, ring.light))
 
+    def reach_cm(self, now_s: float) -> float:
+        return min(max(REACH_CM, FASTEST_CM_S * (now_s - self.seen[-1][0])), MOST_REACH_CM)
+
     def flash(self, now_s: float) -> Flash:
         times_s, x, y, light = np.array(self.seen).T
         since_s = times_s - times_s.mean()
@@ -87,13 +92,14 @@ class FlashLinker:
         """Add the rings of the next frame: each continues the nearest flash, or begins one."""
         self._now_s = time_s
         pairs = sorted(
-            (math.dist(ring[:2], lit.ring[:2]), place, index)
+            (distance, place, index)
             for place, lit in enumerate(self._lit)
             for index, ring in enumerate(rings)
+            if (distance := math.dist(ring[:2], lit.ring[:2])) <= lit.reach_cm(time_s)
         )
         seen: dict[int, int] = {}
-        for distance, place, index in pairs:
-            if distance <= REACH_CM and place not in seen and index not in seen.values():
+        for _, place, index in pairs:
+            if place not in seen and index not in seen.values():
                 seen[place] = index
         for place, lit in enumerate(self._lit):
             if place in seen:
@@ -207,11 +213,8 @@ class RingCounter:
         self._rings: list[list[Ring]] = []
         self._begin(0.0)
 
-    def process(self, frame: Frame, papers_px: Iterable[FloatArray] = ()) -> list[Ring]:
-        """Find the lit rings on the floor in the next frame, count them, and return them.
-
-        White papers of tags, (4, 2) corners each, are no light.
-        """
+    def process(self, frame: Frame) -> list[Ring]:
+        """Find the lit rings on the floor in the next frame, count them, and return them."""
         light, lit = self._background.light_beyond(frame)
         background, usual = None if lit else self._background.levels, self._background.usual()
         seen = self._finder.find(light, room_is_lit=lit)
@@ -222,8 +225,6 @@ class RingCounter:
             self._begin(frame.time_s)
         self._was_lit = lit
         self._has_begun |= bool(rings) and not lit
-        for paper_px in papers_px:
-            cv2.fillConvexPoly(light, np.round(paper_px).astype(np.int32), (0,))
         area_px = self._meter.lit_px(light, background, usual)
         self._times.append(frame.time_s)  # all at once: Ctrl-C, which ends a live film, must not come in between
         self._counts.append(len(rings))

@@ -12,14 +12,14 @@ from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import cv2
 import numpy as np
 
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.annotate import Annotator, TrackedFrame
-from epuck_sim.overhead.calibration import TrackOptions, calibrate
+from epuck_sim.overhead.calibration import DESCRIBED, TrackOptions, calibrate
 from epuck_sim.overhead.camera import Frame, Picture, ProgressWrapper
 from epuck_sim.overhead.film import FilmWriter, film_file
 from epuck_sim.overhead.flashes import RingCounter
@@ -28,6 +28,7 @@ from epuck_sim.overhead.light import is_lit
 from epuck_sim.overhead.track import Track, analyse, ring_writer, track_frames
 from epuck_sim.util.atomic_write import growing_text
 from epuck_sim.util.machine import HOST, check_port
+from epuck_sim.util.provenance import versions
 
 PATIENCE_S = 30.0  # time for which a camera that drops out is tried again: a loose plug, a hub that restarts
 PAUSE_S = 0.5  # time between two tries
@@ -82,7 +83,9 @@ def track_camera(
     period_s = options.period_s
     assert period_s is not None, "it cannot be estimated while the camera films"
     with LiveCamera(number, tell) as live, ExitStack() as files:
-        outputs = _Outputs(live, watching, period_s, files, tell)
+        known = {name: getattr(options, name) for name in DESCRIBED}
+        description = {"epuck_sim": versions()["epuck_sim"], **known}
+        outputs = _Outputs(live, watching, period_s, files, tell, description)
         size_px = (live.width_px, live.height_px)
         if lens is not None:
             options = options._replace(lens=read_lens(lens, size_px))
@@ -132,24 +135,34 @@ def _until_unplugged(frames: Iterable[Frame], ends: list[str]) -> Iterator[Frame
 class _Outputs:
     """Writes and shows what a camera films, from its first frame on; its files are closed with a stack."""
 
-    def __init__(self, live: "LiveCamera", to: Watching, period_s: float, files: ExitStack, tell: Tell) -> None:
+    def __init__(
+        self,
+        live: "LiveCamera",
+        to: Watching,
+        period_s: float,
+        files: ExitStack,
+        tell: Tell,
+        description: dict[str, Any],
+    ) -> None:
         self._name, self._to, self._files = live.name, to, files
         self._annotator = Annotator(live.width_px, live.height_px, period_s)
         self._page = None if to.port is None else files.enter_context(live_page(live.name, to.port))
         if self._page is not None:
             tell(f"{self._page.address} shows {live.name}")
-        self._film = self._begin_film(to.record, live.width_px, live.height_px)
+        self._film = self._begin_film(to.record, live.width_px, live.height_px, description)
 
-    def _begin_film(self, path: Path | None, width_px: int, height_px: int) -> FilmWriter | None:
+    def _begin_film(
+        self, path: Path | None, width_px: int, height_px: int, description: dict[str, Any]
+    ) -> FilmWriter | None:
         if path is None:
             return None
-        return self._files.enter_context(film_file(path, width_px, height_px, {}, self._name, grows=True))
+        return self._files.enter_context(film_file(path, width_px, height_px, description, self._name, grows=True))
 
     def begin(self) -> None:
         """Begin the files of what is found."""
         rings = self._to.rings
         self._write_rings = None if rings is None else ring_writer(self._files.enter_context(growing_text(rings)))
-        self._annotated = self._begin_film(self._to.annotate, self._annotator.width_px, self._annotator.height_px)
+        self._annotated = self._begin_film(self._to.annotate, self._annotator.width_px, self._annotator.height_px, {})
 
     def record(self, frame: Frame) -> Frame:
         """Write a frame as it comes from the camera, and return it."""

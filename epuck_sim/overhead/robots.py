@@ -15,7 +15,7 @@ from epuck_sim.display.table import csv_cell, csv_text
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.flashes import FlashTable, frames_lit
 from epuck_sim.overhead.identities import LONGEST, Identities, commonest_speed, link_flashes
-from epuck_sim.overhead.synchrony import ORDER_PARAMETER, order_over_time
+from epuck_sim.overhead.synchrony import ORDER_PARAMETER, is_filmed, order_over_time
 from epuck_sim.overhead.tags import Readings
 from epuck_sim.overhead.track import Track
 from epuck_sim.util.atomic_write import atomic_write
@@ -218,14 +218,15 @@ def summary(track: Track, robots: Robots) -> dict[str, Any]:
 
 def flash_columns(track: Track, robots: Robots) -> Columns:
     """Return a table with a row for each flash: when, how long and where, whose, and how sure that is."""
-    flashes, who = robots.flashes, robots.identities
+    flashes, who, span_s = robots.flashes, robots.identities, (track.times_s[0], track.times_s[-1])
+    order, _ = order_over_time(flashes.onset_s, track.period_s)
     return {
         "onset_s": flashes.onset_s,
         "duration_s": flashes.end_s - flashes.onset_s,
         "x_cm": flashes.places_cm[:, 0],
         "y_cm": flashes.places_cm[:, 1],
         "light": flashes.light,
-        "order_parameter": order_over_time(flashes.onset_s, track.period_s)[0],
+        "order_parameter": np.where(is_filmed(flashes.onset_s, track.period_s, span_s), order, np.nan),
         "robot": who.robot,
         "cycle": who.cycle,
         "certainty": who.certainty,

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 
 ORDER_PARAMETER = 0.95  # order parameter r_sync at which a swarm counts as synchronised (thesis 4.2.1)
 
@@ -186,8 +186,13 @@ class Periods(NamedTuple):
 def whole_periods(onsets_s: FloatArray, period_s: float, span_s: tuple[float, float], least: float) -> Periods:
     """Return the periods around (n,) onsets that are within the span of the film and hold at least so many onsets."""
     order, numbers = order_over_time(onsets_s, period_s)
-    is_whole = (onsets_s - span_s[0] >= period_s / 2) & (span_s[1] - onsets_s >= period_s / 2) & (numbers >= least)
+    is_whole = is_filmed(onsets_s, period_s, span_s) & (numbers >= least)
     return Periods(onsets_s[is_whole], order[is_whole], numbers[is_whole])
+
+
+def is_filmed(onsets_s: FloatArray, period_s: float, span_s: tuple[float, float]) -> BoolArray:
+    """Return (n,) whether the period around each of (n,) onsets is within the span of the film."""
+    return (onsets_s - span_s[0] >= period_s / 2) & (span_s[1] - onsets_s >= period_s / 2)
 
 
 def order_at_end(onsets_s: FloatArray, period_s: float, end_s: float, robots: int) -> float:

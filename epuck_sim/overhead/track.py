@@ -4,7 +4,7 @@ import csv
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from itertools import compress
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TextIO
@@ -160,17 +160,25 @@ def track_film(
         if lens is not None:
             options = options._replace(lens=read_lens(lens, size_px))
         geometry = described_geometry(size_px, options, metadata)
+        doubts = options.contradictions(metadata)
+        if film.is_pictures and options.fps is None:
+            doubts.append(f"numbered pictures have no times: {film.rate:g} frames per second are assumed; give --fps")
         options = options.with_defaults(metadata, floor_cm)
         geometry = geometry or calibrate(name, size_px, excerpt(film.frames(), options), options)
     counter = RingCounter(geometry)
     reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
     with open_film(name) as film, ring_table(rings) as write_rings:
         for frame in progress(excerpt(film.frames(), options), film.duration_s):
-            papers_px = () if reader is None else reader.read(frame)
-            write_rings(frame, counter.process(frame, papers_px))
-        warnings = tuple(film.warnings)
-    track = analyse(name, counter.counted(), options, warnings)
-    return track if reader is None else track._replace(tags=reader.readings(track.start_s))
+            write_rings(frame, counter.process(frame))
+            if reader is not None:
+                reader.read(frame)
+        warnings = (*doubts, *film.warnings)
+    counted = counter.counted()
+    if reader is None:
+        return analyse(name, counted, options, warnings)
+    # where tags can be read, robots shine, too: the total light tells nothing of rings
+    track = analyse(name, counted._replace(areas_px=np.zeros_like(counted.areas_px)), options, warnings)
+    return track._replace(tags=reader.readings(track.start_s))
 
 
 def track_frames(
@@ -192,17 +200,31 @@ def track_frames(
         yield TrackedFrame(frame, rings, counter.start_s, evaluation, histogram_s)
 
 
-def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
-    """Write a tracked film again with the rings found and the histogram drawn; raises as `film_file`."""
+def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) -> Snapshot:
+    """Write a tracked film again, if it is wanted, with the rings found and the histogram drawn; raises as `film_file`.
+
+    Returns:
+        The frame in which it is synchronised by the histogram, or else the last one.
+    """
     camera = track.geometry.camera
     annotator = Annotator(camera.width_px, camera.height_px, track.period_s)
     evaluations = deque(track.evaluations)
     sync_s = math.inf if track.histogram_s is None else track.start_s + track.histogram_s
+    begins_s = track.times_s[track.times_s <= sync_s][-1]  # of the frame that stands for that moment
+    found: tuple[Frame, Sequence[Ring]] | None = None
     shown_s: float | None = None
     size_px = annotator.width_px, annotator.height_px
-    with open_film(track.film) as film, film_file(path, *size_px, {"annotated": True}, path.stem) as writer:
+    about = {"annotated": True}
+    to = nullcontext() if annotated is None else film_file(annotated, *size_px, about, annotated.stem)
+    with open_film(track.film) as film, to as writer:
         frames = progress(excerpt(film.frames(), track.options), film.duration_s)
         for frame, rings in zip(frames, track.rings, strict=False):
+            if found is None and frame.time_s >= begins_s:
+                found = frame, rings
+            if writer is None:
+                if found is None:
+                    continue
+                break
             is_due = evaluations and evaluations[0].time_s + track.period_s / 2 <= frame.time_s
             evaluation = evaluations.popleft() if is_due else None
             if evaluation is not None and evaluation.time_s >= sync_s - SAME_TIME_S:
@@ -210,15 +232,8 @@ def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
             start_s = track.start_s if frame.time_s >= track.start_s else 0.0
             tracked = TrackedFrame(frame, rings, start_s, evaluation, shown_s)
             writer.write(Frame(frame.time_s, annotator.annotate(tracked)))
-
-
-def snapshot(track: Track) -> Snapshot:
-    """Return the frame of a tracked film in which it is synchronised by the histogram, or else the last one."""
-    at_s = math.inf if track.histogram_s is None else track.start_s + track.histogram_s
-    begins_s = track.times_s[track.times_s <= at_s][-1]  # the frame that stands for that moment
-    with open_film(track.film) as film:
-        moments = zip(excerpt(film.frames(), track.options), track.rings, strict=False)
-        frame, rings = next(moment for moment in moments if moment[0].time_s >= begins_s)
+    assert found is not None, "the film has the frames that it had before"
+    frame, rings = found
     steady_cm = [(flash.x_cm, flash.y_cm) for flash in track.steady if flash.onset_s <= frame.time_s <= flash.end_s]
     shown = [ring[3:6] for ring in rings if all(math.dist(ring[:2], place_cm) > REACH_CM for place_cm in steady_cm)]
     return Snapshot(frame.time_s, frame.picture, np.array(shown).reshape(-1, 3))

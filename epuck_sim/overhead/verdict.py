@@ -36,6 +36,11 @@ MOST_BURNT = 0.15  # share of the flashes that may be burnt out to discs
 MOST_DAZZLED = 0.002  # share of the floor that may always shine where no ring does
 MOST_UNSEEN = 0.05  # share of the light that may be of no ring: 0.01 where all were found, more with a rolling shutter
 ENOUGH_BEFORE = 1.8  # flashes of each robot before T_sync from which their number tells whether some are missed
+GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dropped frame
+SHORTEST_FRAMES = 1.25  # mean duration of flashes, in frames, below which some are never seen
+COARSE = (
+    3.0  # error of order parameters relative to that by onsets that are known to a frame, (pi frame / period)^2 / 6
+)
 FEW = 5  # flashes below which nothing is said about them
 TWIN_S = 0.1  # time by which a flash and its mirror image may seem to begin or end apart
 DIMMER = 0.8  # light of a mirror image, relative to that of its robot, at most
@@ -245,8 +250,8 @@ def count_images(flashes: FlashTable) -> int:
 
 def doubts(evidence: Evidence) -> list[str]:
     """Return sentences about what is doubtful in the lights, geometry, the number of robots, and the period."""
-    counted, flashes = evidence.counted, evidence.flashes
-    found, geometry = [], counted.geometry
+    counted, flashes, geometry = evidence.counted, evidence.flashes, evidence.counted.geometry
+    found = _doubts_about_frames(evidence)
     if evidence.lit_always:
         found.append(
             f"rings that stayed lit for longer than half a period, and are left out: {evidence.lit_always}; check "
@@ -294,23 +299,41 @@ def doubts(evidence: Evidence) -> list[str]:
     return found + _doubts_about_numbers(evidence)
 
 
+def _doubts_about_frames(evidence: Evidence) -> list[str]:
+    """Return sentences about frames that are missing, or too far apart to tell when flashes began."""
+    found, intervals_s = [], np.diff(evidence.counted.times_s)
+    usual_s = float(np.median(intervals_s))
+    gaps_s = intervals_s[intervals_s > GAP * usual_s]
+    if len(gaps_s):
+        found.append(
+            f"gaps longer than {GAP:g} times the usual {1000 * usual_s:.3g} ms between frames: {len(gaps_s)}, "
+            f"the longest {gaps_s.max():.3g} s; frames were dropped"
+        )
+    error = COARSE * (math.pi * usual_s / evidence.period_s) ** 2 / 6
+    ends = (evidence.order_parameter - error, min(evidence.order_parameter + error, 1.0))
+    first_s, last_s = (evidence.periods.first_in_order_s(order) or math.inf for order in ends)
+    flashes = evidence.flashes
+    is_short = np.mean(flashes.end_s - flashes.onset_s) < SHORTEST_FRAMES * usual_s
+    if is_short or first_s < last_s - evidence.period_s / 2:
+        found.append(
+            f"frames come every {1000 * usual_s:.3g} ms, too seldom for the beginnings of flashes, on which T_sync "
+            "depends here; film more frames per second"
+        )
+    return found
+
+
 def _doubts_about_numbers(evidence: Evidence) -> list[str]:
     """Return sentences about what is doubtful in the number of robots and the period."""
     found, period_s, swarm = [], evidence.period_s, evidence.swarm
     _, order, numbers = evidence.periods
     numbers = numbers[order >= evidence.order_parameter]
-    if evidence.robots and len(numbers) and numbers[0] < evidence.robots:
-        found.append(
-            f"at T_sync {numbers[0]} flashes are seen in a period, but there are {evidence.robots} robots: "
-            "check --robots"
-        )
-    elif evidence.robots is None and len(numbers):
+    if len(numbers):
         fewest, most = np.quantile(numbers, (0.1, 0.9), method="nearest").tolist()
-        if fewest < most:
-            found.append(
-                f"{fewest} to {most} flashes are seen in a period of the synchronised swarm, and the number of robots, "
-                "by which flashes are divided, is not known; give --robots"
-            )
+        seen = f"{fewest} to {most} flashes are seen in a period of the synchronised swarm"
+        if evidence.robots and (numbers[0] < evidence.robots or most > evidence.robots):
+            found.append(f"{seen}, {numbers[0]} at T_sync, but there are {evidence.robots} robots: check --robots")
+        elif evidence.robots is None and fewest < most:
+            found.append(f"{seen}, and the number of robots, by which flashes are divided, is not known; give --robots")
     begin_s, end_s = evidence.span_s
     span_s = begin_s, evidence.in_order_s or -math.inf
     before = whole_periods(evidence.flashes.onset_s, period_s, span_s, 0.0).numbers

@@ -55,6 +55,11 @@ def test_options_override_the_description() -> None:
     for empty in (None, {}, {"epuck_sim": "0", "period_s": None, "robots": None}):
         assert TOLD.with_defaults(parse_metadata(empty)) == TOLD
     assert USER.with_defaults(told) == USER
+    assert TOLD.with_defaults(told).contradictions(told) == TOLD.contradictions(told) == []
+    assert USER.contradictions(told) == [
+        f"{option}, but the film's description says {described}"
+        for option, described in (("--arena-cm is 60x50", "90x80"), ("--robots is 3", 7), ("--period-s is 2", 4))
+    ]
 
 
 def test_described_geometry_is_that_of_the_scenario() -> None:

@@ -117,6 +117,9 @@ def test_a_film_of_the_scenario_itself_is_like_its_trials() -> None:
     fast = load_scenario(SCENARIO, ["robots.0.parameters.speed_cm_s=3"])
     other = compare_film(film, robots, fast, 2, lambda trials: trials)
     assert next(row for row in other if row.name == "speed straight ahead").percentile == 0
+    aside = film._replace(geometry=film.geometry._replace(knows_floor=False))
+    measured = QUANTITIES["flashes within 5 cm of a wall", "share"]
+    assert (measured(film, robots) > 0, math.isnan(measured(aside, robots))) == (True, True)
 
 
 def test_robots_of_several_groups_are_not_fitted_but_shown() -> None:

@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -14,7 +15,7 @@ from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.rings import Ring
-from epuck_sim.overhead.track import Track, annotate_film, ring_table, snapshot, track_film
+from epuck_sim.overhead.track import Track, look_again, ring_table, track_film
 from tests.overhead.films import (
     LIT,
     PLACES,
@@ -63,8 +64,8 @@ def test_trial_begins_in_the_dark(tracked: Track, tmp_path: Path) -> None:
     truth = ((time_s, PLACES[on], np.empty((0, 2))) for time_s, on in zip(1 + TIMES, LIT, strict=True))
     score = score_rows(read_rings(tmp_path / "rings.csv"), truth)
     assert (score.found, score.missed, score.false, score.worst_cm <= 0.3) == (LIT.sum(), 0, 0, True)
-    assert snapshot(track).time_s == pytest.approx(3.5, abs=0.1)
-    assert len(snapshot(track).rings_px) == 6
+    assert look_again(track, None, passed).time_s == pytest.approx(3.5, abs=0.1)
+    assert len(look_again(track, None, passed).rings_px) == 6
 
 
 def test_doubled_and_dropped_frames_move_nothing(tracked: Track, tmp_path: Path) -> None:
@@ -82,23 +83,36 @@ def test_doubled_and_dropped_frames_move_nothing(tracked: Track, tmp_path: Path)
     assert any("frames were dropped" in warning for warning in track.warnings)
 
 
+def test_only_numbered_pictures_whose_rate_is_not_given_are_doubted_for_it(tmp_path: Path) -> None:
+    for number, frame in enumerate(reel()[:70]):
+        cv2.imwrite(str(tmp_path / f"{7 + number}.png"), frame.picture[..., ::-1])
+    options = TrackOptions(period_s=1.0, robots=6)
+    assumed, given = (
+        track_film(str(tmp_path / "%d.png"), options._replace(fps=fps), None, passed) for fps in (None, 30.0)
+    )
+    assert "numbered pictures have no times: 25 frames per second are assumed; give --fps" in assumed.warnings
+    assert (given.frames, given.fps, given.warnings) == (70, pytest.approx(30), ())
+
+
 def test_snapshot_shows_all_rings_of_the_moment(tracked: Track) -> None:
-    shown = snapshot(tracked)
+    shown = look_again(tracked, None, passed)
     assert shown.time_s == pytest.approx(2.5 + 1 / 30, abs=1e-3)
     ring_px = make_camera().project(np.column_stack([PLACES, np.full(6, 4.0)]))
     away = np.linalg.norm(shown.rings_px[:, None, :2] - ring_px, axis=2)
     assert away.shape == (6, 6)
     assert (away.min(axis=0) <= 1).all()
-    assert snapshot(tracked._replace(histogram_s=None)).time_s == pytest.approx(TIMES[-1], abs=1e-4)  # never
+    assert look_again(tracked._replace(histogram_s=None), None, passed).time_s == pytest.approx(
+        TIMES[-1], abs=1e-4
+    )  # never
 
 
 def test_snapshot_leaves_out_rings_that_stay_lit(tracked: Track) -> None:
-    x_px, y_px, _ = snapshot(tracked).rings_px[0]
+    x_px, y_px, _ = look_again(tracked, None, passed).rings_px[0]
     (x_cm, y_cm), *_ = tracked.geometry.camera.back_project(np.array([[x_px, y_px]]), RING_HEIGHT_CM)
     lamp = Flash(0.0, math.inf, float(x_cm), float(y_cm), 80.0)
-    shown = snapshot(tracked._replace(steady=(lamp,)))
+    shown = look_again(tracked._replace(steady=(lamp,)), None, passed)
     assert len(shown.rings_px) == 5
-    gone = snapshot(tracked._replace(steady=(lamp._replace(end_s=0.1),)))
+    gone = look_again(tracked._replace(steady=(lamp._replace(end_s=0.1),)), None, passed)
     assert len(gone.rings_px) == 6
 
 
@@ -114,7 +128,7 @@ def test_annotation_says_what_the_track_says(
         return np.zeros((annotator.height_px, annotator.width_px, 3), np.uint8)
 
     monkeypatch.setattr(Annotator, "annotate", annotate)
-    annotate_film(track, tmp_path / "annotated.mp4", passed)
+    look_again(track, tmp_path / "annotated.mp4", passed)
     assert annotated[-1].histogram_s == track.histogram_s
     assert [tracked.evaluation for tracked in annotated if tracked.evaluation] == list(track.evaluations)
     assert [len(tracked.rings) for tracked in annotated] == track.counts.tolist()

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import FilmError, PortError
-from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.calibration import TrackOptions, parse_metadata
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.camera_fit import RINGS
 from epuck_sim.overhead.film import open_film
@@ -82,6 +82,9 @@ def test_camera_films_until_the_swarm_is_synchronised(tmp_path: Path) -> None:
     assert track.times_s[-1] == pytest.approx(3.05, abs=0.04)
     assert len(read_rings(table)) == track.counts.sum()
     assert (frames_in(seen), frames_in(record)) == (track.frames, camera.given)
+    with open_film(str(record)) as film:
+        told = parse_metadata(film.description)
+    assert (told.period_s, told.robots, told.arena_cm) == (1.0, 6, None)
 
 
 def test_a_camera_that_films_before_the_room_is_dark_waits_until_it_is() -> None:

@@ -126,6 +126,7 @@ def burnt_out(number: int) -> Evidence:
     return filmed(flashes=(*(each._replace(light=DISC_LIGHT) for each in flashes[:number]), *flashes[number:]))
 
 
+NEARLY = np.sort([*(k + np.array([0.5, 0.5, 0.6, 0.6]) for k in range(7))], axis=None)
 CUT = np.where(np.arange(len(TIMES)) % 3 == 0, 0, evidence().counted.counts)
 """Counts without each third frame."""
 MISSED = [onset for k, onset in enumerate(ONSETS) if onset > 3 or k % 5]
@@ -144,7 +145,11 @@ SHOWN = evidence(robots=None, period_is_given=False)
     *((filmed(geometry=make_geometry()._replace(ring_size=size)), "times as large as") for size in (0.88, 1.12)),
     (filmed(geometry=make_geometry()._replace(tilt_deg=3.0, knows_floor=False)), "seems to be tilted by 3 degrees"),
     (evidence(MISSED), "some are missed"),
-    (evidence(robots=5), "at T_sync 4 flashes are seen in a period, but there are 5 robots: check --robots"),
+    (evidence(robots=5), "synchronised swarm, 4 at T_sync, but there are 5 robots: check --robots"),
+    (evidence(robots=3), "4 to 4 flashes are seen in a period of the synchronised swarm, 4 at T_sync, but there are 3"),
+    (filmed(times_s=np.delete(TIMES, range(30, 36))), "gaps longer than 1.5 times the usual 33.3 ms between frames: 1"),
+    (evidence(flash_s=0.04), "frames come every 33.3 ms, too seldom"),
+    (evidence(NEARLY), "frames come every 33.3 ms, too seldom"),
     (evidence(np.delete(ONSETS, [14, 17, 22]), robots=None), "3 to 4 flashes are seen in a period of the synchronised"),
     *((SHOWN._replace(period_s=each), f"hardly flash every {each:g} s; check --fps") for each in (0.02, 100.0)),
     *((evidence(period_s=each), "swarm flashes every 1 s, not every") for each in (0.8, 1.1)),
@@ -182,6 +187,13 @@ def test_rings_are_linked_to_flashes_across_a_frame_that_misses_one() -> None:
     assert (one.onset_s, one.end_s, other.onset_s, other.end_s) == (0, 4, 1, 4)
     assert (one.x_cm, other.x_cm) == (pytest.approx(10.5), pytest.approx(30.4))
     assert count_lit(linker.flashes, np.arange(8.0)).tolist() == [1, 2, 2, 2, 0, 0, 0, 0]
+
+
+def test_a_robot_is_as_fast_in_a_slow_film_and_touches_none() -> None:
+    linker = FlashLinker()
+    for number, place in enumerate([10.0, 14.2, 18.4, 24.5]):
+        linker.add(number / 3, [ring(place)])
+    assert [(flash.onset_s, flash.end_s) for flash in linker.flashes] == [(0, 1), (1, 1)]
 
 
 def test_a_flash_that_breaks_off_is_one() -> None:
