@@ -8,7 +8,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import Any
 
 import av
 import numpy as np
-from av.container import InputContainer
+from av.container import InputContainer, OutputContainer
 from av.error import FFmpegError
 from av.stream import Disposition
 from av.video.frame import PictureType, VideoFrame
@@ -290,18 +290,11 @@ class FilmWriter:
     has_frames = False
     """Whether a frame was written."""
 
-    def __init__(
-        self, path: Path, part: Path, size_px: tuple[int, int], metadata: dict[str, str], options: dict[str, str]
-    ) -> None:
-        """Create the file `part`, with options of the container; errors name `path`, which it becomes in the end."""
-        self._path = path
-        self._has_failed = False
+    def __init__(self, container: OutputContainer, size_px: tuple[int, int]) -> None:
+        """Begin a film with pictures of this width and height."""
         self._last_tick = -1
         self._keyframe_s = -math.inf
-        with self._as_film_error():
-            self._container = av.open(part, "w", format="mp4", options=CLOCK | options)
-        self._container.metadata.update(metadata)
-        self._stream = self._container.add_stream("libx264", options=ENCODER_OPTIONS)
+        self._container, self._stream = container, container.add_stream("libx264", options=ENCODER_OPTIONS)
         self._stream.width, self._stream.height = size_px
         self._stream.pix_fmt = "yuv420p"
         codec = self._stream.codec_context
@@ -311,7 +304,7 @@ class FilmWriter:
         codec.colorspace, codec.color_range = Colorspace.ITU601, ColorRange.MPEG
 
     def write(self, frame: Frame) -> None:
-        """Add a frame whose time is after those of all frames before; raise FilmError if it cannot be written."""
+        """Add a frame whose time is after those of all frames before."""
         picture = av.VideoFrame.from_ndarray(frame.picture, format="rgb24")
         # frames closer than a tick still get increasing time stamps
         self._last_tick = max(round(frame.time_s * TICKS_PER_S), self._last_tick + 1)
@@ -319,24 +312,14 @@ class FilmWriter:
         if frame.time_s - self._keyframe_s >= KEYFRAME_INTERVAL_S:
             picture.pict_type = PictureType.I
             self._keyframe_s = frame.time_s
+        self.has_frames = False  # if it fails, or FFmpeg would crash at the end
+        self._container.mux(self._stream.encode(picture))
         self.has_frames = True
-        with self._as_film_error():
-            self._container.mux(self._stream.encode(picture))
 
-    def close(self) -> None:
-        """Write pending frames and the index, and close the file; as it is, if it could not be written."""
-        with suppress(FilmError) if self._has_failed else nullcontext(), self._as_film_error():
-            if self.has_frames and not self._has_failed:  # FFmpeg would crash
-                self._container.mux(self._stream.encode())
-            self._container.close()
-
-    @contextmanager
-    def _as_film_error(self) -> Iterator[None]:
-        try:
-            yield
-        except FFmpegError as error:
-            self._has_failed = True
-            raise FilmError(f"{self._path}: cannot be written: {error.strerror}") from error
+    def finish(self) -> None:
+        """Write pending frames."""
+        if self.has_frames:  # or FFmpeg would crash
+            self._container.mux(self._stream.encode())
 
 
 @contextmanager
@@ -350,7 +333,7 @@ def film_file(
     read up to about a second before the last frame, also if the process is killed.
 
     Raises:
-        FilmError: The name does not end in .mp4, or a side is odd.
+        FilmError: The name does not end in .mp4, a side is odd, or the film has no frame or cannot be written.
         EpuckSimError: The file cannot be written.
     """
     if path.suffix != SUFFIX:
@@ -358,12 +341,18 @@ def film_file(
     if width_px % 2 or height_px % 2:
         raise FilmError(f"{path}: pictures of {width_px} x {height_px} pixels; allowed: even sides; crop or pad them")
     check_target(path)
-    metadata = {"title": title, "comment": json.dumps(description)}
     with nullcontext(path) if grows else temporary_path(path) as part:
-        with closing(FilmWriter(path, part, (width_px, height_px), metadata, GROWING if grows else WHOLE)) as writer:
-            yield writer
-        if grows:
-            return
-        if not writer.has_frames:
+        try:
+            with av.open(part, "w", format="mp4", options=CLOCK | (GROWING if grows else WHOLE)) as container:
+                container.metadata.update({"title": title, "comment": json.dumps(description)})
+                writer = FilmWriter(container, (width_px, height_px))
+                try:
+                    yield writer
+                finally:
+                    writer.finish()
+        except FFmpegError as error:
+            raise FilmError(f"{path}: cannot be written: {error.strerror}") from error
+        if not grows and not writer.has_frames:
             raise FilmError(f"{path}: cannot be written: the film has no frame")
-        publish(part, path)
+        if not grows:
+            publish(part, path)

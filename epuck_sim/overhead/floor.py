@@ -3,8 +3,6 @@
 The floor is an even grey, surrounded by brighter or darker walls.
 """
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -79,7 +77,7 @@ def find_corners(picture: Picture) -> FloatArray | None:
 
     The shade of the floor is fitted from the picture's middle outwards, because lenses darken the corners and lamps
     hang off-centre. Its outline gives four lines; across each, the edge is located to a fraction of a pixel at many
-    places. A parabola is fitted to each side, because distortion bows it, and neighbouring sides are intersected.
+    places. A parabola is fitted to each side, because distortion bows it, whose tangents meet in the corners.
     """
     if not is_lit(picture):
         return None
@@ -90,11 +88,11 @@ def find_corners(picture: Picture) -> FloatArray | None:
         return None
     for reach in SEARCH_REACHES:
         middle, reach_px = corners.mean(axis=0), reach * min(shade.shape)
-        sides = [_fit_side(shade, corners[k], corners[(k + 1) % 4], middle, reach_px) for k in range(4)]
-        whole = [side for side in sides if side is not None]
-        if len(whole) < 4:
+        ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+        sides = [side for start, end in ends if (side := _fit_side(shade, start, end, middle, reach_px)) is not None]
+        if len(sides) < 4:
             return None
-        corners = np.array([_meeting_point(whole[k - 1], whole[k], corners[k]) for k in range(4)])
+        corners = np.array([_intersection(sides[k - 1][1], sides[k][0]) for k in range(4)])
     rows, columns = shade.shape
     is_in = (corners >= 0).all() and (corners <= (columns - 1, rows - 1)).all()
     is_floor = is_in and _is_around_middle(corners, shade.shape) and not _borders_on_padding(grey, corners)
@@ -138,14 +136,16 @@ def _outline_corners(shade: Float32Array) -> FloatArray | None:
     bends = cv2.approxPolyDP(hull, CORNER_TOLERANCE * cv2.arcLength(hull, True), True).reshape(-1, 2).astype(float)
     if len(bends) < 4:
         return None
-    along = np.roll(bends, -1, axis=0) - bends
-    longest = np.sort(np.argsort(-np.hypot(*along.T), kind="stable")[:4])
-    pairs = zip(longest, np.roll(longest, 1), strict=True)
-    return np.array([_intersection(bends[k], along[k], bends[before], along[before]) for k, before in pairs])
+    sides = np.stack([bends, np.roll(bends, -1, axis=0) - bends], axis=1)
+    longest = sides[np.sort(np.argsort(-np.hypot(*sides[:, 1].T), kind="stable")[:4])]
+    return np.array(
+        [_intersection(one, other) for one, other in zip(longest, np.roll(longest, 1, axis=0), strict=True)]
+    )
 
 
-def _intersection(point: FloatArray, along: FloatArray, before: FloatArray, back: FloatArray) -> FloatArray:
+def _intersection(line: FloatArray, other: FloatArray) -> FloatArray:
     """Return (2,) px: where two lines meet, each a point and the vector to another; far away if they are parallel."""
+    (point, along), (before, back) = line, other
     cross, gap = along[0] * back[1] - along[1] * back[0], before - point
     return np.asarray(point + along * ((gap[0] * back[1] - gap[1] * back[0]) / (cross or 1e-9)))
 
@@ -173,23 +173,13 @@ def _sampled(picture: Float32Array, points_px: FloatArray) -> FloatArray:
     return np.asarray(cv2.remap(picture, at_column, at_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), float)
 
 
-class _Side(NamedTuple):
-    """A side of the floor, slightly bowed."""
-
-    start: FloatArray
-    """(2,) px: beginning of a line near the side."""
-    along: FloatArray
-    """(2,) px: vector from the beginning of that line to its end."""
-    outward: FloatArray
-    """(2,) unit vector perpendicular to the line, away from the floor."""
-    bow: FloatArray
-    """(3,) px: polynomial of the side's distance outward of the line over the fraction of the way along it."""
-
-
 def _fit_side(
     shade: Float32Array, start: FloatArray, end: FloatArray, middle: FloatArray, reach_px: float
-) -> _Side | None:
-    """Return the floor's edge within reach of a line; None if too little of it is visible."""
+) -> FloatArray | None:
+    """Return (2, 2, 2) px: tangents of the floor's edge near a line, at its ends; None if too little of it is visible.
+
+    Each is a point and the vector to another.
+    """
     along = end - start
     outward = np.array([along[1], -along[0]]) / np.hypot(*along)
     outward *= np.sign(outward @ (start - middle))
@@ -205,7 +195,9 @@ def _fit_side(
             return None
         bow = np.polyfit(share[near], off[near], 2)
         near = np.abs(off - np.polyval(bow, share)) <= MAX_OFF_PARABOLA_PX
-    return _Side(start, along, outward, bow)
+    square, linear, constant = bow
+    ends = (start, constant, linear), (end, bow.sum(), 2 * square + linear)
+    return np.array([(corner + off * outward, along + slope * outward) for corner, off, slope in ends])
 
 
 def _edges(contrast: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -230,17 +222,3 @@ def _best_line(share: FloatArray, off: FloatArray) -> FloatArray:
     lines = np.stack([slope, off[one] - slope * share[one]])
     misses = np.abs(off - lines[0][:, None] * share - lines[1][:, None])
     return np.asarray(lines[:, np.count_nonzero(misses <= MAX_OFF_LINE_PX, axis=1).argmax()])
-
-
-def _meeting_point(one: _Side, other: _Side, guess: FloatArray) -> FloatArray:
-    """Return (2,) px: the intersection of two sides near a guess, by Newton's method."""
-    corner = guess
-    for _ in range(10):
-        misses, slopes = [], []
-        for side in (one, other):
-            unit = side.along / (side.along @ side.along)
-            share = (corner - side.start) @ unit
-            misses.append((corner - side.start) @ side.outward - np.polyval(side.bow, share))
-            slopes.append(side.outward - np.polyval(np.polyder(side.bow), share) * unit)
-        corner = corner - np.linalg.solve(np.array(slopes), np.array(misses))
-    return corner

@@ -161,7 +161,7 @@ class _Outputs:
     def begin(self) -> None:
         """Begin the files of what is found."""
         rings = self._to.rings
-        self._write_rings = None if rings is None else ring_writer(self._files.enter_context(growing_text(rings)))
+        self._write_rings = ring_writer(None if rings is None else self._files.enter_context(growing_text(rings)))
         self._annotated = self._begin_film(self._to.annotate, self._annotator.width_px, self._annotator.height_px, {})
 
     def record(self, frame: Frame) -> Frame:
@@ -177,8 +177,7 @@ class _Outputs:
 
     def write(self, tracked: TrackedFrame) -> None:
         """Write and show a frame with what was found in it."""
-        if self._write_rings is not None:
-            self._write_rings(tracked.frame, tracked.rings)
+        self._write_rings(tracked.frame, tracked.rings)
         if self._annotated is not None or self._page is not None:
             picture = self._annotator.annotate(tracked)
             self.show(picture)

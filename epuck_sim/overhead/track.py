@@ -4,7 +4,7 @@ import csv
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, nullcontext
 from itertools import compress
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TextIO
@@ -51,9 +51,6 @@ SAME_PLACE_CM = 0.5  # distance within which flashes are at one place
 FEWEST_FLICKERS = 6  # flashes at a place beyond which it flickers
 MOST_FLICKERS = 3.0  # the same relative to the median of all places
 SAME_TIME_S = 1e-6  # times that differ by less are the same; the difference is rounding
-
-RingWriter = Callable[[Frame, Sequence[Ring]], None]
-"""Writes the rings of a frame into a table."""
 
 
 class Track(NamedTuple):
@@ -167,7 +164,9 @@ def track_film(
         geometry = geometry or calibrate(name, size_px, excerpt(film.frames(), options), options)
     counter = RingCounter(geometry)
     reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
-    with open_film(name) as film, ring_table(rings) as write_rings:
+    with open_film(name) as film, ExitStack() as files:
+        part = None if rings is None else files.enter_context(atomic_write(rings))
+        write_rings = ring_writer(None if part is None else files.enter_context(part.open("w", newline="")))
         for frame in progress(excerpt(film.frames(), options), film.duration_s):
             write_rings(frame, counter.process(frame))
             if reader is not None:
@@ -239,18 +238,10 @@ def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) 
     return Snapshot(frame.time_s, frame.picture, np.array(shown).reshape(-1, 3))
 
 
-@contextmanager
-def ring_table(path: Path | None) -> Iterator[RingWriter]:
-    """Yield a function that writes the rings of a frame into a CSV table; it writes nothing if `path` is None."""
-    if path is None:
-        yield lambda *_: None
-        return
-    with atomic_write(path) as part, part.open("w", newline="") as file:
-        yield ring_writer(file)
-
-
-def ring_writer(file: TextIO) -> RingWriter:
-    """Write the head of a CSV table of rings, and return the function that writes those of a frame."""
+def ring_writer(file: TextIO | None) -> Callable[[Frame, Sequence[Ring]], None]:
+    """Write the head of a CSV table of rings, and return the function that writes those of a frame; None: nowhere."""
+    if file is None:
+        return lambda *_: None
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(["time_s", *Ring._fields])
 

@@ -15,7 +15,7 @@ from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.rings import Ring
-from epuck_sim.overhead.track import Track, look_again, ring_table, track_film
+from epuck_sim.overhead.track import Track, look_again, ring_writer, track_film
 from tests.overhead.films import (
     LIT,
     PLACES,
@@ -136,9 +136,10 @@ def test_annotation_says_what_the_track_says(
 
 def test_table_keeps_the_times_of_a_long_film(tmp_path: Path) -> None:
     times_s = 40_000 + np.arange(5) / 15
-    with ring_table(tmp_path / "rings.csv") as note:
+    with (tmp_path / "rings.csv").open("w") as file:
+        write_rings = ring_writer(file)
         for time_s in times_s:
-            note(Frame(float(time_s), np.zeros((2, 2, 3), np.uint8)), [Ring(12.345678, 1, 3.5, 10, 10, 5)])
+            write_rings(Frame(float(time_s), np.zeros((2, 2, 3), np.uint8)), [Ring(12.345678, 1, 3.5, 10, 10, 5)])
     rows = read_rings(tmp_path / "rings.csv")
     assert [row["time_s"] for row in rows] == pytest.approx(times_s, abs=1e-5, rel=0)
     assert rows[0]["x_cm"] == pytest.approx(12.345678, abs=1e-3)
