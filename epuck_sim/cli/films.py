@@ -26,8 +26,6 @@ from epuck_sim.overhead import LEAST_ORDER
 if TYPE_CHECKING:
     from epuck_sim.overhead.calibration import TrackOptions
 
-FILM_ENDINGS = {".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif"}  # by which films are told from scenarios
-
 films = typer.Typer()
 
 film_option, geometry_option, decision_option, camera_option = options_of("Film", "Geometry", "Decision", "Live camera")
@@ -326,7 +324,7 @@ def compare_film(
     from epuck_sim.scenario.scenario import require_model
 
     swapped = f"{scenario}: is a film, not a scenario; give FILM first, then SCENARIO"
-    reject_first((Path(scenario).suffix.lower() in FILM_ENDINGS, swapped))
+    reject_first((scenario.lower().endswith((".mp4", ".mkv", ".avi", ".mov", ".webm", ".gif")), swapped))
     loaded = require_model(read_scenario(scenario, settings), EmbodiedScenario, "films are of robots")
     reject_first((loaded.sweep is not None, f"{scenario}: is a sweep; allowed: a scenario without `sweep`"))
     options = scene_options(arena, height, corners, period, robots, tags)

@@ -86,11 +86,11 @@ class TrackOptions(NamedTuple):
 
     def contradictions(self, metadata: FilmMetadata) -> list[str]:
         """Return sentences about what is said otherwise in a film's metadata."""
-        said = ((f"--{name.replace('_', '-')}", getattr(self, name), getattr(metadata, name)) for name in DESCRIBED)
+        told = ((name, getattr(self, name), getattr(metadata, name)) for name in DESCRIBED)
         return [
-            f"{option} is {_plain(given)}, but {DESCRIPTION} says {_plain(told)}"
-            for option, given, told in said
-            if None not in (given, told) and given != told
+            f"--{name.replace('_', '-')} is {_plain(given)}, but {DESCRIPTION} says {_plain(said)}"
+            for name, given, said in told
+            if None not in (given, said) and given != said
         ]
 
     def threshold_s(self, period_s: float, flash_s: float) -> float:
@@ -99,7 +99,7 @@ class TrackOptions(NamedTuple):
 
 
 def _plain(value: Any) -> str:
-    return "x".join(f"{side:g}" for side in value) if isinstance(value, tuple) else f"{value:g}"
+    return "x".join(f"{side:g}" for side in np.ravel(value))
 
 
 def excerpt(frames: Iterable[Frame], options: TrackOptions) -> Iterator[Frame]:

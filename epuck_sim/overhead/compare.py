@@ -137,16 +137,13 @@ def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Estimate, Estim
     likely -= likely.max()
     place = np.unravel_index(likely.argmax(), likely.shape)
     centre = float(means[place[0]])
-    ends = [_ends(axis, likely.max(axis=other)) for axis, other in ((means, 1), (widths, 0))]
+    ends = []  # of the intervals in which the profiles are likely enough, a step wider at most
+    for grid, other in ((means, 1), (widths, 0)):
+        inside, step = grid[likely.max(axis=other) >= -CUT], grid[1] - grid[0]
+        ends.append((float(max(inside[0] - step, grid[0])), float(inside[-1] + step)))
     if ends[0][0] <= 0:  # a mean that may be 0 has no relative half-width
         return Estimate(centre, *ends[0]), UNDETERMINED
     return Estimate(centre, *ends[0]), Estimate(float(widths[place[1]]), *ends[1]).apply(lambda width: width / centre)
-
-
-def _ends(grid: FloatArray, likely: FloatArray) -> tuple[float, float]:
-    """Return the ends of the interval in which a profile is likely enough, a step wider at most."""
-    inside, step = grid[likely >= -CUT], grid[1] - grid[0]
-    return float(max(inside[0] - step, grid[0])), float(inside[-1] + step)
 
 
 UNLIKE = 0.05  # p-value from which on a film is unlike the trials

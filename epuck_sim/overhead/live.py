@@ -45,9 +45,6 @@ PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</t
 </body></html>"""
 """A page that asks for the newest picture again and again, at most 20 times a second."""
 
-Tell = Callable[[str], None]
-"""Tells the user something at once, in a sentence."""
-
 
 class Watching(NamedTuple):
     """What is written and shown while a camera films; None for what is not."""
@@ -67,7 +64,7 @@ def track_camera(
     options: TrackOptions,
     watching: Watching,
     progress: ProgressWrapper,
-    tell: Tell,
+    tell: Callable[[str], None],
     lens: Path | None = None,
 ) -> Track:
     """Track camera `number`, whose oscillators have a known period, until the swarm is synchronised, or until Ctrl-C.
@@ -83,9 +80,9 @@ def track_camera(
     period_s = options.period_s
     assert period_s is not None, "it cannot be estimated while the camera films"
     with LiveCamera(number, tell) as live, ExitStack() as files:
-        known = {name: getattr(options, name) for name in DESCRIBED}
-        description = {"epuck_sim": versions()["epuck_sim"], **known}
-        outputs = _Outputs(live, watching, period_s, files, tell, description)
+        outputs = _Outputs(live, watching, options, Annotator(live.width_px, live.height_px, period_s), files)
+        if outputs.page is not None:
+            tell(f"{outputs.page.address} shows {live.name}")
         size_px = (live.width_px, live.height_px)
         if lens is not None:
             options = options._replace(lens=read_lens(lens, size_px))
@@ -114,7 +111,7 @@ def track_camera(
         return analyse(live.name, counter.counted(), options, (*live.warnings, *ends))
 
 
-def _wait(live: "LiveCamera", outputs: "_Outputs", head: deque[Frame], tell: Tell) -> Iterator[Frame]:
+def _wait(live: "LiveCamera", outputs: "_Outputs", head: deque[Frame], tell: Callable[[str], None]) -> Iterator[Frame]:
     """Yield the frames as they arrive, and keep the last ones."""
     for frame in map(outputs.record, live.frames()):
         outputs.show(frame.picture)
@@ -136,33 +133,24 @@ class _Outputs:
     """Writes and shows what a camera films, from its first frame on; its files are closed with a stack."""
 
     def __init__(
-        self,
-        live: "LiveCamera",
-        to: Watching,
-        period_s: float,
-        files: ExitStack,
-        tell: Tell,
-        description: dict[str, Any],
+        self, live: "LiveCamera", to: Watching, known: TrackOptions, annotator: Annotator, files: ExitStack
     ) -> None:
-        self._name, self._to, self._files = live.name, to, files
-        self._annotator = Annotator(live.width_px, live.height_px, period_s)
-        self._page = None if to.port is None else files.enter_context(live_page(live.name, to.port))
-        if self._page is not None:
-            tell(f"{self._page.address} shows {live.name}")
-        self._film = self._begin_film(to.record, live.width_px, live.height_px, description)
+        self._name, self._to, self._annotator, self._files = live.name, to, annotator, files
+        self.page = None if to.port is None else files.enter_context(live_page(live.name, to.port))
+        told = {name: getattr(known, name) for name in DESCRIBED}
+        self._film = self._begin_film(to.record, live, {"epuck_sim": versions()["epuck_sim"], **told})
 
-    def _begin_film(
-        self, path: Path | None, width_px: int, height_px: int, description: dict[str, Any]
-    ) -> FilmWriter | None:
+    def _begin_film(self, path: Path | None, of: "LiveCamera | Annotator", told: dict[str, Any]) -> FilmWriter | None:
         if path is None:
             return None
-        return self._files.enter_context(film_file(path, width_px, height_px, description, self._name, grows=True))
+        film = film_file(path, of.width_px, of.height_px, told, self._name, grows=True)
+        return self._files.enter_context(film)
 
     def begin(self) -> None:
         """Begin the files of what is found."""
         rings = self._to.rings
         self._write_rings = ring_writer(None if rings is None else self._files.enter_context(growing_text(rings)))
-        self._annotated = self._begin_film(self._to.annotate, self._annotator.width_px, self._annotator.height_px, {})
+        self._annotated = self._begin_film(self._to.annotate, self._annotator, {})
 
     def record(self, frame: Frame) -> Frame:
         """Write a frame as it comes from the camera, and return it."""
@@ -172,13 +160,13 @@ class _Outputs:
 
     def show(self, picture: Picture) -> None:
         """Show a picture on the page."""
-        if self._page is not None:
-            self._page.show(picture)
+        if self.page is not None:
+            self.page.show(picture)
 
     def write(self, tracked: TrackedFrame) -> None:
         """Write and show a frame with what was found in it."""
         self._write_rings(tracked.frame, tracked.rings)
-        if self._annotated is not None or self._page is not None:
+        if self._annotated is not None or self.page is not None:
             picture = self._annotator.annotate(tracked)
             self.show(picture)
             if self._annotated is not None:
@@ -190,7 +178,7 @@ class LiveCamera:
 
     width_px = height_px = 0
 
-    def __init__(self, number: int, tell: Tell) -> None:
+    def __init__(self, number: int, tell: Callable[[str], None]) -> None:
         """Open a camera, 0 for the first one; the user is told when it drops out and when it is back.
 
         Raises:
@@ -284,54 +272,58 @@ class LiveCamera:
         raise FilmError(f"{fault}, for {PATIENCE_S:.0f} s now: was it unplugged, or does another program use it?")
 
 
-class LivePage:
-    """The newest picture of a film, for browsers that ask for it at an address; `live_page` makes one."""
+class LivePage(ThreadingHTTPServer):
+    """Serves the newest picture of a film to browsers on this machine that ask for it; `live_page` makes one."""
 
-    address: str
+    daemon_threads = True
     jpeg = b""
     """The newest picture, coded; empty before the first one."""
+
+    def __init__(self, title: str, port: int) -> None:
+        """Begin to listen."""
+        super().__init__((HOST, port), _Answer)
+        self.html = PAGE.format(title=escape(title)).encode()
+        self.address = f"http://{HOST}:{self.server_port}/"
 
     def show(self, picture: Picture) -> None:
         """Show a picture, (height_px, width_px, 3) levels, in all browsers; those that read slowly miss some."""
         self.jpeg = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes()
 
 
+class _Answer(BaseHTTPRequestHandler):
+    server: LivePage
+
+    def do_GET(self) -> None:
+        # a page of the web may have a name of its own that leads to this machine
+        if self.headers.get("Host") not in [f"{name}:{self.server.server_port}" for name in (HOST, "localhost")]:
+            self.send_error(403, "ask for 127.0.0.1 or localhost")
+            return
+        html = "text/html; charset=utf-8", self.server.html
+        kind, content = ("image/jpeg", self.server.jpeg) if self.path.startswith("/film") else html
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Cache-Control", "no-store")
+        with suppress(OSError):  # the browser has left
+            self.end_headers()
+            self.wfile.write(content)
+
+    def log_message(self, *_: object) -> None:
+        """Keep the terminal for what is told of the film."""
+
+
 @contextmanager
 def live_page(title: str, port: int) -> Iterator[LivePage]:
-    """Serve a page with the newest picture to browsers on this machine; port: where, 0 for any that is free.
+    """Serve a page with the newest picture; port: where, 0 for any that is free.
 
     Raises:
         PortError: The port cannot be used.
     """
-    page = LivePage()
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            # a page of the web may have a name of its own that leads to this machine
-            if self.headers.get("Host") not in [f"{name}:{server.server_port}" for name in (HOST, "localhost")]:
-                self.send_error(403, "ask for 127.0.0.1 or localhost")
-                return
-            html = "text/html; charset=utf-8", PAGE.format(title=escape(title)).encode()
-            kind, content = ("image/jpeg", page.jpeg) if self.path.startswith("/film") else html
-            self.send_response(200)
-            self.send_header("Content-Type", kind)
-            self.send_header("Cache-Control", "no-store")
-            with suppress(OSError):  # the browser has left
-                self.end_headers()
-                self.wfile.write(content)
-
-        def log_message(self, *_: object) -> None:
-            """Keep the terminal for what is told of the film."""
-
     check_port(port)
-    server = ThreadingHTTPServer((HOST, port), Handler)
-    page.address = f"http://{HOST}:{server.server_port}/"
-    server.daemon_threads = True
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    try:
-        yield page
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()
+    with LivePage(title, port) as page:
+        thread = threading.Thread(target=page.serve_forever, daemon=True)
+        thread.start()
+        try:
+            yield page
+        finally:
+            page.shutdown()
+            thread.join()

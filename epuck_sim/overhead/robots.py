@@ -293,9 +293,6 @@ def write_table(path: Path, columns: Columns, metadata: Mapping[str, str]) -> No
             with part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
                 parquet.write_table(table.replace_schema_metadata(dict(metadata)), file, compression="zstd")
             return
-        cells = (map(_time_cell if name in TIMES else csv_cell, column.tolist()) for name, column in columns.items())
+        kinds = ("{:.6f}".format if name in TIMES else csv_cell for name in columns)  # microseconds in long films, too
+        cells = (map(kind, column.tolist()) for kind, column in zip(kinds, columns.values(), strict=True))
         part.write_text(csv_text(columns, zip(*cells, strict=True)), encoding="utf-8", newline="")
-
-
-def _time_cell(time_s: float) -> str:
-    return f"{time_s:.6f}"  # microseconds, however long a film is

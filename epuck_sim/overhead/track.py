@@ -220,17 +220,16 @@ def look_again(track: Track, annotated: Path | None, progress: ProgressWrapper) 
         for frame, rings in zip(frames, track.rings, strict=False):
             if found is None and frame.time_s >= begins_s:
                 found = frame, rings
-            if writer is None:
-                if found is None:
-                    continue
+            if writer is None and found is not None:
                 break
             is_due = evaluations and evaluations[0].time_s + track.period_s / 2 <= frame.time_s
             evaluation = evaluations.popleft() if is_due else None
             if evaluation is not None and evaluation.time_s >= sync_s - SAME_TIME_S:
                 shown_s = sync_s
             start_s = track.start_s if frame.time_s >= track.start_s else 0.0
-            tracked = TrackedFrame(frame, rings, start_s, evaluation, shown_s)
-            writer.write(Frame(frame.time_s, annotator.annotate(tracked)))
+            if writer is not None:
+                picture = annotator.annotate(TrackedFrame(frame, rings, start_s, evaluation, shown_s))
+                writer.write(Frame(frame.time_s, picture))
     assert found is not None, "the film has the frames that it had before"
     frame, rings = found
     steady_cm = [(flash.x_cm, flash.y_cm) for flash in track.steady if flash.onset_s <= frame.time_s <= flash.end_s]

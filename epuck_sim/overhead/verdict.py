@@ -201,20 +201,16 @@ def _about_light(evidence: Evidence) -> list[str]:
     found = evaluate(counted.times_s, by_light, evidence.period_s)
     whole = [each for each in found if each.coverage >= MIN_COVERAGE]
     narrow_s = [each.time_s for each in whole if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
-    late_s = LATE_PERIODS * evidence.period_s
+    sync_s, late_s = math.inf if sync is None else sync.time_s, LATE_PERIODS * evidence.period_s
+    near_s = [each.spread_s for each in whole if abs(each.time_s - sync_s) <= late_s]
+    if narrow_s and narrow_s[0] < sync_s - late_s:
+        off = f"is synchronised at {narrow_s[0] - counted.start_s:.1f} s, but the rings that are found are not"
+    elif near_s and min(near_s) > LIGHT_TOLERANCE * evidence.threshold_s:
+        off = f"is spread by {1000 * min(near_s):.0f} ms where the rings that are found are synchronised"
+    else:
+        return []
     blame = "rings are missed, or something else is lit; give --corners, --arena-cm and --height-cm"
-    if narrow_s and (sync is None or narrow_s[0] < sync.time_s - late_s):
-        return [
-            f"the total light is synchronised at {narrow_s[0] - counted.start_s:.1f} s, but the rings that are found "
-            f"are not: {blame}"
-        ]
-    near_s = [each.spread_s for each in whole if sync is not None and abs(each.time_s - sync.time_s) <= late_s]
-    if near_s and min(near_s) > LIGHT_TOLERANCE * evidence.threshold_s:
-        return [
-            f"the total light is spread by {1000 * min(near_s):.0f} ms where the rings that are found are "
-            f"synchronised: {blame}"
-        ]
-    return []
+    return [f"the total light {off}: {blame}"]
 
 
 def rings_by_light(areas_px: IntArray, counts: IntArray) -> FloatArray:
