@@ -14,10 +14,9 @@ from pathlib import Path
 
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.track import track_film
 from tests.overhead.effects import KINDS, SCALE, Effect, film, is_right
-from tests.overhead.films import passed
+from tests.overhead.films import passed, save
 from tests.overhead.webcam import GOOD
 
 TABLE = Path(__file__).with_name("overhead_confidence.csv")
@@ -39,16 +38,12 @@ def examine(effect: Effect, seed: int, groups: int) -> tuple[str, str, bool]:
     """Return T_sync in cycles, the confidence, and whether the answer is right."""
     corners = tuple((float(x), float(y)) for x, y in GOOD.scaled(SCALE).floor_px(FLOOR_CM))
     frames = list(film(effect, seed, groups=groups))
-    rows, columns, _ = frames[0].picture.shape
-    bar_px = (columns - GOOD.scaled(SCALE).size_px[0]) / 2
+    bar_px = (frames[0].picture.shape[1] - GOOD.scaled(SCALE).size_px[0]) / 2
     corners = tuple((x + bar_px, y) for x, y in corners)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "film.mp4"
-        with film_file(path, columns, rows, {}) as writer:
-            for frame in frames:
-                writer.write(frame)
+        path = save(Path(folder) / "film.mp4", frames)
         try:
-            track = track_film(str(path), TrackOptions(FLOOR_CM, 110.0, corners), None, passed)
+            track = track_film(path, TrackOptions(FLOOR_CM, 110.0, corners), None, passed)
         except FilmError:
             return "", "refused", False
     return (

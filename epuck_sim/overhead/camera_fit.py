@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.geometry import polygon_area
 from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, Frame, Geometry, Lens, Light, simple_lens
 from epuck_sim.overhead.floor import check_corners
@@ -170,111 +170,95 @@ def fit_camera(
     """
     corners = None if corners_px is None else check_corners(corners_px, *size_px)
     kinds = (False, True) if lens is None and rings.number >= TELLING_RINGS else (False,)
-    fits = [_Fit(size_px, floor_cm, above_cm, rings, corners, lens, is_fisheye) for is_fisheye in kinds]
-    best = fits[-1] if fits[-1].cost < FISHEYE_GAIN * fits[0].cost else fits[0]
-    tilt_deg = math.degrees(math.acos(min(1.0, -best.camera.rotation[2, 2])))
-    return Geometry(
-        best.camera,
-        floor_cm,
-        calibration=RINGS if corners is None else CORNERS,
-        knows_floor=corners is not None,
-        error_cm=best.error_cm(),
-        tilt_deg=tilt_deg,
-        ring_light=rings.light,
-        ring_size=best.ring_size,
-    )
+    fits = [_fit(size_px, floor_cm, above_cm, rings, corners, lens, is_fisheye) for is_fisheye in kinds]
+    _, found = fits[-1] if fits[-1][0] < FISHEYE_GAIN * fits[0][0] else fits[0]
+    return found
 
 
-class _Fit:
-    """Least squares over (8,) values; what the film does not tell is held.
+def _unknowns(
+    floor_cm: tuple[float, float], above_cm: float, rings: SeenRings, corners: FloatArray | None, lens: Lens | None
+) -> tuple[FloatArray, BoolArray]:
+    """Return (8,) values at which a fit begins, and which of them the film tells; the others are held.
 
     0 to 2: rotation vector, of which the third, the turn, is held without corners, and all without enough rings. 3, 4:
     offset relative to the height, held without corners. 5: logarithm of the focal length, or of the relative height if
     the lens is known. 6: k1, held without enough rings. 7: logarithm of the rings' relative size, held without corners.
     """
+    start = np.zeros(8)
+    if corners is not None:
+        scale = math.sqrt(abs(polygon_area(corners)) / (floor_cm[0] * floor_cm[1]))
+        start[2] = math.atan2(*(corners[1] - corners[0])[::-1])
+        start[5] = math.log(scale * above_cm)
+    else:
+        scale = float(np.median(rings.radius_px)) / epuck.RING_RADIUS_CM
+        start[5] = math.log(scale * (above_cm - epuck.RING_HEIGHT_CM))
+    if lens is not None:  # then the film tells the height instead of the focal length
+        start[5] = math.log(lens.focal_px / above_cm) - (start[5] - math.log(above_cm))
+    by_corners, by_rings = corners is not None, rings.number >= TELLING_RINGS
+    told = [by_corners or by_rings] * 2 + [by_corners] * 3 + [True, lens is None and by_rings]
+    return start, np.array([*told, by_corners and rings.number > 0])
 
-    def __init__(
-        self,
-        size_px: tuple[int, int],
-        floor_cm: tuple[float, float],
-        above_cm: float,
-        rings: SeenRings,
-        corners: FloatArray | None,
-        lens: Lens | None,
-        is_fisheye: bool,
-    ) -> None:
-        # loading it takes half a second, and described films do without it
-        from scipy.optimize import least_squares  # noqa: PLC0415
 
-        self._size_px, self._above_cm, self._lens, self._is_fisheye = size_px, above_cm, lens, is_fisheye
-        self._rings, self._corners = rings, corners
-        self._floor = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) * (*floor_cm, 0.0)
-        start = np.zeros(8)
-        if corners is not None:
-            scale = math.sqrt(abs(polygon_area(corners)) / (floor_cm[0] * floor_cm[1]))
-            start[2] = math.atan2(*(corners[1] - corners[0])[::-1])
-            start[5] = math.log(scale * above_cm)
-        else:
-            scale = float(np.median(rings.radius_px)) / epuck.RING_RADIUS_CM
-            start[5] = math.log(scale * (above_cm - epuck.RING_HEIGHT_CM))
-        if lens is not None:  # then the film tells the height instead of the focal length
-            start[5] = math.log(lens.focal_px / above_cm) - (start[5] - math.log(above_cm))
-        has_corners, has_rings = corners is not None, rings.number >= TELLING_RINGS
-        tells_k1, tells_size = lens is None and has_rings and not is_fisheye, has_corners and rings.number > 0
-        self._free = np.array([has_corners or has_rings] * 2 + [has_corners] * 3 + [True, tells_k1, tells_size])
-        self._start = start
-        self._found = start[self._free]
-        until = {"x_scale": "jac", "ftol": TOLERANCE, "xtol": TOLERANCE, "gtol": TOLERANCE}
-        for shape_error in SHAPE_ERRORS:
-            fit = least_squares(self._misses, self._found, args=(shape_error,), **until)
-            self._found = fit.x
-        self.cost = float(fit.cost)
-        self.camera = self._camera(self._filled(self._found))
-        self.ring_size = math.exp(self._filled(self._found)[7])
-        self._covariance = np.linalg.pinv(fit.jac.T @ fit.jac)
+def _fit(
+    size_px: tuple[int, int],
+    floor_cm: tuple[float, float],
+    above_cm: float,
+    rings: SeenRings,
+    corners: FloatArray | None,
+    lens: Lens | None,
+    is_fisheye: bool,
+) -> tuple[float, Geometry]:
+    """Return half of the squares that least squares leave, and the geometry that they give."""
+    # loading it takes half a second, and described films do without it
+    from scipy.optimize import least_squares  # noqa: PLC0415
 
-    def _filled(self, free_values: FloatArray) -> FloatArray:
-        values = self._start.copy()
-        values[self._free] = free_values
+    floor = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) * (*floor_cm, 0.0)
+    start, is_told = _unknowns(floor_cm, above_cm, rings, corners, lens)
+    is_told[6] &= not is_fisheye
+
+    def filled(found: FloatArray) -> FloatArray:
+        values = start.copy()
+        values[is_told] = found
         return values
 
-    def _camera(self, values: FloatArray) -> CameraModel:
+    def camera_of(values: FloatArray) -> CameraModel:
         rotation = np.asarray(cv2.Rodrigues(values[:3])[0], float) @ LOOKING_DOWN
-        middle = self._floor.mean(axis=0)
-        above_cm = self._above_cm * (1.0 if self._lens is None else math.exp(values[5]))
-        if self._corners is not None:
-            position = middle + above_cm * np.array([*values[3:5], 1.0])
-        else:
-            position = middle - rotation[2] * above_cm / -rotation[2, 2]
-        lens = self._lens or simple_lens(*self._size_px, math.exp(values[5]), values[6], self._is_fisheye)
-        return CameraModel(*self._size_px, lens, rotation, position)
+        rise_cm = above_cm * (1.0 if lens is None else math.exp(values[5]))
+        aside = rotation[2] / rotation[2, 2] if corners is None else np.array([*values[3:5], 1.0])
+        through = lens or simple_lens(*size_px, math.exp(values[5]), values[6], is_fisheye)
+        return CameraModel(*size_px, through, rotation, floor.mean(axis=0) + rise_cm * aside)
 
-    def _misses(self, free_values: FloatArray, shape_error: float) -> FloatArray:
-        values = self._filled(free_values)
-        priors = [values[6] / K1_PRIOR, values[7] / SIZE_PRIOR]
-        if self._corners is None:
-            priors += list(values[:2] / TILT_PRIOR)
-        parts = [np.array(priors)]
+    def misses(found: FloatArray, shape_error: float) -> FloatArray:
+        values = filled(found)
+        parts = [np.array([values[6] / K1_PRIOR, values[7] / SIZE_PRIOR])]
         with np.errstate(all="ignore"):
-            camera = self._camera(values)
-            if self._corners is not None:
-                parts.append((camera.project(self._floor) - self._corners).ravel() / CORNER_PX)
-            if self._rings.number:
-                seen = expected_rings(camera, self._rings.places_px, epuck.RING_RADIUS_CM * math.exp(values[7]))
-                sizes = np.log(np.maximum(seen.radius_px, 1e-3) / self._rings.radius_px)
-                off = np.column_stack([sizes, seen.flattening - self._rings.flattening])
-                off = (off / shape_error).ravel()
+            camera = camera_of(values)
+            if corners is None:
+                parts.append(values[:2] / TILT_PRIOR)
+            else:
+                parts.append((camera.project(floor) - corners).ravel() / CORNER_PX)
+            if rings.number:
+                seen = expected_rings(camera, rings.places_px, epuck.RING_RADIUS_CM * math.exp(values[7]))
+                sizes = np.log(np.maximum(seen.radius_px, 1e-3) / rings.radius_px)
+                off = (np.column_stack([sizes, seen.flattening - rings.flattening]) / shape_error).ravel()
                 parts.append(np.sign(off) * np.sqrt(2 * np.log1p(off**2 / 2)))  # a ring that is none counts for little
         return np.asarray(np.nan_to_num(np.concatenate(parts), nan=1e3, posinf=1e3, neginf=-1e3), float)
 
-    def error_cm(self) -> float:
-        """Return the standard error of the floor's corners on the floor, from draws of what was fitted."""
-        if not self._rings.number:
-            return 0.0
-        draws = np.random.default_rng(0).multivariate_normal(self._found, self._covariance, 32, method="svd")
-        pixels = self.camera.project(self._floor)
-        seen = [self._camera(self._filled(draw)).back_project(pixels, 0.0) for draw in draws]
-        return float(np.sqrt(np.mean(np.sum(np.square(seen - self._floor[:, :2]), axis=2))))
+    found = start[is_told]
+    until = {"x_scale": "jac", "ftol": TOLERANCE, "xtol": TOLERANCE, "gtol": TOLERANCE}
+    for shape_error in SHAPE_ERRORS:
+        fit = least_squares(misses, found, args=(shape_error,), **until)
+        found = fit.x
+    camera, error_cm = camera_of(filled(found)), 0.0
+    if rings.number:  # of the corners on the floor, from draws of what was fitted
+        covariance, pixels = np.linalg.pinv(fit.jac.T @ fit.jac), camera.project(floor)
+        draws = np.random.default_rng(0).multivariate_normal(found, covariance, 32, method="svd")
+        off_cm = [camera_of(filled(draw)).back_project(pixels, 0.0) - floor[:, :2] for draw in draws]
+        error_cm = float(np.sqrt(np.mean(np.sum(np.square(off_cm), axis=2))))
+    tilt_deg = math.degrees(math.acos(min(1.0, -camera.rotation[2, 2])))
+    by, ring_size = RINGS if corners is None else CORNERS, math.exp(filled(found)[7])
+    known = Geometry(camera, floor_cm, by, corners is not None, error_cm, tilt_deg)
+    return float(fit.cost), known._replace(ring_light=rings.light, ring_size=ring_size)
 
 
 def expected_rings(camera: CameraModel, places_px: FloatArray, radius_cm: float) -> SeenRings:

@@ -13,8 +13,8 @@ from matplotlib.patches import Circle, StepPatch
 from epuck_sim.figures.films import ACROSS, COLUMNS, FOUND, MARK, choose_moments, draw_track, save_track_figure
 from epuck_sim.overhead.synchrony import evaluate, first_synchronised
 from epuck_sim.overhead.track import Snapshot, Track
-from tests.overhead.counts import counted, frames
-from tests.overhead.films import TRACK
+from tests.overhead.counts import counted
+from tests.overhead.films import TRACK, even
 
 PERIOD = 5.0
 START = 2.0
@@ -23,7 +23,7 @@ THRESHOLD = 0.126
 
 def make_track(cycles: int, narrow_from: int | None = None, seconds: float | None = None) -> Track:
     """Return the track of a film in which flashes are spread at first, and close together from some cycle on."""
-    times = START + frames(seconds or (cycles + 1) * PERIOD)
+    times = START + even(seconds or (cycles + 1) * PERIOD, 15.0)
     widths = [0.01 if narrow_from is not None and cycle >= narrow_from else 0.12 for cycle in range(cycles + 2)]
     onsets = [START + 3 + PERIOD * cycle + width * np.arange(10) for cycle, width in enumerate(widths)]
     counts = counted(np.array(onsets), 0.375, times)

@@ -3,11 +3,6 @@
 import numpy as np
 
 
-def frames(seconds: float, per_s: float = 15.0) -> np.ndarray:
-    """Return times of frames at an even rate."""
-    return np.arange(round(seconds * per_s)) / per_s
-
-
 def uneven(times: np.ndarray, random: np.random.Generator, dropped: float = 0.03) -> np.ndarray:
     """Return times that are up to a third of a frame late, without some of the frames."""
     late = times + np.median(np.diff(times)) * random.uniform(0, 1 / 3, len(times))

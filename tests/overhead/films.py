@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, Light, overhead_camera
+from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, Light
 from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.light import is_lit
-from epuck_sim.overhead.render import ExposureSample, Renderer
+from epuck_sim.overhead.render import ExposureSample
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.track import Track
 from epuck_sim.scenario.overhead import OverheadSection
+from tests.overhead.cameras import EMPTY, camera_of, make_renderer
 
 PERIOD_S = 1.0
 FLASH_S = 0.1
@@ -30,7 +30,6 @@ PLACES = np.array([(10, 9), (49, 12), (51, 48), (12, 50), (30, 30), (37.4, 30)],
 """The last two touch."""
 
 SMALL = {"width_px": 240, "height_px": 240, "frames_per_s": 30}
-FLOOR = make_arena(60, 60, [], [])
 
 
 def even(seconds: float, per_s: float = 30.0) -> FloatArray:
@@ -51,7 +50,7 @@ def in_step(times_s: FloatArray, robots: int = len(PLACES), from_s: float = 2.0)
 
 def make_camera(**settings: Any) -> CameraModel:
     """Return the camera of `shoot`."""
-    return overhead_camera(OverheadSection(**SMALL | settings), 60, 60)
+    return camera_of(**SMALL | settings)
 
 
 def make_geometry(**settings: Any) -> Geometry:
@@ -97,14 +96,14 @@ TRACK = Track(
 
 def shoot(times_s: FloatArray, ring_on: BoolArray, lit_until_s: float = 0.0, **settings: Any) -> list[Frame]:
     """Return frames of robots at `PLACES`; until `lit_until_s` the room is lit and the rings are off."""
-    section = OverheadSection(**SMALL | settings)
-    renderer = Renderer(section, overhead_camera(section, 60, 60), FLOOR, 0)
+    _, renderer = make_renderer(EMPTY, **SMALL | settings)
+    is_always_lit = settings.get("light") == "lit"
     poses = np.column_stack([PLACES, np.zeros(len(PLACES))])[: ring_on.shape[1]]
     frames = []
     for time_s, on in zip(times_s.tolist(), ring_on, strict=True):
         is_lit = time_s < lit_until_s
         sample = ExposureSample(poses, on & (not is_lit))
-        frames.append(Frame(time_s, renderer.render([sample], room_is_lit=is_lit or section.light == "lit")))
+        frames.append(Frame(time_s, renderer.render([sample], room_is_lit=is_lit or is_always_lit)))
     return frames
 
 

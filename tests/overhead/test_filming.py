@@ -13,7 +13,6 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.overhead.calibration import DESCRIPTION, TrackOptions
 from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.filming import (
     AGENTS_MARGIN_PX,
     AGENTS_PX,
@@ -35,6 +34,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.trial.model import run_trial
+from tests.cli.films import frames_and_description
 from tests.overhead.cameras import ARENA, CLEAN
 from tests.overhead.films import passed, read_rings
 from tests.overhead.score import score_rows
@@ -75,12 +75,6 @@ def film_and_record(folder: Path, scenario: EmbodiedScenario) -> None:
         run_trial(Simulation(scenario, SEED), [filming, recording])
 
 
-def contents(path: Path) -> tuple[list[Frame], dict[str, Any]]:
-    with open_film(str(path)) as film:
-        assert film.description is not None
-        return list(film.frames()), film.description
-
-
 def test_tracker_finds_what_the_simulation_had(tmp_path: Path) -> None:
     scenario = load()
     film_and_record(tmp_path, scenario)
@@ -106,7 +100,7 @@ def test_agents_are_discs_on_the_floor_of_their_space_and_red_when_they_have_fir
     with film_trial(tmp_path / "t.mp4", scenario, 1) as observer:
         simulation = ParticleSimulation(scenario, 1)
         run_trial(simulation, [observer, lambda event, _: flashes.extend((event.time_s, k) for k in event.fired)])
-    frames, _ = contents(tmp_path / "t.mp4")
+    frames, _ = frames_and_description(tmp_path / "t.mp4")
     assert len(frames) == 1 + int(25 * flashes[-1][0])
     scale, glow_s = (AGENTS_PX - 2 * AGENTS_MARGIN_PX) / 100, 0.075 * scenario.clocks.period_s
     for frame in frames:
@@ -176,7 +170,7 @@ def test_a_trial_and_its_recording_have_the_same_captions_in_the_light_alone(tmp
     written.clear()
     film_recording(tmp_path / "t.rrd", [], tmp_path / "r.mp4", passed)
     assert live == written
-    assert len(live) == (len(contents(tmp_path / "t.mp4")[0]) if light == "lit" else 0)
+    assert len(live) == (len(frames_and_description(tmp_path / "t.mp4")[0]) if light == "lit" else 0)
     assert any("order parameter" in text for text in live) == (light == "lit")
 
 

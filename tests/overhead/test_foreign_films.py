@@ -9,7 +9,6 @@ import pytest
 from docs.figures.overhead_confidence import examine
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.floor import find_corners
 from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.rings import DISC_LIGHT, RingFinder
@@ -17,7 +16,7 @@ from epuck_sim.overhead.track import Track, track_film
 from tests.overhead.cameras import camera_of, picture_of
 from tests.overhead.effects import KINDS as EFFECTS
 from tests.overhead.effects import padded
-from tests.overhead.films import passed, read_rings
+from tests.overhead.films import passed, read_rings, save
 from tests.overhead.score import Score, score_rows
 from tests.overhead.webcam import GOOD, KINDS, Extra, Swarm, Webcam, shoot, swarm
 
@@ -26,14 +25,12 @@ NOWHERE = np.empty((0, 2))
 
 def tracked(folder: Path, camera: Webcam, filmed: Swarm, extras: tuple[Extra, ...] = ()) -> tuple[Track, Score]:
     """Return what is found in a film of a swarm, told all about it, and how well its rings are found."""
-    film, table, truth = folder / "film.mp4", folder / "rings.csv", []
-    with film_file(film, *camera.size_px, {}) as writer:
-        for frame, lit_cm in shoot(camera, filmed, 12.0, extras):
-            writer.write(frame)
-            truth.append((frame.time_s, lit_cm, NOWHERE))
+    table, shot = folder / "rings.csv", list(shoot(camera, filmed, 12.0, extras))
+    film = save(folder / "film.mp4", [frame for frame, _ in shot])
+    truth = [(frame.time_s, lit_cm, NOWHERE) for frame, lit_cm in shot]
     floor = tuple((float(x), float(y)) for x, y in camera.floor_px(filmed.arena_cm))
     told = TrackOptions(filmed.arena_cm, camera.above_cm, floor, filmed.period_s, len(filmed.homes_cm))
-    return track_film(str(film), told, table, passed), score_rows(read_rings(table), truth)
+    return track_film(film, told, table, passed), score_rows(read_rings(table), truth)
 
 
 @pytest.mark.parametrize(

@@ -29,9 +29,8 @@ from epuck_sim.overhead.render import (
 )
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overhead import OverheadSection
-from tests.overhead.cameras import CLEAN, make_renderer, pixel_at, shot, standing
+from tests.overhead.cameras import CLEAN, EMPTY, make_renderer, pixel_at, shot, standing
 
-EMPTY = make_arena(60, 60, [], [])
 BEHIND_A_WALL = (5.0, 20.0, 0.3)
 
 

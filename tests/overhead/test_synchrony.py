@@ -28,7 +28,8 @@ from epuck_sim.overhead.synchrony import (
     spread_threshold_s,
     whole_periods,
 )
-from tests.overhead.counts import counted, frames, steady, uneven
+from tests.overhead.counts import counted, steady, uneven
+from tests.overhead.films import even
 
 PERIOD = 5.0
 FLASH = 0.375
@@ -93,7 +94,7 @@ def test_evaluations_are_those_of_the_slow_twin(film, period):
 
 def test_an_evaluation_comes_with_the_first_frame_half_a_period_after_its_mode():
     detector = SynchronyDetector(PERIOD)
-    times = frames(3 * PERIOD, RATE)
+    times = even(3 * PERIOD, RATE)
     for time, count in zip(times, counted(steady(TOGETHER + 3, PERIOD, 15), FLASH, times), strict=True):
         evaluation = detector.update(float(time), int(count))
         if evaluation is not None:
@@ -164,7 +165,7 @@ SPREAD = np.array([0, 0, 0.05, 0.1, 0.1, 0.13, 0.2, 0.2, 0.2, 0.25])
 @given(st.floats(1.5, 12), st.floats(14, 60), st.floats(0.05, 0.15))
 @example(1.5, 15.0, 0.0625)
 def test_the_period_of_a_synchronised_minute_is_right_to_half_a_percent(period, rate, flash_fraction):
-    times = frames(max(60, 4 * period), rate)
+    times = even(max(60, 4 * period), rate)
     counts = counted(steady(SPREAD * period / 5 + 1, period, times[-1]), flash_fraction * period, times)
     assert estimate_period_s(times, counts) == pytest.approx(period, rel=0.005)
 
@@ -195,12 +196,12 @@ SWARMS = {
 def test_the_period_is_right_to_half_a_percent_whatever_robots_and_frames_do(kind, seed):
     random = np.random.default_rng(seed)
     onsets = SWARMS[kind](random)
-    times = uneven(frames(85 if kind.startswith("shortened") else 60, 15.4), random, dropped=0.1)
+    times = uneven(even(85 if kind.startswith("shortened") else 60, 15.4), random, dropped=0.1)
     assert estimate_period_s(times, counted(onsets, FLASH, times)) == pytest.approx(PERIOD, rel=0.005)
 
 
 def test_a_long_film_shows_the_period_and_no_multiple_of_it_to_a_hundredth_of_a_frame():
-    times = frames(300, 15.0)
+    times = even(300, 15.0)
     counts = counted(steady(SPREAD, 4.77, 300), FLASH, times)
     assert estimate_period_s(times, counts) == pytest.approx(4.77, abs=0.01 / 15)
 
@@ -208,14 +209,14 @@ def test_a_long_film_shows_the_period_and_no_multiple_of_it_to_a_hundredth_of_a_
 @pytest.mark.parametrize("seed", range(3))
 def test_flashes_at_random_have_no_period(seed):
     random = np.random.default_rng(seed)
-    times = frames(60, 15.4)
+    times = even(60, 15.4)
     counts = counted(random.uniform(-5, 60, 120), FLASH, times)
     assert estimate_period_s(times, counts) is None
 
 
 def test_a_film_of_too_few_periods_has_no_estimate():
     for share, is_enough in ((0.95, False), (1.1, True)):
-        times = frames(share * MIN_PERIODS * PERIOD, 15.0)
+        times = even(share * MIN_PERIODS * PERIOD, 15.0)
         counts = counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)
         assert (estimate_period_s(times, counts) is not None) == is_enough
 
@@ -244,7 +245,7 @@ def test_lags_are_those_of_all_pairs(causes, effects, least, width):
 
 @given(st.floats(0.2, 1.0), st.floats(14, 60))
 def test_the_flash_of_rings_that_go_on_together_is_right_to_a_frame(flash, rate):
-    times = frames(60, rate)
+    times = even(60, rate)
     counts = counted(steady(np.zeros(10), 4.99, 60), flash, times)
     assert estimate_flash_s(times, counts) == pytest.approx(flash, abs=1 / rate)
 
@@ -252,7 +253,7 @@ def test_the_flash_of_rings_that_go_on_together_is_right_to_a_frame(flash, rate)
 @pytest.mark.parametrize("seed", range(2))
 def test_the_flash_is_not_longer_where_one_goes_on_as_another_goes_off(seed):
     random = np.random.default_rng(seed)
-    times = frames(60, 15.4)
+    times = even(60, 15.4)
     counts = counted(np.cumsum(random.uniform(3.5, 5, (13, 10)), axis=0) - 5, FLASH, times)
     by_light = counts.mean() * 60 / np.maximum(np.diff(counts), 0).sum()
     assert by_light > 1.08 * FLASH
@@ -273,7 +274,7 @@ def test_half_early_and_half_late_by_sigma_a_have_that_order_parameter():
 @pytest.mark.parametrize("flash_s", [0.05, 0.2, FLASH])
 def test_the_threshold_is_the_spread_of_half_early_and_half_late_in_a_fast_film(flash_s):
     sigma_s = firing_spread_s(PERIOD)
-    times = frames(10, 2000.0)
+    times = even(10, 2000.0)
     onsets = 5 + np.repeat([-sigma_s, sigma_s - flash_s], 5)
     (evaluation,) = evaluate(times, counted(onsets, flash_s, times), PERIOD)
     assert evaluation.spread_s == pytest.approx(spread_threshold_s(PERIOD, flash_s), rel=0.005)

@@ -1,7 +1,5 @@
 """Tags on top of robots are drawn and read, and tell whose flashes are whose."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.render import ExposureSample
 from epuck_sim.overhead.robots import find_robots, flash_columns, summary, trace_columns
-from epuck_sim.overhead.tags import Readings, TagReader, tag_corners_cm, tag_pattern
+from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.track import Track
 from tests.overhead.cameras import make_renderer
 from tests.overhead.films import TRACK
@@ -45,16 +43,6 @@ def test_tags_are_read_where_robots_are(in_the_light: bool, lit: tuple[int, ...]
     assert found.number.tolist() == [0, 1, 2, 3]
     assert np.hypot(*(found.poses - POSES)[:, :2].T).max() < 0.15
     assert np.abs(np.exp(1j * found.poses[:, 2]) - np.exp(1j * POSES[:, 2])).max() < 0.06
-
-
-def test_the_pattern_has_white_around_it() -> None:
-    pattern = tag_pattern("4X4_50", 3, 4)
-    assert pattern.shape == (28, 28)
-    assert (pattern[:2] == 255).all()
-    assert (pattern[2:6, 2:-2] == 0).all()
-    corners = tag_corners_cm(np.array([1.0, 2.0, math.pi / 2]), 4.0, 4.7)
-    assert corners[0] == pytest.approx([-1, 4, 4.7])  # ahead on the left
-    assert corners[1] == pytest.approx([3, 4, 4.7])
 
 
 def test_tags_of_a_film_are_gathered() -> None:

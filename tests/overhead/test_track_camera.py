@@ -21,9 +21,9 @@ from epuck_sim.errors import FilmError, PortError
 from epuck_sim.overhead.calibration import TrackOptions, parse_metadata
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.camera_fit import RINGS
-from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.live import Watching, live_page, track_camera
 from epuck_sim.overhead.track import Track
+from tests.cli.films import frames_and_description
 from tests.overhead.cameras import floor_corners
 from tests.overhead.films import LIT, SMALL, TIMES, even, in_step, make_camera, passed, read_rings, reel, shoot
 
@@ -65,11 +65,6 @@ def watch(camera: Imitation, options: TrackOptions, tell: Callable[[str], None] 
         return track_camera(7, options._replace(period_s=1.0), Watching(**watching), passed, tell)
 
 
-def frames_in(path: Path) -> int:
-    with open_film(str(path)) as film:
-        return len(list(film.frames()))
-
-
 def test_camera_films_until_the_swarm_is_synchronised(tmp_path: Path) -> None:
     camera = Imitation(reel())
     table, seen, record = tmp_path / "rings.csv", tmp_path / "seen.mp4", tmp_path / "raw.mp4"
@@ -81,9 +76,8 @@ def test_camera_films_until_the_swarm_is_synchronised(tmp_path: Path) -> None:
     assert camera.given == round(3.05 * 30) + 1
     assert track.times_s[-1] == pytest.approx(3.05, abs=0.04)
     assert len(read_rings(table)) == track.counts.sum()
-    assert (frames_in(seen), frames_in(record)) == (track.frames, camera.given)
-    with open_film(str(record)) as film:
-        told = parse_metadata(film.description)
+    assert tuple(len(frames_and_description(each)[0]) for each in (seen, record)) == (track.frames, camera.given)
+    told = parse_metadata(frames_and_description(record)[1])
     assert (told.period_s, told.robots, told.arena_cm) == (1.0, 6, None)
 
 
@@ -115,7 +109,7 @@ def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(tmp_path: Path
     assert (track.threshold_ms, track.histogram_s, track.frames) == (1.0, None, 70)
     assert track.counts.tolist() == LIT[:70].sum(axis=1).tolist()
     assert len(read_rings(table)) == LIT[:70].sum()
-    assert frames_in(seen) == 70
+    assert len(frames_and_description(seen)[0]) == 70
     ends = [str(end)] if isinstance(end, FilmError) else []
     assert track.warnings == ("camera 7 dropped out from 0.1 to 0.2 s", *ends)
 
@@ -132,7 +126,7 @@ def test_ctrl_c_before_the_calibration_leaves_the_film(tmp_path: Path) -> None:
         )
     assert not camera.is_open
     assert [path.name for path in tmp_path.iterdir()] == ["raw.mp4"]
-    assert frames_in(tmp_path / "raw.mp4") == 30
+    assert len(frames_and_description(tmp_path / "raw.mp4")[0]) == 30
 
 
 KILLED = """
@@ -161,7 +155,7 @@ def test_what_was_written_until_a_kill_can_be_read(tmp_path: Path) -> None:
     rows = read_rings(tmp_path / "rings.csv")
     assert len(rows) == LIT[:70].sum()
     for name in ("seen.mp4", "raw.mp4"):
-        assert 30 <= frames_in(tmp_path / name) <= 70  # all but about the last second
+        assert 30 <= len(frames_and_description(tmp_path / name)[0]) <= 70  # all but about the last second
 
 
 def test_a_camera_is_shown_on_a_page() -> None:
