@@ -14,8 +14,8 @@ from epuck_sim.overhead.light import LIT_LEVEL, Background, LightMeter
 from epuck_sim.overhead.rings import Ring, RingFinder
 
 REACH_CM = 2.5  # largest distance of a ring from its place in the frame before, if frames come fast
-FASTEST_CM_S = 1.05 * epuck.WHEEL_LIMIT_CM_S  # speed by which it may be farther, if they do not
-MOST_REACH_CM = 1.6 * epuck.RADIUS_CM  # distance that is always of another robot: two touch at two radii
+FASTEST_CM_S = 1.05 * epuck.WHEEL_LIMIT_CM_S  # speed of a ring by which it may be farther, if they come slowly
+MOST_REACH_CM = 1.6 * epuck.RADIUS_CM  # distance beyond which it is another ring: robots that touch are 2 radii apart
 MAX_MISSED = 2  # number of frames in a row in which a lit ring may be missed
 _COS, _SIN = (function(np.linspace(0, 2 * np.pi, 8, endpoint=False)) for function in (np.cos, np.sin))
 

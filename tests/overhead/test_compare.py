@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import load_scenario
+from epuck_sim.cli.tables import print_comparison
 from epuck_sim.estimate import Estimate
 from epuck_sim.overhead.compare import (
     QUANTITIES,
@@ -44,6 +45,11 @@ def test_the_percentile_counts_trials_with_smaller_values() -> None:
     assert compared(math.inf, [1, 2, math.inf, math.inf]).percentile == 75
     assert math.isnan(compared(math.nan, [1, 2]).percentile)
     assert math.isnan(compared(1.0, [math.nan]).percentile)
+
+
+def test_what_lies_beyond_the_end_of_a_film_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    print_comparison("film", "thesis", [compared(math.inf, [3.0, math.inf, math.inf])], {})
+    assert "beyond [3, beyond]" in capsys.readouterr().out
 
 
 def rows_of(film: list[float], trials: np.ndarray) -> list[QuantityComparison]:
