@@ -6,7 +6,7 @@ So the experiments measured synchrony, in real time (thesis 4.3.1).
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -90,11 +90,9 @@ def track_camera(
         waiting = _wait(live, outputs, head, tell)
         counter = RingCounter(calibrate(live.name, size_px, waiting, options, LIVE_FRAMES, LIVE_LIT_S))
         outputs.begin()
-        ends: list[str] = []
         reasons: tuple[str, ...] = ()
         taken = (head.popleft() for _ in range(len(head)))  # and forgotten: pictures are large
-        frames = progress(chain(taken, map(outputs.record, _until_unplugged(live.frames(), ends))), None)
-
+        frames = progress(chain(taken, map(outputs.record, live.frames())), None)
         try:
             for tracked in track_frames(frames, counter, period_s, options):
                 outputs.write(tracked)
@@ -108,7 +106,9 @@ def track_camera(
                     tell(f"not yet believed to be synchronised: {'; '.join(reasons)}")
         except KeyboardInterrupt:
             pass  # the frames until then are analysed
-        return analyse(live.name, counter.counted(), options, (*live.warnings, *ends))
+        except UnpluggedError as unplugged:
+            live.warnings.append(str(unplugged))
+        return analyse(live.name, counter.counted(), options, tuple(live.warnings))
 
 
 def _wait(live: "LiveCamera", outputs: "_Outputs", head: deque[Frame], tell: Callable[[str], None]) -> Iterator[Frame]:
@@ -119,14 +119,6 @@ def _wait(live: "LiveCamera", outputs: "_Outputs", head: deque[Frame], tell: Cal
             tell(f"the room is lit; tracking begins when it is dark, or after {LIVE_LIT_S:g} s")
         head.append(frame)
         yield frame
-
-
-def _until_unplugged(frames: Iterable[Frame], ends: list[str]) -> Iterator[Frame]:
-    """Yield a camera's frames; if the camera fails for good, end and say so."""
-    try:
-        yield from frames
-    except FilmError as error:
-        ends.append(str(error))
 
 
 class _Outputs:
@@ -171,6 +163,10 @@ class _Outputs:
             self.show(picture)
             if self._annotated is not None:
                 self._annotated.write(Frame(tracked.frame.time_s, picture))
+
+
+class UnpluggedError(FilmError):
+    """A camera delivers no pictures any more."""
 
 
 class LiveCamera:
@@ -219,7 +215,7 @@ class LiveCamera:
         opened again; its frames are missing until then.
 
         Raises:
-            FilmError: The camera has delivered no more such pictures for `PATIENCE_S`.
+            UnpluggedError: The camera has delivered no more such pictures for `PATIENCE_S`.
         """
         return self._frames
 
@@ -269,7 +265,7 @@ class LiveCamera:
             self.warnings.append(f"{self.name} dropped out from {last_s:.1f} to {frame.time_s:.1f} s")
             self._tell(f"{self.name} is back after {frame.time_s - last_s:.1f} s")
             return frame
-        raise FilmError(f"{fault}, for {PATIENCE_S:.0f} s now: was it unplugged, or does another program use it?")
+        raise UnpluggedError(f"{fault}, for {PATIENCE_S:.0f} s now: was it unplugged, or does another program use it?")
 
 
 class LivePage(ThreadingHTTPServer):

@@ -286,8 +286,8 @@ def doubts(evidence: Evidence) -> list[str]:
             "give the floor's corners by --corners"
         )
     before_s = math.inf if evidence.sync is None else evidence.sync.time_s - evidence.period_s / 2
-    early = [flash for flash in counted.flashes if flash.onset_s < before_s]
-    if not geometry.knows_floor and (images := count_images(FlashTable.of(early))):
+    early = FlashTable(*(column[flashes.onset_s < before_s] for column in flashes))
+    if not geometry.knows_floor and (images := count_images(early)):
         found.append(
             f"flashes that may be mirror images in the walls: {images}; they come with those of their robots and do "
             "not move T_sync, but they count as robots; give the floor's corners by --corners"

@@ -8,7 +8,7 @@ import pytest
 
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead import live
-from epuck_sim.overhead.live import LiveCamera
+from epuck_sim.overhead.live import LiveCamera, UnpluggedError
 
 SIZE = 64, 48
 """Columns and rows of the pictures that come first."""
@@ -79,7 +79,7 @@ def test_frames_are_timed_when_they_come_and_in_red_green_blue():
 
 def test_a_camera_that_is_unplugged():
     told = []
-    with LiveCamera(1, told.append) as camera, pytest.raises(FilmError, match="1 delivers no pictures, for 30 s"):
+    with LiveCamera(1, told.append) as camera, pytest.raises(UnpluggedError, match="1 delivers no pictures, for 30 s"):
         list(camera.frames())
     assert told == ["camera 1 delivers no pictures; it is tried again for 30 s"]
     assert 100 < Imitation.grabbed < 200  # two readings of the clock a try

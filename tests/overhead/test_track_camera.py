@@ -17,11 +17,11 @@ import cv2
 import numpy as np
 import pytest
 
-from epuck_sim.errors import FilmError, PortError
+from epuck_sim.errors import PortError
 from epuck_sim.overhead.calibration import TrackOptions, parse_metadata
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.camera_fit import RINGS
-from epuck_sim.overhead.live import Watching, live_page, track_camera
+from epuck_sim.overhead.live import UnpluggedError, Watching, live_page, track_camera
 from epuck_sim.overhead.track import Track
 from tests.cli.films import frames_and_description
 from tests.overhead.cameras import floor_corners
@@ -99,7 +99,7 @@ def test_synchrony_that_is_not_believed_is_told_and_filmed_on() -> None:
     assert said.startswith("not yet believed to be synchronised: ")
 
 
-@pytest.mark.parametrize("end", [KeyboardInterrupt(), FilmError("camera 7 delivers no pictures")], ids=repr)
+@pytest.mark.parametrize("end", [KeyboardInterrupt(), UnpluggedError("camera 7 delivers no pictures")], ids=repr)
 def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(tmp_path: Path, end: BaseException) -> None:
     camera = Imitation(reel()[:70], end)
     camera.warnings.append("camera 7 dropped out from 0.1 to 0.2 s")
@@ -110,7 +110,7 @@ def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(tmp_path: Path
     assert track.counts.tolist() == LIT[:70].sum(axis=1).tolist()
     assert len(read_rings(table)) == LIT[:70].sum()
     assert len(frames_and_description(seen)[0]) == 70
-    ends = [str(end)] if isinstance(end, FilmError) else []
+    ends = [str(end)] if isinstance(end, UnpluggedError) else []
     assert track.warnings == ("camera 7 dropped out from 0.1 to 0.2 s", *ends)
 
 
