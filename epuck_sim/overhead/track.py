@@ -152,7 +152,7 @@ def track_film(
         FilmError: The film cannot be read, or shows no swarm.
         EpuckSimError: The table cannot be written.
     """
-    with open_film(name) as film:
+    with open_film(name) as film, ExitStack() as files:
         size_px, metadata = (film.width_px, film.height_px), parse_metadata(film.description)
         if lens is not None:
             options = options._replace(lens=read_lens(lens, size_px))
@@ -161,10 +161,11 @@ def track_film(
         if film.is_pictures and options.fps is None:
             doubts.append(f"numbered pictures have no times: {film.rate:g} frames per second are assumed; give --fps")
         options = options.with_defaults(metadata, floor_cm)
-        geometry = geometry or calibrate(name, size_px, excerpt(film.frames(), options), options)
-    counter = RingCounter(geometry)
-    reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
-    with open_film(name) as film, ExitStack() as files:
+        if geometry is None:
+            with open_film(name) as studied:
+                geometry = calibrate(name, size_px, excerpt(studied.frames(), options), options)
+        counter = RingCounter(geometry)
+        reader = None if options.tags is None else TagReader(geometry.camera, options.tags)
         part = None if rings is None else files.enter_context(atomic_write(rings))
         write_rings = ring_writer(None if part is None else files.enter_context(part.open("w", newline="")))
         for frame in progress(excerpt(film.frames(), options), film.duration_s):
