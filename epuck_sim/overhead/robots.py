@@ -88,7 +88,8 @@ def _by_tags(track: Track, flashes: FlashTable, readings: Readings) -> Robots:
     own = [readings.of(readings.number == number) for number in numbers]
     poses = np.stack([_poses_at(track.times_s, each) for each in own], axis=1)
     robot = _whose(flashes, numbers, poses, track.times_s)
-    if unknown := np.count_nonzero(robot < 0):
+    is_whole = (flashes.onset_s > track.times_s[0]) & (flashes.end_s < track.times_s[-1])  # else it may be one frame
+    if unknown := np.count_nonzero((robot < 0) & is_whole):
         warnings.append(
             f"flashes that are under no tag: {unknown} of {len(robot)}; there are robots without a tag, or whose tag "
             "cannot be read"

@@ -307,8 +307,8 @@ def _doubts_about_frames(evidence: Evidence) -> list[str]:
         )
     error = COARSE * (math.pi * usual_s / evidence.period_s) ** 2 / 6
     ends = (evidence.order_parameter - error, min(evidence.order_parameter + error, 1.0))
-    first_s, last_s = (evidence.periods.first_in_order_s(order) or math.inf for order in ends)
-    flashes = evidence.flashes
+    periods, flashes = evidence.periods, evidence.flashes
+    first_s, last_s = (periods.first_in_order_s(order) or math.inf for order in ends)
     is_short = np.mean(flashes.end_s - flashes.onset_s) < SHORTEST_FRAMES * usual_s
     if is_short or first_s < last_s - evidence.period_s / 2:
         found.append(

@@ -81,14 +81,14 @@ def tagged(track: Track, tags: Readings, *numbers: int) -> Track:
 
 def test_flashes_are_those_of_the_tags_above_them() -> None:
     dark = {(round(0.1 * k, 1), 7) for k in range(20, 26)}  # unread while lit
-    tracked = track((1.0, 5.0), (2.1, 15.0), (2.2, 5.0), (3.0, 5.0), robots=2)
+    tracked = track((1.0, 5.0), (2.1, 15.0), (2.2, 5.0), (3.0, 5.0), (5.9, 40.0), robots=2)
     robots = find_robots(tracked._replace(tags=read(without=dark)))
-    assert robots.warnings == ()
+    assert robots.warnings == ()  # the last flash may be one frame of a flash
     assert robots.numbers.tolist() == [4, 7]
     table = flash_columns(tracked, robots)
-    assert table["robot"].tolist() == [4, 7, 4, 4]
-    assert table["cycle"].tolist() == [1, 1, 2, 3]
-    assert table["certainty"] == pytest.approx([np.nan, np.nan, 1, 1], nan_ok=True)
+    assert table["robot"].tolist() == [4, 7, 4, 4, -1]
+    assert table["cycle"].tolist() == [1, 1, 2, 3, 1]
+    assert table["certainty"] == pytest.approx([np.nan, np.nan, 1, 1, np.nan], nan_ok=True)
     trace = trace_columns(tracked, robots)
     own = {name: column[trace["robot"] == 7] for name, column in trace.items()}
     assert own["x_cm"] == pytest.approx(15 + TIMES)  # also where it was not read
