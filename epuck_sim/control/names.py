@@ -17,6 +17,7 @@ import numpy as np
 
 from epuck_sim.control.interface import ACTUATORS, Controller, Described, Sensor, Sensors, World
 from epuck_sim.errors import ControllerError
+from epuck_sim.user_files import PythonFile
 from epuck_sim.util.messages import comma_list, nearest_name
 
 ARGUMENTS: Mapping[str, tuple[str, ...]] = {
@@ -82,7 +83,8 @@ def _check_names(
         if definition is not None:
             names = _names_of_arguments(definition, roles)
             mistakes = _mistakes(definition, names, known, several, fixed)
-            for line, said in chain(mistakes, _draws(definition, function.__globals__)):
+            draws = _draws(definition, function.__globals__, "draw by epuck_sim.util.rng.uniform(random)")
+            for line, said in chain(mistakes, draws):
                 raise ControllerError(f"{function.__code__.co_filename}:{line}: {said}")
             for node in ast.walk(definition):
                 if isinstance(node, ast.Call):
@@ -136,14 +138,23 @@ def _mistakes(
             yield node.lineno, f"sets {ast.unparse(node)}; {why}"
 
 
-def _draws(definition: ast.FunctionDef, values: Mapping[str, object]) -> Iterator[tuple[int, str]]:
-    """Yield lines of a function that draw numbers which are no robot's own, and what to call instead."""
-    for node in ast.walk(definition):
+def check_draws(file: PythonFile, instead: str) -> None:
+    """Raise the file's error, with line, for a call in it that draws numbers which follow from no seed of a trial."""
+    for path, source in file.sources.items():
+        for line, said in _draws(ast.parse(source), vars(file.modules[path]), instead):
+            raise file.error(f"{path}:{line}: {said}")
+
+
+def _draws(code: ast.AST, values: Mapping[str, object], instead: str) -> Iterator[tuple[int, str]]:
+    """Yield lines of code that draw numbers which follow from no seed of a trial, and what to do instead."""
+    for node in ast.walk(code):
         if isinstance(node, ast.Call) and isinstance(
             getattr(_value_of(node.func, values), "__self__", None), GENERATORS
         ):
-            said = f"calls {ast.unparse(node.func)}, whose numbers follow from no seed of a trial"
-            yield node.lineno, f"{said}; draw by epuck_sim.util.rng.uniform(random)"
+            yield (
+                node.lineno,
+                f"calls {ast.unparse(node.func)}, whose numbers follow from no seed of a trial; {instead}",
+            )
 
 
 def _names_of_parts(definition: ast.FunctionDef, names: Mapping[str, str]) -> dict[str, str]:

@@ -20,6 +20,10 @@ GRID_CM = 5.0
 """Distance between the points at which `coverage` looks at the floor, in cm."""
 
 
+NO_OSCILLATORS = "synchrony is of oscillators, and no robot is one; drive the wheels alone: controller: external_wheels"
+"""What is said of a swarm whose synchrony is asked for."""
+
+
 class Situation(NamedTuple):
     """Where robots are and what they do; arrays of a batch have an axis of swarms before that of robots."""
 
@@ -53,9 +57,7 @@ def synchrony(situation: Situation) -> FloatArray:
     """
     r = order_of(situation.phase)
     if np.isnan(r).any():
-        raise ScenarioError(
-            "synchrony is of oscillators, and no robot is one; drive the wheels alone: controller: external_wheels"
-        )
+        raise ScenarioError(NO_OSCILLATORS)
     return r
 
 

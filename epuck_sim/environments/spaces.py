@@ -98,16 +98,22 @@ class AgentSpaces:
             ValueError: An action is not of the action space; then nothing is commanded.
         """
         given = np.asarray(actions)
-        if self._discrete:
-            self._command_discrete(given, actuators)
-            return
         shape = self.action.shape or ()
-        if given.shape[-2:] != (len(self.robots), *shape) or not np.isfinite(given).all():
-            raise ValueError(
-                f"actions have the shape {given.shape} and are {'' if np.isfinite(given).all() else 'not '}all finite; "
-                f"allowed: finite numbers for each of {len(self.robots)} agents, {shape[0]} each"
-            )
-        self._write(actuators, np.clip(given[..., :2], -1, 1), given[..., -1] > 0)
+        if given.shape[2:] != shape:
+            raise ValueError(f"an agent's action has the shape {given.shape[2:]}; allowed: {shape}")
+        if self._discrete:
+            count = int(self.action.n)  # type: ignore[attr-defined]
+            is_allowed = (given >= 0) & (given < count) & (given.dtype.kind in "iu")
+            allowed = f"whole numbers from 0 to {count - 1}"
+        else:
+            is_allowed, allowed = np.isfinite(given), "finite numbers"
+        if not is_allowed.all():
+            raise ValueError(f"an agent's action has {given[~is_allowed][0]}; allowed: {allowed}")
+        if self._discrete:
+            motions = len(MOTIONS) if self.drives else 1
+            self._write(actuators, MOTIONS[given % motions], given // motions == 1)
+        else:
+            self._write(actuators, np.clip(given[..., :2], -1, 1), given[..., -1] > 0)
 
     def _write(self, actuators: npt.NDArray[np.void], shares: npt.NDArray[Any], lit: BoolArray) -> None:
         if self.drives:
@@ -116,14 +122,3 @@ class AgentSpaces:
             actuators["right_cm_s"][:, self.chosen] = wheels[..., 1]
         if self.flashes:
             actuators["ring_on"][:, self.chosen] = lit
-
-    def _command_discrete(self, given: npt.NDArray[Any], actuators: npt.NDArray[np.void]) -> None:
-        count = int(self.action.n)  # type: ignore[attr-defined]
-        if (
-            given.shape[-1:] != self.robots.shape
-            or given.dtype.kind not in "iu"
-            or not ((given >= 0) & (given < count)).all()
-        ):
-            raise ValueError(f"actions are {given!r}; allowed: 0 to {count - 1} for each of {len(self.robots)} agents")
-        motions = len(MOTIONS) if self.drives else 1
-        self._write(actuators, MOTIONS[given % motions], given // motions == 1)

@@ -1,16 +1,15 @@
 """Finds measures: shipped and installed ones by name, users' as FILE.py:NAME, or as FILE.py if it holds one."""
 
 import inspect
-from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
+from epuck_sim.control.names import check_draws, first_use
 from epuck_sim.errors import MeasureError
-from epuck_sim.measures.interface import Measure, default_parameters
+from epuck_sim.measures.interface import CALLED, Measure, default_parameters
 from epuck_sim.user_files import Kind, Place, PythonFile, kept, load_python_file
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, nearest_name, short_repr
 
 _BY_MODULE = {
     "clusters": "cluster_count cluster_life largest_cluster",
@@ -58,24 +57,37 @@ def _shipped_measure(name: str) -> Measure:
 
 @kept
 def _load(place: Place) -> PythonFile:
-    return load_python_file(place, MeasureError)
+    file = load_python_file(place, MeasureError)
+    check_draws(file, "draw from numpy.random.default_rng(simulation.seed)")
+    return file
 
 
 def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
-    """Return the measure of this name in a file, or its only one, under the name by which a package offers it."""
-    found = _measures_of(file)
+    """Return the measure of this name in a file, or its only one, under the name by which a package offers it.
+
+    A file holds its classes with a method `value`, or else its public functions; others are given by name.
+    """
+    own = {
+        name: value
+        for name, value in file.parts.items()
+        if not name.startswith("_") and getattr(value, "__module__", None) == file.path.stem
+    }
+    classes = {name: value for name, value in own.items() if inspect.isclass(value) and hasattr(value, "value")}
+    functions = {name: value for name, value in own.items() if inspect.isfunction(value)}
+    found = classes or functions
+    known = found | {name: value for name, value in functions.items() if inspect.signature(value).parameters}
     chosen = member
     if not member:
         if len(found) != 1:
-            raise MeasureError(f"{file.path}: holds {comma_list(found)}; give one of them as {file.path.name}:NAME")
+            raise MeasureError(f"{file.path}: holds {comma_list(known)}; give one of them as {file.path.name}:NAME")
         (chosen,) = found
     if chosen not in file.parts:
-        raise MeasureError(f"{file.path}: {did_you_mean(chosen, dict(found))}; it holds {comma_list(found)}")
+        raise MeasureError(f"{file.path}: {did_you_mean(chosen, known)}; it holds {comma_list(known)}")
     make = file.parts[chosen]
     if not callable(make):
         raise file.refusal(chosen, f"{chosen} is {short_repr(make)}; a measure is a class or a function")
-    if inspect.isclass(make) and not callable(getattr(make, "value", None)):
-        raise file.refusal(chosen, f"{chosen} has no method value(self), which returns what was measured")
+    if inspect.isclass(make):
+        _check_methods(make, file)
     try:
         parameters = default_parameters(make)
     except ValueError as error:
@@ -87,12 +99,18 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
     return Measure(place.name if stored == place.name else chosen, stored, make, parameters, file.sources, unit)
 
 
-def _measures_of(file: PythonFile) -> Mapping[str, Callable[..., Any]]:
-    """Return the measures that a file defines: its classes with a method `value`, or else its public functions."""
-    own = {
-        name: value
-        for name, value in file.parts.items()
-        if not name.startswith("_") and getattr(value, "__module__", None) == file.path.stem
-    }
-    classes = {name: value for name, value in own.items() if inspect.isclass(value) and hasattr(value, "value")}
-    return classes or {name: value for name, value in own.items() if inspect.isfunction(value)}
+def _check_methods(make: type, file: PythonFile) -> None:
+    """Raise MeasureError for a class without `value`, or with what looks like a method that trials call and is none."""
+    name = make.__name__
+    if not callable(getattr(make, "value", None)):
+        raise file.refusal(name, f"{name} has no method value(self), which returns what was measured")
+    for method, function in vars(make).items():
+        if not inspect.isfunction(function) or method.startswith("_") or method in CALLED:
+            continue
+        looks_so = nearest_name(method, CALLED) or len(inspect.signature(function).parameters) == 3
+        if looks_so and first_use(method, file.sources) is None:
+            where = f"{file.path}:{function.__code__.co_firstlineno}: {name}"
+            called = ", ".join(CALLED)
+            raise MeasureError(
+                f"{where}: nothing calls {method}: {did_you_mean(method, [*CALLED])}; trials call {called}"
+            )

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,10 @@ class MeanSquaredDisplacement(Series):
     UNIT = "cm²"
     _start: FloatArray | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.has_bodies and self.simulation.scenario.space.boundary == "cyclic":
+    @staticmethod
+    def check_scenario(scenario: Any, _: Any) -> None:
+        """Raise ValueError for a space without walls."""
+        if scenario.model == "particles" and scenario.space.boundary == "cyclic":
             raise ValueError(
                 "mean_squared_displacement needs walls; in a cyclic space, distances begin anew at its edge"
             )
@@ -152,11 +154,15 @@ class _Map(Shipped):
     check = staticmethod(allowed(cells=up_to(MOST_CELLS)))
 
     def __post_init__(self) -> None:
-        axes = len(self.sides_cm)
-        if self.cells**axes > MOST_CELLS:
-            raise ValueError(f"cells is {self.cells}, along each of {axes} axes; allowed: {MOST_CELLS} in all")
         self._cell_cm = np.array(self.sides_cm) / self.cells
-        self._counts: IntArray = np.zeros((self.cells,) * axes, np.int64)
+        self._counts: IntArray = np.zeros((self.cells,) * len(self.sides_cm), np.int64)
+
+    @staticmethod
+    def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
+        """Raise ValueError for too many cells."""
+        axes = scenario.space.dimensions if scenario.model == "particles" else 2
+        if parameters.cells**axes > MOST_CELLS:
+            raise ValueError(f"cells is {parameters.cells}, along each of {axes} axes; allowed: {MOST_CELLS} in all")
 
     def cycle(self, event: Any, _: Any) -> None:
         """Count who is in which cell; those on an edge belong to the cell beyond it, or to the last."""

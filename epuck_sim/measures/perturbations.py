@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -27,17 +28,16 @@ class _Twin(Series):
         from epuck_sim.particles.twin import make_twin  # reading a scenario must not compile anything
 
         super().__post_init__()
-        scenario = self.simulation.scenario
-        if not self.displacement and not scenario.start.displacement and not scenario.clocks.jitter:
+        self._twin = make_twin(self.simulation.scenario, self.simulation.seed, self.displacement)
+
+    @staticmethod
+    def check_scenario(scenario: Any, parameters: SimpleNamespace) -> None:
+        """Raise ValueError without a perturbation, and for a schedule whose moments are others in the twin."""
+        if not parameters.displacement and not scenario.start.displacement and not scenario.clocks.jitter:
             raise ValueError(
                 "a perturbation is measured where there is one; give displacement, or start.displacement or "
                 "clocks.jitter of the scenario"
             )
-        self._twin = make_twin(scenario, self.simulation.seed, self.displacement)
-
-    @staticmethod
-    def check_scenario(scenario: Any, _: Any) -> None:
-        """Raise ValueError for a schedule that waits for what comes at other times in the twin."""
         if any(entry.at_s is None for entry in scenario.schedule):
             raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
 

@@ -137,6 +137,7 @@ class DetectionDelay(_Suspicion):
 class FalseAlarms(_Suspicion):
     """Suspicions of robots that flash, of each robot in an hour (robots)."""
 
+    UNIT = "1/h"
     _alarms, _steps = 0, 0
 
     def take(self, begun: BoolArray, _: float, steps: int) -> None:

@@ -20,6 +20,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from epuck_sim.control.names import check_draws
 from epuck_sim.errors import CurveError, EpuckSimError
 from epuck_sim.scenario.base import LARGEST, ConfigModel, Number, Positive, WholeNumber, check_range, refused_at
 from epuck_sim.scenario.changes import AgentScheduleEntry, check_numbers
@@ -108,6 +109,7 @@ def _load(place: Place) -> Curve:
     if not callable(function):
         said = "a response curve needs a function phase_shift(phase, coupling, parameters)"
         raise file.refusal("phase_shift", said)
+    check_draws(file, "a curve is a function of the phase")
     return Curve(place.name, file.parameters(), function, file.sources, file.modules)
 
 

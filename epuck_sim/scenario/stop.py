@@ -154,7 +154,8 @@ def resolve_measures(scenario: Any, origin: str, folder: Path | None) -> tuple[M
             measure = section.find(folder)
             measure.check_model(scenario.model, scenario.event_method)
             parameters = measure.resolve(section.parameters)
-            measure.check_scenario(scenario, parameters)
+            if scenario.sweep is None:  # else its points are checked, which may differ in what matters
+                measure.check_scenario(scenario, parameters)
             if measure.name in resolved:
                 another = f"{{{section.measure}: {{as: another}}}}"
                 raise ValueError(

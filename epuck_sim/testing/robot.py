@@ -22,6 +22,15 @@ from epuck_sim.util.seeds import robot_streams
 
 T = TypeVar("T")
 
+ALLOWED = {
+    "infrared": (-1e6, 1e6),
+    "distance_mm": (0, OUT_OF_RANGE_MM),
+    "camera": (0, 1),
+    "pulses": (0, 1e6),
+    "step_ms": (1, 1e6),
+}
+"""Least and greatest values that a robot can sense."""
+
 
 class _Field(Generic[T]):
     """A field of a record of `TestRobot`, read and set as its attribute; arrays are the robot's own."""
@@ -129,7 +138,7 @@ class TestRobot:
         if twice := next((name for name in told if told.count(name) > 1), None):
             raise ValueError(f"two of the sensors tell {twice!r}; give one of them")
         sizes = [sensed_bytes_needed(sensor, 1) for sensor in own]
-        lengths = {"robots": 1, "groups": 1, "pixels": pixels, "bytes": bytes_needed(found, 1)}
+        lengths = {"robots": 1, "groups": 1, "pixels": whole("pixels", pixels), "bytes": bytes_needed(found, 1)}
         block = make_block({**lengths, "senses": len(own), "sensed": sum(sizes)})
         swarm = open_block(block)
         for number, sensor in enumerate(own):
@@ -156,15 +165,18 @@ class TestRobot:
 
         Raises:
             RobotError: The controller raises; the message has file and line.
-            ValueError: A reading is not a number.
+            ValueError: A reading is one that no robot has, or no number.
         """
-        invalid = np.flatnonzero(~np.isfinite(self.infrared))
-        if len(invalid):
-            raise ValueError(f"infrared[{invalid[0]}] is {self.infrared[invalid[0]]}; allowed: counts")
+        for name, (least, most) in ALLOWED.items():
+            values = np.atleast_1d(getattr(self, name))
+            wrong = np.flatnonzero(~((values >= least) & (values <= most)))
+            if len(wrong):
+                where = f"{name}[{wrong[0]}]" if values.size > 1 else name
+                raise ValueError(f"{where} is {values[wrong[0]]:g}; allowed: {least:g} to {most:g}")
         for name in dir(self.readings):
             if np.isnan(getattr(self.readings, name)).any():
                 raise ValueError(f"readings.{name} is {getattr(self.readings, name)}; allowed: numbers")
-        for _ in range(steps):
+        for _ in range(whole("steps", steps, 0)):
             self._controllers.step()
 
 

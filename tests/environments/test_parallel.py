@@ -221,6 +221,7 @@ def test_pictures_show_the_arena_from_above():
         (SWARM, {"reward": 3}, ScenarioError, "reward is 3; allowed: a name, a function"),
         (SWARM, {"terminate": 3}, ValueError, "terminate is 3; allowed: a function"),
         (SWARM, {"seed": -1}, ValueError, "seed is -1; allowed: whole numbers from 0"),
+        ({"robots": [{"controller": "external"}]}, {"reward": "synchrony"}, ScenarioError, "no robot is one"),
     ],
 )
 def test_environments_that_make_no_sense_are_refused(scenario, given, kind, message):
@@ -231,8 +232,14 @@ def test_environments_that_make_no_sense_are_refused(scenario, given, kind, mess
 @pytest.mark.parametrize(
     ("action", "message"),
     [
-        ({agent: np.zeros(2) for agent in ("robot_0", "robot_1", "robot_2")}, "actions have the shape"),
-        ({agent: np.full(3, np.nan) for agent in ("robot_0", "robot_1", "robot_2")}, "not all finite"),
+        (
+            {agent: np.zeros(2) for agent in ("robot_0", "robot_1", "robot_2")},
+            r"an agent's action has the shape \(2,\); allowed: \(3,\)",
+        ),
+        (
+            {agent: np.full(3, np.nan) for agent in ("robot_0", "robot_1", "robot_2")},
+            "an agent's action has nan; allowed: finite",
+        ),
         ({"robot_0": np.zeros(3)}, "missing or unknown: .'robot_1', 'robot_2'"),
     ],
 )
@@ -251,7 +258,6 @@ def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost(action, message
     [
         (SWARM["robots"], lambda _: np.array([np.nan]), "reward returned NaN; allowed"),
         (SWARM["robots"], lambda _: np.ones(3), r"reward returned the shape \(3,\); allowed"),
-        ([{"controller": "external"}], "synchrony", "synchrony is of oscillators, and no robot is one"),
     ],
 )
 def test_rewards_that_are_no_number_for_each_swarm_or_robot_are_refused(robots, reward, said):

@@ -36,7 +36,7 @@ def test_parameters_have_the_types_of_their_defaults(counter):
 
 
 def test_a_measure_measures_the_models_that_tell_what_it_asks_for(tmp_path, counter):
-    write(tmp_path / "steps.py", TELLTALE.replace("def event", "def other"))
+    write(tmp_path / "steps.py", TELLTALE.replace("def event", "def _event"))
     write(tmp_path / "both.py", TELLTALE)
     write(tmp_path / "named.py", COUNTER + "    MODELS = ('particles',)\n")
     for measure in (counter, find_measure("both.py", tmp_path)):

@@ -77,11 +77,20 @@ def test_arrays_of_the_wrong_shape_and_what_is_no_number_are_refused(mine):
         robot.camera = np.zeros(11)
     with pytest.raises(ValueError, match="NaN"):
         robot.distance_mm[0] = np.nan
-    robot.infrared[3] = np.nan
-    with pytest.raises(ValueError, match=r"infrared\[3\] is nan; allowed: counts"):
+    for name, wrong, right in (("infrared", np.nan, 0), ("distance_mm", 65536, 65535), ("camera", 2, 1)):
+        getattr(robot, name)[3] = wrong
+        with pytest.raises(ValueError, match=rf"{name}\[3\] is {wrong}; allowed: .*"):
+            robot.step()
+        getattr(robot, name)[3] = right
+    robot.pulses = -1
+    with pytest.raises(ValueError, match="pulses is -1; allowed: 0 to"):
         robot.step()
-    with pytest.raises(ValueError, match="step_ms is 0; allowed: whole numbers from 1"):
-        TestRobot(mine, step_ms=0)
+    robot.pulses = 0
+    with pytest.raises(ValueError, match=r"steps is 1\.5; allowed: whole numbers from 0"):
+        robot.step(1.5)
+    for name in ("step_ms", "pixels"):
+        with pytest.raises(ValueError, match=f"{name} is 0; allowed: whole numbers from 1"):
+            TestRobot(mine, **{name: 0})
 
 
 def test_a_robot_is_not_copied_as_its_records_lie_in_one_block(mine):
