@@ -1,6 +1,6 @@
 """Learns to synchronise, to gather and to cover the floor, by proximal policy optimisation (PPO) in plain PyTorch.
 
-    pip install 'epuck-sim[learning,plot,train]'
+    pip install "epuck-sim[learning,plot,train]"
     python docs/examples/train_policy.py docs/figures/policy
 
 writes docs/examples/learnt_policy.npz, and the course of learning to policy.csv and policy.png. All robots of a batch

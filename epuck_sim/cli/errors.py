@@ -54,7 +54,7 @@ def _message(error: Exception) -> str | None:
         return f"{error.filename or 'the output cannot be written'}: {error.strerror or error}"
     if isinstance(error, ModuleNotFoundError):
         package, extra = EXTRAS.get((error.name or "").partition(".")[0], (None, None))
-        return package and f"this needs {package}, which is not installed: pip install 'epuck-sim[{extra}]'"
+        return package and f'this needs {package}, which is not installed: pip install "epuck-sim[{extra}]"'
     if isinstance(error, ValueError | AttributeError) and not all(map(_is_open, (sys.stdout, sys.stderr))):
         return "the output cannot be written: it was closed"  # by a controller, say, or it was set to None
     return None

@@ -186,7 +186,6 @@ def read_scenario(
     Code that a run folder brings is not run unless this user trusts it, or `trusted` says so.
     """
     from epuck_sim.runs.sources import check_trusted, run_folder_of, trust
-    from epuck_sim.scenario.embodied import EmbodiedScenario
     from epuck_sim.scenario.loader import load_scenario
 
     if trusted and (folder := run_folder_of(scenario)) is not None:
@@ -196,11 +195,8 @@ def read_scenario(
         loaded = load_scenario(
             scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick
         )
-    if isinstance(loaded, EmbodiedScenario) and loaded.stop.is_time_by_default:
-        print_stderr(
-            f"note: robot {loaded.stop.reference_robot} is no oscillator, so that trials have no T_sync; they end "
-            f"after {loaded.stop.max_time_s:g} simulated seconds; for another limit: --set stop.max_time_s=3600"
-        )
+    for note in loaded.notes:
+        print_stderr(f"note: {note}")
     return loaded
 
 

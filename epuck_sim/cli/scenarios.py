@@ -4,6 +4,7 @@ import json
 import keyword
 import re
 import sys
+import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -72,27 +73,35 @@ def page(
     scenario: options.ScenarioArgument,
     to: Annotated[Path, typer.Option(metavar="PAGE.html", help="The page, which is complete in itself.")],
     settings: options.SetOption = None,
+    controller: options.ControllerOption = None,
 ) -> None:
     """Write SCENARIO as one HTML file in which it runs: with the program's own kernels, without server and network."""
+    _make_page(scenario, to, settings, controller)
+    typer.echo(to)
+
+
+@scenarios.command()
+def play(
+    scenario: options.ScenarioArgument = "thesis",
+    settings: options.SetOption = None,
+    controller: options.ControllerOption = None,
+) -> None:
+    """Open SCENARIO as a page in the browser, from a file in the user's cache, which the next one replaces."""
+    import platformdirs
+
+    path = platformdirs.user_cache_path("epuck-sim", ensure_exists=True) / "page.html"
+    _make_page(scenario, path, settings, controller)
+    webbrowser.open(path.as_uri())
+    typer.echo(path)
+
+
+def _make_page(scenario: str, path: Path, settings: list[str] | None, controller: str | None) -> None:
     from epuck_sim.page.writer import write_page
     from epuck_sim.runs.sources import check_trusted
 
     check_trusted(scenario)
     with word_if_slow(f"making the page of {scenario}"), print_warnings(), prefix_scenario(scenario):
-        write_page(scenario, to, settings or ())
-    typer.echo(to)
-
-
-@scenarios.command()
-def play(scenario: options.ScenarioArgument = "thesis", settings: options.SetOption = None) -> None:
-    """Open SCENARIO as a page in the browser, from a file in the user's cache, which the next one replaces."""
-    from epuck_sim.page.writer import open_page
-    from epuck_sim.runs.sources import check_trusted
-
-    check_trusted(scenario)
-    with word_if_slow(f"making the page of {scenario}"), print_warnings(), prefix_scenario(scenario):
-        path = open_page(scenario, settings or ())
-    typer.echo(path)
+        write_page(scenario, path, settings or (), controller=controller)
 
 
 @scenarios.command()
@@ -125,7 +134,7 @@ class New(NamedTuple):
 
     ending: str
     command: str
-    """What tries it, with NAME and FILE."""
+    """What tries it, with NAME and FILE; empty where no command does."""
     example: str
     """A name for one."""
 
@@ -136,6 +145,9 @@ NEW = {
     "measure": New(".py", "run thesis --measure FILE", "coverage"),
     "sensor": New(".py", 'run thesis --set "robots.0.sensors=[FILE]" --trace NAME.parquet', "ground"),
     "robot": New(".yaml", "run thesis --set robot=FILE", "cart"),
+    "curve": New(".py", "run particles --set response.curve=FILE", "bent"),
+    "reward": New(".py", "", "together"),
+    "claims": New(".yaml", "replicate --claims FILE --out NAME", "couplings"),
 }
 """The kinds of files that `new` writes."""
 
@@ -171,4 +183,5 @@ def _write_new(kind: str, name: str) -> None:
     template = (builtin_folder(TEMPLATES) / f"{kind}{new.ending}").read_text(encoding="utf-8")
     with atomic_write(Path(file)) as part:
         part.write_text(template.replace("NAME", name), encoding="utf-8")
-    typer.echo(f"{file}: try it: epuck-sim {new.command.replace('NAME', name).replace('FILE', file)}")
+    command = f"epuck-sim {new.command}" if new.command else 'vector_env("thesis", 8, reward="FILE") in Python'
+    typer.echo(f"{file}: try it: {command.replace('NAME', name).replace('FILE', file)}")

@@ -44,6 +44,12 @@ SHARED_RANDOM = {"rand", "srand", "random", "srandom", "drand48", "srand48", "lr
 FOR_THE_ROBOT = re.compile(r"p30F6014A\.h|\be_init_\w+|\bmain\s*(?=\()")
 """What firmware has that is written for the robot itself."""
 
+FOR_THE_ROBOT_ITSELF = (
+    "is for the robot itself; here the simulator calls the firmware. Three things change: #include <epuck.h> for the "
+    "robot's own headers, void start(void) for what main does once, void step(void) for one turn of its loop; see "
+    "docs/firmware.md"
+)
+
 VERSION = 1
 """Version of the header `epuck.h`, which a library states."""
 
@@ -185,12 +191,10 @@ def _run(path: Path, command: Sequence[str | Path]) -> str:
     if run.returncode:
         source = path.read_text(errors="replace")
         if found := FOR_THE_ROBOT.search(source):
-            raise ControllerError(
-                f"{path}:{source.count(chr(10), 0, found.start()) + 1}: {found[0]!r}: is for the robot itself; here "
-                "the simulator calls the firmware. Three things change: #include <epuck.h> for the robot's own "
-                "headers, void start(void) for what main does once, void step(void) for one turn of its loop; see "
-                "docs/firmware.md"
-            )
+            line = source.count("\n", 0, found.start()) + 1
+            raise ControllerError(f"{path}:{line}: {found[0]!r}: {FOR_THE_ROBOT_ITSELF}")
+        if missing := re.search(r"undefined reference to .(start|step)'", run.stderr):
+            raise ControllerError(f"{path}: has no function void {missing[1]}(void), which the simulator calls")
         said = "\n".join(f"  {line}" for line in (run.stderr or run.stdout).splitlines())
         raise ControllerError(f"{path}: {command[0]} cannot compile it:\n{said}")
     return run.stdout
@@ -204,6 +208,8 @@ def _reject_shared(path: Path, code: Path, source: bytes) -> None:
     rows = [[part.strip() for part in line.split("|")] for line in listed.splitlines() if line.count("|") == 6]
     for name, _, kind, _, _, _, section in rows:
         plain = name.partition(".")[0]  # `count.0` is a variable inside a function
+        if name == "main":
+            raise ControllerError(f"{path}:{_line_of(name, source)}: {name!r}: {FOR_THE_ROBOT_ITSELF}")
         is_variable = kind in "bBdDC" and not section.startswith(".data.rel.ro")
         if is_variable and plain not in OWN_VARIABLES:
             raise ControllerError(

@@ -107,6 +107,10 @@ class Step(NamedTuple):
             self.found["contacts"] = find_contacts(self.scene, poses)[0][:, 1:].copy()
         return self.found["contacts"]
 
+    def __repr__(self) -> str:
+        """Return one line; the attributes have the arrays."""
+        return f"Step(number={self.number}, time_s={self.time_s:g}, robots={len(self.poses)})"
+
     def _repr_html_(self) -> str:
         """Return a table of the robots, for notebooks."""
         from epuck_sim.embodied.notebook import show_step  # noqa: PLC0415 is for notebooks alone

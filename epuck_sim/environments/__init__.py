@@ -12,7 +12,7 @@ try:
 except ModuleNotFoundError as error:
     if error.name not in ("gymnasium", "pettingzoo"):
         raise
-    raise ModuleNotFoundError(f"{error}; pip install 'epuck-sim[learning]'", name=error.name) from error
+    raise ModuleNotFoundError(f'{error}; pip install "epuck-sim[learning]"', name=error.name) from error
 
 __all__ = [
     "ROBOT_ENV",

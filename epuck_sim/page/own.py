@@ -73,7 +73,7 @@ def compile_own(scenario: EmbodiedScenario | ParticleScenario) -> bytes:
         return b""
     if find_spec("ziglang") is None:
         what = "controllers, sensors and response curves in files are compiled for a page by ziglang"
-        raise ScenarioError(f"{scenario.name}: {what}: pip install 'epuck-sim[page]'")
+        raise ScenarioError(f'{scenario.name}: {what}: pip install "epuck-sim[page]"')
     with ProcessPoolExecutor(1, get_context("spawn")) as executor:
         return executor.submit(_compile, scenario).result()
 

@@ -5,14 +5,11 @@ import gzip
 import hashlib
 import json
 import re
-import webbrowser
 from collections.abc import Sequence
 from dataclasses import asdict
 from html import escape
 from pathlib import Path
 from typing import Any
-
-import platformdirs
 
 from epuck_sim import __version__
 from epuck_sim.display.html import check_suffix
@@ -40,13 +37,16 @@ HELP = (
 )
 
 
-def write_page(scenario: str | Path, path: Path | str, settings: Sequence[str] = ()) -> None:
+def write_page(
+    scenario: str | Path, path: Path | str, settings: Sequence[str] = (), *, controller: str | None = None
+) -> None:
     """Write a scenario as a page: one HTML file that runs its trials in a browser, without a server or a network.
 
     Args:
         scenario: What `load_scenario` takes: a name or a file.
         path: The page, whose name ends in `.html`.
         settings: Changes as `key=value`.
+        controller: A controller that runs on all robots, see `load_scenario`.
 
     Raises:
         ScenarioError: The scenario is not allowed, or cannot be a page; the message names the key.
@@ -55,17 +55,9 @@ def write_page(scenario: str | Path, path: Path | str, settings: Sequence[str] =
     target = Path(path)
     check_suffix(target)
     check_target(target)
-    page = make_page(load_scenario(scenario, settings), str(scenario), settings)
+    page = make_page(load_scenario(scenario, settings, controller=controller), str(scenario), settings, controller)
     with atomic_write(target) as part:
         part.write_text(page, encoding="utf-8")
-
-
-def open_page(scenario: str | Path, settings: Sequence[str] = ()) -> Path:
-    """Write a scenario as a page to one file of this user's, and open it in the browser; return the file."""
-    path = platformdirs.user_cache_path("epuck-sim", ensure_exists=True) / "page.html"
-    write_page(scenario, path, settings)
-    webbrowser.open(path.as_uri())
-    return path
 
 
 class Shown:
@@ -80,10 +72,15 @@ class Shown:
         return f'<iframe title="swarm" {frame} srcdoc="{escape(self.html)}"></iframe>'
 
 
-def make_page(scenario: EmbodiedScenario | ParticleScenario, source: str, settings: Sequence[str] = ()) -> str:
+def make_page(
+    scenario: EmbodiedScenario | ParticleScenario,
+    source: str,
+    settings: Sequence[str] = (),
+    controller: str | None = None,
+) -> str:
     """Return the page of a scenario, for which `epuck-sim run` takes a source with `key=value` settings."""
     model: Model = "embodied" if isinstance(scenario, EmbodiedScenario) else "particles"
-    data = page_data(scenario, source, settings)
+    data = page_data(scenario, source, settings) | {"controller": controller}
     core, interface, style = (_joined(names) for names in (CORE, INTERFACE, ("page.css",)))
     one = data["one"]
     policy = (

@@ -8,7 +8,7 @@ from epuck_sim.errors import EpuckSimError
 WIDTH_PX, HEIGHT_PX = 960, 600
 """Size of the viewer in a notebook."""
 
-NEEDED = "showing needs Jupyter's parts, which are not installed: pip install 'epuck-sim[notebook]'"
+NEEDED = 'showing needs parts of Jupyter, which are not installed: pip install "epuck-sim[notebook]"'
 
 
 def show(file: Path | str) -> Any:

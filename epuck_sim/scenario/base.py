@@ -195,9 +195,11 @@ def problems_in(
         path, around, classes = _place([str(part) for part in detail["loc"] if part != "[key]"], kind)
         key, tag = ".".join(path), tagged(classes[0])[0] if classes else ""
         allowed = ALLOWED.get(wrong, "another kind of value").format(**context)
+        near = None
         if tag and wrong in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
-            allowed = f"a mapping with {tag}: {' or '.join(name for each in classes for name in tagged(each)[1])}"
-        said = f"is {short_repr(given)}; allowed: {allowed}"
+            names = [name for each in classes for name in tagged(each)[1]]
+            near, allowed = nearest_name(context.get("tag", ""), names), f"a mapping with {tag}: {' or '.join(names)}"
+        said = f"is {short_repr(given)}{f', did you mean {near!r}?' if near else ''}; allowed: {allowed}"
         if wrong == "missing":
             said = "is missing"
         elif wrong == "extra_forbidden" and owners and key in owners:

@@ -130,11 +130,6 @@ class EmbodiedStop(StopSection):
             raise ValueError(f"further_cycles is {self.further_cycles}; allowed: 0 where order_parameter is null")
         return self
 
-    @property
-    def is_time_by_default(self) -> bool:
-        """Whether `max_time_s` is there because nothing else limits trials without T_sync."""
-        return self.max_time_s is not None and "max_time_s" not in self.model_fields_set
-
     def limited(self, changes_until_s: float) -> "EmbodiedStop":
         """Return the section of trials without T_sync, whose last change is at a time: with a limit if it has none."""
         if self.when is not None or self.max_time_s is not None or "max_cycles" in self.model_fields_set:
@@ -228,6 +223,30 @@ class EmbodiedScenario(Scenario):
     def controllers(self) -> tuple[str, ...]:
         """Controller of each group."""
         return tuple(group.controller for group in self.robots)
+
+    @property
+    def notes(self) -> list[str]:
+        """What is allowed and may not be meant: no T_sync, and what never happens; see `Scenario.notes`."""
+        stop, found = self.stop, super().notes
+        is_limited = stop.order_parameter is None or "max_time_s" in stop.model_fields_set
+        if not is_limited and not self._may_have_t_sync(self.robots, self.swept):
+            ends = (
+                f"{stop.max_cycles} cycles of 5 s"
+                if stop.max_time_s is None
+                else f"{stop.max_time_s:g} simulated seconds"
+            )
+            found.append(
+                f"robot {stop.reference_robot} is no oscillator, so that trials have no T_sync; they end after {ends}; "
+                "for another limit: --set stop.max_time_s=3600"
+            )
+        for number, fault in enumerate(self.faults):
+            if fault.share is not None and fault.share * self.robot_count < 0.5:  # which rounds to 0
+                found.append(f"faults.{number}.share is {fault.share:g}: of {self.robot_count} robots, none has it")
+        for number, entry in enumerate(self.schedule):
+            moved = {robot for each in self.schedule for robot in each.remove}
+            if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:
+                found.append(f"schedule.{number}.add: {', '.join(map(str, always))} are in the arena all the time")
+        return found
 
     @property
     def scales(self) -> dict[str, float]:

@@ -140,13 +140,22 @@ def merge(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
 def add_measures(given: Mapping[str, Any], names: Sequence[str], origin: str) -> dict[str, Any]:
     """Return the mapping `given` with more measures after those that it has; parameters of any can then be set.
 
-    A name that is there already is not added: a command that was killed may be given again.
+    A measure is its name, or as in a file: `coverage: {cells: 4}`. One that is there already is not added: a command
+    that was killed may be given again.
     """
     own = given.get("measures") or []
     if not isinstance(own, list | tuple):
         raise ScenarioError(f"{origin}: measures: is {short_repr(own)}; allowed: a list")
-    there = [name for each in own for name in ([*each] if isinstance(each, dict) else [each])]
-    return {**given, "measures": [*own, *({name: {}} for name in names if name not in there)]}
+    there = [{each: {}} if isinstance(each, str) else each for each in own]
+    added: list[Any] = [parse_yaml(name, f"--measure {name}") if ": " in name else {name: {}} for name in names]
+    return {**given, "measures": [*own, *(each for each in added if not any(_includes(old, each) for old in there))]}
+
+
+def _includes(measure: Any, other: Any) -> bool:
+    """Return whether a measure, as in a file, is another one with its parameters, and perhaps further ones."""
+    if not (isinstance(measure, Mapping) and isinstance(other, Mapping)):
+        return bool(measure == other)
+    return all(name in measure and _includes(measure[name] or {}, given or {}) for name, given in other.items())
 
 
 def add_axis(given: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any], option: str) -> dict[str, Any]:

@@ -146,7 +146,8 @@ def _load(place: Place) -> RobotFile:
     try:
         RobotKind.model_validate(keys)
     except ValidationError as error:
-        said = (f"{place.path}:{line_of_key(place.path, key)}: {said}" for key, said in problems_in(RobotKind, error))
+        problems = ((key, said.replace("allowed: kind, ", "allowed: ")) for key, said in problems_in(RobotKind, error))
+        said = (f"{place.path}:{line_of_key(place.path, key)}: {said}" for key, said in problems)
         raise ScenarioError("\n".join(said)) from error
     folder = place.path.parent
     with refused_at(f"{folder}: sensors"):

@@ -105,6 +105,18 @@ class Scenario(ConfigModel):
         return any(getattr(self, key, ()) for key in ("faults", "schedule"))
 
     @property
+    def notes(self) -> list[str]:
+        """What is allowed and may not be meant: changes that come when trials are over; not of what a sweep decides."""
+        found: list[str] = []
+        for key in () if self.sweep else ("faults", "schedule"):
+            for number, each in enumerate(getattr(self, key, ())):
+                for name, moment in (("max_time_s", each.at_s), ("max_cycles", getattr(each, "at_cycle", None))):
+                    end = getattr(self.stop, name)
+                    if None not in (moment, end) and moment >= end:
+                        found.append(f"{key}.{number} never begins: trials are over then, as stop.{name} is {end:g}")
+        return found
+
+    @property
     def scales(self) -> dict[str, float]:
         """Quantities, by name, that T_sync scales with (thesis 4.2.2); NaN for one that the scenario does not have."""
         return {}

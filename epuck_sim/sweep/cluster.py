@@ -45,7 +45,7 @@ class DaskCluster:
         try:
             from distributed import KilledWorker  # noqa: PLC0415 an extra, and slow to import
         except ImportError as error:
-            raise ClusterError("--dask needs the extra `cluster`: pip install 'epuck-sim[cluster]'") from error
+            raise ClusterError('--dask needs the extra `cluster`: pip install "epuck-sim[cluster]"') from error
         log = logging.getLogger("distributed")
         level = log.level
         log.setLevel(logging.CRITICAL + 1)  # our messages say the same

@@ -50,7 +50,7 @@ def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_the
     ended = json.loads(done.stdout)
     assert [code for code, _ in ended[: len(whole)]] == [0] * len(whole), ended
     assert ended[len(whole) :] == [
-        [2, f"error: this needs {package}, which is not installed: pip install 'epuck-sim[{extra}]'\n"]
+        [2, f'error: this needs {package}, which is not installed: pip install "epuck-sim[{extra}]"\n']
         for package, extra in LACKING.values()
     ]
 

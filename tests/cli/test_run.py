@@ -7,6 +7,7 @@ import pytest
 
 from epuck_sim import __version__, load_scenario
 from epuck_sim.cli import progress
+from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.util import atomic_write
 from tests.cli.commands import call, called, read, set_to, trials
 
@@ -78,5 +79,28 @@ def test_without_an_oscillator_and_a_limit_trials_end_after_ten_minutes_and_the_
         "note: robot 0 is no oscillator, so that trials have no T_sync; they end after 600 simulated seconds; "
         "for another limit: --set stop.max_time_s=3600\n"
     )
-    for limit, simulated_s in {"max_time_s=700": 700, "max_time_s=600": 600, "max_cycles=130": 650}.items():
+    for limit, simulated_s in {"max_time_s=700": 700, "max_time_s=600": 600}.items():
         assert read(*wanders, "--set", limit)["simulated_s"] == simulated_s
+    result = call(*wanders, "--json", "--set", "max_cycles=130")
+    assert json.loads(result.stdout)["simulated_s"] == 650
+    assert "no T_sync; they end after 130 cycles of 5 s; for another limit" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"faults": [{"kind": "ring_dead", "share": 0.04}]}, "faults.0.share is 0.04: of 10 robots, none has it"),
+        ({"faults": [{"kind": "ring_dead", "share": 0.05}]}, None),
+        ({"faults": [{"kind": "ring_dead", "at_s": 9}], "stop": {"max_time_s": 9}}, "faults.0 never begins: "),
+        ({"faults": [{"kind": "ring_dead", "at_s": 9}], "stop": {"max_time_s": 9.5}}, None),
+        ({"schedule": [{"at_cycle": 5, "remove": [1]}], "stop": {"max_cycles": 5}}, "schedule.0 never begins: "),
+        ({"schedule": [{"at_s": 5, "add": [1]}]}, "schedule.0.add: 1 are in the arena all the time"),
+        ({"schedule": [{"at_s": 5, "add": [1]}, {"at_s": 2, "remove": [1]}]}, None),
+    ],
+)
+def test_what_never_happens_in_a_trial_is_said(given, said, here) -> None:
+    (here / "s.yaml").write_text(write_yaml(given))
+    result = call("check", "s.yaml")
+    assert result.exit_code == 0
+    assert result.stderr.startswith(f"note: {said}" if said else "")
+    assert bool(result.stderr) == (said is not None)

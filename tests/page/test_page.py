@@ -143,7 +143,7 @@ def test_files_of_ones_own_are_kernels_that_the_page_calls_by_their_names(
 def test_files_of_ones_own_need_ziglang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.py").write_text(CURVE.format("coupling * phase"))
     monkeypatch.setattr(own, "find_spec", lambda _: None)
-    with pytest.raises(ScenarioError, match=r"response curves in files .* pip install 'epuck-sim\[page\]'"):
+    with pytest.raises(ScenarioError, match=r'response curves in files .* pip install "epuck-sim\[page\]"'):
         write_page("particles", tmp_path / "x.html", [f"response.curve={tmp_path / 'mine.py'}"])
     assert not (tmp_path / "x.html").exists()
 

@@ -45,11 +45,11 @@ def test_what_cannot_be_shown_is_refused(tmp_path, name: str, said: str) -> None
 
 def test_what_is_missing_is_named(recording, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(notebook, "HAS_NOTEBOOK", False)
-    with pytest.raises(EpuckSimError, match=r"pip install 'epuck-sim\[notebook\]'"):
+    with pytest.raises(EpuckSimError, match=r'pip install "epuck-sim\[notebook\]"'):
         show(recording)
     monkeypatch.setitem(sys.modules, "IPython.display", None)
     (tmp_path / "t.mp4").touch()
-    with pytest.raises(EpuckSimError, match=r"pip install 'epuck-sim\[notebook\]'"):
+    with pytest.raises(EpuckSimError, match=r'pip install "epuck-sim\[notebook\]"'):
         show(tmp_path / "t.mp4")
     (tmp_path / "broken.rrd").write_bytes(b"no recording")
     with pytest.raises(RecordingError):

@@ -127,7 +127,7 @@ def test_where_no_scheduler_is_the_address_is_named_and_nothing_is_left_behind(
 def test_without_distributed_the_extra_is_named(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        pytest.raises(ClusterError, match=r"pip install 'epuck-sim\[cluster\]'"),
+        pytest.raises(ClusterError, match=r'pip install "epuck-sim\[cluster\]"'),
         DaskCluster("tcp://127.0.0.1:9").open(),
     ):
         pass

@@ -322,7 +322,8 @@ class Page {
   get command() {
     const quote = (/** @type {string} */ word) => (/^[\w.=/+-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
     const sets = this.changes().map(([key, value]) => ` --set ${quote(`${key}=${value}`)}`);
-    return `epuck-sim run ${quote(this.data.scenario)}${this.data.sets.map((/** @type {string} */ set) => ` --set ${quote(set)}`).join("")}${sets.join("")} --seed ${this.seed}`;
+    const controller = this.data.controller ? ` --controller ${quote(this.data.controller)}` : "";
+    return `epuck-sim run ${quote(this.data.scenario)}${controller}${this.data.sets.map((/** @type {string} */ set) => ` --set ${quote(set)}`).join("")}${sets.join("")} --seed ${this.seed}`;
   }
 
   read_address() {
