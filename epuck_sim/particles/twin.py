@@ -29,7 +29,8 @@ def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) 
     """
     if any(entry.at_s is None for entry in scenario.schedule):
         raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
-    changes: dict[str, object] = {"stop": scenario.stop.model_copy(update={"order_parameter": None})}
+    stop = scenario.stop.model_copy(update={"order_parameter": None, "when": None})
+    changes: dict[str, object] = {"stop": stop, "measures": ()}
     if not displacement:
         changes["start"] = scenario.start.model_copy(update={"displacement": 0.0})
         changes["clocks"] = scenario.clocks.model_copy(update={"jitter": 0.0})

@@ -2,12 +2,7 @@
 
 The defaults are those of thesis section 5.1: 20 agents in a square of side 100, nearest neighbours, the multiplicative
 response curve. Its lengths have no unit and its period is 1; here they are centimetres and seconds, as in chapter 3.
-A response curve in a user's file (thesis 2.4, 5.1.1):
-
-PARAMETERS = {"bend": 2.0}                       optional: name -> default
-
-def phase_shift(phase, coupling, parameters):    the shift, at phases from above the refractory period to 1
-    return coupling * phase ** parameters.bend
+`arenas/new/curve.py` shows a response curve in a user's file (thesis 2.4, 5.1.1).
 """
 
 import math

@@ -10,7 +10,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import FigureSection, SweepAxes
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, keys_of, problems_in, refused_at
 from epuck_sim.scenario.changes import condition_key
-from epuck_sim.scenario.stop import Awaited, MeasureSection, StopSection, check_condition, resolve_measures
+from epuck_sim.scenario.stop import Condition, MeasureSection, StopSection, check_condition, resolve_measures
 from epuck_sim.scenario.yaml_io import write_yaml
 from epuck_sim.util.messages import counted, whole
 
@@ -91,13 +91,14 @@ class Scenario(ConfigModel):
         return self.sweep.keys if self.sweep else ()
 
     @property
-    def conditions(self) -> dict[str, Awaited]:
-        """Conditions that trials wait for, by their dotted keys: that of their end, and those of a schedule."""
-        awaited = {STOP: Awaited(self.stop.when)} if self.stop.when else {}
-        for number, entry in enumerate(getattr(self, "schedule", ())):
-            if entry.when is not None:
-                awaited[condition_key(number)] = Awaited(entry.when, entry.for_cycles)
-        return awaited
+    def conditions(self) -> dict[str, tuple[Condition, int | None]]:
+        """Conditions that trials wait for, by their dotted keys: that of their end, and those of a schedule.
+
+        With each, the firings of the reference in a row at which it must hold; None: wherever the measure is told.
+        """
+        schedule = enumerate(getattr(self, "schedule", ()))
+        awaited = {condition_key(number): (entry.when, entry.for_cycles) for number, entry in schedule if entry.when}
+        return {STOP: (self.stop.when, None), **awaited} if self.stop.when else awaited
 
     @property
     def has_events(self) -> bool:
@@ -129,8 +130,8 @@ class Scenario(ConfigModel):
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with everything filled in that lies in other files."""
         measures = resolve_measures(self, origin, folder)
-        for key, awaited in self.conditions.items():
-            check_condition(awaited.condition.measure, measures, self.event_method, f"{origin}: {key}")
+        for key, (condition, _) in self.conditions.items():
+            check_condition(condition.measure, measures, self.event_method, f"{origin}: {key}")
         return self.model_copy(update={"measures": measures}) if measures else self
 
     def __repr__(self) -> str:

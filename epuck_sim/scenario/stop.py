@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_serializer, model_validator
 
@@ -50,14 +50,6 @@ class Condition(ConfigModel):
     def __str__(self) -> str:
         """Return the condition as text."""
         return f"{self.measure} {self.relation} {self.value:.12g}"
-
-
-class Awaited(NamedTuple):
-    """A condition that a trial waits for."""
-
-    condition: Condition
-    for_cycles: int | None = None
-    """Firings of the reference in a row at which it must hold; None: it is awaited wherever the measure is told."""
 
 
 class StopSection(ConfigModel):

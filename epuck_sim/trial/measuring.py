@@ -11,7 +11,7 @@ from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import CYCLE_METHOD, STRETCH_METHOD, Measure, Scalar, Value
 from epuck_sim.scenario.changes import ScheduleEntry, condition_key
 from epuck_sim.scenario.scenario import STOP, Scenario
-from epuck_sim.scenario.stop import Awaited
+from epuck_sim.scenario.stop import Condition
 from epuck_sim.trial.result import Observer, OfStretches, TrialState
 from epuck_sim.user_files import line_of_error
 from epuck_sim.util.messages import describe_error, short_repr
@@ -25,13 +25,11 @@ class ConditionWatch:
 
     has_held = False
 
-    def __init__(self, awaited: Awaited) -> None:
-        self.measure = awaited.condition.measure
+    def __init__(self, condition: Condition, for_cycles: int | None) -> None:
+        self.measure = condition.measure
         # whether it is to look at firings of the reference alone, instead of wherever the measure is told
-        self.counts_firings = awaited.for_cycles is not None
-        self._condition = awaited.condition
-        self._needed = awaited.for_cycles or 1
-        self._in_a_row = 0
+        self.counts_firings = for_cycles is not None
+        self._condition, self._needed, self._in_a_row = condition, for_cycles or 1, 0
 
     def look(self, value: Value) -> None:
         """Take note of a value; where it is undetermined, the condition does not hold."""
@@ -45,7 +43,7 @@ class Conditions:
 
     def __init__(self, scenario: Scenario) -> None:
         schedule: Sequence[ScheduleEntry] = getattr(scenario, "schedule", ())
-        self.watches = {key: ConditionWatch(each) for key, each in scenario.conditions.items()}
+        self.watches = {key: ConditionWatch(*each) for key, each in scenario.conditions.items()}
         self._entries = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
 
     def is_over(self) -> bool:
@@ -104,12 +102,8 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
         begun.at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
     for watch in begun.conditions.watches.values():
         if watch.measure not in begun.final:  # the order parameter, which every trial measures
-            begun.at_cycles.append(partial(_look_at_order, watch))
+            begun.at_cycles.append(lambda _, state, watch=watch: watch.look(state.order_parameter))
     return begun
-
-
-def _look_at_order(watch: ConditionWatch, _: Any, state: TrialState) -> None:
-    watch.look(state.order_parameter)
 
 
 def _look(watch: ConditionWatch, value: Callable[[], Value]) -> Observer:

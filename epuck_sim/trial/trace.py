@@ -1,11 +1,11 @@
 """A trace: what every robot sensed and did in every control step of a trial, in one Parquet file.
 
-Rows are gathered in columns and written in chunks, so that memory does not grow with the length of the trial. The file
+Steps are gathered and written in chunks, so that memory does not grow with the length of the trial. The file
 appears under its name only when it is complete; its metadata holds the scenario, the seed and the versions.
 """
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +17,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.step import Step, check_fields, field_values, reading_fields
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import write_scenario
@@ -68,53 +67,57 @@ class Trace:
         self._robots = scenario.robot_count
         check_fields(scenario, memory)
         self._fields = {name: name for name in reading_fields(scenario)} | {f"memory.{name}": name for name in memory}
-        rows = max(1, CHUNK_ROWS // self._robots), self._robots
-        self._rows = np.zeros(rows, _row_type(scenario.camera_pixels, self._fields))
-        self._filled = 0
+        self._steps: list[list[npt.NDArray[Any]]] = []
         self._relations: dict[str, list[list[int]]] = {"sees": [], "touches": []} if relations else {}
-        fields = [(name, _arrow_type(self._rows.dtype[name])) for name in self._rows.dtype.names or ()]
-        lists = [(name, pa.list_(pa.int32())) for name in self._relations]
-        metadata = {"scenario": write_scenario(scenario), "seed": str(seed), "versions": json.dumps(versions())}
-        self._schema = pa.schema([*fields, *lists], metadata)
+        self._metadata = {"scenario": write_scenario(scenario), "seed": str(seed), "versions": json.dumps(versions())}
+        self._writer: pq.ParquetWriter | None = None
         with ExitStack() as stack:
             self._part = stack.enter_context(temporary_path(self._path))
             with write_errors(path):
                 # pyarrow opens no file whose name is not UTF-8
                 self._contents = stack.enter_context(self._part.open("wb"))
-                self._writer = pq.ParquetWriter(self._contents, self._schema, compression="zstd")
             self._file = stack.pop_all()
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
         """Take note of a step."""
-        columns = {
-            "time_s": step.time_s,
-            "robot": np.arange(self._robots),
-            **dict(zip(POSE, step.poses.T, strict=True)),
-            **dict(zip(WHEELS, step.wheels_cm_s.T, strict=True)),
-            **{name: getattr(step, name) for name in ("ring_on", "phase_ms", "flash_seen", "camera")},
-            **{f"distance_mm_{sensor}": step.distance_mm[:, sensor] for sensor in range(SENSORS)},
-            **{f"infrared_{sensor}": step.infrared[:, sensor] for sensor in range(SENSORS)},
-            **{name: field_values(step, field) for name, field in self._fields.items()},
-        }
-        for name, values in columns.items():
-            self._rows[name][self._filled] = values
+        times, fields = np.full(self._robots, step.time_s), (field_values(step, each) for each in self._fields.values())
+        rings = step.ring_on, step.phase_ms, step.flash_seen
+        shown = times, step.poses, step.wheels_cm_s, *rings, step.distance_mm, step.infrared, step.camera, *fields
+        self._steps.append([values.copy() for values in shown])
         if self._relations:
-            self._relations["sees"] += _listed(step.sightings, self._robots)
             contacts = step.contacts  # those of two robots are to be listed for each of them
             both_ways = np.concatenate([contacts, contacts[contacts[:, 1] >= 0, ::-1]])
+            self._relations["sees"] += _listed(step.sightings, self._robots)
             self._relations["touches"] += _listed(both_ways, self._robots)
-        self._filled += 1
-        if self._filled == len(self._rows):
+        if len(self._steps) == max(1, CHUNK_ROWS // self._robots):
             self._write()
 
     def _write(self) -> None:
-        rows = self._rows[: self._filled]
-        arrays = {name: _arrow_array(rows[name]) for name in rows.dtype.names or ()}
-        for name, lists in self._relations.items():
-            arrays[name] = pa.array(lists, pa.list_(pa.int32()))
+        times, poses, wheels, ring_on, phase_ms, flash_seen, distances, infrared, camera, *fields = map(
+            np.concatenate, zip(*self._steps, strict=True)
+        )
+        columns = {
+            "time_s": times,
+            "robot": np.tile(np.arange(self._robots, dtype=np.int32), len(self._steps)),
+            **dict(zip(POSE, poses.T, strict=True)),
+            **dict(zip(WHEELS, wheels.T, strict=True)),
+            "ring_on": ring_on,
+            "phase_ms": phase_ms,
+            "flash_seen": flash_seen,
+            **{f"distance_mm_{sensor}": values for sensor, values in enumerate(distances.T.astype(np.int32))},
+            **{f"infrared_{sensor}": values for sensor, values in enumerate(infrared.T)},
+            "camera": camera.astype(np.uint8),
+            **dict(zip(self._fields, fields, strict=True)),
+        }
+        arrays = {name: _arrow_array(values) for name, values in columns.items()}
+        arrays |= {name: pa.array(lists, pa.list_(pa.int32())) for name, lists in self._relations.items()}
+        table = pa.table(arrays, metadata=self._metadata)
+        if self._writer is None:
+            self._writer = pq.ParquetWriter(self._contents, table.schema, compression="zstd")
+        self._writer.write_table(table)
+        self._steps.clear()
+        for lists in self._relations.values():
             lists.clear()
-        self._writer.write_table(pa.table(arrays, schema=self._schema))
-        self._filled = 0
 
     def __enter__(self) -> Self:
         return self
@@ -123,9 +126,10 @@ class Trace:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         with write_errors(self._path), self._file:
-            if kind is None and self._filled:
+            if kind is None and self._steps:
                 self._write()
-            self._writer.close()
+            if self._writer is not None:
+                self._writer.close()
             self._contents.close()
             if kind is None:
                 publish(self._part, self._path)
@@ -139,28 +143,7 @@ def _listed(pairs: IntArray, robots: int) -> list[list[int]]:
     return lists
 
 
-def _row_type(pixels: int, fields: Iterable[str]) -> np.dtype[np.void]:
-    """Return the record of a robot in a control step."""
-    return np.dtype(
-        [
-            ("time_s", np.float64),
-            ("robot", np.int32),
-            *((name, np.float64) for name in (*POSE, *WHEELS)),
-            *[("ring_on", np.bool_), ("phase_ms", np.float64), ("flash_seen", np.bool_)],
-            *((f"distance_mm_{sensor}", np.int32) for sensor in range(SENSORS)),
-            *((f"infrared_{sensor}", np.float64) for sensor in range(SENSORS)),
-            ("camera", np.uint8, (pixels,)),
-            *((name, np.float64) for name in fields),
-        ]
-    )
-
-
-def _arrow_type(field: np.dtype[Any]) -> Any:
-    single = pa.from_numpy_dtype(field.base)
-    return pa.list_(single, *field.shape) if field.shape else single
-
-
 def _arrow_array(values: npt.NDArray[Any]) -> Any:
-    """Return (steps, robots, ...) values as a column; NaN, the phase of a robot without an oscillator, becomes null."""
+    """Return (rows, ...) values as a column; NaN, the phase of a robot without an oscillator, becomes null."""
     column = pa.array(values.ravel(), from_pandas=True)
-    return pa.FixedSizeListArray.from_arrays(column, values.shape[2]) if values.ndim > 2 else column
+    return pa.FixedSizeListArray.from_arrays(column, values.shape[1]) if values.ndim > 1 else column

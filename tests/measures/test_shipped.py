@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim import MeasureError, ParticleSimulation, load_scenario
+from epuck_sim import ParticleSimulation, load_scenario, points
 from epuck_sim.measures.clusters import cluster_numbers, surviving_clusters
 from epuck_sim.measures.motion import Moved, correlation_time
 from epuck_sim.measures.order import BelowThreshold, StaysAbove, ThresholdCycles
@@ -87,14 +87,10 @@ def test_what_there_is_not_is_none_and_what_stays_is_the_same():
         assert run(measure, **sections)[1] == value
 
 
-def test_what_the_values_of_a_sweep_s_points_may_mend_is_refused_when_a_trial_begins():
-    for measure, sections, said in [
-        ("mean_squared_displacement", {"space": {"boundary": "cyclic"}}, "needs walls; in a cyclic space"),
-        ("perturbation", {}, "a perturbation is measured where there is one"),
-        ({"coverage": {"cells": 1001}}, {}, "cells is 1001, along each of 2 axes; allowed: 1000000 in all"),
-    ]:
-        with pytest.raises(MeasureError, match=said):
-            run(measure, **AGENTS, **sections)
+def test_what_the_values_of_a_sweep_s_points_mend_is_no_mistake():
+    given = {**AGENTS, "measures": ["perturbation"], "sweep": {"grid": {"start.displacement": [0.1]}}}
+    (point,) = points({**given, "start": {"phases": "synchronised"}})
+    assert point.scenario.start.displacement == 0.1
 
 
 def slow_sizes(given_phases, gap):
