@@ -53,12 +53,9 @@ _Parameter = TypeVar("_Parameter", bound=bool | int | float | str)
 class Place(NamedTuple):
     """Where something that a user has named comes from."""
 
-    name: str
-    """Name by which it is found again: a shipped one's, a plug-in's, or the path of a file."""
-    path: Path | None
-    """Its file; None if it is shipped and has none."""
-    package: str = ""
-    """The package that it comes from; none for a file that is given by its path."""
+    name: str  # name by which it is found again: a shipped one's, a plug-in's, or the path of a file
+    path: Path | None  # its file; None if it is shipped and has none
+    package: str = ""  # the package that it comes from; none for a file that is given by its path
 
     @property
     def short_name(self) -> str:
@@ -70,18 +67,14 @@ class Place(NamedTuple):
 class Kind:
     """A kind of file that users write, that is shipped, and that installed packages offer by entry points."""
 
-    noun: str
-    """What it is called in messages."""
-    error: type[EpuckSimError]
-    """What is raised for files of this kind."""
-    suffixes: tuple[str, ...]
-    """Endings of its files."""
+    noun: str  # what it is called in messages
+    error: type[EpuckSimError]  # what is raised for files of this kind
+    suffixes: tuple[str, ...]  # endings of its files
     group: str
     """Group of the entry points by which packages offer it; each names a module, whose file has the first ending."""
     shipped: Callable[[], Mapping[str, Path | None]]
     """Returns the file of what is shipped, or None where it has none of its own, by name."""
-    form: str = ""
-    """How a file is given, for messages."""
+    form: str = ""  # how a file is given, for messages
 
     def locate(self, name: str, folder: Path | None = None) -> Place:
         """Return where something comes from."""
@@ -197,14 +190,11 @@ class PythonFile(NamedTuple):
     """A file that has been loaded."""
 
     path: Path
-    parts: Mapping[str, Any]
-    """What it defines, by name, in a module that no `import` statement returns."""
+    parts: Mapping[str, Any]  # what it defines, by name, in a module that no `import` statement returns
     sources: Mapping[Path, bytes]
     """Contents of the file, and of every file beside it that it imports, at the time of loading."""
-    modules: Mapping[Path, ModuleType]
-    """The module made from each of these files."""
-    error: type[EpuckSimError]
-    """What is raised for it."""
+    modules: Mapping[Path, ModuleType]  # the module made from each of these files
+    error: type[EpuckSimError]  # what is raised for it
 
     def refusal(self, part: str, said: str) -> EpuckSimError:
         """Return the error that says something of a part of the file, with the line of its definition if it has one."""

@@ -24,8 +24,7 @@ EXTRAS = {
 }
 """Packages that no sweep needs, and the extras that install them, by the modules they bring."""
 
-SLOW_S = 10.0
-"""Seconds after which a word is said of what has no progress to show."""
+SLOW_S = 10.0  # seconds after which a word is said of what has no progress to show
 
 
 @contextmanager

@@ -21,20 +21,14 @@ from epuck_sim.util.machine import signals
 REQUESTS = signals("SIGINT", "SIGTERM", "SIGHUP")
 """Signals that ask the command to end: Ctrl-C, a polite request, a terminal that is closed."""
 
-GRACE_S = 2.0
-"""Time in seconds in which the main thread must react to a signal."""
-
-AGAIN_S = 0.05
-"""Time in seconds after which KeyboardInterrupt is raised again where Python has dropped it."""
+GRACE_S = 2.0  # time in seconds in which the main thread must react to a signal
+AGAIN_S = 0.05  # time in seconds after which KeyboardInterrupt is raised again where Python has dropped it
 
 INSISTENT = 3
 """Number of requests within `INSIST_S` at which the process ends whatever it does: a controller may catch them all."""
 
-INSIST_S = 3.0
-"""Time in seconds within which requests count as insistent."""
-
-EXIT_CODE = 130
-"""Exit code of a command that was interrupted."""
+INSIST_S = 3.0  # time in seconds within which requests count as insistent
+EXIT_CODE = 130  # exit code of a command that was interrupted
 
 
 def end_on_request() -> "Watchdog":

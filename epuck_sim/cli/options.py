@@ -28,8 +28,7 @@ def options_of(*headings: str) -> Iterator[Callable[..., Any]]:
 scenario_option, output_option = options_of("Scenario", "Output")
 more_output_option, live_option, controllers_option, sweeps_option, looks_option = options_of(*FOLDED)
 
-WEB_PORT = 9090
-"""Default port of viewers for browsers."""
+WEB_PORT = 9090  # default port of viewers for browsers
 
 GONE = {
     "--status": "--status is a command of its own: epuck-sim status FOLDER",
@@ -64,8 +63,7 @@ HelpAllOption = Annotated[
     bool, typer.Option("--help-all", is_eager=True, callback=_show_everything, help="Show further options, too.")
 ]
 
-EVERYTHING = "epuck_sim.everything"
-"""Key in click's context that says that nothing is left out of a help."""
+EVERYTHING = "epuck_sim.everything"  # key in click's context that says that nothing is left out of a help
 
 
 class FoldedCommand(TyperCommand):

@@ -26,20 +26,14 @@ from epuck_sim.util.messages import counted
 if TYPE_CHECKING:  # films are a neighbour
     from epuck_sim.overhead.camera import ProgressWrapper
 
-REFRESH_S = 0.2
-"""Seconds between two updates on a terminal."""
-
-LINE_S = 10.0
-"""Seconds between two lines in a log."""
+REFRESH_S = 0.2  # seconds between two updates on a terminal
+LINE_S = 10.0  # seconds between two lines in a log
 
 COMPILING_S, COMPILING_IN_A_LOG_S = 1.0, 4.0
 """Seconds between two looks at how much is compiled, on a terminal, and before the only one in a log."""
 
-AT_WORK_S = 10.0
-"""Seconds between two looks at whose code is running."""
-
-FEWER_CYCLES = 300
-"""Limit of cycles that is proposed for trials that look hopeless."""
+AT_WORK_S = 10.0  # seconds between two looks at whose code is running
+FEWER_CYCLES = 300  # limit of cycles that is proposed for trials that look hopeless
 
 
 class _ProgressLine:

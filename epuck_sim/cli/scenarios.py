@@ -133,10 +133,8 @@ class New(NamedTuple):
     """A kind of file that `new` writes."""
 
     ending: str
-    command: str
-    """What tries it, with NAME and FILE; empty where no command does."""
-    example: str
-    """A name for one."""
+    command: str  # what tries it, with NAME and FILE; empty where no command does
+    example: str  # a name for one
 
 
 NEW = {

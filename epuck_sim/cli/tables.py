@@ -166,8 +166,7 @@ def print_statuses(statuses: "Mapping[str, Status]", as_json: bool) -> None:
             print(f"shares without a folder here: {', '.join(missing[:MOST_LISTED])}{more}")
 
 
-NAMES_WIDTH = 27
-"""Width of the names of results, in letters."""
+NAMES_WIDTH = 27  # width of the names of results, in letters
 
 
 def print_track_json(track: "Track", robots: "Robots | None" = None) -> None:

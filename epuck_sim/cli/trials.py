@@ -29,8 +29,7 @@ from epuck_sim.util.messages import counted
 from epuck_sim.util.provenance import format_versions, versions
 from epuck_sim.util.seeds import trial_seed
 
-LARGE = 1000
-"""Population from which on a trial takes long to set up even if everything is compiled."""
+LARGE = 1000  # population from which on a trial takes long to set up even if everything is compiled
 
 
 ObserverFactory = Callable[[int, int], AbstractContextManager[Observer]]

@@ -13,14 +13,11 @@ from epuck_sim.user_files import Kind, load_python_file
 NEAR_CM = 15.0
 """Distance of two centres, in cm, within which `aggregation` counts robots as together: about two diameters."""
 
-COVERED_CM = 10.0
-"""Distance from a robot's centre, in cm, within which `coverage` counts the floor as covered."""
-
-GRID_CM = 5.0
-"""Distance between the points at which `coverage` looks at the floor, in cm."""
+COVERED_CM = 10.0  # distance from a robot's centre, in cm, within which `coverage` counts the floor as covered
+GRID_CM = 5.0  # distance between the points at which `coverage` looks at the floor, in cm
 
 
-NO_OSCILLATORS = "synchrony is of oscillators, and no robot is one; drive the wheels alone: controller: external_wheels"
+NO_PHASES = "synchrony is of oscillators, and no robot is one; drive the wheels alone: controller: external_wheels"
 """What is said of a swarm whose synchrony is asked for."""
 
 
@@ -57,7 +54,7 @@ def synchrony(situation: Situation) -> FloatArray:
     """
     r = order_of(situation.phase)
     if np.isnan(r).any():
-        raise ScenarioError(NO_OSCILLATORS)
+        raise ScenarioError(NO_PHASES)
     return r
 
 

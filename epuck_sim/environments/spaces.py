@@ -16,8 +16,7 @@ MOTIONS = np.array([(0.0, 0.0), (1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.
 """(7, 2) left and right wheel of each discrete motion, as shares of the wheels' limit: stand still, ahead, back, turn
 left and right on the spot, drive an arc to the left and to the right."""
 
-PHASE_FEATURES = 2
-"""Numbers by which a phase is observed, on a circle."""
+PHASE_FEATURES = 2  # numbers by which a phase is observed, on a circle
 
 
 class AgentSpaces:

@@ -19,14 +19,7 @@ from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.embodied.swarm import PIXELS
-from epuck_sim.environments.rewards import (
-    NO_OSCILLATORS,
-    Situation,
-    SituationFunction,
-    find_reward,
-    order_of,
-    synchrony,
-)
+from epuck_sim.environments.rewards import NO_PHASES, Situation, SituationFunction, find_reward, order_of, synchrony
 from epuck_sim.environments.spaces import AgentSpaces
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import arena_entries
@@ -117,7 +110,7 @@ class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
         self._scene = make_scene(first.scenario.robots, first.scenario.group_kinds, first.scenario.arena.build())
         self._oscillators_exist = not np.isnan(first.period_ms).all()
         if self._reward is synchrony and not self._oscillators_exist:
-            raise ScenarioError(f"{first.scenario.name}: {NO_OSCILLATORS}")
+            raise ScenarioError(f"{first.scenario.name}: {NO_PHASES}")
         self.control_steps = whole("control_steps", control_steps)
         self._arrange()
         if not isinstance(episode_s, int | float | np.number) or not episode_s >= first.step_s:

@@ -18,8 +18,7 @@ from epuck_sim.particles.links import SHIFTS_ONLY
 
 RULES = ("naming_game", "voter")
 
-STREAM = 18
-"""Number that sets the words' random stream apart from the trial's others."""
+STREAM = 18  # number that sets the words' random stream apart from the trial's others
 
 
 @dataclass

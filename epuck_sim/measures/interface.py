@@ -39,18 +39,14 @@ CALLED = (*EVENT_METHODS, STRETCH_METHOD, CYCLE_METHOD, "value", "check", "check
 class Measure:
     """A measure as it was found."""
 
-    name: str
-    """Name of its value in results."""
+    name: str  # name of its value in results
     stored_name: str
     """Name by which it is found again: of a shipped or installed one, or a file's path, a colon and a name in it."""
-    make: Callable[..., Any]
-    """The class or function."""
-    parameters: Mapping[str, Parameter]
-    """Name and default of each parameter."""
+    make: Callable[..., Any]  # the class or function
+    parameters: Mapping[str, Parameter]  # name and default of each parameter
     sources: Mapping[Path, bytes]
     """Contents of every file that a user's measure comes from, at the time of loading; empty for a shipped one."""
-    unit: str = ""
-    """Unit of its value, which figures name; empty if it has none."""
+    unit: str = ""  # unit of its value, which figures name; empty if it has none
 
     @property
     def is_function(self) -> bool:

@@ -142,8 +142,7 @@ def correlation_time(correlation: FloatArray, interval_s: float) -> float | None
     return float(interval_s * (lag - 1 + (relative[lag - 1] - 1 / math.e) / (relative[lag - 1] - relative[lag])))
 
 
-MOST_CELLS = 10**6
-"""Most cells of a map."""
+MOST_CELLS = 10**6  # most cells of a map
 
 
 @dataclass

@@ -14,11 +14,8 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber, check_range
 from epuck_sim.util.messages import comma_list, did_you_mean
 
-SPEED = ".speed_cm_s"
-"""Ending of the keys of speeds, against which T_sync is drawn by default."""
-
-LOG_RATIO = 10.0
-"""Ratio of the largest to the smallest value from which an axis has a logarithmic scale."""
+SPEED = ".speed_cm_s"  # ending of the keys of speeds, against which T_sync is drawn by default
+LOG_RATIO = 10.0  # ratio of the largest to the smallest value from which an axis has a logarithmic scale
 
 Rows = Sequence[Mapping[str, Any]]
 """Axis values of each point of a sweep, by dotted key."""
@@ -188,21 +185,18 @@ def canonical_text(axes: Mapping[str, Any]) -> str:
 
 Values = Annotated[tuple[Any, ...], Field(min_length=1)]
 
-MAX_POINTS = 100_000
-"""Most points that a sweep may have."""
+MAX_POINTS = 100_000  # most points that a sweep may have
 
 RANGE = re.compile(r"\s*([-+.\deE]+):([-+.\deE]+):([-+.\deE]+)(?::(\w+))?\s*")
 """A range of values, FROM:TO:NUMBER, and :lin or :log."""
 
-COUNTS = ("count", "k", "central_pixels")
-"""Last words of keys whose values in a range are whole."""
+COUNTS = ("count", "k", "central_pixels")  # last words of keys whose values in a range are whole
 
 _RANGES = (
     f"FROM:TO:NUMBER, as in 0.05:12.8:20: FROM below TO, 2 to {MAX_POINTS} values; and :lin, or :log with FROM above 0"
 )
 
-NO_AXES = ("sweep", "seed", "trials", "name", "description")
-"""Keys of a scenario that cannot be an axis."""
+NO_AXES = ("sweep", "seed", "trials", "name", "description")  # keys of a scenario that cannot be an axis
 
 
 def with_ranges(key: str, values: Any) -> Any:

@@ -24,8 +24,7 @@ def _reject_bool(value: object) -> object:
 
 Number = Annotated[float, BeforeValidator(_reject_bool)]
 WholeNumber = Annotated[int, BeforeValidator(_reject_bool)]
-LARGEST = 1e6
-"""Largest number that keys without a limit of their own may have."""
+LARGEST = 1e6  # largest number that keys without a limit of their own may have
 
 Positive = Annotated[Number, Field(gt=0, le=LARGEST)]
 
@@ -76,8 +75,7 @@ def refused_at(origin: str) -> Iterator[None]:
         raise ScenarioError(f"{origin}: {error}") from error
 
 
-TAGS = ("kind", "shape")
-"""Keys whose value names the class of a section that is one of several."""
+TAGS = ("kind", "shape")  # keys whose value names the class of a section that is one of several
 
 ALLOWED = {
     "bool_parsing": "true or false",

@@ -327,8 +327,7 @@ class EmbodiedScenario(Scenario):
         return find_controller(robots[place].controller).is_oscillator
 
 
-STAYING = {"movables", "floor", "lamps"}
-"""Keys of the arena that stay as they are where walls and obstacles change."""
+STAYING = {"movables", "floor", "lamps"}  # keys of the arena that stay as they are where walls and obstacles change
 
 
 def arena_after(scenario: EmbodiedScenario, entry: int) -> ArenaSection:

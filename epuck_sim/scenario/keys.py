@@ -38,8 +38,7 @@ def axis_key(typed: str, rows: Rows, where: str) -> str:
     return found[0]
 
 
-MAX_PARTS = 20
-"""Largest number of parts of a dotted key; those of scenarios have up to six."""
+MAX_PARTS = 20  # largest number of parts of a dotted key; those of scenarios have up to six
 
 
 def parse_setting(setting: str, option: str = "--set") -> tuple[str, Any]:
@@ -105,8 +104,7 @@ def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
 NOT_DESCRIBED = {"name", "description", "trials", "seed", "figure", "measures"}
 """Keys of a scenario that its description says nothing about."""
 
-QUICK = "quick"
-"""Key in a scenario's file that holds the keys in which its quick version differs."""
+QUICK = "quick"  # key in a scenario's file that holds the keys in which its quick version differs
 
 
 def without_quick(given: Mapping[str, Any]) -> dict[str, Any]:

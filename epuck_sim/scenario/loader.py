@@ -74,8 +74,7 @@ SCENARIO = Kind(
 )
 """What scenarios are found by."""
 
-RUN_SCENARIO = "scenario.yaml"
-"""Name of the file in a run folder that holds its scenario."""
+RUN_SCENARIO = "scenario.yaml"  # name of the file in a run folder that holds its scenario
 
 
 @overload

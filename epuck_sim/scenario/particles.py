@@ -41,24 +41,19 @@ LIMITS = {"dissipation": (1e-3, 100.0), "knee": (0.0, 1.0), "early_slope": (-100
 UP_TO_1 = ("sawtooth", "sine", "additive", "mirollo_strogatz")
 """Curves whose coupling is at most 1 (thesis 5.1.1; that of the last two is a part of the way to the threshold)."""
 
-TRIED_PHASES = 100
-"""Number of steps from phase 0 to 1 in which a user's curve is tried when a scenario is read."""
+TRIED_PHASES = 100  # number of steps from phase 0 to 1 in which a user's curve is tried when a scenario is read
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
     """A response curve as a scenario names it."""
 
-    name: str
-    """Name of a shipped or installed curve, or a file."""
-    parameters: Mapping[str, Value]
-    """Name and default of each parameter."""
-    phase_shift: Callable[[float, float, Any], float] | None = None
-    """The function of a user's file."""
+    name: str  # name of a shipped or installed curve, or a file
+    parameters: Mapping[str, Value]  # name and default of each parameter
+    phase_shift: Callable[[float, float, Any], float] | None = None  # the function of a user's file
     sources: Mapping[Path, bytes] = field(default_factory=dict)
     """Contents of every file that a user's curve comes from, at the time of loading."""
-    modules: Mapping[Path, ModuleType] = field(default_factory=dict)
-    """The module made from each of these files."""
+    modules: Mapping[Path, ModuleType] = field(default_factory=dict)  # the module made from each of these files
 
     def resolve(self, given: Mapping[str, object]) -> dict[str, Value]:
         """Return every parameter with its given value or its default."""
@@ -335,8 +330,7 @@ class StartSection(ConfigModel):
 MOST_SIDES = 1000
 """Largest mean distance, in sides of the space, that agents may move in a cycle; the thesis's fastest move one."""
 
-MOST_RUNS = 1000
-"""Largest number of runs of a random walk that agents may begin in a cycle, on average."""
+MOST_RUNS = 1000  # largest number of runs of a random walk that agents may begin in a cycle, on average
 
 
 class SpaceSection(ConfigModel):

@@ -26,8 +26,7 @@ from epuck_sim.user_files import Kind, Place, Value, kept
 from epuck_sim.util.builtin import ROBOTS, builtin_files
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
-FILE = "file"
-"""Key of a sensor's file; others are its parameters."""
+FILE = "file"  # key of a sensor's file; others are its parameters
 
 _ALLOWED = "allowed: a list of files, such as [ground.py, {light.py: {range_cm: 30}}]"
 
@@ -99,8 +98,7 @@ def resolve_sensor(
         return sensor, sensor.resolve({key: value for key, value in given.items() if key != FILE})
 
 
-ROUNDING_CM = 1e-9
-"""Distance by which a sensor may lie beyond the body's edge."""
+ROUNDING_CM = 1e-9  # distance by which a sensor may lie beyond the body's edge
 
 _EPUCK_SENSORS: tuple[tuple[float, float, float], ...] = tuple(
     map(tuple, np.column_stack([epuck.INFRARED_POSITIONS_CM, epuck.INFRARED_DIRECTIONS_DEG]).tolist())
@@ -119,14 +117,10 @@ ROBOT = Kind(
 class RobotFile(NamedTuple):
     """A robot as its file describes it."""
 
-    name: str
-    """Name by which it is found again."""
-    keys: dict[str, Any]
-    """Values of the keys of a `RobotKind`."""
-    sensors: Mapping[str, Any]
-    """Its sensors in files of their own, as a scenario gives them."""
-    sources: Mapping[Path, bytes]
-    """Contents of the file, at the time of loading."""
+    name: str  # name by which it is found again
+    keys: dict[str, Any]  # values of the keys of a `RobotKind`
+    sensors: Mapping[str, Any]  # its sensors in files of their own, as a scenario gives them
+    sources: Mapping[Path, bytes]  # contents of the file, at the time of loading
 
 
 def find_robot(name: str, folder: Path | None = None) -> RobotFile:
@@ -336,5 +330,4 @@ def cell_cm(kinds: Sequence[RobotKind]) -> float:
     return max(3 * largest_cm, *(kind.ray_reach_cm for kind in kinds)) + largest_cm
 
 
-EPUCK = RobotKind()
-"""The e-puck."""
+EPUCK = RobotKind()  # the e-puck

@@ -17,8 +17,7 @@ from epuck_sim.util.messages import counted, whole
 WITHOUT_EFFECT = {"name", "description", "trials", "trial_timeout_s", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
 
-STOP = "stop.when"
-"""Dotted key of the condition that ends trials."""
+STOP = "stop.when"  # dotted key of the condition that ends trials
 
 
 class Scenario(ConfigModel):

@@ -89,8 +89,7 @@ class StopSection(ConfigModel):
 AS = "as"
 """Key among a measure's parameters that names its value, so that a scenario may have one measure several times."""
 
-ORDER_PARAMETER = "order_parameter"
-"""Name of the measure that conditions may be on in every trial."""
+ORDER_PARAMETER = "order_parameter"  # name of the measure that conditions may be on in every trial
 
 ONE_MEASURE = "a measure's name, or a mapping of one name to its parameters"
 

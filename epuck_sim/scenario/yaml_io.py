@@ -12,11 +12,8 @@ import yaml
 
 from epuck_sim.errors import ScenarioError
 
-MAX_BYTES = 1_000_000
-"""Largest size of a file, about a thousand times that of a scenario."""
-
-MAX_NODES = 100_000
-"""Largest number of values in a file, with every alias counted as what it stands for."""
+MAX_BYTES = 1_000_000  # largest size of a file, about a thousand times that of a scenario
+MAX_NODES = 100_000  # largest number of values in a file, with every alias counted as what it stands for
 
 
 class _Loader(yaml.SafeLoader):

@@ -7,8 +7,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.epuck import RADIUS_CM
 from epuck_sim.user_files import Value
 
-SIDE_CM = 100.0
-"""Side of the arena."""
+SIDE_CM = 100.0  # side of the arena
 
 
 def facing_wall(

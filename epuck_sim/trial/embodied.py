@@ -23,8 +23,7 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.measuring import Conditions
 from epuck_sim.trial.result import Observer, OfStretches, Progress, TrialResult
 
-NOMINAL_PERIOD_S = 5.0
-"""Length of a cycle, in seconds, if the reference is no oscillator (4.2.1)."""
+NOMINAL_PERIOD_S = 5.0  # length of a cycle, in seconds, if the reference is no oscillator (4.2.1)
 
 
 class SynchronyWatch:

@@ -8,14 +8,9 @@ import numpy.typing as npt
 
 from epuck_sim.trial.result import TrialState
 
-CYCLES = 200
-"""Number of cycles whose order parameters are looked at together."""
-
-NORMAL_QUANTILE = 3.0902
-"""99.9 % quantile of the standard normal distribution."""
-
-STANDSTILL = 0.05
-"""Largest change of the order parameter, relative to what it lacks to 1, that counts as none."""
+CYCLES = 200  # number of cycles whose order parameters are looked at together
+NORMAL_QUANTILE = 3.0902  # 99.9 % quantile of the standard normal distribution
+STANDSTILL = 0.05  # largest change of the order parameter, relative to what it lacks to 1, that counts as none
 
 
 def is_hopeless(orders: npt.ArrayLike, oscillators: int, metric: str = "complex") -> bool:

@@ -16,8 +16,7 @@ from epuck_sim.trial.result import Observer, OfStretches, TrialState
 from epuck_sim.user_files import line_of_error
 from epuck_sim.util.messages import describe_error, short_repr
 
-NEVER = 2**62
-"""Number of a firing that no trial reaches."""
+NEVER = 2**62  # number of a firing that no trial reaches
 
 
 class ConditionWatch:
@@ -69,12 +68,9 @@ class Conditions:
 class Measuring(NamedTuple):
     """The measures of a trial that has not begun yet."""
 
-    at_events: list[Observer]
-    """Tell the measures that ask for every event."""
-    at_cycles: list[Observer]
-    """Tell the measures that ask for every firing of the reference."""
-    final: dict[str, Callable[[], Value]]
-    """Returns the value of each measure, by its name, when the trial is over."""
+    at_events: list[Observer]  # tell the measures that ask for every event
+    at_cycles: list[Observer]  # tell the measures that ask for every firing of the reference
+    final: dict[str, Callable[[], Value]]  # returns the value of each measure, by its name, when the trial is over
     conditions: Conditions
 
 
@@ -102,8 +98,12 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
         begun.at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
     for watch in begun.conditions.watches.values():
         if watch.measure not in begun.final:  # the order parameter, which every trial measures
-            begun.at_cycles.append(lambda _, state, watch=watch: watch.look(state.order_parameter))
+            begun.at_cycles.append(partial(_look_at_order, watch))
     return begun
+
+
+def _look_at_order(watch: ConditionWatch, _: Any, state: TrialState) -> None:
+    watch.look(state.order_parameter)
 
 
 def _look(watch: ConditionWatch, value: Callable[[], Value]) -> Observer:

@@ -7,11 +7,8 @@ from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.measuring import Conditions
 from epuck_sim.trial.result import Observer, Progress, TrialResult
 
-SLICE_S = 0.02
-"""Wall time for which compiled code runs before Python has its turn, for Ctrl-C and for progress."""
-
-FIRST_SLICE = 100_000
-"""Number of agents that pulses of the first slice may reach: milliseconds, in any swarm."""
+SLICE_S = 0.02  # wall time for which compiled code runs before Python has its turn, for Ctrl-C and for progress
+FIRST_SLICE = 100_000  # number of agents that pulses of the first slice may reach: milliseconds, in any swarm
 
 
 def run_agents(

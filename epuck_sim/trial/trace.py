@@ -25,8 +25,7 @@ from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 from epuck_sim.util.provenance import versions
 
-CHUNK_ROWS = 20_000
-"""Number of rows that are gathered in memory before they are written, about 4 MB."""
+CHUNK_ROWS = 20_000  # number of rows that are gathered in memory before they are written, about 4 MB
 
 
 POSE, WHEELS = ("x_cm", "y_cm", "heading_rad"), ("left_cm_s", "right_cm_s")

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import read_status
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.messages import describe_error
 from tests.cli.commands import call, called, refused
 from tests.processes import COMMAND
@@ -89,13 +87,6 @@ def test_an_error_whose_message_is_interrupted_stays_interrupted() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         describe_error(Slow())
-
-
-@pytest.mark.parametrize("given", [{"description": "\ud800"}, {"figure": {"x": "a.\ud800"}}, {"\ud800": 1}])
-def test_text_that_is_no_unicode_is_refused_in_a_scenario(given: dict) -> None:
-    with pytest.raises(EpuckSimError, match="allowed: text in Unicode") as raised:
-        load_scenario(given)
-    str(raised.value).encode()
 
 
 def test_results_and_traces_may_have_names_that_are_not_utf_8(tmp_path) -> None:

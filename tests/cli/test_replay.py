@@ -108,12 +108,6 @@ def test_the_level_says_how_much_is_recorded_and_any_is_shown(tmp_path, views, l
     assert views.shown == [tmp_path / "t.rrd"]
 
 
-def test_a_trial_of_a_sweep_can_be_recorded_by_run(swept, tmp_path) -> None:
-    (row,) = trials(called("run", swept, "--point", "2", "--trial", "1", "--json", "--record", tmp_path / "t.rrd"))
-    assert [path.name for path in tmp_path.iterdir()] == ["t.rrd"]
-    assert check_is(tmp_path / "t.rrd", swept, 2, 1).seed == row["seed"]
-
-
 def test_trials_of_a_run_folder_are_simulated_again_and_shown(swept, here, views) -> None:
     before, outcomes = contents(swept), set()
     for point, trial in [(0, 0), (1, 1), (2, 1)]:

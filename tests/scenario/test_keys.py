@@ -18,12 +18,9 @@ from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 PLACES = {
     "thesis": {
         "speed_cm_s": "robots.0.parameters.speed_cm_s",
-        "parameters.speed_cm_s": "robots.0.parameters.speed_cm_s",
-        "coupling": "robots.0.parameters.coupling",
         "field_of_view_deg": "robots.0.camera.field_of_view_deg",
         "overhead.field_of_view_deg": "overhead.field_of_view_deg",
         "phase_ms": "robots.0.memory.phase_ms",
-        "control_hz": "timing.control_hz",
         "count": "robots.0.count",
         "light": "overhead.light",
     },

@@ -22,7 +22,7 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
-from tests.cli.commands import call, refused
+from tests.cli.commands import call
 from tests.control.bench import with_step
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
@@ -165,20 +165,6 @@ def test_changes_are_checked_at_each_point_of_a_sweep() -> None:
         points(load_scenario({**given, "sweep": {"grid": {"neighbourhood": rules}}}))
 
 
-@pytest.mark.parametrize(
-    ("rule", "count", "said"),
-    [
-        ({"kind": "all", "k": 3}, 20, "did you mean 'k'"),
-        ({"kind": "range", "radius_cm": 3, "k": 2}, 20, "did you mean 'k'"),
-        ({"kind": "nearest", "k": 2}, 1, "1 to 0"),
-    ],
-)
-def test_a_key_of_another_kind_is_not_suggested_again_and_no_interval_is_empty(rule, count, said) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario({"model": "particles", "neighbourhood": rule, "agents": {"count": count}})
-    assert said not in str(caught.value)
-
-
 LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just("9" * 5000)
 JUNK = st.recursive(
     LEAVES,
@@ -289,8 +275,6 @@ def test_settings_and_axes_count_beside_the_quick_version_which_is_forgotten_the
     scenario = load_scenario(given, ["trials=4"], ["agents.count=3,4"], quick=True)
     assert (scenario.trials, scenario.stop.max_cycles) == (4, 5)
     assert scenario.sweep.rows() == [{"agents.count": 3}, {"agents.count": 4}]
-    with pytest.raises(ScenarioError, match="particles: has no quick version"):
-        load_scenario(scenario, quick=True)
 
 
 def test_run_runs_the_quick_version_and_its_folder_holds_that_alone(tmp_path) -> None:
@@ -304,5 +288,4 @@ def test_run_runs_the_quick_version_and_its_folder_holds_that_alone(tmp_path) ->
     assert "tiny: 2 points, 4 of 4 trials have a result" in result.stdout
     assert (folder / "scenario.yaml").read_text() == write_scenario(quick)
     assert load_scenario(folder) == quick
-    assert refused("run", folder, "--quick").endswith("scenario.yaml: has no quick version; leave --quick out\n")
     assert "stop.max_cycles: 20 in the folder, 40 now" in call("run", tiny, "--out", folder).stderr

@@ -28,12 +28,6 @@ def seeds(scenario, trials: int = 3):
     return {point.key: [point.seed(trial) for trial in range(trials)] for point in points(scenario)}
 
 
-def test_a_scenario_without_a_sweep_is_one_point_without_axes() -> None:
-    (point,) = points("thesis")
-    assert (point.number, point.axes, point.key) == (0, {}, "{}")
-    assert point.scenario == load_scenario("thesis")
-
-
 SWEPT = {
     COUNT: st.integers(1, 10),
     WIDTH: st.integers(60, 100) | st.floats(60, 100),
@@ -213,7 +207,6 @@ def points_of_one_name(folder: Path, first: str, second: str) -> tuple[Point, ..
     ("first", "second", "names"),
     [
         ("a/c.py", "b/c.py", ["a/c.py", "b/c.py", "firefly"]),
-        ("a/x/c.py", "b/x/c.py", ["a/x/c.py", "b/x/c.py", "firefly"]),
         ("a/c.py", "b/d.py", ["c.py", "d.py", "firefly"]),
         ("a/firefly.py", "b/firefly.py", ["a/firefly.py", "b/firefly.py", "firefly"]),
     ],

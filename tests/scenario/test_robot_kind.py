@@ -104,11 +104,6 @@ def test_a_pogobot_tells_how_bright_it_is_on_three_sides() -> None:
     assert light[0] > light[1] == pytest.approx(light[2])
 
 
-def test_the_kind_is_changed_with_the_whole_section() -> None:
-    thesis = load_scenario("thesis", ["robots.0.signal={kind: radio}"])
-    assert load_scenario(thesis, ["robot=kilobot"]).robot == load_scenario("kilobots").robot
-
-
 def test_a_list_with_a_wrong_element_is_not_said_to_be_too_short() -> None:
     with pytest.raises(ScenarioError, match=r"infrared\.sensors\.0\.2: is missing$"):
         load_scenario({"robot": {"infrared": {"sensors": [[1, 2]]}}})
