@@ -13,8 +13,7 @@ try:
 except ImportError:  # there are none on Windows
     termios = None  # type: ignore[assignment]
 
-_at_start: list[Any] | None = None
-"""How the terminal was set before keys were read; None while none are read."""
+_at_start: list[Any] | None = None  # how the terminal was set before keys were read; None while none are read
 
 
 @contextmanager

@@ -23,8 +23,7 @@ _STATISTIC_HELP = (
     "censored), by default; their median; or the mean of the nearest Weibull distribution (Appendix A)."
 )
 
-Form = StrEnum("Form", ["CURVES", "MAP", "VIOLINS", "SERIES", "PERTURBATION", "COURSE"])
-"""Ways to draw a sweep."""
+Form = StrEnum("Form", ["CURVES", "MAP", "VIOLINS", "SERIES", "PERTURBATION", "COURSE"])  # ways to draw a sweep
 
 
 @results.command("export")

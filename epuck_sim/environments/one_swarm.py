@@ -19,8 +19,7 @@ from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.render import ArenaView
 from epuck_sim.util.messages import whole
 
-ROBOT_ENV = "epuck_sim/Robot-v0"
-"""Name of the environment of one robot for `gymnasium.make`."""
+ROBOT_ENV = "epuck_sim/Robot-v0"  # name of the environment of one robot for `gymnasium.make`
 
 ONE_OF_TEN = {
     "name": "one of ten",
@@ -28,8 +27,7 @@ ONE_OF_TEN = {
 }
 """The swarm if none is given: the thesis's, with one robot driven from outside."""
 
-RenderMode = Literal["rgb_array", "human"]
-"""What `render` does: return a picture, or show it in a window."""
+RenderMode = Literal["rgb_array", "human"]  # what `render` does: return a picture, or show it in a window
 
 RENDER_MODES = ["human", "rgb_array"]
 

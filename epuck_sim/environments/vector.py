@@ -28,11 +28,8 @@ from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.messages import whole
 from epuck_sim.util.seeds import trial_seed
 
-ScenarioLike = Scenario | str | Path | Mapping[str, Any]
-"""What `load_scenario` takes."""
-
-Actions = Literal["continuous", "discrete"]
-"""What agents may act in: speeds, or numbers of motions."""
+ScenarioLike = Scenario | str | Path | Mapping[str, Any]  # what `load_scenario` takes
+Actions = Literal["continuous", "discrete"]  # what agents may act in: speeds, or numbers of motions
 
 
 class Task(TypedDict, total=False):

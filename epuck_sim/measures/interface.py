@@ -13,14 +13,9 @@ from typing import Any
 
 from epuck_sim.user_files import run_check, typed, with_defaults
 
-Parameter = bool | int | float | str
-"""Value of a parameter of a measure."""
-
-Scalar = bool | int | float | None
-"""A number, a truth value, or None where it is undetermined."""
-
-Value = Scalar | list[Scalar]
-"""Value of a measure: one, or a series with one for each cycle."""
+Parameter = bool | int | float | str  # value of a parameter of a measure
+Scalar = bool | int | float | None  # a number, a truth value, or None where it is undetermined
+Value = Scalar | list[Scalar]  # value of a measure: one, or a series with one for each cycle
 
 STEP_METHOD, STRETCH_METHOD = "step", "stretch"
 """Methods that are told of control steps of robots: of each, and of many in a row at once."""
@@ -28,8 +23,7 @@ STEP_METHOD, STRETCH_METHOD = "step", "stretch"
 EVENT_METHODS = {STEP_METHOD: "every control step of robots", "event": "every event of point agents"}
 """Methods that are called after every event of a trial, and what they are told of."""
 
-CYCLE_METHOD = "cycle"
-"""Method that is called after every firing of the reference."""
+CYCLE_METHOD = "cycle"  # method that is called after every firing of the reference
 
 CALLED = (*EVENT_METHODS, STRETCH_METHOD, CYCLE_METHOD, "value", "check", "check_scenario")
 """Methods that are called where a measure has them."""

@@ -14,8 +14,7 @@ from epuck_sim.scenario.base import ConfigModel, Number, Positive, refused_at
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.pictures import read_grey
 
-Brightness = Annotated[Number, Field(ge=0, le=1)]
-"""Brightness of the floor: 0 is black, 1 is white."""
+Brightness = Annotated[Number, Field(ge=0, le=1)]  # brightness of the floor: 0 is black, 1 is white
 
 
 class Circle(ConfigModel):

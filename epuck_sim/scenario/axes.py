@@ -17,8 +17,7 @@ from epuck_sim.util.messages import comma_list, did_you_mean
 SPEED = ".speed_cm_s"  # ending of the keys of speeds, against which T_sync is drawn by default
 LOG_RATIO = 10.0  # ratio of the largest to the smallest value from which an axis has a logarithmic scale
 
-Rows = Sequence[Mapping[str, Any]]
-"""Axis values of each point of a sweep, by dotted key."""
+Rows = Sequence[Mapping[str, Any]]  # axis values of each point of a sweep, by dotted key
 
 
 class FigureSection(ConfigModel):

@@ -110,8 +110,7 @@ def _run_agents(*given: Any) -> TrialResult:
     return run_agents(*given)
 
 
-MODELS: dict[str, Model] = {}
-"""The models by the name that a scenario's key `model` gives."""
+MODELS: dict[str, Model] = {}  # the models by the name that a scenario's key `model` gives
 
 
 def register_model(name: str, model: Model) -> None:

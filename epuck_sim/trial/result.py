@@ -57,8 +57,7 @@ class OfStretches(NamedTuple):
         self.tell(stretch, state)
 
 
-Progress = Callable[[TrialState], None]
-"""Called now and then while a trial runs, to show how far it is."""
+Progress = Callable[[TrialState], None]  # called now and then while a trial runs, to show how far it is
 
 
 class TrialResult(NamedTuple):
