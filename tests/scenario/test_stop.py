@@ -73,3 +73,6 @@ def test_measures_of_the_command_come_after_those_of_the_file_and_take_settings(
     scenario = load_scenario("scene.yaml", ["measures.1={mine.py: {offset: 2}}"], measures=["mine.py"])
     assert [name.rpartition("/")[2] for name, _ in named(scenario)] == ["order_parameter", "mine.py:Counter"]
     assert scenario.measures[1].parameters["offset"] == 2
+    once = load_scenario({}, measures=["degree: {direction: out}"])
+    assert once.measures[0].parameters["direction"] == "out"
+    assert load_scenario(once, measures=["degree", "degree: {direction: out}"]).measures == once.measures
