@@ -131,10 +131,5 @@ def test_a_measure_that_raises_fails_the_trial_with_file_and_line(scenario, at, 
 def test_a_value_of_another_kind_is_refused(given, said):
     with pytest.raises(ValueError, match=said):
         as_value(given)
-    for one, value in (
-        (np.float32(0.5), 0.5),
-        (np.bool_(True), True),
-        (np.array([1.0, np.nan]), [1.0, None]),
-        ((), []),
-    ):
-        assert repr(as_value(one)) == repr(value)
+    assert repr(as_value((np.bool_(True), np.float32(0.5), np.nan))) == "[True, 0.5, None]"
+    assert repr(as_value(np.array([1.0, np.nan]))) == "[1.0, None]"
