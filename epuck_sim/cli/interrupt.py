@@ -55,8 +55,7 @@ def end_on_request() -> "Watchdog":
 class Watchdog:
     """Compares when signals arrive with when the main thread reacts."""
 
-    exit_code: int | None = None
-    """What the command ends with, once it is known."""
+    exit_code: int | None = None  # what the command ends with, once it is known
 
     def __init__(self, reader: socket.socket, writer: socket.socket) -> None:
         self._reader = reader

@@ -30,8 +30,7 @@ class AgentSpaces:
         """
         wheels, rings = simulation.external_wheels, simulation.external_rings
         name = simulation.scenario.name
-        self.robots = np.union1d(wheels, rings)
-        """(agents,) numbers of the robots that are driven from outside."""
+        self.robots = np.union1d(wheels, rings)  # (agents,) numbers of the robots that are driven from outside
         if any(0 < len(part) < len(self.robots) for part in (wheels, rings)):
             raise ScenarioError(f"{name}: agents differ in what they drive, wheels or rings; allowed: all alike")
         whole = slice(self.robots[0], self.robots[-1] + 1)

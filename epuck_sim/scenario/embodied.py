@@ -242,8 +242,8 @@ class EmbodiedScenario(Scenario):
         for number, fault in enumerate(self.faults):
             if fault.share is not None and fault.share * self.robot_count < 0.5:  # which rounds to 0
                 found.append(f"faults.{number}.share is {fault.share:g}: of {self.robot_count} robots, none has it")
+        moved = {robot for entry in self.schedule for robot in entry.remove}
         for number, entry in enumerate(self.schedule):
-            moved = {robot for each in self.schedule for robot in each.remove}
             if always := [robot for robot in entry.add if self.present[robot] and robot not in moved]:
                 found.append(f"schedule.{number}.add: {', '.join(map(str, always))} are in the arena all the time")
         return found

@@ -35,14 +35,10 @@ class SynchronyWatch:
     further cycles. Robots that are not in the arena do not count either.
     """
 
-    cycles: int
-    """Firings of the reference so far."""
-    order_parameter: float | None
-    """Order parameter at the reference's last firing; None before the first."""
-    events: Sequence[TrialEvent]
-    """What has changed so far by the schedule, or by faults."""
-    measures: bool
-    """Whether the reference is an oscillator."""
+    cycles: int  # firings of the reference so far
+    order_parameter: float | None  # order parameter at the reference's last firing; None before the first
+    events: Sequence[TrialEvent]  # what has changed so far by the schedule, or by faults
+    measures: bool  # whether the reference is an oscillator
 
     def __init__(self, simulation: Simulation) -> None:
         self.events = simulation.events

@@ -10,6 +10,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from epuck_sim.arena import clearance_cm
+from epuck_sim.arrays import FloatArray
+from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import SCENARIO_TYPES
@@ -40,8 +42,7 @@ class Model(NamedTuple):
     run: Callable[[Any, Sequence[Observer], Progress | None, Sequence[Observer], Conditions], TrialResult]
     """Returns the outcome of a trial; takes a fresh simulation, observers, what shows progress, further observers that
     are called after firings of the reference alone, and the conditions that it waits for."""
-    check_room: Callable[[Any], None]
-    """Raises ScenarioError for a scenario whose population finds no room."""
+    check_room: Callable[[Any], None]  # raises ScenarioError for a scenario whose population finds no room
 
 
 # Each model is imported when it is used: a sweep of agents needs no pymunk, and `check` of agents no numba.
@@ -72,9 +73,10 @@ def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
 
 
 def _has_room(scenario: EmbodiedScenario) -> bool:
-    """Return whether robots are apart at given poses, or a twentieth of all random places is free for the last one.
+    """Return whether robots are apart at given poses, or fewer than points of a grid, or find random places.
 
-    A place is found within as many draws as there are (`placement.MAX_DRAWS`), 10,000, but once in 10 ** 222 trials.
+    They do where a twentieth of all places is free for the last one: one is found within as many draws as there are
+    (`placement.MAX_DRAWS`), 10,000, but once in 10 ** 222 trials. Where less is free, a few hundred are placed to try.
     """
     radius_cm, arena = max(kind.radius_cm for kind in scenario.group_kinds), scenario.arena.build()
     if all(group.poses for group in scenario.robots):
@@ -88,8 +90,26 @@ def _has_room(scenario: EmbodiedScenario) -> bool:
     taken = scenario.robot_count * math.pi * (2 * radius_cm) ** 2
     taken += math.pi * sum((circle[2] + radius_cm) ** 2 for circle in arena.circles)
     taken += sum(float(np.prod(np.ptp(corners, axis=0) + 2 * radius_cm)) for corners in arena.polygons)
-    at_random = all(group.placement == "random" for group in scenario.robots)
-    return at_random and bool((sides_cm > 0).all()) and taken <= 0.95 * float(np.prod(sides_cm))
+    placements, is_bare = {group.placement for group in scenario.robots}, not len(arena.circles) + len(arena.polygons)
+    if placements == {"grid"}:
+        points = np.maximum((sides_cm + 2 * radius_cm) // GRID_SPACING_CM - 1, 1)
+        return is_bare and bool(scenario.robot_count <= np.prod(points))
+    if placements != {"random"} or (sides_cm <= 0).any():
+        return False
+    is_free = taken <= 0.95 * float(np.prod(sides_cm))
+    return is_free or (is_bare and _is_placed(scenario.robot_count, 2 * radius_cm, sides_cm))
+
+
+def _is_placed(robots: int, diameter_cm: float, sides_cm: FloatArray) -> bool:
+    """Return whether robots find random places one after the other, if they are few enough to try."""
+    draws, places = np.random.default_rng(0), np.empty((0, 2))
+    while len(places) < robots <= 300:  # more take too long
+        tried = draws.uniform(0, sides_cm, (1000, 2))
+        are_apart = (np.hypot(*(tried[:, None] - places).T) >= diameter_cm).all(axis=0)
+        if not are_apart.any():
+            return False
+        places = np.vstack([places, tried[are_apart][:1]])
+    return len(places) == robots
 
 
 def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> Simulated:

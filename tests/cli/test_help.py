@@ -92,7 +92,8 @@ def test_nothing_heavy_is_loaded_that_is_not_needed() -> None:
     drawing = ["matplotlib", "pandas", "rerun", "rerun_sdk"]
     light = [*drawing, "av", "cv2", "scipy", "numba", "numpy", "pyarrow", "pymunk", "yaml"]
     helps = ("", "run", "replay", "film", "track", "export", "summarize", "plot", "fit", "new")
-    table = [*((f"{command} --help", light) for command in helps), ("list", drawing), ("check spotlight", ["numba"])]
+    table = [*((f"{command} --help", light) for command in helps), ("list", drawing)]
+    table += [(f"check {name}", ["numba"]) for name in ("spotlight", "crowded", "physical", "fig-4-2a")]
     script = (
         LOADED.format(table=table) + IMPORTED + LOADED.format(table=[("run pair --json", [*drawing, "scipy.linalg"])])
     )
