@@ -62,13 +62,18 @@ NOTHING = student(math.nan, 0.0, 0)
 """Effect of which nothing is known."""
 
 
+def transformed(effect: Effect, back: Callable[[float], float], into: Callable[[float], float]) -> Effect:
+    """Return the effect of which a rising function, `into`, is given: its logarithm, say."""
+    return Effect(
+        effect.estimate.apply(back),
+        lambda threshold: effect.p_above(into(threshold)),
+        lambda threshold: effect.p_below(into(threshold)),
+    )
+
+
 def exponentiate(effect: Effect) -> Effect:
     """Return the effect whose logarithm is given; its thresholds are above 0."""
-    return Effect(
-        effect.estimate.apply(math.exp),
-        lambda threshold: effect.p_above(math.log(threshold)),
-        lambda threshold: effect.p_below(math.log(threshold)),
-    )
+    return transformed(effect, math.exp, math.log)
 
 
 def resampled(value: float, values: FloatArray, freedom: float) -> Effect:
@@ -84,10 +89,8 @@ def mean_with_error(measured: Measured) -> MeanError:
     once. With fewer than `MIN_TRIALS` trials the error is 0, with which `student` knows nothing.
     """
     trials = len(measured.values)
-    if not trials:
-        return MeanError(math.nan, 0.0, 0)
     if trials < MIN_TRIALS:
-        return MeanError(float(measured.values.mean()), 0.0, 0)
+        return MeanError(float(measured.values.mean()) if trials else math.nan, 0.0, 0)
     if measured.observed.any():
         return mean_and_error(measured)
     return MeanError(measured.horizon, measured.horizon / trials, trials - 1)
@@ -104,11 +107,9 @@ def share(sample: Measured) -> Effect:
     The interval is Wilson's; the p-values are those of the exact binomial test.
     """
     truths, trials = _truths(sample), len(sample.values)
-    if not trials:
-        return NOTHING
-    found, true = estimate_share(truths), int(truths.values.sum())
     if trials < MIN_TRIALS:
-        return student(found.value, 0.0, 0)
+        return student(float(truths.values.mean()) if trials else math.nan, 0.0, 0)
+    found, true = estimate_share(truths), int(truths.values.sum())
     return Effect(
         found,
         lambda threshold: float(bdtrc(true - 1, trials, threshold)) if true else 1.0,
@@ -238,12 +239,7 @@ def rank_trend(x: FloatArray, samples: Sequence[Measured]) -> Effect:
         return NOTHING
     rho = float(stats.spearmanr(places, values).statistic)
     error = math.sqrt((1 + rho**2 / 2) / (len(values) - 3))
-    transformed = student(math.atanh(rho), error, len(values) - 2)
-    return Effect(
-        transformed.estimate.apply(math.tanh),
-        lambda threshold: transformed.p_above(math.atanh(threshold)),
-        lambda threshold: transformed.p_below(math.atanh(threshold)),
-    )
+    return transformed(student(math.atanh(rho), error, len(values) - 2), math.tanh, math.atanh)
 
 
 def likelier(samples: Sequence[Measured], law: str, than: str) -> Effect:

@@ -6,7 +6,7 @@ a sweep; and a figure for each claim: the curves that its tests look at.
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from epuck_sim.figures import plot
 from epuck_sim.figures.labels import format_axis_values, key_name
 from epuck_sim.figures.style import style
 from epuck_sim.replication.claims import RISE, TESTS, Check, Claim, Claims
-from epuck_sim.replication.sweeps import Trials, check_claim, counted_looks
+from epuck_sim.replication.sweeps import LOOKS, Trials, check_claim
 from epuck_sim.replication.verdicts import Answer, Judged, Verdict, judge_claims, points_at, reduction
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import FigureSection, choose_axis
@@ -80,39 +80,33 @@ def read_contents(
     """
     findings = [(claim, check_claim(claim, trials)) for claim in chosen]
     sweeps = {name: (trials.read(name), *trials.effort(name)) for name in trials.folders}
-    looks = counted_looks(
-        (scenarios[name], max(len(point.times) for point in points)) for name, (points, *_) in sweeps.items()
-    )
+    stored = {name: max(len(point.times) for point in points) for name, (points, *_) in sweeps.items()}
+    looks = LOOKS if any(count > scenarios[name].trials for name, count in stored.items()) else 1
     return Contents(folder, judge_claims(findings, looks), sweeps, claims, looks, file)
 
 
 def write_replication(contents: Contents, trials: Trials, folder: Path) -> Path:
-    """Write a page about claims into a folder, replication.md or chosen.md, with tables and figures beside it.
-
-    Returns:
-        The page.
+    """Write a page about claims into a folder, with tables and figures beside it, and return its path.
 
     Raises:
         EpuckSimError: A file cannot be written.
     """
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
-    pictures = {}
-    for answer in contents.answers:
-        claim = answer.claim
-        path = f"{FIGURES}/claim-{claim.id}.png"
-        if claim.sweep in contents.sweeps and draw_claim(answer, trials, folder / path):
-            pictures[claim.id] = path
-    stem = ALL if contents.has_all else SOME
-    made = make_tables(contents)
-    files = {name: f"{stem}.csv" if name == "claims" else f"{stem}-{name}.csv" for name in made}
-    links = {name: files[name] for name, table in made.items() if table.rows}
-    texts = {file: made[name].to_csv() for name, file in links.items()}
+    paths = {answer.claim.id: f"{FIGURES}/claim-{answer.claim.id}.png" for answer in contents.answers}
+    drawn = [each.claim.id for each in contents.answers if draw_claim(each, trials, folder / paths[each.claim.id])]
+    pictures = {name: paths[name] for name in drawn}
+    stem, texts = ALL if contents.has_all else SOME, {}
+    tables = make_tables(contents)
+    links = {name: f"{stem}.csv" if name == "claims" else f"{stem}-{name}.csv" for name in tables}
+    for name, table in tables.items():
+        if table.rows:
+            texts[links[name]] = table.to_csv()
+        else:  # it may be there, of claims that were chosen before
+            (folder / links.pop(name)).unlink(missing_ok=True)
     texts[f"{stem}.md"] = "\n\n".join(make_page(contents, pictures, links)) + "\n"
     for name, text in texts.items():
         with atomic_write(folder / name) as part:
             part.write_text(text, encoding="utf-8")
-    for name in set(files.values()) - set(texts):  # of claims that were chosen before
-        (folder / name).unlink(missing_ok=True)
     return folder / f"{stem}.md"
 
 
@@ -128,28 +122,27 @@ def make_page(contents: Contents, pictures: Mapping[str, str], tables: Mapping[s
 
     Relative paths of figures are given by their claims' ids, those of tables by what their rows are.
     """
-    names = [] if contents.has_all else [answer.claim.id for answer in contents.answers]
-    file = contents.file
+    answers, file = contents.answers, contents.file
+    names = [] if contents.has_all else [answer.claim.id for answer in answers]
     asked = [] if file is None else [f"--claims {file}"]
     command = " ".join(["epuck-sim replicate", *names, *asked, f"--out {contents.folder}"])
-    counts = Counter(answer.verdict for answer in contents.answers)
+    counts = Counter(answer.verdict for answer in answers)
     parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
     links = ", ".join(f"[{name}]({path})" for name, path in tables.items())
-    count = sum(each.tested.check.test != "formula" for answer in contents.answers for each in answer.checks)
+    count = sum(each.tested.check.test != "formula" for answer in answers for each in answer.checks)
     yield f"# Replication{' of the thesis' * (file is None)}, claim by claim"
-    yield f"{len(contents.answers)} claims: {', '.join(parts)}. Written by `{command}`, with all numbers: {links}."
+    yield f"{len(answers)} claims: {', '.join(parts)}. Written by `{command}`, with all numbers: {links}."
     looked = f"Each sweep was looked at up to {contents.looks} times, for which p is corrected, too."
     rules = [f"{RULES}{count}.", looked if contents.looks > 1 else "", contents.claims.pooled]
     yield escaped(" ".join(filter(None, rules)))
-    rows = [_verdict_row(answer, pictures) for answer in contents.answers]
     said = "the thesis says" if file is None else "what is claimed"
+    rows = [_verdict_row(answer, pictures) for answer in answers]
     yield "\n".join([f"claim | {said} | ours | verdict", "--- | --- | --- | ---", *rows])
     for verdict in EXPLAINED:
-        answers = [answer for answer in contents.answers if answer.verdict == verdict]
-        if answers:
-            yield f"## {verdict.capitalize()}"
+        yield from [f"## {verdict.capitalize()}"] * bool(counts[verdict])
         for answer in answers:
-            yield from _explain(answer, pictures)
+            if answer.verdict == verdict:
+                yield from _explain(answer, pictures)
     if contents.claims.notes:
         yield "## Slips in the text"
         yield "\n".join(escaped(f"- {note}") for note in contents.claims.notes)
@@ -159,10 +152,12 @@ def _verdict_row(answer: Answer, pictures: Mapping[str, str]) -> str:
     """Return a row of the table, with a link to what explains the verdict, or else to the figure."""
     claim = answer.claim
     said = f'"{claim.quote}"' if claim.quote else claim.claim
-    ours = escaped(claim.untested)
-    decisive = _decisive(answer)
-    if decisive and not claim.untested:
-        ours = escaped(_in_short(decisive[0]))
+    ours = claim.untested
+    if not ours:
+        first = _decisive(answer)[0]
+        check = first.tested.check
+        ours = f"{(check.number or check.test).replace('_', ' ')} {_found(first)}"
+    ours = escaped(ours)
     is_explained = answer.verdict in EXPLAINED
     if claim.id in pictures and not is_explained:
         ours = f"[{ours}]({pictures[claim.id]})"
@@ -179,32 +174,28 @@ def _decisive(answer: Answer) -> list[Judged]:
     return []
 
 
-def _in_short(judged: Judged) -> str:
-    check = judged.tested.check
-    what = check.number if check.test == "formula" else check.test
-    return f"{what.replace('_', ' ')} {judged.tested.effect.estimate} ({_predicted(check)})"
+def _found(judged: Judged) -> str:
+    """Return what a test has found and, in brackets, what was predicted."""
+    low, high = judged.tested.check.predicted
+    between = f"{low:g} to {high:g}" if low is not None and high is not None else ""
+    return f"{judged.tested.effect.estimate} ({between or (f'<{high:g}' if low is None else f'>{low:g}')})"
 
 
-def _predicted(check: Check) -> str:
-    low, high = check.predicted
-    if low is not None and high is not None:
-        return f"{low:g} to {high:g}"
-    return f"<{high:g}" if low is None else f">{low:g}"
+def _why_no_p_value(judged: Judged) -> str:
+    found = judged.tested.effect.estimate
+    is_known = found.has_interval or judged.tested.check.test == "formula" or math.isnan(found.value)
+    return "" if is_known else "; it has no p-value: its trials are few, or have one value, and show no scatter"
 
 
 def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
     """Yield a claim's heading, its tests that do not hold, of which the table has the first one's number, and texts."""
     claim = answer.claim
     yield f"### {claim.id}"
-    decisive = _decisive(answer)
-    lines: list[str] = []
-    for judged in decisive[:MOST_TESTS]:
-        check, found = judged.tested.check, judged.tested.effect.estimate
-        number = f": {found} ({_predicted(check)})" if lines else ""
-        is_known = found.has_interval or check.test == "formula" or math.isnan(found.value)
-        why = "" if is_known else "; it has no p-value: its trials are few, or have one value, and show no scatter"
-        lines.append(f"- {describe_check(check)}{number}{why}")
-    if left := len(decisive) - len(lines):
+    first, *others = _decisive(answer)
+    shown = others[: MOST_TESTS - 1]
+    lines = [f"- {describe_check(first.tested.check)}{_why_no_p_value(first)}"]
+    lines += [f"- {describe_check(each.tested.check)}: {_found(each)}{_why_no_p_value(each)}" for each in shown]
+    if left := len(others) - len(shown):
         lines.append(f"- and {left} more, which are in the table of tests")
     yield escaped("\n".join(lines))
     if claim.id in pictures:
@@ -216,13 +207,11 @@ def _explain(answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
 
 def make_tables(contents: Contents) -> dict[str, Table]:
     """Return the tables beside the page, with a row for each claim, each test, and each sweep that was asked."""
-    cells = {
-        "claims": [
-            {**answer.claim.model_dump(exclude={"checks"}), "verdict": answer.verdict.value}
-            for answer in contents.answers
-        ],
-        "tests": [_test_cells(answer.claim, judged) for answer in contents.answers for judged in answer.checks],
-        "sweeps": [_sweep_cells(name, *asked) for name, asked in contents.sweeps.items()],
+    of_claims = ({**each.claim.model_dump(exclude={"checks"}), "verdict": each.verdict} for each in contents.answers)
+    cells: dict[str, Iterable[dict[str, object]]] = {
+        "claims": of_claims,
+        "tests": (_test_cells(answer.claim, judged) for answer in contents.answers for judged in answer.checks),
+        "sweeps": (_sweep_cells(name, *asked) for name, asked in contents.sweeps.items()),
     }
     return {name: Table(name, [Row({}, each) for each in rows]) for name, rows in cells.items()}
 
@@ -242,7 +231,7 @@ def _test_cells(claim: Claim, judged: Judged) -> dict[str, object]:
         "fewest_trials": tested.trials[0],
         "most_trials": tested.trials[1],
         "most_censored": Share(tested.censored),
-        "verdict": judged.verdict.value,
+        "verdict": judged.verdict,
     }
 
 
@@ -280,9 +269,9 @@ def draw_claim(answer: Answer, trials: Trials, path: Path) -> bool:
     Returns:
         Whether there is a curve to draw.
     """
-    decisive = [judged.tested.check for judged in _decisive(answer)]
-    others = [check for check in answer.claim.checks if check not in decisive]
-    drawn = [check for check in [*decisive, *others] if check.test != "formula" and reduction(check) is None]
+    judged = sorted(answer.checks, key=lambda each: each not in _decisive(answer))
+    checks = [each.tested.check for each in judged]
+    drawn = [check for check in checks if check.test != "formula" and reduction(check) is None]
     if answer.claim.sweep is None or not drawn:
         return False
     stored = trials.read(answer.claim.sweep, drawn[0])

@@ -6,7 +6,7 @@ method: so the level of a page holds whatever made trials be added, or looks end
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from scipy.stats import norm
 
 from epuck_sim.display.html import in_words
 from epuck_sim.display.table import Row, Table
-from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.errors import ScenarioError
 from epuck_sim.estimate import LEVEL
 from epuck_sim.replication.claims import Check, Claim, Claims
 from epuck_sim.replication.verdicts import (
@@ -32,6 +32,7 @@ from epuck_sim.runs.compatibility import read_stored_points
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import PointTrials, read_points, read_status
+from epuck_sim.scenario.base import refused_at
 from epuck_sim.scenario.keys import merge, without_quick
 from epuck_sim.scenario.loader import find_scenario, from_keys
 from epuck_sim.scenario.points import points
@@ -68,13 +69,10 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim]) -> dict[str, Scenario
     scenarios = {name: sweep_scenario(claims, name) for name in names}
     swept = {name: points(scenario) for name, scenario in scenarios.items()}
     for claim in chosen:
-        for check in claim.checks:
-            if claim.sweep is None or check.test == "formula":
-                continue
-            try:
-                chosen_points(check, swept[claim.sweep])
-            except EpuckSimError as error:
-                raise EpuckSimError(f"claim {claim.id}: {error}") from error
+        with refused_at(f"claim {claim.id}"):
+            for check in claim.checks:
+                if claim.sweep is not None and check.test != "formula":
+                    chosen_points(check, swept[claim.sweep])
     return scenarios
 
 
@@ -86,14 +84,9 @@ class Trials:
         self.folders = folders
 
     def read(self, sweep: str, check: Check | None = None) -> list[PointTrials]:
-        """Return the points of a sweep, with what a check takes of their measure.
-
-        Raises:
-            StoreError: The run folder is missing or damaged.
-        """
-        if check is None:
-            return read_points(self.folders[sweep])
-        return taken(check, read_points(self.folders[sweep], check.of))
+        """Return the points of a sweep, with what a check takes of their measure; raise StoreError as `read_points`."""
+        points = read_points(self.folders[sweep], check.of if check else None)
+        return taken(check, points) if check else points
 
     def effort(self, sweep: str) -> tuple[float, int]:
         """Return the computing time of a sweep's trials together, s, and the number of those that failed."""
@@ -103,8 +96,10 @@ class Trials:
 
 def check_claim(claim: Claim, trials: Trials) -> list[Finding]:
     """Run the checks of a claim on the trials that are stored."""
-    asked = ((check, claim.sweep if check.test != "formula" else None) for check in claim.checks)
-    return [run_check(check, trials.read(sweep, check) if sweep else []) for check, sweep in asked]
+    return [
+        run_check(check, trials.read(claim.sweep, check) if claim.sweep and check.test != "formula" else [])
+        for check in claim.checks
+    ]
 
 
 LOOKS = 8
@@ -122,28 +117,17 @@ def begun(scenario: Scenario, folder: Path) -> Scenario:
     """Return a sweep with the trials of the last look that was begun in its run folder, or else as it is."""
     if not (folder / DATABASE).exists():
         return scenario
-    return scenario.model_copy(update={"trials": max(scenario.trials, planned_trials(folder))})
-
-
-def planned_trials(folder: Path) -> int:
-    """Return how many trials the points of a run folder are for."""
     with reading(folder) as connection:
-        return max(point.trials for point in read_stored_points(connection))
-
-
-def counted_looks(sweeps: Iterable[tuple[Scenario, int]]) -> int:
-    """Return how many looks count, of sweeps and the trials of their points: one if none has more than it asks."""
-    return LOOKS if any(trials > scenario.trials for scenario, trials in sweeps) else 1
+        planned = max(point.trials for point in read_stored_points(connection))
+    return scenario.model_copy(update={"trials": max(scenario.trials, planned)})
 
 
 class NextLook(NamedTuple):
     """A look at the claims of a sweep that would come next."""
 
     sweep: str
-    scenario: Scenario
-    """The sweep with the trials of this look."""
-    cost_s: float
-    """Computing time of the trials that are missing, if they take as long as those that are stored."""
+    scenario: Scenario  # with the trials of this look
+    cost_s: float  # computing time of the trials that are missing, if they take as long as those that are stored
     claims: dict[str, float]
     """Computing time until each claim that is undecided is decided, if its effects stay as they are; inf for never."""
 
@@ -161,14 +145,10 @@ class Decider:
         return judge_claims([*self._findings.values()], LOOKS)
 
     def run(self, add: Callable[[str, Scenario], None], budget_s: float) -> Iterator[str]:
-        """Add trials until all is decided, no look is left, or none of which the cost is within the budget.
+        """Add trials until all is decided, no look is left, or none whose cost is within a budget of computing time.
 
-        Args:
-            add: Runs the trials of a sweep that are missing.
-            budget_s: Computing time of all trials that are added, in s.
-
-        Yields:
-            What is to be said of each look: before it what it costs, after it what it has decided.
+        `add` runs the trials of a sweep that are missing. What is yielded tells of each look, before it what it costs
+        and after it what it has decided.
         """
         spent_s = 0.0
         while looks := [look for look in self.next_looks() if look.cost_s <= budget_s - spent_s]:
@@ -195,34 +175,30 @@ class Decider:
         for name, scenario in self._scenarios.items():
             asked = [each for each in answers if each.claim.sweep == name and not _needs_points(each)]
             folder = self._trials.folders[name]
-            status, now = read_status(folder), planned_trials(folder)
+            status, now = read_status(folder), begun(scenario, folder).trials
             left = [trials for trials in trials_at_looks(scenario.trials) if trials > now]
             if not left or not asked:
                 continue
             trial_s = status.wall_s / max(status.stored, 1) * status.points  # one more trial of each point
-            needed = {each.claim.id: now * _growth_needed(each.checks, tests) for each in asked}
-            ends = {claim: next((size for size in left if size >= least), math.inf) for claim, least in needed.items()}
-            found.append(
-                NextLook(
-                    name,
-                    scenario.model_copy(update={"trials": left[0]}),
-                    (left[0] - now) * trial_s,
-                    {claim: (end - now) * trial_s for claim, end in ends.items()},
-                )
-            )
+            costs = {}
+            for each in asked:
+                needed = now * _growth_needed(each.checks, tests)
+                costs[each.claim.id] = trial_s * (next((size for size in left if size >= needed), math.inf) - now)
+            next_scenario = scenario.model_copy(update={"trials": left[0]})
+            found.append(NextLook(name, next_scenario, (left[0] - now) * trial_s, costs))
         return sorted(found, key=lambda look: (min(look.claims.values()), look.cost_s))
 
     def table(self) -> Table:
         """Return what is undecided, and what it would take."""
-        looks, rows = self.next_looks(), []
-        for look in looks:
+        rows, near = [], []
+        for look in self.next_looks():
             for claim, cost_s in look.claims.items():
                 until = in_words(cost_s) if math.isfinite(cost_s) else f"more than {LOOKS} looks"
                 cells = {"trials": look.scenario.trials, "next_look": in_words(look.cost_s), "until": until}
                 rows.append(Row({"claim": claim}, {"sweep": look.sweep, **cells}))
+                near += [claim] * (cost_s <= HOUR_S)
         title = "Undecided, with the computing time of the next look, and of all until a verdict if effects stay"
         headings = {"trials": "trials at the next look", "next_look": "its time", "until": "until decided"}
-        near = [claim for look in looks for claim, cost_s in look.claims.items() if cost_s <= HOUR_S]
         hour = f"An hour of computing would decide each of {', '.join(near)}."
         scattered = ", ".join(each.claim.id for each in self.answers() if _needs_points(each))
         points = f"More points would decide {scattered}, not more trials: they scatter by far more than their errors."

@@ -10,6 +10,7 @@ import numpy as np
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.estimate import LEVEL, Estimate
+from epuck_sim.measures.interface import Value
 from epuck_sim.replication import criteria
 from epuck_sim.replication.claims import FORMULAS, TESTS, Check, Claim, Values
 from epuck_sim.replication.criteria import Effect
@@ -47,7 +48,6 @@ REDUCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
 }
 """What stands for the values of a series."""
 
-
 AnyPoint = TypeVar("AnyPoint", Point, PointTrials)  # a point of a sweep, with or without its trials
 
 
@@ -84,10 +84,10 @@ def chosen_points(check: Check, points: Sequence[AnyPoint]) -> list[AnyPoint]:
         EpuckSimError: There is none, or more than the test is of; or they lack a measure or an axis that it names.
     """
     test = TESTS[check.test]
-    places = check.between if "between" in test.takes else ({},)
     if check.test == "ratio":
         used = [each for pair in pair_points(check, points) for each in pair]
     else:
+        places = check.between if "between" in test.takes else ({},)
         used = [each for place in places for each in points_at({**check.where, **place}, points)]
     measured: list[str] = [measure.name for measure in used[0].scenario.measures]
     if check.of is not None and check.of not in measured:
@@ -130,14 +130,10 @@ Points: TypeAlias = Sequence[PointTrials]
 Samples: TypeAlias = Sequence[Measured]
 
 
-def _ratio(_: Check, __: Points, samples: Samples) -> Effect:
-    return criteria.ratio([*zip(samples[::2], samples[1::2], strict=True)])
-
-
 def _largest_rise(check: Check, points: Points, samples: Samples) -> Effect:
     by_key = {point.key: sample for point, sample in zip(points, samples, strict=True)}
-    curves = [group for _, group in group_by_other_axes(points, check.along)]
-    return criteria.largest_rise([[by_key[point.key] for point in curve] for curve in curves])
+    groups = group_by_other_axes(points, check.along)
+    return criteria.largest_rise([[by_key[point.key] for point in curve] for _, curve in groups])
 
 
 def _along(check: Check, points: Points) -> FloatArray:
@@ -162,7 +158,7 @@ def _collapse(check: Check, points: Points, samples: Samples) -> Effect:
 EFFECTS: dict[str, Callable[[Check, Points, Samples], Effect]] = {
     "level": lambda _, __, samples: criteria.level(*samples),
     "share": lambda _, __, samples: criteria.share(*samples),
-    "ratio": _ratio,
+    "ratio": lambda _, __, samples: criteria.ratio([*zip(samples[::2], samples[1::2], strict=True)]),
     "largest_rise": _largest_rise,
     "power_exponent": lambda check, points, samples: criteria.slope(np.log(_along(check, points)), samples),
     "exponential_rate": lambda check, points, samples: criteria.slope(_along(check, points), samples),
@@ -187,12 +183,12 @@ def taken(check: Check, points: Sequence[PointTrials]) -> list[PointTrials]:
     name = reduction(check)
     if name is None:
         return list(points)
-    reduced = []
-    for point in points:
-        series = (value if isinstance(value, list) else [] for value in point.measured)
-        known = ([each for each in values if each is not None] for values in series)
-        reduced.append(point._replace(measured=tuple(REDUCTIONS[name](values) if values else None for values in known)))
-    return reduced
+
+    def reduced(series: Value) -> float | None:
+        known = [each for each in series if each is not None] if isinstance(series, list) else []
+        return REDUCTIONS[name](known) if known else None
+
+    return [point._replace(measured=tuple(map(reduced, point.measured))) for point in points]
 
 
 class Verdict(StrEnum):
