@@ -4,7 +4,6 @@ The base case is the dashed line of thesis Figs. 4.2 and 4.3: ten robots, 60 x 6
 argument is the run folder of the sweep `thesis-speeds` of sweeps.yaml.
 """
 
-import csv
 import sys
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import read_points
+from epuck_sim.display.table import csv_text
 
 FEW = 30
 OUT = Path(__file__)
@@ -27,11 +27,9 @@ def write(folder: Path) -> int:
     few, mean, median = times[:, :FEW].mean(axis=1), times.mean(axis=1), np.median(times, axis=1)
     error = times.std(axis=1, ddof=1) / trials**0.5
     speeds = [point.axes["robots.0.parameters.speed_cm_s"] for point in points]
-    with OUT.with_suffix(".csv").open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["speed_cm_s", f"mean_of_{FEW}", f"mean_of_{trials}", "standard_error", "median"])
-        for row in zip(speeds, few, mean, error, median, strict=True):
-            writer.writerow([f"{value:.4g}" for value in row])
+    columns = ["speed_cm_s", f"mean_of_{FEW}", f"mean_of_{trials}", "standard_error", "median"]
+    rows = zip(speeds, few, mean, error, median, strict=True)
+    OUT.with_suffix(".csv").write_text(csv_text(columns, ([f"{value:.4g}" for value in row] for row in rows)))
     return trials
 
 

@@ -5,7 +5,6 @@ the robots are those of arenas/physical.yaml. The first five trials at each spee
 the run folder give T_sync by the order parameter. base_curve.csv adds the robots without imperfections.
 """
 
-import csv
 import math
 import sys
 from concurrent.futures import ProcessPoolExecutor
@@ -15,13 +14,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation
+from epuck_sim.display.table import csv_text
 from epuck_sim.overhead.camera import Geometry, overhead_camera
 from epuck_sim.overhead.filming import VirtualCamera
 from epuck_sim.overhead.flashes import RingCounter
 from epuck_sim.overhead.synchrony import SynchronyDetector, is_synchronised
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.scenario import require_model
 
 OUT = Path(__file__).with_name("fig-4-7.csv")
 FILMED = 5
@@ -34,9 +33,8 @@ MAX_CYCLES = 500
 """Number of periods after which filming gives up."""
 
 
-def film(task: tuple[EmbodiedScenario, int]) -> float:
+def film(scenario: EmbodiedScenario, seed: int) -> float:
     """Return T_sync of a film of a trial, in periods; NaN if it is not reached within `MAX_CYCLES`."""
-    scenario, seed = task
     simulation = Simulation(scenario, seed)
     arena = scenario.arena
     camera = VirtualCamera(scenario.overhead, arena.build(), seed)
@@ -58,43 +56,31 @@ def film(task: tuple[EmbodiedScenario, int]) -> float:
 
 def measure(points: list[PointTrials]) -> None:
     """Film trials of all points, and write the table."""
-    scenarios = [require_model(point.scenario, EmbodiedScenario, "films are of robots") for point in points]
-    tasks = [
-        (scenario, seed) for scenario, point in zip(scenarios, points, strict=True) for seed in point.seeds[:FILMED]
-    ]
+    tasks = [(point.scenario, seed) for point in points for seed in point.seeds[:FILMED]]
     with ProcessPoolExecutor() as executor:
-        filmed = np.array(list(executor.map(film, tasks))).reshape(len(points), FILMED)
-    with OUT.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        speed = ["speed_cm_s"]
-        writer.writerow([*speed, "film_mean", "film_min", "film_max", "film_never", "trials", "mean", "standard_error"])
-        for point, times in zip(points, filmed, strict=True):
-            cycles = point.times[point.observed]
-            error = cycles.std(ddof=1) / len(cycles) ** 0.5
-            extremes = (np.nanmean(times), np.nanmin(times), np.nanmax(times))
-            row = [*point.axes.values(), *extremes, int(np.isnan(times).sum()), len(cycles), cycles.mean(), error]
-            writer.writerow([f"{value:.4g}" for value in row])
+        filmed = np.array(list(executor.map(film, *zip(*tasks, strict=True)))).reshape(len(points), FILMED)
+    rows = []
+    for point, times in zip(points, filmed, strict=True):
+        cycles = point.times[point.observed]
+        error = cycles.std(ddof=1) / len(cycles) ** 0.5
+        extremes = (np.nanmean(times), np.nanmin(times), np.nanmax(times))
+        row = [*point.axes.values(), *extremes, int(np.isnan(times).sum()), len(cycles), cycles.mean(), error]
+        rows.append([f"{value:.4g}" for value in row])
+    columns = "speed_cm_s film_mean film_min film_max film_never trials mean standard_error".split()
+    OUT.write_text(csv_text(columns, rows))
 
 
 def draw() -> None:
     """Draw the table, and the base curve beside it."""
     speed, film_mean, low, high, _, _, mean, error = np.loadtxt(OUT, delimiter=",", skiprows=1, unpack=True)
-    ideal_speed, _, ideal, ideal_error, _ = np.loadtxt(
-        OUT.with_name("base_curve.csv"), delimiter=",", skiprows=1, unpack=True
-    )
+    ideal = np.loadtxt(OUT.with_name("base_curve.csv"), delimiter=",", skiprows=1, unpack=True)
     figure = Figure(figsize=(7, 4.5), layout="constrained")
     axes = figure.subplots()
     axes.fill_between(speed, low, high, color="0.88", label=f"{FILMED} trials filmed: least and largest")
     axes.loglog(speed, film_mean, "o-", color="black", label="by the film, their mean")
     axes.errorbar(speed, mean, 1.96 * error, fmt="s-", color="tab:red", capsize=2, label="by r >= 0.95, mean of 50")
-    axes.errorbar(
-        ideal_speed,
-        ideal,
-        1.96 * ideal_error,
-        fmt="-",
-        color="tab:blue",
-        label="ideal robots by r >= 0.95, mean of 1,000",
-    )
+    label = "ideal robots by r >= 0.95, mean of 1,000"
+    axes.errorbar(ideal[0], ideal[2], 1.96 * ideal[3], fmt="-", color="tab:blue", label=label)
     axes.set(xlabel="V [cm/s]", ylabel="T_sync [cycles]", xlim=(0.4, 15))
     axes.set_xticks(ticks := [0.5, 1, 2, 5, 10], labels=map(str, ticks))
     axes.set_yticks(ticks := [5, 10, 20, 50, 100, 200], labels=map(str, ticks))

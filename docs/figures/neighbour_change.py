@@ -4,7 +4,6 @@ The folder is that of the sweep `neighbour-change`. Writes neighbour-change.png,
 how well they collapse as neighbour-change.txt.
 """
 
-import csv
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,10 +13,12 @@ from matplotlib.figure import Figure
 
 from epuck_sim import read_points
 from epuck_sim.arrays import FloatArray
+from epuck_sim.display.table import csv_text
 from epuck_sim.estimate import Estimate
 from epuck_sim.figures.style import choose_looks
+from epuck_sim.replication.claims import Check
 from epuck_sim.replication.criteria import Effect, collapse, exponentiate, find_place, resampled
-from epuck_sim.runs.reader import PointTrials
+from epuck_sim.replication.verdicts import taken
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import require_model
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
@@ -27,6 +28,7 @@ SPEED = "agents.speed_cm_s"
 SPACES = {(2, "cyclic"): ", cyclic", (1, "bounded"): ", segment", (3, "bounded"): ", cube"}
 AT_RATE = 0.15
 """Rate of neighbour change at which T_sync is compared, near that of the peaks."""
+MEAN_RATE = Check(test="level", of="neighbour_change", take="mean", above=0)
 OUT = Path(__file__).parent / "neighbour-change"
 
 
@@ -56,19 +58,13 @@ class Line(NamedTuple):
         return float(np.exp(np.interp(np.log(rate), np.log(self.rates.values), np.log(self.times.values))))
 
 
-def mean_of_cycles(point: PointTrials) -> PointTrials:
-    """Return a point whose trials have the mean over their cycles instead of a series."""
-    measured: Any = point.measured
-    known = [[value for value in series if value is not None] for series in measured]
-    return point._replace(measured=tuple(float(np.mean(values)) if values else None for values in known))
-
-
 def read_lines(folder: Path) -> list[Line]:
     """Return the lines of a run folder, in the order of the sweep."""
     lines = []
-    for axes, group in group_by_other_axes(read_points(folder, of="neighbour_change"), SPEED):
+    points = taken(MEAN_RATE, read_points(folder, of="neighbour_change"))
+    for axes, group in group_by_other_axes(points, SPEED):
         times = estimate_curve([point._replace(of=None) for point in group], SPEED, axes)
-        rates = estimate_curve([mean_of_cycles(point) for point in group], SPEED, axes)
+        rates = estimate_curve(group, SPEED, axes)
         scenario = require_model(group[0].scenario, ParticleScenario, "neighbourhoods are of point agents")
         lines.append(Line(name_of(scenario), times, rates, scenario.space.dimensions, find_place(times, "V_p")))
     return lines
@@ -77,31 +73,19 @@ def read_lines(folder: Path) -> list[Line]:
 def name_of(scenario: ParticleScenario) -> str:
     """Return the neighbourhood and the space of agents in words."""
     hood: Any = scenario.neighbourhood
-    name = {
-        "nearest": lambda: f"K = {hood.k}",
-        "range": lambda: f"range {hood.radius_cm:g}",
-        "cone_of_vision": lambda: f"vision {hood.angle_deg:g}°, R = {hood.radius_cm:g}",
-        "cone_of_emission": lambda: f"emission {hood.angle_deg:g}°, R = {hood.radius_cm:g}",
-    }[hood.kind]()
-    return name + SPACES.get((scenario.space.dimensions, scenario.space.boundary), "")
+    named = {
+        "nearest": "K = {k}",
+        "range": "range {radius_cm:g}",
+        "cone_of_vision": "vision {angle_deg:g}°, R = {radius_cm:g}",
+        "cone_of_emission": "emission {angle_deg:g}°, R = {radius_cm:g}",
+    }[hood.kind]
+    return named.format(**hood.model_dump()) + SPACES.get((scenario.space.dimensions, scenario.space.boundary), "")
 
 
 def log_spreads(places: list[Place]) -> FloatArray:
     """Return the standard deviation of the logarithms of places, and then that of each resample."""
     rows = [[place.estimate.value, *place.resampled] for place in places]
     return np.asarray(np.log(rows).std(axis=0, ddof=1))
-
-
-def spread_of(places: list[Place], trials: int) -> Effect:
-    """Return the standard deviation of the logarithms of places, with the interval of resamples."""
-    value, *rows = log_spreads(places)
-    return resampled(value, np.array(rows), trials - 1)
-
-
-def spread_ratio(over: list[Place], along: list[Place], trials: int) -> Effect:
-    """Return how far some places are apart, over how far others are, in logarithms."""
-    value, *rows = np.log(log_spreads(over) / log_spreads(along))
-    return exponentiate(resampled(value, np.array(rows), trials))
 
 
 def in_words(effect: Effect) -> str:
@@ -127,11 +111,14 @@ def write_numbers(lines: list[Line], trials: int) -> None:
         apart = collapse([(line.times, line.rates) for line in group], trials)
         rows.append(f"distance of curves over the rate, relative to that over the speed, {name}: {in_words(apart)}")
     for name, group in list(groups.items())[1:]:
-        rates, speeds = [line.rate_at_peak() for line in group], [line.peak for line in group if line.peak]
+        rates = log_spreads([line.rate_at_peak() for line in group])
+        speeds = log_spreads([line.peak for line in group if line.peak])
+        ratios = np.log(rates / speeds)
+        along, over = (in_words(resampled(each[0], each[1:], trials - 1)) for each in (speeds, rates))
+        ratio = in_words(exponentiate(resampled(ratios[0], ratios[1:], trials)))
         rows.append(
             f"standard deviation of ln of the peak's place, {name}: "
-            f"over the speed {in_words(spread_of(speeds, trials))}, "
-            f"over the rate {in_words(spread_of(rates, trials))}, ratio {in_words(spread_ratio(rates, speeds, trials))}"
+            f"over the speed {along}, over the rate {over}, ratio {ratio}"
         )
     rows.append(
         f"T_sync at a rate of {AT_RATE}: " + "; ".join(f"{line.name} {line.time_at(AT_RATE):.3g}" for line in lines)
@@ -146,15 +133,15 @@ def _place(place: Place) -> str:
 
 def write_table(lines: list[Line]) -> None:
     """Write the curves."""
-    with OUT.with_suffix(".csv").open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["curve", "speed_cm_s", "trials", "censored", "t_sync", "low", "high", "rate", "low", "high"])
-        for line in lines:
-            times, rates = line.times, line.rates
-            for place, speed in enumerate(times.x):
-                numbers = (times.values[place], *times.intervals[place], rates.values[place], *rates.intervals[place])
-                cells = [f"{number:.4g}" for number in numbers]
-                writer.writerow([line.name, speed, times.trials[place], f"{times.censored[place]:.3g}", *cells])
+    rows = []
+    for line in lines:
+        times, rates = line.times, line.rates
+        for place, speed in enumerate(times.x):
+            numbers = (times.values[place], *times.intervals[place], rates.values[place], *rates.intervals[place])
+            cells = [f"{number:.4g}" for number in numbers]
+            rows.append([line.name, speed, times.trials[place], f"{times.censored[place]:.3g}", *cells])
+    columns = "curve speed_cm_s trials censored t_sync low high rate low high".split()
+    OUT.with_suffix(".csv").write_text(csv_text(columns, rows))
 
 
 def draw(lines: list[Line]) -> None:

@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from epuck_sim.display.table import csv_text
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.track import track_film
@@ -55,26 +56,19 @@ def examine(effect: Effect, seed: int, groups: int) -> tuple[str, str, bool]:
 
 def main() -> None:
     """Examine the films that the table lacks, and print the shares."""
-    rows = []
-    if TABLE.exists():
-        with TABLE.open(newline="") as file:
-            rows = list(csv.reader(file))[1:]
+    rows = list(csv.reader(TABLE.read_text().splitlines()))[1:] if TABLE.exists() else []
     done = {tuple(row[:3]) for row in rows}
     for name, strength, seed, effect, groups in cases(int(sys.argv[1]) if len(sys.argv) > 1 else 2):
         key = (name, str(strength), str(seed))
         if key in done:
             continue
         rows.append([*key, *map(str, examine(effect, seed, groups))])
-        with TABLE.open("w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerows([COLUMNS, *rows])
-    sure = [row for row in rows if row[4] == "high"]
-    answered = [row for row in rows if row[4] in {"high", "low"}]
-    print(f"{len(rows)} films, {len(answered)} answered, {len(sure)} surely")
-    print(f"right of the sure: {sum(row[5] == 'True' for row in sure)} of {len(sure)}")
-    print(f"right of the unsure: {sum(row[5] == 'True' for row in answered) - sum(row[5] == 'True' for row in sure)}")
-    for row in sure:
-        if row[5] != "True":
+        TABLE.write_text(csv_text(COLUMNS, rows))
+    for confidence in ("high", "low", "none", "refused"):
+        right = [row[5] == "True" for row in rows if row[4] == confidence]
+        print(f"{confidence}: {sum(right)} of {len(right)} films right")
+    for row in rows:
+        if row[4:] == ["high", "False"]:
             print("sure and wrong:", *row)
 
 

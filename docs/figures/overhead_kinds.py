@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.display.table import csv_text
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import Picture
@@ -44,19 +45,11 @@ CYCLES, TOGETHER_FROM, PERIOD_S = 7, 3, 2.0
 TRUE_PERIODS = TOGETHER_FROM + 0.5 + 0.075 / 2
 WITHIN_PERIODS = 0.25
 FILMS_CSV, KINDS_CSV = (Path(__file__).with_name(f"overhead_{what}.csv") for what in ("films", "kinds"))
-HEADER = [
-    *("kind", "films", "rings", "found_percent", "right_percent", "worst_found_percent", "rms_mm", "worst_mm"),
-    *(
-        "t_sync_error_periods",
-        "told_right",
-        "told_refused",
-        "told_wrong",
-        "alone_right",
-        "alone_refused",
-        "alone_wrong",
-    ),
-    *("hough_found_percent", "hough_right_percent", "hough_rms_mm"),
-]
+HEADER = (
+    "kind films rings found_percent right_percent worst_found_percent rms_mm worst_mm t_sync_error_periods "
+    "told_right told_refused told_wrong alone_right alone_refused alone_wrong "
+    "hough_found_percent hough_right_percent hough_rms_mm"
+).split()
 
 
 def hough_rings(picture: Picture, radius_px: float) -> FloatArray:
@@ -166,14 +159,6 @@ def films_made() -> list[Examined]:
         return [examined_of(row) for row in list(csv.reader(file))[1:]]
 
 
-def write_table(path: Path, header: list[str], rows: list[list[object]]) -> None:
-    """Write a table."""
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
-
-
 def main(films: int, kinds: list[str]) -> None:
     """Make the films that are not yet made, and write both tables after each."""
     scores = [f"{whose}_{field}" for whose in ("tracker", "hough") for field in Score._fields]
@@ -185,9 +170,9 @@ def main(films: int, kinds: list[str]) -> None:
             with tempfile.TemporaryDirectory() as folder:
                 made.append(examine(kind, seed, Path(folder)))
             print(*made[-1].row(), sep=", ", flush=True)
-            write_table(FILMS_CSV, [*Examined._fields[:5], *scores], [film.row() for film in made])
+            FILMS_CSV.write_text(csv_text([*Examined._fields[:5], *scores], (film.row() for film in made)))
             of_kinds = {name: [film for film in made if film.kind == name] for name in KINDS}
-            write_table(KINDS_CSV, HEADER, [row_of(name, its) for name, its in of_kinds.items() if its])
+            KINDS_CSV.write_text(csv_text(HEADER, (row_of(name, its) for name, its in of_kinds.items() if its)))
 
 
 if __name__ == "__main__":

@@ -4,11 +4,10 @@ Give it run folders: the distributions of T_sync at their uncensored points are 
 the truth from which samples are drawn. It takes ten minutes of one core.
 """
 
-import csv
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,9 @@ import numpy as np
 from scipy import stats
 
 from epuck_sim import read_points
+from epuck_sim.display.table import csv_text
+from epuck_sim.replication.criteria import FITTED_TRIALS, FITTED_VALUES
+from epuck_sim.replication.criteria import LAWS as FITTED
 from epuck_sim.statistics.comparison import Pair, contrast, permute, studentised, welch
 from epuck_sim.statistics.extrema import find_minimum_and_peak
 from epuck_sim.statistics.measured import Measured, cut, measure_t_sync
@@ -30,11 +32,7 @@ LAWS: dict[str, Callable[[np.random.Generator, Any], Any]] = {
     "log-normal 0.8": lambda random, shape: random.lognormal(0, 0.8, shape),
     "Weibull 0.7": lambda random, shape: random.weibull(0.7, shape),
 }
-TRUE_MEANS = {
-    "Weibull 1.35": math.gamma(1 + 1 / 1.35),
-    "exponential": 1.0,
-    "log-normal 0.8": math.exp(0.32),
-}
+TRUE_MEANS = {"Weibull 1.35": math.gamma(1 + 1 / 1.35), "exponential": 1.0, "log-normal 0.8": math.exp(0.32)}
 SIZES = (10, 20, 100, 200)
 CENSORED = (0.0, 0.3, 0.6)
 SPEEDS = np.geomspace(0.05, 12.8, 20)
@@ -44,22 +42,16 @@ FALLING = {
     "power law": 4 - 0.8 * X,
     "level": np.full(20, 4.0),
 }
-FITTED = {"Weibull": stats.weibull_min, "gamma": stats.gamma, "log-normal": stats.lognorm}
-LEAST_TRIALS = 20
-"""Fewest trials of a point whose distribution is fitted."""
-MANY_TRIALS = 100
-"""Fewest trials of a point that stands for the truth."""
+MANY_TRIALS = 100  # fewest of a point that stands for the truth
 
 
-def write(name: str, columns: Sequence[str], rows: Iterator[Sequence[Any]]) -> None:
+def write(name: str, columns: str, rows: Iterator[Sequence[Any]]) -> None:
     """Write a table, and print it."""
-    with (OUT / f"statistics-{name}.csv").open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        for row in rows:
-            cells = [f"{cell:.3g}" if isinstance(cell, float) else cell for cell in row]
-            writer.writerow(cells)
-            print(name, *cells, flush=True)
+    cells = []
+    for row in rows:
+        cells.append([f"{cell:.3g}" if isinstance(cell, float) else cell for cell in row])
+        print(name, *cells[-1], flush=True)
+    (OUT / f"statistics-{name}.csv").write_text(csv_text(columns.split(), cells))
 
 
 def sample(law: str, trials: int, seed: Sequence[int], limit: float) -> Measured:
@@ -68,15 +60,17 @@ def sample(law: str, trials: int, seed: Sequence[int], limit: float) -> Measured
     return cut(Measured(times, np.ones(trials, bool), math.inf, seed[-1]), limit)
 
 
+def limit_and_truth(times: np.ndarray, censored: float) -> tuple[float, float]:
+    """Return the limit at which a share of many trials is censored, and their mean up to it."""
+    limit = float(np.quantile(times, 1 - censored)) if censored else math.inf
+    return limit, float(np.minimum(times, limit).mean())
+
+
 def coverage(samples: int = 1000) -> Iterator[Sequence[Any]]:
     """Yield how often intervals of the mean hold the truth, in per cent, and how wide they are."""
-    for censored in CENSORED:
-        for trials in (5, 10, 20, 50, 200):
-            for law in LAWS:
-                many = sample(law, 400_000, [0], math.inf).values
-                limit = float(np.quantile(many, 1 - censored)) if censored else math.inf
-                truth = np.minimum(many, limit).mean()
-                yield law, trials, censored, *_coverage(law, trials, limit, truth, samples)
+    for censored, trials, law in product(CENSORED, (5, 10, 20, 50, 200), LAWS):
+        found = limit_and_truth(sample(law, 400_000, [0], math.inf).values, censored)
+        yield law, trials, censored, *_coverage(law, trials, *found, samples)
 
 
 def _coverage(law: str, trials: int, limit: float, truth: float, samples: int) -> Sequence[float]:
@@ -98,15 +92,11 @@ def looks(samples: int = 1000, limit: int = 1000) -> Iterator[Sequence[Any]]:
 
     Beside them are those that `summarize` prints of these trials, and how often the intervals of all looks hold it.
     """
-    for censored in CENSORED:
-        for law in LAWS:
-            many = sample(law, 400_000, [0], math.inf).values
-            cut_at = float(np.quantile(many, 1 - censored)) if censored else math.inf
-            truth = np.minimum(many, cut_at).mean()
-            for asked in ("20%", "10%"):
-                found = [_end(sample(law, limit, [1, seed], cut_at), asked, truth) for seed in range(samples)]
-                held, plain, all_looks, trials = np.mean(found, axis=0).tolist()
-                yield law, censored, asked, 100 * held, 100 * plain, 100 * all_looks, trials
+    for censored, law, asked in product(CENSORED, LAWS, ("20%", "10%")):
+        cut_at, truth = limit_and_truth(sample(law, 400_000, [0], math.inf).values, censored)
+        found = [_end(sample(law, limit, [1, seed], cut_at), asked, truth) for seed in range(samples)]
+        held, plain, all_looks, trials = np.mean(found, axis=0).tolist()
+        yield law, censored, asked, 100 * held, 100 * plain, 100 * all_looks, trials
 
 
 def _end(trials: Measured, asked: str, truth: float) -> tuple[bool, bool, bool, int]:
@@ -124,11 +114,9 @@ def _end(trials: Measured, asked: str, truth: float) -> tuple[bool, bool, bool, 
 
 def false_alarms(curves: int = 80) -> Iterator[Sequence[Any]]:
     """Yield how often a minimum and a peak are found on curves without any, in per cent."""
-    for trials in (2, 5, 10, 15, 20, 100):
-        for law in ("Weibull 1.35", "log-normal 0.8"):
-            for name, logs in FALLING.items():
-                found = [_is_found(law, logs, trials, seed) for seed in range(curves)]
-                yield trials, law, name, 100 * float(np.mean(found))
+    for trials, law, name in product((2, 5, 10, 15, 20, 100), ("Weibull 1.35", "log-normal 0.8"), FALLING):
+        found = [_is_found(law, FALLING[name], trials, seed) for seed in range(curves)]
+        yield trials, law, name, 100 * float(np.mean(found))
 
 
 def _is_found(law: str, logs: np.ndarray, trials: int, seed: int) -> bool:
@@ -170,34 +158,23 @@ def _p_values(law: str, other: str, sizes: tuple[int, int], seed: int) -> tuple[
 def fits(folders: Sequence[str]) -> Iterator[Sequence[Any]]:
     """Yield for each folder which distribution describes most uncensored points best, and how well."""
     for folder in folders:
-        points = [point for point in read_points(folder) if len(point.times) >= LEAST_TRIALS and point.observed.all()]
-        results = [_fit(point.times) for point in points if len(np.unique(point.times)) > 5]
-        for name in FITTED:
-            own = [result[name] for result in results]
-            if own:
-                best = [min(result.items(), key=lambda law_and_fit: law_and_fit[1][0])[0] for result in results]
-                gap = [result[name][0] - min(aic for aic, *_ in result.values()) for result in results]
-                rejected = [p < 0.05 for _, _, p in own]
-                distance = float(np.median([d for _, d, _ in own]))
-                yield (
-                    Path(folder).name,
-                    name,
-                    len(own),
-                    best.count(name),
-                    float(np.median(gap)),
-                    distance,
-                    sum(rejected),
-                )
+        points = [point for point in read_points(folder) if len(point.times) >= FITTED_TRIALS and point.observed.all()]
+        results = np.array([_fit(point.times) for point in points if len(np.unique(point.times)) >= FITTED_VALUES])
+        for place, name in enumerate(FITTED if len(results) else ()):
+            aic, distance, p_value = results[:, place].T
+            least = results[:, :, 0].min(axis=1)
+            best = int((results[:, :, 0].argmin(axis=1) == place).sum())
+            middle = float(np.median(aic - least)), float(np.median(distance))
+            yield Path(folder).name, name, len(results), best, *middle, int((p_value < 0.05).sum())
 
 
-def _fit(times: np.ndarray) -> dict[str, tuple[float, float, float]]:
+def _fit(times: np.ndarray) -> list[tuple[float, float, float]]:
     """Return the AIC, the Kolmogorov-Smirnov distance and its p-value of each distribution."""
-    found = {}
-    for name, law in FITTED.items():
+    found = []
+    for law in FITTED.values():
         parameters = law.fit(times, floc=0)
-        aic = 4 - 2 * law.logpdf(times, *parameters).sum()
         test = stats.kstest(times, law(*parameters).cdf)
-        found[name] = float(aic), float(test.statistic), float(test.pvalue)
+        found.append((4 - 2 * law.logpdf(times, *parameters).sum(), test.statistic, test.pvalue))
     return found
 
 
@@ -209,15 +186,13 @@ def biases(folders: Sequence[str], samples: int = 150) -> Iterator[Sequence[Any]
             if len(point.times) >= MANY_TRIALS and point.observed.all():
                 text = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in point.axes.items())
                 sources[f"{Path(folder).name}: {text}"] = measure_t_sync(point).values
-    for source, times in sources.items():
-        for censored in CENSORED:
-            limit = float(np.quantile(times, 1 - censored)) if censored else math.inf
-            for trials in SIZES:
-                yield source, trials, censored, *_bias(times, trials, limit, samples)
+    for source, censored, trials in product(sources, CENSORED, SIZES):
+        yield source, trials, censored, *_bias(sources[source], trials, censored, samples)
 
 
-def _bias(times: np.ndarray, trials: int, limit: float, samples: int) -> Sequence[Any]:
-    truth, restricted, middle = times.mean(), np.minimum(times, limit).mean(), float(np.median(times))
+def _bias(times: np.ndarray, trials: int, censored: float, samples: int) -> Sequence[Any]:
+    limit, restricted = limit_and_truth(times, censored)
+    truth, middle = times.mean(), float(np.median(times))
     rows = []
     for seed in range(samples):
         drawn = np.random.default_rng([trials, seed]).choice(times, trials)
@@ -234,14 +209,12 @@ def _bias(times: np.ndarray, trials: int, limit: float, samples: int) -> Sequenc
 def main() -> None:
     """Make all tables from the run folders on the command line."""
     folders = sys.argv[1:]
-    columns = ("folder", "distribution", "points", "best", "median_aic_gap", "median_ks", "rejected")
-    write("fits", columns, fits(folders))
-    estimators = ("mean", "median", "weibull", "weibull_typical", "weibull_known")
-    write("biases", ("source", "trials", "censored", *estimators), biases(folders))
-    write("coverage", ("law", "trials", "censored", "held", "width", "held_by_percentiles"), coverage())
-    write("looks", ("law", "censored", "asked", "held", "held_by_plain", "all_looks", "trials"), looks())
-    write("levels", ("law", "other", "n", "n_other", "level", "permuted", "welch"), levels())
-    write("false-alarms", ("trials", "law", "curve", "found"), false_alarms())
+    write("fits", "folder distribution points best median_aic_gap median_ks rejected", fits(folders))
+    write("biases", "source trials censored mean median weibull weibull_typical weibull_known", biases(folders))
+    write("coverage", "law trials censored held width held_by_percentiles", coverage())
+    write("looks", "law censored asked held held_by_plain all_looks trials", looks())
+    write("levels", "law other n n_other level permuted welch", levels())
+    write("false-alarms", "trials law curve found", false_alarms())
 
 
 if __name__ == "__main__":

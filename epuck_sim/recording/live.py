@@ -40,8 +40,7 @@ Wait = Callable[[float], str]
 
 def sleep(seconds: float) -> str:
     """Wait where there are no keys to press."""
-    if seconds > 0:
-        time.sleep(seconds)
+    time.sleep(max(seconds, 0.0))
     return ""
 
 
@@ -69,11 +68,7 @@ class Pace:
             self._obey(self._wait(early))
 
     def stand_still(self, look: Callable[[], None]) -> None:
-        """Wait until a paused trial is to go on, by one step or for good; call `look` now and then.
-
-        Raises:
-            KeyboardInterrupt: `END` was pressed.
-        """
+        """Wait until a paused trial goes on, by one step or for good, and call `look` now and then; raise as above."""
         stopped = time.monotonic()
         while self.is_paused and not self._steps_wanted:
             look()
@@ -129,15 +124,7 @@ def live(
 ) -> Iterator[Observer]:
     """Yield an observer that shows a trial in a viewer, and makes it last as long as it would, divided by `speed`.
 
-    Args:
-        viewer: A running viewer.
-        intake: The port at which it takes chunks.
-        scenario: The trial's scenario.
-        seed: The trial's seed.
-        level: How much is shown.
-        speed: How many times as fast as real robots.
-        memory: Fields of the controllers' MEMORY to show, each once.
-        wait: Waits between steps; it may return keys, see `Pace`.
+    `intake` is the port at which the viewer takes chunks, `memory` has fields of the controllers' MEMORY to show.
 
     Raises:
         RecordingError: The viewer was closed before the trial ended.
@@ -155,11 +142,11 @@ def live(
                 viewer.wait()  # which raises if it broke down
                 raise RecordingError(CLOSED)
 
-        def show(time_s: float, record: Callable[[], None]) -> None:
+        def show(time_s: float, record: Callable[..., None], *given: Any) -> None:
             nonlocal shown_s
             pace.wait_until(time_s)
             check_viewer()
-            record()
+            record(*given)
             shown_s = time_s
             if pace.is_paused:
                 recorder.flush()
@@ -167,8 +154,8 @@ def live(
 
         def observe(event: Any, state: TrialState) -> None:
             while (moment_s := shown_s + look_s) < event.time_s:  # agents move on between two events
-                show(moment_s, partial(recorder.catch_up, moment_s))
-            show(event.time_s, lambda: recorder(event, state))
+                show(moment_s, recorder.catch_up, moment_s)
+            show(event.time_s, recorder, event, state)
 
         yield observe
         recorder.finish()

@@ -10,7 +10,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -19,10 +19,8 @@ import rerun_cli
 from epuck_sim.errors import RecordingError
 from epuck_sim.util.machine import HOST
 
-_FOLDER = Path(rerun_cli.__file__).parent
-_BUNDLED = _FOLDER / "Rerun.app" / "Contents" / "MacOS" / "Rerun"
-
-PROGRAM = (str(_BUNDLED if _BUNDLED.exists() else _FOLDER / "rerun"),)
+_PATHS = [Path(rerun_cli.__file__).with_name(name) for name in ("Rerun.app", "rerun")]
+PROGRAM = (str(_PATHS[0] / "Contents/MacOS/Rerun" if _PATHS[0].exists() else _PATHS[1]),)
 """The program in rerun's package, itself: the package's own way to start it hides how it ends."""
 
 ENVIRONMENT = {"RERUN_ANALYTICS": "0", "RUST_LOG": "warn"}
@@ -68,12 +66,8 @@ def in_background(*arguments: str) -> Iterator["ViewerProcess"]:
             if signal.getsignal(number) in (signal.SIG_IGN, signal.SIG_DFL):
                 replaced[number] = signal.signal(number, signal.default_int_handler)
     try:
-        with tempfile.TemporaryFile("w+") as log:
-            started = ViewerProcess(log, *arguments)
-            try:
-                yield started
-            finally:
-                started.end()
+        with tempfile.TemporaryFile("w+") as log, closing(ViewerProcess(log, *arguments)) as started:
+            yield started
     finally:
         for number, handler in replaced.items():
             signal.signal(number, handler)
@@ -121,7 +115,7 @@ class ViewerProcess:
             return RecordingError(NO_GRAPHICS)
         return RecordingError(f"the viewer does not work: {output.strip()[-1000:] or 'it does not answer'}")
 
-    def end(self) -> None:
+    def close(self) -> None:
         """End it, if it has not ended yet."""
         self._process.terminate()
         try:

@@ -122,19 +122,13 @@ def read_layout(path: Path) -> rrb.Blueprint | None:
     """
     trial = _trial_of(path, Entities(path))
     try:
-        return layout_of(_scenario(trial), Level(trial["level"]), _fields(trial))
+        return layout_of(_scenario(trial), Level(trial["level"]), trial["memory"])
     except (ScenarioError, KeyError, ValueError):
         return None
 
 
 def read_recording(path: Path | str) -> Recorded:
-    """Read a recording of any level into arrays.
-
-    Args:
-        path: The file, whose name ends in `.rrd`.
-
-    Returns:
-        The trial's scenario, seed and outcome, and a row for each recorded moment.
+    """Read a recording of any level, FILE.rrd, into arrays, with a row for each recorded moment.
 
     Raises:
         RecordingError: The file is no complete recording, or one of another program or version.
@@ -150,7 +144,7 @@ def read_recording(path: Path | str) -> Recorded:
         raise RecordingError(f"{path}: is not a complete recording: {error}") from error
 
 
-SCALARS = "Scalars:scalars"
+SCALARS = "Scalars:scalars"  # a component
 _READ = (
     *(series.ORDER_AT_STEPS, series.ORDER_AT_FIRINGS, series.FLASHES, series.PHASES, series.EVENTS),
     *(ROBOTS, HEADINGS, MOVABLES, SIGHTINGS, CONTACTS, LINKS),
@@ -166,7 +160,7 @@ def _trial_of(path: Path, entities: Entities) -> dict[str, Any]:
             f"{path}: is a recording of format {trial.get('format', 'unknown')}, made by {made_by}; this version of "
             f"epuck-sim reads format {FORMAT}"
         )
-    return trial
+    return {**trial, "memory": json.loads(trial.get("memory", "[]"))}
 
 
 def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
@@ -202,18 +196,12 @@ def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) 
         headings=headings,
         ring_on=rows(ROBOTS, "Points2D:class_ids", count) == 1,
         movables=rows(MOVABLES, "Points2D:positions", movables, 2).astype(np.float32),
-        memory={name: rows(series.memory_entity(name), SCALARS, count, is_there=True) for name in _fields(trial)},
+        memory={name: rows(series.memory_entity(name), SCALARS, count, is_there=True) for name in trial["memory"]},
         events=tuple(
             zip(entities.times(series.EVENTS).tolist(), entities.texts(series.EVENTS, "TextLog:text"), strict=True)
         ),
         links=_read_links(entities, scenario, positions, headings) if level is Level.FULL else None,
     )
-
-
-def _fields(trial: dict[str, Any]) -> list[str]:
-    """Return the fields of memory in a recording."""
-    fields: list[str] = json.loads(trial.get("memory", "[]"))
-    return fields
 
 
 def _scenario(trial: dict[str, Any]) -> Scenario:
@@ -226,11 +214,12 @@ def _scenario(trial: dict[str, Any]) -> Scenario:
         raise ScenarioError("its scenario is not a mapping of keys to values")
     scenario = validate(given, "its scenario")
     picture = scenario.arena.floor.picture if isinstance(scenario, EmbodiedScenario) else None
-    if not isinstance(scenario, EmbodiedScenario) or not picture or Path(picture).is_file():
-        return scenario
-    warnings.warn(f"{scenario.name}: the picture of its floor is left out: there is no file {picture}", stacklevel=4)
-    floor = scenario.arena.floor.model_copy(update={"picture": None})
-    return scenario.model_copy(update={"arena": scenario.arena.model_copy(update={"floor": floor})})
+    if picture and not Path(picture).is_file():
+        said = f"{scenario.name}: the picture of its floor is left out: there is no file {picture}"
+        warnings.warn(said, stacklevel=4)
+        del given["arena"]["floor"]["picture"]
+        return validate(given, "its scenario")
+    return scenario
 
 
 BETWEEN_CM = 1e-3  # largest distance of a contact of two robots from the point between them, as it is recorded
@@ -243,26 +232,19 @@ def _read_links(entities: Entities, scenario: Scenario, positions: Float32Array,
     middles = np.nan_to_num(positions.astype(np.float64), nan=np.inf)
     if isinstance(scenario, ParticleScenario):
         side_cm = scenario.space.side_cm if scenario.space.boundary == "cyclic" else np.inf
-        pulses = _read_arrows(entities, LINKS, middles, middles, side_cm)
-        return Links(np.empty((0, 4), np.int64), np.empty((0, 3), np.int64), np.empty((0, 2)), pulses)
+        return Links(pulses=_read_arrows(entities, LINKS, middles, middles, side_cm))
     assert isinstance(scenario, EmbodiedScenario)  # no other model has cameras
     kinds = scenario.robot_kinds
     forward_cm = np.array([kind.camera_forward_cm for kind in kinds])[:, None]
     cameras = np.nan_to_num(middles + forward_cm * unit_vectors(headings), nan=np.inf)
     sightings = _read_arrows(entities, SIGHTINGS, cameras, middles, np.inf)
-    contacts, points = _read_contacts(entities, middles, np.array([kind.radius_cm for kind in kinds]))
-    return Links(sightings, contacts, points, np.empty((0, 4), np.int64))
+    return Links(sightings, *_read_contacts(entities, middles, np.array([kind.radius_cm for kind in kinds])))
 
 
 def _read_arrows(entities: Entities, entity: str, tails: FloatArray, heads: FloatArray, cycle_cm: float) -> IntArray:
     """Return (arrows, 4) row, number at the tail, number at the head, class of each arrow of an entity.
 
-    Args:
-        entities: Holds the entity.
-        entity: Name of the entity.
-        tails: (rows, count, 2) cm: where an arrow of each robot or agent begins.
-        heads: (rows, count, 2) cm: where an arrow to each ends.
-        cycle_cm: Side of a cyclic space, beyond which an arrow may lead; else infinite.
+    Arrows begin at (rows, count, 2) cm, `tails`, of each robot or agent, and end at one of `heads`; see `nearest`.
     """
     rows = _rows_of(entities, entity, "Arrows2D:origins", len(tails))
     origins = entities.values(entity, "Arrows2D:origins").reshape(-1, 2)
@@ -287,9 +269,8 @@ def _read_contacts(entities: Entities, positions: FloatArray, radii_cm: FloatArr
         between = places[first] + shares[:, None] * (places - places[first])
         distance_cm = np.hypot(*(between - point).T)
         distance_cm[first] = np.inf
-        second = int(distance_cm.argmin())
-        if distance_cm[second] <= BETWEEN_CM:
-            contact[1:] = sorted((first, second))
+        if distance_cm.min() <= BETWEEN_CM:
+            contact[1:] = sorted((first, int(distance_cm.argmin())))
     return contacts, points
 
 
@@ -302,20 +283,16 @@ def _rows_of(entities: Entities, entity: str, component: str, row_count: int) ->
 
 
 def nearest(points: FloatArray, places: FloatArray, rows: IntArray, cycle_cm: float) -> IntArray:
-    """Return (points,) the number of the place in its row that is nearest to each point.
+    """Return (points,) the number of that of (rows, count, 2) places in its row that is nearest to each of (points, 2).
 
-    Args:
-        points: (points, 2) cm.
-        places: (rows, count, 2) cm.
-        rows: (points,) row of each point.
-        cycle_cm: Side of a cyclic space, across whose edges the nearest place may lie; else infinite.
+    It may lie across the edges of a cyclic space with this side; the side of others is infinite.
     """
-    found = np.empty(len(points), np.int64)
+    found = [np.empty(0, np.int64)]
     block = max(1, BLOCK // max(1, places.shape[1]))
     for start in range(0, len(points), block):
         part = slice(start, start + block)
         away = np.abs(points[part, None] - places[rows[part]])
         if cycle_cm < np.inf:
             away = np.minimum(away, np.abs(cycle_cm - away))
-        found[part] = (away**2).sum(axis=2).argmin(axis=1)
-    return found
+        found.append((away**2).sum(axis=2).argmin(axis=1))
+    return np.concatenate(found)

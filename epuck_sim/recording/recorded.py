@@ -17,12 +17,12 @@ from epuck_sim.scenario.scenario import Scenario
 
 
 class Links(NamedTuple):
-    """Links of a trial; what its model does not have has no rows."""
+    """Links of a trial, a row each; what its model does not have has none."""
 
-    sightings: IntArray  # (sightings, 4) row, robot that looks, robot in its view, and 1 if that is seen lit
-    contacts: IntArray  # (contacts, 3) row, robot, and the robot that it touches, or -1: a wall, obstacle or movable
-    contact_points: FloatArray  # (contacts, 2) cm: where they touch, in the same order
-    pulses: IntArray  # (pulses, 4) row, agent that fires, agent that receives, and 1 if its phase shifts
+    sightings: IntArray = np.empty((0, 4), np.int64)  # row, robot that looks, robot in its view, 1 if it is seen lit
+    contacts: IntArray = np.empty((0, 3), np.int64)  # row, robot, robot that it touches, or -1: what is no robot
+    contact_points: FloatArray = np.empty((0, 2))  # cm: where they touch, in the same order
+    pulses: IntArray = np.empty((0, 4), np.int64)  # row, agent that fires, agent that receives, 1 if its phase shifts
 
 
 class Recorded(NamedTuple):
@@ -75,8 +75,8 @@ class Recorded(NamedTuple):
 
     def arena_at(self, row: int) -> Arena:
         """Return the arena with its walls, and with its movables where they are, in a row."""
-        stand = [arena for time_s, arena in self.arenas if time_s <= self.time_s[row]]
-        return stand[-1].with_movables_at(self.movables[row])
+        *_, stands = (arena for time_s, arena in self.arenas if time_s <= self.time_s[row])
+        return stands.with_movables_at(self.movables[row])
 
     @property
     def arenas(self) -> list[tuple[float, Arena]]:

@@ -72,32 +72,27 @@ class Recorder:
         write: Callable[[Iterable[Chunk]], None],
         memory: Sequence[str] = (),
     ) -> None:
-        """Write what does not change; the simulation need not exist yet, and at most `buffer_s` of it is held back.
-
-        Raises:
-            RecordingError: The scenario cannot be recorded.
-        """
-        self._level = level
-        self._send = write
+        """Write what does not change; the simulation need not exist yet, and at most `buffer_s` of it is held back."""
+        self._level, self._send = level, write
         self._population = population = population_of(scenario)
         self._threshold = scenario.stop.order_parameter
         self._state: TrialState | None = None
         self._capacity = max(1, int(min(buffer_s * population.rows_per_s, BUFFER_ROWS / population.size)))
         self._buffer: Any
-        self._layers: RobotLayers | AgentLayers | None = None
+        self._layers: list[RobotLayers | AgentLayers]  # of a full recording
         if isinstance(scenario, EmbodiedScenario):
-            self._buffer = RobotBuffer(scenario, level, self._capacity, memory)
-            self._layers = RobotLayers(scenario, population) if level is Level.FULL else None
+            self._buffer = RobotBuffer(scenario, level, memory)
+            self._layers = [RobotLayers(scenario, population)] if level is Level.FULL else []
         else:
             assert isinstance(scenario, ParticleScenario), "other models have no population"
             self._buffer = AgentBuffer(scenario, seed, level)
-            self._layers = AgentLayers(scenario, population) if level is Level.FULL else None
+            self._layers = [AgentLayers(scenario, population)] if level is Level.FULL else []
         self._texts = Texts()
         self._write(
             _description(scenario, seed, level, memory),
             static_time_series(population, level, memory),
             static_arena_entities(population, level) if level is not Level.SUMMARY else (),
-            self._layers.static_chunks() if self._layers is not None else (),
+            *(layers.static_chunks() for layers in self._layers),
         )
 
     def __call__(self, event: Any, state: TrialState) -> None:
@@ -121,7 +116,7 @@ class Recorder:
             self._texts.chunks(batch, self._state) if self._state is not None else (),
             time_series(batch, population, self._threshold, self._level),
             arena_entities(batch, population) if self._level is not Level.SUMMARY else (),
-            self._layers.chunks(batch) if self._layers is not None else (),
+            *(layers.chunks(batch) for layers in self._layers),
         )
 
     def _write(self, *parts: Iterable[Chunk]) -> None:
@@ -134,9 +129,8 @@ class Recorder:
         if self._state is not None:
             cycles, synchronised = self._state.outcome.cycles, self._state.is_synchronised
         self.flush()
-        if isinstance(self._layers, RobotLayers):
-            self._write(self._layers.final_chunks())
-        self._write([Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
+        final = (layers.final_chunks() for layers in self._layers if isinstance(layers, RobotLayers))
+        self._write(*final, [Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
 
 
 def _recording_id(scenario: Scenario, seed: int, level: Level, memory: Sequence[str]) -> str:

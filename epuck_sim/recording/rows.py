@@ -42,25 +42,22 @@ class Population(NamedTuple):
     radii_cm: FloatArray  # (size,) of the disc that is drawn for each
     arena: Arena  # at the start; of agents their square, the base of their cube, or a segment of height 0
     largest_cm: tuple[float, float]  # largest width and height that the arena has
-    arena_changes: bool  # whether walls or obstacles may change
-    is_cyclic: bool
-    is_cube: bool  # whether the space has a third dimension, along which it is seen
     period_ms: FloatArray  # (size,) nominal periods; NaN for a robot that is no oscillator
     reference: int
     rows_per_s: float  # fewest rows of a simulated second
     path_s: float  # length of the drawn paths
+    arena_changes: bool = False  # whether walls or obstacles may change
+    is_cyclic: bool = False
+    is_cube: bool = False  # whether the space has a third dimension, along which it is seen
 
 
 def population_of(scenario: Scenario) -> Population:
     """Return a scenario's population; raise RecordingError if its model, or its period, cannot be recorded."""
-    if isinstance(scenario, EmbodiedScenario):
-        return _robots(scenario)
     if isinstance(scenario, ParticleScenario):
         return _agents(scenario)
-    raise RecordingError(f"{scenario.name}: model: {scenario.model} cannot be recorded; allowed: embodied, particles")
-
-
-def _robots(scenario: EmbodiedScenario) -> Population:
+    if not isinstance(scenario, EmbodiedScenario):
+        allowed = "allowed: embodied, particles"
+        raise RecordingError(f"{scenario.name}: model: {scenario.model} cannot be recorded; {allowed}")
     periods = [1000 * group.parameters.get("period_s", math.nan) for group in scenario.robots]
     return Population(
         noun="robot",
@@ -69,13 +66,11 @@ def _robots(scenario: EmbodiedScenario) -> Population:
         radii_cm=np.array([kind.radius_cm for kind in scenario.robot_kinds]),
         arena=scenario.arena.build(),
         largest_cm=largest_cm(scenario),
-        arena_changes=bool(arena_entries(scenario)),
-        is_cyclic=False,
-        is_cube=False,
         period_ms=np.repeat(periods, [group.count for group in scenario.robots]),
         reference=scenario.stop.reference_robot,
         rows_per_s=scenario.timing.control_hz,
         path_s=PATH_S,
+        arena_changes=bool(arena_entries(scenario)),
     )
 
 
@@ -94,13 +89,12 @@ def _agents(scenario: ParticleScenario) -> Population:
         radii_cm=np.full(count, side_cm / SIDE_IN_RADII),
         arena=make_arena(side_cm, height_cm, (), ()),
         largest_cm=(side_cm, height_cm),
-        arena_changes=False,
-        is_cyclic=scenario.space.boundary == "cyclic",
-        is_cube=scenario.space.dimensions == 3,
         period_ms=np.full(count, 1000 * period_s),
         reference=scenario.stop.reference,
         rows_per_s=ROWS_PER_PERIOD / period_s,
         path_s=PATH_CYCLES * period_s,
+        is_cyclic=scenario.space.boundary == "cyclic",
+        is_cube=scenario.space.dimensions == 3,
     )
 
 
@@ -136,38 +130,33 @@ _OF_STEPS: dict[Level, dict[str, type]] = {
 class RobotBuffer:
     """Gathers steps of robots, a row each."""
 
-    def __init__(self, scenario: EmbodiedScenario, level: Level, capacity: int, memory: Sequence[str]) -> None:
-        """Prepare for at most `capacity` rows; memory: fields and readings to keep."""
+    def __init__(self, scenario: EmbodiedScenario, level: Level, memory: Sequence[str]) -> None:
+        """Begin without rows; memory: fields and readings to keep."""
         levels = list(Level)
         kept = levels[: levels.index(level) + 1]
         self._kinds = {name: kind for each in kept for name, kind in _OF_STEPS[each].items()}
         self._fields = memory
-        self._capacity = capacity
         self._step_ns = scenario.timing.step_ms * 1_000_000
         self._next_step = 0
         self._cycles = 0  # of the reference
         self._ring_before = np.zeros((1, scenario.robot_count), np.bool_)
         self._phase_before = np.full((1, scenario.robot_count), np.nan)
         self._flashes = np.zeros(scenario.robot_count, np.int64)  # of each robot, before the first row
-        self.row_count = 0
+        self._clear()
 
-    def _begin(self, step: Step) -> None:
-        """Take new arrays, for rows like a first one: those that were returned are not written to again."""
-        self._arrays: dict[str, npt.NDArray[Any]] = {
-            name: np.empty((self._capacity, *getattr(step, name).shape), kind) for name, kind in self._kinds.items()
-        }
+    def _clear(self) -> None:
+        self.row_count = 0
+        self._rows: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in self._kinds}
         self._firings: list[tuple[int, float]] = []
-        self._arenas: list[tuple[int, Arena]] = [(0, step.arena)]
+        self._arenas: list[tuple[int, Arena]] = []
         self._memory: list[list[FloatArray]] = []
 
     def append(self, step: Step, watch: SynchronyWatch) -> None:
         """Add a step."""
         row, self._watch = self.row_count, watch
-        if not row:
-            self._begin(step)
-        for name, array in self._arrays.items():
-            array[row] = getattr(step, name)
-        if step.arena is not self._arenas[-1][1]:
+        for name, kind in self._kinds.items():
+            self._rows[name].append(np.array(getattr(step, name), kind))
+        if not row or step.arena is not self._arenas[-1][1]:
             self._arenas.append((row, step.arena))
         self._memory.append([field_values(step, field) for field in self._fields])
         if watch.cycles > self._cycles:
@@ -178,7 +167,7 @@ class RobotBuffer:
 
     def flush(self) -> RowBatch:
         """Return the rows, of which there must be one at least, and remove them."""
-        arrays = {name: array[: self.row_count] for name, array in self._arrays.items()}
+        arrays = {name: np.array(rows) for name, rows in self._rows.items()}
         ring_on, phase_ms = arrays["ring_on"], arrays["phase_ms"]
         ring_before = np.concatenate([self._ring_before, ring_on[:-1]])
         phase_before = np.concatenate([self._phase_before, phase_ms[:-1]])
@@ -196,8 +185,8 @@ class RobotBuffer:
             **arrays,
         )
         self._next_step += self.row_count
-        self._ring_before, self._phase_before, self._flashes = ring_on[-1:].copy(), phase_ms[-1:].copy(), counts[-1]
-        self.row_count = 0
+        self._ring_before, self._phase_before, self._flashes = ring_on[-1:], phase_ms[-1:], counts[-1]
+        self._clear()
         return batch
 
 

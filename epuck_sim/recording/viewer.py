@@ -96,14 +96,8 @@ def chunk_stream(intake: int, recording_id: str, layout: rrb.Blueprint | None) -
         stream.disconnect()
 
 
-def draw_screenshot(path: Path, at_s: float, picture: Path, size: str = "1600x900") -> None:
-    """Draw what the viewer shows of a recording at a moment into a PNG file; this needs no display.
-
-    Args:
-        path: The recording.
-        at_s: The moment, in seconds of simulated time.
-        picture: The file to write.
-        size: Width and height in pixels.
+def draw_screenshot(path: Path, at_s: float, picture: Path) -> None:
+    """Draw what the viewer shows of a recording at a moment of simulated time into a PNG file; this needs no display.
 
     Raises:
         RecordingError: There is no graphics driver (a software one such as Mesa's will do), or the viewer fails.
@@ -112,7 +106,7 @@ def draw_screenshot(path: Path, at_s: float, picture: Path, size: str = "1600x90
     from rerun.experimental import ViewerClient  # noqa: PLC0415 changes to this unstable module must break nothing else
 
     port = free_port()
-    hidden = ("--headless", "--window-size", size, "--hide-welcome-screen", "--port", str(port))
+    hidden = ("--headless", "--window-size", "1600x900", "--hide-welcome-screen", "--port", str(port))
     with atomic_write(picture) as part, in_background(*hidden) as canvas:
         canvas.wait_for(port)
 
