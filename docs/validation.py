@@ -21,7 +21,6 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from epuck_sim import load_scenario, read_points, run_sweep
-from epuck_sim.arrays import FloatArray
 from epuck_sim.estimate import Estimate
 from epuck_sim.figures.labels import format_axis_values
 from epuck_sim.figures.style import COLUMN_CM, choose_looks, style
@@ -32,13 +31,10 @@ from epuck_sim.sweep.executors import local_pool
 from epuck_sim.util.atomic_write import atomic_write
 
 DOCS = Path(__file__).parent
-SEED = 35
-"""Seed of all sweeps: no other page has trials of it."""
+SEED = 35  # of all sweeps: no other page has trials of it
 LEVEL = 0.025
 """Chance of a finding in single points, and of one in whole tables, if the simulators agree: 0.05 together."""
-FARTHEST = 3
-"""Number of points that the page names."""
-
+FARTHEST = 3  # number of points that the page names
 LIMIT = "stop.max_cycles"
 
 Row = Mapping[str, str]
@@ -47,14 +43,11 @@ Row = Mapping[str, str]
 class Peer(NamedTuple):
     """Another simulator's table, and what our trials of its points are."""
 
-    table: str
-    """Stem of its file in docs/peers."""
+    table: str  # stem of its file in docs/peers
     what: str
     scenario: str
-    trials: int
-    """Number of our trials a point."""
-    axes: Callable[[Row], dict[str, Any]]
-    """Returns the keys of our scenario at the point of a row."""
+    trials: int  # number of our trials a point
+    axes: Callable[[Row], dict[str, Any]]  # returns the keys of our scenario at the point of a row
 
     def read(self) -> list[list[Row]]:
         """Return the rows of each point, in the table's order."""
@@ -120,10 +113,8 @@ class Compared(NamedTuple):
     axes: Mapping[str, Any]
     theirs: Measured
     ours: Measured
-    p_values: Mapping[str, float]
-    """p-value of each test, by its name; empty where all trials of both have one value."""
-    z: float
-    """That of the test of Mann and Whitney: above 0 if ours takes longer."""
+    p_values: Mapping[str, float]  # of each test, by its name; empty where all trials of both have one value
+    z: float  # that of the test of Mann and Whitney: above 0 if ours takes longer
 
 
 def compare_point(axes: Mapping[str, Any], theirs: Measured, ours: Measured) -> Compared:
@@ -146,14 +137,10 @@ class Overall(NamedTuple):
 
     peer: Peer
     points: Sequence[Compared]
-    compared: int
-    """Number of points at which not all trials have one value."""
-    chi_square: float
-    """Sum of z squared."""
-    ratio: Estimate
-    """Geometric mean over points of the mean of ours over that of theirs."""
-    p_values: Mapping[str, float]
-    """p-value of each test of the whole table, by its name."""
+    compared: int  # number of points at which not all trials have one value
+    chi_square: float  # sum of z squared
+    ratio: Estimate  # geometric mean over points of the mean of ours over that of theirs
+    p_values: Mapping[str, float]  # of each test of the whole table, by its name
 
 
 def compare_table(peer: Peer, points: Sequence[Compared]) -> Overall:
@@ -183,15 +170,12 @@ def run(peer: Peer, folder: Path, every: int, workers: int | None) -> Overall:
     own.parent.mkdir(parents=True, exist_ok=True)
     if run_sweep(scenario, own, partial(local_pool, workers)).failed:
         sys.exit(f"{own}: trials failed; see epuck-sim status")
-    points = zip(map(measure_t_sync, read_points(own)), groups, strict=True)
-    return compare_table(
-        peer, [compare_point(peer.axes(rows[0]), _theirs(rows, ours.limit), ours) for ours, rows in points]
-    )
-
-
-def _theirs(rows: Sequence[Row], limit: float) -> Measured:
-    times, ended = np.array([float(row["T_sync"]) for row in rows]), np.array([row["censored"] == "0" for row in rows])
-    return Measured(times, ended, limit, SEED)
+    compared = []
+    for ours, rows in zip(map(measure_t_sync, read_points(own)), groups, strict=True):
+        times, ended = np.array([(row["T_sync"], row["censored"] == "0") for row in rows], float).T
+        theirs = Measured(times, ended == 1, ours.limit, SEED)
+        compared.append(compare_point(peer.axes(rows[0]), theirs, ours))
+    return compare_table(peer, compared)
 
 
 PAGE = """# Validation against other simulators
@@ -205,6 +189,8 @@ and ends with exit code 1 if anything is found.
 
 {verdict}
 
+|  | points compared | trials, theirs | ours | ratio of means | chi-square | p | of a shift | smallest |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |
 {tables}
 
 At each point the tests of Mann and Whitney, of Kolmogorov and Smirnov and, where trials are censored, the log-rank
@@ -220,6 +206,8 @@ Robots of chapter 3 see by Enki's camera in both ([signals.md](signals.md)).
 
 The points that are farthest apart, with uncorrected p-values:
 
+|  | point | mean, theirs | ours | smallest p |
+| --- | --- | --- | --- | --- |
 {farthest}
 """
 
@@ -240,33 +228,15 @@ def write_page(tables: Sequence[Overall], page: Path, figure: Path, command: str
             f"{sum(len(point.ours.values) for point in each.points):,}",
             str(each.ratio),
             f"{each.chi_square:.1f}",
-            f"{each.p_values['chi-square']:.2g}",
-            f"{each.p_values['shift']:.2g}",
+            *(f"{p:.2g}" for p in each.p_values.values()),
             f"{min(p for point in each.points for p in point.p_values.values()):.2g}",
         ]
         for each in tables
     ]
-    heads = [
-        "",
-        "points compared",
-        "trials, theirs",
-        "ours",
-        "ratio of means",
-        "chi-square",
-        "p",
-        "of a shift",
-        "smallest",
-    ]
-    text = PAGE.format(
-        command=command,
-        seed=SEED,
-        level=LEVEL,
-        verdict=verdict,
-        tables=_table(heads, rows),
-        farthest=_table(["", "point", "mean, theirs", "ours", "smallest p"], _farthest(tables)),
-    )
+    given = {"command": command, "seed": SEED, "level": LEVEL, "verdict": verdict}
     draw(tables, figure)
     with atomic_write(page) as part:
+        text = PAGE.format(tables=_lines(rows), farthest=_lines(_farthest(tables)), **given)
         part.write_text(text, encoding="utf-8")
 
 
@@ -290,8 +260,8 @@ def _telling(points: Sequence[Compared]) -> list[str]:
     return [key for key in columns if key in known.values() and len(set(columns[key])) > 1]
 
 
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in [heads, ["---"] * len(heads), *rows])
+def _lines(rows: Iterable[Sequence[str]]) -> str:
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
 
 
 def draw(tables: Sequence[Overall], path: Path) -> None:
@@ -307,7 +277,8 @@ def draw(tables: Sequence[Overall], path: Path) -> None:
             )
             looks: dict[str, Any] = {"color": look.colour, "marker": look.marker, "linestyle": "", "markersize": 2.5}
             left.semilogx(theirs, ours / theirs, label=each.peer.what, **looks)
-            right.plot(_quantiles(len(points)), np.sort([point.z for point in points]), **looks)
+            quantiles = stats.norm.ppf((np.arange(len(points)) + 0.5) / len(points))
+            right.plot(quantiles, np.sort([point.z for point in points]), **looks)
         left.axhline(1, color="0.35", linewidth=0.6)
         right.axline((0, 0), slope=1, color="0.35", linewidth=0.6)
         left.set(xlabel="mean T_sync of theirs [cycles]", ylabel="mean of ours over that of theirs")
@@ -316,25 +287,18 @@ def draw(tables: Sequence[Overall], path: Path) -> None:
         figure.savefig(part, format="png", dpi=130)
 
 
-def _quantiles(count: int) -> FloatArray:
-    return np.asarray(stats.norm.ppf((np.arange(count) + 0.5) / count))
-
-
 def main(words: Sequence[str] | None = None) -> int:
     """Run, write the page, print the verdict, and return 1 if anything is found."""
     parser = argparse.ArgumentParser(prog="python -m docs.validation", description=__doc__)
     parser.add_argument("folder", nargs="?", type=Path, default=Path("runs/validation"), help="folder of run folders")
-    parser.add_argument(
-        "--every", type=int, default=1, help="take every such point of a table; the page goes into FOLDER"
-    )
+    every = "take every such point of a table; the page goes into FOLDER"
+    parser.add_argument("--every", type=int, default=1, help=every)
     parser.add_argument("--workers", type=int, help="worker processes; all cores by default")
     given = parser.parse_args(words)
     tables = [run(peer, given.folder, given.every, given.workers) for peer in PEERS]
-    is_whole = given.every == 1
-    out = DOCS if is_whole else given.folder
+    out, more = (DOCS, "") if given.every == 1 else (given.folder, f" --every {given.every}")
     (out / "figures").mkdir(exist_ok=True)
-    command = "python -m docs.validation" + ("" if is_whole else f" --every {given.every}")
-    write_page(tables, out / "validation.md", out / "figures/validation.png", command)
+    write_page(tables, out / "validation.md", out / "figures/validation.png", f"python -m docs.validation{more}")
     smallest, overall = findings(tables)
     print(f"smallest p of a point {smallest:.2g}, of a table {overall:.2g}, corrected; {out / 'validation.md'}")
     return int(min(smallest, overall) < LEVEL)

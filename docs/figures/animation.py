@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import EllipseCollection
+from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -49,8 +49,8 @@ def draw(scenario: EmbodiedScenario, steps: list[tuple[Any, ...]]) -> Iterator[I
     """Yield a picture of each frame: robots are lit if they were in any of its steps, as with an open shutter."""
     robots, side_cm, threshold = scenario.robot_count, scenario.arena.width_cm, scenario.stop.order_parameter or 1
     figure = Figure(figsize=(8.6, 3.6), dpi=100, facecolor=NIGHT)
-    canvas = FigureCanvasAgg(figure)
-    limits = {"facecolor": FLOOR, "xticks": (), "yticks": (), "xlim": (0, steps[-1][0])}
+    canvas: Any = FigureCanvasAgg(figure)
+    limits: dict[str, Any] = {"facecolor": FLOOR, "xticks": (), "yticks": (), "xlim": (0, steps[-1][0])}
     arena = figure.add_axes((0.035, 0.083, 0.349, 0.833), **{**limits, "xlim": (0, side_cm), "ylim": (0, side_cm)})
     raster = figure.add_axes((0.5, 0.385, 0.465, 0.47), **limits, ylim=(robots, 0))
     curve = figure.add_axes((0.5, 0.09, 0.465, 0.18), **limits, ylim=(0, 1.1))
@@ -59,12 +59,12 @@ def draw(scenario: EmbodiedScenario, steps: list[tuple[Any, ...]]) -> Iterator[I
     raster.set_title("flashes of ten robots, one row each", color=TEXT, loc="left")
     curve.axhline(threshold, color=LINE)
     (course,) = curve.plot([], [], color=TEXT)
-    widths = np.full((2, robots), 2 * epuck.RADIUS_CM)
-    places = {"offsets": np.zeros((robots, 2)), "offset_transform": arena.transData}
-    discs = [EllipseCollection(*(size * widths), [0], units="xy", linewidths=0, **places) for size in (1.45, 1)]
-    for each in discs:
-        arena.add_collection(each)
-    headings = arena.quiver(*np.zeros((4, robots)), color=FLOOR, scale=1, scale_units="xy", headwidth=1, headlength=0)
+    at: dict[str, Any] = {"units": "xy", "offsets": np.zeros((robots, 2)), "offset_transform": arena.transData}
+    widths = [np.full(robots, 2 * size * epuck.RADIUS_CM) for size in (1.45, 1)]
+    discs = [EllipseCollection(width, width, [0], linewidths=0, **at) for width in widths]
+    headings = LineCollection([], colors=FLOOR, zorder=3)
+    for marks in (*discs, headings):
+        arena.add_collection(marks)
     firings: list[tuple[float, float]] = []
     was_lit = np.ones(robots, bool)
     for first in range(0, len(steps) - STEPS_A_FRAME + 1, STEPS_A_FRAME):
@@ -77,9 +77,10 @@ def draw(scenario: EmbodiedScenario, steps: list[tuple[Any, ...]]) -> Iterator[I
         course.set_data(*np.reshape(firings, (-1, 2)).T)
         discs[0].set_facecolor([GLOW if is_lit else FLOOR for is_lit in lit])
         discs[1].set_facecolor([LIT if is_lit else DARK for is_lit in lit])
-        for each in (*discs, headings):
+        for each in discs:
             each.set_offsets(poses[:, :2])
-        headings.set_UVC(*(epuck.RADIUS_CM * np.array([np.cos(poses[:, 2]), np.sin(poses[:, 2])])))
+        ahead = epuck.RADIUS_CM * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+        headings.set_segments([*np.stack([poses[:, :2], poses[:, :2] + ahead], axis=1)])
         in_step = "in step" if order is not None and order >= threshold else "not yet in step"
         curve.set_title(f"order parameter: {in_step}", color=TEXT, loc="left")
         curve.set_title(f"{time_s:.1f} s", color=TEXT, loc="right")

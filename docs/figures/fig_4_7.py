@@ -66,7 +66,7 @@ def measure(points: list[PointTrials]) -> None:
         extremes = (np.nanmean(times), np.nanmin(times), np.nanmax(times))
         row = [*point.axes.values(), *extremes, int(np.isnan(times).sum()), len(cycles), cycles.mean(), error]
         rows.append([f"{value:.4g}" for value in row])
-    columns = "speed_cm_s film_mean film_min film_max film_never trials mean standard_error".split()
+    columns = ["speed_cm_s", "film_mean", "film_min", "film_max", "film_never", "trials", "mean", "standard_error"]
     OUT.write_text(csv_text(columns, rows))
 
 

@@ -140,7 +140,7 @@ def write_table(lines: list[Line]) -> None:
             numbers = (times.values[place], *times.intervals[place], rates.values[place], *rates.intervals[place])
             cells = [f"{number:.4g}" for number in numbers]
             rows.append([line.name, speed, times.trials[place], f"{times.censored[place]:.3g}", *cells])
-    columns = "curve speed_cm_s trials censored t_sync low high rate low high".split()
+    columns = ["curve", "speed_cm_s", "trials", "censored", "t_sync", "low", "high", "rate", "low", "high"]
     OUT.with_suffix(".csv").write_text(csv_text(columns, rows))
 
 

@@ -63,7 +63,11 @@ def links_found(whose: IntArray, identities: Identities) -> IntArray:
 
 def track(speed_cm_s: float, seed: int, side_px: int) -> tuple[Track, Truth]:
     """Return what is found in a film of a trial, whose pictures are square, and the truth."""
-    settings = {"overhead.width_px": side_px, "overhead.height_px": side_px, "robots.0.parameters.speed_cm_s": speed_cm_s}
+    settings = {
+        "overhead.width_px": side_px,
+        "overhead.height_px": side_px,
+        "robots.0.parameters.speed_cm_s": speed_cm_s,
+    }
     scenario = load_scenario("thesis", [f"{key}={value}" for key, value in settings.items()])
     assert isinstance(scenario, EmbodiedScenario)
     simulation, truth = Simulation(scenario, seed), Truth()
@@ -88,7 +92,7 @@ def main(films: int, side_px: int) -> None:
         shares = (right / links, sure / links, sure_right / max(1, sure))
         rows.append([speed_cm_s, films, links, *(f"{100 * share:.1f}" for share in shares)])
         print(*rows[-1], sep=", ", flush=True)
-    columns = "speed_cm_s films links right_percent sure_percent sure_right_percent".split()
+    columns = ["speed_cm_s", "films", "links", "right_percent", "sure_percent", "sure_right_percent"]
     Path(__file__).with_name("overhead_identities.csv").write_text(csv_text(columns, rows))
 
 

@@ -49,7 +49,7 @@ HEADER = (
     "kind films rings found_percent right_percent worst_found_percent rms_mm worst_mm t_sync_error_periods "
     "told_right told_refused told_wrong alone_right alone_refused alone_wrong "
     "hough_found_percent hough_right_percent hough_rms_mm"
-).split()
+)
 
 
 def hough_rings(picture: Picture, radius_px: float) -> FloatArray:
@@ -172,7 +172,7 @@ def main(films: int, kinds: list[str]) -> None:
             print(*made[-1].row(), sep=", ", flush=True)
             FILMS_CSV.write_text(csv_text([*Examined._fields[:5], *scores], (film.row() for film in made)))
             of_kinds = {name: [film for film in made if film.kind == name] for name in KINDS}
-            KINDS_CSV.write_text(csv_text(HEADER, (row_of(name, its) for name, its in of_kinds.items() if its)))
+            KINDS_CSV.write_text(csv_text(HEADER.split(), (row_of(name, its) for name, its in of_kinds.items() if its)))
 
 
 if __name__ == "__main__":

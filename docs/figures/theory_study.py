@@ -13,6 +13,7 @@ import csv
 import json
 import math
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +24,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim import read_points
 from epuck_sim.arrays import FloatArray
+from epuck_sim.display.table import csv_text
 from epuck_sim.figures.style import choose_looks
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.loader import load_scenario
@@ -31,14 +33,10 @@ from epuck_sim.statistics.statistic import wilson_interval
 from epuck_sim.theory.predict import predict, predict_points, without_speed
 from epuck_sim.trial.model import run_trial
 
-SETS = {"fit": (60, 1990), "more": (140, 1975), "blind": (200, 2018)}
-"""Number of scenarios and seed of each set."""
-
-BINS = (0.0, 0.1, 0.3, 0.7, 0.9, 1.01)
-"""Ends of the classes of probabilities."""
-
+SETS = {"fit": (60, 1990), "more": (140, 1975), "blind": (200, 2018)}  # number of scenarios and seed of each
+BINS = (0.0, 0.1, 0.3, 0.7, 0.9, 1.01)  # ends of the classes of probabilities
 OUT = Path(__file__).parent / "theory"
-
+BLIND = OUT.with_name("theory-blind.csv")
 BLUE, GREY = "#0072b2", "#bbbbbb"
 
 SIDE_CM = 100.0
@@ -160,44 +158,48 @@ def read(file: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in file.read_text().splitlines()]
 
 
-def judge(folder: Path) -> None:
-    """Predict the scenarios of `blind`, and write what trials say beside it: theory-blind.csv."""
-    more = {line["scenario"]["name"]: line["times"] for line in read(folder / "limits.jsonl")}
-    with OUT.with_name("theory-blind.csv").open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for line in read(folder / "blind.jsonl"):
-            given, times = line["scenario"], line["times"]
-            found, truth = predict(at_speed(given, 1.0)), decide(times)
-            stand, fast = more.get(given["name"], ([], []))
-            stands, fasts = mean_of(times[0] + stand), mean_of(times[-1] + fast)
-            if None in times[-1] + fast:
-                fasts = math.nan
-            numbers = (found.v_p_cm_s, found.t_sync_fast, found.t_sync_frozen)
-            hood = " ".join(str(value) for value in given["neighbourhood"].values())
-            space = f"{given['space']['dimensions']} {given['space']['boundary']}"
-            response = f"{given['response']['curve']} {given['response']['coupling']}"
-            row = [given["name"], space, hood, given["agents"]["count"], response, truth.verdict, f"{truth.rise:.3g}"]
-            row += [found.intermediate_regime.verdict, f"{found.intermediate_regime.probability:.3f}"]
-            v_p, t_fast, t_frozen = (f"{number.value:.4g}" for number in numbers)
-            writer.writerow([*row, truth.v_p, v_p, f"{fasts:.4g}", t_fast, f"{stands:.4g}", t_frozen])
-            file.flush()
-
-
 COLUMNS = ["scenario", "space", "neighbourhood", "agents", "response", "trials", "rise", "predicted", "probability"]
 COLUMNS += ["v_p", "v_p_predicted", "t_fast", "t_fast_predicted", "t_frozen", "t_frozen_predicted"]
 
 
+def judge(folder: Path) -> None:
+    """Predict the scenarios of `blind`, and write what trials say beside it: theory-blind.csv."""
+    more = {line["scenario"]["name"]: line["times"] for line in read(folder / "limits.jsonl")}
+    rows = []
+    for line in read(folder / "blind.jsonl"):
+        given, times = line["scenario"], line["times"]
+        found, truth = predict(at_speed(given, 1.0)), decide(times)
+        stand, fast = more.get(given["name"], ([], []))
+        stands, fasts = mean_of(times[0] + stand), mean_of(times[-1] + fast)
+        if None in times[-1] + fast:
+            fasts = math.nan
+        numbers = (found.v_p_cm_s, found.t_sync_fast, found.t_sync_frozen)
+        hood = " ".join(str(value) for value in given["neighbourhood"].values())
+        space = f"{given['space']['dimensions']} {given['space']['boundary']}"
+        response = f"{given['response']['curve']} {given['response']['coupling']}"
+        row = [given["name"], space, hood, given["agents"]["count"], response, truth.verdict, f"{truth.rise:.3g}"]
+        row += [found.intermediate_regime.verdict, f"{found.intermediate_regime.probability:.3f}"]
+        v_p, t_fast, t_frozen = (f"{number.value:.4g}" for number in numbers)
+        rows.append([*row, truth.v_p, v_p, f"{fasts:.4g}", t_fast, f"{stands:.4g}", t_frozen])
+        BLIND.write_text(csv_text(COLUMNS, rows))
+
+
+def judged() -> list[dict[str, str]]:
+    """Return the rows of theory-blind.csv."""
+    return list(csv.DictReader(BLIND.read_text().splitlines()))
+
+
+def pairs_of(rows: list[dict[str, str]], name: str, of: str) -> list[tuple[float, float]]:
+    """Return what trials say of a number and what was predicted, where they have a regime, or everywhere."""
+    return [(float(row[name]), float(row[f"{name}_predicted"])) for row in rows if row["trials"].startswith(of)]
+
+
 def summarize() -> None:
     """Write theory.txt from theory-blind.csv: confusion, calibration, and how many places and times are near."""
-    with OUT.with_name("theory-blind.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows, verdicts = judged(), ("yes", "open", "no")
     lines = [f"{len(rows)} scenarios; rows: trials, columns: predicted yes, open, no"]
-    for truth in ("yes", "open", "no"):
-        counts = [
-            sum(row["trials"] == truth and row["predicted"] == each for row in rows) for each in ("yes", "open", "no")
-        ]
-        lines.append(f"{truth}: {counts}")
+    counts = Counter((row["trials"], row["predicted"]) for row in rows)
+    lines += [f"{truth}: {[counts[truth, each] for each in verdicts]}" for truth in verdicts]
     decided = [row for row in rows if row["trials"] != "open"]
     right = [row for row in decided if (float(row["probability"]) >= 0.5) == (row["trials"] == "yes")]
     lines.append(f"right of those that trials decide, by a probability of 0.5: {len(right)} of {len(decided)}")
@@ -208,8 +210,7 @@ def summarize() -> None:
         inside = [row["trials"] == "yes" for row in decided if low <= float(row["probability"]) < high]
         lines.append(f"probability {low:g} to {high:g}: {sum(inside)} of {len(inside)} have a regime")
     for name, limit, of in (("v_p", 2.0, "yes"), ("t_fast", 1.2, ""), ("t_frozen", 1.2, "")):
-        pairs = [(float(row[name]), float(row[f"{name}_predicted"])) for row in rows if row["trials"].startswith(of)]
-        known = [(one, other) for one, other in pairs if one > 0 and other > 0]
+        known = [(one, other) for one, other in pairs_of(rows, name, of) if one > 0 and other > 0]
         near = sum(max(one / other, other / one) <= limit for one, other in known)
         lines.append(f"{name} within a factor of {limit}: {near} of {len(known)}")
     wrong = (row for row in closed if row["predicted"] != row["trials"])
@@ -219,8 +220,8 @@ def summarize() -> None:
 
 def draw_order() -> None:
     """Draw the neighbourhoods of the sweep `neighbour-change` in the order of their probability of a regime."""
-    with OUT.with_name("neighbour-change.csv").open() as file:
-        names = list(dict.fromkeys(row[0] for row in csv.reader(file)))[1:]
+    lines = OUT.with_name("neighbour-change.csv").read_text().splitlines()
+    names = list(dict.fromkeys(row["curve"] for row in csv.DictReader(lines)))
     told = OUT.with_name("neighbour-change.txt").read_text()
     no_peak = told.partition("no peak: ")[2].partition("\n")[0].split("; ")
     found = {
@@ -232,9 +233,8 @@ def draw_order() -> None:
     for place, (name, each) in enumerate(rows):
         colour = GREY if name in no_peak and "segment" not in name else BLUE
         axes.barh(place, each.intermediate_regime.probability, color=colour)
-        axes.text(
-            1.02, place, f"{each.graph.sources.value / each.graph.links.value:.2f}", va="center", fontsize="small"
-        )
+        share = each.graph.sources.value / each.graph.links.value
+        axes.text(1.02, place, f"{share:.2f}", va="center", fontsize="small")
     for colour, label in ((BLUE, "trials have a peak, or most are censored in it"), (GREY, "trials have none")):
         axes.barh(0, 0, color=colour, label=label)
     axes.set(yticks=range(len(rows)), xlim=(0, 1.12), xlabel="predicted probability of an intermediate regime")
@@ -265,8 +265,7 @@ def draw_two_nearest(folder: Path) -> None:
 
 def draw_blind() -> None:
     """Draw predictions beside trials, of the 200 scenarios that judge."""
-    with OUT.with_name("theory-blind.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = judged()
     figure = Figure(figsize=(10, 3.6), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
     decided = [(float(row["probability"]), row["trials"] == "yes") for row in rows if row["trials"] != "open"]
@@ -278,20 +277,16 @@ def draw_blind() -> None:
         left.annotate(f"{len(inside)}", (mean, share), xytext=(5, -9), textcoords="offset points", fontsize="small")
     left.plot([0, 1], [0, 1], color=GREY, linewidth=0.8)
     left.set(xlabel="predicted probability of a regime", ylabel="share whose trials have one")
-    shown = (
-        (middle, "v_p", "o", "yes", ""),
-        (right, "t_fast", "o", "", "fast"),
-        (right, "t_frozen", "^", "", "standing"),
+    numbers = (
+        ("v_p", middle, "o", "yes", ""),
+        ("t_fast", right, "o", "", "fast"),
+        ("t_frozen", right, "^", "", "standing"),
     )
-    for axes, name, marker, of, label in shown:
-        pairs = [(float(row[name]), float(row[f"{name}_predicted"])) for row in rows if row["trials"].startswith(of)]
-        axes.loglog(*zip(*pairs, strict=True), marker, markersize=3.5, alpha=0.6, label=label)
-    for axes, ends, near, label in (
-        (middle, (0.05, 100.0), 2.0, "V_p [cm/s]"),
-        (right, (2.0, 2000.0), 1.2, "T_sync [cycles]"),
-    ):
-        for factor in (1 / near, 1, near):
-            style = "-" if factor == 1 else ":"
+    for name, axes, marker, of, label in numbers:
+        axes.loglog(*zip(*pairs_of(rows, name, of), strict=True), marker, markersize=3.5, alpha=0.6, label=label)
+    panels = (middle, (0.05, 100.0), 2.0, "V_p [cm/s]"), (right, (2.0, 2000.0), 1.2, "T_sync [cycles]")
+    for axes, ends, near, label in panels:
+        for factor, style in ((1 / near, ":"), (1, "-"), (near, ":")):
             axes.plot(ends, [factor * end for end in ends], color=GREY, linewidth=0.8, linestyle=style)
         axes.set(xlabel=f"{label}, trials", ylabel=f"{label}, predicted")
     right.legend(fontsize="small")
