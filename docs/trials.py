@@ -10,10 +10,9 @@ The rows of a point are its trials 0, 1, ... in order. Seeds, which would take f
 
 import csv
 import gzip
-import io
 import json
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -22,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.measures.interface import Value
+from epuck_sim.display.table import csv_text
 from epuck_sim.replication.claims import SHIPPED, Check, Claims, read_claims
 from epuck_sim.replication.page import read_contents, write_replication
 from epuck_sim.replication.sweeps import Trials, needed_sweeps, sweep_folder
@@ -34,12 +33,12 @@ from epuck_sim.util.atomic_write import atomic_write
 
 DOCS = Path(__file__).parent
 TABLES = DOCS / "trials"
-TIMES = TABLES / "computing_s.csv"
-"""Computing time of each sweep, s."""
+TIMES = TABLES / "computing_s.csv"  # computing time of each sweep, s
 
 PAGE = [DOCS / f"replication{ending}" for ending in (".md", ".csv", "-tests.csv", "-sweeps.csv")]
 WRITTEN_BY = Path("runs/replication")  # the folder of a replication that the page names
 
+csv.field_size_limit(sys.maxsize)  # a series of a long trial is one field
 COLUMNS = ("point", "cycles", "censored")
 """Columns before those of measures: number of the point, cycle at which the trial ended, 1 if it is censored."""
 
@@ -94,11 +93,6 @@ class Table(NamedTuple):
     has_t_sync: bool
     columns: dict[str, tuple[str, ...]]  # as they are written
 
-    @property
-    def further(self) -> list[str]:
-        """Names of the columns after those that all tables have."""
-        return [*self.columns][len(COLUMNS) :]
-
 
 def table_file(sweep: str) -> Path:
     """Return the file of the table of a sweep."""
@@ -123,8 +117,8 @@ def read_table(sweep: str) -> Table:
 
 def read_times() -> dict[str, float]:
     """Return the computing time of each sweep, s."""
-    with TIMES.open(encoding="utf-8", newline="") as file:
-        return {row["sweep"]: float(row["computing_s"]) for row in csv.DictReader(file)}
+    rows = csv.DictReader(TIMES.read_text(encoding="utf-8").splitlines())
+    return {row["sweep"]: float(row["computing_s"]) for row in rows}
 
 
 def write_tables(claims: Claims, scenarios: dict[str, Scenario], trials: Trials) -> None:
@@ -132,37 +126,30 @@ def write_tables(claims: Claims, scenarios: dict[str, Scenario], trials: Trials)
     times = read_times()
     for sweep in trials.folders:
         checks = [check for claim in claims.claims if claim.sweep == sweep for check in claim.checks if check.of]
-        measures = {column(check): _measured(trials.read(sweep, check)) for check in checks}
+        measures = {
+            column(check): [value for point in trials.read(sweep, check) for value in point.measured]
+            for check in checks
+        }
         write_table(sweep, trials.read(sweep), points(scenarios[sweep]), measures)
         times[sweep] = trials.effort(sweep)[0]
     with atomic_write(TIMES) as part:
-        part.write_text("".join(["sweep,computing_s\n", *(f"{name},{round(times[name])}\n" for name in scenarios)]))
+        part.write_text(csv_text(["sweep", "computing_s"], ([name, round(times[name])] for name in scenarios)))
 
 
 def write_table(
     sweep: str, stored: Sequence[PointTrials], swept: Sequence[Point], columns: Mapping[str, Iterable[Any]]
 ) -> None:
     """Write the table of a sweep, with a row for each trial: its end, and what further columns have of it, as JSON."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*COLUMNS, *columns])
-    for ends, *values in zip(_ends(stored, swept), *columns.values(), strict=True):
-        writer.writerow([*ends, *map(json.dumps, values)])
-    with atomic_write(table_file(sweep)) as part:
-        part.write_bytes(gzip.compress(text.getvalue().encode(), mtime=0))
-
-
-def _ends(stored: Sequence[PointTrials], swept: Sequence[Point]) -> Iterator[tuple[int | str, ...]]:
+    ends = []
     for trials, point in zip(stored, swept, strict=True):
         if trials.seeds and trials.seeds[-1] != point.seed(len(trials.seeds) - 1):
             raise SystemExit(f"trials of point {point.number} of {point.scenario.name} are missing or failed")
         for cycles, observed in zip(trials.times, trials.observed, strict=True):
             censored = int(not observed) if trials.has_t_sync else ""
-            yield point.number, "" if np.isnan(cycles) else int(cycles), censored
-
-
-def _measured(stored: Sequence[PointTrials]) -> list[Value]:
-    return [value for point in stored for value in point.measured]
+            ends.append((point.number, "" if np.isnan(cycles) else int(cycles), censored))
+    rows = ([*end, *map(json.dumps, values)] for end, *values in zip(ends, *columns.values(), strict=True))
+    with atomic_write(table_file(sweep)) as part:
+        part.write_bytes(gzip.compress(csv_text([*COLUMNS, *columns], rows).encode(), mtime=0))
 
 
 def write_page(claims: Claims, scenarios: dict[str, Scenario], folder: Path) -> None:

@@ -9,8 +9,7 @@ from sphinx.application import Sphinx
 
 from epuck_sim.page.writer import write_page
 
-FOLDER = "_static/play"
-"""Where the pages lie in the site."""
+FOLDER = "_static/play"  # where the pages lie in the site
 
 
 class Play(Directive):  # type: ignore[misc]

@@ -1,6 +1,7 @@
 """Directives that write the reference while the site is built: keys, commands, what is shipped."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import PurePath
 
 import shipped
@@ -39,8 +40,9 @@ def _link_pages_of_files(_: Sphinx, page: nodes.document) -> None:
 
 def setup(app: Sphinx) -> ExtensionMetadata:
     """Register the directives with Sphinx."""
-    writers = {"scenario-keys": write_scenario_keys, "commands": write_commands}
-    for name, write in {**writers, **{f"shipped-{kind}": write for kind, write in shipped.WRITERS.items()}}.items():
-        app.add_directive(name, _directive(write))
+    app.add_directive("scenario-keys", _directive(write_scenario_keys))
+    app.add_directive("commands", _directive(write_commands))
+    for kind in shipped.KINDS:
+        app.add_directive(f"shipped-{kind}", _directive(partial(shipped.write, kind)))
     app.connect("doctree-read", _link_pages_of_files)
     return {"version": epuck_sim.__version__, "parallel_read_safe": True}

@@ -27,24 +27,20 @@ from epuck_sim.statistics.statistic import estimate_mean
 from epuck_sim.util.seeds import trial_seed
 
 CONTROLLER = Path(__file__).with_name("responsive_firefly.py")
-PHASES = np.arange(1, 9) / 8
-"""Phases, as shares of the period, at which a response is given; it is 0 at phase 0."""
+PHASES = np.arange(1, 9) / 8  # phases, as shares of the period, at which a response is given; it is 0 at phase 0
 
 STRONGEST = 0.1
 """Largest change of phase, either way, in periods: that of the thesis's response, at the end of the cycle."""
 
 THESIS = STRONGEST * PHASES
 SPEED_CM_S, PERIOD_S = 2.0, 5.0
-LIMIT_PERIODS = 60
-"""Periods after which a trial of the evolution ends, synchronised or not."""
+LIMIT_PERIODS = 60  # periods after which a trial of the evolution ends, synchronised or not
 
-NO_LIMIT_PERIODS = 1e6
-"""Periods that no trial reaches: the thesis's limit of 10,000 cycles comes first."""
+NO_LIMIT_PERIODS = 1e6  # periods that no trial reaches: the thesis's limit of 10,000 cycles comes first
 
 GENERATIONS = 14
 CANDIDATES = 16
-TRIALS = 16
-"""Number of trials of each candidate in a generation; all candidates are tried with the same seeds."""
+TRIALS = 16  # number of trials of each candidate in a generation; all candidates are tried with the same seeds
 
 CHECKS = 32
 """Number of trials, always the same, that measure progress after each generation; no candidate is chosen by them."""
@@ -52,14 +48,12 @@ CHECKS = 32
 FIRST_SPREAD, SHRINKAGE = 0.04, 0.9
 """Standard deviation of the first candidates about their centre, in periods, and its factor in each generation."""
 
-WEIGHTS = np.array([4, 3, 2, 1]) / 10
-"""Share of each of the best candidates in the next centre."""
+WEIGHTS = np.array([4, 3, 2, 1]) / 10  # share of each of the best candidates in the next centre
 
 LEARNING, CHECKING, TESTING = range(1, 4)
 """Master seeds of trials that candidates are chosen by, that measure progress, and that are held out."""
 
-TESTS = 200
-"""Number of held-out trials at each point."""
+TESTS = 200  # number of held-out trials at each point
 
 Response = npt.NDArray[np.float64]
 
@@ -68,11 +62,9 @@ class Generation(NamedTuple):
     """What is known after a generation."""
 
     number: int
-    trials: int
-    """Trials up to now, without those that measure progress."""
+    trials: int  # trials up to now, without those that measure progress
     response: Response
-    periods: Estimate
-    """Time to synchrony with this response, in periods, limited to `LIMIT_PERIODS`."""
+    periods: Estimate  # time to synchrony with this response, in periods, limited to `LIMIT_PERIODS`
 
 
 @cache

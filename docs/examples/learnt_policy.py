@@ -22,11 +22,9 @@ from epuck_sim.environments.vector import SwarmVectorEnv
 from epuck_sim.util.seeds import trial_seed
 
 LEARNT = Path(__file__).with_suffix(".npz")
-ROBOTS, EPISODE_S, CONTROL_STEPS = 10, 60.0, 5
-"""An action holds for half a second."""
+ROBOTS, EPISODE_S, CONTROL_STEPS = 10, 60.0, 5  # an action holds for half a second
 
-TESTING = 4
-"""Master seed of trials that nobody learnt from."""
+TESTING = 4  # master seed of trials that nobody learnt from
 
 Array = npt.NDArray[np.float32]
 Policy = Callable[[Array], npt.NDArray[np.int64]]

@@ -19,19 +19,16 @@ from learnt_policy import CONTROL_STEPS, EPISODE_S, LEARNT, TASKS, Task, swarms
 from matplotlib.figure import Figure
 from torch import nn
 
-SWARMS, ROUNDS = 32, 40
-"""Swarms at a time, and rounds of an episode each and an update."""
+SWARMS, ROUNDS = 32, 40  # swarms at a time, and rounds of an episode each and an update
 
 HIDDEN = 64
-DISCOUNT, SMOOTHING = 0.97, 0.95
-"""Discount of rewards per decision, and lambda of the generalised advantage estimate."""
+DISCOUNT, SMOOTHING = 0.97, 0.95  # discount of rewards per decision, and lambda of the generalised advantage estimate
 
 CLIP, ENTROPY, STEP = 0.2, 0.003, 1e-3
 """Bound on the change of probabilities in an update; weight of the entropy; Adam's first step, which falls to 0."""
 
 PASSES, BATCH = 4, 3840
-LEARNING = 3
-"""Master seed of learning."""
+LEARNING = 3  # master seed of learning
 
 
 class Network(nn.Module):

@@ -23,14 +23,11 @@ from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.embodied import EmbodiedScenario
 
 OUT = Path(__file__).with_name("fig-4-7.csv")
-FILMED = 5
-"""Number of trials filmed at each speed."""
+FILMED = 5  # number of trials filmed at each speed
 
-THRESHOLD_S = 2 / 15.5
-"""Spread at which a film shows synchrony: two frames (thesis 4.3.1)."""
+THRESHOLD_S = 2 / 15.5  # spread at which a film shows synchrony: two frames (thesis 4.3.1)
 
-MAX_CYCLES = 500
-"""Number of periods after which filming gives up."""
+MAX_CYCLES = 500  # number of periods after which filming gives up
 
 
 def film(scenario: EmbodiedScenario, seed: int) -> float:

@@ -13,8 +13,7 @@ from epuck_sim.cli.app import app
 from epuck_sim.overhead.film import open_film
 
 FOLDER = Path(__file__).parent
-WIDTH, FRAME_MS, COLOURS = 260, 80, 40
-"""Width in pixels, time for which a picture is shown, and its colours."""
+WIDTH, FRAME_MS, COLOURS = 260, 80, 40  # width in pixels, time for which a picture is shown, and its colours
 
 LIT = "--set light=lit"
 FILMS = {

@@ -26,8 +26,7 @@ from epuck_sim.statistics.extrema import Place
 
 SPEED = "agents.speed_cm_s"
 SPACES = {(2, "cyclic"): ", cyclic", (1, "bounded"): ", segment", (3, "bounded"): ", cube"}
-AT_RATE = 0.15
-"""Rate of neighbour change at which T_sync is compared, near that of the peaks."""
+AT_RATE = 0.15  # rate of neighbour change at which T_sync is compared, near that of the peaks
 MEAN_RATE = Check(test="level", of="neighbour_change", take="mean", above=0)
 OUT = Path(__file__).parent / "neighbour-change"
 
@@ -36,14 +35,10 @@ class Line(NamedTuple):
     """A neighbourhood in a space."""
 
     name: str
-    times: Curve
-    """T_sync over speed, cycles."""
-    rates: Curve
-    """Share of links that change from a cycle to the next, over speed."""
-    dimensions: int
-    """Number of dimensions of the space."""
-    peak: Place | None
-    """Speed at the peak of T_sync, cm/s."""
+    times: Curve  # T_sync over speed, cycles
+    rates: Curve  # share of links that change from a cycle to the next, over speed
+    dimensions: int  # number of dimensions of the space
+    peak: Place | None  # speed at the peak of T_sync, cm/s
 
     def rate_at_peak(self) -> Place:
         """Return the rate of neighbour change at the peak, interpolated."""

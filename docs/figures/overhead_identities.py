@@ -30,8 +30,7 @@ PERIOD_S = 5.0
 NEAR_CM = 2.0  # distance of a flash from its robot
 
 
-Truth = list[tuple[float, FloatArray, BoolArray]]
-"""Time of each control step, where robots are, and who is lit."""
+Truth = list[tuple[float, FloatArray, BoolArray]]  # time of each control step, where robots are, and who is lit
 
 
 def robots_of(flashes: Sequence[Flash], truth: Truth) -> IntArray:

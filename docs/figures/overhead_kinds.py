@@ -30,16 +30,14 @@ from tests.overhead.films import passed, read_rings
 from tests.overhead.score import Score, compare, score_rows
 from tests.overhead.webcam import KINDS, LED_CIRCLE_CM, LED_HEIGHT_CM, shoot, swarm
 
-BRIGHT = 60
-"""Level of a pixel's brightest colour from which it is bright."""
+BRIGHT = 60  # level of a pixel's brightest colour from which it is bright
 
 EDGE, VOTES = 100, 20
 """Upper threshold of Canny's edges, and number of votes of a circle: with fewer, good films show false ones."""
 
 FILMS = 20
 NOWHERE = np.empty((0, 2))
-SCALE = 0.6
-"""Size of the pictures, relative to those of the kinds, which are 480 pixels high: most are 288 x 288."""
+SCALE = 0.6  # size of the pictures, relative to those of the kinds, which are 480 pixels high: most are 288 x 288
 
 CYCLES, TOGETHER_FROM, PERIOD_S = 7, 3, 2.0
 TRUE_PERIODS = TOGETHER_FROM + 0.5 + 0.075 / 2
@@ -75,11 +73,9 @@ class Examined(NamedTuple):
 
     kind: str
     seed: int
-    told: int
-    """Verdict about T_sync: 0 if it is right, 1 if the tracker says that it cannot tell, 2 if it is wrong."""
+    told: int  # verdict about T_sync: 0 if it is right, 1 if the tracker says that it cannot tell, 2 if it is wrong
     alone: int
-    error_periods: float
-    """Error of T_sync where the tracker is told all, in periods; NaN if there is none."""
+    error_periods: float  # error of T_sync where the tracker is told all, in periods; NaN if there is none
     rings: Score
     hough: Score
 

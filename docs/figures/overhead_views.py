@@ -23,8 +23,7 @@ OUT = Path(__file__).parent
 SCENARIO = "thesis"
 SEED = 13
 FURTHER = "stop.further_cycles=20"
-AT_S = 98.9
-"""When six of the robots are lit."""
+AT_S = 98.9  # when six of the robots are lit
 
 
 def film(path: Path, *settings: str) -> None:

@@ -26,13 +26,11 @@ def main(folder: Path) -> None:
     figure = Figure(figsize=(7, 4.5), layout="constrained")
     axes = figure.add_subplot(xlabel="order parameter, mean over 10 min", ylabel="distance moved [cm/h]")
     rows = ["robots needed,order parameter from,to,trials,moved [cm/h],lower,upper"]
-    trials: dict[int, list[tuple[float, float]]] = {}
+    trials: dict[int, list[tuple[Any, Any]]] = {}
     for moved, order in zip(read_points(folder, of="moved"), read_points(folder, of="order_parameter"), strict=True):
-        series_of_trials: Any = order.measured
-        distances_moved: Any = moved.measured
         needed = int(np.ceil(moved.axes[FRICTION] * WEIGHT_N / FORCE_N))
-        orders = [float(np.mean(series)) for series in series_of_trials]
-        trials.setdefault(needed, []).extend(zip(orders, distances_moved, strict=True))
+        orders = [np.mean(np.array(series, float)) for series in order.measured]
+        trials.setdefault(needed, []).extend(zip(orders, moved.measured, strict=True))
     for needed, found in trials.items():
         orders, distances = np.array(found, float).T
         axes.plot(orders, distances, MARKS[needed - 1], markersize=3.5, alpha=0.6, label=f"{needed} at once")

@@ -25,14 +25,11 @@ from epuck_sim.util.builtin import ARENAS, CONTROLLERS, builtin_files
 
 OUT = Path(__file__).parent / "shipped"
 
-SECONDS = 40
-"""Length of the trials shown, in s."""
+SECONDS = 40  # length of the trials shown, in s
 
-COLOURS = 32
-"""Number of colours in a picture: few make small files."""
+COLOURS = 32  # number of colours in a picture: few make small files
 
-WIDTH_CM = 14.0
-"""Width of the pictures of measures."""
+WIDTH_CM = 14.0  # width of the pictures of measures
 
 PARAMETERS: dict[str, dict[str, Any]] = {"constant": {"left_cm_s": 3.0, "right_cm_s": 4.0, "ring_on": True}}
 """Parameters with which a controller is shown, where its defaults show nothing."""

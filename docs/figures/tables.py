@@ -6,13 +6,12 @@
 
 import json
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from docs.trials import read_table, table_file, write_table
+from docs.trials import COLUMNS, read_table, table_file, write_table
 from epuck_sim import Scenario, load_scenario, points, read_points, run_sweep
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.reader import measures_in
@@ -29,18 +28,12 @@ TABLES = "figures"  # in docs/trials
 
 def sweeps() -> dict[str, Scenario]:
     """Return the scenarios of all sweeps, by name."""
-    return {name: _scenario(name, **keys) for name, keys in read_yaml(SWEEPS).items()}
-
-
-def _scenario(
-    name: str,
-    trials: int,
-    scenario: str = "",
-    quick: bool = False,
-    settings: Sequence[str] = (),
-    axes: Sequence[str] = (),
-) -> Scenario:
-    return load_scenario(scenario or name, [*settings, f"trials={trials}"], axes, quick=quick)
+    found = {}
+    for name, keys in read_yaml(SWEEPS).items():
+        settings = [*keys.get("settings", ()), f"trials={keys['trials']}"]
+        source, axes = keys.get("scenario", name), keys.get("axes", ())
+        found[name] = load_scenario(source, settings, axes, quick=keys.get("quick", False))
+    return found
 
 
 def write(name: str, scenario: Scenario, folder: Path) -> None:
@@ -61,7 +54,8 @@ def restore(name: str, scenario: Scenario, folder: Path) -> None:
     """Put the trials of a table into a run folder, without what tables do not have: steps, computing time, versions."""
     swept, table = points(scenario), read_table(f"{TABLES}/{name}")
     made = {**versions(), "host": "docs/trials"}
-    columns = {column: [*map(json.loads, table.columns[column])] for column in table.further}
+    further_columns = [*table.columns][len(COLUMNS) :]
+    columns = {column: [*map(json.loads, table.columns[column])] for column in further_columns}
     outcomes = []
     for row, (number, cycles, observed) in enumerate(zip(table.points, table.times, table.observed, strict=True)):
         trial = row - int(np.searchsorted(table.points, number))
