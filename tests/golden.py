@@ -10,7 +10,7 @@ import json
 import pickle
 import platform
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
@@ -19,21 +19,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from epuck_sim import (
-    EmbodiedScenario,
-    ParticleScenario,
-    ParticleSimulation,
-    Simulation,
-    Step,
-    film_trial,
-    load_scenario,
-    read_points,
-    read_recording,
-    record,
-    run_sweep,
-    run_trial,
-    summarize,
-)
+import epuck_sim
+from epuck_sim import EmbodiedScenario, ParticleScenario, ParticleSimulation, Simulation, Step, load_scenario, run_trial
 from epuck_sim.overhead.film import open_film
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.trial.model import simulate
@@ -42,6 +29,7 @@ from epuck_sim.util.builtin import ARENAS, builtin_files
 FILE = Path(__file__).with_suffix(".json")
 ROOT = FILE.parent.parent
 CASES: dict[str, dict[str, dict[str, Any]]] = yaml.safe_load((FILE.parent / "golden_cases.yaml").read_text())
+Felt = Callable[[Step], Iterator[np.ndarray]]
 CASE_S = 20
 CASE_CYCLES = 40
 CASE_SEEDS = range(2)
@@ -88,13 +76,21 @@ def felt(step: Step) -> Iterator[np.ndarray]:
             yield memory[name].copy()
 
 
-def happened(simulation: ParticleSimulation, events: int) -> Iterator[np.ndarray]:
-    """Yield what happens to agents in so many events, and how they are after them."""
-    for event in islice(simulation, events):
+def felt_of_shipped(step: Step) -> Iterator[np.ndarray]:
+    """Yield the same of robots of a shipped scenario, as golden.json has it: without presence, sights and contacts."""
+    fields = (step.poses, step.infrared, step.distance_mm, step.camera, step.wheels_cm_s, step.ring_on)
+    yield from (array.copy() for array in (*fields, step.phase_ms, step.flash_seen, *step.memories))
+
+
+def happened(simulation: ParticleSimulation, *, is_case: bool) -> Iterator[np.ndarray]:
+    """Yield what happens to agents in many events, and how they are after them."""
+    for event in islice(simulation, CASE_EVENTS if is_case else EVENTS):
         yield from (np.array([event.time_s]), event.fired, event.received)
-    yield from (simulation.positions(), simulation.headings(), simulation.phases(), simulation.periods_s)
-    if simulation.scenario.neighbourhood.kind != "random":
-        yield simulation.neighbour_links()
+    yield from (simulation.positions(), simulation.headings(), simulation.phases())
+    if is_case:
+        yield simulation.periods_s
+        if simulation.scenario.neighbourhood.kind != "random":
+            yield simulation.neighbour_links()
 
 
 def endings(scenario: EmbodiedScenario | ParticleScenario) -> list[list[Any]]:
@@ -107,11 +103,11 @@ def endings(scenario: EmbodiedScenario | ParticleScenario) -> list[list[Any]]:
     ]
 
 
-def robots_case(name: str) -> dict[str, Any]:
-    """Return the digest of what robots of a case sense and do, and where some are after a second."""
-    simulation = Simulation(case("robots", name), seed=1)
+def robots(scenario: EmbodiedScenario | str, felt: Felt, first: int | None = None) -> dict[str, Any]:
+    """Return the digest of what robots sense and do, and where some are after first steps: a second, and one more."""
+    simulation, other = (Simulation(scenario, seed=1) for _ in range(2))
     arrays = [array for step in islice(simulation, STEPS) for array in felt(step)]
-    early = Simulation(case("robots", name), seed=1).advance(round(1 / simulation.step_s) + 1)
+    early = other.advance(first or round(1 / simulation.step_s) + 1)
     return {"digest": digest(arrays), "poses": early.poses[early.present][:3].tolist()}
 
 
@@ -136,44 +132,25 @@ def commanded(*, stop_at: int | None = None) -> dict[str, str]:
     return {"digest": digest(arrays)}
 
 
-def agents_case(name: str) -> dict[str, Any]:
-    """Return the digest of what happens to agents of a case, and some of their phases after half a second."""
-    simulation, early = (ParticleSimulation(case("agents", name), seed=1) for _ in range(2))
+def agents(scenario: ParticleScenario | str, *, is_case: bool) -> dict[str, Any]:
+    """Return the digest of what happens to agents, and some of their phases after half a second."""
+    simulation, early = (ParticleSimulation(scenario, seed=1) for _ in range(2))
     early.run_to(0.5)
-    return {"digest": digest(happened(simulation, CASE_EVENTS)), "phases": early.phases()[:5].tolist()}
+    return {"digest": digest(happened(simulation, is_case=is_case)), "phases": early.phases()[:5].tolist()}
 
 
 def case_values(kind: str, name: str) -> dict[str, Any]:
     """Return the golden values of a case."""
-    values = robots_case(name) if kind == "robots" else agents_case(name)
-    return {**values, "trials": endings(case(kind, name))}
-
-
-def embodied(name: str) -> dict[str, Any]:
-    """Return the digest of all that robots sense, do and remember, and where they are after one second."""
-    simulation, arrays = Simulation(name, seed=1), []
-    for step in islice(simulation, STEPS):
-        fields = (step.poses, step.infrared, step.distance_mm, step.camera, step.wheels_cm_s, step.ring_on)
-        arrays += [array.copy() for array in (*fields, step.phase_ms, step.flash_seen, *step.memories)]
-    early = islice(Simulation(name, seed=1), 11)
-    *_, last = (step.poses.copy() for step in early)
-    return {"digest": digest(arrays), "poses": last[:3].tolist()}
-
-
-def particles(name: str) -> dict[str, Any]:
-    """Return the digest of the first events of agents, and their phases after half a second."""
-    simulation, arrays = ParticleSimulation(name, seed=1), []
-    for event in islice(simulation, EVENTS):
-        arrays += [np.array([event.time_s]), event.fired, event.received]
-    arrays += [simulation.positions(), simulation.headings(), simulation.phases()]
-    early = ParticleSimulation(name, seed=1)
-    early.run_to(0.5)
-    return {"digest": digest(arrays), "phases": early.phases()[:5].tolist()}
+    given = case(kind, name)
+    values = robots(given, felt) if kind == "robots" else agents(given, is_case=True)
+    return {**values, "trials": endings(given)}
 
 
 def scenario(name: str) -> dict[str, Any]:
     """Return the golden values of a shipped scenario."""
-    return particles(name) if load_scenario(name).model == "particles" else embodied(name)
+    return (
+        agents(name, is_case=False) if load_scenario(name).model == "particles" else robots(name, felt_of_shipped, 11)
+    )
 
 
 def outcomes(name: str, seeds: range) -> list[list[Any]]:
@@ -187,9 +164,9 @@ def sweep(model: str, folder: Path) -> list[dict[str, Any]]:
     """Return the cycles of each trial of a small sweep, and the statistics of its points."""
     axis, limit = SWEEPS[model]
     found = load_scenario("thesis" if model == "robots" else "particles", [limit, "trials=6"], [axis])
-    run_sweep(found, folder, lambda: local_pool(2))
-    points = read_points(folder)
-    statistics = [point.record() for point in summarize(points)]
+    epuck_sim.run_sweep(found, folder, lambda: local_pool(2))
+    points = epuck_sim.read_points(folder)
+    statistics = [point.record() for point in epuck_sim.summarize(points)]
     return [
         {"times": point.times.tolist(), "weibull_mean": row["weibull_mean"], "median": row["median"]}
         for point, row in zip(points, statistics, strict=True)
@@ -199,13 +176,14 @@ def sweep(model: str, folder: Path) -> list[dict[str, Any]]:
 def pictures(folder: Path) -> dict[str, str]:
     """Return digests of a recording's contents and of a film's frames."""
     found = load_scenario("thesis", ["stop.max_cycles=2"])
-    with record(folder / "t.rrd", found, 3) as recorder, film_trial(folder / "t.mp4", found, 3) as camera:
+    recording, film = epuck_sim.record(folder / "t.rrd", found, 3), epuck_sim.film_trial(folder / "t.mp4", found, 3)
+    with recording as recorder, film as camera:
         run_trial(Simulation(found, 3), [recorder, camera])
-    recorded = read_recording(folder / "t.rrd")
+    recorded = epuck_sim.read_recording(folder / "t.rrd")
     # but for the headings: numpy's arctan2 differs among processors in the last digit
     arrays = [recorded.time_s, recorded.positions, recorded.ring_on, recorded.phase_ms]
-    with open_film(str(folder / "t.mp4")) as film:
-        frames = [frame.picture for frame in film.frames()]
+    with open_film(str(folder / "t.mp4")) as opened:
+        frames = [frame.picture for frame in opened.frames()]
     return {"recording": digest(arrays), "film": digest(frames)}
 
 

@@ -32,13 +32,10 @@ def start(arguments: Sequence[str | Path], mark: str = "", **options: Any) -> su
     token = uuid.uuid4().hex
     marks = {"EPUCK_SIM_TEST": mark, _MARK: token} if mark else {_MARK: token}
     environment = {**os.environ, **options.pop("env", {}), **marks}
-    defaults = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
-    process = subprocess.Popen(
-        [*map(str, arguments)],
-        env=environment,
-        preexec_fn=_restore_sigint,  # noqa: PLW1509 it calls nothing that another thread may have locked
-        **{**defaults, **options},
-    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    # what runs first in the process calls nothing that another thread may have locked
+    defaults = {**pipes, "start_new_session": True, "preexec_fn": _restore_sigint}
+    process = subprocess.Popen([*map(str, arguments)], env=environment, **{**defaults, **options})
     _started.append((process, token))
     return process
 

@@ -27,8 +27,6 @@ from tests.figures.drawn import note_figures
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-
-
 LONG_SWEEPS = ("fig-", "switching", "neighbour-change", "two-nearest")
 """What the names of sweeps begin with whose quick versions take minutes."""
 SMALL_PICTURES = ["--set", "overhead.width_px=320", "--set", "overhead.height_px=320"]
@@ -56,19 +54,30 @@ def reads_a_sensor_in_a_file(block: str) -> bool:
     return "sensors.ground <" in block
 
 
-@pytest.mark.parametrize("block", code(lambda block: not is_controller(block)))
-def test_examples_run(block: str, tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    for name, text in named_files(ROOT / "docs/sensors.md").items():
+def write_files(*pages: str) -> dict[str, str]:
+    """Write the files that pages show, and return their contents by the names that stand before them."""
+    texts = "".join((ROOT / page).read_text() for page in pages)
+    shown = dict(re.findall(r"`([\w-]+\.\w+)`[^`]*:\n\n```(?:python|yaml)\n(.*?)^```", texts, re.MULTILINE | re.DOTALL))
+    for name, text in shown.items():
         Path(name).write_text(text)
+    return shown
+
+
+@pytest.fixture
+def _elsewhere(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.usefixtures("_elsewhere")
+@pytest.mark.parametrize("block", code(lambda block: not is_controller(block)))
+def test_examples_run(block: str) -> None:
+    write_files("docs/sensors.md")
     exec(compile(block, "example", "exec"), {"__name__": "__main__"})
 
 
-def test_the_robots_shown_stop_in_the_dark(tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    files = named_files(ROOT / "docs/sensors.md")
-    for name, text in files.items():
-        Path(name).write_text(text)
+@pytest.mark.usefixtures("_elsewhere")
+def test_the_robots_shown_stop_in_the_dark() -> None:
+    files = write_files("docs/sensors.md")
     assert sum(len(text.splitlines()) for text in files.values()) <= 60
     steps = [Simulation("patches.yaml", 2, interpret=interpret).advance(300) for interpret in (False, True)]
     assert steps[0].poses.tobytes() == steps[1].poses.tobytes()
@@ -168,22 +177,12 @@ def shown(monkeypatch) -> list[str]:
     return noted
 
 
-def named_files(page: Path) -> dict[str, str]:
-    """Return the contents of the files that a page shows, by the names that stand before them."""
-    shown = re.findall(
-        r"`([\w-]+\.\w+)`[^`]*:\n\n```(?:python|yaml)\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL
-    )
-    return dict(shown)
-
-
-@pytest.mark.usefixtures("sweeps_run_here")
+@pytest.mark.usefixtures("sweeps_run_here", "_elsewhere")
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
-def test_the_commands_shown_run(page: Path, shown: list[str], tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_commands_shown_run(page: Path, shown: list[str], monkeypatch) -> None:
     if page.stem != "README":  # which has figures of all kinds; pictures are looked at in tests/figures
         note_figures(monkeypatch)
-    for name, text in {**named_files(ROOT / "README.md"), **named_files(page)}.items():
-        Path(name).write_text(text)
+    write_files("README.md", str(page))
     for words in commands(page):
         result = call(*words)
         assert result.exit_code == 0, (words, result.stderr)
@@ -192,17 +191,17 @@ def test_the_commands_shown_run(page: Path, shown: list[str], tmp_path, monkeypa
     assert shown == ["live" if "--live" in words else "thesis" for words in looked_at]
 
 
-def test_commands_and_files_are_found() -> None:
+@pytest.mark.usefixtures("_elsewhere")
+def test_commands_and_files_are_found_and_the_readmes_controller_is_as_short_as_promised() -> None:
     assert len(commands(ROOT / "README.md")) >= 15
-    assert named_files(ROOT / "README.md").keys() == {"turner.py"}
-    assert named_files(ROOT / "docs/tutorial.md").keys() == {"listener.py", "lowest_order.py"}
+    assert write_files("README.md").keys() == {"turner.py"}
+    assert len([line for line in Path("turner.py").read_text().splitlines() if line.strip()]) <= 20
 
 
-def test_the_tutorial_tells_what_comes_out(tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    page = ROOT / "docs/tutorial.md"
-    Path("listener.py").write_text(named_files(page)["listener.py"])
-    told = " ".join(page.read_text().split())
+@pytest.mark.usefixtures("_elsewhere")
+def test_the_tutorial_tells_what_comes_out() -> None:
+    assert write_files("docs/tutorial.md").keys() == {"listener.py", "lowest_order.py"}
+    told = " ".join((ROOT / "docs/tutorial.md").read_text().split())
     three = ["--seed", "1", "--trials", "3"]
     for words, sentence in (
         (three, "T_sync is now {}, {} and {} cycles."),
@@ -214,41 +213,27 @@ def test_the_tutorial_tells_what_comes_out(tmp_path, monkeypatch) -> None:
         assert sentence.format(*(trial["t_sync_cycles"] for trial in trials)) in told
 
 
-def test_the_sweep_shown_has_the_stated_points() -> None:
-    (shown,) = blocks(ROOT / "docs/sweeps.md", "yaml")
-    assert len(points(load_scenario(parse_yaml(shown, "docs")))) == 2 * 4 * 2 * 2
-
-
-def test_the_readmes_controller_is_no_longer_than_promised() -> None:
-    (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
-    assert len([line for line in controller.splitlines() if line.strip()]) <= 20
-
-
 def test_the_scenarios_shown_are_read() -> None:
-    shown, with_obstacles, with_movables, with_floor = (
-        load_scenario(parse_yaml(block, "docs")) for block in blocks(ROOT / "docs/scenario.md", "yaml")
-    )
+    names = ("scenario", "particles", "sweeps")
+    given = [parse_yaml(block, "docs") for name in names for block in blocks(ROOT / f"docs/{name}.md", "yaml")]
+    shown, with_obstacles, with_movables, with_floor, agents, sweep = map(load_scenario, given)
     assert shown.population == 7
     assert with_movables.arena.movables
     assert len(with_obstacles.arena.obstacles) == 3
     assert len(with_floor.arena.floor.patches) == 3
-    (agents,) = (parse_yaml(block, "docs") for block in blocks(ROOT / "docs/particles.md", "yaml"))
-    assert load_scenario(agents) == load_scenario({"model": "particles"})
-
-
-def anchors(page: Path) -> set[str]:
-    """Return the places in a page that links may lead to: its headings."""
-    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
-    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+    assert agents == load_scenario({"model": "particles"})
+    assert len(points(sweep)) == 2 * 4 * 2 * 2
 
 
 def is_broken(page: Path, name: str, place: str) -> bool:
-    """Return whether a link of a page to a file, or to a place in it, leads nowhere."""
+    """Return whether a link of a page to a file, or to a heading in it, leads nowhere."""
     target = page.parent / name if name else page
     if "://" in name or not target.exists():
         return "://" not in name
-    is_written = target.suffix == ".md" and "```{" not in target.read_text()  # others are made with the site
-    return bool(place) and is_written and place not in anchors(target)
+    if not place or target.suffix != ".md" or "```{" in target.read_text():  # which is made with the site
+        return False
+    headings = re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)
+    return place not in {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 def test_links_lead_somewhere() -> None:
@@ -257,19 +242,16 @@ def test_links_lead_somewhere() -> None:
     assert [(page.name, name, place) for page, name, _, place in parted if is_broken(page, name, place)] == []
 
 
-def test_pages_say_for_whom_they_are() -> None:
+def test_pages_say_for_whom_they_are_and_doors_are_short() -> None:
     for page in PAGES:
         first, *others = page.read_text().splitlines()
         is_made = page.stem == "replication" or first.startswith("```{include}")
         assert is_made or next(filter(None, others)).startswith("*For "), page.name
-
-
-@pytest.mark.parametrize("name", ["teach", "oscillators", "real_robots", "policies"])
-def test_a_door_is_short(name: str) -> None:
-    door = ROOT / f"docs/{name}.md"
-    assert len(door.read_text().split()) <= 400
-    assert "![" in door.read_text()
-    assert f"docs/{name}.md" in (ROOT / "README.md").read_text()
+    for name in ("teach", "oscillators", "real_robots", "policies"):
+        door = (ROOT / f"docs/{name}.md").read_text()
+        assert len(door.split()) <= 400, name
+        assert "![" in door
+        assert f"docs/{name}.md" in (ROOT / "README.md").read_text()
 
 
 def test_examples_in_docstrings_hold() -> None:

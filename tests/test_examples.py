@@ -2,6 +2,7 @@
 the policies that are shipped do what their table says."""
 
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 
@@ -19,12 +20,10 @@ RESPONSIVE = EXAMPLES / "responsive_firefly.py"
 
 
 @pytest.fixture
-def learn_response(monkeypatch):
-    """Return the example, as a module that can be asked for its parts."""
+def examples(monkeypatch):
+    """Return a function that imports an example by its name."""
     monkeypatch.syspath_prepend(EXAMPLES)
-    import learn_response  # noqa: PLC0415 found by its path
-
-    return learn_response
+    return import_module
 
 
 @pytest.mark.parametrize("period_s", [5.0, 1.7])
@@ -59,9 +58,9 @@ def test_a_flash_moves_the_phase_by_the_response_in_between_its_nodes(response, 
         assert robot.memory.phase_ms == pytest.approx(0 if phase >= 5000 else phase, abs=1.001)
 
 
-def test_it_learns_from_trials_that_neither_measure_progress_nor_are_held_out(learn_response):
+def test_it_learns_from_trials_that_neither_measure_progress_nor_are_held_out(examples):
     """Of each generation the seeds differ, and all that is learnt stays within what is allowed."""
-    used = []
+    learn_response, used = examples("learn_response"), []
 
     class Executor:
         def map(self, _, responses, seeds, **__):
@@ -78,7 +77,8 @@ def test_it_learns_from_trials_that_neither_measure_progress_nor_are_held_out(le
 
 
 @pytest.mark.slow
-def test_it_learns_to_synchronise_sooner_than_the_thesis(learn_response):
+def test_it_learns_to_synchronise_sooner_than_the_thesis(examples):
+    learn_response = examples("learn_response")
     with ThreadPoolExecutor(1) as executor:  # all trials take place in one simulation
         *_, last = learn_response.evolve(executor, generations=2)
         thesis, learnt = (
@@ -92,21 +92,15 @@ def test_it_learns_to_synchronise_sooner_than_the_thesis(learn_response):
 
 
 @pytest.mark.parametrize("name", ["aggregation", "covering"])
-def test_the_shipped_policies_are_worth_more_than_the_baselines(monkeypatch, name):
-    monkeypatch.syspath_prepend(EXAMPLES)
-    import learnt_policy  # noqa: PLC0415 found by its path
-
-    random, thesis, learnt = (rewards for _, rewards in learnt_policy.baselines(name, 6))
+def test_the_shipped_policies_are_worth_more_than_the_baselines(examples, name):
+    random, thesis, learnt = (rewards for _, rewards in examples("learnt_policy").baselines(name, 6))
     assert learnt.min() > max(random.mean(), thesis.mean())
 
 
-def test_the_table_is_of_the_shipped_policies(monkeypatch):
-    monkeypatch.syspath_prepend(EXAMPLES)
-    import learnt_policy  # noqa: PLC0415 found by its path
-
+def test_the_table_is_of_the_shipped_policies(examples):
+    learnt_policy = examples("learnt_policy")
     rows = [line.split() for line in (EXAMPLES.parent / "figures/policy.txt").read_text().splitlines()[1:]]
     (mean,) = (float(row[2]) for row in rows if row[:2] == ["aggregation", "learnt"])
-    few = learnt_policy.rewards_of(
-        learnt_policy.TASKS["aggregation"], learnt_policy.learnt("aggregation", np.random.default_rng(1)), 8
-    )
+    policy = learnt_policy.learnt("aggregation", np.random.default_rng(1))
+    few = learnt_policy.rewards_of(learnt_policy.TASKS["aggregation"], policy, 8)
     assert few.mean() == pytest.approx(mean, abs=4 * few.std() / np.sqrt(7))

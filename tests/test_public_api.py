@@ -3,23 +3,13 @@
 import pydoc
 import subprocess
 import sys
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
 
 import epuck_sim
-from epuck_sim import (
-    EpuckSimError,
-    ParticleSimulation,
-    ScenarioError,
-    Simulation,
-    Trace,
-    film_trial,
-    load_scenario,
-    read_recording,
-    record,
-    run_trial,
-)
+from epuck_sim import EpuckSimError, ParticleSimulation, ScenarioError, Simulation, load_scenario, read_recording
 
 SHORT = ["stop.max_cycles=1", "robots.0.count=2"]
 
@@ -47,19 +37,17 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
 
 def test_files_are_given_as_text_or_as_paths(tmp_path) -> None:
     scenario = load_scenario("thesis", SHORT)
-    with (
-        Trace(str(tmp_path / "t.parquet"), scenario, 1) as trace,
-        record(str(tmp_path / "t.rrd"), scenario, 1) as recorder,
-        film_trial(str(tmp_path / "t.mp4"), scenario, 1) as camera,
-    ):
-        run_trial(Simulation(scenario, 1), [trace, recorder, camera])
-    assert {path.name for path in tmp_path.iterdir()} == {"t.parquet", "t.rrd", "t.mp4"}
+    observers = {"t.parquet": epuck_sim.Trace, "t.rrd": epuck_sim.record, "t.mp4": epuck_sim.film_trial}
+    with ExitStack() as stack:
+        watching = [stack.enter_context(each(str(tmp_path / name), scenario, 1)) for name, each in observers.items()]
+        epuck_sim.run_trial(Simulation(scenario, 1), watching)
+    assert {path.name for path in tmp_path.iterdir()} == set(observers)
     assert read_recording(str(tmp_path / "t.rrd")).seed == 1
 
 
 def test_a_trace_is_refused_for_agents(tmp_path) -> None:
     with pytest.raises(ScenarioError, match="particles: model is 'particles'; "):
-        Trace(tmp_path / "t.parquet", load_scenario("particles"), 1)
+        epuck_sim.Trace(tmp_path / "t.parquet", load_scenario("particles"), 1)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -69,16 +57,11 @@ def test_a_single_text_is_no_list_of_settings(option: str) -> None:
         load_scenario("thesis", **{option: "arena.width_cm=100"})
 
 
-@pytest.mark.parametrize("kind", [Simulation, ParticleSimulation])
-@pytest.mark.parametrize("seed", ["1", 0.5, -1])
-def test_a_seed_that_is_none_is_refused(kind: type, seed: object) -> None:
-    name = "thesis" if kind is Simulation else "particles"
-    with pytest.raises(EpuckSimError, match=f"seed is {seed!r}; allowed: whole numbers from 0"):
-        kind(name, seed)
-
-
-@pytest.mark.parametrize("kind", [Simulation, ParticleSimulation])
-def test_a_seed_may_be_a_whole_number_of_numpy(kind: type) -> None:
-    simulation = kind("pair" if kind is Simulation else "particles", np.uint8(200))
+@pytest.mark.parametrize(("kind", "name"), [(Simulation, "pair"), (ParticleSimulation, "particles")])
+def test_a_seed_may_be_a_whole_number_of_numpy_and_others_are_refused(kind: type, name: str) -> None:
+    simulation = kind(name, np.uint8(200))
     simulation.reset(np.int64(7))
     assert type(simulation.seed) is int
+    for seed in ("1", 0.5, -1):
+        with pytest.raises(EpuckSimError, match=f"seed is {seed!r}; allowed: whole numbers from 0"):
+            kind(name, seed)

@@ -66,18 +66,18 @@ def plugins(built, monkeypatch):
     yield from offer(built, monkeypatch)
 
 
-def install(site: Path, package: str, group: str, name: str, module: str) -> None:
-    """Install a package with one entry point, and without files."""
-    folder = site / f"{package}-1.0.dist-info"
-    folder.mkdir()
-    (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-    (folder / "entry_points.txt").write_text(f"[epuck_sim.{group}]\n{name} = {module}\n")
-
-
 def write(path: Path, text: str) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     return path
+
+
+def install(site: Path, package: str, group: str, name: str, module: str, text: str = "") -> Path:
+    """Install a package with one entry point; write the file that it names, and return it."""
+    folder = site / f"{package}-1.0.dist-info"
+    write(folder / "METADATA", f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+    write(folder / "entry_points.txt", f"[epuck_sim.{group}]\n{name} = {module}\n")
+    return write(site / f"{module.replace('.', '/')}.py", text) if text else folder
 
 
 @pytest.mark.usefixtures("plugins")
@@ -137,10 +137,8 @@ def test_the_docs_show_one_of_them():
 
 
 def test_a_curve_and_a_reward_may_come_from_packages(site):
-    install(site, "bends", "curves", "bent", "bends.bent")
-    install(site, "prizes", "rewards", "calm", "prizes")
-    path = write(site / "bends" / "bent.py", CURVE_FILE)
-    write(site / "prizes.py", "def reward(situation):\n    return -situation.time_s\n")
+    path = install(site, "bends", "curves", "bent", "bends.bent", CURVE_FILE)
+    install(site, "prizes", "rewards", "calm", "prizes", "def reward(situation):\n    return -situation.time_s\n")
     curve = find_curve("bent")
     assert (curve.name, curve.phase_shift(0.5, 1.0, None)) == ("bent", 0.25)
     by_name, by_path = (load_scenario("particles", [f"response.curve={curve}"]) for curve in ("bent", path))
@@ -174,8 +172,7 @@ def test_a_scenario_of_a_package_names_files_beside_it_and_a_folder_of_its_name_
 
 def test_a_name_of_two_packages_is_refused_with_both_and_the_rest_works(site):
     for package in ("night", "moon"):
-        install(site, package, "controllers", "dark", f"{package}.dark")
-        write(site / package / "dark.py", EMPTY)
+        install(site, package, "controllers", "dark", f"{package}.dark", EMPTY)
     with pytest.raises(ControllerError, match=r"^'dark' is the name of two controllers: offered by \w+ and by \w+;"):
         find_controller("dark")
     assert find_controller(str(site / "moon" / "dark.py")).stored_name == str(site / "moon" / "dark.py")
@@ -185,8 +182,7 @@ def test_a_name_of_two_packages_is_refused_with_both_and_the_rest_works(site):
 
 
 def test_a_shipped_name_that_a_package_takes_is_refused_when_it_is_used(site):
-    install(site, "night", "measures", "coverage", "night.area")
-    write(site / "night" / "area.py", "def area(simulation): return 1")
+    install(site, "night", "measures", "coverage", "night.area", "def area(simulation): return 1")
     said = "'coverage' is the name of two measures: offered by epuck-sim and by night; uninstall one of these"
     assert said in refused("run", "pair", "--measure", "coverage")
     assert said in json.loads(called("list", "--measures", "--json"))["measures"]["coverage"]
@@ -207,21 +203,17 @@ def test_an_entry_point_without_a_file_is_warned_of_once_with_its_package_and_ev
 
 
 def test_a_broken_file_of_a_package_is_refused_with_its_line_where_it_is_used(site):
-    install(site, "night", "controllers", "dark", "night.dark")
-    path = write(site / "night" / "dark.py", "\n1 / 0\n")
+    path = install(site, "night", "controllers", "dark", "night.dark", "\n1 / 0\n")
     assert f"{path}:2: cannot be loaded: ZeroDivisionError" in refused("run", "pair", "--controller", "dark")
     write(path, "def step(:\n")
     assert "SyntaxError" in json.loads(called("list", "--json"))["controllers"]["dark"]
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_and_what_is_installed(site):
-    install(site, "night", "curves", "dusk", "night.dusk")
-    write(site / "night" / "dusk.py", CURVE_FILE)
-    with pytest.raises(CurveError) as raised:
+    install(site, "night", "curves", "dusk", "night.dusk", CURVE_FILE)
+    known = r"response curves: dusk, .* and 2 more; or give a file that ends in \.py$"
+    with pytest.raises(CurveError, match=rf"^unknown 'dask', did you mean 'dusk'\?; {known}"):
         find_curve("dask")
-    said = str(raised.value)
-    assert said.startswith("unknown 'dask', did you mean 'dusk'?; response curves: dusk, ")
-    assert said.endswith(" and 2 more; or give a file that ends in .py")
 
 
 @pytest.mark.parametrize(

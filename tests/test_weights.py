@@ -44,10 +44,6 @@ def test_each_room_is_weighed_with_the_folders_below_it(tmp_path: Path, capsys) 
 @pytest.mark.parametrize(
     ("added", "why"),
     [
-        (
-            {"epuck_sim/two/more.py": "\n"},
-            ["one+two: weighs 4; allowed: 3", "lines of all rooms", "files of all rooms"],
-        ),
         ({"epuck_sim/__init__.py": "\n\n"}, ["root: weighs 2; allowed: 1", "lines of all rooms: weighs 5; allowed: 4"]),
         ({"tests/two.py": "\n", "docs/page.md": "more"}, ["lines of tests: weighs 2", "words of docs: weighs 4"]),
         ({"epuck_sim/four/more.py": ""}, ["four: weighs 0, and has no limit", "files of all rooms"]),

@@ -10,9 +10,10 @@ heading in rad, radius and height of the body, and of the ring, in cm. `boxes` a
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -25,9 +26,10 @@ from epuck_sim.geometry import contains
 from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Picture, overhead_camera
 from epuck_sim.overhead.tags import tag_corners_cm, tag_dictionary, tag_modules, tag_pattern
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import with_values
+from epuck_sim.scenario.loader import load_scenario, with_values
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
+from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.util.jit import jit
 
 COLOUR_LEVELS = (900.0, 130.0, 120.0)
@@ -202,21 +204,26 @@ class ArenaView:
     (240, 240, 3)
     """
 
-    def __init__(self, scenario: EmbodiedScenario, width_px: int | None = None, height_px: int | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario | str | Path | Mapping[str, Any],
+        width_px: int | None = None,
+        height_px: int | None = None,
+    ) -> None:
         """Place the camera.
 
         Args:
-            scenario: The scenario, with its arena and the section `overhead`: where the camera hangs.
+            scenario: A scenario of robots, or what `load_scenario` takes; its section `overhead` says where it hangs.
             width_px: Width of pictures, an even number; the scenario's by default.
             height_px: Height of pictures, an even number; the scenario's by default.
 
         Raises:
-            ScenarioError: The size is not allowed.
+            ScenarioError: The scenario, or the size, is not allowed.
             EpuckSimError: The camera would hang between the walls.
         """
-        sides = {"width_px": width_px, "height_px": height_px}
-        changes = {**PERFECT, **{name: side for name, side in sides.items() if side is not None}}
-        changed = {f"overhead.{key}": value for key, value in changes.items()}
+        scenario = require_model(load_scenario(scenario), EmbodiedScenario, "an ArenaView shows robots")
+        given = {**PERFECT, "width_px": width_px, "height_px": height_px}
+        changed = {f"overhead.{key}": value for key, value in given.items() if value is not None}
         section = with_values(scenario, changed, scenario.name).overhead
         camera = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
         arena = scenario.arena.build()

@@ -28,8 +28,7 @@ class Arrangement(NamedTuple):
     level: Level
     noun: str  # what one of the population is called
     place: str  # title of the arena
-    width_cm: float
-    height_cm: float  # 0 of a segment
+    largest_cm: tuple[float, float]  # width and height, which is 0 of a segment
     margin_cm: float  # around the arena
     memory: tuple[str, ...]  # fields of the controllers' MEMORY that are recorded
     has_events: bool
@@ -40,15 +39,13 @@ class Arrangement(NamedTuple):
 def arrangement_of(scenario: Scenario, level: Level, memory: Sequence[str] = ()) -> Arrangement:
     """Return all that the layout of a scenario's recording depends on; raise RecordingError as `population_of` does."""
     population = population_of(scenario)
-    width_cm, height_cm = population.largest_cm
     bodies = scenario if isinstance(scenario, EmbodiedScenario) else None
     return Arrangement(
         level,
         population.noun,
         "a cube from above [cm]" if population.is_cube else "arena [cm]",
-        width_cm,
-        height_cm,
-        MARGIN_CM if bodies else MARGIN_SHARE * width_cm,
+        population.largest_cm,
+        MARGIN_CM if bodies else MARGIN_SHARE * population.largest_cm[0],
         tuple(memory),
         scenario.has_events,
         bodies.camera_pixels if bodies else 0,
@@ -67,10 +64,8 @@ def make_layout(given: Arrangement) -> rrb.Blueprint:
     flashes = _plot(FLASHES, f"flashes [{given.noun}]")
     order = _plot("/order", "order parameter: blue at firings of the reference, red the threshold", unit)
     tabs: list[rrb.View] = [rrb.TextLogView(origin=EVENTS, name="events")] if given.has_events else []
-    tabs += [
-        _plot(memory_entity(field), field if field.startswith(READING) else f"memory: {field}")
-        for field in given.memory
-    ]
+    names = {field: field if field.startswith(READING) else f"memory: {field}" for field in given.memory}
+    tabs += [_plot(memory_entity(field), name) for field, name in names.items()]
     now = rrb.TextDocumentView(origin=NOW, name="now")
     if given.level is Level.SUMMARY:
         logs = [rrb.Tabs(*tabs)] if tabs else []
@@ -80,19 +75,16 @@ def make_layout(given: Arrangement) -> rrb.Blueprint:
     if has_pictures:
         tabs.append(_plot(WHEELS, "wheels [cm/s]"))
     plots: list[rrb.Container | rrb.View] = [flashes, rrb.Tabs(*tabs), order]
-    x_cm, y_cm = ((-given.margin_cm, side + given.margin_cm) for side in (given.width_cm, given.height_cm))
+    x_cm, y_cm = ((-given.margin_cm, side + given.margin_cm) for side in given.largest_cm)
     arena: rrb.Container | rrb.View = _picture("/", given.place, x_cm, y_cm, contents="/arena/**")
     said = rrb.Horizontal(now, rrb.TextDocumentView(origin=LEGEND, name="what is drawn"), column_shares=[2, 5])
-    if given.height_cm == 0:
+    if given.largest_cm[1] == 0:
         return _blueprint(rrb.Vertical(said, arena, *plots, row_shares=[1, 1, 2, 2, 2]))
     if has_pictures:
         space_time = rrb.Spatial2DView(origin=SPACE_TIME, name="camera rows over a minute", background=NIGHT)
         arena = rrb.Tabs(arena, space_time)
-    above = rrb.Horizontal(
-        rrb.Vertical(said, arena, row_shares=[1, 5]),
-        rrb.Vertical(*plots),
-        column_shares=[3, 2] if given.pixels else [1, 1],
-    )
+    left_side, shares = rrb.Vertical(said, arena, row_shares=[1, 5]), [3, 2] if given.pixels else [1, 1]
+    above = rrb.Horizontal(left_side, rrb.Vertical(*plots), column_shares=shares)
     if not has_pictures:
         return _blueprint(above)
     left, rows = -number_width(given.size), (-0.3, given.size + 0.3)

@@ -22,20 +22,16 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import Observer, TrialState
 from epuck_sim.util.machine import free_port
 
-PAUSE, STEP, END = " ", "n", "q"
-"""Keys that pause the trial and let it go on, that take one step, and that end it."""
+PAUSE, STEP, END = " ", "n", "q"  # keys that pause the trial and let it go on, that take one step, and that end it
 
-MOST_LATE_S = 2.0
-"""A trial that is later than this goes on from there at its pace; one that is less late catches up."""
+MOST_LATE_S = 2.0  # a trial that is later than this goes on from there at its pace; one that is less late catches up
 
-REFRESH_S = 0.1
-"""Seconds between two updates of the viewer, and between two looks at it during a pause."""
+REFRESH_S = 0.1  # seconds between two updates of the viewer, and between two looks at it during a pause
 
 NO_DISPLAY = "there is no display here; give --web to look in a browser, or --record FILE.rrd to look later"
 CLOSED = "the viewer was closed before the trial ended"
 
-Wait = Callable[[float], str]
-"""Waits for a number of seconds, or until keys are pressed, and returns these."""
+Wait = Callable[[float], str]  # waits for a number of seconds, or until keys are pressed, and returns these
 
 
 def sleep(seconds: float) -> str:

@@ -5,8 +5,7 @@ from typing import Any
 
 from epuck_sim.errors import EpuckSimError
 
-WIDTH_PX, HEIGHT_PX = 960, 600
-"""Size of the viewer in a notebook."""
+WIDTH_PX, HEIGHT_PX = 960, 600  # size of the viewer in a notebook
 
 NEEDED = 'showing needs parts of Jupyter, which are not installed: pip install "epuck-sim[notebook]"'
 

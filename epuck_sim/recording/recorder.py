@@ -30,8 +30,7 @@ FORMAT = 1  # version of the entities in a recording
 BUFFER_S, BUFFER_ROWS = 600, 60_000
 """Longest simulated time, s, and most rows times robots (8 MB) that are kept in memory before they are written."""
 
-TRIAL, OUTCOME = "trial", "outcome"
-"""Names of the properties that describe the trial, and say how it ended."""
+TRIAL, OUTCOME = "trial", "outcome"  # names of the properties that describe the trial, and say how it ended
 
 
 @contextmanager

@@ -19,8 +19,7 @@ APPLICATION = "epuck-sim"  # by which the viewer matches layouts to recordings
 TIMELINE = "sim_time"
 ENDING = ".rrd"  # by which the viewer knows a recording
 
-SEAL = "/__properties/seal"
-"""The property that holds the digest and the length of the file."""
+SEAL = "/__properties/seal"  # the property that holds the digest and the length of the file
 
 _MARK = b"jV3xQm8kTz5wLr2NgY7u"  # stands before them
 _BLANK = b"Kd81Xf3aP60cHe95Wb27Js4f0Mq7a2Zc9dT4eR6bV15G83Uy73Bn0eDa9Fc25Lh8ExWk1d6fS0b4390v"
@@ -60,11 +59,7 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[
     """Yield a writer of chunks into a recording, which gets its name when the block ends without an error.
 
     What is written in one call is on the disk after it, as a part in a temporary folder, so that memory does not grow.
-
-    Args:
-        path: The recording; an older one stays, and nothing else is left, if the block ends with an error.
-        recording_id: The recording's name in the viewer.
-        layout: Contents of a layout's file, which becomes a part of the recording; its empty recording takes this name.
+    `layout` is what a layout's file holds: it becomes a part of the recording, and its empty recording takes this name.
 
     Raises:
         EpuckSimError: The file cannot be written.

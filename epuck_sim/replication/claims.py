@@ -14,8 +14,7 @@ from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
-SHIPPED = Path(__file__).with_name("claims.yaml")
-"""The claims of the thesis."""
+SHIPPED = Path(__file__).with_name("claims.yaml")  # the claims of the thesis
 
 RISE = 1.1
 """Ratio of means above which T_sync rises, and below which it does not, in all claims: the base case has 1.17."""

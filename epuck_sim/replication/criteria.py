@@ -41,8 +41,7 @@ class Effect(NamedTuple):
     estimate: Estimate
     p_above: Callable[[float], float]
     """Of a threshold: probability of data that speak as clearly for an effect above it, if the effect is not."""
-    p_below: Callable[[float], float]
-    """The same for an effect below it."""
+    p_below: Callable[[float], float]  # the same for an effect below it
     is_scattered: bool = False
     """Whether points scatter so much about a line that more trials of them would tell little more: `SCATTERED`."""
 
@@ -58,8 +57,7 @@ def student(value: float, error: float, freedom: float) -> Effect:
     )
 
 
-NOTHING = student(math.nan, 0.0, 0)
-"""Effect of which nothing is known."""
+NOTHING = student(math.nan, 0.0, 0)  # effect of which nothing is known
 
 
 def transformed(effect: Effect, back: Callable[[float], float], into: Callable[[float], float]) -> Effect:
@@ -303,12 +301,8 @@ def place_exponent(x: FloatArray, places: Sequence[Place | None], trials: int) -
 def collapse(drawn: Sequence[tuple[Curve, Curve]], trials: int) -> Effect:
     """Return how far curves are apart over another quantity, over how far they are apart along their axis.
 
-    It is 0 where they are one curve over the other quantity, and 1 where that does no better than the axis. The error
-    is that of resamples of so many trials a point.
-
-    Args:
-        drawn: Each curve with that of the other quantity at the same points.
-        trials: Number of trials a point.
+    Each curve is given with that of the other quantity at the same points. It is 0 where they are one curve over the
+    other quantity, and 1 where that does no better than the axis. The error is that of resamples of so many trials.
     """
     if len(drawn) < 2:
         return NOTHING

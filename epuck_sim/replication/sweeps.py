@@ -102,8 +102,7 @@ def check_claim(claim: Claim, trials: Trials) -> list[Finding]:
     ]
 
 
-LOOKS = 8
-"""Largest number of looks at a sweep, at the last of which it has 17 times as many trials as at the first."""
+LOOKS = 8  # largest number of looks at a sweep, at the last of which it has 17 times as many trials as at the first
 
 HOUR_S = 3600.0
 

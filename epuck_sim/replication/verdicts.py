@@ -61,11 +61,7 @@ class Finding(NamedTuple):
 
 
 def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
-    """Return what a test finds in its claim's sweep, with what the check takes of its trials (`taken`).
-
-    Raises:
-        EpuckSimError: The sweep lacks a point that the check names.
-    """
+    """Return what a test finds in its claim's sweep, with what the check takes of its trials; raise as below."""
     if check.test == "formula":
         value = FORMULAS[check.number]()
         exact = Effect(Estimate(value), lambda x: 0.0 if value > x else 1.0, lambda x: 0.0 if value < x else 1.0)

@@ -222,7 +222,7 @@ POSES = np.array([[15.0, 45.0, 0.0], [45.0, 15.0, 1.0]])
 
 
 def test_bodies_are_dark_and_lit_rings_red_where_robots_are() -> None:
-    view = ArenaView(load_scenario("thesis"), 200, 200)
+    view = ArenaView("thesis", 200, 200)
     empty = view.draw(np.empty((0, 3)), np.empty(0, bool)).astype(int)
     picture = view.draw(POSES, np.array([False, True])).astype(int)
     places = np.argwhere(np.abs(picture - empty).max(axis=-1) > 20) < 100
@@ -238,7 +238,7 @@ def test_the_same_robots_make_the_same_picture_without_the_cameras_faults() -> N
     first = view.draw(POSES, lit)
     assert first.shape == (80, 120, 3)
     np.testing.assert_array_equal(view.draw(POSES, lit), first)
-    np.testing.assert_array_equal(ArenaView(load_scenario("obstacles"), 120, 80).draw(POSES, lit), first)
+    np.testing.assert_array_equal(ArenaView("obstacles", 120, 80).draw(POSES, lit), first)
     with pytest.raises(ScenarioError, match="width_px"):
         ArenaView(SCENARIO, width_px=101)
 

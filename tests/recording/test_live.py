@@ -4,9 +4,11 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
+from functools import partial
 from io import BytesIO
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -40,30 +42,15 @@ def ran(*observers: Observer, scenario: Scenario = SCENARIO) -> TrialResult:
     return run_trial(simulate(scenario, 3), observers)._replace(wall_s=0)
 
 
-def ignore(_: str) -> None:
-    """Hear of an address."""
-
-
 @pytest.fixture
 def impatient(monkeypatch) -> None:
     """Do not wait long for a viewer that has ended to take what it was sent."""
     monkeypatch.setattr(viewer_module, "FLUSH_S", 0.2)
 
 
-class Shown(NamedTuple):
-    """A trial that has been shown, and what the viewer prints and shows of it in the end."""
-
-    watched: Watched
-    state: Any
-    robots: tuple[int, int]
-    """Red and grey discs."""
-
-
-@pytest.fixture(scope="module")
-def shown(tmp_path_factory) -> Shown:
+def test_the_viewer_shows_the_whole_trial_with_its_layout_and_the_rings_as_they_are_in_the_end() -> None:
     port, watched = free_port(), Watched()
-    hidden = in_background("--headless", "--port", str(port), "--window-size", "1600x900")
-    with nothing_left(tmp_path_factory.mktemp("shown")), hidden as window:
+    with in_background("--headless", "--port", str(port), "--window-size", "1600x900") as window:
         try:
             window.wait_for(port)
             with live(window, port, SCENARIO, 3, Level.FULL, FAST) as look:
@@ -85,29 +72,23 @@ def shown(tmp_path_factory) -> Shown:
             if str(window.error()) == NO_GRAPHICS:
                 pytest.skip(NO_GRAPHICS)
             raise
-        return Shown(watched, client.get_state(), robots[-1])
-
-
-def test_the_viewer_shows_the_whole_trial_and_the_rings_as_they_are_in_the_end(shown: Shown) -> None:
-    (recording,) = shown.state.recordings
-    assert recording.store_id == shown.state.active_recording
+        state = client.get_state()
+    (recording,) = state.recordings
+    assert recording.store_id == state.active_recording
     assert recording.store_id.startswith("Recording:epuck-sim:")
     (timeline,) = recording.timelines
     assert (timeline.name, timeline.time_type) == ("sim_time", "duration")
-    last = shown.watched.steps[-1]
+    last = watched.steps[-1]
     assert (timeline.start, timeline.end) == (0, round(last.time_s * 1e9))
     lit = int(last.ring_on.sum())
     assert lit > 0
-    assert shown.robots == (lit, SCENARIO.robot_count - lit)
-
-
-def test_the_viewer_takes_the_layout_and_can_show_it_all(shown: Shown) -> None:
-    views = {view.name: (view.origin, view.view_class) for view in shown.state.views}
+    assert robots[-1] == (lit, SCENARIO.robot_count - lit)
+    views = {view.name: (view.origin, view.view_class) for view in state.views}
     assert views["arena [cm]"] == ("/", "2D")
     assert views["camera rows"] == ("/camera/rows", "2D")
     assert views["flashes [robot]"] == ("/flashes", "TimeSeries")
     assert ("/order", "TimeSeries") in views.values()
-    assert [view.name for view in shown.state.views if view.reports] == []
+    assert [view.name for view in state.views if view.reports] == []
 
 
 @pytest.fixture(scope="module")
@@ -239,23 +220,17 @@ def told(begin, monkeypatch) -> Callable[..., Told]:
         clock, _ = begin(*pressed)
         held_back_s, calls = [], []
 
-        class Recorder:
-            def __init__(self, *given: Any) -> None:
-                held_back_s.append(given[3])
+        def note(*_: Any, what: str = "event") -> None:
+            calls.append((round(clock.now, 6), what))
 
-            def __call__(self, *_: Any, what: str = "event") -> None:
-                calls.append((round(clock.now, 6), what))
+        def begin_recorder(*given: Any) -> Mock:
+            held_back_s.append(given[3])
+            recorder = Mock(side_effect=note)
+            recorder.catch_up.side_effect = lambda time_s: note(what=f"until {time_s:g}")
+            recorder.flush.side_effect = partial(note, what="flush")
+            return recorder
 
-            def catch_up(self, time_s: float) -> None:
-                self(what=f"until {time_s:g}")
-
-            def flush(self) -> None:
-                self(what="flush")
-
-            def finish(self) -> None:
-                pass
-
-        monkeypatch.setattr(live_module, "Recorder", Recorder)
+        monkeypatch.setattr(live_module, "Recorder", begin_recorder)
         monkeypatch.setattr(live_module, "chunk_stream", lambda *_: nullcontext())
         viewer = SimpleNamespace(has_ended=False)
         with live(viewer, free_port(), scenario, 0, Level.FULL, speed, wait=clock.wait) as look:
@@ -286,7 +261,7 @@ def test_a_window_that_breaks_down_soon_is_reported_with_its_output(tmp_path, mo
     replace_rerun(tmp_path / "stand", monkeypatch).answers_and_says("no place for a window", senders=1)
     with (
         pytest.raises(RecordingError, match="no place for a window"),
-        live_viewer(None, ignore) as (window, intake),
+        live_viewer(None, str) as (window, intake),
         live(window, intake, SCENARIO, 3, Level.FULL, FAST) as look,
     ):
         ran(lambda *_: wait_until(lambda: window.has_ended), look)
@@ -305,7 +280,7 @@ def test_a_viewer_that_is_closed_too_early_is_reported(tmp_path, at: int | None)
 
     with (  # noqa: PT012 it may be closed after the trial, too
         pytest.raises(RecordingError, match=r"^the viewer "),
-        live_viewer(free_port(), ignore) as viewer,
+        live_viewer(free_port(), str) as viewer,
         live(*viewer, SCENARIO, 3, Level.FULL, FAST) as look,
     ):
         ran(look, watch)

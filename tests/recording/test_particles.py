@@ -180,6 +180,7 @@ def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
     assert (read.cycles, read.synchronised) == (trial.result.cycles, trial.result.t_sync_cycles is not None)
     assert [time_s for time_s, _ in read.events] == pytest.approx([event.time_s for event in trial.result.events])
     run_rerun("rrd", "verify", str(trial.path))
+    check_entities(trial.path, trial.scenario, Level.FULL)
 
 
 def test_there_is_a_row_at_each_instant_and_20_in_each_period(trial: Trial) -> None:
@@ -300,25 +301,20 @@ def test_a_range_is_drawn_as_circles_around_the_agents(of) -> None:
     assert found.static["/arena/ranges"]["Ellipses2D:half_sizes"] == [[20, 20]] * 6
 
 
-SUMMARY = {"/now", "/flashes", "/order/steps", "/order/firings"}
-POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
-MOVING = {Level.SUMMARY: SUMMARY, Level.POSES: POSES, Level.FULL: POSES | {"/arena/links"}}
-
-
 def check_entities(path: Path, scenario: ParticleScenario, level: Level) -> None:
     kind, is_full, numbered = scenario.neighbourhood.kind, level is Level.FULL, range(scenario.agents.count)
+    has_poses = level is not Level.SUMMARY
     there = {
+        **dict.fromkeys(("/now", "/flashes", "/order/steps", "/order/firings"), True),
+        **dict.fromkeys(("/phases", "/phase_lead", "/arena/robots", "/arena/headings"), has_poses),
+        **{f"/arena/numbers/{n}": has_poses and len(numbered) < UNLABELLED for n in numbered},
+        "/arena/links": is_full,
         "/order/threshold": scenario.stop.order_parameter is not None,
         "/events": scenario.has_events,
         "/arena/ranges": is_full and kind == "range",
         "/arena/cones": is_full and kind.startswith("cone") and scenario.space.dimensions == 2,
-        **{f"/arena/numbers/{n}": level is not Level.SUMMARY and len(numbered) < UNLABELLED for n in numbered},
     }
-    assert set(Found(path).moving) == MOVING[level] | {entity for entity, is_there in there.items() if is_there}
-
-
-def test_all_is_in_a_full_recording(trial: Trial) -> None:
-    check_entities(trial.path, trial.scenario, Level.FULL)
+    assert set(Found(path).moving) == {entity for entity, is_there in there.items() if is_there}
 
 
 @pytest.mark.parametrize("level", [Level.SUMMARY, Level.POSES])

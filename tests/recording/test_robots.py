@@ -33,8 +33,6 @@ from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.provenance import versions
 from tests.recording.recordings import Array, Found, Watched, compare, recorded, towards
 
-RADIUS_CM = 3.7
-
 SUMMARY = {"/now", "/flashes", "/order/steps", "/order/firings", "/order/threshold"}
 POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
 NUMBERS = {f"/arena/numbers/{robot}" for robot in range(10)}
@@ -44,58 +42,44 @@ FULL = POSES | {
 }
 MOVING = {Level.SUMMARY: SUMMARY, Level.POSES: POSES | NUMBERS, Level.FULL: FULL | NUMBERS}
 
-PILLAR = {"shape": "circle", "x_cm": 45, "y_cm": 35, "radius_cm": 5}
-MIXED = {
-    "arena": {"width_cm": 90, "height_cm": 70, "obstacles": [PILLAR]},
-    "robots": [
-        {"count": 3, "camera": {"pixels": 31, "field_of_view_deg": 100, "central_pixels": 11}},
-        {
-            "count": 2,
-            "controller": "constant",
-            "parameters": {"ring_on": True, "left_cm_s": 2, "right_cm_s": 1},
-            "camera": {"pixels": 12, "field_of_view_deg": 300, "range_cm": 25},
-        },
-        {"count": 2, "parameters": {"period_s": 3}, "infrared": {"distance": "firmware_table"}},
-    ],
-    "stop": {"reference_robot": 6, "metric": "reference"},
+SHOWN: dict[str, Any] = parse_yaml(
+    """
+mixed:
+  arena: {width_cm: 90, height_cm: 70, obstacles: [{shape: circle, x_cm: 45, y_cm: 35, radius_cm: 5}]}
+  robots:
+  - {count: 3, camera: {pixels: 31, field_of_view_deg: 100, central_pixels: 11}}
+  - count: 2
+    controller: constant
+    parameters: {ring_on: true, left_cm_s: 2, right_cm_s: 1}
+    camera: {pixels: 12, field_of_view_deg: 300, range_cm: 25}
+  - {count: 2, parameters: {period_s: 3}, infrared: {distance: firmware_table}}
+  stop: {reference_robot: 6, metric: reference}
+dazzled:  # robots that fire again while their rings are lit
+  robots: [{parameters: {flash_fraction: 0.15, coupling: 10, speed_cm_s: 2}}]
+frozen:  # a ring that stays lit with one phase fires once
+  robots: [{count: 3, memory: {phase_ms: [4900, 4900, 2400]}}]
+  faults: [{kind: oscillator_frozen, robots: [1], at_s: 0.2}]
+unsure: {robots: [{count: 2, controller: constant}, {count: 4}]}  # the reference is no oscillator
+kilobots:
+  robot: {kind: kilobot, camera: {forward_cm: 0.5}}
+  robots: [{count: 20, parameters: {period_s: 1.0}}]
+  arena: {width_cm: 25, height_cm: 25}
+""",
+    "scenarios",
+)
+CASES = {
+    "thesis": (30, {"BUFFER_ROWS": 73}),
+    "pair": (400, {"BUFFER_S": 1}),  # which is synchronised before
+    "mixed": (20, {"BUFFER_ROWS": 73}),
+    "dazzled": (8, {"BUFFER_ROWS": 1}),
+    "frozen": (3, {"BUFFER_S": 1}),
+    "spotlight": (3, {"BUFFER_ROWS": 73}),
+    "push": (5, {"BUFFER_S": 1}),
+    "arc": (5, {}),
+    "unsure": (12, {}),
+    "kilobots": (10, {"BUFFER_S": 1}),
 }
-DAZZLED = {"robots": [{"parameters": {"flash_fraction": 0.15, "coupling": 10, "speed_cm_s": 2}}]}
-"""Robots that fire again while their rings are lit."""
-
-KILOBOTS = {
-    "robot": {"kind": "kilobot", "camera": {"forward_cm": 0.5}},
-    "robots": [{"count": 20, "parameters": {"period_s": 1.0}}],
-    "arena": {"width_cm": 25, "height_cm": 25},
-}
-FROZEN = {
-    "robots": [{"count": 3, "memory": {"phase_ms": [4900, 4900, 2400]}}],
-    "faults": [{"kind": "oscillator_frozen", "robots": [1], "at_s": 0.2}],
-}
-"""A ring that stays lit with one phase fires once."""
-
-UNSURE = {"robots": [{"count": 2, "controller": "constant"}, {"count": 4}]}
-"""The reference is no oscillator."""
-
-WINDOWS = {
-    "one window": {},
-    "a second": {"BUFFER_S": 1},
-    "73 rows": {"BUFFER_ROWS": 73},
-    "100 rows": {"BUFFER_ROWS": 100},
-    "a row": {"BUFFER_ROWS": 1},
-}
-
-CASES: dict[str, tuple[Any, list[str], str]] = {
-    "thesis": ("thesis", ["max_time_s=30"], "73 rows"),
-    "pair, synchronised": ("pair", [], "a second"),
-    "mixed": (MIXED, ["max_time_s=20"], "73 rows"),
-    "dazzled": (DAZZLED, ["max_time_s=8"], "a row"),
-    "frozen": (FROZEN, ["max_time_s=3"], "a second"),
-    "spotlight": ("spotlight", ["max_time_s=3"], "73 rows"),
-    "push": ("push", ["max_time_s=5"], "a second"),
-    "arc": ("arc", ["max_time_s=5"], "one window"),
-    "unsure": (UNSURE, ["max_time_s=12"], "one window"),
-    "kilobots": (KILOBOTS, ["max_time_s=10"], "a second"),
-}
+"""Longest time, s, and buffers in which scenarios are recorded: chunks are one window, a second, or so many rows."""
 
 
 class Trial(NamedTuple):
@@ -118,11 +102,11 @@ class Trial(NamedTuple):
 
 @pytest.fixture(scope="module", params=CASES)
 def trial(request, tmp_path_factory) -> Trial:
-    source, stop, window = CASES[request.param]
-    scenario = load_scenario(source, [f"stop.{setting}" for setting in stop])
+    longest_s, window = CASES[request.param]
+    scenario = load_scenario(SHOWN.get(request.param, request.param), [f"stop.max_time_s={longest_s}"])
     path, beside, alone = tmp_path_factory.mktemp("recording") / "t.rrd", Watched(), Watched()
     with pytest.MonkeyPatch.context() as patch:
-        for name, value in WINDOWS[window].items():
+        for name, value in window.items():
             patch.setattr(recorder, name, value)
         result = recorded(path, scenario, 2**64 + 5, Level.FULL, beside)
         of_time, of_rows = recorder.BUFFER_S * scenario.timing.control_hz, recorder.BUFFER_ROWS // scenario.robot_count
@@ -275,18 +259,16 @@ def test_cones_of_any_signal_show_their_edges_and_those_all_around_are_circles(t
     assert found.static["/arena/ranges"]["Ellipses2D:half_sizes"] == [[40, 40]] * 2
 
 
-@pytest.mark.parametrize(("window", "robots"), [("one window", 3), ("100 rows", 2)])
+@pytest.mark.parametrize(("rows", "robots"), [(recorder.BUFFER_ROWS, 3), (100, 2)])
 def test_in_a_picture_of_a_minute_time_runs_down_and_robots_with_room_stand_side_by_side(
-    tmp_path, monkeypatch, window: str, robots: int
+    tmp_path, monkeypatch, rows: int, robots: int
 ) -> None:
     """Two and a half pictures, of 120 steps each."""
     monkeypatch.setattr(layers, "PICTURE_STEPS", 120)
     monkeypatch.setattr(layers, "MAX_COLUMNS", robots * 16 + 10)
-    for name, value in WINDOWS[window].items():
-        monkeypatch.setattr(recorder, name, value)
+    monkeypatch.setattr(recorder, "BUFFER_ROWS", rows)
+    watched, stop = Watched(), {"max_time_s": 150, "order_parameter": 1}
     group = {"count": 3, "camera": {"pixels": 12}}
-    stop = {"max_time_s": 150, "order_parameter": 1}
-    watched = Watched()
     scenario = load_scenario({"robots": [group], "timing": {"control_hz": 2}, "stop": stop})
     recorded(tmp_path / "t.rrd", scenario, 1, Level.FULL, watched)
     found, camera = Found(tmp_path / "t.rrd"), watched["camera"][:, :robots]
@@ -343,12 +325,12 @@ def test_a_recording_on_a_floor_whose_picture_is_gone_is_read_without_it(tmp_pat
         assert read_recording(tmp_path / "t.rrd").scenario.arena == load_scenario({}).arena
 
 
-@pytest.mark.parametrize(("robots", "are_shown"), [(49, True), (50, False)])
-def test_many_robots_have_no_numbers_beside_them(tmp_path, robots: int, are_shown: bool) -> None:
-    swarm = {"arena": {"width_cm": 100, "height_cm": 100}, "robots": [{"count": robots}]}
-    drawn = static_of(tmp_path, load_scenario(swarm))
-    assert (f"/arena/numbers/{robots - 1}" in drawn) == are_shown
-    assert drawn["/arena/robots"]["Points2D:radii"] == [np.float32(RADIUS_CM)] * robots
+def test_many_robots_have_no_numbers_beside_them(tmp_path) -> None:
+    for robots in (49, 50):
+        swarm = {"arena": {"width_cm": 100, "height_cm": 100}, "robots": [{"count": robots}]}
+        drawn = static_of(tmp_path, load_scenario(swarm))
+        assert (f"/arena/numbers/{robots - 1}" in drawn) == (robots < 50)
+        assert drawn["/arena/robots"]["Points2D:radii"] == [np.float32(3.7)] * robots
 
 
 def test_the_number_of_a_row_is_within_it_and_left_of_the_picture() -> None:
@@ -469,15 +451,8 @@ def test_a_minute_of_ten_robots_takes_less_than_1100_kb(tmp_path) -> None:
     assert 50_000 < bytes_of[1] - bytes_of[0] < 550_000
 
 
-def origins(level: Level, scenario: EmbodiedScenario, fields: list[str]) -> list[str]:
-    found, parts = [], [layout_of(scenario, level, fields).root_container]
-    while parts:
-        part = parts.pop(0)
-        if isinstance(part, rrb.View):
-            found.append(part.origin)
-        else:
-            parts.extend(part.contents)
-    return found
+def origins(part: rrb.Container | rrb.View) -> set[str]:
+    return {part.origin} if isinstance(part, rrb.View) else set().union(*map(origins, part.contents))
 
 
 def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(tmp_path, monkeypatch) -> None:
@@ -507,5 +482,6 @@ def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(tmp_pa
         "schedule.0: robots.1.parameters.speed_cm_s: 0",
     ]
     for level in Level:
-        assert {"/events", "/memory/phase_ms"} <= set(origins(level, scenario, fields))
-        assert not {"/events", "/memory/phase_ms"} & set(origins(level, load_scenario("thesis"), []))
+        assert {"/events", "/memory/phase_ms"} <= origins(layout_of(scenario, level, fields).root_container)
+        bare = layout_of(load_scenario("thesis"), level).root_container
+        assert not {"/events", "/memory/phase_ms"} & origins(bare)

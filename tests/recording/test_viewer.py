@@ -8,12 +8,11 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -32,22 +31,9 @@ from epuck_sim.recording.process import NO_GRAPHICS, in_background, run_rerun
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.viewer import draw_screenshot, has_display, serve, show, web_viewer
 from epuck_sim.util.machine import free_port
-from tests.processes import processes_marked, wait_until
+from tests.processes import processes_marked, start, wait_until
 from tests.recording.recordings import Watched, recorded
-from tests.recording.viewers import (
-    ARENA,
-    DARK,
-    LIT,
-    Stand,
-    alike,
-    answer,
-    discs,
-    ignore_signals,
-    listening,
-    nothing_left,
-    pixels,
-    replace_rerun,
-)
+from tests.recording.viewers import ARENA, DARK, LIT, Stand, alike, answer, discs, nothing_left, pixels, replace_rerun
 
 # as in `layers.arena`, `layers.series` and `layers.robots.COLOURS`
 RED, BLUE = (225, 40, 40), (60, 130, 230)
@@ -74,8 +60,7 @@ class Moment(NamedTuple):
     ring_on: BoolArray
     positions: FloatArray
     camera: IntArray
-    picture: FloatArray
-    """(height, width, 3)"""
+    picture: FloatArray  # (height, width, 3)
 
 
 def marks(picture: FloatArray, colour: Sequence[int]) -> FloatArray:
@@ -153,11 +138,8 @@ def test_camera_rows_are_red_where_a_lit_ring_is_seen(moment: Moment) -> None:
     x = columns.min() + (np.arange(width) + 0.5) * (np.ptp(columns) + 1) / width
     np.testing.assert_array_equal(red[np.ix_(y.astype(int), x.astype(int))], moment.camera > 0)
     assert moment.camera.any()
-
-
-def test_no_message_covers_the_picture(moment: Moment) -> None:
     corner = moment.picture[viewer.MESSAGE_ROWS, viewer.MESSAGE_COLUMNS]
-    assert (corner == viewer.MESSAGE_GREY).all(axis=-1).mean() < 0.1
+    assert (corner == viewer.MESSAGE_GREY).all(axis=-1).mean() < 0.1  # no message covers the picture
 
 
 @pytest.mark.parametrize("size", [(900, 1600), (300, 400)])
@@ -202,44 +184,27 @@ def stand(tmp_path, monkeypatch) -> Stand:
 
 
 @pytest.fixture
-def display(monkeypatch) -> Callable[[dict[str, str]], None]:
-    """Return a function that announces displays; at first there is none."""
+def _no_display(monkeypatch) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
 
-    def announce(names: dict[str, str]) -> None:
-        for name, value in names.items():
-            monkeypatch.setenv(name, value)
 
-    return announce
+LONG = "".join(f"line {line}\n" for line in range(5000)) + "and here it broke"
 
 
-def test_a_viewer_that_never_answers_is_ended_and_reported(stand: Stand, monkeypatch) -> None:
-    monkeypatch.setattr(process, "START_S", 0.5)
-    stand.acts(SLEEP)
-    with pytest.raises(RecordingError, match="the viewer does not work: it does not answer"), web_viewer(free_port()):
-        pytest.fail("it answered")
-
-
-def test_a_viewer_that_ends_at_once_is_not_waited_for_and_the_end_of_its_output_is_reported(
-    stand: Stand, monkeypatch
+@pytest.mark.parametrize(
+    ("acts", "start_s", "said"),
+    [(SLEEP, 0.5, "it does not answer"), (fails(LONG), math.inf, r"(.|\n)*line 4999\nand here it broke")],
+)
+def test_a_viewer_that_never_answers_or_ends_at_once_is_ended_and_reported_with_the_end_of_its_output(
+    stand: Stand, monkeypatch, acts: str, start_s: float, said: str
 ) -> None:
-    monkeypatch.setattr(process, "START_S", math.inf)
-    stand.acts(fails("".join(f"line {line}\n" for line in range(5000)) + "and here it broke"))
-    said = r"^the viewer does not work: (.|\n)*line 4999\nand here it broke$"
-    with pytest.raises(RecordingError, match=said) as caught, web_viewer(free_port()):
+    monkeypatch.setattr(process, "START_S", start_s)
+    stand.acts(acts)
+    with pytest.raises(RecordingError, match=f"^the viewer does not work: {said}$") as caught, web_viewer(free_port()):
         pytest.fail("it answered")
     assert len(str(caught.value)) < 1100
-
-
-def test_a_viewer_that_ignores_signals_is_ended_all_the_same(stand: Stand, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(process, "END_S", 0.2)
-    stand.acts(*DEAF)
-    with in_background(str(tmp_path / "deaf")) as window:
-        wait_until((tmp_path / "deaf").exists)
-        assert not window.has_ended
-    assert window.has_ended
 
 
 @pytest.mark.parametrize(
@@ -255,8 +220,8 @@ def test_where_the_viewer_breaks_down_nothing_is_left_of_a_picture(
     assert [file.name for file in tmp_path.iterdir()] == ["stand"]
 
 
-def test_no_use_is_reported_to_rerun_unless_the_user_allows_it(stand: Stand, display, monkeypatch) -> None:
-    display({"DISPLAY": ":0"})
+def test_no_use_is_reported_to_rerun_unless_the_user_allows_it(stand: Stand, monkeypatch) -> None:
+    monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.delenv("RERUN_ANALYTICS", raising=False)
     for analytics in ("0", "1"):
         for use in (lambda: show(Path("t.rrd")), lambda: run_rerun("rrd", "verify", "t.rrd")):
@@ -285,25 +250,23 @@ def test_a_command_that_fails_is_reported(stand: Stand, tmp_path, monkeypatch) -
         ({}, "darwin", True),
     ],
 )
-def test_a_display_is_known_by_its_name(
-    display, monkeypatch, names: dict[str, str], platform: str, is_there: bool
-) -> None:
+@pytest.mark.usefixtures("_no_display")
+def test_a_display_is_known_by_its_name(monkeypatch, names: dict[str, str], platform: str, is_there: bool) -> None:
     monkeypatch.setattr(sys, "platform", platform)
-    display(names)
+    for name, value in names.items():
+        monkeypatch.setenv(name, value)
     assert has_display() is is_there
 
 
-@pytest.mark.usefixtures("display")
+@pytest.mark.usefixtures("_no_display")
 def test_without_a_display_the_error_names_the_other_ways() -> None:
     with pytest.raises(RecordingError, match=r"^t\.rrd: there is no display here; give --web .* --screenshot"):
         show(Path("t.rrd"))
 
 
-def test_a_window_shows_the_recording_until_it_is_closed_from_any_thread(
-    stand: Stand, display, tmp_path, monkeypatch
-) -> None:
+def test_a_window_shows_the_recording_until_it_is_closed_from_any_thread(stand: Stand, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    display({"WAYLAND_DISPLAY": "0"})
+    monkeypatch.setenv("WAYLAND_DISPLAY", "0")
     with ThreadPoolExecutor(1) as pool:
         pool.submit(show, Path("--t.rrd")).result()
     file, *options = stand.received["arguments"]
@@ -332,7 +295,9 @@ def test_a_browser_finds_the_viewer_on_this_machine_only_until_the_block_ends_or
         assert parse_qs(page.query) == {"url": [f"rerun+http://127.0.0.1:{intake}/proxy"]}
         assert "<title>Rerun Viewer" in answer(address)
         assert not server.has_ended
-        assert listening(marked) == {("127.0.0.1", port), ("127.0.0.1", intake)}
+        connections = [each for number in marked for each in psutil.Process(number).net_connections("tcp")]
+        heard = {tuple(each.laddr) for each in connections if each.status == psutil.CONN_LISTEN}
+        assert heard == {("127.0.0.1", port), ("127.0.0.1", intake)}
         assert os.getpgrp() not in map(os.getpgid, marked)  # Ctrl-C in a terminal reaches us
         raise ZeroDivisionError
 
@@ -342,34 +307,30 @@ def test_a_browser_finds_the_viewer_on_this_machine_only_until_the_block_ends_or
         wait_until(lambda: not processes_marked(str(tmp_path)))
 
 
-@contextmanager
-def serving(recording: Path, folder: Path, prepare: Callable[[], None] | None = None) -> Iterator[Any]:
-    """Yield a process that serves a recording, and where."""
+def ignore_signals() -> None:
+    """Do to a child process what a shell does to a background job, and more."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+
+
+def serving(recording: Path, folder: Path) -> tuple[subprocess.Popen[str], str]:
+    """Return a process that serves a recording though its parent ignored signals, and where; it ends with the test."""
     port, address = free_port(), folder / "address"
-    process = subprocess.Popen(
-        [sys.executable, "-c", SERVE, str(recording), str(port), str(address)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=prepare,  # noqa: PLW1509 signals must be ignored before Python starts
+    process = start(
+        [sys.executable, "-c", SERVE, recording, str(port), address], str(folder), preexec_fn=ignore_signals
     )
-    try:
-        wait_until(lambda: process.poll() is not None or (address.exists() and address.read_text()))
-        assert address.exists(), process.communicate()
-        assert address.read_text().startswith(f"http://127.0.0.1:{port}?url=")
-        yield process, address.read_text()
-    finally:
-        process.kill()
-        process.communicate()
+    wait_until(lambda: process.poll() is not None or (address.exists() and address.read_text()))
+    assert address.exists(), process.communicate()
+    assert address.read_text().startswith(f"http://127.0.0.1:{port}?url=")
+    return process, address.read_text()
 
 
 def test_serving_ends_well_on_ctrl_c_even_if_the_parent_had_it_ignored(thesis, tmp_path) -> None:
-    with serving(thesis[0], tmp_path, ignore_signals) as (process, address):
-        assert answer(address)
-        os.killpg(process.pid, signal.SIGINT)
-        assert process.communicate() == ("ended\n", "")
-        assert process.returncode == 0
+    process, address = serving(thesis[0], tmp_path)
+    assert answer(address)
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.communicate() == ("ended\n", "")
+    assert process.returncode == 0
 
 
 def test_sigterm_ends_the_block_like_ctrl_c_unless_the_program_has_a_handler_of_its_own(stand: Stand) -> None:
@@ -390,10 +351,10 @@ def test_sigterm_ends_the_block_like_ctrl_c_unless_the_program_has_a_handler_of_
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process together with its parent")
 def test_the_viewer_ends_even_if_the_process_that_serves_is_killed(thesis, tmp_path) -> None:
-    with serving(thesis[0], tmp_path) as (process, _):
-        (child,) = psutil.Process(process.pid).children()
-        process.kill()
-        wait_until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE)
+    process, _ = serving(thesis[0], tmp_path)
+    (child,) = psutil.Process(process.pid).children()
+    process.kill()
+    wait_until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE)
 
 
 def test_a_browser_gets_the_whole_recording_with_its_layout_and_nothing_is_done_while_none_looks(
@@ -436,9 +397,16 @@ def rows_by_entity(path: Path) -> Counter[str]:
     return rows
 
 
-def test_a_second_ctrl_c_while_a_viewer_that_ignores_signals_is_ended_leaves_none_behind(
-    stand: Stand, tmp_path
-) -> None:
+def test_a_viewer_that_ignores_signals_is_ended_all_the_same(stand: Stand, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(process, "END_S", 0.2)
+    stand.acts(*DEAF)
+    with in_background(str(tmp_path / "deaf")) as window:
+        wait_until((tmp_path / "deaf").exists)
+        assert not window.has_ended
+    assert window.has_ended
+
+
+def test_a_second_ctrl_c_while_it_is_ended_leaves_none_behind(stand: Stand, tmp_path) -> None:
     stand.acts(*DEAF)
     impatient = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 from urllib.request import ProxyHandler, build_opener
 
 import numpy as np
-import psutil
 import pytest
 from PIL import Image
 from scipy import ndimage
@@ -55,12 +54,6 @@ def nothing_left(mark: Path) -> Iterator[None]:
             for left in processes_marked(str(mark)):
                 with suppress(ProcessLookupError):
                     os.kill(left, signal.SIGKILL)
-
-
-def ignore_signals() -> None:
-    """Do to a child process what a shell does to a background job, and more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def pixels(png: Path | BytesIO) -> FloatArray:
@@ -121,8 +114,3 @@ def answer(address: str) -> str:
     with build_opener(ProxyHandler({})).open(address, timeout=30) as page:
         assert page.status == 200
         return page.read().decode()
-
-
-def listening(processes: list[int]) -> set[tuple[str, int]]:
-    found = [each for process in processes for each in psutil.Process(process).net_connections("tcp")]
-    return {tuple(each.laddr) for each in found if each.status == psutil.CONN_LISTEN}

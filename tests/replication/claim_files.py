@@ -22,25 +22,14 @@ SWEEP = {
 }
 """Agents that all hear all: with a strong coupling they are several times as fast, whatever their speed."""
 
-FASTER = {
-    "test": "ratio",
-    "between": [{"response.coupling": 0.05}, {"response.coupling": 0.4}],
-    "where": {SPEED: 1},
-}
+FASTER = {"test": "ratio", "between": [{"response.coupling": 0.05}, {"response.coupling": 0.4}], "where": {SPEED: 1}}
+OURS = {"reading": "the margin", "changed": "The margin.", "quantifier": "far", "source": "Doe (2009)"}
 
 
 def claim(name: str, *checks: dict, **keys) -> dict:
     """Return a claim on the sweep of this module."""
-    return {
-        "id": name,
-        "section": "9",
-        "claim": f"Claim {name}",
-        "quote": f"Sentence {name}",
-        "line": 7,
-        "sweep": "tiny",
-        "checks": checks,
-        **keys,
-    }
+    said = {"section": "9", "claim": f"Claim {name}", "quote": f"Sentence {name}", "line": 7}
+    return {"id": name, **said, "sweep": "tiny", "checks": list(checks), **keys}
 
 
 EVERY_VERDICT = [
@@ -52,14 +41,7 @@ EVERY_VERDICT = [
     {"id": "A4", "section": "9", "claim": "Claim A4", "not_asked": "It takes 900 CPU hours."},
     {**claim("A5", {"test": "formula", "number": "sigma_a", "within": [0.2, 0.3]}), "sweep": None},
     {**claim("A6", {"test": "formula", "number": "sigma_b", "above": 2}, identity="A definition"), "sweep": None},
-    claim(
-        "A7",
-        {**FASTER, "rises": True},
-        reading="the margin",
-        changed="The margin.",
-        quantifier="far",
-        source="Doe (2009)",
-    ),
+    claim("A7", {**FASTER, "rises": True}, **OURS),
     {"id": "A8", "section": "9", "claim": "Claim A8", "no_claim": "An open question"},
 ]
 """Claims with each of the verdicts, and one that needs no trials."""
@@ -67,18 +49,8 @@ EVERY_VERDICT = [
 
 def write_claims(folder: Path, claims: list[dict] = EVERY_VERDICT, sweep: dict = SWEEP) -> Path:
     path = folder / "claims.yaml"
-    plain = [{**each, "checks": list(each["checks"])} if "checks" in each else each for each in claims]
-    path.write_text(
-        write_yaml(
-            {
-                "seed": 5,
-                "pooled": "Seed 5 alone counts.",
-                "sweeps": {"tiny": sweep},
-                "claims": plain,
-                "notes": ["A misprint."],
-            }
-        )
-    )
+    more = {"seed": 5, "pooled": "Seed 5 alone counts.", "notes": ["A misprint."]}
+    path.write_text(write_yaml({**more, "sweeps": {"tiny": sweep}, "claims": claims}))
     return path
 
 

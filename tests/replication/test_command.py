@@ -10,7 +10,7 @@ from matplotlib import image
 
 from epuck_sim.runs.reader import read_points, read_wall_times
 from tests.cli.commands import call
-from tests.replication.claim_files import FASTER, SPEED, SWEEP, claim, replicate, write_claims
+from tests.replication.claim_files import FASTER, OURS, SPEED, SWEEP, claim, replicate, write_claims
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
@@ -66,8 +66,7 @@ def test_tables_beside_the_page_have_all_that_is_known_of_claims_tests_and_sweep
     claims = {row["id"]: row for row in read_table(folder, "replication.csv")}
     assert list(claims) == IDS
     assert (claims["A1"]["section"], claims["A1"]["line"], claims["A1"]["quote"]) == ("9", "7", "Sentence A1")
-    shown = {"source": "Doe (2009)", "quantifier": "far", "reading": "the margin", "changed": "The margin."}
-    assert claims["A7"].items() >= {**shown, "verdict": "reading", "sweep": "tiny"}.items()
+    assert claims["A7"].items() >= {**OURS, "verdict": "reading", "sweep": "tiny"}.items()
     assert claims["A6"]["identity"] == "A definition"
     tests = read_table(folder, "replication-tests.csv")
     assert [row["claim"] for row in tests] == ["A1", "A2", "A3", "A5", "A6", "A7"]
@@ -76,32 +75,25 @@ def test_tables_beside_the_page_have_all_that_is_known_of_claims_tests_and_sweep
     assert (tests[3]["ours_low"], tests[3]["p"]) == ("", "")
     (sweep,) = read_table(folder, "replication-sweeps.csv")
     assert [sweep[name] for name in ("sweep", "points", "trials", "stored", "failed")] == ["tiny", "6", "72", "72", "0"]
-    assert {point.scenario.seed for point in read_points(folder / "runs/tiny")} == {5}
-    means = [
-        next(p.times.mean() for p in read_points(folder / "runs/tiny") if p.axes == {**axes, SPEED: 1})
-        for axes in ({"response.coupling": 0.05}, {"response.coupling": 0.4})
-    ]
+    points = read_points(folder / "runs/tiny")
+    assert {point.scenario.seed for point in points} == {5}
+    means = {point.axes["response.coupling"]: point.times.mean() for point in points if point.axes[SPEED] == 1}
     ratios = [float(row["ours"]) for row in tests if row["test"].endswith("over that where V = 1 cm/s, ε = 0.05")]
-    assert ratios == pytest.approx([means[1] / means[0]] * 3, rel=1e-5)
+    assert ratios == pytest.approx([means[0.4] / means[0.05]] * 3, rel=1e-5)
 
 
-def test_the_same_command_runs_nothing_again_and_writes_the_same_page(replicated) -> None:
+def test_the_same_command_runs_nothing_again_and_chosen_claims_have_a_page_of_their_own(replicated) -> None:
     file, folder = replicated
     page = folder / "replication.md"
     before, contents = read_wall_times(folder / "runs/tiny"), page.read_bytes()
     assert replicate(file, folder).exit_code == 0
-    assert read_wall_times(folder / "runs/tiny") == before
     assert page.read_bytes() == contents
-
-
-def test_chosen_claims_have_a_page_of_their_own(replicated) -> None:
-    file, folder = replicated
-    whole = (folder / "replication.md").read_bytes()
     assert replicate(file, folder, "A2", "A5").exit_code == 0
-    page = (folder / "chosen.md").read_text()
-    assert "2 claims: holds 1, contradicted 1." in page
-    assert f"`epuck-sim replicate A2 A5 --claims {file} --out {folder}`" in page
-    assert (folder / "replication.md").read_bytes() == whole
+    assert read_wall_times(folder / "runs/tiny") == before
+    chosen = (folder / "chosen.md").read_text()
+    assert "2 claims: holds 1, contradicted 1." in chosen
+    assert f"`epuck-sim replicate A2 A5 --claims {file} --out {folder}`" in chosen
+    assert page.read_bytes() == contents
     assert [row["id"] for row in read_table(folder, "chosen.csv")] == ["A2", "A5"]
     assert (folder / "chosen-sweeps.csv").is_file()
     assert replicate(file, folder, "A5").exit_code == 0

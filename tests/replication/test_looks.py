@@ -23,8 +23,7 @@ pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 TINY = {**SWEEP, "keys": {**SWEEP["keys"], "trials": 6}}
 NEAR = {**FASTER, "between": [{"response.coupling": 0.4}, {"response.coupling": 0.05}], "above": 2.4}
 """Six trials a point are too few to see it."""
-NEVER = {**FASTER, "where": {}, "within": [0.192, 0.194]}
-"""The ratio is 0.193, of thousands of trials."""
+NEVER = {**FASTER, "where": {}, "within": [0.192, 0.194]}  # the ratio is 0.193, of thousands of trials
 AT_ONCE = {**FASTER, "where": {}, "below": 1}
 
 

@@ -11,8 +11,7 @@ from epuck_sim.replication.page import describe_check
 from epuck_sim.replication.sweeps import check_claim, needed_sweeps, sweep_scenario
 
 CLAIMS = read_claims(SHIPPED)
-SMALL_BYTES = 20_000
-"""Size of the tables that are read in each run of the tests."""
+SMALL_BYTES = 20_000  # size of the tables that are read in each run of the tests
 
 SMALL = sorted(file.name.removesuffix(".csv.gz") for file in TABLES.glob("*.gz") if file.stat().st_size < SMALL_BYTES)
 

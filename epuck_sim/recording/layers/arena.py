@@ -7,6 +7,7 @@ keep the coordinates of the simulation. What each entity holds is in docs/record
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import pyarrow as pa
@@ -34,8 +35,7 @@ CONES = "/arena/cones"
 LINKS = "/arena/links"
 LEGEND = "/legend"
 
-UNLABELLED = 50
-"""Swarms of this size or larger are drawn without number labels."""
+UNLABELLED = 50  # swarms of this size or larger are drawn without number labels
 
 CIRCLE_CORNERS = 64  # of a round obstacle's outline
 FLOOR_PX = 1024  # longer side of the picture of a floor
@@ -103,14 +103,11 @@ def number_width(rows: int) -> float:
 def number_strips(number: int, right: float, top: float) -> list[FloatArray]:
     """Return a strip, (corners, 2), for each digit of a number; `right` and `top` are those of its last digit."""
     lefts = right - SCALE - PITCH * np.arange(len(str(number)))[::-1]
-    return [
-        (left, top) + SCALE * np.array(_STROKES[int(digit)], float)
-        for left, digit in zip(lefts, str(number), strict=True)
-    ]
+    digits = zip(lefts, map(int, str(number)), strict=True)
+    return [(left, top) + SCALE * np.array(_STROKES[digit], float) for left, digit in digits]
 
 
-LEGIBLE_SHARE = 1 / 15
-"""Smallest diameter of a disc that has room for a number, as a share of the arena's longer side."""
+LEGIBLE_SHARE = 1 / 15  # smallest diameter of a disc that has room for a number, as a share of the arena's longer side
 
 ON_DISC, BESIDE_DISC = (1.1, 0.4), (1.8, 1.9)
 """Size of numbers, as a share of those beside rows of a height of the disc's radius, and their distance from the middle
@@ -125,14 +122,11 @@ def static_arena_entities(population: Population, level: Level) -> Iterator[Chun
     width, height = population.largest_cm
     yield static_chunk(ARENA, rr.Transform3D(translation=[0, height, 0], mat3x3=np.diag([1, -1, 1])))
     yield from _floor_and_lamps(replace(arena, width_cm=width, height_cm=height))
-    if population.arena_changes:
-        for entity in (WALLS, OBSTACLES):
+    for entity, outlines in ((WALLS, _wall_outlines(arena)), (OBSTACLES, _obstacle_outlines(arena))):
+        if population.arena_changes:
             yield static_chunk(entity, rr.LineStrips2D.from_fields(colors=GREY))
-    else:
-        outlines = _obstacle_outlines(arena)
-        yield static_chunk(WALLS, rr.LineStrips2D([_wall_outline(arena)], colors=GREY))
-        if outlines:
-            yield static_chunk(OBSTACLES, rr.LineStrips2D(outlines, colors=GREY))
+        elif outlines:
+            yield static_chunk(entity, rr.LineStrips2D(outlines, colors=GREY))
     if len(arena.movables):
         radii = arena.circles[arena.first_movable :, 2]
         yield static_chunk(MOVABLES, rr.Points2D.from_fields(radii=radii, colors=GREY, draw_order=15))
@@ -165,30 +159,24 @@ def _floor_and_lamps(arena: Arena) -> Iterator[Chunk]:
 
 def _changing_walls(batch: RowBatch) -> Iterator[Chunk]:
     """Yield walls and obstacles in these rows."""
-    time_ns = batch.time_ns[[row for row, _ in batch.arenas]]
-    arenas = [arena for _, arena in batch.arenas]
-    obstacles = [_obstacle_outlines(arena) for arena in arenas]
-    everything = [outline for outlines in obstacles for outline in outlines]
-    for entity, strips, counts in (
-        (WALLS, list(map(_wall_outline, arenas)), [1] * len(arenas)),
-        (OBSTACLES, everything, list(map(len, obstacles))),
-    ):
-        yield temporal_chunk(entity, time_ns, *rr.LineStrips2D.columns(strips=strips).partition(counts))
+    rows, arenas = zip(*batch.arenas, strict=True)
+    for entity, outlines_of in ((WALLS, _wall_outlines), (OBSTACLES, _obstacle_outlines)):
+        outlines = [outlines_of(arena) for arena in arenas]
+        strips = rr.LineStrips2D.columns(strips=[*chain.from_iterable(outlines)])
+        yield temporal_chunk(entity, batch.time_ns[[*rows]], *strips.partition([*map(len, outlines)]))
 
 
-def _wall_outline(arena: Arena) -> FloatArray:
-    """Return (5, 2) cm: the corners of the floor, and the first one again."""
+def _wall_outlines(arena: Arena) -> list[FloatArray]:
+    """Return the corners of the floor, and the first one again, (5, 2) cm, as a list of one outline."""
     width, height = arena.width_cm, arena.height_cm
-    return np.array([(0, 0), (width, 0), (width, height), (0, height), (0, 0)])
+    return [np.array([(0, 0), (width, 0), (width, height), (0, height), (0, 0)])]
 
 
 def _obstacle_outlines(arena: Arena) -> list[FloatArray]:
     """Return the outline of each obstacle, (corners, 2) cm, whose last corner is its first one."""
     angles = np.linspace(0, 2 * math.pi, CIRCLE_CORNERS + 1)
-    rounds = [(x + r * np.cos(angles), y + r * np.sin(angles)) for x, y, r in arena.circles[: arena.first_movable]]
-    return [np.column_stack(each) for each in rounds] + [
-        np.vstack([corners, corners[:1]]) for corners in arena.polygons
-    ]
+    rounds = [(x, y) + r * unit_vectors(angles) for x, y, r in arena.circles[: arena.first_movable]]
+    return rounds + [np.vstack([corners, corners[:1]]) for corners in arena.polygons]
 
 
 def number_style(population: Population) -> tuple[float, float]:
@@ -238,13 +226,9 @@ def unit_vectors(angle: FloatArray) -> FloatArray:
 
 
 def ray_ends(origins: FloatArray, rays: FloatArray, longest_cm: FloatArray | float, arena: Arena) -> FloatArray:
-    """Return (..., 2) cm where rays end that reach so far, or the outer walls if those are nearer.
+    """Return (..., 2) cm where rays from within the walls end: so far off, or at the outer walls if those are nearer.
 
-    Args:
-        origins: (..., 2) cm, within the walls.
-        rays: (..., 2) unit vectors.
-        longest_cm: (...) lengths of the rays.
-        arena: Its obstacles stop no rays.
+    Origins are (..., 2) cm, rays (..., 2) unit vectors, and (...) their lengths; obstacles stop none.
     """
     walls = np.array([arena.width_cm, arena.height_cm])
     ahead = np.where(rays > 0, walls - origins, origins)  # distance to the next wall, along each axis

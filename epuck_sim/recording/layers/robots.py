@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from typing import Any, Literal
 
 import numpy as np
 import rerun as rr
@@ -49,7 +50,7 @@ SIGHTS = rr.AnnotationContext([(0, "in view", (75, 85, 110)), (1, "seen lit", LI
 COLOURS = rr.AnnotationContext([(0, "dark", (30, 30, 34)), (1, "red", (225, 40, 40)), (BETWEEN, "", (90, 90, 96))])
 
 
-def _format(width: int, height: int, number: rr.ChannelDatatype) -> rr.components.ImageFormat:
+def _format(width: int, height: int, number: Literal["U8", "U16"]) -> rr.components.ImageFormat:
     """Return the format of a picture with one number per pixel."""
     return rr.components.ImageFormat(width=width, height=height, channel_datatype=number)
 
@@ -88,20 +89,16 @@ class RobotLayers:
         yield from self._static_pictures()
 
     def _static_pictures(self) -> Iterator[Chunk]:
-        scenario = self._scenario
-        robots, one_byte = scenario.robot_count, rr.ChannelDatatype.U8
-        minute = self._side_by_side * (scenario.camera_pixels + GAP), PICTURE_STEPS
-        for entity, size in ((CAMERA, (scenario.camera_pixels, robots)), (SPACE_TIME, minute)):
+        robots, pixels = self._population.size, self._scenario.camera_pixels
+        minute = self._side_by_side * (pixels + GAP), PICTURE_STEPS
+        for entity, size in ((CAMERA, (pixels, robots)), (SPACE_TIME, minute)):
             yield static_chunk(entity, COLOURS)
-            yield static_chunk(entity, rr.SegmentationImage.from_fields(format=_format(*size, one_byte)))
-        ranges_cm = [kind.infrared.range_cm for kind in scenario.group_kinds if kind.infrared]
-        infrared = rr.DepthImage.from_fields(
-            format=_format(SENSORS, robots, rr.ChannelDatatype.U16),
-            meter=1000,
-            depth_range=[0, 10 * max(ranges_cm, default=ProximitySection().range_cm)],
-            colormap="spectral",  # from red to blue; what is out of range is as blue as what is far
-        )
-        yield static_chunk(INFRARED, infrared)
+            yield static_chunk(entity, rr.SegmentationImage.from_fields(format=_format(*size, "U8")))
+        ranges_cm = [kind.infrared.range_cm for kind in self._scenario.group_kinds if kind.infrared]
+        depths_mm = [0, 10 * max(ranges_cm, default=ProximitySection().range_cm)]
+        # from red to blue; what is out of range is as blue as what is far
+        colours: dict[str, Any] = {"meter": 1000, "depth_range": depths_mm, "colormap": "spectral"}
+        yield static_chunk(INFRARED, rr.DepthImage.from_fields(format=_format(SENSORS, robots, "U16"), **colours))
         for numbers in (CAMERA_NUMBERS, INFRARED_NUMBERS):
             yield static_chunk(numbers, row_numbers(robots))
 
@@ -188,9 +185,8 @@ def _moments(batch: RowBatch) -> Iterator[tuple[int, FloatArray, Arena]]:
 def _outline(group: RobotGroup, robot: RobotKind) -> tuple[float, float, float, float]:
     """Return how a group's fields of view, or cones, are drawn.
 
-    Returns:
-        How far ahead of a robot's centre they begin, cm; how long they are, cm, 0 all around; the angle between either
-        edge and straight ahead, rad; and the radius within which signals are received from all around, cm, or 0.
+    That is how far ahead of a robot's centre they begin, and their length, 0 all around, cm; the angle of their edges
+    to straight ahead, rad; and the radius within which signals are received from all around, cm, or 0.
     """
     signal = group.signal
     if isinstance(signal, CameraSignal):
