@@ -52,13 +52,7 @@ class Driven:
 
         command = [BROWSER, *options, f"--user-data-dir={profile}", "--remote-debugging-pipe", *arguments]
         self._process = subprocess.Popen(
-            [
-                "bash",
-                "-c",
-                f'exec "$@" 3<&{read} 4>&{write}',
-                "browser",
-                *command,
-            ],
+            ["bash", "-c", f'exec "$@" 3<&{read} 4>&{write}', "browser", *command],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             pass_fds=(read, write),

@@ -55,21 +55,19 @@ def test_whoever_cites_this_version_names_it() -> None:
 @pytest.mark.slow
 def test_the_wheel_runs_in_an_empty_environment_and_both_can_be_published(built: Path, tmp_path: Path) -> None:
     venv.create(tmp_path / "empty", with_pip=True)
-    programs = tmp_path / "empty" / "bin"
-    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-
-    def output_of(*words: str | Path) -> str:
-        return subprocess.run(words, cwd=tmp_path, env=clean, check=True, stdout=subprocess.PIPE, text=True).stdout
-
     (wheel,) = built.glob("*.whl")
-    output_of(programs / "python", "-m", "pip", "install", "--quiet", f"{wheel}[view,film,plot]")
-    assert output_of(programs / "epuck-sim", "--version") == f"epuck-sim {epuck_sim.__version__}\n"
-    assert json.loads(output_of(programs / "epuck-sim", "run", "pair", "--json"))["t_sync_cycles"] >= 1
-    assert json.loads(output_of(programs / "epuck-sim", "run", "particles", "--json"))["t_sync_cycles"] >= 1
-    output_of(programs / "epuck-sim", "run", "pair", "--record", "pair.rrd", "--film", "pair.mp4")
-    output_of(programs / "epuck-sim", "plot", "pair.rrd")
-    output_of(programs / "python", "-m", "pip", "install", "--quiet", "twine")
-    output_of(programs / "twine", "check", "--strict", wheel, *built.glob("*.tar.gz"))
+
+    def run(program: str, *words: str | Path) -> str:
+        return output_of("", tmp_path, tmp_path / "empty" / "bin" / program, *words)
+
+    run("python", "-m", "pip", "install", "--quiet", f"{wheel}[view,film,plot]")
+    assert run("epuck-sim", "--version") == f"epuck-sim {epuck_sim.__version__}\n"
+    for scenario in ("pair", "particles"):
+        assert json.loads(run("epuck-sim", "run", scenario, "--json"))["t_sync_cycles"] >= 1
+    run("epuck-sim", "run", "pair", "--record", "pair.rrd", "--film", "pair.mp4")
+    run("epuck-sim", "plot", "pair.rrd")
+    run("python", "-m", "pip", "install", "--quiet", "twine")
+    run("twine", "check", "--strict", wheel, *built.glob("*.tar.gz"))
 
 
 def test_arenas_and_controllers_are_inside(wheel: Path) -> None:
@@ -80,16 +78,15 @@ def test_arenas_and_controllers_are_inside(wheel: Path) -> None:
     assert (wheel / "epuck_sim" / "control" / "include" / "epuck.h").exists()
 
 
-def output_of(wheel: Path, folder: Path, *arguments: str) -> str:
-    """Return what Python prints in a folder where it imports the package from the wheel."""
+def output_of(wheel: Path | str, folder: Path, *command: str | Path) -> str:
+    """Return what a command prints in a folder where Python imports the package from the wheel, if one is given."""
     environment = {**os.environ, "PYTHONPATH": str(wheel)}
-    command = [sys.executable, *arguments]
     return subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def test_it_is_used_from_any_folder(wheel: Path, tmp_path: Path) -> None:
     script = "import epuck_sim; print(epuck_sim.__file__); from epuck_sim.cli.app import app; app(['list'])"
-    file, *listed = output_of(wheel, tmp_path, "-c", script).splitlines()
+    file, *listed = output_of(wheel, tmp_path, sys.executable, "-c", script).splitlines()
     assert file.startswith(str(wheel))
     assert any(line.startswith("  pair  ") and "two e-pucks" in line for line in listed)
 
@@ -97,5 +94,5 @@ def test_it_is_used_from_any_folder(wheel: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_it_runs_from_any_folder(wheel: Path, tmp_path: Path) -> None:
     """Compiled code is kept for the folder of its sources: here, all is compiled anew."""
-    ran = output_of(wheel, tmp_path, "-m", "epuck_sim", "run", "pair", "--json")
+    ran = output_of(wheel, tmp_path, sys.executable, "-m", "epuck_sim", "run", "pair", "--json")
     assert json.loads(ran)["t_sync_cycles"] >= 1

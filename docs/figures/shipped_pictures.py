@@ -44,15 +44,9 @@ ROBOTS: dict[str, Any] = {
 """The thesis's ten robots at three speeds."""
 
 OTHERS: tuple[tuple[dict[str, Any], tuple[str, ...]], ...] = (
+    ({**ROBOTS, "faults": [{"kind": "ring_dead", "robots": [3], "at_s": 50}]}, ("detection_delay", "false_alarms")),
     (
-        {**ROBOTS, "faults": [{"kind": "ring_dead", "robots": [3], "at_s": 50}]},
-        ("detection_delay", "false_alarms"),
-    ),
-    (
-        {
-            **ROBOTS,
-            "arena": {"movables": [{"x_cm": 30, "y_cm": 30, "radius_cm": 5, "mass_kg": 0.1, "friction": 0.05}]},
-        },
+        {**ROBOTS, "arena": {"movables": [{"x_cm": 30, "y_cm": 30, "radius_cm": 5, "mass_kg": 0.1, "friction": 0.05}]}},
         ("moved",),
     ),
     (

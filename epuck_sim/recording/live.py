@@ -29,8 +29,6 @@ MOST_LATE_S = 2.0  # a trial that is later than this goes on from there at its p
 REFRESH_S = 0.1  # seconds between two updates of the viewer, and between two looks at it during a pause
 
 NO_DISPLAY = "there is no display here; give --web to look in a browser, or --record FILE.rrd to look later"
-CLOSED = "the viewer was closed before the trial ended"
-
 Wait = Callable[[float], str]  # waits for a number of seconds, or until keys are pressed, and returns these
 
 
@@ -47,20 +45,17 @@ class Pace:
         """Set how many times as fast as real robots a trial goes, and what waits between its steps."""
         self._speed = speed
         self._wait = wait
-        self._began: float | None = None
+        self._began = -math.inf
         self._steps_wanted = 0
         self.is_paused = False  # whether the trial stands still after the step that is due, until a key is pressed
 
     def wait_until(self, time_s: float) -> None:
         """Wait until this simulated time is to be shown; raise KeyboardInterrupt if `END` is pressed."""
-        now = time.monotonic()
-        if self._began is None:
-            self._began = now - time_s / self._speed
-        late = now - self._began - time_s / self._speed
-        if late > MOST_LATE_S:
-            self._began += late
+        now, due_s = time.monotonic(), time_s / self._speed
+        if now - self._began - due_s > MOST_LATE_S:
+            self._began = now - due_s
         self._obey(self._wait(0.0))
-        while (early := self._began + time_s / self._speed - time.monotonic()) > 0:
+        while (early := self._began + due_s - time.monotonic()) > 0:
             self._obey(self._wait(early))
 
     def stand_still(self, look: Callable[[], None]) -> None:
@@ -70,7 +65,6 @@ class Pace:
             look()
             self._obey(self._wait(REFRESH_S))
         self._steps_wanted = max(self._steps_wanted - 1, 0)
-        assert self._began is not None, "a trial stands still at a step"
         self._began += time.monotonic() - stopped
 
     def _obey(self, keys: str) -> None:
@@ -136,7 +130,7 @@ def live(
         def check_viewer() -> None:
             if viewer.has_ended:
                 viewer.wait()  # which raises if it broke down
-                raise RecordingError(CLOSED)
+                raise RecordingError("the viewer was closed before the trial ended")
 
         def show(time_s: float, record: Callable[..., None], *given: Any) -> None:
             nonlocal shown_s

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import cv2
@@ -109,28 +110,23 @@ def draw_screenshot(path: Path, at_s: float, picture: Path) -> None:
     hidden = ("--headless", "--window-size", "1600x900", "--hide-welcome-screen", "--port", str(port))
     with atomic_write(picture) as part, in_background(*hidden) as canvas:
         canvas.wait_for(port)
-
-        def paint() -> bytes:
-            client = ViewerClient.connect(proxy_url(port))
-            until = time.monotonic() + PAINT_S
-            while client.open(str(path.resolve())).loading and time.monotonic() < until:
-                time.sleep(0.5)
-            client.set_time(TIMELINE, duration=at_s, play_state="paused")
-            return _settled(client.take_screenshot)
-
-        part.write_bytes(_answer(canvas, paint))
+        until = time.monotonic() + PAINT_S
+        while not part.exists():
+            try:
+                part.write_bytes(_paint(ViewerClient.connect(proxy_url(port)), path, at_s))
+            except (RuntimeError, ConnectionError, TimeoutError) as error:
+                if canvas.has_ended or time.monotonic() > until:
+                    raise canvas.error() from error
+                time.sleep(0.5)  # a busy machine may keep it from answering in the client's 15 s
 
 
-def _answer(canvas: ViewerProcess, ask: Callable[[], bytes]) -> bytes:
-    """Return a viewer's answer; ask again where a busy machine keeps it from answering in the client's 15 s."""
+def _paint(client: Any, path: Path, at_s: float) -> bytes:
+    """Return what a viewer shows of a recording at a moment, as PNG."""
     until = time.monotonic() + PAINT_S
-    while True:
-        try:
-            return ask()
-        except (RuntimeError, ConnectionError, TimeoutError) as error:
-            if canvas.has_ended or time.monotonic() > until:
-                raise canvas.error() from error
+    while client.open(str(path.resolve())).loading and time.monotonic() < until:
         time.sleep(0.5)
+    client.set_time(TIMELINE, duration=at_s, play_state="paused")
+    return _settled(client.take_screenshot)
 
 
 def _settled(take: Callable[[], bytes]) -> bytes:

@@ -123,9 +123,7 @@ def share_difference(first: Measured, second: Measured) -> Effect:
         return NOTHING
     chance = stats.hypergeom(sum(sizes), true + int(one.values.sum()), sizes[1])
     return Effect(
-        statistic.share_difference(one, other),
-        lambda _: float(chance.sf(true - 1)),
-        lambda _: float(chance.cdf(true)),
+        statistic.share_difference(one, other), lambda _: float(chance.sf(true - 1)), lambda _: float(chance.cdf(true))
     )
 
 

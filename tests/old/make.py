@@ -14,18 +14,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 import epuck_sim
-from epuck_sim import (
-    Simulation,
-    Trace,
-    film_trial,
-    load_scenario,
-    read_points,
-    read_recording,
-    record,
-    run_sweep,
-    run_trial,
-    summarize,
-)
+from epuck_sim import Simulation, load_scenario, read_points, run_sweep, run_trial
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.lens import Board, calibrate_lens, find_views, read_lens, save_lens
@@ -62,7 +51,7 @@ AGENTS = {
 FILMED = {
     "name": "filmed",
     "robots": [
-        {"count": 3, "parameters": {"period_s": 2, "speed_cm_s": 2, "coupling": 0.5}, "signal": {"kind": "cone"}},
+        {"count": 3, "parameters": {"period_s": 2, "speed_cm_s": 2, "coupling": 0.5}, "signal": {"kind": "cone"}}
     ],
     "stop": {"max_cycles": 8, "further_cycles": 8},
     "overhead": {"width_px": 200, "height_px": 200, "noise_levels": 0},
@@ -78,13 +67,14 @@ def make(folder: Path) -> None:
         run_sweep(agents, folder / name, pool_here, share=Share(number, len(SHARES)))
     for given, name in zip((ROBOTS, AGENTS), RECORDINGS, strict=True):
         scenario = load_scenario(given)
-        with record(folder / name, scenario, 5) as recorder:
+        with epuck_sim.record(folder / name, scenario, 5) as recorder:
             run_trial(simulate(scenario, 5), [recorder])
     filmed = load_scenario(FILMED)
-    with film_trial(folder / FILM, filmed, 5) as camera:
+    with epuck_sim.film_trial(folder / FILM, filmed, 5) as camera:
         run_trial(Simulation(filmed, 5), [camera])
-    with Trace(folder / TRACE, load_scenario(ROBOTS), 5, memory=["rotation_time"], relations=True) as trace:
-        run_trial(Simulation(load_scenario(ROBOTS), 5), [trace])
+    robots = load_scenario(ROBOTS)
+    with epuck_sim.Trace(folder / TRACE, robots, 5, memory=["rotation_time"], relations=True) as trace:
+        run_trial(Simulation(robots, 5), [trace])
     frames = film(charuco(9, 6), lens_matrix(420.0), np.array([-0.1, 0, 0, 0]))
     save_lens(folder / LENS, calibrate_lens("film", find_views(frames, Board("charuco", 9, 6)), LENS_SIZE, False))
 
@@ -98,7 +88,7 @@ def run_values(path: Path) -> dict[str, Any]:
             for point in points
         ],
         "largest_cluster": [point.measured for point in points],
-        "medians": [row.record()["median"] for row in summarize(read_points(path))],
+        "medians": [row.record()["median"] for row in epuck_sim.summarize(read_points(path))],
         "status": [status.trials, status.stored, status.censored, len(status.failed), status.share],
         "made_by": [made.made_by["epuck_sim"] for made in status.versions],
     }
@@ -106,15 +96,9 @@ def run_values(path: Path) -> dict[str, Any]:
 
 def recording_values(path: Path) -> dict[str, Any]:
     """Return what a recording holds."""
-    held = read_recording(path)
-    arrays = {
-        "time_s": held.time_s,
-        "positions": held.positions,
-        "headings": held.headings,
-        "ring_on": held.ring_on,
-        "phase_ms": held.phase_ms,
-        "flashes": held.flash_s,
-    }
+    held = epuck_sim.read_recording(path)
+    names = ("time_s", "positions", "headings", "ring_on", "phase_ms")
+    arrays = {**{name: getattr(held, name) for name in names}, "flashes": held.flash_s}
     return {
         "scenario": [held.scenario.name, held.scenario.population, held.seed, held.cycles, held.synchronised],
         "made_by": held.versions["epuck_sim"],
@@ -137,11 +121,6 @@ def film_values(path: Path) -> dict[str, Any]:
     }
 
 
-def lens_values(path: Path) -> dict[str, Any]:
-    """Return what a file of a lens holds."""
-    return read_lens(path, LENS_SIZE)._asdict()
-
-
 def trace_values(path: Path) -> dict[str, Any]:
     """Return what a trace holds."""
     table = pq.read_table(path)
@@ -162,7 +141,7 @@ READERS: dict[str, Callable[[Path], dict[str, Any]]] = {
     **dict.fromkeys((RUN, *SHARES), run_values),
     **dict.fromkeys(RECORDINGS, recording_values),
     FILM: film_values,
-    LENS: lens_values,
+    LENS: lambda path: read_lens(path, LENS_SIZE)._asdict(),
     TRACE: trace_values,
 }
 """The reader of each file."""

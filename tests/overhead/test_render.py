@@ -239,8 +239,9 @@ def test_the_same_robots_make_the_same_picture_without_the_cameras_faults() -> N
     assert first.shape == (80, 120, 3)
     np.testing.assert_array_equal(view.draw(POSES, lit), first)
     np.testing.assert_array_equal(ArenaView("obstacles", 120, 80).draw(POSES, lit), first)
-    with pytest.raises(ScenarioError, match="width_px"):
-        ArenaView(SCENARIO, width_px=101)
+    for scenario, said in ((SCENARIO, "width_px"), ("particles", "model is 'particles'")):
+        with pytest.raises(ScenarioError, match=said):
+            ArenaView(scenario, width_px=101)
 
 
 def test_a_kilobot_is_drawn_as_wide_as_it_is_and_its_led_where_it_is() -> None:

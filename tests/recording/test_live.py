@@ -174,10 +174,7 @@ def test_steps_are_shown_at_their_times(speed: float, begin) -> None:
     ("pressed", "times"),
     [
         ([(0.15, PAUSE), (7.2, PAUSE)], [0, 0.1, 0.2, 7.3, 7.4]),  # nothing is hurried after a pause
-        (
-            [(0.15, STEP), (5, STEP), (9, STEP + STEP), (20, PAUSE)],
-            [0, 0.1, 0.2, 5.1, 9.1, 9.2, 20.1, 20.2],
-        ),
+        ([(0.15, STEP), (5, STEP), (9, STEP + STEP), (20, PAUSE)], [0, 0.1, 0.2, 5.1, 9.1, 9.2, 20.1, 20.2]),
     ],
 )
 def test_keys_pause_a_trial_let_it_go_on_and_take_steps(pressed: list, times: list[float], begin) -> None:

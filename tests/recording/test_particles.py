@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from epuck_sim import EpuckSimError, ParticleScenario, TrialResult, load_scenario, read_recording, record, run_trial
+from epuck_sim import EpuckSimError, ParticleScenario, TrialResult, load_scenario, read_recording, run_trial
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.figures.trial_page import draw_page
 from epuck_sim.order_parameter import METRICS
@@ -163,16 +163,6 @@ def flat(vectors: FloatArray) -> FloatArray:
     )
 
 
-def check_row(trial: Trial, row: int, phases: FloatArray, positions: FloatArray, headings: FloatArray) -> None:
-    read = trial.recorded
-    np.testing.assert_allclose(read.positions[row], flat(positions), rtol=0, atol=1e-6 * trial.scenario.space.side_cm)
-    np.testing.assert_allclose(read.phase_ms[row], 1000 * trial.scenario.clocks.period_s * phases, atol=1e-5)
-    assert read.order_parameter[row] == pytest.approx(METRICS[trial.scenario.stop.metric](phases, 1.0), abs=1e-7)
-    ahead = flat(headings)
-    turned = read.headings[row] - np.arctan2(ahead[:, 1], ahead[:, 0])
-    np.testing.assert_allclose(np.angle(np.exp(1j * turned)), 0, atol=1e-5)
-
-
 def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
     assert trial.result_recorded._replace(wall_s=0) == trial.result._replace(wall_s=0)
     read = trial.recorded
@@ -212,20 +202,21 @@ def test_the_order_parameter_at_firings_is_the_one_that_decides(trial: Trial) ->
     np.testing.assert_allclose(trial.recorded.order_parameter[rows], trial.recorded.firing_order, rtol=0, atol=1e-12)
 
 
-def test_at_instants_all_is_as_the_swarm_had_it(trial: Trial) -> None:
-    read, period_ms = trial.recorded, 1000 * trial.scenario.clocks.period_s
+def test_all_is_as_the_swarm_had_it_and_between_instants_agents_fly_straight_and_phases_rise(trial: Trial) -> None:
+    read, period_ms, swarms = trial.recorded, 1000 * trial.scenario.clocks.period_s, trial.between
+    assert len(swarms) > 15
     assert len(trial.instants) == trial.result.steps > 2
     for row, each in zip(trial.places, trial.instants, strict=True):
         np.testing.assert_array_equal(read.positions[row], flat(each.positions).astype(np.float32))
         np.testing.assert_array_equal(read.phase_ms[row], period_ms * each.phases)
-        check_row(trial, row, each.phases, each.positions, each.headings)
-
-
-def test_between_instants_agents_fly_straight_and_phases_rise(trial: Trial) -> None:
-    between = trial.between
-    assert len(between) > 15
-    for row, swarm in between.items():
-        check_row(trial, row, *swarm)
+        swarms[row] = each.phases, each.positions, each.headings
+    for row, (phases, positions, headings) in swarms.items():
+        atol = 1e-6 * trial.scenario.space.side_cm
+        np.testing.assert_allclose(read.positions[row], flat(positions), rtol=0, atol=atol)
+        np.testing.assert_allclose(read.phase_ms[row], period_ms * phases, atol=1e-5)
+        assert read.order_parameter[row] == pytest.approx(METRICS[trial.scenario.stop.metric](phases, 1.0), abs=1e-7)
+        turned = np.exp(1j * read.headings[row]) * (flat(headings) @ [1, -1j])
+        np.testing.assert_allclose(np.angle(turned[turned != 0]), 0, atol=1e-5)
 
 
 def test_agents_that_have_just_fired_are_lit(trial: Trial) -> None:
@@ -329,27 +320,18 @@ def test_each_level_holds_what_it_should_and_no_more(tmp_path, of, name: str, le
         np.testing.assert_array_equal(found, expected[:0] if level is Level.SUMMARY else expected)
 
 
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        ({"sweep": {"grid": {"agents.count": [2, 3]}}}, "thesis: is a sweep; "),
-        ({"clocks": {"period_s": 1e-7}, "agents": {}}, "thesis: clocks.period_s is 1e-07, which is too short"),
-    ],
-)
-def test_what_cannot_be_recorded_is_refused_in_words(tmp_path, more: dict[str, Any], said: str) -> None:
-    with pytest.raises(EpuckSimError) as caught, record(tmp_path / "t.rrd", load("thesis", **more), 1):
-        pass
-    assert str(caught.value).startswith(said)
-    assert not any(tmp_path.iterdir())
-
-
-def test_a_trial_that_outlasts_the_clock_is_refused_in_words(tmp_path, monkeypatch) -> None:
+def test_what_cannot_be_recorded_is_refused_in_words(tmp_path, monkeypatch) -> None:
     assert np.iinfo(np.int64).max > rows.LATEST_S * 1e9
     monkeypatch.setattr(rows, "LATEST_S", 9e7)
-    scenario = load("alone", clocks={"period_s": 1e6}, stop={"order_parameter": None, "max_cycles": 91})
-    with pytest.raises(EpuckSimError, match="alone: lasts more than 9e\\+07 s"):
-        recorded(tmp_path / "t.rrd", scenario, level=Level.SUMMARY)
-    assert not any(tmp_path.iterdir())
+    long = {"clocks": {"period_s": 1e6}, "stop": {"order_parameter": None, "max_cycles": 91}}
+    for scenario, said in (
+        (load("thesis", sweep={"grid": {"agents.count": [2, 3]}}), "thesis: is a sweep; "),
+        (load("thesis", clocks={"period_s": 1e-7}), "thesis: clocks.period_s is 1e-07, which is too short"),
+        (load("alone", **long), r"alone: lasts more than 9e\+07 s"),
+    ):
+        with pytest.raises(EpuckSimError, match=f"^{said}"):
+            recorded(tmp_path / "t.rrd", scenario, level=Level.SUMMARY)
+        assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["cyclic", "cyclic cube"])

@@ -96,11 +96,10 @@ def test_a_look_that_was_interrupted_is_completed_before_anything_is_judged(tmp_
 def test_the_time_until_a_verdict_is_that_of_the_look_at_which_effects_as_they_are_decide(tmp_path) -> None:
     file = write_claims(tmp_path, [claim("B1", NEAR), claim("B2", NEVER)], TINY)
     assert replicate(file, tmp_path / "out").exit_code == 0
-    claims = read_claims(file)
+    claims, folder = read_claims(file), sweep_folder(tmp_path / "out", "tiny")
     scenarios = needed_sweeps(claims, claims.claims)
-    folders = {"tiny": sweep_folder(tmp_path / "out", "tiny")}
-    assert begun(scenarios["tiny"], folders["tiny"]).trials == 6
-    decider = Decider(claims.claims, scenarios, folders)
+    assert begun(scenarios["tiny"], folder).trials == 6
+    decider = Decider(claims.claims, scenarios, {"tiny": folder})
     near, never = decider.answers()
     assert (near.verdict, never.verdict) == (Verdict.UNDECIDED, Verdict.UNDECIDED)
     (look,) = decider.next_looks()
@@ -116,9 +115,8 @@ def test_no_trials_are_added_where_points_scatter_by_far_more_than_their_errors(
     slope = {"test": "power_exponent", "along": SPEED, "where": {"response.coupling": 0.4}, "above": 0}
     claims = read_claims(write_claims(tmp_path, [claim("B1", slope)], TINY))
     scenarios = needed_sweeps(claims, claims.claims)
-    trials = [9.0, 10.0, 11.0, 9.0, 10.0, 11.0]
-    heights = {1: 1, 10: 30, 100: 2}
-    store(tmp_path / "tiny", scenarios["tiny"], lambda point: ended(np.multiply(trials, heights[point.axes[SPEED]])))
+    heights = {1: [9.0, 10.0, 11.0], 10: [270.0, 300.0, 330.0], 100: [18.0, 20.0, 22.0]}
+    store(tmp_path / "tiny", scenarios["tiny"], lambda point: ended(2 * heights[point.axes[SPEED]]))
     decider = Decider(claims.claims, scenarios, {"tiny": tmp_path / "tiny"})
     (answer,) = decider.answers()
     assert answer.verdict == Verdict.UNDECIDED

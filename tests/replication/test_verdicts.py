@@ -138,9 +138,7 @@ CYCLES = np.arange(300)
 
 
 @given(st.floats(-0.02, 0.04))
-def test_the_rate_of_an_exponential_is_found_but_no_factor_that_comes_once_nor_what_comes_when_large(
-    rate,
-) -> None:
+def test_the_rate_of_an_exponential_is_found_but_no_factor_that_comes_once_nor_what_comes_when_large(rate) -> None:
     assert growth(1e-9 * np.exp(rate * CYCLES)) == pytest.approx(rate, abs=1e-9)
     assert growth(1e-9 * np.minimum(1 + 0.1 * CYCLES, 1.5)) == pytest.approx(0, abs=1e-12)
     assert growth(1e-9 * np.where(CYCLES < 5, 1, 1.5)) == pytest.approx(0, abs=1e-12)
