@@ -20,8 +20,6 @@ from tests.browsers import shown
 from tests.tools import needs_browser
 
 ROOT = Path(__file__).parent.parent
-
-
 SPHINX = ("--fail-on-warning", "--keep-going", "--fresh-env", "--quiet")
 
 
@@ -56,29 +54,15 @@ def words(text: str) -> set[str]:
     return set(re.sub(r"[`|*(),]", " ", text).split())
 
 
-@pytest.fixture
-def _extensions(monkeypatch) -> None:
+def test_the_reference_has_every_key_every_command_and_all_that_is_shipped(monkeypatch) -> None:
     monkeypatch.syspath_prepend(ROOT / "docs/_ext")
-
-
-def written(module: str, name: str) -> str:
-    """Return what a directive of the site writes."""
-    return getattr(import_module(module), name)()
-
-
-@pytest.mark.usefixtures("_extensions")
-@pytest.mark.parametrize("model", ["embodied", "particles"])
-def test_the_reference_has_every_key(model: str) -> None:
-    keys = written("scenario_keys", "write_scenario_keys")
-    for section, inner in load_scenario({"model": model}).model_dump().items():
-        names = [f"{section}.{key}" for key in inner] if isinstance(inner, dict) else [section]
-        assert [name for name in names if f"`{name}" not in keys] == []
+    keys = import_module("scenario_keys").write_scenario_keys()
+    for model in ("embodied", "particles"):
+        for section, inner in load_scenario({"model": model}).model_dump().items():
+            names = [f"{section}.{key}" for key in inner] if isinstance(inner, dict) else [section]
+            assert [name for name in names if f"`{name}" not in keys] == []
     assert {"robots.N.camera.latency_ms", "arena.obstacles.N.radius_cm", "stop.when.relation"} <= words(keys)
-
-
-@pytest.mark.usefixtures("_extensions")
-def test_the_reference_has_every_command_and_all_that_is_shipped() -> None:
-    commands = words(written("command_line", "write_commands"))
+    commands = words(import_module("command_line").write_commands())
     assert get_command(app).commands.keys() | {"--measure", "--statistic", "--threshold-ms"} <= commands
     module = import_module("shipped")
     shipped = words("".join(map(module.write, module.KINDS)))

@@ -8,24 +8,8 @@ import sys
 import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 ROOT = Path(__file__).parent.parent
-PACKAGE = "epuck_sim"
-
-
-class Weight(NamedTuple):
-    """What is weighed, and what it may weigh; None where there is no limit, or nothing to count."""
-
-    name: str
-    weight: int | None
-    limit: int | None
-    files: int
-
-    @property
-    def is_allowed(self) -> bool:
-        """Whether it is within a limit that there is."""
-        return self.weight is not None and self.limit is not None and self.weight <= self.limit
 
 
 def lines(files: Iterable[Path]) -> int:
@@ -33,40 +17,43 @@ def lines(files: Iterable[Path]) -> int:
     return sum(file.read_bytes().count(b"\n") for file in files)
 
 
-def weigh(root: Path) -> Iterator[Weight]:
-    """Yield the weight of each room, of all rooms, of the tests and of the docs."""
+def weigh(root: Path) -> Iterator[tuple[str, int | None, int | None, int]]:
+    """Yield name, weight, limit and number of files of each room, of all rooms, the tests and the docs.
+
+    A weight or limit is None where there is nothing to count, or no limit.
+    """
     limits = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["weights"]
-    package = root / PACKAGE
+    package = root / "epuck_sim"
     folders = {folder.name: sorted(folder.rglob("*.py")) for folder in package.iterdir() if folder.is_dir()}
-    folders = {name: files for name, files in folders.items() if files}
+    folders = {name: files for name, files in folders.items() if files} | {"root": sorted(package.glob("*.py"))}
     for room, limit in limits["rooms"].items():
-        names = room.split("+")
-        known = [folders.pop(name) for name in names if name in folders]
-        files = sorted(package.glob("*.py")) if room == "root" else [file for each in known for file in each]
-        is_there = room == "root" or len(known) == len(names)
-        yield Weight(room, lines(files) if is_there else None, limit, len(files))
+        found = [folders.pop(name, []) for name in room.split("+")]
+        yield room, sum(map(lines, found)) if all(found) else None, limit, sum(map(len, found))
     for name, files in sorted(folders.items()):
-        yield Weight(name, lines(files), None, len(files))
-    every = list(package.rglob("*.py"))
-    yield Weight("lines of all rooms", lines(every), limits["lines"], len(every))
-    yield Weight("files of all rooms", len(every), limits["files"], len(every))
-    tests = list((root / "tests").rglob("*.py"))
-    yield Weight("lines of tests", lines(tests), limits["tests"], len(tests))
+        yield name, lines(files), None, len(files)
+    every, tests = list(package.rglob("*.py")), list((root / "tests").rglob("*.py"))
+    yield "lines of all rooms", lines(every), limits["lines"], len(every)
+    yield "files of all rooms", len(every), limits["files"], len(every)
+    yield "lines of tests", lines(tests), limits["tests"], len(tests)
     pages = [root / "README.md", *(root / "docs").rglob("*.md")]
     words = sum(len(page.read_text(encoding="utf-8").split()) for page in pages)
-    yield Weight("words of docs", words, limits["words"], len(pages))
+    yield "words of docs", words, limits["words"], len(pages)
 
 
 def main(root: Path = ROOT) -> int:
     """Print what the tree weighs; return 1 if anything is beyond its limit, has none, or is not there, else 0."""
     print(f"{'room':<22}{'weight':>8}{'limit':>8}{'files':>7}")
-    weights = list(weigh(root))
-    for name, weight, limit, files in weights:
-        print(f"{name:<22}{weight if weight is not None else '-':>8}{limit if limit is not None else '-':>8}{files:>7}")
-    wrong = [each for each in weights if not each.is_allowed]
-    for name, weight, limit, _ in wrong:
-        found = "is not there" if weight is None else f"weighs {weight}, and has no limit" if limit is None else ""
-        print(f"error: {name}: {found or f'weighs {weight}; allowed: {limit}'}: see [tool.weights]", file=sys.stderr)
+    wrong = []
+    for name, weight, limit, files in weigh(root):
+        print(f"{name:<22}{'-' if weight is None else weight:>8}{'-' if limit is None else limit:>8}{files:>7}")
+        if weight is None:
+            wrong.append(f"{name}: is not there")
+        elif limit is None:
+            wrong.append(f"{name}: weighs {weight}, and has no limit")
+        elif weight > limit:
+            wrong.append(f"{name}: weighs {weight}; allowed: {limit}")
+    for each in wrong:
+        print(f"error: {each}: see [tool.weights]", file=sys.stderr)
     return int(bool(wrong))
 
 

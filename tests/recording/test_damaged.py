@@ -17,8 +17,8 @@ from epuck_sim.recording.layout import arrangement_of, layout_file
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.reader import last_moment_s, read_layout, read_recording
 from epuck_sim.recording.rrd_file import is_whole
-from epuck_sim.util.provenance import versions
 from tests.recording.recordings import recorded
+from tests.recording.viewers import replace_rerun
 
 SCENARIO = load_scenario(
     {"arena": {"width_cm": 40, "height_cm": 40}, "robots": [{"count": 2}], "stop": {"max_time_s": 2}}
@@ -74,10 +74,7 @@ def test_a_recording_that_is_cut_off_is_refused(whole: Path, tmp_path, share: fl
 
 
 def test_a_recording_over_which_rerun_breaks_down_is_not_read(tmp_path, monkeypatch) -> None:
-    program = tmp_path / "rerun"
-    program.write_text("#!/bin/sh\nexit 101\n")
-    program.chmod(0o700)
-    monkeypatch.setattr("epuck_sim.recording.process.PROGRAM", (str(program),))
+    replace_rerun(tmp_path / "stand", monkeypatch).acts("sys.exit(101)")
     monkeypatch.setattr(entities, "RrdReader", None)
     path = tmp_path / "t.rrd"
     path.write_bytes((Path(__file__).parents[1] / "old" / "0.1.0" / "robots.rrd").read_bytes())  # has no seal
@@ -105,13 +102,7 @@ def two_in_one(path: Path) -> None:
     run_rerun("rrd", "merge", *map(str, parts), "-o", str(path))
 
 
-def of_another_format(path: Path) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recorder, "FORMAT", 7)
-        recorded(path, SCENARIO, level=Level.SUMMARY)
-
-
-FORMAT_7 = f"format 7, made by epuck_sim {versions()['epuck_sim']}"
+MADE_BY = '{"epuck_sim": "9.1"}'
 
 
 @pytest.mark.parametrize(
@@ -126,7 +117,7 @@ FORMAT_7 = f"format 7, made by epuck_sim {versions()['epuck_sim']}"
         (lambda path: written(path, "epuck-sim", format=1, level="full"), "is not a complete recording: 'scenario'"),
         (two_in_one, "holds 2 recordings"),
         (without_outcome, "is not a complete recording: 'cycles'"),
-        (of_another_format, FORMAT_7),
+        (lambda path: written(path, "epuck-sim", format=7, versions=MADE_BY), "format 7, made by epuck_sim 9.1"),
     ],
 )
 def test_what_is_no_recording_of_ours_is_refused(tmp_path, capfd, make: Callable[[Path], None], message: str) -> None:

@@ -186,31 +186,25 @@ def stand(tmp_path, monkeypatch) -> Stand:
 LONG = "".join(f"line {line}\n" for line in range(5000)) + "and here it broke"
 
 
-@pytest.mark.parametrize(
-    ("acts", "start_s", "said"),
-    [(SLEEP, 0.5, "it does not answer"), (fails(LONG), math.inf, r"(.|\n)*line 4999\nand here it broke")],
-)
-def test_a_viewer_that_never_answers_or_ends_at_once_is_ended_and_reported_with_the_end_of_its_output(
-    stand: Stand, monkeypatch, acts: str, start_s: float, said: str
-) -> None:
-    monkeypatch.setattr(process, "START_S", start_s)
-    stand.acts(acts)
-    with pytest.raises(RecordingError, match=f"^the viewer does not work: {said}$") as caught, web_viewer(free_port()):
-        pytest.fail("it answered")
-    assert len(str(caught.value)) < 1100
+def test_a_viewer_that_never_answers_or_ends_at_once_is_reported_with_its_last_words(stand: Stand, monkeypatch) -> None:
+    port, at_end = free_port(), r"(.|\n)*line 4999\nand here it broke"
+    for acts, start_s, said in ((SLEEP, 0.5, "it does not answer"), (fails(LONG), math.inf, at_end)):
+        monkeypatch.setattr(process, "START_S", start_s)
+        stand.acts(acts)
+        with pytest.raises(RecordingError, match=f"^the viewer does not work: {said}$") as caught, web_viewer(port):
+            pytest.fail("it answered")
+        assert len(str(caught.value)) < 1100
 
 
-@pytest.mark.parametrize(
-    ("said", "message"),
-    [("something broke", "^the viewer does not work: something broke$"), (NO_RENDERER, "apt install mesa-vulkan")],
-)
-def test_where_the_viewer_breaks_down_nothing_is_left_of_a_picture(
-    stand: Stand, tmp_path, said: str, message: str
-) -> None:
-    stand.answers_and_says(said)
-    with pytest.raises(RecordingError, match=message):
-        draw_screenshot(tmp_path / "t.rrd", 1.0, tmp_path / "p.png")
-    assert [file.name for file in tmp_path.iterdir()] == ["stand"]
+def test_where_the_viewer_breaks_down_nothing_is_left_of_a_picture(stand: Stand, tmp_path) -> None:
+    for said, message in (
+        ("it broke", "^the viewer does not work: it broke$"),
+        (NO_RENDERER, "apt install mesa-vulkan"),
+    ):
+        stand.answers_and_says(said)
+        with pytest.raises(RecordingError, match=message):
+            draw_screenshot(tmp_path / "t.rrd", 1.0, tmp_path / "p.png")
+        assert [file.name for file in tmp_path.iterdir()] == ["stand"]
 
 
 def test_no_use_is_reported_to_rerun_unless_the_user_allows_it(stand: Stand, monkeypatch) -> None:

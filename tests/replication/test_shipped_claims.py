@@ -14,7 +14,6 @@ from epuck_sim.replication.verdicts import run_check
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import Point, points
-from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.checks import check_sweep
 from epuck_sim.trial.model import run_trial, simulate
 
@@ -22,33 +21,21 @@ CLAIMS = read_claims()
 
 
 @cache
-def sweeps() -> dict[str, Scenario]:
-    return needed_sweeps(CLAIMS, CLAIMS.claims)
-
-
-@cache
 def swept() -> dict[str, tuple[Point, ...]]:
-    return {name: points(scenario) for name, scenario in sweeps().items()}
+    return {name: points(scenario) for name, scenario in needed_sweeps(CLAIMS, CLAIMS.claims).items()}
 
 
-def without_trials(point) -> PointTrials:
-    none = np.array([])
-    return PointTrials(point.number, point.key, point.axes, point.scenario, none, none == 1, ())
-
-
-def test_every_test_finds_its_points() -> None:
-    found = {name: [without_trials(point) for point in of_sweep] for name, of_sweep in swept().items()}
+def test_every_test_finds_its_points_in_a_sweep_that_can_be_run() -> None:
+    none = np.array([]), np.array([], bool), ()
+    found = {name: [PointTrials(*point[:4], *none) for point in of_sweep] for name, of_sweep in swept().items()}
     assert found.keys() == CLAIMS.sweeps.keys()
+    for each in swept().values():
+        check_sweep(each)
     for claim in CLAIMS.claims:
         for check in claim.checks:
             if check.test != "formula":
                 stored = [point._replace(of=check.of) for point in found[claim.sweep]]
                 assert math.isnan(run_check(check, stored).effect.estimate.low), claim.id
-
-
-def test_all_72_claims_are_there() -> None:
-    assert [claim.id for claim in CLAIMS.claims] == [f"R{number}" for number in range(1, 73)]
-    assert sum(bool(claim.checks) for claim in CLAIMS.claims) >= 58
 
 
 def test_each_is_a_short_sentence_of_a_line_of_the_text_in_the_order_of_its_sections() -> None:
@@ -68,7 +55,9 @@ def test_each_is_a_short_sentence_of_a_line_of_the_text_in_the_order_of_its_sect
     assert all(at[one][1] <= at[other][0] for one, other in pairwise(ordered))
 
 
-def test_what_cannot_be_true_or_false_by_trials_is_named() -> None:
+def test_all_72_claims_are_there_and_what_cannot_be_true_or_false_by_trials_is_named() -> None:
+    assert [claim.id for claim in CLAIMS.claims] == [f"R{number}" for number in range(1, 73)]
+    assert sum(bool(claim.checks) for claim in CLAIMS.claims) >= 58
     by_kind = {kind: {c.id for c in CLAIMS.claims if getattr(c, kind)} for kind in ("identity", "no_claim", "reading")}
     assert by_kind["identity"] == {"R6", "R8", "R32", "R37", "R64"}
     assert by_kind["no_claim"] == {"R14", "R28", "R34", "R71"}
@@ -84,13 +73,9 @@ def test_rises_have_one_margin_and_thresholds_of_ratios_are_positive() -> None:
                 assert all(each > 0 for each in check.predicted if each is not None)
 
 
-def test_every_sweep_can_be_run() -> None:
-    for found in swept().values():
-        check_sweep(found)
-
-
 def test_sweeps_have_a_seed_that_no_earlier_page_and_no_figure_had() -> None:
-    others = {name: scenario.seed for name, scenario in sweeps().items() if scenario.seed != CLAIMS.seed}
+    seeds = {name: first.scenario.seed for name, (first, *_) in swept().items()}
+    others = {name: seed for name, seed in seeds.items() if seed != CLAIMS.seed}
     assert others == {"short-cones": 25}
     assert not {CLAIMS.seed, *others.values()} & {0, 1, 19, 20, 21, 22, 23}
     assert f"one seed, {CLAIMS.seed}, but short-cones 25" in CLAIMS.pooled
@@ -106,25 +91,12 @@ def test_two_groups_that_look_at_opposite_walls_never_synchronise_with_300_degre
         assert {run_trial(simulate(scenario, seed)).censored for seed in range(2)} == {not is_observed}
 
 
-# Numbers that follow from equations, put back into these
-
-
-def test_one_robot_of_twenty_so_far_away_has_the_order_of_the_threshold() -> None:
-    phases = np.array([0.0] * 19 + [largest_shift()])
-    assert reference_order_parameter(phases, 1.0) == pytest.approx(0.95)
-
-
-def test_below_this_phase_a_pulse_lowers_the_order_and_above_it_raises_it() -> None:
-    assert order_zero() == pytest.approx(1 / 2.1)
-    for phase, lower in ((order_zero() - 0.01, True), (order_zero() + 0.01, False)):
+def test_numbers_that_follow_from_equations_fulfil_these() -> None:
+    one_of_twenty = np.array([0.0] * 19 + [largest_shift()])
+    assert reference_order_parameter(one_of_twenty, 1.0) == pytest.approx(0.95)
+    for phase, is_lowered in ((order_zero() - 0.01, True), (order_zero() + 0.01, False)):  # by a pulse
         before, after = (order_parameter(np.array([0, each]), 1.0) for each in (phase, 1.1 * phase))
-        assert (after < before) == lower
-
-
-def test_two_halves_so_far_away_have_the_order_of_the_threshold() -> None:
+        assert (after < before) == is_lowered
     assert order_parameter(np.repeat([-sigma_a(), sigma_a()], 5), 5.0) == pytest.approx(0.95)
-
-
-def test_the_sum_of_eq_c_3() -> None:
     robots = 10
     assert sigma_b() == pytest.approx(math.sqrt(2 / (5 * robots) * robots / 2 * (4**2 + 3**2 + 2**2 + 1**2)))
