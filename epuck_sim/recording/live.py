@@ -80,12 +80,9 @@ class Pace:
 
 @contextmanager
 def live_viewer(port: int | None, announce: Callable[[str], None]) -> Iterator[tuple[ViewerProcess, int]]:
-    """Yield a viewer without a recording, and the port at which it takes chunks.
+    """Yield a viewer without a recording, and the port at which it takes chunks; raise RecordingError if none opens.
 
     Browsers find it at `port`, and `announce` is called with their address; a window is opened if there is no port.
-
-    Raises:
-        RecordingError: There is no display for a window, or the port is in use.
     """
     if port is not None:
         with web_viewer(port) as (server, address, intake):

@@ -80,7 +80,7 @@ class Recorder:
         self._buffer: Any
         self._layers: list[RobotLayers | AgentLayers]  # of a full recording
         if isinstance(scenario, EmbodiedScenario):
-            self._buffer = RobotBuffer(scenario, level, memory)
+            self._buffer = RobotBuffer(scenario, level, self._capacity, memory)
             self._layers = [RobotLayers(scenario, population)] if level is Level.FULL else []
         else:
             assert isinstance(scenario, ParticleScenario), "other models have no population"

@@ -130,33 +130,32 @@ _OF_STEPS: dict[Level, dict[str, type]] = {
 class RobotBuffer:
     """Gathers steps of robots, a row each."""
 
-    def __init__(self, scenario: EmbodiedScenario, level: Level, memory: Sequence[str]) -> None:
-        """Begin without rows; memory: fields and readings to keep."""
+    def __init__(self, scenario: EmbodiedScenario, level: Level, capacity: int, memory: Sequence[str]) -> None:
+        """Prepare for at most `capacity` rows; memory: fields and readings to keep."""
         levels = list(Level)
         kept = levels[: levels.index(level) + 1]
         self._kinds = {name: kind for each in kept for name, kind in _OF_STEPS[each].items()}
-        self._fields = memory
+        self._fields, self._capacity = memory, capacity
         self._step_ns = scenario.timing.step_ms * 1_000_000
         self._next_step = 0
         self._cycles = 0  # of the reference
         self._ring_before = np.zeros((1, scenario.robot_count), np.bool_)
         self._phase_before = np.full((1, scenario.robot_count), np.nan)
         self._flashes = np.zeros(scenario.robot_count, np.int64)  # of each robot, before the first row
-        self._clear()
-
-    def _clear(self) -> None:
         self.row_count = 0
-        self._rows: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in self._kinds}
-        self._firings: list[tuple[int, float]] = []
-        self._arenas: list[tuple[int, Arena]] = []
-        self._memory: list[list[FloatArray]] = []
 
     def append(self, step: Step, watch: SynchronyWatch) -> None:
         """Add a step."""
         row, self._watch = self.row_count, watch
-        for name, kind in self._kinds.items():
-            self._rows[name].append(np.array(getattr(step, name), kind))
-        if not row or step.arena is not self._arenas[-1][1]:
+        if not row:  # in new arrays: those that were returned are not written to again
+            kinds, rows = self._kinds.items(), self._capacity
+            self._arrays = {name: np.empty((rows, *getattr(step, name).shape), kind) for name, kind in kinds}
+            self._firings: list[tuple[int, float]] = []
+            self._arenas: list[tuple[int, Arena]] = [(0, step.arena)]
+            self._memory: list[list[FloatArray]] = []
+        for name, array in self._arrays.items():
+            array[row] = getattr(step, name)
+        if step.arena is not self._arenas[-1][1]:
             self._arenas.append((row, step.arena))
         self._memory.append([field_values(step, field) for field in self._fields])
         if watch.cycles > self._cycles:
@@ -167,7 +166,7 @@ class RobotBuffer:
 
     def flush(self) -> RowBatch:
         """Return the rows, of which there must be one at least, and remove them."""
-        arrays = {name: np.array(rows) for name, rows in self._rows.items()}
+        arrays = {name: array[: self.row_count] for name, array in self._arrays.items()}
         ring_on, phase_ms = arrays["ring_on"], arrays["phase_ms"]
         ring_before = np.concatenate([self._ring_before, ring_on[:-1]])
         phase_before = np.concatenate([self._phase_before, phase_ms[:-1]])
@@ -185,8 +184,8 @@ class RobotBuffer:
             **arrays,
         )
         self._next_step += self.row_count
-        self._ring_before, self._phase_before, self._flashes = ring_on[-1:], phase_ms[-1:], counts[-1]
-        self._clear()
+        self._ring_before, self._phase_before, self._flashes = ring_on[-1:].copy(), phase_ms[-1:].copy(), counts[-1]
+        self.row_count = 0
         return batch
 
 

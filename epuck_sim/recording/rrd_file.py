@@ -60,9 +60,7 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator[Callable[
 
     What is written in one call is on the disk after it, as a part in a temporary folder, so that memory does not grow.
     `layout` is what a layout's file holds: it becomes a part of the recording, and its empty recording takes this name.
-
-    Raises:
-        EpuckSimError: The file cannot be written.
+    Raises EpuckSimError if the file cannot be written.
     """
     check_recording_target(path)
     path = path.resolve()

@@ -48,9 +48,7 @@ def show(path: Path) -> None:
 def serve(path: Path, port: int, announce: Callable[[str], None]) -> None:
     """Serve a recording to browsers on this machine until Ctrl-C or SIGTERM; `announce` is given the address.
 
-    Raises:
-        PortError: The port cannot be used.
-        RecordingError: The file holds no recording.
+    Raises PortError if the port cannot be used, and RecordingError if the file holds no recording.
     """
     layout = read_layout(path)
     with web_viewer(port) as (server, address, intake), suppress(KeyboardInterrupt):
@@ -80,10 +78,9 @@ def web_viewer(port: int) -> Iterator[tuple[ViewerProcess, str, int]]:
 
 @contextmanager
 def chunk_stream(intake: int, recording_id: str, layout: rrb.Blueprint | None) -> Iterator[rr.RecordingStream]:
-    """Yield a stream of chunks to a viewer at its port; in the end wait until it has them, which it lays out as given.
+    """Yield a stream of chunks to a viewer at its port, which lays them out as given, and wait until it has them all.
 
-    Raises:
-        RecordingError: The viewer has ended before it has taken everything.
+    Raises RecordingError if the viewer has ended before.
     """
     stream = rr.RecordingStream(APPLICATION, recording_id=recording_id, send_properties=False)
     stream.connect_grpc(proxy_url(intake), default_blueprint=layout)

@@ -125,8 +125,7 @@ def scalar_columns(values: FloatArray) -> rr.ComponentColumnList:
 def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> tuple[str, ...]:
     """Return the fields that a recording has: those that are asked for, each once, and in a full one all readings.
 
-    Raises:
-        ScenarioError: No controller remembers a field, or there are no controllers.
+    Raises ScenarioError if no controller remembers a field, or there are no controllers.
     """
     if memory:
         bodies = require_model(scenario, EmbodiedScenario, "robots alone have a memory to record")
