@@ -59,8 +59,7 @@ def test_the_edges_of_polygons_run_from_corner_to_corner_and_close():
     np.testing.assert_array_equal(edges[4:, 2:], np.roll(triangle, -1, axis=0))
 
 
-LADDER = np.array([(0, 51, 102), (153, 204, 255)], np.uint8)
-"""A picture of two rows and three columns: 0, 0.2, 0.4 above 0.6, 0.8, 1."""
+LADDER = np.array([(0, 51, 102), (153, 204, 255)], np.uint8)  # a picture: 0, 0.2, 0.4 above 0.6, 0.8, 1
 
 
 def test_a_white_floor_is_bright_everywhere_and_dark_without_lamps():

@@ -34,17 +34,19 @@ def test_where_all_hear_all_a_swarm_may_be_locked_out_of_phase_for_ever(speed):
         assert simulation.advance(period).phase_ms.tolist() == phases
 
 
+def results(scenario, seeds):
+    simulation = Simulation(scenario, seed=0)
+    for seed in seeds:
+        simulation.reset(seed)
+        yield run_trial(simulation)
+
+
 def test_robots_that_look_all_around_agree_on_a_word_at_once():
     def cycles(field_of_view_deg: float) -> int:
-        settings = [
-            f"robots.0.camera.field_of_view_deg={field_of_view_deg}",
-            "robots.0.parameters.speed_cm_s=0.5",
-            "stop.order_parameter=null",
-            "stop.when=consensus >= 0",
-            "stop.max_cycles=200",
-        ]
-        scenario = load_scenario("thesis", settings, measures=["consensus"])
-        return sum(run_trial(Simulation(scenario, seed)).measures["consensus"] for seed in range(3))
+        view = [f"robots.0.camera.field_of_view_deg={field_of_view_deg}", "robots.0.parameters.speed_cm_s=0.5"]
+        stop = ["stop.order_parameter=null", "stop.when=consensus >= 0", "stop.max_cycles=200"]
+        scenario = load_scenario("thesis", [*view, *stop], measures=["consensus"])
+        return sum(result.measures["consensus"] for result in results(scenario, range(3)))
 
     assert cycles(360) <= 6
     assert cycles(56) > 20
@@ -54,7 +56,7 @@ def test_kilobots_whose_messages_reach_7_cm_are_sooner_in_step_if_they_are_fast(
     def cycles(speed_cm_s: float) -> list[int | None]:
         settings = ["robots.0.signal.range_cm=7", f"robots.0.parameters.speed_cm_s={speed_cm_s}"]
         scenario = load_scenario("kilobots", [*settings, "stop.max_cycles=300"])
-        return [run_trial(Simulation(scenario, seed)).t_sync_cycles for seed in (1, 2, 3)]
+        return [result.t_sync_cycles for result in results(scenario, (1, 2, 3))]
 
     assert cycles(1.0).count(None) <= 1
     assert cycles(0.1) == [None] * 3
@@ -64,11 +66,6 @@ def test_robots_that_turn_every_second_are_sooner_in_step_than_those_that_go_str
     def cycles(persistence: float) -> float:
         walk = {"run_s": 1.0, "persistence": persistence, "speed_cm_s": 0.4}
         robots = [{"count": 10, "controller": "walking_firefly", "parameters": walk}]
-        simulation = Simulation(load_scenario({"robots": robots}), seed=0)
-        found = []
-        for seed in range(20):
-            simulation.reset(seed)
-            found.append(run_trial(simulation).t_sync_cycles)
-        return float(np.mean(found))
+        return float(np.mean([result.t_sync_cycles for result in results({"robots": robots}, range(20))]))
 
     assert cycles(0.0) < 0.75 * cycles(1.0)

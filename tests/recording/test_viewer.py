@@ -7,7 +7,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
@@ -32,7 +31,7 @@ from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.viewer import draw_screenshot, has_display, serve, show, web_viewer
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, start, wait_until
-from tests.recording.recordings import Watched, recorded
+from tests.recording.recordings import Found, Watched, recorded
 from tests.recording.viewers import ARENA, DARK, LIT, Stand, alike, answer, discs, nothing_left, pixels, replace_rerun
 
 # as in `layers.arena`, `layers.series` and `layers.robots.COLOURS`
@@ -174,21 +173,15 @@ DEAF = ("import signal", "signal.signal(signal.SIGTERM, signal.SIG_IGN)", "open(
 NO_RENDERER = "thread 'main' panicked at 'Failed to get render context'\nre_viewer/src/app/mod.rs:1425"
 
 
-def fails(said: str) -> str:
-    return f"sys.exit({said!r})"
-
-
 @pytest.fixture
 def stand(tmp_path, monkeypatch) -> Stand:
     return replace_rerun(tmp_path / "stand", monkeypatch)
 
 
-LONG = "".join(f"line {line}\n" for line in range(5000)) + "and here it broke"
-
-
 def test_a_viewer_that_never_answers_or_ends_at_once_is_reported_with_its_last_words(stand: Stand, monkeypatch) -> None:
+    long = "".join(f"line {line}\n" for line in range(5000)) + "and here it broke"
     port, at_end = free_port(), r"(.|\n)*line 4999\nand here it broke"
-    for acts, start_s, said in ((SLEEP, 0.5, "it does not answer"), (fails(LONG), math.inf, at_end)):
+    for acts, start_s, said in ((SLEEP, 0.5, "it does not answer"), (f"sys.exit({long!r})", math.inf, at_end)):
         monkeypatch.setattr(process, "START_S", start_s)
         stand.acts(acts)
         with pytest.raises(RecordingError, match=f"^the viewer does not work: {said}$") as caught, web_viewer(port):
@@ -219,7 +212,7 @@ def test_no_use_is_reported_to_rerun_unless_the_user_allows_it(stand: Stand, mon
 
 def test_a_command_that_fails_is_reported(stand: Stand, tmp_path, monkeypatch) -> None:
     run_rerun("rrd", "verify", "t.rrd")
-    stand.acts(fails("is not a recording"))
+    stand.acts("sys.exit('is not a recording')")
     with pytest.raises(RecordingError, match=r"^rerun rrd verify failed: is not a recording$"):
         run_rerun("rrd", "verify", "t.rrd")
     monkeypatch.undo()  # the real program
@@ -365,12 +358,8 @@ def test_a_browser_gets_the_whole_recording_with_its_layout_and_nothing_is_done_
     assert RrdReader(complete).recordings() == RrdReader(thesis[0]).recordings()
 
 
-def rows_by_entity(path: Path) -> Counter[str]:
-    rows: Counter[str] = Counter()
-    for chunk in RrdReader(path).store().stream().to_chunks():
-        if not chunk.is_static:
-            rows[chunk.entity_path] += chunk.num_rows
-    return rows
+def rows_by_entity(path: Path) -> dict[str, int]:
+    return {entity: sum(batch.num_rows for batch in batches) for entity, batches in Found(path).moving.items()}
 
 
 def test_a_viewer_that_ignores_signals_is_ended_all_the_same(stand: Stand, tmp_path, monkeypatch) -> None:
