@@ -213,7 +213,7 @@ def replay(
         (at is not None and screenshot is None, "--at is for --screenshot"),
         (screenshot is not None and screenshot.suffix != ".png", "--screenshot: a picture's name must end in .png"),
         (not source.exists(), f"{source}: there is no such file or run folder"),
-        (source.is_dir() and not again, f"{source}: is a folder; of a run folder give --point and --trial"),
+        (source.is_dir() and not again, f"{source}: is a folder; of a run folder give --point and --trial, from 0"),
         (
             source.is_dir() != again or (point is None) != (trial is None),
             "--point and --trial go together, and with a run folder",
