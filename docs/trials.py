@@ -38,7 +38,6 @@ TIMES = TABLES / "computing_s.csv"  # computing time of each sweep, s
 PAGE = [DOCS / f"replication{ending}" for ending in (".md", ".csv", "-tests.csv", "-sweeps.csv")]
 WRITTEN_BY = Path("runs/replication")  # the folder of a replication that the page names
 
-csv.field_size_limit(sys.maxsize)  # a series of a long trial is one field
 COLUMNS = ("point", "cycles", "censored")
 """Columns before those of measures: number of the point, cycle at which the trial ended, 1 if it is censored."""
 
