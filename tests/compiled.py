@@ -9,18 +9,30 @@ import tempfile
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
+
 from epuck_sim import ParticleSimulation, Simulation, load_scenario, run_sweep, run_trial, write_report
+from epuck_sim.arena import make_arena
+from epuck_sim.embodied.bodies.contacts import find_contact_candidates
+from epuck_sim.environments import vector_env
 from epuck_sim.trial.model import simulate
 from tests import golden
+from tests.embodied.bodies.worlds import MovedWorld
 from tests.sweep.pool_here import pool_here
 
 
 def robots(folder: Path) -> None:
-    """Compile what records, films and measures robots, and drives them from outside or by interpreted controllers."""
+    """Compile what records, films and measures robots, and drives them from outside, alone or in batches."""
     golden.pictures(folder)
     run_trial(simulate(load_scenario("thesis", ["stop.max_cycles=2"], measures=["component_count"]), 1))
     golden.commanded()
     Simulation("thesis", 1, interpret=True).advance(2)
+    batch = vector_env({"robots": [{"count": 1, "controller": "external"}]}, 2)
+    batch.reset()
+    batch.step(np.zeros((2, 3)))
+    world = MovedWorld(make_arena(60, 60, [], []), [[20, 20, 0], [27, 20, 0]])
+    world.advance()
+    find_contact_candidates(world.block)
 
 
 def agents(folder: Path) -> None:
