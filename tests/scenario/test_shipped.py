@@ -1,7 +1,6 @@
 """What holds for every shipped scenario, in its full and its quick version."""
 
 import re
-from functools import cache
 
 import pytest
 
@@ -18,11 +17,6 @@ MANY = 60
 """Number of points above which a sweep's are looked at by the slow tests alone."""
 
 
-@cache
-def loaded(name: str, quick: bool):
-    return load_scenario(name, quick=quick)
-
-
 def flat(value, prefix="") -> list[str]:
     """Return the dotted keys of nested mappings and of sections in lists."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
@@ -33,14 +27,14 @@ def flat(value, prefix="") -> list[str]:
 def versions():
     for name, has_quick in HAS_QUICK.items():
         for quick in [False, True][: 1 + has_quick]:
-            sweep = loaded(name, quick).sweep
+            sweep = load_scenario(name, quick=quick).sweep
             is_long = sweep is not None and sweep.point_count > MANY
             yield pytest.param(name, quick, id=f"{name}-quick" if quick else name, marks=[pytest.mark.slow] * is_long)
 
 
 @pytest.mark.parametrize(("name", "quick"), [*versions()])
 def test_a_shipped_scenario_is_checked_written_and_read_again_and_its_figure_is_of_its_axes(name, quick) -> None:
-    scenario = loaded(name, quick)
+    scenario = load_scenario(name, quick=quick)
     printed = call("check", name, *["--quick"] * quick)
     on_a_busy_machine = f"checking {name} takes a while; Ctrl-C ends it\n"
     assert printed.exit_code == 0
@@ -72,14 +66,15 @@ def test_a_shipped_scenario_is_checked_written_and_read_again_and_its_figure_is_
 
 
 def test_all_sweeps_of_particles_have_a_quick_version() -> None:
-    sweeps = [name for name in HAS_QUICK if loaded(name, False).sweep and loaded(name, False).model == "particles"]
+    shipped = map(load_scenario, HAS_QUICK)
+    sweeps = [each.name for each in shipped if each.sweep and each.model == "particles"]
     assert len(sweeps) >= 15
     assert [name for name in sweeps if not HAS_QUICK[name]] == []
 
 
 def test_a_quick_version_is_less_of_the_same_figure_with_the_same_trials() -> None:
     for name in (name for name, has_quick in HAS_QUICK.items() if has_quick):
-        full, quick = loaded(name, False), loaded(name, True)
+        full, quick = load_scenario(name), load_scenario(name, quick=True)
         assert full != quick
         assert (quick.name, quick.description, quick.seed) == (full.name, full.description, full.seed)
         assert quick.sweep.keys == full.sweep.keys, name

@@ -246,18 +246,11 @@ def test_v_f_is_where_t_sync_is_twice_that_at_the_largest_speed(speed: float, hi
     assert np.median(resampled) == pytest.approx(estimate.value, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    ("mean", "changes"),
-    [
-        (lambda v: 60 / v**0.5, {}),
-        (lambda _: 50, {}),
-        (level_beyond(1.5), {"trials": 19}),
-        (lambda _: 5000, {"stop": 3000}),
-    ],
-    ids=["still falls", "level", "few trials", "censored"],
-)
-def test_where_nothing_becomes_level_or_nothing_is_known_there_is_none(mean, changes) -> None:
-    assert find_fast_speed(fast_curve(mean, **changes)) is None
+def test_where_nothing_becomes_level_or_nothing_is_known_there_is_none() -> None:
+    still_falls, level = fast_curve(lambda v: 60 / v**0.5), fast_curve(lambda _: 50)
+    few_trials, all_censored = fast_curve(level_beyond(1.5), trials=19), fast_curve(lambda _: 5000, stop=3000)
+    for curve in (still_falls, level, few_trials, all_censored):
+        assert find_fast_speed(curve) is None
 
 
 def test_a_bump_before_v_f_does_not_count() -> None:
