@@ -23,7 +23,7 @@ test: $(VENV)/test-tools ## lint, types and all tests but the slow ones, or thos
 	@echo "lint and types; beside them, the kernels of robots and of agents are compiled, once for all tests"
 	$(if $(ROOM),,$(BIN)/python -m tests.compiled robots & $(BIN)/python -m tests.compiled agents &) \
 	    $(MAKE) --no-print-directory lint; found=$$?; wait; exit $$found
-	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist worksteal \
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist worksteal \
 	    $(ROOM:%=tests/%)
 
 lint: $(VENV)/test-tools
