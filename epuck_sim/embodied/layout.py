@@ -11,7 +11,7 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.embodied.cells import cells_needed, set_cells
-from epuck_sim.embodied.changes.faults import log_length, set_faults
+from epuck_sim.embodied.changes.faults import LOGGED_STEPS, set_faults
 from epuck_sim.embodied.controllers import assign_bytes, bytes_needed
 from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.sensors.flash_cone import set_cone
@@ -108,7 +108,7 @@ def _lengths(
         "air": sum(slots_of(group.signal, scenario.timing.step_ms) * group.count for group in groups),
         "faults": faults,
         "affected": faults * scenario.robot_count,
-        "log": log_length(scenario),
+        "log": LOGGED_STEPS * faults * scenario.robot_count,
         "patches": len(arenas[0].floor.patches),
         "patch_edges": len(arenas[0].floor.edges),
         "lamps": len(arenas[0].lamps),

@@ -18,11 +18,11 @@ from epuck_sim.embodied.sensors.flash_cone import perceive_flashes
 from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.sensors.radio import receive_pulses
-from epuck_sim.embodied.start import draw_noise
 from epuck_sim.embodied.swarm import BYTE, FLOAT64, HIDE, INT64, Swarm, copy_array, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.elementary import log
+from epuck_sim.util.generators import fill_doubles, fill_normals
 from epuck_sim.util.jit import bind, jit_no_alloc
 from epuck_sim.util.native import address_of, array_at, call
 from epuck_sim.util.rng import uniform
@@ -66,7 +66,10 @@ def begin_step(block: ByteArray, addresses: IntArray) -> None:
     scene.step += 1
     if scene.step > 0 and not scene.moved_publicly:
         move_bodies(block, addresses)
-    draw_noise(swarm)
+    for number in range(len(swarm.robots) if scene.infrared_noise else 0):
+        fill_normals(swarm.robots[number].infrared_noise, scene.noise_random)
+    for number in range(len(swarm.robots) if scene.slip > 0.0 else 0):
+        fill_doubles(swarm.robots[number].wheel_noise, scene.slip_random)
 
 
 @jit_no_alloc

@@ -25,9 +25,6 @@ from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.jit import jit, jit_inline
 
-GAP_CM = SLOP_CM
-"""Largest gap between two surfaces in contact, cm: pymunk, too, has noticed them by then (see `bodies`)."""
-
 
 class Scene(NamedTuple):
     """An arena with groups of robots, and what they see rings with."""
@@ -162,14 +159,14 @@ def write_contacts(block: ByteArray, poses: FloatArray, found: IntArray, points:
         place_robots(block, poses[step])
         for robot in range(len(swarm.robots)):
             x, y, radius = poses[step, robot, 0], poses[step, robot, 1], swarm.robots[robot].radius_cm
-            reach = radius + GAP_CM
+            reach = radius + SLOP_CM  # pymunk, too, has noticed a contact by then (see `bodies`)
             near = cells_around(x, y, scene)
             for row in range(near.first_row, near.end_row):
                 start, end = members_in_row(near, row, swarm)
                 for place in range(start, end):
                     other = swarm.members[place]
                     dx, dy, both = other.x - x, other.y - y, radius + other.radius_cm
-                    if other.robot > robot and dx * dx + dy * dy <= (both + GAP_CM) * (both + GAP_CM):
+                    if other.robot > robot and dx * dx + dy * dy <= (both + SLOP_CM) * (both + SLOP_CM):
                         share = radius / both
                         touched = x + share * dx, y + share * dy
                         count = _add_contact(step, robot, other.robot, touched, found, points, count)

@@ -6,7 +6,6 @@ counted from 1, and the scratch numbers the next one behind each robot.
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -162,27 +161,18 @@ def _grid_coordinate(length_cm: float, points: int, point: int) -> float:
     return length_cm / 2 + GRID_SPACING_CM * (point - (points - 1) / 2)
 
 
-class Placement:
-    """Puts robots where they are at the start of a trial: those at given poses, then on the grid, then at random."""
-
-    def __init__(self, swarm: Swarm, scenario: EmbodiedScenario) -> None:
-        """Put the robots with given poses there, which depend on no seed, and park all others far outside."""
-        self._scenario = scenario
-        self._groups = [each for each in members(scenario.robots) if each[1].present]
-        swarm.robots["x"] = swarm.robots["y"] = OUTSIDE_CM - APART_CM * np.arange(len(swarm.robots))
-        for number, group, numbers in self._groups:
-            key = f"{scenario.name}: robots.{number}.poses"
-            self._put_at_given_poses(swarm, group.poses or (), numbers.start, key)
-
-    @staticmethod
-    def _put_at_given_poses(swarm: Swarm, poses: Sequence[Sequence[float]], first: int, of: str) -> None:
-        robots, radius_cm = swarm.robots, float(swarm.robots[first].radius_cm)
-        for row, (x, y, heading) in enumerate(poses):
-            key = f"{of}.{row}"
+def put_at_given_poses(swarm: Swarm, scenario: EmbodiedScenario) -> None:
+    """Put the robots with given poses there, which depend on no seed, and park all others far outside."""
+    robots = swarm.robots
+    robots["x"] = robots["y"] = OUTSIDE_CM - APART_CM * np.arange(len(robots))
+    for number, group, numbers in members(scenario.robots):
+        radius_cm = float(robots[numbers.start].radius_cm)
+        for row, (x, y, heading) in enumerate(group.poses or () if group.present else ()):
+            key = f"{scenario.name}: robots.{number}.poses.{row}: is [{x:g}, {y:g}]"
             gap = clearance_cm(swarm, float(x), float(y), swarm.scene[0].circles) - radius_cm
             if gap < -TOLERANCE_CM:
                 raise ScenarioError(
-                    f"{key}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "
+                    f"{key}, {-gap:.3g} cm into a wall, an obstacle or a movable; "
                     f"allowed: at least {radius_cm:g} cm away from them"
                 )
             apart_cm = robots["radius_cm"] + radius_cm
@@ -190,26 +180,27 @@ class Placement:
             nearest = gaps_cm.argmin()
             if gaps_cm[nearest] < -TOLERANCE_CM:
                 raise ScenarioError(
-                    f"{key}: is [{x:g}, {y:g}] and overlaps the robot at [{robots['x'][nearest]:g}, "
-                    f"{robots['y'][nearest]:g}]; allowed: at least {apart_cm[nearest]:g} cm between centres"
+                    f"{key} and overlaps the robot at [{robots['x'][nearest]:g}, {robots['y'][nearest]:g}]; "
+                    f"allowed: at least {apart_cm[nearest]:g} cm between centres"
                 )
-            robots["x"][first + row], robots["y"][first + row], robots["heading"][first + row] = x, y, heading
+            robots[["x", "y", "heading"]][numbers.start + row] = x, y, heading
 
-    def place(self, block: ByteArray) -> None:
-        """Put robots on the grid, and at random places, by draws; raise ScenarioError if they do not fit."""
-        begin_placement(block)
-        name, arena = self._scenario.name, self._scenario.arena
-        for number, group, robots in self._groups:
-            if group.placement == "grid" and (free := place_on_grid(block, robots.start, robots.stop)) != PLACED:
-                columns, rows = _grid_points(arena.width_cm), _grid_points(arena.height_cm)
-                raise ScenarioError(
-                    f"{name}: robots.{number}.count: is {group.count}; allowed: up to {free}, the free points of the "
-                    f"grid of {columns} x {rows} in this arena; give fewer robots or a larger arena"
-                )
-        for number, group, robots in self._groups:
-            if group.placement == "random" and (robot := place_at_random(block, robots.start, robots.stop)) != PLACED:
-                raise ScenarioError(
-                    f"{name}: robots.{number}.count: is {group.count}; no free place was found for robot "
-                    f"{robot - robots.start} in {MAX_DRAWS} draws: random placement fills at most about half of the "
-                    "floor; give fewer robots, a larger arena, or poses"
-                )
+
+def draw_places(block: ByteArray, scenario: EmbodiedScenario) -> None:
+    """Put robots on the grid, and at random places, by draws; raise ScenarioError if they do not fit."""
+    begin_placement(block)
+    groups = [each for each in members(scenario.robots) if each[1].present]
+    for number, group, robots in groups:
+        if group.placement == "grid" and (free := place_on_grid(block, robots.start, robots.stop)) != PLACED:
+            columns, rows = _grid_points(scenario.arena.width_cm), _grid_points(scenario.arena.height_cm)
+            raise ScenarioError(
+                f"{scenario.name}: robots.{number}.count: is {group.count}; allowed: up to {free}, the free points of "
+                f"the grid of {columns} x {rows} in this arena; give fewer robots or a larger arena"
+            )
+    for number, group, robots in groups:
+        if group.placement == "random" and (robot := place_at_random(block, robots.start, robots.stop)) != PLACED:
+            raise ScenarioError(
+                f"{scenario.name}: robots.{number}.count: is {group.count}; no free place was found for robot "
+                f"{robot - robots.start} in {MAX_DRAWS} draws: random placement fills at most about half of the "
+                "floor; give fewer robots, a larger arena, or poses"
+            )

@@ -29,7 +29,7 @@ from epuck_sim.embodied.history import MOST_STEPS, History, Stretch
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, ControlLoop
 from epuck_sim.embodied.observers import Scene
-from epuck_sim.embodied.placement import Placement
+from epuck_sim.embodied.placement import draw_places, put_at_given_poses
 from epuck_sim.embodied.sensors.camera import begin_pictures
 from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.start import Part, draw_start, spawned, vary
@@ -141,7 +141,7 @@ class Simulation:
     def _build(self, controllers: list[Controller], parameters: list[npt.NDArray[np.void]]) -> None:
         """Make all that works on the swarm's block, for these controllers and parameters of the groups."""
         scenario, block, swarm = self.scenario, self._block, self._swarm
-        self._placement = Placement(swarm, scenario)
+        put_at_given_poses(swarm, scenario)
         self._scene = Scene(scenario.robots, block, swarm)
         self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
         self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
@@ -198,7 +198,7 @@ class Simulation:
             sensor.draw_streams(self.seed)
         if self._swarm.scene[0].robots_vary:
             vary(block)
-        self._placement.place(block)
+        draw_places(block, scenario)
         self._world.place()
         if self._arena is not self._arenas[0]:
             self._show(self._arenas[0])

@@ -6,20 +6,18 @@ import numpy as np
 
 from epuck_sim.arrays import ByteArray, WordArray
 from epuck_sim.control.interface import SENSORS
-from epuck_sim.embodied.swarm import Swarm, swarm_at
+from epuck_sim.embodied.swarm import swarm_at
 from epuck_sim.util.generators import (
     DRAW_BEGIN,
     SEQUENCE_WORDS,
     begin_sequence,
     draw_row,
-    next_double,
     seed_pcg64,
     seed_sfc64,
     seed_words,
     spawn,
-    standard_normal,
 )
-from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.jit import jit_no_alloc
 from epuck_sim.util.rng import uniform
 
 
@@ -92,19 +90,3 @@ def vary(block: ByteArray) -> None:
         robot.own_step_ms = step_ms * robot.clock_rate
         for sensor in range(SENSORS):
             robot.infrared_gain[sensor] = 1 + spread[3] * (2 * uniform(random) - 1)
-
-
-@jit_inline
-def draw_noise(swarm: Swarm) -> None:
-    """Draw the noise of infrared sensors and of wheels in one control step (Enki)."""
-    scene = swarm.scene[0]
-    if scene.infrared_noise:
-        for robot in range(len(swarm.robots)):
-            noise = swarm.robots[robot].infrared_noise
-            for sensor in range(SENSORS):
-                noise[sensor] = standard_normal(scene.noise_random)
-    if scene.slip > 0.0:
-        for robot in range(len(swarm.robots)):
-            noise = swarm.robots[robot].wheel_noise
-            noise[0] = next_double(scene.slip_random)
-            noise[1] = next_double(scene.slip_random)

@@ -343,15 +343,10 @@ DTYPES: Mapping[str, np.dtype[Any]] = {
 assert len(DTYPES) == ARRAYS
 
 
-def _make_swarm_type() -> Any:
-    make: Any = namedtuple  # its own type asks for names that are literals
-    swarm = make("Swarm", DTYPES)
-    swarm.places = [(dtype, 8 * number) for number, dtype in enumerate(DTYPES.values())]  # of `scene.at`
-    return swarm
-
-
-Swarm: Any = _make_swarm_type()
+_named_tuple: Any = namedtuple  # its own type asks for names that are literals
+Swarm: Any = _named_tuple("Swarm", DTYPES)
 """The arrays of a block by their names in `DTYPES`; `native.carve` makes them of one in compiled code."""
+Swarm.places = [(dtype, 8 * number) for number, dtype in enumerate(DTYPES.values())]  # of `scene.at`
 
 SENSED_BYTES, BYTES, PIXELS, PATCHES = map(list(DTYPES).index, ("sensed", "bytes", "pixels", "patches"))
 """Numbers of four arrays of a block: from the third to before the fourth, all are zeros before the first step of a

@@ -22,10 +22,10 @@ from epuck_sim.particles.motion import (
     time_of_end,
 )
 from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
-from epuck_sim.particles.swarm import SEARCH, Neighbours, Trajectories, entry_of
+from epuck_sim.particles.swarm import SEARCH, Neighbours, Trajectories, entry_of, row_at
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
-from epuck_sim.util.native import call, carve, row_at
+from epuck_sim.util.native import call, carve
 from epuck_sim.util.rng import randint
 
 NEAREST, VISION_CONE, EMISSION_CONE, RANDOM = range(4)
@@ -272,16 +272,11 @@ def _measure_cone(block: ByteArray, headings: FloatArray, own: int, count: int) 
         positions = row_at(neighbours.positions, axis, scene.agents)
         directions = row_at(headings, axis, scene.agents)
         own_position, own_direction = positions[own], directions[own]
-        if is_vision:
-            for index in range(count):
-                offset = _nearest_image(is_cyclic, side_cm, positions[index] - own_position)
-                square[index] = offset * offset + (square[index] if axis else 0.0)
-                along[index] = (along[index] if axis else 0.0) - offset * directions[index]
-        else:
-            for index in range(count):
-                offset = _nearest_image(is_cyclic, side_cm, positions[index] - own_position)
-                square[index] = offset * offset + (square[index] if axis else 0.0)
-                along[index] = (along[index] if axis else 0.0) + offset * own_direction
+        for index in range(count):
+            offset = _nearest_image(is_cyclic, side_cm, positions[index] - own_position)
+            square[index] = offset * offset + (square[index] if axis else 0.0)
+            direction = -directions[index] if is_vision else own_direction
+            along[index] = (along[index] if axis else 0.0) + offset * direction
     square[own] = math.inf
 
 

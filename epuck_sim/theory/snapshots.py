@@ -11,7 +11,7 @@ import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.observers import find_sightings, make_scene
-from epuck_sim.embodied.placement import Placement
+from epuck_sim.embodied.placement import draw_places, put_at_given_poses
 from epuck_sim.embodied.start import draw_start
 from epuck_sim.embodied.swarm import poses_of
 from epuck_sim.particles.simulation import ParticleSimulation
@@ -89,10 +89,11 @@ def _links_of_agents(
 def _poses(scenario: EmbodiedScenario, seeds: range) -> FloatArray:
     """Return (snapshots, robots, 3) cm, cm, rad: poses at the start of trials, of those that are there."""
     scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
+    put_at_given_poses(scene.swarm, scenario)
     poses = []
     for seed in seeds:
         draw_start(scene.block, seed)
-        Placement(scene.swarm, scenario).place(scene.block)
+        draw_places(scene.block, scenario)
         poses.append(poses_of(scene.swarm.robots).copy())
     return np.array(poses)
 

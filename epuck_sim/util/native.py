@@ -47,17 +47,10 @@ except ImportError as error:
     raise EpuckSimError(said) from error
 
 
-def _load_without(name: str, module: str) -> None:
-    """Load a module of numba with an empty one in place of a large one, of which it asks whether it is there alone."""
-    if name not in sys.modules:
-        sys.modules[name] = ModuleType(name)
-        try:
-            import_module(module)
-        finally:
-            del sys.modules[name]
-
-
-_load_without("scipy.linalg.cython_blas", "numba.np.arraymath")
+if (_LARGE := "scipy.linalg.cython_blas") not in sys.modules:  # of which numba asks here whether it is there alone
+    sys.modules[_LARGE] = ModuleType(_LARGE)
+    import_module("numba.np.arraymath")
+    del sys.modules[_LARGE]
 
 BLOCK = types.Array(types.uint8, 1, "C")
 """numba's type of a block of memory that holds a swarm."""
@@ -144,17 +137,12 @@ SHIPPED = PACKAGE / "compiled"
 """Folder of a release's compiled code, laid out as a cache folder is: see `make dist`."""
 
 
-def _compile_as_shipped() -> None:
-    """Compile for the processors that a release is compiled for, where there is one, and this is such a processor."""
-    features, settings = binding.get_host_cpu_features(), vars(numba.config)
-    if settings["CPU_NAME"] is None and SHIPPED.is_dir() and all(features.get(each) for each in X86_64_V3):
-        settings.update(CPU_NAME="x86-64-v3", CPU_FEATURES="")
-
-
-X86_64_V3 = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+X86_64_V3 = {"avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"}
 """What a processor of x86-64-v3 has, and one of x86-64-v2 may lack, as LLVM names it."""
 
-_compile_as_shipped()
+_features, _settings = binding.get_host_cpu_features(), vars(numba.config)
+if _settings["CPU_NAME"] is None and SHIPPED.is_dir() and all(map(_features.get, X86_64_V3)):
+    _settings.update(CPU_NAME="x86-64-v3", CPU_FEATURES="")  # as a release is, where this is one
 
 _Files: Any = IndexDataCacheFile
 
@@ -307,11 +295,9 @@ def compile_elsewhere(parts: Mapping[str, tuple[Any, tuple[Any, ...]]], target: 
         result = part.overloads[arguments]
         with global_compiler_lock:
             text = str(result.library._get_module_for_linking())
-        text = re.sub(
-            r"^target datalayout.*$", f'target datalayout = "{machine.target_data}"', text, flags=re.MULTILINE
-        )
-        text = re.sub(r"^target triple.*$", f'target triple = "{target}"', text, flags=re.MULTILINE)
-        module = binding.parse_assembly(re.sub(r'"target-(cpu|features)"="[^"]*"', "", text))
+        text = re.sub(r'^target .*|"target-(cpu|features)"="[^"]*"', "", text, flags=re.MULTILINE)
+        of_target = f'target datalayout = "{machine.target_data}"\ntarget triple = "{target}"\n'
+        module = binding.parse_assembly(of_target + text)
         for each in (*module.functions, *module.global_variables):
             if not each.is_declaration:
                 each.linkage = binding.Linkage.internal
@@ -425,19 +411,6 @@ def array_at(context: Any, block: Any, first: Any, end: Any, dtype: Any) -> Any:
         return _array_in(context, builder, kind, data, first, end)
 
     return kind(block, types.intp, types.intp, dtype), generate
-
-
-@_intrinsic
-def row_at(context: Any, rows: Any, row: Any, length: Any) -> Any:  # noqa: ARG001
-    """Return a row of an array that has rows of some length one after the other."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        rows = context.make_array(signature.args[0])(context, builder, arguments[0])
-        size = builder.mul(arguments[2], rows.itemsize)
-        first = builder.mul(arguments[1], size)
-        return _array_in(context, builder, signature.return_type, rows.data, first, builder.add(first, size))
-
-    return rows(rows, types.intp, types.intp), generate
 
 
 @_intrinsic

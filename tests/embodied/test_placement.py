@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import clearance_cm
 from epuck_sim.embodied.observers import make_scene
-from epuck_sim.embodied.placement import Placement, begin_placement, is_free
+from epuck_sim.embodied.placement import begin_placement, draw_places, is_free, put_at_given_poses
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import Part, draw_start, spawned
 from epuck_sim.embodied.swarm import poses_of
@@ -28,7 +28,8 @@ def placed_as(scenario, seed):
     """Return (robots, 3) the poses at the start of the trial of a scenario with this seed."""
     scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
     draw_start(scene.block, seed)
-    Placement(scene.swarm, scenario).place(scene.block)
+    put_at_given_poses(scene.swarm, scenario)
+    draw_places(scene.block, scenario)
     return poses_of(scene.swarm.robots).copy()
 
 
@@ -131,7 +132,7 @@ def test_another_controller_gets_what_it_can_remember() -> None:
 def test_a_robot_that_joins_may_touch_others_as_one_that_starts_may() -> None:
     scenario = load_scenario({"robots": [{"poses": [[10.0, 10.0, 0.0]]}]})
     scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
-    Placement(scene.swarm, scenario)
+    put_at_given_poses(scene.swarm, scenario)
     begin_placement(scene.block)
     assert is_free(scene.swarm, 17.4001, 10.0, 3.7)
     assert not is_free(scene.swarm, 17.39, 10.0, 3.7)

@@ -12,15 +12,8 @@ from typing import Any
 
 import pymunk
 
-from epuck_sim.arrays import ByteArray, FloatArray, IntArray
-from epuck_sim.embodied.bodies.contacts import (
-    PUSHED_CM,
-    SLOP_CM,
-    add_reached,
-    find_contact_candidates,
-    list_candidates,
-    move_others,
-)
+from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.embodied.bodies.contacts import PUSHED_CM, SLOP_CM, add_reached, find_contact_candidates, move_others
 from epuck_sim.embodied.bodies.shapes import Bodies, Thing
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, swarm_at
@@ -85,7 +78,11 @@ def move_bodies(block: ByteArray, addresses: IntArray) -> None:
             _leave(swarm, addresses, number)
         if robot.may_touch:
             _enter(swarm, addresses, number)
-    inside = list_candidates(swarm)
+    inside = 0
+    for index in range(len(robots)):
+        if robots[swarm.members[index].robot].may_touch:
+            swarm.numbers[inside] = index
+            inside += 1
     if inside > 0:
         _step_space(block, addresses, inside, fastest_cm_s)
     move_others(block)
@@ -267,31 +264,10 @@ def free_space(addresses: IntArray, bodies: Bodies) -> None:
 @cache
 def function_addresses() -> list[int]:
     """Return the addresses of Chipmunk's functions; AttributeError or TypeError if this pymunk's are others."""
+    if ffi.typeof("cpFloat") is not ffi.typeof("double"):
+        raise TypeError("its numbers are no doubles")
     functions = {name: ffi.addressof(lib, name) for name in FUNCTIONS}
     for name, function in functions.items():
         if ffi.typeof(function) is not ffi.typeof(FUNCTIONS[name]):
             raise TypeError(f"its function {name} is {ffi.typeof(function).cname}, not {FUNCTIONS[name]}")
     return list(map(_value, functions.values()))
-
-
-@jit_no_alloc
-def try_calls(addresses: IntArray, things: IntArray, moved: FloatArray) -> None:
-    """Move a disc against a wall, things (body, shape) of each, with all kinds of calls; moved: (3,) x, y, angle."""
-    space, disc = pointer_from_c(addresses[_NEW_SPACE]), things[2]
-    call_c(addresses[_SET_SLOP], space, SLOP_CM)
-    call_c(addresses[_SET_BIAS], space, 0.0)
-    for first in range(0, 4, 2):
-        call_c(addresses[_ADD_BODY], space, things[first])
-        call_c(addresses[_ADD_SHAPE], space, things[first + 1])
-    call_c(addresses[_SET_POSITION], disc, 1.0, 1.5)
-    call_c(addresses[_SET_ANGLE], disc, 0.25)
-    call_c(addresses[_SET_VELOCITY], disc, 3.0, -4.0)
-    call_c(addresses[_SET_SPIN], disc, 1.0)
-    for _ in range(5):
-        call_c(addresses[_STEP], space, 0.1)
-    moved[0], moved[1] = vector_from_c(addresses[_GET_POSITION], disc)
-    moved[2] = double_from_c(addresses[_GET_ANGLE], disc)
-    for first in range(0, 4, 2):
-        call_c(addresses[_REMOVE_SHAPE], space, things[first + 1])
-        call_c(addresses[_REMOVE_BODY], space, things[first])
-    call_c(addresses[_FREE_SPACE], space)

@@ -156,19 +156,12 @@ def _meets_robot(swarm: Swarm, number: int, time_s: float, reach_cm: float) -> b
             if dx * dx + dy * dy > reach_cm * reach_cm or member.robot == number:
                 continue
             other = swarm.robots[member.robot]
-            nearest_cm = _closest(dx, dy, other.vx - robot.vx, other.vy - robot.vy, time_s)
-            if nearest_cm <= touch_cm(robot.radius_cm, member.radius_cm):
+            vx, vy = other.vx - robot.vx, other.vy - robot.vy
+            approach = -(dx * vx + dy * vy)
+            when = 0.0 if approach <= 0.0 else min(approach / (vx * vx + vy * vy), time_s)
+            if hypot(dx + vx * when, dy + vy * when) <= touch_cm(robot.radius_cm, member.radius_cm):
                 return True
     return False
-
-
-@jit_inline
-def _closest(dx: float, dy: float, vx: float, vy: float, time_s: float) -> float:
-    """Return the smallest distance within a time of a point that starts at (dx, dy) and moves with (vx, vy)."""
-    approach = -(dx * vx + dy * vy)
-    speed2 = vx * vx + vy * vy
-    when = 0.0 if approach <= 0.0 else min(approach / speed2, time_s)
-    return hypot(dx + vx * when, dy + vy * when)
 
 
 @jit_inline
@@ -284,17 +277,6 @@ def move_lone(swarm: Swarm, number: int, steps: int) -> None:
 
 
 # --- candidates that Chipmunk moves ---------------------------------------------------------------------
-
-
-@jit_inline
-def list_candidates(swarm: Swarm) -> int:
-    """Write the indices of candidates among the members of cells to the scratch numbers; return how many there are."""
-    found = 0
-    for index in range(len(swarm.members)):
-        if swarm.robots[swarm.members[index].robot].may_touch:
-            swarm.numbers[found] = index
-            found += 1
-    return found
 
 
 @jit_no_alloc

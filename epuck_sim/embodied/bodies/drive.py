@@ -5,17 +5,16 @@ that one that touches nothing ends the step exactly on the arc, with the heading
 """
 
 import math
-from typing import Any
 
 from epuck_sim.embodied.swarm import Swarm
 from epuck_sim.util.elementary import sin, sin_cos
-from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.jit import jit_no_alloc
 
 
 @jit_no_alloc
 def apply_commands(swarm: Swarm) -> int:
     """Carry out wheels, turns and rings as commanded; return the first robot whose command is no number, or -1."""
-    scene = swarm.scene[0]
+    slip, step_s = swarm.scene[0].slip, swarm.scene[0].step_s
     for number in range(len(swarm.robots)):
         robot = swarm.robots[number]
         limit = robot.wheel_limit_cm_s
@@ -27,24 +26,14 @@ def apply_commands(swarm: Swarm) -> int:
         robot.turn_rad = turn
         robot.ring_command = robot.actuators.ring_on != 0
         robot.ring_on = robot.ring_command
-        _drive(robot, scene)
+        # a noise of 0 makes a wheel's speed 1 - slip times itself, 1 makes it 1 + slip times (Enki); turns come first
+        noise, gain = robot.wheel_noise, robot.wheel_gain
+        left = robot.left_cm_s * (1.0 + slip * (2.0 * noise[0] - 1.0)) * gain[0]
+        right = robot.right_cm_s * (1.0 + slip * (2.0 * noise[1] - 1.0)) * gain[1]
+        spin = (right - left) / robot.wheel_base_cm
+        half = 0.5 * spin * step_s
+        # the chord is shorter than the arc by sin(half) / half
+        chord = 0.5 * (left + right) * (sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
+        sine, cosine = sin_cos(robot.heading + turn + half)
+        robot.vx, robot.vy, robot.spin = chord * cosine, chord * sine, spin + turn / step_s
     return -1
-
-
-@jit_inline
-def _drive(robot: Any, scene: Any) -> None:
-    """Write the velocities that take a robot to the end of its arc in a control step.
-
-    A noise of 0 makes a wheel's speed 1 - slip times itself, 1 makes it 1 + slip times (Enki). Turns come first.
-    """
-    slip, noise, gain = scene.slip, robot.wheel_noise, robot.wheel_gain
-    left = robot.left_cm_s * (1.0 + slip * (2.0 * noise[0] - 1.0)) * gain[0]
-    right = robot.right_cm_s * (1.0 + slip * (2.0 * noise[1] - 1.0)) * gain[1]
-    turn = (right - left) / robot.wheel_base_cm
-    half = 0.5 * turn * scene.step_s
-    # the chord is shorter than the arc by sin(half) / half
-    chord = 0.5 * (left + right) * (sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
-    sine, cosine = sin_cos(robot.heading + robot.turn_rad + half)
-    robot.vx = chord * cosine
-    robot.vy = chord * sine
-    robot.spin = turn + robot.turn_rad / scene.step_s

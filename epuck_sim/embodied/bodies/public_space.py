@@ -12,7 +12,6 @@ from operator import attrgetter
 from types import FunctionType, SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pymunk
 
 from epuck_sim.embodied.bodies import chipmunk
@@ -78,24 +77,11 @@ def public_way() -> SimpleNamespace:
 
 @lru_cache
 def reason_for_public_way() -> str:
-    """Return why compiled code cannot call this pymunk's Chipmunk, or "" if it can, which is tried once a process."""
+    """Return why compiled code cannot call this pymunk's Chipmunk, or "" if it can."""
     if sys.platform == "win32" or platform.machine().lower() not in {"x86_64", "amd64", "aarch64", "arm64"}:
         return f"compiled code does not know how {platform.system()} on {platform.machine()} passes C structs"
     try:
-        if moved_by(chipmunk) != moved_by(public_way()):
-            return "a body that compiled code moves goes elsewhere"
+        chipmunk.function_addresses()
     except (AttributeError, TypeError) as error:  # which the private interface of another version may raise
         return str(error)
     return ""
-
-
-def moved_by(way: Any) -> list[float]:
-    """Return x, y and angle of a disc that was moved against a wall; way: `chipmunk`, or one that is like it."""
-    wall, disc = pymunk.Body(body_type=pymunk.Body.STATIC), pymunk.Body(2.0, 3.0)
-    shapes = pymunk.Segment(wall, (-9.0, 0.0), (9.0, 1.0), 0.5), pymunk.Circle(disc, 1.0)
-    for shape in shapes:
-        shape.friction = 0.7
-    things, moved = (wall, shapes[0], disc, shapes[1]), np.zeros(3)
-    addresses = np.array([0] * chipmunk.FIRST + way.function_addresses())
-    way.try_calls(addresses, np.array([way.address(thing) for thing in things]), moved)
-    return moved.tolist()

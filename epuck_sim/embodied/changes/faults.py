@@ -32,20 +32,10 @@ RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5
 CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART, SENSOR_DEAD = range(5, 11)
 
 LOGGED_STEPS = 16
-"""Control steps of which the log has room for all changes: after no more of them, `take_events` is to be called."""
-
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
-_MIX_2 = np.uint64(0x94D049BB133111EB)
-"""Constants of splitmix64 (Steele, Lea and Flood 2014)."""
+"""Control steps of which `Swarm.log` has room for a change of each fault of each robot: then call `take_events`."""
 
 
 # --- who has which fault, from when to when ---------------------------------------------------------
-
-
-def log_length(scenario: EmbodiedScenario) -> int:
-    """Return the length of `Swarm.log`: each fault of each robot changes at most once in a control step."""
-    return LOGGED_STEPS * len(scenario.faults) * scenario.robot_count
 
 
 def set_faults(swarm: Swarm, scenario: EmbodiedScenario) -> None:
@@ -322,14 +312,10 @@ def _misses(swarm: Swarm, robot: int, sender: int) -> bool:
 @jit_no_alloc
 def random_share(key: np.uint64, sender: int, flash: int) -> float:
     """Return a random number from [0, 1) that belongs to a key and a flash, the same whenever it is asked for."""
-    word = _mixed(_mixed(key + _GOLDEN * np.uint64(sender + 1)) + _GOLDEN * np.uint64(flash))
+    word = key
+    for number in (sender + 1, flash):  # splitmix64 (Steele, Lea and Flood 2014), twice
+        word += np.uint64(0x9E3779B97F4A7C15) * np.uint64(number)
+        word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        word ^= word >> np.uint64(31)
     return share_of(word)
-
-
-@jit_no_alloc
-def _mixed(word: np.uint64) -> np.uint64:
-    """Return a word each of whose bits depends on all bits of another one (splitmix64)."""
-    word = (word ^ (word >> np.uint64(30))) * _MIX_1
-    word = (word ^ (word >> np.uint64(27))) * _MIX_2
-    mixed: np.uint64 = word ^ (word >> np.uint64(31))
-    return mixed

@@ -50,10 +50,18 @@ def shows(swarm: Swarm, cone: Any, receiver: int, sender: int) -> bool:
 @jit_inline
 def _is_covered(swarm: Swarm, look: _Look, radius: float, low: float, high: float) -> bool:
     """Return whether all between two angles, rad from the direction of the look, is hidden."""
+    end_x, end_y = look.x + look.dx, look.y + look.dy
+    reach = 2.0 * swarm.scene[0].largest_cm  # what covers anything reaches into the strip that the disc casts
+    first, last = rows_along(look.y, end_y, reach, swarm.scene[0])
     covered = low  # up to this angle
     while covered < high:
         before = covered
-        covered = _behind_robots(swarm, look, radius, covered)
+        for row in range(first, last + 1):
+            start, end = members_along(look.x, look.y, end_x, end_y, reach, row, swarm)
+            for place in range(start, end):
+                member = swarm.members[place]
+                if member.robot not in (look.receiver, look.sender):
+                    covered = _behind_disc(look, radius, member.x, member.y, member.radius_cm, covered)
         for place in range(swarm.scene[0].circles):
             circle = swarm.circles[place]
             covered = _behind_disc(look, radius, circle.x, circle.y, circle.radius, covered)
@@ -62,21 +70,6 @@ def _is_covered(swarm: Swarm, look: _Look, radius: float, low: float, high: floa
         if covered == before:
             return False
     return True
-
-
-@jit_inline
-def _behind_robots(swarm: Swarm, look: _Look, radius: float, covered: float) -> float:
-    """Return up to where an arc is covered when robots are counted, too, whose arcs begin where it was covered."""
-    end_x, end_y = look.x + look.dx, look.y + look.dy
-    reach = 2.0 * swarm.scene[0].largest_cm  # what covers anything reaches into the strip that the disc casts
-    first, last = rows_along(look.y, end_y, reach, swarm.scene[0])
-    for row in range(first, last + 1):
-        start, end = members_along(look.x, look.y, end_x, end_y, reach, row, swarm)
-        for place in range(start, end):
-            member = swarm.members[place]
-            if member.robot not in (look.receiver, look.sender):
-                covered = _behind_disc(look, radius, member.x, member.y, member.radius_cm, covered)
-    return covered
 
 
 @jit_inline

@@ -92,7 +92,8 @@ def _is_hidden(swarm: Swarm, receiver: int, sender: int) -> bool:
     """Return whether a robot's body or an obstacle is on the line between the centres of two robots."""
     scene = swarm.scene[0]
     ax, ay = swarm.robots[receiver].x, swarm.robots[receiver].y
-    dx, dy = swarm.robots[sender].x - ax, swarm.robots[sender].y - ay
+    bx, by = swarm.robots[sender].x, swarm.robots[sender].y
+    dx, dy = bx - ax, by - ay
     for place in range(scene.circles):
         circle = swarm.circles[place]
         if _distance_to_line(circle.x - ax, circle.y - ay, dx, dy) < circle.radius:
@@ -101,23 +102,15 @@ def _is_hidden(swarm: Swarm, receiver: int, sender: int) -> bool:
         edge = swarm.edges[place]
         if _crosses(dx, dy, edge.ax - ax, edge.ay - ay, edge.bx - ax, edge.by - ay):
             return True
-    return _is_behind_robot(swarm, receiver, sender)
-
-
-@jit_inline
-def _is_behind_robot(swarm: Swarm, receiver: int, sender: int) -> bool:
-    """Return whether a third robot is on the line between two; only cells that the line passes are looked at."""
-    ax, ay = swarm.robots[receiver].x, swarm.robots[receiver].y
-    bx, by = swarm.robots[sender].x, swarm.robots[sender].y
-    reach = swarm.scene[0].largest_cm
-    first, last = rows_along(ay, by, reach, swarm.scene[0])
+    reach = scene.largest_cm  # only cells that the line passes are looked at
+    first, last = rows_along(ay, by, reach, scene)
     for row in range(first, last + 1):
         start, end = members_along(ax, ay, bx, by, reach, row, swarm)
         for place in range(start, end):
             member = swarm.members[place]
             if member.robot in (receiver, sender):
                 continue
-            if _distance_to_line(member.x - ax, member.y - ay, bx - ax, by - ay) < member.radius_cm:
+            if _distance_to_line(member.x - ax, member.y - ay, dx, dy) < member.radius_cm:
                 return True
     return False
 

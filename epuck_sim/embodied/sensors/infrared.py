@@ -58,7 +58,11 @@ def sense_infrared(block: ByteArray, addresses: IntArray, number: int) -> None: 
             for sensor in range(sensors.count):
                 for ray in range(RAYS):
                     sensors.met_cm[sensor, ray] = math.inf
-            _meet_walls(scene, sensors, robot, cos, sin)
+            x, y = robot.x, robot.y
+            _meet_wall(sensors, x, -cos, sin)
+            _meet_wall(sensors, scene.width_cm - x, cos, -sin)
+            _meet_wall(sensors, y, -sin, -cos)
+            _meet_wall(sensors, scene.height_cm - y, sin, cos)
             if sensors.sees_robots:
                 _meet_robots(swarm, sensors, robot, member, cos, sin)
             _meet_obstacles(swarm, sensors, robot, cos, sin)
@@ -66,20 +70,10 @@ def sense_infrared(block: ByteArray, addresses: IntArray, number: int) -> None: 
 
 
 @jit_inline
-def _meet_walls(scene: Any, sensors: Any, robot: Any, cos: float, sin: float) -> None:
-    """Shorten the rays that meet a wall."""
-    x, y = robot.x, robot.y
-    walls = (x, -cos, sin), (scene.width_cm - x, cos, -sin), (y, -sin, -cos), (scene.height_cm - y, sin, cos)
-    for away, ahead, aside in walls:
-        if away <= sensors.reach_cm:
-            _meet_wall(sensors, away, ahead, aside)
-
-
-@jit_inline
 def _meet_wall(sensors: Any, away: float, ahead: float, aside: float) -> None:
     """Shorten the rays that meet the wall at the distance `away` in the direction (ahead, aside), a unit vector."""
     range_cm = sensors.range_cm
-    for sensor in range(sensors.count):
+    for sensor in range(sensors.count if away <= sensors.reach_cm else 0):
         gap = max(away - ahead * sensors.x[sensor] - aside * sensors.y[sensor], 0.0)
         if gap > range_cm:
             continue
@@ -107,17 +101,23 @@ def _meet_robots(swarm: Swarm, sensors: Any, robot: Any, number: int, cos: float
 @jit_inline
 def _meet_obstacles(swarm: Swarm, sensors: Any, robot: Any, cos: float, sin: float) -> None:
     """Shorten the rays that meet an obstacle or a movable."""
-    x, y = robot.x, robot.y
+    x, y, reach = robot.x, robot.y, sensors.reach_cm
     for place in range(swarm.scene[0].circles):
         circle = swarm.circles[place]
         dx, dy = circle.x - x, circle.y - y
-        if dx * dx + dy * dy <= (sensors.reach_cm + circle.radius) ** 2:
+        if dx * dx + dy * dy <= (reach + circle.radius) ** 2:
             _meet_disc(sensors, dx * cos + dy * sin, dy * cos - dx * sin, circle.radius)
     for place in range(swarm.scene[0].edges):
         edge = swarm.edges[place]
         ax, ay, bx, by = edge.ax - x, edge.ay - y, edge.bx - x, edge.by - y
-        from_x, from_y, to_x, to_y = ax * cos + ay * sin, ay * cos - ax * sin, bx * cos + by * sin, by * cos - bx * sin
-        _meet_edge(sensors, from_x, from_y, to_x, to_y)
+        ax, ay, bx, by = ax * cos + ay * sin, ay * cos - ax * sin, bx * cos + by * sin, by * cos - bx * sin
+        if min(ax, bx) > reach or max(ax, bx) < -reach or min(ay, by) > reach or max(ay, by) < -reach:
+            continue
+        for sensor in range(sensors.count):
+            from_x, from_y = sensors.x[sensor], sensors.y[sensor]
+            for ray in range(RAYS):
+                met = to_segment(from_x, from_y, sensors.cos[sensor, ray], sensors.sin[sensor, ray], ax, ay, bx, by)
+                sensors.met_cm[sensor, ray] = min(sensors.met_cm[sensor, ray], met)
 
 
 @jit_inline
@@ -133,19 +133,6 @@ def _meet_disc(sensors: Any, ahead: float, aside: float, radius: float) -> None:
         for ray in range(RAYS):
             reach = to_disc(0.0, 0.0, cos[sensor, ray], sin[sensor, ray], fx, fy, radius)
             sensors.met_cm[sensor, ray] = min(sensors.met_cm[sensor, ray], reach)
-
-
-@jit_inline
-def _meet_edge(sensors: Any, ax: float, ay: float, bx: float, by: float) -> None:
-    """Shorten the rays that meet an obstacle's edge, given by its ends in the body's frame."""
-    reach = sensors.reach_cm
-    if min(ax, bx) > reach or max(ax, bx) < -reach or min(ay, by) > reach or max(ay, by) < -reach:
-        return
-    for sensor in range(sensors.count):
-        x, y = sensors.x[sensor], sensors.y[sensor]
-        for ray in range(RAYS):
-            met = to_segment(x, y, sensors.cos[sensor, ray], sensors.sin[sensor, ray], ax, ay, bx, by)
-            sensors.met_cm[sensor, ray] = min(sensors.met_cm[sensor, ray], met)
 
 
 @jit_inline

@@ -34,7 +34,14 @@ def receive_pulses(block: ByteArray, addresses: IntArray, number: int) -> None: 
     swarm = swarm_at(block)
     group, step = swarm.groups[number], swarm.scene[0].step
     radio = group.radio
-    senders = _find_senders(swarm)
+    senders = 0
+    for index in range(len(swarm.robots)):
+        robot = swarm.robots[index]
+        goes_on = robot.ring_on and not robot.ring_before
+        robot.sends = goes_on or robot.actuators.send != 0
+        if robot.sends:
+            swarm.numbers[senders] = index
+            senders += 1
     departing, arriving = (step + radio.slots - 1) % radio.slots, step % radio.slots
     for place in range(group.count):
         leaving = swarm.air[radio.first + departing * group.count + place]
@@ -45,20 +52,6 @@ def receive_pulses(block: ByteArray, addresses: IntArray, number: int) -> None: 
         for message in range(MAX_MESSAGES):
             sensors.messages[message] = pulses.messages[message] if message < pulses.count else 0
         swarm.pixels[group.row + place] = 1 if pulses.count > 0 else 0
-
-
-@jit_inline
-def _find_senders(swarm: Swarm) -> int:
-    """List the robots whose pulses are on the air in `Swarm.numbers`; return how many there are."""
-    found = 0
-    for number in range(len(swarm.robots)):
-        robot = swarm.robots[number]
-        goes_on = robot.ring_on and not robot.ring_before
-        robot.sends = goes_on or robot.actuators.send != 0
-        if robot.sends:
-            swarm.numbers[found] = number
-            found += 1
-    return found
 
 
 @jit_inline

@@ -69,7 +69,6 @@ def test_outcomes_are_equal_to_the_bit(patches):
         (lambda to: to.setitem(chipmunk.FUNCTIONS, "cpSpaceFly", "void(*)(cpSpace *)"), "cpSpaceFly"),
         (lambda to: to.setattr(chipmunk, "ffi", None), "addressof"),
         (lambda to: to.setattr(public_space.platform, "machine", lambda: "vax"), "vax"),
-        (lambda to: to.setitem(public_space._FUNCTIONS, "cpBodyGetAngle", lambda _: 0.5), "elsewhere"),
     ],
 )
 def test_what_is_other_than_expected_is_found_and_named(patches, change, named):

@@ -11,7 +11,6 @@ from epuck_sim.embodied.changes.faults import (
     LOGGED_STEPS,
     change_faults,
     hide_flashes,
-    log_length,
     random_share,
     restart_faults,
     set_faults,
@@ -38,7 +37,7 @@ def faulty_block(faults, robots, seed):
     size = {"width_cm": 500, "height_cm": 500}
     scenario = load_scenario({"faults": faults, "robots": [{"count": robots}], "arena": size})
     lengths = {"robots": robots, "faults": len(faults), "affected": len(faults) * robots, "numbers": 2 * robots}
-    block = make_block({**lengths, "log": log_length(scenario)})
+    block = make_block({**lengths, "log": LOGGED_STEPS * len(scenario.faults) * scenario.robot_count})
     swarm = open_block(block)
     swarm.scene[0].step_ms = STEP_MS
     set_faults(swarm, scenario)
