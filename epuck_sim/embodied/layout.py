@@ -170,9 +170,7 @@ def _set_floor(swarm: Swarm, arena: Arena) -> None:
     scene.brightness = floor.brightness
     scene.picture_rows, scene.picture_columns = floor.picture.shape
     swarm.picture[:] = floor.picture.ravel()
-    for name in ("brightness", "x", "y", "radius"):
-        swarm.patches[name] = floor.patches[name]
-    swarm.patches.first, swarm.patches.edges = floor.patches["first_edge"], floor.patches["edge_count"]
+    swarm.patches[:] = floor.patches
     edges, lamps = swarm.patch_edges, swarm.lamps
     edges.ax, edges.ay, edges.bx, edges.by = floor.edges.T
     lamps.x, lamps.y, lamps.height, lamps.strength = arena.lamps.T

@@ -27,8 +27,8 @@ def brightness_at(world: World, x: float, y: float) -> float:
     for number in range(len(swarm.patches) - 1, -1, -1):
         patch = swarm.patches[number]
         dx, dy = x - patch.x, y - patch.y
-        is_inside = patch.edges > 0 or dx * dx + dy * dy <= patch.radius * patch.radius
-        for index in range(patch.first, patch.first + patch.edges):
+        is_inside = patch.edge_count > 0 or dx * dx + dy * dy <= patch.radius * patch.radius
+        for index in range(patch.first_edge, patch.first_edge + patch.edge_count):
             edge = swarm.patch_edges[index]
             is_inside &= (edge.bx - edge.ax) * (y - edge.ay) - (edge.by - edge.ay) * (x - edge.ax) >= 0.0
         if is_inside:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim import arena
 from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
 from epuck_sim.util.generators import GENERATOR_WORDS
@@ -205,10 +206,6 @@ SENSE = record_type(
 )
 """A sensor in a file of its own, of one group."""
 
-PATCH = record_type([(name, "f8") for name in ("brightness", "x", "y", "radius")] + [("first", "i8"), ("edges", "i8")])
-"""A patch of the floor: brightness from 0 to 1; centre and radius in cm of a disc, or of a convex polygon its first
-edge in `Swarm.patch_edges` and how many it has."""
-
 LAMP = record_type([(name, "f8") for name in ("x", "y", "height", "strength")])
 """A lamp above the floor, cm; its strength is the light on the floor right below."""
 
@@ -333,7 +330,7 @@ DTYPES: Mapping[str, np.dtype[Any]] = {
     # robots, and then a label of each robot: what a pixel that shows it becomes, 0 for rings dark, or hidden by faults
     "numbers": INT64,
     "depths": FLOAT64,  # scratch: 3 for each pixel of the longest row
-    "patches": PATCH,  # patches of the floor; later ones lie on top of earlier ones
+    "patches": np.dtype((np.record, arena.PATCH)),  # patches of the floor; later ones lie on top of earlier ones
     "patch_edges": EDGE,  # edges of those patches that are polygons
     "lamps": LAMP,
     "picture": BYTE,  # (rows * columns,) levels of the floor's picture, row by row from the wall of largest y on

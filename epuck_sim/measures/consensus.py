@@ -14,7 +14,7 @@ import numpy as np
 
 from epuck_sim.arrays import BoolArray
 from epuck_sim.measures.common import Series, allowed, one_of, rows_of_steps
-from epuck_sim.particles.links import SHIFTS_ONLY
+from epuck_sim.particles.simulation import SHIFTS_ONLY
 
 RULES = ("naming_game", "voter")
 

@@ -24,7 +24,7 @@ from epuck_sim.particles.motion import (
 from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
 from epuck_sim.particles.swarm import SEARCH, Neighbours, Trajectories, entry_of, row_at
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.jit import jit, jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve
 from epuck_sim.util.rng import randint
 
@@ -199,6 +199,26 @@ def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: floa
     for rank in range(k):
         is_drawn[members[rank]] = False
     neighbours.counts[agent] = k
+
+
+@jit
+def write_links(block: ByteArray, addresses: IntArray, senders: IntArray, links: IntArray) -> int:
+    """Write each sender of some times the number of agents, plus a receiver, as far as there is room; return how many.
+
+    That is for observers and measures, in a swarm that stands still: a simulation shows nobody the neighbours it finds.
+    """
+    neighbours = carve(block, Neighbours)
+    scene, found = neighbours.scene, 0
+    scene.positions_time = np.nan
+    scene.sorted_at = -np.inf
+    for index in range(len(senders)):
+        sender = senders[index]
+        row = find_receivers(block, addresses, neighbours, sender, 0.0)
+        for rank in range(neighbours.counts[sender]):
+            if found < len(links):
+                links[found] = sender * scene.agents + entry_of(neighbours.members, row + rank)
+            found += 1
+    return found
 
 
 def search_of(scene: Any) -> Any:

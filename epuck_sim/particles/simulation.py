@@ -13,15 +13,15 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.order_parameter import Firing
 from epuck_sim.particles.events import advance, observe, turn_if_next
 from epuck_sim.particles.initial_conditions import draw_differences, initial_speeds, start
-from epuck_sim.particles.links import SHIFTS_ONLY, LinkSearch
 from epuck_sim.particles.motion import begin_motion
+from epuck_sim.particles.neighbours import write_links
 from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES, forget_earliest
 from epuck_sim.particles.phase_response import curve_error
 from epuck_sim.particles.rules import Rules, rules_of
 from epuck_sim.particles.swarm import Arrays
 from epuck_sim.scenario.changes import AgentDisplacement, TimedEntries, TrialEvent
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
+from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.util.generators import seed_words
 from epuck_sim.util.messages import whole
@@ -38,6 +38,12 @@ SCHEDULE_SEED = 4
 
 UNLIMITED = 2**62
 """Larger than any count or cycle number."""
+
+SHIFTS_ONLY = 50
+"""Swarms of this size or larger have links of pulses only where a phase was shifted: if all fire, all receive all."""
+
+FIRST_ROOM = 8
+"""Links for each agent for which there is room at first; more are made when they are needed."""
 
 NOBODY = np.empty(0, np.int64)
 """Indices of the agents that fire or receive where none do."""
@@ -148,11 +154,11 @@ class ParticleSimulation:
         """Go on with a new block, of a swarm of these rules to which nothing has happened."""
         self._present_rules, self._addresses, self._arrays = rules, rules.addresses, Arrays(rules.new_block())
         self._scene = self._arrays.scene
-        self._links: LinkSearch | None = None
+        self._still: tuple[Arrays, IntArray] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all but addresses, which are those of this process."""
-        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_scene", "_links")
+        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_scene", "_still")
         kept = {name: value for name, value in vars(self).items() if name not in left_out}
         own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
         return {**kept, **own}
@@ -442,9 +448,27 @@ class ParticleSimulation:
         return np.sort(self._find_links(self.headings(), np.arange(self.oscillators)))
 
     def _find_links(self, headings: FloatArray, senders: IntArray) -> IntArray:
-        if self._links is None:
-            self._links = LinkSearch(self._present)
-        return self._links.find(self.positions(), headings, senders)
+        """Return (links,) as `neighbour_links`, sender by sender as given: looked for in a swarm that stands still."""
+        scenario, agents = self._present, self.oscillators
+        if isinstance(scenario.neighbourhood, RandomAgents):
+            raise ScenarioError(
+                f"{scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
+                "there are neighbours only by position"
+            )
+        if self._still is None:
+            stands = {"agents": AgentsSection(count=agents, speed_cm_s=0), "start": StartSection()}
+            rules = rules_of(scenario.model_copy(update=stands))
+            self._still = Arrays(rules.new_block()), rules.addresses
+            begin_motion(self._still[0].block)
+            # neighbours may change until the next instant, unless all agents are neighbours
+            self._still[0].scene.is_cached &= isinstance(scenario.neighbourhood, Everybody)
+        swarm, addresses = self._still
+        swarm.origin[:], swarm.heading[:] = self.positions().T, headings.T
+        links, found = np.zeros(0, np.int64), FIRST_ROOM * agents
+        while found > len(links):
+            links = np.zeros(found, np.int64)
+            found = write_links(swarm.block, addresses, senders, links)
+        return links[:found]
 
     def pulse_links(self) -> IntArray:
         """Return who received whose pulse at the last instant at which agents fired, if no time has passed since.

@@ -26,7 +26,7 @@ PACKAGE = Path(__file__).parents[1]
 SHARED = ("util", "control")
 """Rooms on whose kernels and values those of all others may depend, beside the files of the package's root."""
 
-VALUE_FILES = ("elementary.py", "epuck.py", "util/native.py", "control/interface.py", "embodied/swarm.py")
+VALUE_FILES = ("arena.py", "elementary.py", "epuck.py", "util/native.py", "control/interface.py", "embodied/swarm.py")
 """Files without kernels on whose functions, constants, types or ways of compiling compiled code depends."""
 
 WITHOUT_ALLOCATION = {"_nrt": False}

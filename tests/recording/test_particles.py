@@ -13,8 +13,7 @@ from epuck_sim import EpuckSimError, ParticleScenario, TrialResult, load_scenari
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.figures.trial_page import draw_page
 from epuck_sim.order_parameter import METRICS
-from epuck_sim.particles import links as pulses
-from epuck_sim.particles.simulation import Event, ParticleSimulation
+from epuck_sim.particles.simulation import SHIFTS_ONLY, Event, ParticleSimulation
 from epuck_sim.recording import Level, recorder, rows
 from epuck_sim.recording.layers.arena import UNLABELLED
 from epuck_sim.recording.process import run_rerun
@@ -244,7 +243,7 @@ def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial
         for agent in each.event.fired.tolist():
             receives, _ = receivers_of(trial.scenario, each.positions, headings[each.time_ns], agent)
             reached = {*np.flatnonzero(receives).tolist()}
-            for other in reached if trial.scenario.agents.count < pulses.SHIFTS_ONLY else reached & waits:
+            for other in reached if trial.scenario.agents.count < SHIFTS_ONLY else reached & waits:
                 way = each.positions[other] - each.positions[agent]
                 if trial.scenario.space.boundary == "cyclic":
                     way -= side_cm * np.round(way / side_cm)
