@@ -14,10 +14,10 @@ import math
 
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, StreamArray
 from epuck_sim.particles.selection import minimum
-from epuck_sim.particles.swarm import BEGIN_RUN, CONTINUE, Instant, Trajectories, entry_of, row_at
+from epuck_sim.particles.swarm import BEGIN_RUN, CONTINUE, Instant, Trajectories, entry_of
 from epuck_sim.util.elementary import atan, exp, log, sin_cos, tan
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
-from epuck_sim.util.native import call, carve, unlikely
+from epuck_sim.util.native import call, carve, row_at, unlikely
 from epuck_sim.util.rng import randint, uniform
 
 NO_WALL = -1

@@ -22,10 +22,10 @@ from epuck_sim.particles.motion import (
     time_of_end,
 )
 from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
-from epuck_sim.particles.swarm import SEARCH, Neighbours, Trajectories, entry_of, row_at
+from epuck_sim.particles.swarm import SEARCH, Neighbours, Trajectories, entry_of
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit, jit_inline, jit_no_alloc
-from epuck_sim.util.native import call, carve
+from epuck_sim.util.native import call, carve, row_at
 from epuck_sim.util.rng import randint
 
 NEAREST, VISION_CONE, EMISSION_CONE, RANDOM = range(4)

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arrays import ByteArray, FloatArray, IndexArray
+from epuck_sim.arrays import ByteArray, IndexArray
 from epuck_sim.util.generators import GENERATOR_WORDS, SEQUENCE_WORDS
 from epuck_sim.util.jit import jit_inline
-from epuck_sim.util.native import array_at, record_type
+from epuck_sim.util.native import record_type
 
 STREAM = record_type([("words", "u8", 4)])
 """State of a random number generator; see `util.rng`."""
@@ -257,12 +257,6 @@ Neighbours = _part("Neighbours", f"scene {_FOUND} candidates positions headings 
 Instant = _part("Instant", "scene fired received is_done curve reached is_reached headings_before")
 Observed = _part("Observed", "positions_now phases_now")
 """What Python asks for."""
-
-
-@jit_inline
-def row_at(rows: FloatArray, row: int, length: int) -> Any:
-    """Return a row of an array that has rows of some length one after the other."""
-    return array_at(rows, WORD_BYTES * row * length, WORD_BYTES * (row + 1) * length, FLOAT)
 
 
 @jit_inline

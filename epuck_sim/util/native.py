@@ -414,6 +414,19 @@ def array_at(context: Any, block: Any, first: Any, end: Any, dtype: Any) -> Any:
 
 
 @_intrinsic
+def row_at(context: Any, rows: Any, row: Any, length: Any) -> Any:  # noqa: ARG001
+    """Return a row of an array that has rows of some length one after the other."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        rows = context.make_array(signature.args[0])(context, builder, arguments[0])
+        size = builder.mul(arguments[2], rows.itemsize)
+        first = builder.mul(arguments[1], size)
+        return _array_in(context, builder, signature.return_type, rows.data, first, builder.add(first, size))
+
+    return rows(rows, types.intp, types.intp), generate
+
+
+@_intrinsic
 def carve(context: Any, block: Any, part: Any) -> Any:  # noqa: ARG001
     """Return arrays of a block as a named tuple, which does not own them.
 
