@@ -23,10 +23,6 @@ PATCH = np.dtype(
 mean of its corners, radius 0, and which of the floor's edges are its own."""
 
 
-LAMP_SHARE = 1 / 80
-"""Radius of a lamp's dot in pictures, as a share of the arena's longer side."""
-
-
 @dataclass(frozen=True, eq=False)
 class Floor:
     """What ground sensors see; white by default."""
@@ -73,7 +69,7 @@ class Arena:
     @property
     def lamp_cm(self) -> float:
         """Radius of the dots that stand for lamps in pictures, cm."""
-        return LAMP_SHARE * max(self.width_cm, self.height_cm)
+        return 1 / 80 * max(self.width_cm, self.height_cm)
 
     def with_movables_at(self, places_cm: FloatArray) -> "Arena":
         """Return the arena with its movables at (movables, 2) cm."""

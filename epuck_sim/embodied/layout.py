@@ -20,23 +20,23 @@ from epuck_sim.embodied.sensors.own import assign_sense
 from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
 from epuck_sim.embodied.sensors.radio import set_radio, slots_of
 from epuck_sim.embodied.swarm import Swarm, group_of, make_block, open_block
-from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection
+from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection, TimingSection, arena_after, arena_entries
 from epuck_sim.scenario.robot_kind import RobotKind, cell_cm
 from epuck_sim.scenario.robots import CameraSignal, RadioSignal, RobotGroup, members
 
 
 def make_swarm_block(
-    scenario: EmbodiedScenario,
-    arenas: Sequence[Arena],
-    controllers: Sequence[Controller],
-    sensors: Sequence[Sequence[Sensor]],
-) -> tuple[ByteArray, Swarm]:
-    """Return the block of a swarm before its first trial, and its arrays: robots have no places, nothing is drawn.
+    scenario: EmbodiedScenario, controllers: Sequence[Controller], sensors: Sequence[Sequence[Sensor]]
+) -> tuple[ByteArray, Swarm, list[Arena]]:
+    """Return the block of a swarm before its first trial, its arrays, and the arenas that it has room for.
 
-    There is room for all arenas. The last block is kept: most simulations are of the same scenario as the one before.
+    Robots have no places, nothing is drawn. What is returned is kept, for a copy of the block: most simulations are of
+    the same scenario as the one before.
     """
     made_from = scenario, controllers, sensors
-    if _last.get("from") != made_from or arenas[0].floor.picture.size:  # whose file may have changed
+    if _last.get("from") != made_from or scenario.arena.floor.picture is not None:  # whose file may have changed
+        later = (arena_after(scenario, entry).build() for entry in arena_entries(scenario))
+        arenas = [scenario.arena.build(), *later]
         block = make_block(_lengths(scenario, arenas, controllers, sensors))
         swarm = open_block(block)
         _set_scene(swarm.scene[0], scenario)
@@ -47,9 +47,9 @@ def make_swarm_block(
         _set_senses(swarm, scenario, sensors)
         set_faults(swarm, scenario)
         _set_reference(swarm, scenario.stop.reference_robot)
-        _last.update({"from": made_from, "block": block})
+        _last.update({"from": made_from, "block": block, "arenas": arenas})
     block = _last["block"].copy()
-    return block, open_block(block)
+    return block, open_block(block), _last["arenas"]
 
 
 _last: dict[str, Any] = {}

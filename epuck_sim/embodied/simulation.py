@@ -38,7 +38,7 @@ from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.embodied.user_code import RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.changes import TimedEntries, TrialEvent
-from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after, arena_entries
+from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.robot_kind import cell_cm, sensor_parameters
 from epuck_sim.scenario.robots import resolve_parameters
@@ -123,8 +123,6 @@ class Simulation:
             raise ScenarioError(f"{scenario.name}: a trial {lack}; give fewer robots, or cameras with fewer pixels")
         self._step_ms, self._interpret = scenario.timing.step_ms, interpret
         self.step_s = self._step_ms / 1000
-        later = (arena_after(scenario, entry).build() for entry in arena_entries(scenario))
-        self._arenas = [scenario.arena.build(), *later]
         self._timed = TimedEntries(scenario.schedule, self._first_step, sys.maxsize)
         self._most_unseen = LOGGED_STEPS if scenario.faults else sys.maxsize  # steps at once
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
@@ -132,7 +130,7 @@ class Simulation:
         self._own_sensors = [
             [find_sensor(section["file"]) for section in group.sensors.values()] for group in scenario.robots
         ]
-        self._block, self._swarm = make_swarm_block(scenario, self._arenas, controllers, self._own_sensors)
+        self._block, self._swarm, self._arenas = make_swarm_block(scenario, controllers, self._own_sensors)
         self._world = World(self._arenas, scenario.robot_kinds, scenario.contact)
         groups = zip(controllers, scenario.robots, strict=True)
         self._build(controllers, [each.parameter_record(section.parameters) for each, section in groups])
@@ -486,7 +484,7 @@ class Simulation:
         first_parameters[group] = controller.parameter_record(at_first)
         try:
             controllers = [controller if each is old else each.controller for each in self._groups]
-            self._block, self._swarm = make_swarm_block(self.scenario, self._arenas, controllers, self._own_sensors)
+            self._block, self._swarm, _ = make_swarm_block(self.scenario, controllers, self._own_sensors)
             self._build(controllers, first_parameters)
             replaced = replace_controller(before["_block"], self._block, group, old, self._groups[group], now)
         except BaseException:

@@ -167,14 +167,25 @@ def restart_at(trajectories: Trajectories, agent: int, travelled_cm: float, cycl
 
 @jit_inline
 def reflect(trajectories: Trajectories, agent: int, axis: int, is_far: bool) -> None:
-    """Turn an agent at a wall in a random direction, or as a mirror does; in a cyclic space let it enter opposite."""
+    """Turn an agent at a wall in a random direction, or as a mirror does; in a cyclic space let it enter opposite.
+
+    A random one is within 90 degrees of the wall's normal: in a square the angle to the normal is uniform (thesis 3.1),
+    in a cube the direction is uniform over the hemisphere (D.3), and in a segment the normal is the only direction.
+    """
     scene, place = trajectories.scene, axis * len(trajectories.speed) + agent
     trajectories.origin[place] = scene.side_cm if is_far != scene.is_cyclic else 0.0
     if scene.is_mirrored:
         trajectories.heading[place] = -trajectories.heading[place]
     elif not scene.is_cyclic:
-        heading = trajectories.heading[agent :: len(trajectories.speed)]
-        heading_from_wall(heading, axis, -1.0 if is_far else 1.0, trajectories.streams[agent].words)
+        heading, stream = trajectories.heading[agent :: len(trajectories.speed)], trajectories.streams[agent].words
+        inward = -1.0 if is_far else 1.0
+        if len(heading) == 1:
+            heading[0] = inward
+        elif len(heading) == 2:
+            heading[1 - axis], cosine = sin_cos(math.pi * (uniform(stream) - 0.5))
+            heading[axis] = inward * cosine
+        else:
+            set_heading(heading, axis, inward * (1.0 - uniform(stream)), uniform(stream))
 
 
 @jit_no_alloc
@@ -235,24 +246,7 @@ def reorient_each(block: ByteArray, agents: IndexArray, is_done: BoolArray, time
             is_done[agent] = True
 
 
-# --- directions: away from a wall, anywhere, or around the present one --------------------------------
-
-
-@jit_inline
-def heading_from_wall(heading: FloatArray, axis: int, inward: float, stream: StreamArray) -> None:
-    """Draw a heading within 90 degrees of a wall's normal.
-
-    In a square the angle to the normal is uniform (thesis 3.1), in a cube the direction is uniform over the hemisphere
-    (D.3), and in a segment the normal is the only direction.
-    """
-    if len(heading) == 1:
-        heading[0] = inward
-    elif len(heading) == 2:
-        angle = math.pi * (uniform(stream) - 0.5)
-        heading[1 - axis], cosine = sin_cos(angle)
-        heading[axis] = inward * cosine
-    else:
-        set_heading(heading, axis, inward * (1.0 - uniform(stream)), uniform(stream))
+# --- directions: anywhere, or around the present one ----------------------------------------------------
 
 
 @jit_inline
@@ -281,7 +275,8 @@ def turn_heading(heading: FloatArray, persistence: float, stream: StreamArray) -
     """Turn a heading by a random angle whose mean cosine is `persistence`; with 0, any direction is as likely.
 
     In a segment it is reversed with the chance that gives this mean. In a square the angle has a wrapped Cauchy
-    distribution, in a cube that of Henyey and Greenstein (1941), whose axis is the old heading.
+    distribution, in a cube that of Henyey and Greenstein (1941), whose axis is the old heading; the two directions
+    across it are those of Duff et al. (2017), which have no singularity.
     """
     if len(heading) == 1:
         heading[0] = -heading[0] if uniform(stream) < (1 - persistence) / 2 else heading[0]
@@ -297,25 +292,17 @@ def turn_heading(heading: FloatArray, persistence: float, stream: StreamArray) -
         share = 1.0 - uniform(stream)  # above 0, so that the denominator is, too
         spread = 1 - persistence + 2 * persistence * share
         cosine = 2 * share * (1 + persistence) ** 2 * (1 - persistence * (1 - share)) / (spread * spread) - 1
-        set_tilted(heading, min(max(cosine, -1.0), 1.0), uniform(stream))
-
-
-@jit_inline
-def set_tilted(heading: FloatArray, cosine: float, turn: float) -> None:
-    """Tilt a heading, (3,), by an angle, in the plane that an azimuth of 0 to 1 turn around it gives; to length 1.
-
-    The two directions across it are those of Duff et al. (2017), which have no singularity.
-    """
-    x, y, z = heading[0], heading[1], heading[2]
-    side = math.copysign(1.0, z)
-    a = -1 / (side + z)
-    b = x * y * a
-    rim = math.sqrt(1 - cosine * cosine)
-    sine, aside = sin_cos(2 * math.pi * turn)
-    one, other = rim * aside, rim * sine
-    heading[0] = one * (1 + side * x * x * a) + other * b + cosine * x
-    heading[1] = one * (side * b) + other * (side + y * y * a) + cosine * y
-    heading[2] = one * (-side * x) - other * y + cosine * z
-    length = math.sqrt(heading[0] ** 2 + heading[1] ** 2 + heading[2] ** 2)
-    for axis in range(3):
-        heading[axis] /= length
+        cosine = min(max(cosine, -1.0), 1.0)
+        x, y, z = heading[0], heading[1], heading[2]
+        side = math.copysign(1.0, z)
+        a = -1 / (side + z)
+        b = x * y * a
+        rim = math.sqrt(1 - cosine * cosine)
+        sine, aside = sin_cos(2 * math.pi * uniform(stream))
+        one, other = rim * aside, rim * sine
+        heading[0] = one * (1 + side * x * x * a) + other * b + cosine * x
+        heading[1] = one * (side * b) + other * (side + y * y * a) + cosine * y
+        heading[2] = one * (-side * x) - other * y + cosine * z
+        length = math.sqrt(heading[0] ** 2 + heading[1] ** 2 + heading[2] ** 2)
+        for axis in range(3):
+            heading[axis] /= length

@@ -61,22 +61,13 @@ def select_smallest(
 @jit_inline
 def find_limit(values: FloatArray, count: int, wanted: int) -> float:
     """Return the largest of the `wanted` smallest of `values[:count]`: of two or three without a look at six."""
-    if wanted > 3:
-        return find_six_smallest(values, count)[wanted - 1]
-    a = b = c = math.inf
-    for index in range(count):
+    a = b = c = d = e = f = math.inf
+    for index in range(count if wanted <= 3 else 0):
         value = values[index]
         a, value = min(a, value), max(a, value)
         b, value = min(b, value), max(b, value)
         c = min(c, value)
-    return (a, b, c)[wanted - 1]
-
-
-@jit_inline
-def find_six_smallest(values: FloatArray, count: int) -> tuple[float, float, float, float, float, float]:
-    """Return the six smallest of `values[:count]`, ascending; inf where there are too few."""
-    a = b = c = d = e = f = math.inf
-    for index in range(count):
+    for index in range(count if wanted > 3 else 0):
         value = values[index]
         a, value = min(a, value), max(a, value)
         b, value = min(b, value), max(b, value)
@@ -84,7 +75,7 @@ def find_six_smallest(values: FloatArray, count: int) -> tuple[float, float, flo
         d, value = min(d, value), max(d, value)
         e, value = min(e, value), max(e, value)
         f = min(f, value)
-    return a, b, c, d, e, f
+    return (a, b, c, d, e, f)[wanted - 1]
 
 
 @jit_no_alloc

@@ -222,8 +222,13 @@ _STRUCTS: dict[type[Thing], str] = {
 """What pymunk calls the C structs of its objects, in the order in which these are taken out of a space."""
 
 
+@cache
+def _kind(of: type[Thing]) -> type[Thing]:
+    return next(kind for kind in _STRUCTS if issubclass(of, kind))
+
+
 def _struct(thing: Thing) -> Any:
-    return next(getattr(thing, struct) for kind, struct in _STRUCTS.items() if isinstance(thing, kind))
+    return getattr(thing, _STRUCTS[_kind(type(thing))])
 
 
 def _value(pointer: Any) -> int:
@@ -239,8 +244,7 @@ def add_to_space(space: int, things: Iterable[Thing]) -> None:
     """Put things into the space at an address."""
     pointer = ffi.cast("cpSpace *", int(space))
     for thing in things:
-        kind = next(kind for kind in _STRUCTS if isinstance(thing, kind))
-        getattr(lib, f"cpSpaceAdd{kind.__name__}")(pointer, getattr(thing, _STRUCTS[kind]))
+        getattr(lib, f"cpSpaceAdd{_kind(type(thing)).__name__}")(pointer, _struct(thing))
 
 
 def take_from_space(space: int, things: Iterable[Thing]) -> None:
@@ -249,7 +253,7 @@ def take_from_space(space: int, things: Iterable[Thing]) -> None:
     for kind in _STRUCTS:
         space_of, remove = getattr(lib, f"cp{kind.__name__}GetSpace"), getattr(lib, f"cpSpaceRemove{kind.__name__}")
         for thing in every:
-            if isinstance(thing, kind) and space_of(_struct(thing)) == pointer:
+            if _kind(type(thing)) is kind and space_of(_struct(thing)) == pointer:
                 remove(pointer, _struct(thing))
 
 

@@ -328,7 +328,11 @@ def _reflect(
             continue
         see_sectors(swarm, camera, mirrored, image)
         hide_behind_obstacles(swarm, camera, mirrored, image)
-        any_image |= add_image(image, walls, camera, picture)
+        for pixel in range(camera.first, camera.end):
+            if image.row[len(image.row) - 1 - pixel] > 0:
+                picture.row[pixel] = 1
+                picture.depth[pixel] = walls.distances_cm[pixel]
+                any_image = True
     if any_image:  # hide it where something stands before the wall
         see_sectors(swarm, camera, eye, picture)
         hide_behind_obstacles(swarm, camera, eye, picture)
@@ -376,19 +380,6 @@ def begin_image(wall: int, walls: WallsInView, camera: Any, picture: Picture, im
         image.depth[last - pixel] = camera.reflection_range_cm if is_open else -math.inf
         any_open |= is_open
     return any_open
-
-
-@jit_inline
-def add_image(image: Picture, walls: WallsInView, camera: Any, picture: Picture) -> bool:
-    """Write mirrored lit rings to the camera's picture, as far as the wall; return whether there are any."""
-    last = len(picture.row) - 1
-    any_lit = False
-    for pixel in range(camera.first, camera.end):
-        if image.row[last - pixel] > 0:
-            picture.row[pixel] = 1
-            picture.depth[pixel] = walls.distances_cm[pixel]
-            any_lit = True
-    return any_lit
 
 
 # --- cameras with fewer pictures than control steps ------------------------------------------------------
