@@ -214,21 +214,17 @@ def _rest(swarm: Swarm, addresses: IntArray, number: int) -> None:
 # --- for Python ---------------------------------------------------------------------------------------
 
 
-_STRUCTS: dict[type[Thing], str] = {
-    pymunk.Constraint: "_constraint",
-    pymunk.Shape: "_shape",
-    pymunk.Body: "_body",
+_KINDS: dict[type, str] = {
+    pymunk.PivotJoint: "Constraint",
+    pymunk.Circle: "Shape",
+    pymunk.Poly: "Shape",
+    pymunk.Body: "Body",
 }
-"""What pymunk calls the C structs of its objects, in the order in which these are taken out of a space."""
-
-
-@cache
-def _kind(of: type[Thing]) -> type[Thing]:
-    return next(kind for kind in _STRUCTS if issubclass(of, kind))
+"""What Chipmunk calls what worlds are made of, in the order in which it is taken out of a space."""
 
 
 def _struct(thing: Thing) -> Any:
-    return getattr(thing, _STRUCTS[_kind(type(thing))])
+    return getattr(thing, f"_{_KINDS[type(thing)].lower()}")
 
 
 def _value(pointer: Any) -> int:
@@ -244,16 +240,16 @@ def add_to_space(space: int, things: Iterable[Thing]) -> None:
     """Put things into the space at an address."""
     pointer = ffi.cast("cpSpace *", int(space))
     for thing in things:
-        getattr(lib, f"cpSpaceAdd{_kind(type(thing)).__name__}")(pointer, _struct(thing))
+        getattr(lib, f"cpSpaceAdd{_KINDS[type(thing)]}")(pointer, _struct(thing))
 
 
 def take_from_space(space: int, things: Iterable[Thing]) -> None:
     """Take those of things out of the space at an address that are in it: first joints, then shapes, then bodies."""
     pointer, every = ffi.cast("cpSpace *", int(space)), list(things)
-    for kind in _STRUCTS:
-        space_of, remove = getattr(lib, f"cp{kind.__name__}GetSpace"), getattr(lib, f"cpSpaceRemove{kind.__name__}")
+    for kind in dict.fromkeys(_KINDS.values()):
+        space_of, remove = getattr(lib, f"cp{kind}GetSpace"), getattr(lib, f"cpSpaceRemove{kind}")
         for thing in every:
-            if _kind(type(thing)) is kind and space_of(_struct(thing)) == pointer:
+            if _KINDS[type(thing)] == kind and space_of(_struct(thing)) == pointer:
                 remove(pointer, _struct(thing))
 
 
