@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -38,48 +38,28 @@ def file_of(module: str) -> Path:
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
-def is_kernel(node: ast.FunctionDef) -> bool:
-    return node.name in BOUND or any(isinstance(each, ast.Name) and "jit" in each.id for each in node.decorator_list)
-
-
-def read_names(definition: ast.AST) -> set[str]:
-    """Return the names of the module that a definition reads but in annotations, which are not compiled."""
-    names, own = set(), set()
-    body = definition.body if isinstance(definition, ast.FunctionDef) else [definition]
-    for each in (inner for node in body for inner in ast.walk(node)):
-        if isinstance(each, ast.AnnAssign):
-            each.annotation = ast.Constant(0)
-        if isinstance(each, ast.Name):
-            (names if isinstance(each.ctx, ast.Load) else own).add(each.id)
-    if isinstance(definition, ast.FunctionDef):
-        return names - own - {each.arg for each in definition.args.args}
-    return names
-
-
-def sources_of(file: Path, roots: Callable[[ast.FunctionDef], bool] = is_kernel) -> dict[str, Path]:
-    """Return in which files of the package begins what some functions of a file refer to, directly or not, by name."""
+def sources_of(file: Path, *functions: str) -> dict[str, Path]:
+    """Return in which files of the package begins what kernels, or functions, of a file refer to, by name."""
+    module = vars(import_module(".".join(("epuck_sim", *file.relative_to(PACKAGE).with_suffix("").parts))))
+    named = [module[name] for name in {*BOUND, *functions} & module.keys()]
+    named += [each.function for each in module.values() if isinstance(each, jit.Kernel)]
+    todo = [name for function in named if function.__globals__ is module for name in function.__code__.co_names]
     imported: dict[str, Path] = {}
-    made_from: dict[str, ast.AST] = {}
-    todo: list[str] = []
+    made_from: dict[str, list[str]] = {}
     for node in ast.parse(file.read_text()).body:
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("epuck_sim"):
             for alias in node.names:
                 as_module = file_of(f"{node.module}.{alias.name}")
                 imported[alias.asname or alias.name] = as_module if as_module.exists() else file_of(node.module or "")
-        elif isinstance(node, ast.FunctionDef):
-            made_from[node.name] = node
-            todo += [node.name] * roots(node)
-        elif not isinstance(node, ast.ClassDef):
-            stored = [
-                each.id for each in ast.walk(node) if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)
-            ]
-            made_from |= dict.fromkeys(stored, node)
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            read = [each.id for each in ast.walk(node) if isinstance(each, ast.Name)]
+            stored = [each for each in ast.walk(node) if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store)]
+            made_from |= {each.id: read for each in stored}
     seen: set[str] = set()
     while todo:
-        name = todo.pop()
-        if name not in seen:
+        if (name := todo.pop()) not in seen:
             seen.add(name)
-            todo.extend(read_names(made_from[name]) if name in made_from else ())
+            todo += made_from.get(name, [])
     return {name: imported[name] for name in seen & imported.keys()}
 
 
@@ -96,7 +76,7 @@ def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_c
 
 
 def test_the_check_above_finds_a_constant_in_a_file_that_is_not_covered() -> None:
-    found = sources_of(PACKAGE / "runs" / "share.py", lambda node: node.name == "merge_folders")
+    found = sources_of(PACKAGE / "runs" / "share.py", "merge_folders")
     assert found["DATABASE"] == PACKAGE / "runs" / "folder.py"
     assert found["DATABASE"] not in kernel_files("embodied")
 

@@ -72,9 +72,6 @@ def public_way() -> SimpleNamespace:
     return SimpleNamespace(**found)
 
 
-# --- whether this way is needed -------------------------------------------------------------------------
-
-
 @lru_cache
 def reason_for_public_way() -> str:
     """Return why compiled code cannot call this pymunk's Chipmunk, or "" if it can."""

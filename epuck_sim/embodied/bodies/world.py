@@ -46,6 +46,7 @@ class World:
         self._finalizer: weakref.finalize[Any, Any] | None = None
         reason = reason_for_public_way()
         self.is_public = bool(reason)
+        self._way: Any = public_way() if reason else chipmunk
         if self.is_public:
             warnings.warn(
                 f"{format_versions(versions())}: {reason}; robots are moved by pymunk's public interface, to the same "
@@ -55,21 +56,20 @@ class World:
 
     def addresses(self) -> list[int]:
         """Return what the addresses begin with, up to where other parts of the swarm add theirs; see `use`."""
-        return [0] * chipmunk.END if self.is_public else self._listed(chipmunk)
+        return [0] * chipmunk.END if self.is_public else self._listed()
 
-    def _listed(self, way: Any) -> list[Any]:
+    def _listed(self) -> list[Any]:
         """Return functions and bodies as kernels find them, with room for the surfaces of each arena."""
-        bodies = self._bodies
+        bodies, way = self._bodies, self._way
         room = max(map(count_surfaces, self._arenas)) - len(bodies.surfaces)
         head = [0, way.address(bodies.ground), 0, *way.function_addresses()]
-        return head + [way.address(each) for each in bodies.listed] + [0] * room
+        return [*head, *map(way.address, bodies.listed), *[0] * room]
 
     def use(self, block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
         """Work from now on with a block, and with addresses that begin with `addresses`; `weakref` frees the space."""
         self._block, self._swarm = block, swarm
-        self._way: Any = public_way() if self.is_public else chipmunk
         used = self._addresses[SPACE] if self._finalizer else 0
-        self._addresses = np.array(self._listed(self._way)) if self.is_public else addresses
+        self._addresses = np.array(self._listed()) if self.is_public else addresses
         self._addresses[SPACE] = used
         self._free_with_world()
         scene, bodies = swarm.scene[0], self._bodies
@@ -101,7 +101,7 @@ class World:
         self._way.free_space(self._addresses, self._bodies)
         self._bodies = self._make_bodies()
         self._addresses[SPACE], self._addresses[GROUND] = 0, self._way.address(self._bodies.ground)
-        listed = [self._way.address(each) for each in self._bodies.listed]
+        listed = list(map(self._way.address, self._bodies.listed))
         self._addresses[chipmunk.END :][: len(listed)] = listed
         self._free_with_world()
 
