@@ -264,9 +264,9 @@ def free_space(addresses: IntArray, bodies: Bodies) -> None:
 @cache
 def function_addresses() -> list[int]:
     """Return the addresses of Chipmunk's functions; AttributeError or TypeError if this pymunk's are others."""
+    functions = {name: ffi.addressof(lib, name) for name in FUNCTIONS}
     if ffi.typeof("cpFloat") is not ffi.typeof("double"):
         raise TypeError("its numbers are no doubles")
-    functions = {name: ffi.addressof(lib, name) for name in FUNCTIONS}
     for name, function in functions.items():
         if ffi.typeof(function) is not ffi.typeof(FUNCTIONS[name]):
             raise TypeError(f"its function {name} is {ffi.typeof(function).cname}, not {FUNCTIONS[name]}")
