@@ -1,6 +1,8 @@
 """Claims about simulations that start anew, go back, are copied, and change on the way: equal to the bit."""
 
+import copy
 import gc
+import pickle
 import random
 from itertools import islice
 
@@ -72,6 +74,36 @@ def drive(simulation, steps, chance):
         if chance.random() < 0.1:
             simulation.set_parameters(2, speed_cm_s=chance.uniform(0, 12))
     return taken
+
+
+COPIES = {
+    "restored": lambda simulation: simulation.restore(simulation.snapshot()) or simulation,
+    "copied": copy.copy,
+    "deep copied": copy.deepcopy,
+    "pickled": lambda simulation: pickle.loads(pickle.dumps(simulation)),
+    "of a pickled snapshot": lambda simulation: restored_elsewhere(pickle.dumps(simulation.snapshot())),
+}
+
+
+def restored_elsewhere(dumped):
+    simulation = Simulation(UNLIKE, 99)
+    simulation.advance(30)
+    simulation.restore(pickle.loads(dumped))
+    return simulation
+
+
+@pytest.mark.parametrize("way", COPIES)
+@pytest.mark.parametrize("steps", [0, 67])
+def test_copies_go_on_equal_to_the_bit_among_contacts_commands_and_changes(way, steps):
+    original, alone = (Simulation(UNLIKE, 3) for _ in range(2))
+    for simulation in (original, alone):
+        drive(simulation, steps, np.random.default_rng(1))
+    made = COPIES[way](original)
+    assert made.steps == alone.steps
+    expected = drive(alone, 60, np.random.default_rng(2))
+    assert drive(made, 60, np.random.default_rng(2)) == expected
+    if made is not original:  # which neither notices its copy nor shares anything with it
+        assert drive(original, 60, np.random.default_rng(2)) == expected
 
 
 def test_a_snapshot_is_a_moment_which_later_steps_do_not_change_and_one_of_another_scenario_is_refused():

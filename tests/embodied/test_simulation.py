@@ -8,12 +8,13 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.start import Part, spawned
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.builtin import ARENAS, builtin_files
 from tests.control.bench import with_step
-from tests.embodied.changing import CHANGING
+from tests.embodied.changing import CHANGING, swarm_of
 from tests.embodied.steps import bits, kept
 
 SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
@@ -203,6 +204,17 @@ def test_a_robot_judges_a_flash_by_any_red_pixel_unless_its_controller_does():
     step = Simulation({"robots": [watcher, LAMP], "noise": "off"}, 1).advance(2)
     assert step.camera[0].any()
     assert not step.flash_seen[0]
+
+
+def test_noise_is_what_numpy_draws_with_the_seed_anew_for_each_sensor_wheel_robot_and_step():
+    simulation = Simulation("thesis", 3)
+    swarm = swarm_of(simulation)
+    parts = (Part.INFRARED_NOISE, Part.WHEEL_NOISE)
+    sensors, wheels = (np.random.Generator(np.random.SFC64(spawned(3, part))) for part in parts)
+    for _ in islice(simulation, 300):
+        np.testing.assert_allclose(swarm.robots.infrared_noise, sensors.standard_normal((10, 8)), rtol=1e-15)
+        np.testing.assert_array_equal(swarm.robots.wheel_noise, wheels.random((10, 2)))
+    assert (swarm.groups[0].infrared.noise_counts, swarm.scene[0].slip) == (10, 0.05)
 
 
 def test_no_step_makes_numba_look_for_types_anew(monkeypatch):

@@ -8,12 +8,14 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from epuck_sim.util.generators import (
+    DRAW_BEGIN,
     GENERATOR_WORDS,
     NORMAL_EDGE,
     SEQUENCE_WORDS,
     TAIL_LIMIT,
     begin_sequence,
     choose,
+    draw_row,
     draw_words,
     fill_doubles,
     fill_normals,
@@ -28,6 +30,7 @@ from epuck_sim.util.generators import (
     spawn,
     standard_normal,
 )
+from epuck_sim.util.seeds import robot_streams
 
 SEEDS = st.integers(0, 2**64 - 1) | st.integers(0, 2**300) | st.sampled_from([0, 2**32 - 1, 2**32, 2**128, 2**160])
 KEYS = st.lists(st.integers(0, 10) | st.integers(0, 2**64 - 1), max_size=4)
@@ -74,6 +77,22 @@ def test_a_seed_may_be_several_numbers_and_zeros_may_follow_up_to_four_words(see
     words = seed_words(*seeds)
     for each in (words, np.pad(words, (0, max(0, 4 - len(words))))):
         assert words_of(sequence_of(each)) == expected.tolist()
+
+
+@given(seed=SEEDS, key=st.integers(0, 2**62))
+def test_a_parent_stays_as_it_is(seed, key):
+    parent, child = sequence_of(seed_words(seed)), np.zeros(SEQUENCE_WORDS, np.uint64)
+    spawn(child, parent, key)
+    assert (parent == sequence_of(seed_words(seed))).all()
+    assert (child == sequence_of(seed_words(seed), [key])).all()
+
+
+@given(seed=SEEDS, robots=st.integers(0, 30))
+def test_streams_are_those_of_the_robots(seed, robots):
+    sequence, stream, factor = sequence_of(seed_words(seed), [3]), np.zeros(4, np.uint64), DRAW_BEGIN
+    for expected in robot_streams(np.random.SeedSequence(seed, spawn_key=(3,)), robots):
+        factor = draw_row(stream, sequence, np.uint64(factor))
+        assert (stream == expected).all()
 
 
 @given(kind=KINDS, seed=SEEDS, key=KEYS)

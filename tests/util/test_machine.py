@@ -17,6 +17,7 @@ from epuck_sim.sweep.checks import check_memory
 from epuck_sim.util import machine
 from epuck_sim.util.machine import (
     HOST,
+    available_bytes,
     check_port,
     free_port,
     is_open_to_others,
@@ -89,6 +90,10 @@ def little(monkeypatch) -> int:
     """Return how much memory a machine has left that has little of it."""
     monkeypatch.setattr(machine, "available_bytes", lambda: 70_000_000)
     return 70_000_000
+
+
+def test_what_is_available_is_less_than_the_machine_has() -> None:
+    assert 0 < available_bytes() < 10**14
 
 
 def cgroup(folder: Path, *, version: int, limit: str, usage: int, droppable: int) -> None:

@@ -35,6 +35,15 @@ def xoshiro256pp(state):
     return result, (s0, s1, s2, rotated(s3, 45))
 
 
+def test_next_word_gives_the_published_reference_output():
+    random = stream(1, 2, 3, 4)
+    assert [int(next_word(random)) for _ in range(10)] == [
+        *(41943041, 58720359, 3588806011781223, 3591011842654386, 9228616714210784205),
+        *(9973669472204895162, 14011001112246962877, 12406186145184390807, 15849039046786891736),
+        10450023813501588000,
+    ]
+
+
 @given(state=STATES)
 def test_next_word_is_xoshiro256pp_from_every_state(state):
     random = stream(*state)
@@ -63,8 +72,20 @@ def test_trial_0_has_the_master_seed_itself_and_others_have_seeds_of_at_most_53_
     assert seed == trial_seed(master, trial)
 
 
+def test_seeds_use_all_53_bits_and_are_distinct_over_trials_and_masters():
+    masters = [*range(20), 2**32, 2**53, 2**64, 10**100]
+    seeds = [trial_seed(master, trial) for master in masters for trial in range(200)]
+    assert len(set(seeds)) == len(seeds)
+    assert max(seeds[1:200]) > 2**52
+
+
 @given(seed=st.integers(0, 10**30), few=st.integers(0, 20), more=st.integers(0, 20))
 def test_further_robots_leave_the_streams_of_the_others_as_they_were(seed, few, more):
     streams = robot_streams(np.random.SeedSequence(seed), few + more)
     assert streams.shape == (few + more, 4)
     assert (streams[:few] == robot_streams(np.random.SeedSequence(seed), few)).all()
+
+
+def test_every_robot_has_a_stream_of_its_own():
+    streams = robot_streams(np.random.SeedSequence(1), 1000)
+    assert len({next_word(random) for random in streams}) == 1000

@@ -94,3 +94,12 @@ def test_a_turn_on_the_spot_comes_before_the_arc_and_rings_are_lit_at_once():
     expected = arc((500, 500, 1.5), 3, 4)
     np.testing.assert_allclose(world.poses + world.velocities * 0.1, [expected], rtol=0, atol=1e-9)
     assert (world.swarm.robots.ring_on, world.swarm.robots.ring_command) == (True, True)
+
+
+def test_noise_makes_each_wheel_faster_or_slower_by_up_to_the_slip():
+    noise = np.random.default_rng(1).random((3, 2))
+    slipping, exact = world_of(np.zeros((3, 3)), slip=0.05), world_of(np.zeros((3, 3)))
+    slipping.swarm.robots.wheel_noise = noise
+    command(slipping, np.full((3, 2), 5.0))
+    command(exact, 5.0 * (1 + 0.05 * (2 * noise - 1)))
+    np.testing.assert_allclose(slipping.velocities, exact.velocities, rtol=1e-14)

@@ -50,6 +50,14 @@ def test_robots_are_never_more_than_a_millimetre_in_each_other_a_wall_or_an_obst
         assert min(clearances_cm) >= RADIUS_CM - MILLIMETRE, step.number
 
 
+def test_two_that_meet_head_on_overlap_by_less_than_a_millimetre_and_no_longer_than_a_control_step():
+    for gap in np.linspace(5, 7.56, 60):
+        robots = [constant([[30, 30, 0]], FULL_CM_S), constant([[37.4 + gap, 30, math.pi]], FULL_CM_S)]
+        overlap = 2 * RADIUS_CM - np.diff(moved(robots, 8)[:, :, 0], axis=1)
+        assert overlap.max() <= MILLIMETRE
+        assert overlap[-4:].max() <= TOUCH_CM + 1e-9
+
+
 @pytest.mark.parametrize("friction", [0, 0.1, 0.5])
 def test_a_robot_slides_along_what_it_touches_and_only_friction_turns_it(friction):
     groups = [constant([[20, 30, 0], [20, 10, -math.pi / 6]], FULL_CM_S), constant([[32, 34, 0]])]

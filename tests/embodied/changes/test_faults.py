@@ -228,6 +228,14 @@ def test_who_sees_which_flashes_is_as_a_slow_twin_says():
     assert 100 < np.sum(seen) < 20 * robots.ring_on.sum() - 50
 
 
+def test_random_shares_are_uniform_and_do_not_depend_on_each_other():
+    shares = np.array([[random_share(np.uint64(k), s, f) for s in range(10) for f in range(50)] for k in range(8)])
+    assert ((np.histogram(shares, 20, (0, 1))[0] - 200) ** 2 / 200).sum() < 43.8
+    assert len(np.unique(shares)) == shares.size
+    assert np.abs(np.corrcoef(shares)[np.triu_indices(8, 1)]).max() < 5 / math.sqrt(500)
+    assert abs(np.corrcoef(shares[:, 1:].ravel(), shares[:, :-1].ravel())[0, 1]) < 4 / math.sqrt(4000)
+
+
 def test_robots_with_dead_wheels_stand_still_and_go_on_afterwards():
     apart = [[15, 15, 0], [15, 45, 0]]
     shown = steps_of({"robots": [{"poses": apart}], **with_fault("wheels_dead", robots=[0], at_s=1, until_s=2)}, 40)
