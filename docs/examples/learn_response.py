@@ -149,11 +149,11 @@ def write(course: list[Generation], stem: Path) -> None:
         nodes = [f"response_{node}" for node in range(1, len(PHASES) + 1)]
         writer.writerow(["generation", "trials", "periods", "low", "high", *nodes])
         for each in course:
-            numbers = [f"{number:.4g}" for number in (*each.periods, *each.response)]
+            numbers = [f"{number:.4g}" for number in (*each.periods[:3], *each.response)]
             writer.writerow([each.number, each.trials, *numbers])
     figure = Figure(figsize=(9, 3.6), layout="constrained")
     curve, shape = figure.subplots(1, 2)
-    value, low, high = np.array([each.periods for each in course]).T
+    value, low, high = np.array([each.periods[:3] for each in course]).T
     trials = [each.trials for each in course]
     curve.fill_between(trials, low, high, color="0.85")
     curve.semilogy(trials, value, "o-", markersize=3, color="black")
