@@ -42,7 +42,7 @@ FALLING = {
     "power law": 4 - 0.8 * X,
     "level": np.full(20, 4.0),
 }
-MANY_TRIALS = 100  # fewest of a point that stands for the truth
+MANY_TRIALS = 1000  # fewest of a point that stands for the truth
 
 
 def write(name: str, columns: str, rows: Iterator[Sequence[Any]]) -> None:
