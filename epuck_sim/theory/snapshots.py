@@ -89,10 +89,10 @@ def _links_of_agents(
 def _poses(scenario: EmbodiedScenario, seeds: range) -> FloatArray:
     """Return (snapshots, robots, 3) cm, cm, rad: poses at the start of trials, of those that are there."""
     scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
-    put_at_given_poses(scene.swarm, scenario)
     poses = []
     for seed in seeds:
         draw_start(scene.block, seed)
+        put_at_given_poses(scene.swarm, scenario)
         draw_places(scene.block, scenario)
         poses.append(poses_of(scene.swarm.robots).copy())
     return np.array(poses)
