@@ -83,7 +83,6 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew, from
 	$(BIN)/python docs/figures/shipped_pictures.py
 	$(BIN)/python -m docs.validation runs/validation
 	$(BIN)/python -m docs.paper.make
-	set -e; for sweep in $(REGIMES); do $(BIN)/epuck-sim plot runs/$$sweep --to docs/figures/$$sweep; done
 	$(BIN)/epuck-sim fit $(REGIMES:%=runs/%) > docs/figures/scaling.txt
 	$(BIN)/python docs/figures/response_curves.py
 	$(BIN)/python docs/examples/learn_response.py docs/figures/learning
@@ -91,18 +90,17 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew, from
 	$(BIN)/python docs/figures/overhead_views.py
 	$(BIN)/python -m docs.figures.overhead_kinds
 	$(BIN)/python -m docs.figures.overhead_identities
+	set -e; for drawn in switching:order_parameter consensus:consensus consensus-robots:consensus fault-detection:false_alarms; do \
+	    $(BIN)/epuck-sim plot runs/$${drawn%:*} --of $${drawn#*:} --to runs/$${drawn%:*}; \
+	    cp runs/$${drawn%:*}.png runs/$${drawn%:*}.csv docs/figures/; \
+	done
 	$(BIN)/epuck-sim summarize runs/switching --of mean_speed --csv > docs/figures/switching.csv
-	$(BIN)/epuck-sim plot runs/switching --of order_parameter --to runs/switching.png
-	cp runs/switching.png docs/figures/
-	$(BIN)/epuck-sim plot runs/consensus --of consensus --to docs/figures/consensus.png
-	$(BIN)/epuck-sim plot runs/consensus-robots --of consensus --to docs/figures/consensus-robots.png
-	$(BIN)/epuck-sim plot runs/fault-detection --of false_alarms --to docs/figures/fault-detection.png
 	$(BIN)/epuck-sim summarize runs/fault-detection --of detection_delay --csv > docs/figures/detection-delay.csv
 	$(BIN)/python docs/figures/fig_4_7.py runs/fig-4-7
 	$(BIN)/python docs/figures/pushing.py runs/pushing-synchrony
 	$(BIN)/python docs/figures/neighbour_change.py runs/neighbour-change
 	$(BIN)/epuck-sim fit runs/v-f > docs/figures/v_f.txt
-	set -e; for sweep in $(DRAWN); do \
+	set -e; for sweep in $(REGIMES) $(DRAWN); do \
 	    $(BIN)/epuck-sim plot runs/$$sweep --to runs/$$sweep; \
 	    cp runs/$$sweep.png runs/$$sweep.csv docs/figures/; \
 	done

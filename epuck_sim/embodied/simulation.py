@@ -39,10 +39,10 @@ from epuck_sim.embodied.user_code import RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.changes import TimedEntries, TrialEvent
 from epuck_sim.scenario.embodied import EmbodiedScenario, arena_after
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.robot_kind import cell_cm, sensor_parameters
 from epuck_sim.scenario.robots import resolve_parameters
-from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
+from epuck_sim.scenario.scenario import Scenario, seed_of_trial
 from epuck_sim.user_files import Value
 from epuck_sim.util.machine import lack_of_memory
 from epuck_sim.util.messages import whole
@@ -115,9 +115,8 @@ class Simulation:
                 the memory of this machine.
             ControllerError: A controller cannot be compiled, or raises at its start.
         """
-        self.scenario = scenario = require_model(
-            load_scenario(scenario), EmbodiedScenario, "a Simulation needs model: embodied; use ParticleSimulation"
-        )
+        why = "a Simulation needs model: embodied; use ParticleSimulation"
+        self.scenario = scenario = load_of_model(scenario, EmbodiedScenario, why)
         seed = seed_of_trial(scenario, seed)
         if lack := lack_of_memory(scenario.memory_bytes):
             raise ScenarioError(f"{scenario.name}: a trial {lack}; give fewer robots, or cameras with fewer pixels")

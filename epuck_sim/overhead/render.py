@@ -26,10 +26,10 @@ from epuck_sim.geometry import contains
 from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Picture, overhead_camera
 from epuck_sim.overhead.tags import tag_corners_cm, tag_dictionary, tag_modules, tag_pattern
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario, with_values
+from epuck_sim.scenario.loader import load_of_model, with_values
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
-from epuck_sim.scenario.scenario import Scenario, require_model
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.jit import jit
 
 COLOUR_LEVELS = (900.0, 130.0, 120.0)
@@ -221,7 +221,7 @@ class ArenaView:
             ScenarioError: The scenario, or the size, is not allowed.
             EpuckSimError: The camera would hang between the walls.
         """
-        scenario = require_model(load_scenario(scenario), EmbodiedScenario, "an ArenaView shows robots")
+        scenario = load_of_model(scenario, EmbodiedScenario, "an ArenaView shows robots")
         given = {**PERFECT, "width_px": width_px, "height_px": height_px}
         changed = {f"overhead.{key}": value for key, value in given.items() if value is not None}
         section = with_values(scenario, changed, scenario.name).overhead

@@ -20,9 +20,9 @@ from epuck_sim.particles.phase_response import curve_error
 from epuck_sim.particles.rules import Rules, rules_of
 from epuck_sim.particles.swarm import Arrays
 from epuck_sim.scenario.changes import AgentDisplacement, TimedEntries, TrialEvent
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.loader import load_of_model
 from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents, StartSection
-from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
+from epuck_sim.scenario.scenario import Scenario, seed_of_trial
 from epuck_sim.util.generators import seed_words
 from epuck_sim.util.messages import whole
 from epuck_sim.util.native import compile_kernel
@@ -112,7 +112,7 @@ class ParticleSimulation:
             ScenarioError: The scenario is of another model, is a sweep, or the seed is negative.
         """
         why = "a ParticleSimulation needs model: particles; use Simulation"
-        loaded = require_model(load_scenario(scenario), ParticleScenario, why)
+        loaded = load_of_model(scenario, ParticleScenario, why)
         if loaded.start.like is not None:
             raise ScenarioError(
                 f"{loaded.name}: start.like is {loaded.start.like!r}, which is for trials of `run` and sweeps; give a "

@@ -317,6 +317,13 @@ def write_scenario(scenario: Scenario) -> str:
     return write_yaml(scenario.model_dump(mode="json"))
 
 
+def load_of_model(
+    scenario: Scenario | str | Path | Mapping[str, Any], kind: type[AnyScenario], why: str
+) -> AnyScenario:
+    """Return a scenario, or what `load_scenario` takes, which must be of class `kind`."""
+    return require_model(load_scenario(scenario), kind, why)
+
+
 def robots_like(name: str, origin: str) -> EmbodiedScenario:
     """Return the scenario of robots of a name or file; of a sweep, what is swept is as it is without."""
     scenario = require_model(load_scenario(name), EmbodiedScenario, "allowed: embodied", f"{origin}: {name}")
