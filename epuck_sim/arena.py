@@ -23,6 +23,9 @@ PATCH = np.dtype(
 mean of its corners, radius 0, and which of the floor's edges are its own."""
 
 
+LAMP_SHARE = 1 / 80  # radius of a lamp's dot in pictures, as a share of the arena's longer side
+
+
 @dataclass(frozen=True, eq=False)
 class Floor:
     """What ground sensors see; white by default."""
@@ -69,7 +72,7 @@ class Arena:
     @property
     def lamp_cm(self) -> float:
         """Radius of the dots that stand for lamps in pictures, cm."""
-        return 1 / 80 * max(self.width_cm, self.height_cm)
+        return LAMP_SHARE * max(self.width_cm, self.height_cm)
 
     def with_movables_at(self, places_cm: FloatArray) -> "Arena":
         """Return the arena with its movables at (movables, 2) cm."""

@@ -93,9 +93,9 @@ class FlashLinker:
         self._now_s = time_s
         pairs = sorted(
             (distance, place, index)
-            for place, lit in enumerate(self._lit)
+            for place, (lit, reach_cm) in enumerate((lit, lit.reach_cm(time_s)) for lit in self._lit)
             for index, ring in enumerate(rings)
-            if (distance := math.dist(ring[:2], lit.ring[:2])) <= lit.reach_cm(time_s)
+            if (distance := math.dist(ring[:2], lit.ring[:2])) <= reach_cm
         )
         seen: dict[int, int] = {}
         for _, place, index in pairs:

@@ -38,9 +38,7 @@ MOST_UNSEEN = 0.05  # share of the light that may be of no ring: 0.01 where all 
 ENOUGH_BEFORE = 1.8  # flashes of each robot before T_sync from which their number tells whether some are missed
 GAP = 1.5  # shortest gap between frames, in median intervals: halfway to one dropped frame
 SHORTEST_FRAMES = 1.25  # mean duration of flashes, in frames, below which some are never seen
-COARSE = (
-    3.0  # error of order parameters relative to that by onsets that are known to a frame, (pi frame / period)^2 / 6
-)
+COARSE = 3.0  # error of order parameters, relative to that of onsets known to a frame: (pi frame / period)^2 / 6
 FEW = 5  # flashes below which nothing is said about them
 TWIN_S = 0.1  # time by which a flash and its mirror image may seem to begin or end apart
 DIMMER = 0.8  # light of a mirror image, relative to that of its robot, at most

@@ -155,6 +155,7 @@ class ParticleSimulation:
         self._present_rules, self._addresses, self._arrays = rules, rules.addresses, Arrays(rules.new_block())
         self._scene = self._arrays.scene
         self._still: tuple[Arrays, IntArray] | None = None
+        self._link_room = FIRST_ROOM * self.scenario.agents.count
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all but addresses, which are those of this process."""
@@ -464,10 +465,11 @@ class ParticleSimulation:
             self._still[0].scene.is_cached &= isinstance(scenario.neighbourhood, Everybody)
         swarm, addresses = self._still
         swarm.origin[:], swarm.heading[:] = self.positions().T, headings.T
-        links, found = np.zeros(0, np.int64), FIRST_ROOM * agents
-        while found > len(links):
-            links = np.zeros(found, np.int64)
-            found = write_links(swarm.block, addresses, senders, links)
+        links = np.zeros(self._link_room, np.int64)
+        found = write_links(swarm.block, addresses, senders, links)
+        if found > len(links):
+            self._link_room, links = found, np.zeros(found, np.int64)
+            write_links(swarm.block, addresses, senders, links)
         return links[:found]
 
     def pulse_links(self) -> IntArray:

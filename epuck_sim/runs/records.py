@@ -64,7 +64,7 @@ class Outcome(NamedTuple):
     seed: int
     result: TrialResult | None  # its result; None if it failed
     error: str | None  # message of the error with which it failed; None if it has a result
-    provenance: dict[str, str]  # Versions, and the host that ran it
+    provenance: dict[str, str]  # versions, and the host that ran it
 
 
 class SweepProgress(NamedTuple):

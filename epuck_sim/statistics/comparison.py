@@ -321,14 +321,13 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
         p_values, p_value = [log_rank([each]) for each in parts], log_rank(parts)
     else:
         p_values, p_value = _permutation_test(good, of_logarithms=is_ratio)
-    p_of_pair = iter(p_values)
     contrasts = [contrast(pair, of_logarithms=is_ratio) for pair in good]
-    mean = mean_contrast(contrasts)
+    mean, tested = mean_contrast(contrasts), iter(zip(p_values, contrasts, strict=True))
     return Comparison(
         a=samples.names[a],
         b=samples.names[b],
         points=[
-            _compare_point(axes, pair, next(p_of_pair) if pair.is_comparable else math.nan, is_ratio=is_ratio)
+            _compare_point(axes, pair, *(next(tested) if pair.is_comparable else (math.nan, None)), is_ratio=is_ratio)
             for (axes, *_), pair in zip(matches, pairs, strict=True)
         ],
         compared=len(good),
@@ -344,14 +343,18 @@ def _compare(samples: Samples, a: int, b: int) -> Comparison | None:
     )
 
 
-def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float, *, is_ratio: bool) -> PointComparison:
+def _compare_point(
+    axes: dict[str, Any], pair: Pair, p_value: float, tested: Contrast | None, *, is_ratio: bool
+) -> PointComparison:
     first, second = (estimate(each, Statistic.MEAN) for each in pair)
     difference = Estimate(second.value - first.value)
     ratio = Estimate(second.value / first.value) if min(first.value, second.value) > 0 else UNDETERMINED
-    if is_ratio and not math.isnan(ratio.value):
-        ratio = contrast(pair, of_logarithms=True).estimate.apply(math.exp)
-    elif not is_ratio:
-        difference = share_difference(*pair) if pair.is_share else contrast(pair, of_logarithms=False).estimate
+    if is_ratio and tested is not None and not math.isnan(ratio.value):
+        ratio = tested.estimate.apply(math.exp)
+    elif not is_ratio and pair.is_share:
+        difference = share_difference(*pair)
+    elif not is_ratio and tested is not None:
+        difference = tested.estimate
     return PointComparison(
         axes=axes,
         trials=(first.n, second.n),
