@@ -39,6 +39,7 @@ try:
     from numba.core.compiler_machinery import register_pass
     from numba.core.errors import NumbaTypeError
     from numba.core.imputils import lower_cast
+    from numba.core.runtime.nrt import rtsys
     from numba.core.typed_passes import NativeLowering
     from numba.extending import intrinsic
     from numba.np.arrayobj import array0d_to_scalar, populate_array
@@ -128,9 +129,15 @@ class _PartCompiler(CompilerBase):
 
 
 def compile_part(function: Any, **options: object) -> Any:
-    """Return a function that is compiled as part of others, by numba's `njit` with these options."""
+    """Return a function that is compiled as part of others, by numba's `njit` with these options.
+
+    numba would compile a part for each constant that it is given, and for what a variable of its caller begins with.
+    """
     compiler: Any = njit
-    return compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
+    part = compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
+    find = part.get_call_template
+    part.get_call_template = lambda given, named: find([*map(types.unliteral, given)], named)
+    return part
 
 
 SHIPPED = PACKAGE / "compiled"
@@ -203,8 +210,18 @@ def _unsealed(path: str) -> bytes | None:
 
 
 def seal_cache(compiled: Any) -> None:
-    """Have what numba keeps on disk of a function checked before it is used."""
-    compiled._cache._cache_file.__class__ = _SealedFiles
+    """Have what numba keeps on disk of a function checked before it is used.
+
+    To run it takes no more of numba than its memory; all that compiles, which takes a tenth of a second, can wait.
+    """
+    cache = compiled._cache
+    cache._cache_file.__class__ = _SealedFiles
+
+    def load(signature: Any, context: Any) -> Any:
+        rtsys.initialize(context)
+        return cache._load_overload(signature, context)
+
+    cache.load_overload = load
 
 
 _recorder = event.RecordingListener()
