@@ -40,8 +40,8 @@ class _Suspicion(Shipped):
         self._faults: IntArray = np.zeros(robots, np.int64)  # that keep a robot from flashing, at present
 
     def stretch(self, stretch: Any, _: Any) -> None:
-        views, sightings = stretch.views, stretch.sightings
-        view_rows, sighting_rows = rows_of_steps(views, stretch), rows_of_steps(sightings, stretch)
+        views = stretch.views
+        rows = rows_of_steps(views, stretch)
         begun = np.zeros_like(self._suspects)
         step = 0
         while step < len(stretch.poses):
@@ -53,7 +53,7 @@ class _Suspicion(Shipped):
             # fmt: off
             end = watch(
                 self._dark_s, self._suspects, begun, self._patience_s, self._step_s,
-                views, view_rows, sightings, sighting_rows, step, last,
+                views, rows, stretch.ring_before, step, last,
             )
             # fmt: on
             self.take(begun, (stretch.first + end - 1) * self.simulation.step_s, end - step)
@@ -82,32 +82,28 @@ def watch(
     patience_s: FloatArray,
     step_s: float,
     views: IntArray,
-    view_ends: IntArray,
-    sightings: IntArray,
-    sighting_ends: IntArray,
+    ends: IntArray,
+    is_lit: BoolArray,
     first: int,
     end: int,
 ) -> int:
     """Have robots watch those in their view, from step `first` to one in which a suspicion begins or that before `end`.
 
     Changes the time, (robots, robots) s, for which each has had each in view without a flash, who suspects whom, and
-    whose suspicion of whom begins in the last of the steps; patience is (robots, 1) s. Views and sightings are those
-    of a `Stretch`, with (steps + 1,) rows from which on each step's are. Returns the step after the last of the steps.
+    whose suspicion of whom begins in the last of the steps; patience is (robots, 1) s. Views are those of a `Stretch`,
+    with (steps + 1,) rows from which on each step's are, and (steps, robots) the rings that show lit. Returns the step
+    after the last of the steps.
     """
     begun[:] = False
-    robots = len(dark_s)
     for step in range(first, end):
         is_any = False
-        for row in range(view_ends[step], view_ends[step + 1]):
-            dark_s[views[row, 1], views[row, 2]] += step_s
-        for row in range(sighting_ends[step], sighting_ends[step + 1]):
-            dark_s[sightings[row, 1], sightings[row, 2]] = 0.0
-        for robot in range(robots):
-            for other in range(robots):
-                is_suspect = dark_s[robot, other] >= patience_s[robot, 0] - HALF_A_MILLISECOND
-                if is_suspect and not suspects[robot, other]:
-                    begun[robot, other] = is_any = True
-                suspects[robot, other] = is_suspect
+        for row in range(ends[step], ends[step + 1]):
+            robot, other = views[row, 1], views[row, 2]
+            dark_s[robot, other] = 0.0 if is_lit[step, other] else dark_s[robot, other] + step_s
+            is_suspect = dark_s[robot, other] >= patience_s[robot, 0] - HALF_A_MILLISECOND
+            if is_suspect and not suspects[robot, other]:
+                begun[robot, other] = is_any = True
+            suspects[robot, other] = is_suspect
         if is_any:
             return step + 1
     return end
