@@ -7,8 +7,9 @@ import json
 import marshal
 import sqlite3
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,16 @@ APPLICATION_ID = int.from_bytes(b"epck")
 
 FORMAT = 2  # version of the tables (bytes 60 to 63)
 
-RESULT = ("t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps", "cycles")
-"""Columns that hold fields of a TrialResult."""
+RESULT = {
+    "t_sync_cycles": int,
+    "censored": int,
+    "order_parameter": float,
+    "simulated_s": float,
+    "wall_s": float,
+    "steps": int,
+    "cycles": int,
+}
+"""Columns that hold fields of a TrialResult, and the kind of their values."""
 
 REPEATED = ("t_sync_cycles", "order_parameter", "simulated_s", "steps", "cycles")
 """Those of them, but for `censored`, that are the same whenever a trial is repeated."""
@@ -229,10 +238,28 @@ def sign(connection: sqlite3.Connection, table: str, rows: Iterable[Sequence[Any
     connection.executemany(f"UPDATE {table} SET checksum = ? {which}", sums)
 
 
+def summing(
+    connection: sqlite3.Connection, table: str, columns: Sequence[str]
+) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
+    """Return the function that puts its checksum behind a row of these columns, whose others are NULL.
+
+    Its values must be as SQLite stores them.
+    """
+    names, of_names = _named(connection, table)
+    place = {name: number for number, name in enumerate(columns)}
+    in_order = itemgetter(*(place.get(name, len(columns)) for name in names))
+    return lambda row: (*row, _sum((of_names, *in_order((*row, None)))))
+
+
 def _summed(connection: sqlite3.Connection, table: str) -> str:
     """Return the SQL of what a checksum covers: a number for the columns' names, and the columns by name."""
+    names, of_names = _named(connection, table)
+    return ", ".join([str(of_names), *map(quoted, names)])
+
+
+def _named(connection: sqlite3.Connection, table: str) -> tuple[list[str], int]:
     names = sorted(set(columns_of(connection, table)) - {"checksum"})
-    return ", ".join([str(zlib.crc32("\n".join(names).encode())), *map(quoted, names)])
+    return names, zlib.crc32("\n".join(names).encode())
 
 
 def _sum(row: tuple[Any, ...]) -> int:
@@ -254,6 +281,18 @@ def as_column(value: Any) -> Any:
     if isinstance(value, int) and abs(value) >= 2**63:
         return float(value)
     return value if value is None or isinstance(value, bool | int | float | str) else json.dumps(value)
+
+
+def as_stored(value: Any, kind: type | None = None) -> Any:
+    """Return a value as SQLite returns it from a column of numbers or text of a kind, by default of its own.
+
+    >>> as_stored(True), as_stored(1, float), as_stored(-0.0), as_stored(float("nan")), as_stored("a")
+    (1, 1.0, 0.0, None, 'a')
+    """
+    if value is None or value != value:  # noqa: PLR0124 as NaN
+        return None
+    kind = kind or next((number for number in (int, float) if isinstance(value, number)), str)
+    return float(value) + 0.0 if kind is float else kind(value)
 
 
 def read_numbers(text: str | None) -> IntArray:

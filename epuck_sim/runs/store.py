@@ -21,6 +21,7 @@ from epuck_sim.runs.database import (
     RESULT,
     UNMEASURED,
     as_column,
+    as_stored,
     check_database,
     new_database,
     note_trials,
@@ -28,6 +29,7 @@ from epuck_sim.runs.database import (
     reading,
     sign,
     sqlite_errors,
+    summing,
     writing,
 )
 from epuck_sim.runs.folder import DATABASE, acquire, is_at
@@ -54,7 +56,7 @@ class Store:
         """Lock the folder, which is made if it does not exist, and enter the points that are new."""
         self._path = folder / DATABASE
         self._points = points
-        self._axes = [tuple(map(as_column, point.axes.values())) for point in points]
+        self._axes = [tuple(as_stored(as_column(value)) for value in point.axes.values()) for point in points]
         rows = [stored_point(point) for point in points]
         if self._path.exists():
             check_database(self._path)
@@ -95,9 +97,10 @@ class Store:
                 sign(self._connection, "trials", self._connection.execute(f"{again} RETURNING point, trial").fetchall())
             self._has_measures = bool(measures_in(self._connection))
             columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
+            self._with_sum = summing(self._connection, "trials", columns)
             self._insert = (
-                f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
-                "ON CONFLICT DO NOTHING"
+                f"INSERT INTO trials ({', '.join(map(quoted, columns))}, checksum) "
+                f"VALUES ({', '.join('?' * len(columns))}, ?) ON CONFLICT DO NOTHING"
             )
             (self._trials,) = self._connection.execute("SELECT count(*) FROM trials").fetchone()
             note_trials(self._path, self._trials)
@@ -146,7 +149,6 @@ class Store:
             else:
                 self._enter(outcomes, places)
                 are_stored = [outcome.result is not None for outcome in outcomes]
-            sign(self._connection, "trials", places)
         self._check_ours()
         self._trials += self._new
         note_trials(self._path, self._trials)
@@ -171,11 +173,14 @@ class Store:
         measured = before["measured"] if outcome.result is None or error else _as_json(outcome.result.measures)
         update = f"UPDATE trials SET measured = ?, measuring_error = ? {_OF_TRIAL}"
         self._connection.execute(update, (measured, error, *place))
+        sign(self._connection, "trials", [place])
         return error is None
 
     def _enter(self, outcomes: Sequence[Outcome], places: Sequence[tuple[str, int]]) -> None:
         """Store trials of which no result is stored."""
-        rows = [(*place, *self._columns(outcome)) for outcome, place in zip(outcomes, places, strict=True)]
+        rows = [
+            self._with_sum((*place, *self._columns(outcome))) for outcome, place in zip(outcomes, places, strict=True)
+        ]
         deleted = self._connection.executemany(f"DELETE FROM trials {_OF_TRIAL} AND error IS NOT NULL", places)
         self._new += self._connection.executemany(self._insert, rows).rowcount - deleted.rowcount
 
@@ -184,7 +189,7 @@ class Store:
         return (
             *self._axes[outcome.point],
             outcome.seed,
-            *([None] * len(RESULT) if result is None else _of_result(result)),
+            *([None] * len(RESULT) if result is None else map(as_stored, _of_result(result), RESULT.values())),
             *_of_provenance(made),
             outcome.error,
             None if result is None else _as_json(result.measures),

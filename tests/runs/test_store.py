@@ -1,19 +1,26 @@
 """A run folder: what it holds, takes in and refuses, and that nothing of it is ever lost or half-written."""
 
+import math
 import os
 import random
 import resource
+import shutil
 import sqlite3
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.runs.database import check_database
 from epuck_sim.runs.export import export
 from epuck_sim.runs.folder import DATABASE, current_holder
 from epuck_sim.runs.reader import read_points, read_status
@@ -84,6 +91,27 @@ def test_columns_are_in_the_same_order_whatever_the_seed_of_hashes(tmp_path) -> 
     subprocess.run([sys.executable, "-c", make, tmp_path / "there"], check=True, env=environment)
     fill(tmp_path / "here", AXES)
     assert [*stored(tmp_path / "here")[0]] == [*stored(tmp_path / "there")[0]]
+
+
+@given(
+    result=st.fixed_dictionaries(
+        {
+            "t_sync_cycles": st.none() | st.integers(0, 10**9) | st.just(np.int64(7)),
+            "censored": st.none() | st.booleans(),
+            "order_parameter": st.sampled_from([None, -0.0, math.nan, 1, 0.5]),
+            "simulated_s": st.floats(0, 1e9) | st.integers(0, 10**9) | st.just(np.float64(0.1)),
+        }
+    ),
+    axis=st.booleans() | st.integers(-(2**70), 2**70) | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+)
+@settings(max_examples=40)
+def test_checksums_are_of_what_the_file_holds_whatever_kind_of_number_was_given(result: dict, axis: Any) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        found = [points(DEMO)[0]._replace(axes={COUNT: axis, SPEED: None})]
+        with Store(Path(folder) / "written", DEMO, found) as store:
+            store.add([outcome(found[0], 0, **result)])
+        shutil.copytree(Path(folder) / "written", Path(folder) / "copied")  # which nobody has checked yet
+        check_database(Path(folder) / "copied" / DATABASE)
 
 
 def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_host(tmp_path) -> None:
