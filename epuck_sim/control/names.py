@@ -7,7 +7,7 @@ sensors in files of their own. What a controller reads of its sensors depends on
 import ast
 import random
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path
@@ -69,7 +69,7 @@ def _check_names(
     Those of `several` numbers, by role and name, are not set as a whole: numba copies whatever lies there. Nothing of
     what has a role in `fixed` is set, also under another name.
     """
-    trees = {str(path): ast.parse(source) for path, source in user.sources.items() if path.suffix == ".py"}
+    definitions = _definitions(user.sources)
     todo: list[tuple[object, tuple[str | None, ...]]] = [
         (getattr(user, name), arguments) for name, arguments in ARGUMENTS.items() if hasattr(user, name)
     ]
@@ -79,50 +79,53 @@ def _check_names(
         if not isinstance(function, FunctionType) or (function, roles) in done:
             continue
         done.add((function, roles))
-        definition = _definition_of(function, trees)
+        code = function.__code__
+        definition = definitions.get((code.co_filename, code.co_name, code.co_firstlineno))
         if definition is not None:
-            names = _names_of_arguments(definition, roles)
-            mistakes = _mistakes(definition, names, known, several, fixed)
-            draws = _draws(definition, function.__globals__, "draw by epuck_sim.util.rng.uniform(random)")
+            nodes = [*ast.walk(definition)]
+            names = _names_of_arguments(definition, nodes, roles)
+            mistakes = _mistakes(nodes, names, known, several, fixed)
+            draws = _draws(nodes, function.__globals__, "draw by epuck_sim.util.rng.uniform(random)")
             for line, said in chain(mistakes, draws):
-                raise ControllerError(f"{function.__code__.co_filename}:{line}: {said}")
-            for node in ast.walk(definition):
+                raise ControllerError(f"{code.co_filename}:{line}: {said}")
+            for node in nodes:
                 if isinstance(node, ast.Call):
                     given = tuple(names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args)
                     todo.append((_value_of(node.func, function.__globals__), given))
 
 
-def _definition_of(function: FunctionType, trees: Mapping[str, ast.Module]) -> ast.FunctionDef | None:
-    """Return the source of a function as a tree; None for a lambda, or a function from elsewhere."""
-    tree = trees.get(function.__code__.co_filename)
-    for node in ast.walk(tree) if tree else ():
-        if isinstance(node, ast.FunctionDef) and node.name == function.__code__.co_name:
-            first_line = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
-            if first_line == function.__code__.co_firstlineno:
-                return node
-    return None
+def _definitions(sources: Mapping[Path, bytes]) -> dict[tuple[str, str, int], ast.FunctionDef]:
+    """Return the functions of Python files, as trees, by file, name and first line, as a function's code has them."""
+    found = {}
+    for path, source in sources.items():
+        for node in ast.walk(ast.parse(source)) if path.suffix == ".py" else ():
+            if isinstance(node, ast.FunctionDef):
+                line = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
+                found[str(path), node.name, line] = node
+    return found
 
 
-def _names_of_arguments(definition: ast.FunctionDef, roles: Sequence[str | None]) -> dict[str, str]:
+def _names_of_arguments(
+    definition: ast.FunctionDef, nodes: Sequence[ast.AST], roles: Sequence[str | None]
+) -> dict[str, str]:
     """Return, by their names in a function, which arguments are sensors, memory and so on; not those assigned to."""
     arguments = [each.arg for each in (*definition.args.posonlyargs, *definition.args.args)]
-    named = [each for each in ast.walk(definition) if isinstance(each, ast.Name)]
-    assigned = {each.id for each in named if not isinstance(each.ctx, ast.Load)}
+    assigned = {each.id for each in nodes if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load)}
     inner = {each.arg for node in definition.body for each in ast.walk(node) if isinstance(each, ast.arg)}
     pairs = zip(arguments, roles, strict=False)
     return {name: role for name, role in pairs if role and name not in assigned | inner}
 
 
 def _mistakes(
-    definition: ast.FunctionDef,
+    nodes: Sequence[ast.AST],
     names: Mapping[str, str],
     known: Mapping[str, Sequence[str]],
     several: Collection[tuple[str, str]],
     fixed: Sequence[str],
 ) -> Iterator[tuple[int, str]]:
     """Yield lines of a function, whose arguments have roles by their names, and what is wrong there."""
-    parts = [node for node in ast.walk(definition) if isinstance(node, ast.Attribute | ast.Subscript)]
-    also_named = _names_of_parts(definition, names)
+    parts = [node for node in nodes if isinstance(node, ast.Attribute | ast.Subscript)]
+    also_named = _names_of_parts(nodes, names)
     for node in sorted(parts, key=lambda node: (node.lineno, node.col_offset)):
         is_set = not isinstance(node.ctx, ast.Load)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names:
@@ -141,13 +144,13 @@ def _mistakes(
 def check_draws(file: PythonFile, instead: str) -> None:
     """Raise the file's error, with line, for a call in it that draws numbers which follow from no seed of a trial."""
     for path, source in file.sources.items():
-        for line, said in _draws(ast.parse(source), vars(file.modules[path]), instead):
+        for line, said in _draws(ast.walk(ast.parse(source)), vars(file.modules[path]), instead):
             raise file.error(f"{path}:{line}: {said}")
 
 
-def _draws(code: ast.AST, values: Mapping[str, object], instead: str) -> Iterator[tuple[int, str]]:
+def _draws(nodes: Iterable[ast.AST], values: Mapping[str, object], instead: str) -> Iterator[tuple[int, str]]:
     """Yield lines of code that draw numbers which follow from no seed of a trial, and what to do instead."""
-    for node in ast.walk(code):
+    for node in nodes:
         if isinstance(node, ast.Call) and isinstance(
             getattr(_value_of(node.func, values), "__self__", None), GENERATORS
         ):
@@ -157,12 +160,12 @@ def _draws(code: ast.AST, values: Mapping[str, object], instead: str) -> Iterato
             )
 
 
-def _names_of_parts(definition: ast.FunctionDef, names: Mapping[str, str]) -> dict[str, str]:
+def _names_of_parts(nodes: Sequence[ast.AST], names: Mapping[str, str]) -> dict[str, str]:
     """Return roles by names, also by those that are given to a part of what has a role, and to nothing else."""
     roles = dict(names)
-    named = [each for each in ast.walk(definition) if isinstance(each, ast.Name)]
-    given = Counter(each.id for each in named if not isinstance(each.ctx, ast.Load))
-    for node in ast.walk(definition):
+    named = (each for each in nodes if isinstance(each, ast.Name) and not isinstance(each.ctx, ast.Load))
+    given = Counter(each.id for each in named)
+    for node in nodes:
         if isinstance(node, ast.Assign | ast.For):
             part, targets = (node.iter, [node.target]) if isinstance(node, ast.For) else (node.value, node.targets)
             if role := roles.get(_root(part)):
