@@ -34,7 +34,7 @@ def test_what_is_given_takes_the_place_of_what_is_drawn_and_all_else_stays(dimen
     assert (given._arrays.streams == drawn._arrays.streams).all()
 
 
-MANY = 20_000
+MANY = 6_000
 
 
 def speeds(**agents):
@@ -62,7 +62,7 @@ def test_speeds_have_the_distribution_and_the_mean_of_the_scenario():
         assert drawn.mean() == pytest.approx(1, abs=0.03)
 
 
-@pytest.mark.parametrize("jitter", [5e-5, 0.01, 0.2])
+@pytest.mark.parametrize("jitter", [5e-5, 0.2])
 def test_jittered_periods_are_normal_around_the_nominal_one(jitter):
     swarm = make_simulation(1, agents={"count": MANY}, clocks={"jitter": jitter, "period_s": 3.0})
     start = swarm.phases()

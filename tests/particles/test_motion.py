@@ -64,7 +64,7 @@ def test_an_agent_that_comes_in_from_a_corner_goes_on_inside():
 def test_walls_turn_agents_by_a_uniform_angle_in_a_square_and_over_the_hemisphere_in_a_cube(dimensions):
     """Thesis 3.1 and D.3: whichever wall it is, and wherever an agent came from."""
     swarm, turned, towards = uncoupled(500, space={"dimensions": dimensions}), [], []
-    while len(turned) < 10_000:
+    while len(turned) < 4_000:
         before, event = swarm.headings(), next(swarm)
         if event.turned is None:
             continue
@@ -80,4 +80,4 @@ def test_walls_turn_agents_by_a_uniform_angle_in_a_square_and_over_the_hemispher
     else:
         assert is_uniform(along, 0, 1)
         assert is_uniform(np.arctan2(*aside), -math.pi, math.pi)
-    assert abs(np.corrcoef(along, towards)[0, 1]) < 0.04
+    assert abs(np.corrcoef(along, towards)[0, 1]) < 0.06

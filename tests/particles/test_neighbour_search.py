@@ -51,7 +51,7 @@ def compare_receivers(swarm, firings):
 
 @by_position
 @given(st.data(), SEEDS, boundaries)
-@settings(max_examples=20)
+@settings(max_examples=12)
 def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, data, seed, boundary):
     agents = data.draw(st.integers(20, 60))
     # slow enough for neighbours to be cached, and for enough cycles for them to change many times; and faster
@@ -63,7 +63,7 @@ def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, data, 
         neighbourhood=data.draw(neighbourhoods(kind, agents, SIDE_CM)),
         response={"coupling": 0},
     )
-    firings = 400 if 0 < pace <= 2 else 100
+    firings = 300 if 0 < pace <= 2 else 80
     assert compare_receivers(swarm, firings) > 0.85 * firings
 
 
@@ -79,7 +79,7 @@ def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, data, 
     ],
     ids=str,
 )
-@pytest.mark.parametrize(("agents", "speed_cm_s"), [(700, 1.0), (2500, 0.01), (2500, 40.0)])
+@pytest.mark.parametrize(("agents", "speed_cm_s"), [(600, 1.0), (1500, 0.01), (1500, 40.0)])
 def test_receivers_in_large_swarms_are_the_agents_in_the_neighbourhood(agents, speed_cm_s, rule):
     for dimensions, boundary in ((1, "cyclic"), (2, "bounded"), (2, "cyclic"), (3, "bounded")):
         swarm = make_simulation(
@@ -90,9 +90,9 @@ def test_receivers_in_large_swarms_are_the_agents_in_the_neighbourhood(agents, s
             response={"coupling": 0},
         )
         assert dimensions != 2 or (swarm._arrays.scene.cells > 0) == (rule.get("angle_deg") != 5)
-        compared = compare_receivers(swarm, 40)
-        swarm.run_to(1.7)
-        assert compared + compare_receivers(swarm, 40) > 70
+        compared = compare_receivers(swarm, 20)
+        swarm.run_to(1.4)
+        assert compared + compare_receivers(swarm, 20) > 35
 
 
 PLACES = [[50.0, 50.0], [60.0, 50.0], [50.0, 65.0], [30.0, 50.0], [50.0, 45.0]]
@@ -114,7 +114,7 @@ def test_each_set_of_random_agents_is_drawn_as_often_whoever_fires_and_wherever_
         np.linspace(0.1, 0.9, agents), neighbourhood={"kind": "random", "k": k}, response={"coupling": 0}
     )
     drawn = {}
-    for event in itertools.islice(swarm, 1000 * agents):
+    for event in itertools.islice(swarm, 400 * agents):
         (firing,) = event.fired.tolist()
         assert firing not in event.received
         key = firing, tuple(sorted(event.received.tolist()))
@@ -129,7 +129,7 @@ def test_each_set_of_random_agents_is_drawn_as_often_whoever_fires_and_wherever_
 
 @by_position
 @given(st.data(), SEEDS, boundaries)
-@settings(max_examples=12)
+@settings(max_examples=8)
 def test_the_adjacency_matrix_is_that_of_brute_force_at_any_time_and_asking_changes_nothing(kind, data, seed, boundary):
     agents = data.draw(st.integers(2, 30))
     sections = {

@@ -18,8 +18,6 @@ from epuck_sim.particles.oscillators import (
 from epuck_sim.particles.swarm import SCENE, Oscillators
 from tests.particles.simulations import make_simulation, max_phase_difference
 
-phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BRANCHES)
-
 
 def start_oscillators(phases, periods, *, has_parts=False):
     sizes = (-(-len(phases) // BRANCHES**level) if has_parts or level == 1 else 0 for level in (1, 2, 3))
@@ -36,18 +34,16 @@ def check_earliest(oscillators, found):
     return earliest, firing
 
 
-instants = st.floats(0, 2) | st.sampled_from([0.5, 0.5 + 3e-13, 0.5 + 9e-13, 1.5])
-
-
 @settings(max_examples=60)
-@given(st.booleans(), phases, st.lists(st.tuples(st.integers(0, 10**6), instants, st.booleans()), max_size=60))
-def test_the_earliest_is_the_earliest_of_all_after_any_changes(has_parts, given_phases, changes):
-    agents = len(given_phases)
-    oscillators = start_oscillators(np.array(given_phases), np.ones(agents), has_parts=has_parts)
+@given(st.booleans(), st.integers(1, 3 * BRANCHES), st.integers(0, 2**32 - 1))
+def test_the_earliest_is_the_earliest_of_all_after_any_changes(has_parts, agents, seed):
+    random = np.random.default_rng(seed)
+    oscillators = start_oscillators(random.random(agents), np.ones(agents), has_parts=has_parts)
     found = np.zeros(agents + 1, np.int64)
-    for number, time, asks in [*changes, (0, 0.5, True)]:
-        set_next_firing(oscillators, number % agents, time)
-        if asks:
+    for _ in range(40):
+        instant = random.choice([random.uniform(0, 2), 0.5, 0.5 + 3e-13, 0.5 + 9e-13, 1.5])
+        set_next_firing(oscillators, random.integers(agents), instant)
+        if random.random() < 0.5:
             check_earliest(oscillators, found)
 
 
@@ -66,11 +62,11 @@ def test_the_earliest_of_many_are_found_in_whatever_part_they_are(agents):
             set_next_firing(oscillators, agent, earliest + (0.0 if share < 0.2 else share * (now - earliest)))
 
 
-CYCLES = 1_000_000
+CYCLES = 200_000  # whose times added up would be off by ten times more than is allowed
 
 
 @pytest.mark.parametrize(("jitter", "period_s"), [(0, 0.3), (0.1, 1.0)])
-def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter, period_s):
+def test_after_very_many_cycles_free_oscillators_are_where_they_should_be(jitter, period_s):
     swarm = make_simulation(
         4,
         agents={"count": 4, "speed_cm_s": 12.0},

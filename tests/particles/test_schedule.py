@@ -76,11 +76,11 @@ def entries(draw, sections, kind):
 
 
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_swarms_that_a_schedule_changes_agree_with_the_naive_model(data, seed, kind):
     sections = data.draw(any_sections(kind))
     swarm = make_simulation(seed, **sections, schedule=data.draw(entries(sections, kind)))
-    compare_events(swarm, ChangingModel(swarm), cycles=10)
+    compare_events(swarm, ChangingModel(swarm), cycles=8)
 
 
 def test_what_changes_at_the_start_is_as_if_the_scenario_had_it():
@@ -141,7 +141,7 @@ def test_changes_at_one_instant_are_made_in_their_order_and_are_one_event(first)
 
 
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS), st.lists(st.floats(0.01, 7), max_size=4))
-@settings(max_examples=20)
+@settings(max_examples=12)
 def test_a_change_is_the_same_to_the_bit_event_by_event_at_once_and_in_pieces(data, seed, kind, stops):
     sections = data.draw(any_sections(kind))
     sections["stop"]["order_parameter"] = None

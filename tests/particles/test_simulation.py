@@ -16,7 +16,7 @@ SEEDS = st.integers(0, 2**63 - 1)
 
 
 @given(st.data(), SEEDS, SEEDS, st.sampled_from(KINDS))
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_a_reset_simulation_is_a_new_one_and_a_copy_goes_on_alike(data, seed, before, kind):
     sections = data.draw(any_sections(kind))
     sections["schedule"] = data.draw(st.sampled_from([[], [{"at_s": 0.7, "set": {"response.refractory": 0.3}}]]))

@@ -11,10 +11,10 @@ import pytest
 from epuck_sim.particles.simulation import ParticleSimulation
 from tests.particles.simulations import make_resting
 
-CENSORED_AT = 20_000
+CENSORED_AT = 10_000
 
 
-def times(speed: float, trials: int = 20, count: int = 20, limit: int = CENSORED_AT, **sections) -> np.ndarray:
+def times(speed: float, trials: int = 10, count: int = 20, limit: int = CENSORED_AT, **sections) -> np.ndarray:
     """Return T_sync of some trials, in cycles; the limit where one is censored."""
     agents = {"count": count, "speed_cm_s": speed, **sections.pop("agents", {})}
     found = []
@@ -50,7 +50,7 @@ def test_with_the_multiplicative_curve_it_falls_rises_and_falls_again() -> None:
 def test_a_refractory_period_of_0_4_removes_the_bump_and_one_of_0_1_does_not() -> None:
     speeds = [0.1, 0.4, 1.5, 5, 20]
     assert falls(medians(speeds, response={"refractory": 0.4}))
-    before, peak = (times(speed, 60, response={"refractory": 0.1}).mean() for speed in (0.2, 1.5))
+    before, peak = (times(speed, 20, response={"refractory": 0.1}).mean() for speed in (0.2, 1.5))
     assert peak > 1.5 * before
 
 

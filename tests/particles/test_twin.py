@@ -25,7 +25,7 @@ def compare(seed=0, times=MIDDLES, **sections):
 
 
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
-@settings(max_examples=25)
+@settings(max_examples=15)
 def test_undisturbed_nothing_deviates_at_any_time(data, seed, kind):
     sections = data.draw(any_sections(kind))
     sections["clocks"]["jitter"] = 0.0
@@ -34,11 +34,11 @@ def test_undisturbed_nothing_deviates_at_any_time(data, seed, kind):
 
 
 @pytest.mark.parametrize(
-    ("displacement", "deviation", "until_s"),
-    [(2**-10, 2**-10, 1e5), (0.25, 0.25, 5e4), (0.5, 0.5, 5e4), (0.875, 0.125, 5e4)],
+    ("displacement", "deviation"),
+    [(2**-10, 2**-10), (0.25, 0.25), (0.5, 0.5), (0.875, 0.125)],
 )
-def test_an_uncoupled_displaced_agent_deviates_by_the_displacement_for_ever(displacement, deviation, until_s):
-    times = np.concatenate([MIDDLES, np.arange(1000.03125, until_s, 7_777)])
+def test_an_uncoupled_displaced_agent_deviates_by_the_displacement_for_ever(displacement, deviation):
+    times = np.concatenate([MIDDLES, np.arange(1000.03125, 20_000, 7_777)])
     found = compare(times=times, start=displaced(displacement), response={"coupling": 0})
     assert found.deviation[:, 0].tolist() == [deviation] * len(times)
     assert not found.deviation[:, 1:].any()
