@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.embodied.cells import cells_needed, sort_into_cells
@@ -23,13 +23,14 @@ def crowds(draw):
     width, height = draw(sizes), draw(sizes)
     x = st.floats(-0.01, width + 0.01) | st.sampled_from([0.0, width, width / 2])
     y = st.floats(-0.01, height + 0.01) | st.sampled_from([0.0, height, height / 3])
-    return width, height, draw(st.lists(st.tuples(x, y, st.just(0.0)), min_size=1, max_size=80))
+    return width, height, draw(st.lists(st.tuples(x, y, st.just(0.0)), min_size=1, max_size=40))
 
 
 def block_at(width, height, poses):
     return block_of(Scene(np.array(poses), np.zeros(len(poses), bool), empty_arena(width, height)))
 
 
+@settings(max_examples=30)
 @given(crowds())
 def test_every_robot_is_in_the_cell_that_its_pose_says_by_number_and_nothing_is_left_of_an_earlier_sorting(crowd):
     width, height, poses = crowd
@@ -48,6 +49,7 @@ def test_every_robot_is_in_the_cell_that_its_pose_says_by_number_and_nothing_is_
     np.testing.assert_array_equal(places, np.array(poses)[swarm.members.robot, :2])
 
 
+@settings(max_examples=30)
 @given(sizes, sizes, st.integers(1, 500))
 def test_cells_share_the_floor_and_are_no_narrower_than_infrared_reaches(width, height, robots):
     scene = block_at(width, height, np.ones((robots, 3))).swarm.scene[0]

@@ -70,7 +70,7 @@ def placed_slowly(scenario, seed):
     return np.array([poses[number] for number in range(len(radii))])
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     st.lists(
         st.tuples(st.sampled_from(["random", "grid"]), st.integers(1, 8), st.sampled_from([2.0, 3.7, 4.9])),

@@ -97,6 +97,6 @@ def test_own_sensors_know_the_radius_of_the_robot_that_senses_and_of_others(tmp_
 def test_a_robot_without_infrared_sensors_reads_nothing_in_range_from_all():
     group = {"count": 40, "controller": "constant", "signal": RADIO}
     simulation = Simulation({"arena": FLOOR, "robot": "kilobot", "robots": [group]}, 1)
-    for step in islice(simulation, 40):  # the noise of readings is on
+    for step in islice(simulation, 10):  # the noise of readings is on
         assert (step.infrared == 0).all()
         assert (step.distance_mm == NOTHING_MM).all()

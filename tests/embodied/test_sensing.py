@@ -72,8 +72,8 @@ def test_slow_twins_see_the_same(tmp_path, monkeypatch, interpret, has_picture):
     robots = [{"count": 30, "controller": "obstacle_avoidance", "sensors": ["looks.py"]}]
     simulation = Simulation({"arena": {**ARENA, "floor": floor}, "robots": robots}, 4, interpret=interpret)
     levels = set()
-    for _ in range(4):
-        step = simulation.advance(10)
+    for _ in range(3):
+        step = simulation.advance(6)
         x, y = step.poses[:, :2].T
         seen = step.readings
         np.testing.assert_array_equal(seen["brightness"], brightness_at(simulation.last_step.arena, x, y))

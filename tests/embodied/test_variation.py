@@ -32,6 +32,7 @@ def block_of(robots, seed=4, step_ms=100):
     return block
 
 
+@settings(max_examples=30)
 @given(spreads, st.integers(1, 30))
 def test_robots_differ_as_a_slow_twin_draws_for_each_from_its_own_stream(spread, robots):
     block = block_of(robots)
@@ -47,7 +48,7 @@ def test_robots_differ_as_a_slow_twin_draws_for_each_from_its_own_stream(spread,
         np.testing.assert_array_equal(robot.infrared_gain, 1 + gain * drawn[4:])
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(st.lists(st.floats(0.9, 1.1), min_size=1, max_size=5), st.sampled_from([1, 25, 100]))
 def test_no_millisecond_of_a_clock_is_lost_or_counted_twice(rates, step_ms):
     block = block_of(len(rates), step_ms=step_ms)

@@ -38,6 +38,7 @@ def slow_twin(positions, velocities, side, slack_cm):
     return meets
 
 
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.floats(24, 80))
 def test_candidates_are_those_of_the_slow_twin(seed, robots, side):
     random = np.random.default_rng(seed)
@@ -49,7 +50,7 @@ def test_candidates_are_those_of_the_slow_twin(seed, robots, side):
     assert (found <= perhaps).all()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=20)
 @given(
     seed=st.integers(0, 2**32 - 1),
     robots=st.integers(1, 16),

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
@@ -59,6 +59,7 @@ def wheels_of(world):
 
 
 @pytest.mark.parametrize("timing", [(10, 100), (40, 200), (1, 50)], ids=lambda timing: "{} Hz of {} Hz".format(*timing))
+@settings(max_examples=40)
 @given(start=starts, commands=st.lists(wheels, max_size=9), gain=gains)
 @example(start=(500.0, 500.0, 0.0), commands=[(6.0, 6.001)], gain=(1.0, 1.0))
 def test_a_robot_that_touches_nothing_ends_each_control_step_on_the_exact_arc(timing, start, commands, gain):
@@ -73,6 +74,7 @@ def test_a_robot_that_touches_nothing_ends_each_control_step_on_the_exact_arc(ti
         np.testing.assert_allclose(world.poses[0], start, rtol=0, atol=1e-9)
 
 
+@settings(max_examples=30)
 @given(st.lists(st.tuples(st.floats(allow_nan=False), st.floats(allow_nan=False)), min_size=1, max_size=5))
 def test_wheels_never_turn_faster_than_their_limit(commands):
     world = world_of(np.zeros((len(commands), 3)))

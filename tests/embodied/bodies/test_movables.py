@@ -40,7 +40,7 @@ def way_cm(world, speed, seconds):
     return disc.x - start
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=12)
 @given(
     pushers=st.integers(1, 4),
     force_n=st.floats(0.1, 2),

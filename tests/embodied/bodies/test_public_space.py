@@ -26,18 +26,18 @@ def forget():
 
 
 def ways(arena, poses, velocities, friction=0.0):
-    """Return where robots are after each of twenty control steps, and movables, in three trials."""
+    """Return where robots are after each of twelve control steps, and movables, in two trials."""
     world = MovedWorld(arena, poses, friction)
     found = [np.full(1, world.world.is_public)]
-    for trial in range(3):
+    for trial in range(2):
         if trial:
             world.poses[:] = poses
             world.world.place()
-        for step in range(20):
+        for step in range(12):
             world.velocities[:] = velocities[(step + trial) % len(velocities)]
             world.advance()
             found += [world.poses.copy(), np.array(world.swarm.circles.tolist()), world.is_in_space.copy()]
-            if step == 10:
+            if step == 6:
                 world.world.move(0, (70.0, 6.0, 0.5))
     return found
 

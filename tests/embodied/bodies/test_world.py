@@ -43,7 +43,7 @@ OBSTACLES = [
 def test_robots_are_never_more_than_a_millimetre_in_each_other_a_wall_or_an_obstacle(group, side, obstacles):
     arena = {"width_cm": side, "height_cm": side, "obstacles": obstacles}
     simulation = Simulation({"arena": arena, "robots": [{"count": 20, **group}]}, 1)
-    for step in islice(simulation, 700):
+    for step in islice(simulation, 300):
         places = step.poses[:, :2]
         assert overlap_cm(places) <= MILLIMETRE, step.number
         clearances_cm = [clearance_cm(step.arena, x, y) for x, y in places.tolist()]
@@ -51,7 +51,7 @@ def test_robots_are_never_more_than_a_millimetre_in_each_other_a_wall_or_an_obst
 
 
 def test_two_that_meet_head_on_overlap_by_less_than_a_millimetre_and_no_longer_than_a_control_step():
-    for gap in np.linspace(5, 7.56, 60):
+    for gap in np.linspace(5, 7.56, 25):
         robots = [constant([[30, 30, 0]], FULL_CM_S), constant([[37.4 + gap, 30, math.pi]], FULL_CM_S)]
         overlap = 2 * RADIUS_CM - np.diff(moved(robots, 8)[:, :, 0], axis=1)
         assert overlap.max() <= MILLIMETRE
@@ -92,7 +92,7 @@ def crowded(random, obstacles):
 def test_robots_move_as_pymunk_moves_them_when_all_are_in_its_space(friction, obstacles):
     random = np.random.default_rng(3)
     differences, free = [], 0
-    for _ in range(25):
+    for _ in range(15):
         arena, start, velocities = crowded(random, obstacles)
         world, twin = advanced([kind(arena, start, friction) for kind in (MovedWorld, FullSpaceWorld)], velocities)
         apart = ~world.is_in_space
@@ -102,7 +102,7 @@ def test_robots_move_as_pymunk_moves_them_when_all_are_in_its_space(friction, ob
         straight = start + 0.1 * velocities
         np.testing.assert_allclose(world.poses[apart], straight[apart], rtol=0, atol=1e-12)
         differences.append(np.abs(world.poses - twin.poses).max())
-    assert free > 100
+    assert free > 60
     # several contacts at once may be settled in another order
     assert np.quantile(differences, 0.9) < 1e-9
     assert max(differences) < 0.3

@@ -13,6 +13,7 @@ from epuck_sim.embodied.changes.replacement import SETTLED_S, ControllerFiles
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.loader import load_scenario
+from tests.control.bench import MODES
 from tests.embodied.steps import bits
 
 COUNTER = """
@@ -32,8 +33,6 @@ def step(sensors, memory, actuators, parameters, random):
     actuators.left_cm_s = parameters.speed_cm_s
     actuators.right_cm_s = {right}
 """
-
-INTERPRET = pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
 
 
 def source(memory='"drawn": float', rise="1", speed="3.0", right="parameters.speed_cm_s") -> str:
@@ -65,7 +64,7 @@ def memory(simulation: Simulation):
     return next(simulation).memories[0]
 
 
-@INTERPRET
+@MODES
 def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: bool, tmp_path) -> None:
     path = tmp_path / "mine.py"
     simulation, twin = twins(path, interpret, 10)
@@ -94,12 +93,11 @@ def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: boo
     simulation.snapshot()
 
 
-@INTERPRET
-def test_a_fault_goes_on_in_robots_that_get_another_controller(interpret: bool, tmp_path) -> None:
+def test_a_fault_goes_on_in_robots_that_get_another_controller(tmp_path) -> None:
     path, text = tmp_path / "mine.py", find_controller("oscillator").path.read_text()
     save(path, text)
     frozen = {"faults": [{"kind": "oscillator_frozen", "robots": [0]}]}
-    simulation = Simulation({"robots": [{"count": 2, "controller": str(path)}], **frozen}, 1, interpret=interpret)
+    simulation = Simulation({"robots": [{"count": 2, "controller": str(path)}], **frozen}, 1, interpret=True)
     simulation.advance(5)
     save(path, text + "\n# a later version\n")
     simulation.replace_controller(0, load_controller(path))
@@ -109,7 +107,7 @@ def test_a_fault_goes_on_in_robots_that_get_another_controller(interpret: bool, 
 
 def test_parameters_are_kept_unless_they_are_the_old_defaults(tmp_path) -> None:
     path = tmp_path / "mine.py"
-    by_default, given = simulate(path, False), simulate(path, False, parameters={"speed_cm_s": 5, "left_over": 2})
+    by_default, given = simulate(path, True), simulate(path, True, parameters={"speed_cm_s": 5, "left_over": 2})
     save(path, source(speed="6.0").replace(', "left_over": 1.0', ', "other": 1.0'))
     for simulation, speed in ((by_default, 6), (given, 5)):
         simulation.advance(3)
@@ -144,7 +142,7 @@ def test_a_new_one_that_is_wrong_is_refused_and_the_old_one_goes_on_to_the_bit(
     save(path, text)
     with pytest.raises(EpuckSimError, match=re.escape(message)):
         simulation.replace_controller(0, load_controller(path))
-    for _ in range(30):
+    for _ in range(10):
         assert bits(next(simulation)) == bits(next(twin))
 
 

@@ -50,7 +50,7 @@ def slow_twin(interval, latency, steps, stream):
     return shown, [step in arrivals for step in range(steps)]
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(paces(), st.integers(0, 2**32 - 1))
 @example((1.0, 0.0), 1)
 @example((1.0, 1.0), 2)

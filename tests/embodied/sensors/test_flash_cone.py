@@ -5,7 +5,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import BoolArray, ByteArray
@@ -90,6 +90,7 @@ def slow_hidden(scene: Scene) -> tuple[BoolArray, BoolArray]:
     return hidden, doubtful
 
 
+@settings(max_examples=40)
 @given(scenes(robots=(1, 2, 10)), sections)
 def test_who_is_in_a_cone_is_as_angles_and_distances_say(scene, section):
     expected, doubtful = slow_cone(scene, section)
@@ -97,6 +98,7 @@ def test_who_is_in_a_cone_is_as_angles_and_distances_say(scene, section):
     assert (found == expected)[~doubtful].all()
 
 
+@settings(max_examples=30)
 @given(scenes(robots=(3, 10)))
 def test_a_ring_is_hidden_where_the_line_between_the_centres_meets_something(scene):
     hidden, doubtful = slow_hidden(scene)
@@ -104,6 +106,7 @@ def test_a_ring_is_hidden_where_the_line_between_the_centres_meets_something(sce
     assert (found == ~hidden)[~doubtful & ~np.eye(len(found), dtype=bool)].all()
 
 
+@settings(max_examples=40)
 @given(scenes(robots=(2, 10, 40)), sections, st.booleans(), st.integers(0, 3))
 def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, occlusion, observer):
     assume(observer < len(scene.poses))

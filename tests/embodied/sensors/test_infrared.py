@@ -97,7 +97,7 @@ def test_a_wall_at_exactly_12_cm_is_in_range_and_a_hair_further_is_not(by_table)
     assert (beyond[0][0, 5], beyond[1][0, 5]) == (0.0, NOTHING_MM)
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(scenes(robots=(2, 10)), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 10.0, 3000.0]), st.booleans())
 def test_readings_are_amplified_and_noisy_within_0_and_the_peak_and_distances_are_theirs(scene, seed, noise, by_table):
     random = np.random.default_rng(seed)
@@ -114,7 +114,7 @@ def test_readings_are_amplified_and_noisy_within_0_and_the_peak_and_distances_ar
 def test_readings_are_those_of_the_slow_twin():
     tally = Counter()
 
-    @settings(max_examples=30)
+    @settings(max_examples=15)
     @given(scenes(robots=(1, 2, 3, 10, 60, 300), bodies=BODIES))
     def compare(scene):
         expected, doubtful = slow_readings(scene)
@@ -123,7 +123,7 @@ def test_readings_are_those_of_the_slow_twin():
         tally.update(sensors=doubtful.size, doubtful=doubtful.sum(), reading=(expected > 0).sum())
 
     compare()
-    assert tally["sensors"] > 1000
+    assert tally["sensors"] > 500
     assert tally["reading"] > 0.1 * tally["sensors"]
     assert tally["doubtful"] < 1e-3 * tally["sensors"]
 

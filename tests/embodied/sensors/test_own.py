@@ -133,7 +133,7 @@ def test_compiled_and_interpreted_sensors_read_what_the_file_computes_and_so_do_
 def test_a_sensor_that_nobody_reads_changes_no_outcome():
     given = load_scenario("thesis").model_dump(mode="json")
     given["robots"][0]["sensors"] = NOISY
-    poses = [Simulation(each, 5).advance(300).poses.tobytes() for each in ("thesis", given)]
+    poses = [Simulation(each, 5).advance(60).poses.tobytes() for each in ("thesis", given)]
     assert poses[0] == poses[1]
 
 

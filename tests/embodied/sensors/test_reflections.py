@@ -38,7 +38,7 @@ def mirrored_rows(scene: Scene, camera: CameraSettings) -> IntArray:
 def test_rows_are_those_of_the_slow_twin() -> None:
     tally = Counter()
 
-    @settings(max_examples=40)
+    @settings(max_examples=20)
     @given(scenes(robots=(1, 2, 3, 10, 60), bodies=BODIES), camera_settings(), st.sampled_from([FAR, 15.0, 40.0]))
     def compare(scene: Scene, camera: CameraSettings, range_cm: float) -> None:
         camera = camera._replace(reflection_range_cm=range_cm)
@@ -52,7 +52,7 @@ def test_rows_are_those_of_the_slow_twin() -> None:
         tally.update(pixels=doubtful.size, doubtful=doubtful.sum(), mirrored=mirrored.sum())
 
     compare()
-    assert tally["pixels"] > 5000
+    assert tally["pixels"] > 2000
     assert tally["mirrored"] > 0.01 * tally["pixels"]
     assert tally["doubtful"] < 0.02 * tally["pixels"]
 
