@@ -10,7 +10,7 @@ from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.testing import TestRobot
 from epuck_sim.trial.model import run_trial, simulate
-from tests.control.bench import MODES, Bench, settings
+from tests.control.bench import Bench, settings
 from tests.particles.distributions import UNLIKELY
 
 MOTIONS = {"firefly": "obstacle_avoidance", "walking_firefly": "random_walk", "reorienting_firefly": "reorientation"}
@@ -22,12 +22,12 @@ WHEELS = ["left_cm_s", "right_cm_s"]
 @pytest.mark.parametrize("name", [*MOTIONS, "pushing", "switching", "varied_firefly"])
 def test_a_firefly_flashes_as_an_oscillator_that_nothing_is_near_and_moves_as_its_motion_does_blindly(name):
     chance = np.random.default_rng(4)
-    firefly, oscillator = (Bench(each, robots=20) for each in (name, "oscillator"))
-    motion = Bench(MOTIONS[name], robots=20) if name in MOTIONS else None
+    firefly, oscillator = (Bench(each, robots=10) for each in (name, "oscillator"))
+    motion = Bench(MOTIONS[name], robots=10) if name in MOTIONS else None
     oscillator.memory["phase_ms"] = firefly.memory["phase_ms"]
     if motion:
         motion.streams[:] = firefly.streams  # after the phases were drawn
-    for _ in range(150):
+    for _ in range(120):
         firefly.sense(chance)
         oscillator.sense_like(firefly)
         oscillator.senses.distance_mm[:], oscillator.senses.infrared[:] = OUT_OF_RANGE_MM, 0
@@ -113,14 +113,14 @@ def is_lognormal(speeds: list[float]) -> bool:
 
 
 def test_robots_draw_lognormal_speeds_and_keep_them_and_without_spread_have_the_mean():
-    speeds = [speeds_of(TestRobot("varied_firefly", VARIED, seed=seed), 2) for seed in range(300)]
+    speeds = [speeds_of(TestRobot("varied_firefly", VARIED, seed=seed), 2) for seed in range(150)]
     assert is_lognormal([first for first, _ in speeds])
     assert all(first == second for first, second in speeds)
     assert speeds_of(TestRobot("varied_firefly", VARIED | {"speed_spread": 0}), 1) == [2.0]
 
 
 def test_a_robot_draws_a_new_speed_after_exponential_times():
-    speeds = speeds_of(TestRobot("varied_firefly", VARIED, new_speed_s=0.5, seed=1, interpret=False), 5000)
+    speeds = speeds_of(TestRobot("varied_firefly", VARIED, new_speed_s=0.5, seed=1, interpret=False), 1500)
     changed = np.flatnonzero(np.diff(speeds))
     assert is_lognormal([speeds[step] for step in changed])
     expected = len(speeds) * (1 - math.exp(-0.1 / 0.5))
@@ -131,9 +131,8 @@ CYCLES_PER_HOUR = 720
 LIT_S = 0.4  # of the steps at phases 0, 100, 200 and 300 ms
 
 
-@MODES
-def test_it_drives_while_it_is_lit_and_stands_else(interpret):
-    robot = TestRobot("pushing", speed_cm_s=3, interpret=interpret)
+def test_it_drives_while_it_is_lit_and_stands_else():
+    robot = TestRobot("pushing", speed_cm_s=3)
     robot.memory.phase_ms = 4800
     lit = []
     for _ in range(60):

@@ -1,5 +1,6 @@
 """What shipped controllers allow: parameters up to their limits, and none beyond; `constant` is constant."""
 
+import hypothesis
 import numpy as np
 import pytest
 from hypothesis import given
@@ -53,6 +54,7 @@ def test_up_to_its_limits_a_parameter_is_allowed_and_what_lies_beyond_is_named()
 SPEEDS = st.floats(-12.8, 12.8)
 
 
+@hypothesis.settings(max_examples=20)
 @given(left=SPEEDS, right=SPEEDS, ring=st.booleans(), seed=st.integers(0, 2**32))
 def test_constant_commands_the_same_whatever_it_senses(left, right, ring, seed):
     bench = Bench("constant", {"left_cm_s": left, "right_cm_s": right, "ring_on": ring}, robots=3)

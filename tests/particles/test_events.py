@@ -6,11 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.particles.motion import begin_motion
-from epuck_sim.particles.oscillators import forget_earliest
 from tests.particles.naive_model import NaiveModel
 from tests.particles.simulations import (
-    BY_POSITION,
     KINDS,
     any_sections,
     as_set,
@@ -102,31 +99,6 @@ def test_what_happens_at_the_very_time_has_happened():
     for _ in range(2):
         swarm.run_to(0.5)
         assert (swarm.instants, swarm.time_s, swarm.phases()[0]) == (1, 0.5, 0)
-
-
-@pytest.mark.parametrize("kind", BY_POSITION)  # random agents are drawn by their numbers
-@given(st.data(), SEEDS)
-@settings(max_examples=12)
-def test_how_agents_are_numbered_makes_no_difference(kind, data, seed):
-    sections = data.draw(any_sections(kind))
-    agents = sections["agents"]["count"]
-    order = data.draw(st.permutations(range(agents)))
-    one, other = make_simulation(seed, **sections), make_simulation(seed, **sections)
-    theirs, ours = other._arrays, one._arrays
-    runs = ("run_end_cycle", "run_end_time") if ours.scene.has_runs else ()
-    for name in ("origin", "heading", "speed", "streams", "next_firing", "period", *runs):
-        given_to, taken = getattr(theirs, name), getattr(ours, name)
-        given_to[:] = taken[:, order] if name in ("origin", "heading") else taken[order]
-    forget_earliest(theirs)
-    begin_motion(theirs.block)
-    for _ in range(20 * agents):
-        event, same = next(one), next(other)
-        assert as_set(event.fired) == {order[agent] for agent in as_set(same.fired)}
-        assert as_set(event.received) == {order[agent] for agent in as_set(same.received)}
-        assert event.turned == (None if same.turned is None else order[same.turned])
-        assert event.time_s == same.time_s
-    assert (one.phases()[list(order)] == other.phases()).all()
-    assert (one.positions()[list(order)] == other.positions()).all()
 
 
 def test_a_phase_of_exactly_1_fires():

@@ -21,6 +21,8 @@ memory.x = sensors.infrared[2] + sensors.distance_mm[3] + sensors.camera[59] + s
     memory.seen = sensors.new_picture
     actuators.left_cm_s += 1
     actuators.ring_on = sensors.camera.any()
+    actuators.send = sensors.pulses + sensors.messages[1]
+    actuators.turn_rad = 0.5 * sensors.pulses
 """
 
 
@@ -53,8 +55,10 @@ def test_what_is_set_by_hand_reaches_the_controller_and_comes_back(mine, interpr
     robot.camera = robot.infrared = 0
     robot.distance_mm = np.arange(8)
     robot.ring_on = True
+    robot.pulses, robot.messages = 2, [0, 40, 0, 0, 0, 0, 0, 0]
     robot.step()
     assert (robot.memory.x, robot.ring_on) == (3 + 99, False)
+    assert (robot.send, robot.turn_rad) == (42, 1.0)
 
 
 def test_names_that_there_are_not_are_refused_with_the_nearest(mine):
@@ -100,11 +104,10 @@ def test_a_robot_is_not_copied_as_its_records_lie_in_one_block(mine):
         copy.deepcopy(TestRobot(mine))
 
 
-@MODES
-def test_an_error_of_the_controller_names_file_and_line(tmp_path, interpret):
+def test_an_error_of_the_controller_names_file_and_line(tmp_path):
     write_controller(tmp_path / "mine.py", with_step("memory.x = 1 / (sensors.step_ms - 100)"))
     with pytest.raises(RobotError, match=r"mine\.py:9: "):
-        TestRobot(tmp_path / "mine.py", interpret=interpret).step()
+        TestRobot(tmp_path / "mine.py").step()
     with pytest.raises(ControllerError, match=r"no controller file 'nowhere\.py'"):
         TestRobot("nowhere.py")
 
@@ -116,18 +119,6 @@ def test_random_numbers_follow_from_the_seed_and_firmware_in_c_is_tested_likewis
     robot.memory.phase_ms = 4950
     robot.step()
     assert (robot.ring_on, robot.memory.phase_ms, robot.left_cm_s) == (True, 0, 3.0)
-
-
-RADIO = "actuators.send = sensors.pulses + sensors.messages[1]; actuators.turn_rad = 0.5 * sensors.pulses"
-
-
-@MODES
-def test_a_robot_hears_pulses_sends_and_turns(interpret, tmp_path):
-    write_controller(tmp_path / "radio.py", with_step(RADIO))
-    robot = TestRobot(tmp_path / "radio.py", interpret=interpret)
-    robot.pulses, robot.messages = 2, [0, 40, 0, 0, 0, 0, 0, 0]
-    robot.step()
-    assert (robot.send, robot.turn_rad) == (42, 1.0)
 
 
 def test_a_robot_faces_a_wall_at_the_given_distance():

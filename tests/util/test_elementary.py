@@ -9,7 +9,7 @@ import struct
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numba import njit
 
@@ -46,6 +46,7 @@ def bits(number):
 
 
 @pytest.mark.parametrize("function", ["sin", "cos", "tan"])
+@settings(max_examples=40)
 @given(angle=angles)
 @example(angle=HARDEST)
 @example(angle=math.pi / 2)
@@ -57,6 +58,7 @@ def test_angles_of_any_size_are_taken_to_the_last_digit(function, angle):
 
 
 @pytest.mark.parametrize("function", ["atan", "exp", "expm1", "log", "log1p"])
+@settings(max_examples=40)
 @given(number=numbers)
 def test_other_results_are_exact_to_the_last_digit(function, number):
     low = {"log": 5e-324, "log1p": math.nextafter(-1, 0)}.get(function, -1e308)
@@ -64,6 +66,7 @@ def test_other_results_are_exact_to_the_last_digit(function, number):
     assert ulps(function, number) < 1
 
 
+@settings(max_examples=50)
 @given(y=st.floats(-100, 100), x=st.floats(-100, 100))
 @example(y=0.0, x=-0.0)
 @example(y=-0.0, x=-1.0)
