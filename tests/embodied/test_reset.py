@@ -119,10 +119,9 @@ def test_a_snapshot_is_a_moment_which_later_steps_do_not_change_and_one_of_anoth
     assert drive(simulation, 30, np.random.default_rng(2)) == first
 
 
-@pytest.mark.parametrize("interpret", [False, True])
-def test_changed_parameters_act_from_the_next_step_on_and_reset_takes_them_back(interpret):
+def test_changed_parameters_act_from_the_next_step_on_and_reset_takes_them_back():
     apart = [{"poses": [[15, 15, 0]]}, {"poses": [[15, 30, 0], [15, 45, 0]]}]
-    simulation = Simulation({"robots": apart, "noise": "off"}, 1, interpret=interpret)
+    simulation = Simulation({"robots": apart, "noise": "off"}, 1)
     simulation.advance(3)
     simulation.set_parameters(1, speed_cm_s=1.5, period_s=3.0)
     assert simulation.period_ms.tolist() == [5000, 3000, 3000]

@@ -47,7 +47,6 @@ def test_steps_are_whole_numbers_from_1(steps):
     assert Simulation("pair").advance(np.int32(3)).number == 2
 
 
-BLINK = with_step("actuators.ring_on = memory.x == 3\n    memory.x += 1")
 REACT = with_step(
     """red = sensors.camera.sum()
     memory.pixels = len(sensors.camera)
@@ -78,16 +77,6 @@ def controller(tmp_path):
         return str(path)
 
     return write
-
-
-def test_a_ring_lit_in_one_step_is_seen_in_the_next_and_only_then(controller):
-    blinker = {"poses": [[50, 30, 0]], "controller": controller(BLINK)}
-    watchers = {"poses": [[20, 30, 0], [50, 10, math.pi / 2]], "controller": "constant"}
-    for groups, watching in (([watchers, blinker], [0, 1]), ([blinker, watchers], [1, 2])):
-        steps = kept(Simulation({"robots": groups, "noise": "off"}, 0, interpret=True), 8)
-        assert [step.ring_on.any() for step in steps] == [number == 3 for number in range(8)]
-        for robot in watching:
-            assert [step.camera[robot].any() for step in steps] == [number == 4 for number in range(8)]
 
 
 POSES = [[60, 60, 0.1], [71, 60, 2.0], [64, 71, 4.0], [90, 70, 3.0], [120, 60, 3.3], [30, 90, 5.5], [45, 40, 1.0]]
