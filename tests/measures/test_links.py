@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.measures.links import component_sizes, degrees
@@ -64,6 +64,7 @@ def slow_components(links, population, connection):
     return {frozenset(b for b in range(population) if b in reached[a] and a in reached[b]) for a in range(population)}
 
 
+@settings(max_examples=40)
 @given(st.sets(st.tuples(st.integers(0, 5), st.integers(0, 5)), max_size=12), st.sampled_from(["weak", "strong"]))
 def test_components_are_those_who_reach_each_other(pairs, connection):
     links = {(a, b) for a, b in pairs if a != b}
@@ -73,26 +74,26 @@ def test_components_are_those_who_reach_each_other(pairs, connection):
         assert degrees(numbers, 6, direction).tolist() == [ends.count(one) for one in range(6)]
 
 
+STATISTICS = {"mean": np.mean, "smallest": min, "largest": max, "sd": np.std}
+
+
 @MODELS
-@pytest.mark.parametrize(
-    ("direction", "statistic"),
-    [("both", "mean"), ("in", "smallest"), ("out", "largest"), ("in", "sd"), ("out", "isolated"), ("in", "isolated")],
-)
-def test_degrees_count_links_and_the_isolated_have_none(sections, watch, population, direction, statistic):
+def test_degrees_count_links_and_the_isolated_have_none(sections, watch, population):
     observer, seen = watch()
-    measure = {"degree": {"direction": direction, "statistic": statistic}}
-    if statistic == "isolated":
-        measure = {"isolated": {"direction": direction}}
-    _, series = run(measure, observer, **sections)
-    expected = []
-    for links in seen:
-        ends = [end for a, b in links for end in {"out": [a], "in": [b], "both": [a, b]}[direction]]
-        counts = [ends.count(one) for one in range(population)]
-        reduce = {"mean": np.mean, "smallest": min, "largest": max, "sd": np.std}.get(statistic)
-        expected.append(float(reduce(counts) if reduce else counts.count(0) / population))
-    assert series == pytest.approx(expected)
-    assert len(series) == CYCLES
-    assert max(series) > 0 or statistic in ("smallest", "isolated")
+    told = list(zip(("both", "in", "out", "in", "out", "in"), [*STATISTICS, "isolated", "isolated"], strict=True))
+    degrees = [{"degree": {"direction": way, "statistic": what, "as": what}} for way, what in told[:4]]
+    isolated = [{"isolated": {"direction": way, "as": f"isolated_{way}"}} for way, _ in told[4:]]
+    _, *values = run(degrees[0], observer, more=[*degrees[1:], *isolated], **sections)
+    for (direction, statistic), series in zip(told, values, strict=True):
+        expected = []
+        for links in seen:
+            ends = [end for a, b in links for end in {"out": [a], "in": [b], "both": [a, b]}[direction]]
+            counts = [ends.count(one) for one in range(population)]
+            reduce = STATISTICS.get(statistic)
+            expected.append(float(reduce(counts) if reduce else counts.count(0) / population))
+        assert series == pytest.approx(expected)
+        assert len(series) == CYCLES
+        assert max(series) > 0 or statistic in ("smallest", "isolated")
 
 
 @MODELS
@@ -121,16 +122,16 @@ def test_components_are_those_of_the_last_cycles_together(sections, watch, popul
 
 
 @MODELS
-@pytest.mark.parametrize("connection", ["weak", "strong"])
-def test_the_spanning_time_is_when_the_links_so_far_connect_all(sections, watch, population, connection):
+def test_the_spanning_time_is_when_the_links_so_far_connect_all(sections, watch, population):
     observer, seen = watch()
-    _, value = run({"spanning_time": {"connection": connection}}, observer, **sections)
-    together, expected = set(), None
-    for cycle, links in enumerate(seen, 1):
-        together |= links
-        if expected is None and len(slow_components(together, population, connection)) == 1:
-            expected = cycle
-    assert value == expected
+    weak, strong = ({"spanning_time": {"connection": each, "as": each}} for each in ("weak", "strong"))
+    _, *values = run(weak, observer, more=[strong], **sections)
+    for connection, value in zip(("weak", "strong"), values, strict=True):
+        together, found = set(), []
+        for links in seen:
+            together |= links
+            found.append(len(slow_components(together, population, connection)) == 1)
+        assert value == (found.index(True) + 1 if True in found else None)
 
 
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])

@@ -11,11 +11,12 @@ from tests.measures.test_shipped import CYCLES, ROBOTS, at_cycles, run
 MIXED = {**ROBOTS, "robots": [{"controller": "obstacle_avoidance", "count": 2}, {"count": 3}], "stop": {}}
 
 
-@pytest.mark.parametrize("take", ["final", "mean", "series"])
-def test_a_field_of_one_robot_is_that_of_its_memory(take):
+def test_a_field_of_one_robot_is_that_of_its_memory():
     observer, seen = at_cycles(lambda step, _: float(step.memories[0]["rotation_time"][4]))
-    _, value = run({"memory": {"name": "rotation_time", "robot": 4, "take": take}}, observer, **ROBOTS)
-    assert value == {"final": seen[-1], "mean": sum(seen) / CYCLES, "series": seen}[take]
+    field = {"name": "rotation_time", "robot": 4}
+    first, *more = ({"memory": {**field, "take": take, "as": take}} for take in ("final", "mean", "series"))
+    _, *values = run(first, observer, more=more, **ROBOTS)
+    assert values == [seen[-1], sum(seen) / CYCLES, seen]
     assert max(seen) > 0
 
 

@@ -146,13 +146,15 @@ AT_CYCLES = [
 
 
 @models
-@pytest.mark.parametrize(("measure", "parameters", "look", "expected"), AT_CYCLES, ids=[each[0] for each in AT_CYCLES])
-def test_what_is_measured_at_cycles_is_that_of_a_slow_twin(measure, parameters, look, expected, sections):
-    observer, seen = at_cycles(look)
-    _, value = run({measure: parameters}, observer, **sections)
+def test_what_is_measured_at_cycles_is_that_of_a_slow_twin(sections):
+    observer, seen = at_cycles(lambda *at: {look: look(*at) for look in (phases, positions)})
+    first, *more = ({measure: parameters} for measure, parameters, *_ in AT_CYCLES)
+    _, *values = run(first, observer, more=more, **sections)
     assert len(seen) == CYCLES
-    assert value == pytest.approx(expected(seen, 60 if sections is ROBOTS else 100), rel=1e-12)
-    assert len(set(value)) > 1 if isinstance(value, list) else 0 < value < 1
+    for (measure, _, look, expected), value in zip(AT_CYCLES, values, strict=True):
+        looked = [each[look] for each in seen]
+        assert value == pytest.approx(expected(looked, 60 if sections is ROBOTS else 100), rel=1e-12), measure
+        assert len(set(value)) > 1 if isinstance(value, list) else 0 < value < 1
 
 
 @models

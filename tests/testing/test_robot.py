@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.user_code import RobotError
-from epuck_sim.errors import ControllerError
 from epuck_sim.testing import TestRobot, facing_robot, facing_wall
 from tests.control.bench import MODES, with_step, write_controller
 
@@ -102,14 +100,6 @@ def test_a_robot_is_not_copied_as_its_records_lie_in_one_block(mine):
         copy.deepcopy(TestRobot(mine)._senses)
     with pytest.raises(TypeError, match="cannot be copied; make another TestRobot"):
         copy.deepcopy(TestRobot(mine))
-
-
-def test_an_error_of_the_controller_names_file_and_line(tmp_path):
-    write_controller(tmp_path / "mine.py", with_step("memory.x = 1 / (sensors.step_ms - 100)"))
-    with pytest.raises(RobotError, match=r"mine\.py:9: "):
-        TestRobot(tmp_path / "mine.py").step()
-    with pytest.raises(ControllerError, match=r"no controller file 'nowhere\.py'"):
-        TestRobot("nowhere.py")
 
 
 def test_random_numbers_follow_from_the_seed_and_firmware_in_c_is_tested_likewise():

@@ -232,9 +232,8 @@ def test_who_is_at_work_is_known_while_it_is(files, code):
 
 
 @pytest.mark.usefixtures("files")
-@pytest.mark.parametrize("interpret", [False, True])
-def test_a_robot_of_a_unit_test_reads_what_is_set(interpret):
-    robot = TestRobot("follower.py", sensors=["ground.py"], interpret=interpret)
+def test_a_robot_of_a_unit_test_reads_what_is_set():
+    robot = TestRobot("follower.py", sensors=["ground.py"])
     robot.readings.ground[0], robot.readings.own_number = 0.25, 3
     robot.step()
     assert (robot.left_cm_s, robot.memory.seen) == (1.25, 3.25)
