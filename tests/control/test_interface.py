@@ -5,7 +5,7 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.control.loader import find_controller, load_controller
@@ -88,6 +88,7 @@ def test_a_value_of_another_type_is_refused_with_what_is_allowed(typed, name, gi
         typed.resolve({name: given_})
 
 
+@settings(max_examples=30)
 @given(flag=st.booleans(), whole=st.integers(1 - 2**53, 2**53 - 1), number=st.floats(allow_nan=False))
 def test_the_record_holds_each_value_as_it_is(typed, flag, whole, number):
     record = typed.parameter_record({"flag": flag, "whole": whole, "number": number})

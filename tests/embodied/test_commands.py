@@ -47,7 +47,7 @@ def test_robots_commanded_from_outside_move_and_flash_as_with_a_controller_to_th
 
 def test_a_command_holds_until_the_next_what_is_left_out_stays_and_parts_are_commanded_apart():
     robots = [{"controller": "external_wheels", "count": 3}, {"controller": "external_ring", "count": 2}]
-    simulation = Simulation({"robots": robots}, 1)
+    simulation = Simulation({"robots": robots}, 1, interpret=True)
     assert simulation.external_wheels.tolist() == [0, 1, 2]
     assert simulation.external_rings.tolist() == [3, 4]
     simulation.command(left_cm_s=-5.0, right_cm_s=[5.0, 6.0, -20.0], ring_on=[False, True])

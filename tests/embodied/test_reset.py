@@ -156,7 +156,7 @@ def test_a_controller_that_raises_at_a_restart_is_named(tmp_path):
     is_good = {}
     for seed in range(20):
         try:
-            simulation, is_good[seed] = Simulation(scenario, seed), True
+            simulation, is_good[seed] = Simulation(scenario, seed, interpret=True), True
         except ControllerError:
             is_good[seed] = False
     good, bad = (next(seed for seed in is_good if is_good[seed] == wanted) for wanted in (True, False))

@@ -62,15 +62,15 @@ def distance_ahead(step, number, range_cm):
     return nearest if nearest <= range_cm else np.inf
 
 
-@pytest.mark.parametrize(("interpret", "has_picture"), [(False, True), (True, False)])
-def test_slow_twins_see_the_same(tmp_path, monkeypatch, interpret, has_picture):
+@pytest.mark.parametrize("has_picture", [True, False])
+def test_slow_twins_see_the_same(tmp_path, monkeypatch, has_picture):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "looks.py").write_text(LOOKS)
     picture = np.random.default_rng(1).integers(0, 256, (13, 31), np.uint8)
     cv2.imwrite("floor.png", picture)
     floor = {"patches": PATCHES, **({"picture": "floor.png"} if has_picture else {"brightness": 0.9})}
     robots = [{"count": 30, "controller": "obstacle_avoidance", "sensors": ["looks.py"]}]
-    simulation = Simulation({"arena": {**ARENA, "floor": floor}, "robots": robots}, 4, interpret=interpret)
+    simulation = Simulation({"arena": {**ARENA, "floor": floor}, "robots": robots}, 4)
     levels = set()
     for _ in range(3):
         step = simulation.advance(6)

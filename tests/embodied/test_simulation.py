@@ -110,7 +110,7 @@ def test_groups_with_different_cameras_and_controllers_work_side_by_side(control
     still = {"speed_cm_s": 0, "period_s": 2}
     few = {"poses": [[30, 50, -math.pi / 2]], "parameters": still, "camera": {"pixels": 20}}
     blind = {"poses": [[10, 30, 0]], "controller": controller(REACT), "camera": {"pixels": 30, "range_cm": 5}}
-    simulation = Simulation({"robots": [LAMP, wide, few, blind], "noise": "off"}, 1)
+    simulation = Simulation({"robots": [LAMP, wide, few, blind], "noise": "off"}, 1, interpret=True)
     _, step = kept(simulation, 2)
     assert step.camera.shape == (4, 100)
     # a disc of radius 3.7 cm, seen 16.3 cm away from where the camera sits, covers 2 asin(3.7 / 16.3)

@@ -144,5 +144,5 @@ def test_a_robot_that_leaves_sends_no_more(tmp_path):
     sender = with_step("actuators.send = 5\n    memory.x = sensors.pulses")
     (tmp_path / "sender.py").write_text(sender)
     group = {"count": 2, "controller": str(tmp_path / "sender.py"), "signal": {"kind": "radio"}}
-    simulation = Simulation({"robots": [group], "schedule": [{"at_s": 1, "remove": [1]}]}, 1)
+    simulation = Simulation({"robots": [group], "schedule": [{"at_s": 1, "remove": [1]}]}, 1, interpret=True)
     assert [simulation.advance(steps).memories[0]["x"][0] for steps in (5, 7)] == [1, 0]

@@ -155,14 +155,14 @@ def test_groups_have_sensors_of_their_own_and_common_ones():
 
 
 def test_a_file_of_several_groups_is_compiled_once(files, monkeypatch):
-    files(counter=COUNTER.replace("0.5", "0.375"), sees=FOLLOWER.replace("5.0", "5.125"))
+    files(ground=GROUND.replace("3.0", "3.125"), sees=FOLLOWER.replace("5.0", "5.125"))
     compiled = []
     monkeypatch.setattr(compilation, "compile_call", lambda *given, make=compilation.compile_call: (
         compiled.append(given[0].__name__), make(*given))[1])  # fmt: skip
-    group = {"count": 2, "controller": "sees.py", "sensors": ["ground.py", "counter.py"]}
-    given = {"robots": [group, group, {**group, "sensors": [{"ground.py": {"noise": 0.1}}, "counter.py"]}]}
+    group = {"count": 2, "controller": "sees.py", "sensors": ["ground.py"]}
+    given = {"robots": [group, group, {**group, "sensors": [{"ground.py": {"noise": 0.1}}]}]}
     Simulation(given, 1).advance(3)
-    assert sorted(compiled) == ["run_group", "run_sensor", "run_sensor"]
+    assert sorted(compiled) == ["run_group", "run_sensor"]
 
 
 @pytest.mark.parametrize("interpret", [False, True])
