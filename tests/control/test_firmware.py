@@ -2,7 +2,6 @@
 
 import shutil
 import subprocess
-from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -10,9 +9,7 @@ import pytest
 from epuck_sim.control import firmware as compiling
 from epuck_sim.control.firmware import FLAGS, HEADERS, load_firmware
 from epuck_sim.control.loader import find_controller
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.rng import randint, uniform
 from tests.control.bench import Bench
 from tests.tools import needs_compiler
@@ -37,34 +34,6 @@ def test_the_firefly_in_c_has_the_parameters_and_the_memory_of_the_one_in_python
     assert list(firmware.parameters) == list(controller.parameters)
     assert firmware.memory == controller.memory
     assert firmware.is_oscillator
-
-
-ROBOTS = """\
-robots.0.parameters: {delay_ms: 62, flash_pixels: 2, once_per_sighting: true, coupling: 0.37}
-robots.0.camera: {frames_per_s: 8, latency_ms: 100, pixels: 300}
-timing: {control_hz: 40, physics_hz: 200}
-spread.clock_rate: 0.01
-"""
-
-
-@MODES
-@pytest.mark.parametrize("settings", ["", ROBOTS], ids=["thesis", "robots"])
-def test_a_swarm_of_fireflies_in_c_is_that_in_python_to_the_bit(settings, interpret):
-    """Appendix B, and Algorithms 1 and 2: all that robots remember, command, and do."""
-    given = [line.replace(": ", "=", 1) for line in settings.splitlines()]
-    runs = [
-        Simulation(load_scenario("thesis", [*given, f"robots.0.controller={controller}"]), 5, interpret=in_python)
-        for controller, in_python in ((FIREFLY, interpret), ("firefly", False))
-    ]
-    lit = walls = 0
-    for in_c, in_python in islice(zip(*runs, strict=True), 300 if interpret else 1500):
-        assert in_c.memories[0].tobytes() == in_python.memories[0].tobytes(), f"step {in_c.number}"
-        for name in ("wheels_cm_s", "ring_on", "poses"):
-            assert getattr(in_c, name).tobytes() == getattr(in_python, name).tobytes()
-        lit += in_c.ring_on.any()
-        walls += (in_c.wheels_cm_s[:, 0] != in_c.wheels_cm_s[:, 1]).any()
-    assert lit
-    assert walls
 
 
 def test_random_numbers_are_those_of_python(tmp_path):

@@ -1,4 +1,4 @@
-"""The motion does what thesis Appendix B says: it is compared with its C listing, in the firmware `firefly.c`."""
+"""The firefly does what thesis Appendix B and Algorithms 1 and 2 say: it is compared with them in C, `firefly.c`."""
 
 from pathlib import Path
 
@@ -44,18 +44,25 @@ def wandering(steps, robots, seed=3):
             "proximity_count_threshold": 0,
         },
         {"proximity_threshold": 85, "proximity_count_threshold": 2},
+        {"delay_ms": 62, "flash_pixels": 2, "once_per_sighting": True, "coupling": 0.37},
     ],
     ids=str,
 )
-def test_long_drives_are_appendix_b_s(given):
+def test_long_drives_and_flashes_are_the_thesis_s(given):
     benches = in_c, in_python = [Bench(name, given, robots=20, interpret=False) for name in (LISTING, "firefly")]
-    streams = in_python.streams.copy()
-    for number, distances in enumerate(wandering(800, 20)):
+    streams, chance, lit = in_python.streams.copy(), np.random.default_rng(4), 0
+    for number, distances in enumerate(wandering(500, 20)):
+        in_python.sense(chance)
+        in_c.sense_like(in_python)
         for bench in benches:
             bench.senses.distance_mm[:] = distances
             bench.control.step()
         for name in ("left_cm_s", "right_cm_s"):
             np.testing.assert_array_equal(in_c.actuators[name], in_python.actuators[name], f"step {number}")
+        rings = in_python.actuators["ring_on"] > 0
+        np.testing.assert_array_equal(in_c.actuators["ring_on"] > 0, rings, f"step {number}")
         assert in_c.memory.tobytes() == in_python.memory.tobytes(), f"step {number}"
+        lit += rings.sum()
     assert (in_c.streams == in_python.streams).all(), "both drew as often"
     assert (streams != in_python.streams).any(), "walls were met"
+    assert 0 < lit < 20 * 500

@@ -1,7 +1,6 @@
 """Claims about robots' imperfections: in what they differ, their clocks, and how they get stuck."""
 
 import math
-from itertools import islice
 
 import numpy as np
 import pytest
@@ -9,10 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.embodied.loop import stop_and_release, tick
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import vary
 from epuck_sim.embodied.swarm import make_block, open_block
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.rng import uniform
 from epuck_sim.util.seeds import robot_streams
 from tests.embodied.changing import NOWHERE
@@ -67,19 +64,6 @@ def test_no_millisecond_of_a_clock_is_lost_or_counted_twice(rates, step_ms):
     assert (swarm.robots.sensors.step_ms == step_ms).all()
 
 
-def test_phases_run_by_the_robots_own_clocks():
-    settings = ["timing.control_hz=40", "timing.physics_hz=120", "robots.0.controller=oscillator"]
-    scenario = {"robots": [{"count": 10, "controller": "oscillator"}], "spread": {"clock_rate": 0.05}, "noise": "off"}
-    simulation = Simulation(load_scenario(scenario, settings), 5)
-    simulation_of_ideal = Simulation(load_scenario({**scenario, "spread": {}}, settings), 5)
-    for steps, _ in zip(zip(simulation, simulation_of_ideal, strict=True), range(12), strict=False):
-        ahead = steps[0].phase_ms - steps[1].phase_ms
-    assert (np.abs(ahead) < 12 * 25 * 0.05 + 1).all()
-    assert np.ptp(ahead) > 5
-    np.testing.assert_array_equal(steps[0].poses, steps[1].poses)
-    assert steps[0].time_s == steps[1].time_s
-
-
 def stuck_over(steps, robots=1, step_ms=100):
     """Return (steps, robots) whether robots are stuck that are so for 5 s and free for 10 s on average."""
     block = block_of(robots, step_ms=step_ms)
@@ -104,17 +88,3 @@ def test_robots_are_free_and_stuck_by_turns_for_exponential_times_as_a_slow_twin
         times = [-mean_s * math.log(1 - uniform(stream)) for _ in range(100) for mean_s in (10, 5)]
         changes.append(np.searchsorted(np.cumsum(times), step_ms / 1000 * np.arange(steps), side="right"))
     np.testing.assert_array_equal(stuck_over(steps, robots, step_ms), np.transpose(changes) % 2 == 1)
-
-
-def test_a_robot_that_is_stuck_stands_still_with_its_wheels_turning_and_its_oscillator_running():
-    settings = ["stuck.per_hour=600", "stuck.mean_s=5", "arena.width_cm=400", "arena.height_cm=400", "noise=off"]
-    simulation = Simulation(load_scenario("thesis", settings), 2)
-    poses, wheels, phases = [], [], []
-    for step in islice(simulation, 600):
-        poses.append(step.poses.copy())
-        wheels.append(step.wheels_cm_s.copy())
-        phases.append(step.phase_ms)
-    still = (np.diff(poses, axis=0) == 0).all(axis=2)
-    assert 0.2 < still.mean() < 0.7
-    assert (np.abs(wheels[:-1])[still] > 0).mean() > 0.95
-    assert (np.diff(phases, axis=0) != 0).all()
