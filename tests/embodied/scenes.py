@@ -15,7 +15,7 @@ from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.cells import cells_needed, sort_into_cells
 from epuck_sim.embodied.layout import set_arena, set_bodies
-from epuck_sim.embodied.sensors.camera import look, set_camera
+from epuck_sim.embodied.sensors.camera import add_reflections, look, set_camera
 from epuck_sim.embodied.sensors.infrared import sense_infrared, set_infrared
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block
 from epuck_sim.geometry import box_corners
@@ -155,6 +155,8 @@ def readings(scene: Scene) -> FloatArray:
 def rows(scene: Scene, camera: CameraSettings) -> IntArray:
     block = block_of(scene, camera)
     look(block.bytes, ADDRESSES, 0)
+    if camera.reflection_range_cm > 0:
+        add_reflections(block.bytes, ADDRESSES, 0)
     return block.swarm.pixels.reshape(-1, camera.pixels)
 
 

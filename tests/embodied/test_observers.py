@@ -16,16 +16,7 @@ from epuck_sim.embodied.observers import find_contacts, find_sightings, make_sce
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import RobotGroup
-from tests.embodied.scenes import (
-    EDGE_CM,
-    RADIUS_CM,
-    CameraSettings,
-    Scene,
-    camera_settings,
-    rows,
-    scenes,
-    slow_pixels,
-)
+from tests.embodied.scenes import EDGE_CM, RADIUS_CM, CameraSettings, Scene, camera_settings, rows, scenes, slow_pixels
 
 
 def sightings(

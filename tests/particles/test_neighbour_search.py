@@ -11,14 +11,7 @@ from scipy import stats
 
 from tests.particles.distributions import UNLIKELY
 from tests.particles.naive_model import receivers_of
-from tests.particles.simulations import (
-    BY_POSITION,
-    TOO_CLOSE,
-    as_set,
-    make_resting,
-    make_simulation,
-    neighbourhoods,
-)
+from tests.particles.simulations import BY_POSITION, TOO_CLOSE, as_set, make_resting, make_simulation, neighbourhoods
 
 SEEDS = st.integers(0, 2**32 - 1)
 by_position = pytest.mark.parametrize("kind", BY_POSITION)

@@ -28,6 +28,7 @@ from tests.embodied.scenes import (
 )
 
 SEEDS = st.integers(0, 2**32 - 1)
+MIRRORED_CM = st.sampled_from([0.0, 0.0, 10_000.0, 15.0, 40.0])
 ONE_PIXEL = CameraSettings(1, 56.0, 1)
 
 
@@ -61,24 +62,28 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
         assert block.swarm.pixels[0] == near_is_lit
 
 
-def test_rows_are_those_of_the_slow_twin():
+def test_rows_are_those_of_the_slow_twin_with_and_without_what_walls_mirror():
     tally = Counter()
 
-    @settings(max_examples=25)
-    @given(scenes(robots=(2, 3, 10, 60, 300), bodies=BODIES), camera_settings(), SEEDS)
-    def compare(scene, camera, seed):
+    @settings(max_examples=40)
+    @given(scenes(robots=(1, 2, 3, 10, 60, 200), bodies=BODIES), camera_settings(), MIRRORED_CM, SEEDS)
+    def compare(scene, camera, mirrored_cm, seed):
         random = np.random.default_rng(seed)
-        if random.random() < 0.5:  # robots that push each other overlap
+        if random.random() < 0.5 and not mirrored_cm:  # robots that push each other overlap
             scene = scene._replace(poses=scene.poses + random.uniform(-0.05, 0.05, scene.poses.shape))
         every = 1 + len(scene.poses) // 16  # of 60 robots the twin does 15
+        direct, camera = rows(scene, camera), camera._replace(reflection_range_cm=mirrored_cm)
         expected, doubtful = slow_rows(scene, camera, every)
-        np.testing.assert_array_equal(rows(scene, camera)[::every][~doubtful], expected[~doubtful])
-        tally.update(pixels=doubtful.size, doubtful=doubtful.sum(), red=expected.sum())
+        found = rows(scene, camera)
+        np.testing.assert_array_equal(found[::every][~doubtful], expected[~doubtful])
+        assert (found >= direct).all()
+        mirrored = (found > direct)[::every]
+        tally.update(pixels=doubtful.size, doubtful=doubtful.sum(), red=direct[::every].sum(), mirrored=mirrored.sum())
 
     compare()
-    assert tally["pixels"] > 3_000
-    assert tally["red"] > 0.01 * tally["pixels"]
-    assert tally["doubtful"] < 1e-2 * tally["pixels"]
+    assert tally["pixels"] > 4000
+    assert min(tally["red"], tally["mirrored"]) > 0.01 * tally["pixels"]
+    assert tally["doubtful"] < 0.02 * tally["pixels"]
 
 
 @jit_no_alloc
