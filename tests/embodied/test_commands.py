@@ -61,11 +61,10 @@ def test_a_command_holds_until_the_next_what_is_left_out_stays_and_parts_are_com
     assert (steps[-1].wheels_cm_s[3:] > 0).any()
 
 
-@pytest.mark.parametrize("interpret", [False, True])
-def test_faults_and_absence_come_after_commands(interpret):
+def test_faults_and_absence_come_after_commands():
     robots = [{"controller": "external", "count": 3, "placement": "grid"}]
     faults, schedule = [{"kind": "ring_dead", "robots": [0]}], [{"at_s": 0, "remove": [1]}]
-    simulation = Simulation({"robots": robots, "faults": faults, "schedule": schedule}, 1, interpret=interpret)
+    simulation = Simulation({"robots": robots, "faults": faults, "schedule": schedule}, 1, interpret=True)
     next(simulation)
     simulation.command(5, 5, ring_on=True)
     assert simulation.last_step.ring_on.tolist() == [False, False, True]
@@ -83,7 +82,7 @@ def test_faults_and_absence_come_after_commands(interpret):
     ],
 )
 def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded(given, message):
-    simulation = Simulation({"robots": [{"count": 8}, {"count": 2, "controller": "external"}]}, 1)
+    simulation = Simulation({"robots": [{"count": 8}, {"count": 2, "controller": "external"}]}, 1, interpret=True)
     with pytest.raises(ValueError, match=message):
         simulation.command(**given)
     step = next(simulation)
@@ -101,7 +100,7 @@ def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded(given, me
 )
 def test_robots_that_have_controllers_are_not_commanded_and_nothing_is_no_command(controller, command, message):
     with pytest.raises(ValueError, match=message):
-        Simulation({"robots": [{"controller": controller}]}, 1).command(**command)
+        Simulation({"robots": [{"controller": controller}]}, 1, interpret=True).command(**command)
 
 
 def test_a_file_says_what_is_external(tmp_path):

@@ -68,15 +68,11 @@ def memory(simulation: Simulation):
 def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: bool, tmp_path) -> None:
     path = tmp_path / "mine.py"
     simulation, twin = twins(path, interpret, 10)
-    save(path, source() + "# another line\n")  # which changes nothing, to the bit
-    simulation.replace_controller(0, load_controller(path))
-    for _ in range(10):
-        assert bits(next(simulation)) == bits(next(twin))
     save(path, source(rise="100"))
     replaced = simulation.replace_controller(0, load_controller(path))
     assert (replaced.kept, replaced.started) == (("steps", "drawn"), ())
     step, other = next(simulation), next(twin)
-    assert step.memories[0]["steps"].tolist() == [120] * 3
+    assert step.memories[0]["steps"].tolist() == [110] * 3
     assert step.memories[0]["drawn"].tobytes() == other.memories[0]["drawn"].tobytes()
     assert step.poses.tobytes() == other.poses.tobytes()  # the robots that were not replaced draw as before, too
     assert step.memories[1].tobytes() == other.memories[1].tobytes()
@@ -84,9 +80,9 @@ def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: boo
     replaced = simulation.replace_controller(0, load_controller(path))
     assert (replaced.kept, replaced.started) == (("steps",), ("drawn", "more"))
     now = memory(simulation)
-    assert now["steps"].tolist() == [121] * 3
+    assert now["steps"].tolist() == [111] * 3
     assert (now["drawn"].dtype, now["drawn"].tolist()) == (np.int64, [0] * 3)
-    with pytest.raises(ValueError, match="a controller was replaced after step 20"):
+    with pytest.raises(ValueError, match="a controller was replaced after step 10"):
         simulation.snapshot()
     simulation.reset()
     assert memory(simulation)["steps"].tolist() == [1] * 3

@@ -8,12 +8,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.arrays import BoolArray, ByteArray
-from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, perceives, set_cone
+from epuck_sim.arrays import BoolArray
+from epuck_sim.embodied.observers import write_sightings
+from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, set_cone
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.swarm import swarm_at
 from epuck_sim.scenario.robots import ConeSection
-from epuck_sim.util.jit import jit_no_alloc
 from tests.embodied.scenes import (
     ADDRESSES,
     EDGE_CM,
@@ -44,18 +43,13 @@ def with_cone(scene: Scene, section: ConeSection, occlusion: bool, observer: int
 
 def pairs(scene: Scene, section: ConeSection, occlusion: bool) -> BoolArray:
     """Return (robots, robots) whether the first perceives the ring of the second."""
-    found = np.zeros((len(scene.poses), len(scene.poses)), bool)
-    find_pairs(with_cone(scene, section, occlusion).bytes, found)
-    return found
-
-
-@jit_no_alloc
-def find_pairs(block: ByteArray, found: BoolArray) -> None:
-    swarm = swarm_at(block)
-    cone = swarm.groups[0].cone
-    for one in range(len(swarm.robots)):
-        for other in range(len(swarm.robots)):
-            found[one, other] = perceives(swarm, cone, one, other)
+    robots = len(scene.poses)
+    found, seen = np.zeros((robots**2, 3), np.int64), np.zeros((robots, robots), bool)
+    everybody = np.ones((1, robots), bool)
+    block = with_cone(scene, section, occlusion).bytes
+    count = write_sightings(block, 0, True, scene.poses[None], everybody, found)
+    seen[found[:count, 1], found[:count, 2]] = True
+    return seen
 
 
 def slow_cone(scene: Scene, section: ConeSection) -> tuple[BoolArray, BoolArray]:

@@ -165,8 +165,7 @@ def test_a_file_of_several_groups_is_compiled_once(files, monkeypatch):
     assert sorted(compiled) == ["run_group", "run_sensor"]
 
 
-@pytest.mark.parametrize("interpret", [False, True])
-def test_faults_and_schedules_act_on_a_sensor_by_its_name(files, interpret):
+def test_faults_and_schedules_act_on_a_sensor_by_its_name(files):
     """A dead one reads 0 and counts on; robots that are not in the arena read nothing."""
     files(counter=COUNTER)
     given = scenario(
@@ -179,7 +178,7 @@ def test_faults_and_schedules_act_on_a_sensor_by_its_name(files, interpret):
         ],
     )
     given["robots"].append({"count": 1})
-    simulation = Simulation(given, 1, interpret=interpret)
+    simulation = Simulation(given, 1, interpret=True)
     for steps, alive in ((10, [1, 1, 1, 1]), (5, [1, 0, 0, 1]), (6, [1, 1, 0, 1])):
         step = simulation.advance(steps)
         counted = simulation.steps * np.array([*alive, np.nan])
