@@ -60,7 +60,7 @@ def test_controller_replaces_that_of_all_robots_and_keeps_the_parameters_that_it
 
 def test_what_was_left_out_is_said_once_and_the_trial_runs(tmp_path):
     (tmp_path / "mine.py").write_text(with_step("pass", PARAMETERS="{'speed_cm_s': 1.0}"))
-    result = call("run", "thesis", "--controller", "mine.py", *SHORT)
+    result = call("run", "thesis", "--controller", "mine.py", "--interpret", *SHORT)
     assert result.exit_code == 0
     lacking = "period_s, coupling, flash_fraction, refractory_fraction"
     assert re.fullmatch(rf"note: thesis: mine lacks parameters {lacking}: left out\n", result.stderr)
@@ -97,7 +97,7 @@ def test_an_ending_is_looked_for_among_the_parameters_of_controllers_that_are_an
 
 def same_either_way(scenario):
     """Return a few steps of a swarm, which are the same compiled and interpreted."""
-    compiled, interpreted = (Simulation(scenario, 3, interpret=interpret).advance(100) for interpret in (False, True))
+    compiled, interpreted = (Simulation(scenario, 3, interpret=interpret).advance(30) for interpret in (False, True))
     assert compiled.poses.tobytes() == interpreted.poses.tobytes()
     return compiled
 

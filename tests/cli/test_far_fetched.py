@@ -1,15 +1,17 @@
 """Far-fetched mistakes: what only an attacker, or a bad day, comes up with ends in a message, too."""
 
 import os
-import subprocess
+import resource
+import sys
+from io import StringIO
 from pathlib import Path
 
 import pytest
 
+from epuck_sim.cli.app import app
 from epuck_sim.runs.reader import read_status
 from epuck_sim.util.messages import describe_error
 from tests.cli.commands import call, called, refused
-from tests.processes import COMMAND
 from tests.runs.made_folders import SPEED, SPEEDS, ended, store, sweep
 
 CONTROLLER = """
@@ -55,19 +57,19 @@ def test_whatever_a_controller_raises_is_named_with_its_line(tmp_path, line: str
 
 
 @pytest.mark.parametrize("line", ["sys.stdout.close()", "sys.stdout = None"])
-def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path, line: str) -> None:
-    command = [*COMMAND, "run", scene(tmp_path, line), "--interpret"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (2, "error: the output cannot be written: it was closed\n")
+def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path, monkeypatch, capsys, line: str) -> None:
+    monkeypatch.setattr(sys, "stdout", StringIO())
+    with pytest.raises(SystemExit) as ended:
+        app(["run", str(scene(tmp_path, line)), "--interpret"])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == "error: the output cannot be written: it was closed\n"
 
 
-def test_more_workers_than_the_system_allows_files_are_refused_at_once(tmp_path) -> None:
-    command = [*COMMAND, "run", "thesis", "--trials", "99", "--workers", "64", "--out", str(tmp_path / "run")]
-    limited = ["bash", "-c", 'ulimit -n 64; exec "$@"', "bash", *command]
-    done = subprocess.run(limited, capture_output=True, text=True, check=False)
-    said = "error: 64 workers need 152 open files; allowed: 64, enough for 20 workers; ulimit -n raises it\n"
-    assert done.returncode == 2
-    assert done.stderr.endswith(said)
+def test_more_workers_than_the_system_allows_files_are_refused_at_once(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (64, 64))
+    result = call("run", "thesis", "--trials", "99", "--workers", "64", "--out", tmp_path / "run")
+    said = "error: 64 workers need 152 open files; allowed: 64, enough for 20 workers; ulimit -n raises it"
+    assert (result.exit_code, result.stderr.splitlines()[-1]) == (2, said)
 
 
 def test_a_message_that_is_no_unicode_costs_a_sweep_its_own_trial_alone(tmp_path) -> None:

@@ -165,7 +165,6 @@ def test_with_few_trials_plot_draws_no_bands_and_no_marks_and_says_so(few, figur
 
 
 def test_fit_names_the_statistic_that_it_fits(made) -> None:
-    assert "T_m and T_p: mean or restricted mean." in called("fit", made)
     assert "T_m and T_p: median." in called("fit", made, "--statistic", "median")
     fitted = read("fit", made, "--statistic", "weibull-mean")["curves"]
     assert [curve["statistic"] for curve in fitted] == [["Weibull mean"]] * 2

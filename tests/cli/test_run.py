@@ -54,8 +54,8 @@ def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch) -> None
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        (["count=1"], "ends at its limit: one oscillator has none to synchronise with"),
-        (["coupling=0"], "looks hopeless: over 200 cycles the order parameter, 0."),
+        (["count=1", "coupling=0"], "ends at its limit: one oscillator has none to synchronise with"),
+        (["count=3", "coupling=0"], "looks hopeless: over 200 cycles the order parameter, 0."),
     ],
 )
 def test_a_trial_that_looks_hopeless_says_so_once_and_what_to_do_and_ends_as_it_would(changes, says) -> None:

@@ -220,7 +220,7 @@ def test_while_a_sweep_runs_it_is_said_once_of_each_such_point_of_a_run(tmp_path
     """Of twenty trials, or of as many as there are; one that is synchronised is enough for a point not to be one."""
     for trials in (3, 22):
         folder = tmp_path / str(trials)
-        axes = ["--sweep", "coupling=1e-6,2e-6,10", "--set", "max_cycles=30", "--set", "order_parameter=0.9"]
+        axes = ["--sweep", "coupling=1e-6,2e-6,10", "--set", "max_cycles=6", "--set", "order_parameter=0.9"]
         result = call("run", "thesis", *axes, "--trials", trials, "--out", folder)
         said = [line for line in result.stderr.splitlines() if "reaches the limit" in line]
         at = "at robots.0.parameters.coupling = {}, every trial so far ({}) reaches the limit"

@@ -25,7 +25,7 @@ from tests.processes import COMMAND, start, wait_until
 SIDE_PX = 160
 FPS = 20
 SIZE = {"width_px": SIDE_PX, "height_px": SIDE_PX, "frames_per_s": FPS}
-TIMES = even(4, FPS)
+TIMES = even(3.6, FPS)
 ROBOTS = 4
 FLOOR = "5,5,154,5,154,154,5,154"
 """About where the floor's corners are in the films."""
@@ -50,7 +50,7 @@ def shelf(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("shelf")
     frames = shoot(TIMES, in_step(TIMES, ROBOTS), **SIZE)
     save(folder / "swarm.mp4", frames)
-    save(folder / "described.mp4", frames[:68], described(**SIZE) | {"robots": ROBOTS})
+    save(folder / "described.mp4", frames[:60], described(**SIZE) | {"robots": ROBOTS})
     return folder
 
 
@@ -99,7 +99,7 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, plain, he
     at_cm = np.array([(ring["x_cm"], ring["y_cm"]) for ring in rings])
     off_cm = np.linalg.norm(at_cm[:, None] - PLACES[:ROBOTS], axis=2).min(axis=1)
     assert np.median(off_cm) < 0.8  # two pixels: nothing but the rings' size tells the scale
-    assert max(ring["time_s"] for ring in rings) > 3.5
+    assert max(ring["time_s"] for ring in rings) > 2.5
 
     annotated, description = frames_and_description("a.mp4")
     assert [frame.time_s for frame in annotated] == pytest.approx(TIMES, abs=1e-4)
@@ -123,14 +123,18 @@ def test_who_is_who_is_told_in_tables_and_in_the_summary(shelf, here) -> None:
     lines = called("track", shelf / "swarm.mp4", "--pairs", "p.csv").splitlines()
     cells = {line[:NAMES_WIDTH].strip(): line[NAMES_WIDTH:] for line in lines[1:]}
     assert lines[0].strip() == str(shelf / "swarm.mp4")
-    assert (cells["frames"], cells["period"]) == ("80 at 20 per second", "1 s, estimated")
+    assert (cells["frames"], cells["period"]) == ("72 at 20 per second", "1 s, estimated")
     assert (cells["T_sync"], cells["robots by motion"]) == ("3.0 cycles, 2.5 s", str(ROBOTS))
 
 
 def test_tags_tell_who_is_who(here) -> None:
     overhead = {"width_px": 320, "height_px": 320, "frames_per_s": FPS, "ambient": 0.2, "tags": "4X4_50", "tag_cm": 5}
-    frames = shoot(TIMES, in_step(TIMES, ROBOTS), **overhead)
-    save(here / "tagged.mp4", frames[3:], described(**overhead) | {"robots": ROBOTS})
+    times = even(2.3, FPS)
+    save(
+        here / "tagged.mp4",
+        shoot(times, in_step(times, ROBOTS), **overhead)[3:],
+        described(**overhead) | {"robots": ROBOTS},
+    )
     result = call("track", "tagged.mp4", "--json", "--tags", f"4X4_50:0-{ROBOTS - 1}", "--trace", "trace.csv")
     assert result.stderr == ""  # white paper is no light
     found = json.loads(result.stdout)
@@ -146,11 +150,10 @@ def test_tags_tell_who_is_who(here) -> None:
 
 def test_options_say_what_is_known(shelf, plain) -> None:
     film = shelf / "swarm.mp4"
-    assert tracked(film, "--period-s", "1")["estimated"] == ["threshold_ms"]
-    strict = tracked(film, "--threshold-ms", "5")
+    words = "--period-s 1 --threshold-ms 5 --order-parameter 1"
+    strict = json.loads(call("track", film, "--json", *words.split()).stdout)
     assert (strict["threshold_ms"], strict["histogram_s"], strict["histogram_periods"]) == (5, None, None)
-    assert strict["estimated"] == ["period_s"]
-    assert json.loads(call("track", film, "--json", "--order-parameter", "1").stdout)["t_sync_s"] is None  # r < 1
+    assert (strict["estimated"], strict["t_sync_s"]) == ([], None)  # r < 1
     assert tracked(film, "--robots", str(ROBOTS)) == plain
 
 
@@ -164,6 +167,7 @@ def test_geometry_that_is_given_places_the_rings(shelf, here) -> None:
         assert aside["y_cm"] == pytest.approx(there["y_cm"], abs=1.5)
 
 
+@pytest.mark.usefixtures("figures_noted")
 def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkeypatch) -> None:
     @contextmanager
     def plugged_in(number: int, _: object) -> Iterator[Film]:

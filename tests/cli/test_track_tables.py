@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
@@ -31,6 +31,7 @@ def test_no_arena_is_refused() -> None:
 FRAMES = [Frame(number / 2, np.zeros((2, 2, 3), np.uint8)) for number in range(5)]
 
 
+@settings(max_examples=20)
 @given(st.lists(st.integers(0, 9999).map(lambda tenths: tenths / 10), min_size=8, max_size=8))
 def test_corners_are_read(numbers: list[float]) -> None:
     corners = parse_corners(",".join(map(str, numbers)))
