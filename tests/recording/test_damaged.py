@@ -46,7 +46,7 @@ def refusals(path: Path) -> list[str]:
     return [each.removeprefix(f"{path}: ") for each in said]
 
 
-@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=FLIPS)
 def test_changed_bytes_are_refused_in_words(whole: Path, tmp_path, flips) -> None:
     assert is_whole(whole)
@@ -61,7 +61,7 @@ def test_changed_bytes_are_refused_in_words(whole: Path, tmp_path, flips) -> Non
         assert len(refusals(path)) == (0 if damaged == whole.read_bytes() else 3)
 
 
-@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0, 1, exclude_max=True))
 @example(share=1e-5)
 @example(share=1 - 1e-9)  # one byte is missing

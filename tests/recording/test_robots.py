@@ -68,16 +68,16 @@ kilobots:
     "scenarios",
 )
 CASES = {
-    "thesis": (30, {"BUFFER_ROWS": 73}),
+    "thesis": (15, {"BUFFER_ROWS": 73}),
     "pair": (400, {"BUFFER_S": 1}),  # which is synchronised before
-    "mixed": (20, {"BUFFER_ROWS": 73}),
-    "dazzled": (8, {"BUFFER_ROWS": 1}),
+    "mixed": (10, {"BUFFER_ROWS": 73}),
+    "dazzled": (4, {"BUFFER_ROWS": 1}),
     "frozen": (3, {"BUFFER_S": 1}),
     "spotlight": (3, {"BUFFER_ROWS": 73}),
     "push": (5, {"BUFFER_S": 1}),
     "arc": (5, {}),
-    "unsure": (12, {}),
-    "kilobots": (10, {"BUFFER_S": 1}),
+    "unsure": (7, {}),
+    "kilobots": (4, {"BUFFER_S": 1}),
 }
 """Longest time, s, and buffers in which scenarios are recorded: chunks are one window, a second, or so many rows."""
 
@@ -409,7 +409,7 @@ def test_a_recording_that_rerun_has_optimised_is_read_the_same(tmp_path, monkeyp
 
 
 def test_the_same_trial_is_recorded_alike_and_another_otherwise(tmp_path) -> None:
-    scenario = load_scenario("thesis", ["stop.max_time_s=10"])
+    scenario = load_scenario("thesis", ["stop.max_time_s=2"])
     given = [(1, Level.FULL), (1, Level.FULL), (2, Level.FULL), (1, Level.POSES)]
     paths = [tmp_path / f"{number}.rrd" for number in range(len(given))]
     for path, (seed, level) in zip(paths, given, strict=True):

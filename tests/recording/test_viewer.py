@@ -95,7 +95,8 @@ def moment(thesis: tuple[Path, Watched], tmp_path_factory) -> Moment:
     step = lit_step(read)
     folder = tmp_path_factory.mktemp("picture")
     try:
-        with nothing_left(folder):
+        with nothing_left(folder), pytest.MonkeyPatch.context() as patch:
+            patch.setattr(viewer, "MESSAGES_S", 0)  # it looks whether there are any all the same
             draw_screenshot(path, read.time_s[step], folder / "p.png")
     except RecordingError as error:
         if str(error) == NO_GRAPHICS:
@@ -244,12 +245,15 @@ def test_a_window_shows_the_recording_until_it_is_closed_from_any_thread(stand: 
     assert options[options.index("--port") + 1] == "auto"
 
 
-SERVE = """
+WAIT = """
 import signal, sys
-from pathlib import Path
-from epuck_sim.recording.viewer import serve
+from contextlib import suppress
+from epuck_sim.recording import process
+process.PROGRAM = sys.executable, sys.argv[1]
 before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
-serve(Path(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]).write_text)
+with suppress(KeyboardInterrupt), process.in_background() as viewer:
+    print("open", flush=True)
+    viewer.wait()
 assert before == (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM))
 print("ended")
 """
@@ -282,21 +286,17 @@ def ignore_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def serving(recording: Path, folder: Path) -> tuple[subprocess.Popen[str], str]:
-    """Return a process that serves a recording though its parent ignored signals, and where; it ends with the test."""
-    port, address = free_port(), folder / "address"
-    process = start(
-        [sys.executable, "-c", SERVE, recording, str(port), address], str(folder), preexec_fn=ignore_signals
-    )
-    wait_until(lambda: process.poll() is not None or (address.exists() and address.read_text()))
-    assert address.exists(), process.communicate()
-    assert address.read_text().startswith(f"http://127.0.0.1:{port}?url=")
-    return process, address.read_text()
+def waiting(stand: Stand) -> subprocess.Popen[str]:
+    """Return a process that waits for its viewer to be closed; its parent ignored signals."""
+    stand.acts(SLEEP)
+    process = start([sys.executable, "-c", WAIT, stand.script], preexec_fn=ignore_signals)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "open\n"
+    return process
 
 
-def test_serving_ends_well_on_ctrl_c_even_if_the_parent_had_it_ignored(thesis, tmp_path) -> None:
-    process, address = serving(thesis[0], tmp_path)
-    assert answer(address)
+def test_ctrl_c_ends_a_viewer_and_the_wait_for_it_even_if_the_parent_had_it_ignored(stand: Stand) -> None:
+    process = waiting(stand)
     os.killpg(process.pid, signal.SIGINT)
     assert process.communicate() == ("ended\n", "")
     assert process.returncode == 0
@@ -319,8 +319,8 @@ def test_sigterm_ends_the_block_like_ctrl_c_unless_the_program_has_a_handler_of_
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process together with its parent")
-def test_the_viewer_ends_even_if_the_process_that_serves_is_killed(thesis, tmp_path) -> None:
-    process, _ = serving(thesis[0], tmp_path)
+def test_the_viewer_ends_even_if_the_process_that_waits_is_killed(stand: Stand) -> None:
+    process = waiting(stand)
     (child,) = psutil.Process(process.pid).children()
     process.kill()
     wait_until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE)
