@@ -177,6 +177,7 @@ def test_the_status_of_many_shares_says_what_is_missing(tmp_path) -> None:
     assert called("status", *folders, "--json").count('"folder"') == 3
 
 
+@settings(max_examples=30)
 @given(st.integers(1, 50), st.integers(0, 10_000), st.integers(0, 200))
 def test_every_trial_is_in_one_share_and_shares_of_a_point_differ_by_one_trial(count, point, trials) -> None:
     parts = [Share(number, count).trials(point, trials) for number in range(1, count + 1)]
@@ -184,13 +185,14 @@ def test_every_trial_is_in_one_share_and_shares_of_a_point_differ_by_one_trial(c
     assert max(map(len, parts)) - min(map(len, parts)) <= 1
 
 
+@settings(max_examples=30)
 @given(st.integers(1, 50), st.integers(0, 1000), st.integers(0, 100), st.integers(0, 100))
 def test_trials_that_are_added_leave_those_before_them_in_their_share(count, point, trials, more) -> None:
     share = Share(count, count)
     assert [*share.trials(point, trials)] == [trial for trial in share.trials(point, trials + more) if trial < trials]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=6)
 @given(*map(st.sampled_from, ([5, 8, 10, 13, 20, 21, 32], [4, 10, 20, 40, 64], [1, 7, 30])))
 def test_shares_take_about_as_long_even_if_one_speed_takes_a_hundred_times_another(speeds, count, trials) -> None:
     points = range(40 * speeds)
@@ -204,6 +206,7 @@ def test_shares_take_about_as_long_even_if_one_speed_takes_a_hundred_times_anoth
     assert max(costs) < 1.1 * sum(costs) / count + 300
 
 
+@settings(max_examples=40)
 @given(
     st.dictionaries(st.integers(0, 2), st.sets(st.integers(0, 20), min_size=1)), st.integers(1, 3), st.integers(0, 30)
 )

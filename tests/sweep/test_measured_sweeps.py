@@ -37,7 +37,7 @@ def content(folder):
     return table(folder), measures
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(
     trials=st.lists(st.integers(1, 3), max_size=4),
     counts=st.lists(st.integers(0, 4), min_size=4, max_size=4),

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from itertools import chain
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ClusterError
@@ -94,6 +94,7 @@ def opened(deadly: set[int], slots: int, raises: Exception | None = None, kind=F
     return open_pool
 
 
+@settings(max_examples=30)
 @given(st.sets(st.integers(0, 59), max_size=12), st.integers(1, 9), st.integers(0, 60))
 def test_every_trial_has_one_outcome_and_only_those_that_kill_their_worker_fail(deadly, slots: int, count: int) -> None:
     found = list(chain.from_iterable(schedule(queue(count), [task(0)], opened(deadly, slots))))
@@ -188,6 +189,7 @@ def test_a_chunk_is_half_a_second_of_work() -> None:
     assert CHUNK_S == 0.5
 
 
+@settings(max_examples=30)
 @given(st.integers(1, 10_000), st.integers(2, 64), st.floats(1e-4, 10))
 def test_no_chunk_is_so_long_that_others_wait_for_it_at_the_end(waiting: int, slots: int, wall_s: float) -> None:
     sizer = ChunkSizer()

@@ -81,7 +81,7 @@ def test_a_trial_whose_reference_never_fires_lasts_twice_max_cycles_observed_or_
 
 
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_a_trial_is_the_same_with_observers_and_at_any_pace(data, seed, kind):
     sections = data.draw(any_sections(kind, most_agents=8))
     sections["stop"] |= {"max_cycles": 15}

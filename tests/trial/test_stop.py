@@ -75,7 +75,7 @@ def test_true_counts_as_one_and_what_is_undetermined_ends_nothing(model, value, 
     assert trial(model, {"when": "Counter >= 1"}, [str(path)]).cycles == cycles
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.floats(0.01, 30), st.integers(0, 5), st.floats(0.2, 3))
 def test_agents_end_at_a_time_observed_or_not(time_s, seed, period_s):
     clocks = {"period_s": period_s}

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.order_parameter import order_parameter, reference_order_parameter
@@ -16,6 +16,7 @@ from tests.embodied.steps import bare_step
 TAU = 5000.0
 
 
+@settings(max_examples=30)
 @given(st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.floats(100, 9000)), min_size=1, max_size=30))
 def test_order_parameters_are_those_of_angles_by_each_robots_own_period(robots):
     shares, periods = np.array(robots).T
