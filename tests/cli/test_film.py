@@ -33,17 +33,6 @@ def shelf(tmp_path_factory) -> Path:
     return folder
 
 
-def test_a_filmed_run_prints_the_same_and_writes_the_film(shelf, here) -> None:
-    plain = trials(called("run", shelf / "three.yaml", "--json"))
-    filmed = trials(called("run", shelf / "three.yaml", "--json", "--film", "t.mp4"))
-    assert filmed == plain
-    assert names(here) == ["t.mp4"]
-    frames, description = frames_and_description("t.mp4")
-    assert frames[0].picture.shape == (128, 160, 3)
-    assert len(frames) == pytest.approx(15 * plain[0]["simulated_s"], abs=2)
-    assert (description["scenario"], description["seed"], description["robots"]) == ("three", plain[0]["seed"], 3)
-
-
 def test_several_trials_are_filmed_recorded_and_traced_into_files_of_their_own(shelf, here) -> None:
     files = ["--film", "t.mp4", "--record", "t.rrd", *POSES, "--trace", "t.parquet"]
     rows = trials(called("run", shelf / "three.yaml", "--trials", "2", "--seed", "7", "--json", *files))

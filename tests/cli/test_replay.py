@@ -90,14 +90,6 @@ def views(monkeypatch) -> Views:
     return found
 
 
-def test_a_recorded_run_prints_the_same_and_writes_the_file(tmp_path) -> None:
-    plain = called("run", "thesis", "--json")
-    assert trials(called("run", "thesis", "--json", "--record", tmp_path / "t.rrd")) == trials(plain)
-    assert [path.name for path in tmp_path.iterdir()] == ["t.rrd"]
-    recorded = read_recording(tmp_path / "t.rrd")
-    assert (recorded.scenario, recorded.seed) == (load_scenario("thesis"), 0)
-
-
 @pytest.mark.parametrize("level", Level)
 def test_the_level_says_how_much_is_recorded_and_any_is_shown(tmp_path, views, level: Level) -> None:
     called("run", "pair", "--record", tmp_path / "t.rrd", "--record-level", level, "--memory", "phase_ms")

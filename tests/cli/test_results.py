@@ -9,8 +9,6 @@ from matplotlib import image
 
 from epuck_sim.estimate import Estimate, significant
 from epuck_sim.runs.folder import DATABASE
-from epuck_sim.runs.store import Store
-from epuck_sim.scenario.points import points
 from tests.cli.commands import call, called, cells, contents, read
 from tests.runs.made_folders import (
     COUNT,
@@ -113,13 +111,6 @@ def test_fit_of_several_folders_prints_them_all(made, tmp_path) -> None:
     stdout = called("fit", made, other)
     assert "Scaling laws of 3 curves" in stdout
     assert "coupling" in stdout
-
-
-@pytest.mark.usefixtures("figures_noted")
-def test_a_run_at_work_can_be_read_by_every_command(small, tmp_path) -> None:
-    with Store(small, SMALL, points(SMALL)):
-        for command in COMMANDS:
-            called(*words(command, small, small, tmp_path / "out"))
 
 
 @pytest.mark.parametrize("name", ["damaged", "gone", "file", "file/deeper", "empty", "x" * 300])

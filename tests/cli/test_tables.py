@@ -109,20 +109,11 @@ def last_of(written: StringIO) -> str:
     return re.sub(r"\x1b\[[?\d]*[a-zA-Z]", "", last).strip()
 
 
-def test_the_bar_grows_with_trials_that_have_ended_one_way_or_the_other(clock, capsys, monkeypatch) -> None:
-    bars = []
-    for each in (tally(0), tally(500), tally(500, failed=100)):
-        written = on_terminal(monkeypatch)
-        assert shown(clock, capsys, [(0, each)]) == []
-        bars.append(last_of(written).count("━"))
-    assert bars[0] == 0 < bars[1] == bars[2]
-
-
 @pytest.mark.parametrize("width", [120, 60])
 def test_on_a_terminal_there_is_a_bar_with_the_same_words_which_stay_whole(clock, capsys, monkeypatch, width) -> None:
     written = on_terminal(monkeypatch, width)
     assert shown(clock, capsys, [(0, tally(0)), (5, tally(1)), (65, tally(501, censored=3))]) == []
-    assert "━" in last_of(written)
+    assert 0 < last_of(written).count("━") <= 20  # of 40
     assert last_of(written).endswith("501 of 1000 trials, 3 censored, 500 a minute, 60 s left")
 
 

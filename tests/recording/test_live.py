@@ -5,7 +5,6 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from functools import partial
-from io import BytesIO
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
@@ -25,7 +24,7 @@ from epuck_sim.trial.model import Observer, run_trial, simulate
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
 from tests.recording.recordings import Watched
-from tests.recording.viewers import ARENA, DARK, LIT, answer, discs, nothing_left, pixels, replace_rerun
+from tests.recording.viewers import answer, nothing_left, replace_rerun
 
 FAST = 1000.0
 SCENARIO = load_scenario("thesis")
@@ -48,41 +47,24 @@ def impatient(monkeypatch) -> None:
     monkeypatch.setattr(viewer_module, "FLUSH_S", 0.2)
 
 
-def test_the_viewer_shows_the_whole_trial_with_its_layout_and_the_rings_as_they_are_in_the_end() -> None:
+def test_the_viewer_has_the_whole_trial_with_its_layout() -> None:
     port, watched = free_port(), Watched()
-    with in_background("--headless", "--port", str(port), "--window-size", "1600x900") as window:
+    with in_background("--headless", "--port", str(port), "--window-size", "400x300") as window:
         try:
             window.wait_for(port)
             with live(window, port, SCENARIO, 3, Level.FULL, FAST) as look:
                 ran(look, watched)
-            client = ViewerClient.connect(proxy_url(port))
-            client.set_time("sim_time", duration=watched.steps[-1].time_s, play_state="paused")
-            robots: list[tuple[int, int]] = []
-
-            def all_are_there() -> bool:
-                try:
-                    arena = pixels(BytesIO(client.take_screenshot()))[ARENA]
-                except TimeoutError:  # of rerun's own, on a busy machine
-                    return False
-                robots.append((len(discs(arena, LIT)), len(discs(arena, DARK))))
-                return sum(robots[-1]) == SCENARIO.robot_count
-
-            wait_until(all_are_there)
+            state = ViewerClient.connect(proxy_url(port)).get_state()
         except (RecordingError, ConnectionError):  # it answers before it looks for a driver
             if str(window.error()) == NO_GRAPHICS:
                 pytest.skip(NO_GRAPHICS)
             raise
-        state = client.get_state()
     (recording,) = state.recordings
     assert recording.store_id == state.active_recording
     assert recording.store_id.startswith("Recording:epuck-sim:")
     (timeline,) = recording.timelines
     assert (timeline.name, timeline.time_type) == ("sim_time", "duration")
-    last = watched.steps[-1]
-    assert (timeline.start, timeline.end) == (0, round(last.time_s * 1e9))
-    lit = int(last.ring_on.sum())
-    assert lit > 0
-    assert robots[-1] == (lit, SCENARIO.robot_count - lit)
+    assert (timeline.start, timeline.end) == (0, round(watched.steps[-1].time_s * 1e9))
     views = {view.name: (view.origin, view.view_class) for view in state.views}
     assert views["arena [cm]"] == ("/", "2D")
     assert views["camera rows"] == ("/camera/rows", "2D")

@@ -63,41 +63,29 @@ def test_measures_are_the_same_whatever_was_added_when_and_however_often_a_run_w
 RAISING = """
 class Mine:
     def __init__(self, simulation):
-        self.simulation = simulation
-        self.told("__init__")
-
-    def told(self, method):
-        if method == "{at}" and self.simulation.scenario.agents.count == 5:
-            raise RuntimeError("not today")
-
-    def event(self, event, state):
-        self.told("event")
+        self.fails = simulation.scenario.agents.count == 5
 
     def cycle(self, event, state):
-        self.told("cycle")
+        pass
 
     def value(self):
-        self.told("value")
-        return "text" if "{at}" == "type" and self.simulation.scenario.agents.count == 5 else 1
+        return {} if self.fails else 1
 """
+VALUES = {"1 / 0": ":10: ZeroDivisionError", "'text'": "its value is 'text', a str; "}
 
 
-@pytest.mark.parametrize("at", ["__init__", "event", "cycle", "value", "type"])
+@pytest.mark.parametrize(("value", "said"), VALUES.items())
 @pytest.mark.parametrize("was_added", [False, True])
-def test_a_measure_that_raises_at_any_time_fails_its_trials_alone(at, was_added, tmp_path):
-    path = write(tmp_path / "mine.py", RAISING.format(at=at))
-    stop = {"stop": {"order_parameter": None, "max_cycles": 3}}
-    if at in ("event", "value"):  # where measures end trials, too
-        stop["stop"]["when"] = "Mine > 1" if not was_added else "order_parameter > 1"
-    folder = tmp_path / "run"
+def test_a_measure_that_fails_costs_its_trials_alone(value, said, was_added, tmp_path):
+    path = write(tmp_path / "mine.py", RAISING.format(value))
+    when = "order_parameter > 1" if was_added else "Mine > 1"  # measures end trials, too
+    stop, folder = {"stop": {"when": when, "max_cycles": 3}}, tmp_path / "run"
     if was_added:
         run_sweep(sweep(["order_parameter"], 2, **stop), folder, pool_here)
     progress = run_sweep(sweep(["order_parameter", str(path)], 2, **stop), folder, pool_here)
     assert (progress.stored, progress.failed) == (2, 2)
     status = read_status(folder)
     assert (status.stored, status.unmeasured) == ((4, 2) if was_added else (2, 0))
-    where = f"{path}:Mine: its value is 'text', a str; " if at == "type" else f"{path}:9: RuntimeError: not today"
-    for failure in status.failed:
-        assert (failure.point, where in failure.error) == (0, True)
+    assert [(failure.point, said in failure.error) for failure in status.failed] == [(0, True)] * 2
     assert [point.measured.count(1) for point in read_points(folder, "Mine")] == [0, 2]
     assert json.loads(json.dumps(status._asdict()))["unmeasured"] == status.unmeasured
