@@ -103,12 +103,14 @@ def test_options_of_the_figure_are_those_of_the_section(small_one, figures_noted
     assert "a trial" in panel.get_legend_handles_labels()[1]
 
 
-def test_fit_of_several_folders_prints_them_all(made, tmp_path) -> None:
+def test_fit_of_several_folders_prints_them_all_and_names_the_statistic(made, tmp_path) -> None:
     other = store(tmp_path / "other", sweep({COUNT: [10], SPEED: MANY_SPEEDS}, trials=100), bumpy)
-    found = read("fit", made, other)
+    found = read("fit", made, other, "--statistic", "weibull-mean")
+    assert [curve["statistic"] for curve in found["curves"]] == [["Weibull mean"]] * 3
     assert [curve["run"] for curve in found["curves"]] == [str(made), str(made), str(other)]
     assert found["laws"]["curves"] == 3
-    stdout = called("fit", made, other)
+    stdout = called("fit", made, other, "--statistic", "median")
+    assert "T_m and T_p: median." in stdout
     assert "Scaling laws of 3 curves" in stdout
     assert "coupling" in stdout
 
@@ -153,12 +155,6 @@ def test_with_few_trials_plot_draws_no_bands_and_no_marks_and_says_so(few, figur
     assert lines[1].startswith("note: no minimum and peak are looked for: fewer than 20 trials")
     assert {line.get_marker() for line in figures_noted[0].axes[0].get_lines()}.isdisjoint({"v", "^"})
     assert [row["low"] + row["high"] for row in rows(tmp_path / "fig.csv")] == [""] * len(MANY_SPEEDS)
-
-
-def test_fit_names_the_statistic_that_it_fits(made) -> None:
-    assert "T_m and T_p: median." in called("fit", made, "--statistic", "median")
-    fitted = read("fit", made, "--statistic", "weibull-mean")["curves"]
-    assert [curve["statistic"] for curve in fitted] == [["Weibull mean"]] * 2
 
 
 @pytest.fixture(scope="module")

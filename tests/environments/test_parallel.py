@@ -22,12 +22,12 @@ BLINKERS = {"name": "blinkers", "robots": [{"count": 2, "controller": "external_
 )
 def test_pettingzoos_tests_pass(scenario, reward, actions):
     def make():
-        return parallel_env(scenario, reward=reward, actions=actions, episode_s=5.0)
+        return parallel_env(scenario, reward=reward, actions=actions, episode_s=1.0)
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        parallel_api_test(make(), num_cycles=60)
-        parallel_seed_test(make, num_cycles=60)
+        parallel_api_test(make(), num_cycles=15)
+        parallel_seed_test(make, num_cycles=15)
 
 
 @pytest.mark.parametrize("name", ["thesis", "kilobots"])
@@ -46,7 +46,7 @@ def test_observations_are_in_their_space_and_mean_what_is_documented(actions):
     assert env.agents == ["robot_0", "robot_1", "robot_2"]
     alone = Simulation(SWARM, 4)
     step = next(alone)
-    for _ in range(100):
+    for _ in range(40):
         for robot, agent in enumerate(env.agents):
             seen = observations[agent]
             assert env.observation_space(agent).contains(seen)
@@ -97,13 +97,13 @@ def test_the_reward_for_synchrony_is_that_of_the_phases_observed():
 def test_infos_tell_of_the_trial_as_an_observer_of_it_is_told(control_steps):
     """Robots that are told to stand still, and flash by themselves."""
     told: list[tuple[int, int, bool]] = []
-    group = {"count": 6, "controller": "external_wheels", "signal": {"kind": "radio"}}
+    group = {"count": 6, "controller": "external_wheels", "signal": {"kind": "radio"}, "parameters": {"period_s": 1}}
     still = {"robots": [group], "stop": {"order_parameter": 0.6}}
 
     def note(step, state):
         told.append((step.number, state.outcome.cycles, state.is_synchronised))
 
-    env = parallel_env(still, seed=4, control_steps=control_steps, episode_s=400)
+    env = parallel_env(still, seed=4, control_steps=control_steps, episode_s=80)
     simulation = env._rows.simulations[0]
     _, infos = env.reset()
     shown = [(simulation.steps - 1, infos)]
@@ -271,7 +271,7 @@ def test_wrappers_that_people_use_work():
     env = OrderEnforcingWrapper(AssertOutOfBoundsWrapper(parallel_to_aec(parallel_env(SWARM, actions="discrete"))))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        api_test(env, num_cycles=60)
+        api_test(env, num_cycles=20)
 
 
 def test_robots_of_another_kind_observe_the_sensors_that_they_have_and_drive_up_to_their_own_limit():

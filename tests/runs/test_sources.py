@@ -159,7 +159,7 @@ def test_what_takes_a_folder_as_a_scenario_runs_no_code_that_is_not_trusted(
     assert not (tmp_path / "was-run").exists()
 
 
-@pytest.mark.parametrize("command", ["run", "plan", "replay --point 0 --trial 0"])
+@pytest.mark.parametrize("command", ["run", "plan", "replay --point 0 --trial 0 --interpret"])
 def test_what_runs_a_folder_asks_for_trust_once(foreign: Path, tmp_path: Path, monkeypatch, command: str) -> None:
     monkeypatch.chdir(tmp_path)
     name, *options = command.split()

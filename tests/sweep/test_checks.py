@@ -27,9 +27,9 @@ def test_every_point_is_timed_once_if_there_is_time_and_no_trial_is_cut() -> Non
 )
 def test_a_trial_that_takes_longer_is_cut(scenario: str, coupling: str) -> None:
     found = points(load_scenario(scenario, [coupling, "stop.max_cycles=1000000000"]))
-    (timed,) = time_trials(found, 0.3)  # the trial itself would take years
+    (timed,) = time_trials(found, 0.1)  # the trial itself would take years
     assert timed.is_cut
-    assert timed.wall_s >= 0.3
+    assert timed.wall_s >= 0.1
 
 
 def test_what_compiling_takes_is_not_counted_and_each_trial_may_take_what_is_left(monkeypatch) -> None:

@@ -119,10 +119,10 @@ def test_a_measure_that_never_returns_has_failed_when_its_time_is_up_and_status_
 
 
 def test_a_slow_trial_ends_itself_without_its_worker_and_may_be_run_with_another_limit(tmp_path) -> None:
-    slow = load_scenario({"stop": {"max_cycles": 10**6}, "robots": [{"count": 5}], "trials": 2, "trial_timeout_s": 0.3})
+    slow = load_scenario({"stop": {"max_cycles": 10**6}, "robots": [{"count": 5}], "trials": 1, "trial_timeout_s": 0.1})
     slow = slow.model_copy(update={"stop": slow.stop.model_copy(update={"order_parameter": None})})
     progress = run_sweep(slow, tmp_path / "run", pool_here)
-    assert (progress.stored, progress.failed) == (0, 2)
-    assert set(errors(tmp_path / "run").values()) == {out_of_time(0.3)}
-    run_sweep(slow.model_copy(update={"trial_timeout_s": 0.2}), tmp_path / "run", pool_here)
-    assert set(errors(tmp_path / "run").values()) == {out_of_time(0.2)}
+    assert (progress.stored, progress.failed) == (0, 1)
+    assert set(errors(tmp_path / "run").values()) == {out_of_time(0.1)}
+    run_sweep(slow.model_copy(update={"trial_timeout_s": 0.05}), tmp_path / "run", pool_here)
+    assert set(errors(tmp_path / "run").values()) == {out_of_time(0.05)}

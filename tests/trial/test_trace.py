@@ -34,7 +34,7 @@ def small_chunks(monkeypatch) -> None:
 @pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize("arena", ["thesis", "spotlight"])
 def test_every_value_is_that_of_the_simulation(tmp_path, arena: str) -> None:
-    scenario = load_scenario(arena, ["stop.max_time_s=20"])
+    scenario = load_scenario(arena, ["stop.max_time_s=8"])
     (tmp_path / "link.parquet").symlink_to(tmp_path / "t.parquet")
     result, _ = traced(tmp_path / "link.parquet", scenario, 0)
     assert result._replace(wall_s=0) == run_trial(Simulation(scenario, 0))._replace(wall_s=0)
