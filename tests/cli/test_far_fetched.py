@@ -12,23 +12,13 @@ from epuck_sim.cli.app import app
 from epuck_sim.runs.reader import read_status
 from epuck_sim.util.messages import describe_error
 from tests.cli.commands import call, called, refused
+from tests.control.bench import with_step
 from tests.runs.made_folders import SPEED, SPEEDS, ended, store, sweep
 
-CONTROLLER = """
-import sys
-
-PARAMETERS = {{}}
-MEMORY = {{}}
-
+STRANGE = """
 class Strange(BaseException):
     def __str__(self):
         raise self
-
-def start(memory, parameters, random):
-    pass
-
-def step(sensors, memory, actuators, parameters, random):
-    {line}
 """
 
 NOT_UTF8 = os.fsdecode(b"b\xffd")
@@ -36,7 +26,7 @@ NOT_UTF8 = os.fsdecode(b"b\xffd")
 
 def scene(folder: Path, line: str) -> Path:
     """Write a scenario of one robot whose controller does `line` in each step."""
-    (folder / "mine.py").write_text(CONTROLLER.format(line=line))
+    (folder / "mine.py").write_text(f"import sys\n{with_step(line)}{STRANGE}")
     path = folder / "scene.yaml"
     path.write_text("robots: [{controller: mine.py, count: 1}]\nstop: {max_time_s: 0.3}\n")
     return path
@@ -53,7 +43,7 @@ def scene(folder: Path, line: str) -> Path:
 )
 def test_whatever_a_controller_raises_is_named_with_its_line(tmp_path, line: str, message: str) -> None:
     stderr = refused("run", scene(tmp_path, line), "--interpret")
-    assert f"{tmp_path}/mine.py:15: {message}" in stderr
+    assert f"{tmp_path}/mine.py:10: {message}" in stderr
 
 
 @pytest.mark.parametrize("line", ["sys.stdout.close()", "sys.stdout = None"])

@@ -14,24 +14,16 @@ import pytest
 from epuck_sim.cli import app as command
 from epuck_sim.cli import interrupt
 from tests.cli.commands import called
+from tests.control.bench import with_step
 from tests.processes import COMMAND, processes_marked, start, wait_until
 
 ROOT = Path(interrupt.__file__).parents[2]
 
-ENDLESS = """
-PARAMETERS = {}
-MEMORY = {"x": float}
-
-def start(memory, parameters, random):
-    pass
-
-def step(sensors, memory, actuators, parameters, random):
-    memory.x += 1
+ENDLESS = with_step("""memory.x += 1
     if memory.x > 5:
         print("in the loop")
     while memory.x > 5:
-        memory.x += 1
-"""
+        memory.x += 1""")
 """A controller that never returns from its sixth step."""
 
 

@@ -34,12 +34,7 @@ COMMANDS = (
     "export FOLDER --to OUT.csv",
     "export FOLDER --to OUT.parquet",
     "summarize FOLDER",
-    "summarize FOLDER --json",
-    "plot FOLDER",
     "plot FOLDER --to OUT",
-    "plot FOLDER --form violins --censored-at 40",
-    "fit FOLDER",
-    "fit FOLDER --json",
     "fit FOLDER GOOD",
 )
 

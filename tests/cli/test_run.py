@@ -1,14 +1,19 @@
-"""The command: what it prints, where, and how it ends."""
+"""The command: what it prints, where, of which size it says that trials are, and how it ends."""
 
 import json
 import re
+import time
 
 import pytest
 
 from epuck_sim import __version__, load_scenario
-from epuck_sim.cli import progress
+from epuck_sim.cli import errors, progress
+from epuck_sim.cli.errors import word_if_slow
+from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util import atomic_write
-from tests.cli.commands import call, called, read, set_to, trials
+from tests.cli.commands import call, called, read, refused, set_to, trials
+
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
 
 def test_json_is_one_object_a_trial_and_the_seed_of_one_gives_the_same_trial_alone() -> None:
@@ -98,3 +103,43 @@ def test_what_never_happens_in_a_trial_is_noted() -> None:
         assert note.startswith(said)
     for given in ({"faults": late, "stop": {"max_time_s": 9.5}}, {"schedule": [add, remove]}):
         assert load_scenario(given).notes == []
+
+
+SWEEP = ("particles", "--sweep", "agents.speed_cm_s=1,2,3", "--set", "trials=400", "--set", "stop.max_cycles=3")
+LARGE = ("arena.width_cm=5000", "arena.height_cm=5000", "robots.0.count=20000", "robots.0.camera.pixels=900")
+
+
+def test_check_says_how_many_points_and_trials_there_are_and_what_they_take() -> None:
+    printed = called("check", *SWEEP)
+    assert printed.endswith("\n# 3 points, 1200 trials: about 174 kB on disk\n")
+    assert load_scenario(parse_yaml(printed, "stdout")).trials == 400
+
+
+def test_check_says_what_measures_and_large_swarms_take() -> None:
+    last = called("check", "thesis", *set_to(*LARGE, "measures=[order_parameter]")).splitlines()[-1]
+    assert last == (
+        "# 1 point, 1 trial: about 0.14 kB on disk, besides its measures; up to 240 MB of memory for a trial"
+    )
+
+
+def test_a_sweep_begins_with_its_size(tmp_path) -> None:
+    result = call("run", *SWEEP, "--trials", "2", "--out", tmp_path / "run", "--json", "--workers", "1")
+    assert result.exit_code == 0
+    assert result.stderr.startswith("particles: 3 points, 6 trials: about 0.87 kB on disk\n")
+    assert json.loads(result.stdout)["stored"] == 6
+
+
+def test_a_sweep_that_needs_too_much_memory_is_refused_and_leaves_nothing(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("epuck_sim.util.machine.available_bytes", lambda: 1000)
+    monkeypatch.setattr("epuck_sim.sweep.checks.available_bytes", lambda: 1000)
+    message = refused("run", "thesis", *set_to(*LARGE[:3]), "--out", tmp_path / "run", "--workers", "2")
+    assert "on each of 2 workers needs about 211 MB of memory, and 1 kB are available here" in message
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("lasts_s", "is_said"), [(0.0, False), (0.3, True)])
+def test_what_takes_long_is_named_once(monkeypatch, capsys, lasts_s: float, is_said: bool) -> None:
+    monkeypatch.setattr(errors, "SLOW_S", 0.05)
+    with word_if_slow("reading big.yaml"):
+        time.sleep(lasts_s)
+    assert capsys.readouterr().err == ("reading big.yaml takes a while; Ctrl-C ends it\n" if is_said else "")

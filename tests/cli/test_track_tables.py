@@ -45,9 +45,7 @@ def test_no_corners_are_refused() -> None:
             parse_corners(text)
 
 
-def test_t_sync_comes_first_and_the_table_fits_a_screen(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_t_sync_comes_first_and_the_table_fits_a_screen(monkeypatch, capsys) -> None:
     monkeypatch.setattr("epuck_sim.cli.tables.terminal_width", lambda: 80)
     doubts = ("rings are missed, or something shines; give --corners, --arena-cm", "is it 2 s? give --period-s")
     print_track(TRACK._replace(warnings=doubts, confidence="low"))
@@ -68,9 +66,7 @@ def test_a_swarm_that_never_synchronised_in_a_film_whose_name_is_no_markup(capsy
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])
-def test_frames_are_passed_on_as_they_come(
-    is_terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_frames_are_passed_on_as_they_come(is_terminal: bool, monkeypatch, capsys) -> None:
     def console(**options: Any) -> Console:
         return Console(**options, force_terminal=is_terminal)
 

@@ -11,6 +11,7 @@ from epuck_sim import Simulation
 from epuck_sim.control.loader import find_controller
 from epuck_sim.environments import parallel_env, vector_env
 from epuck_sim.errors import ControllerError, ScenarioError
+from tests.control.bench import with_step
 
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
 
@@ -127,11 +128,7 @@ def test_no_step_is_taken_with_a_controller_that_was_replaced():
 
 def test_an_error_of_a_controller_in_a_thread_reaches_the_caller(tmp_path):
     path = tmp_path / "late.py"
-    path.write_text(
-        "PARAMETERS = {}\nMEMORY = {'steps': int}\ndef start(memory, parameters, random):\n    pass\n"
-        "def step(sensors, memory, actuators, parameters, random):\n"
-        "    memory.steps += 1\n    actuators.left_cm_s = 1 / (5 - memory.steps)\n"
-    )
+    path.write_text(with_step("memory.x += 1; actuators.left_cm_s = 1 / (5 - memory.x)"))
     scenario = {"robots": [{"count": 1, "controller": "external"}, {"count": 1, "controller": str(path)}]}
     batch = vector_env(scenario, 3, threads=2)
     batch.reset()

@@ -361,6 +361,8 @@ def test_each_level_holds_what_it_should_and_no_more_and_says_of_which_trial(
     numbers = {"/camera/rows/numbers", "/infrared/numbers"} if level is Level.FULL else set()
     assert set(found.static) == properties | arena | numbers | MOVING[level]
     rows = 0 if level is Level.SUMMARY else 120
+    assert found.static["/flashes"]["SeriesPoints:colors"] == [0xE12828FF]  # red
+    assert found.static["/order/firings"]["SeriesPoints:colors"] == [0x3C82E6FF]  # blue
     for field, tail in {"phase_ms": (), "positions": (2,), "headings": (), "ring_on": ()}.items():
         assert getattr(read, field).shape == (rows, 10, *tail), field
     assert (len(read.time_s), read.memory) == (120, {})

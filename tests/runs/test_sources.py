@@ -17,17 +17,7 @@ from tests.cli.commands import call, refused
 from tests.control.bench import write_soon_after
 from tests.runs.test_store import COUNT, MINE, fill, scenario_of, stored
 
-MEASURE = """
-class Coverage:
-    def __init__(self, simulation):
-        pass
-
-    def step(self, step):
-        pass
-
-    def value(self):
-        return 1.0
-"""
+MEASURE = "def coverage(simulation):\n    return 1.0\n"
 
 
 @pytest.fixture
@@ -40,9 +30,9 @@ def made(tmp_path: Path) -> Path:
         (own / name / "helper.py").write_text(f"PACE = {len(name)}\n")
     (own / "coverage.py").write_text(MEASURE)
     axis = {"robots.0.controller": [str(own / name / "mine.py") for name in ("here", "there")], COUNT: [2, 3]}
-    measures = [str(own / "coverage.py:Coverage")]
+    measures = [str(own / "coverage.py:coverage")]
     scenario = scenario_of({"grid": axis}, measures=measures)
-    fill(tmp_path / "run", scenario, measures={"Coverage": 1.0}, t_sync_cycles=9, cycles=9)
+    fill(tmp_path / "run", scenario, measures={"coverage": 1.0}, t_sync_cycles=9, cycles=9)
     return tmp_path / "run"
 
 
@@ -51,7 +41,7 @@ def test_a_folder_has_users_files_and_names_them_relative_to_itself(made: Path) 
     assert {path.relative_to(made).as_posix() for path in made.rglob("*.py")} == {*names, "sources/coverage.py"}
     scenario = yaml.safe_load((made / "scenario.yaml").read_text())
     assert scenario["sweep"]["grid"]["robots.0.controller"] == ["sources/here/mine.py", "sources/there/mine.py"]
-    assert [*scenario["measures"][0]] == ["sources/coverage.py:Coverage"]
+    assert [*scenario["measures"][0]] == ["sources/coverage.py:coverage"]
     assert str(made.parent) not in (made / "scenario.yaml").read_text()
 
 
@@ -70,15 +60,15 @@ def test_a_folder_that_was_sent_to_somebody_goes_on_there(made: Path, tmp_path: 
 
 def test_files_of_the_same_name_that_come_later_lie_beside_the_first(made: Path, tmp_path: Path) -> None:
     (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "coverage.py").write_text(MEASURE.replace("Coverage", "Other"))
+    (tmp_path / "other" / "coverage.py").write_text(MEASURE.replace("coverage", "other"))
     more = load_scenario(made, measures=[str(tmp_path / "other" / "coverage.py")])
     with Store(made, more, points(more)):
         pass
     assert (made / "sources" / "coverage.py").read_text() == MEASURE
-    assert "Other" in (made / "sources-2" / "coverage.py").read_text()
+    assert "other" in (made / "sources-2" / "coverage.py").read_text()
     assert [each.measure.rpartition("/")[2] for each in load_scenario(made).measures] == [
-        "coverage.py:Coverage",
-        "coverage.py:Other",
+        "coverage.py:coverage",
+        "coverage.py:other",
     ]
 
 

@@ -78,11 +78,3 @@ def test_one_oscillator_alone_is_never_synchronised(name: str, settings: list[st
     stop = ["stop.max_cycles=5", f"stop.metric={metric}"]
     result = run_trial(simulate(load_scenario(name, [*settings, *stop]), 1))
     assert (result.censored, result.t_sync_cycles, result.cycles, result.order_parameter) == (True, None, 5, 1)
-
-
-def test_progress_of_a_long_trial_is_shown_more_than_once() -> None:
-    scenario = load_scenario("particles", ["response.coupling=0", "stop.max_cycles=20000"])
-    cycles = []
-    run_trial(simulate(scenario, 4), progress=lambda state: cycles.append(state.cycles))
-    assert len(cycles) > 3
-    assert (cycles == sorted(cycles), cycles[-1]) == (True, 20000)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from epuck_sim import Scenario, ScenarioError, load_scenario, points, read_points, run_sweep, run_trial, summarize
+from epuck_sim import Scenario, load_scenario, points, read_points, run_sweep, run_trial, summarize
 from epuck_sim.order_parameter import Firing
 from epuck_sim.scenario.base import Number
 from epuck_sim.scenario.loader import SCENARIO_TYPES
@@ -69,22 +69,6 @@ def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 SWEEP = {"name": "dice", "model": "dice", "trials": 20, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
-
-
-def test_it_is_read_and_its_mistakes_are_refused_as_those_of_others() -> None:
-    assert load_scenario({"model": "dice", "chance": 0.5}).chance == 0.5
-    with pytest.raises(ScenarioError, match="scenario: chance: is 2; allowed: "):
-        load_scenario({"model": "dice", "chance": 2})
-
-
-def test_its_trials_are_run_and_watched() -> None:
-    scenario = load_scenario({"model": "dice"})
-    seen: list[tuple[int, int]] = []
-    result = run_trial(simulate(scenario, 5), [lambda event, state: seen.append((event, state.outcome.cycles))])
-    assert seen == [(cycle, cycle) for cycle in range(1, result.cycles + 1)]
-    assert result.t_sync_cycles == result.cycles
-    with pytest.raises(ScenarioError, match="has no controllers to interpret"):
-        run_sweep(scenario, "nowhere", interpret=True)
 
 
 def test_it_is_swept_by_worker_processes_stored_and_summarised(tmp_path: Path) -> None:
