@@ -31,7 +31,7 @@ def made(tmp_path: Path) -> Path:
     (own / "coverage.py").write_text(MEASURE)
     axis = {"robots.0.controller": [str(own / name / "mine.py") for name in ("here", "there")], COUNT: [2, 3]}
     measures = [str(own / "coverage.py:coverage")]
-    scenario = scenario_of({"grid": axis}, measures=measures)
+    scenario = scenario_of({"grid": axis}, measures=measures, stop={"max_time_s": 2})
     fill(tmp_path / "run", scenario, measures={"coverage": 1.0}, t_sync_cycles=9, cycles=9)
     return tmp_path / "run"
 
