@@ -33,9 +33,10 @@ def shelf(tmp_path_factory) -> Path:
     return folder
 
 
-def test_several_trials_are_filmed_recorded_and_traced_into_files_of_their_own(shelf, here) -> None:
-    files = ["--film", "t.mp4", "--record", "t.rrd", *POSES, "--trace", "t.parquet"]
-    rows = trials(called("run", shelf / "three.yaml", "--trials", "2", "--seed", "7", "--json", *files))
+def test_several_trials_are_the_same_filmed_recorded_and_traced_into_files_of_their_own(shelf, here) -> None:
+    command = ["run", shelf / "three.yaml", "--trials", "2", "--seed", "7", "--json"]
+    rows = trials(called(*command, "--film", "t.mp4", "--record", "t.rrd", *POSES, "--trace", "t.parquet"))
+    assert rows == trials(called(*command))
     assert names(here) == sorted(f"t-{trial}.{kind}" for trial in (0, 1) for kind in ("mp4", "rrd", "parquet"))
     assert rows[0]["seed"] != rows[1]["seed"]
     for trial, row in enumerate(rows):
