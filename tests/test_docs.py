@@ -20,6 +20,7 @@ import pytest
 import epuck_sim
 from epuck_sim import Simulation, load_scenario, points, read_recording
 from epuck_sim.recording import live, viewer
+from epuck_sim.report import page as report
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial, simulate
 from tests.cli.commands import call
@@ -180,8 +181,8 @@ def shown(monkeypatch) -> list[str]:
 @pytest.mark.usefixtures("sweeps_run_here", "_elsewhere")
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
 def test_the_commands_shown_run(page: Path, shown: list[str], monkeypatch) -> None:
-    if page.stem != "README":  # which has figures of all kinds; pictures are looked at in tests/figures
-        note_figures(monkeypatch)
+    note_figures(monkeypatch)  # pictures are looked at in tests/figures, those of reports in tests/report
+    monkeypatch.setattr(report, "_draw", lambda *_: ())
     write_files("README.md", str(page))
     for words in commands(page):
         result = call(*words)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import Simulation, load_scenario
@@ -42,6 +42,7 @@ def test_as_it_stands_the_response_is_the_thesiss_to_the_bit(period_s):
 @given(
     response=st.lists(st.floats(-0.1, 0.1), min_size=8, max_size=8), phase_ms=st.integers(0, 4999), sees=st.booleans()
 )
+@settings(max_examples=30)
 def test_a_flash_moves_the_phase_by_the_response_in_between_its_nodes(response, phase_ms, sees):
     nodes = {f"response_{node}": value for node, value in enumerate(response, 1)}
     robot = TestRobot(RESPONSIVE, nodes)

@@ -7,6 +7,7 @@ import pytest
 from docs.figures.tables import restore, sweeps
 from docs.trials import TABLES, read_table
 from tests.cli.commands import call
+from tests.figures.drawn import note_figures
 
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 TABLE_NAMES = sorted(path.name.removesuffix(".csv.gz") for path in (TABLES / "figures").iterdir())
@@ -23,7 +24,8 @@ DRAWN = [
 
 
 @pytest.mark.parametrize("name", DRAWN)
-def test_the_trials_of_a_table_give_the_figure(tmp_path: Path, name: str) -> None:
+def test_the_trials_of_a_table_give_the_figure(tmp_path: Path, name: str, monkeypatch) -> None:
+    note_figures(monkeypatch)  # of which pictures are looked at in tests/figures
     restore(name, sweeps()[name], tmp_path / name)
     assert call("plot", tmp_path / name, "--to", tmp_path / "figure").exit_code == 0
     assert (tmp_path / "figure.csv").read_text() == (FIGURES / f"{name}.csv").read_text()

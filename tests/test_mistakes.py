@@ -94,7 +94,7 @@ MAKERS: dict[str, Callable[[Path], object]] = {
     "empty": stored(lambda _: ended([]), {SPEED: SPEEDS}),
     "censored": stored(never, {WIDTH: [40, 60], SPEED: [1, 2]}, 3),
     "timeless": stored(never, {WIDTH: [40, 60], SPEED: [1, 2]}, 3, stop={"order_parameter": None, "max_cycles": 5000}),
-    "panels": stored(lambda _: ended([5]), {WIDTH: range(60, 160), SPEED: [1, 2]}, 1),
+    "panels": stored(lambda _: ended([5]), {WIDTH: range(60, 125), SPEED: [1, 2]}, 1),
     "agents": stored(partial(weibull, mean=30), AGENTS, 3, "tiny", model="particles", agents={"count": 6}, **CONE),
     "measured": measured,
 }

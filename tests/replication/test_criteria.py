@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -30,6 +30,7 @@ def check_p_values(effect, threshold, test, larger="greater", smaller="less") ->
 
 
 @given(SOME, st.floats(1, 100))
+@settings(max_examples=30)
 def test_a_level_is_tested_as_students_test_does(values, threshold) -> None:
     effect = level(measured(values))
     check_p_values(effect, threshold, partial(stats.ttest_1samp, values, threshold))
@@ -45,6 +46,7 @@ def test_a_share_is_tested_by_the_exact_binomial_test(counts, threshold) -> None
 
 
 @given(*(st.integers(5, 40).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))) for _ in range(2)))
+@settings(max_examples=30)
 def test_shares_are_compared_by_fishers_exact_test(first, second) -> None:
     effect = criteria.share_difference(truths(*first), truths(*second))
     counts = [[second[0], second[1] - second[0]], [first[0], first[1] - first[0]]]
@@ -60,6 +62,7 @@ def test_a_share_below_one_is_shown_by_one_trial_and_no_number_of_trials_shows_o
 
 
 @given(SOME, SOME)
+@settings(max_examples=30)
 def test_a_ratio_of_two_points_is_that_of_compare_but_less_sure(first, second) -> None:
     pair = measured(first), measured(second)
     expected, parts = contrast(pair_up(*pair), of_logarithms=True)
@@ -83,6 +86,7 @@ def test_a_ratio_over_several_pairs_is_their_geometric_mean() -> None:
 
 
 @given(st.lists(SOME, min_size=2, max_size=5), st.floats(0.5, 2))
+@settings(max_examples=20)
 def test_the_largest_rise_is_that_of_all_pairs(curve, threshold) -> None:
     samples = [measured(values) for values in curve]
     pairs = [(samples[i], samples[j]) for j in range(len(samples)) for i in range(j)]
@@ -158,6 +162,7 @@ COARSE = st.lists(st.integers(1, 40), min_size=5, max_size=15)
 
 
 @given(COARSE, COARSE)
+@settings(max_examples=30)
 def test_superiority_is_tested_as_brunner_and_munzel_do(first, second) -> None:
     effect = criteria.superiority(measured(first), measured(second))
     wins = [(b > a) + (a == b) / 2 for a in first for b in second]
@@ -183,6 +188,7 @@ def test_equal_distributions_are_within_some_of_a_half() -> None:
 
 
 @given(st.lists(COARSE, min_size=2, max_size=5))
+@settings(max_examples=30)
 def test_a_rank_trend_is_spearmans(curves) -> None:
     x = np.arange(1.0, len(curves) + 1)
     effect = criteria.rank_trend(x, [measured(each) for each in curves])
@@ -199,7 +205,7 @@ def test_a_rank_trend_is_spearmans(curves) -> None:
 def test_intervals_of_strong_trends_hold_the_truth() -> None:
     truth, rng = 6 / math.pi * math.asin(0.9 / 2), np.random.default_rng(4)  # of normal pairs that correlate by 0.9
     held = []
-    for _ in range(400):
+    for _ in range(300):
         x = rng.normal(size=30)
         y = 0.9 * x + math.sqrt(1 - 0.81) * rng.normal(size=30)
         _, low, high = criteria.rank_trend(x, [measured([value]) for value in y]).estimate.ends
@@ -249,8 +255,8 @@ def test_weibull_trials_have_their_mean_though_they_are_censored_and_others_have
 
 
 def test_its_error_is_that_of_trials_drawn_anew(monkeypatch) -> None:
-    monkeypatch.setattr(criteria, "RESAMPLES", 60)
+    monkeypatch.setattr(criteria, "RESAMPLES", 40)
     random = np.random.default_rng(2)
-    many = [criteria.weibull_ratio(measured(1000 * random.weibull(1.4, 60)), 900).estimate for _ in range(15)]
+    many = [criteria.weibull_ratio(measured(1000 * random.weibull(1.4, 60)), 900).estimate for _ in range(12)]
     spread = np.std(np.log([each.value for each in many]), ddof=1)
     assert np.median([math.log(each.high / each.value) / 2 for each in many]) == pytest.approx(spread, rel=0.4)

@@ -35,8 +35,8 @@ def test_chance_decides_as_often_as_one_look_would_though_there_are_many() -> No
     sizes = np.array(trials_at_looks(20))
     sums = np.random.default_rng(1).normal(size=(2000, sizes[-1])).cumsum(axis=1)[:, sizes - 1]
     largest = np.abs(sums / np.sqrt(sizes)).max(axis=1)
-    p_values = [looks_p_value(2 * NormalDist().cdf(-each), LOOKS) for each in largest]
-    assert np.mean(np.array(p_values) < 1 - LEVEL) == pytest.approx(1 - LEVEL, abs=0.012)
+    found = looks_p_value(2 * NormalDist().cdf(-np.quantile(largest, LEVEL)), LOOKS)
+    assert found == pytest.approx(1 - LEVEL, abs=0.012)
 
 
 def test_a_look_among_many_is_less_sure_but_no_less_than_bonferroni_makes_it() -> None:

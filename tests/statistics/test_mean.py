@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -112,6 +112,7 @@ def test_intervals_of_differences_are_those_published(first, second, interval):
 
 
 @given(st.integers(1, 60), st.data())
+@settings(max_examples=30)
 def test_shares_lie_in_their_intervals_and_these_between_0_and_1(trials, data):
     true = data.draw(st.integers(0, trials))
     found = estimate_share(truths(true, trials))

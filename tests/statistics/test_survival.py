@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from lifelines import KaplanMeierFitter
 from lifelines.utils import median_survival_times
@@ -158,6 +158,7 @@ def test_no_distribution_of_a_wide_grid_is_nearer_than_the_fit(times, censored):
 
 
 @given(trials)
+@settings(max_examples=30)
 def test_there_is_a_fit_just_if_two_event_times_leave_some_trials(given_trials):
     times, observed = given_trials
     n, events = len(times), np.unique(times[observed & (times > 0)])
@@ -207,10 +208,10 @@ def means_one_by_one(times, observed, resamples, seed):
 
 @pytest.mark.parametrize("censored", [0, 0.9])
 def test_bootstrap_means_are_the_means_of_trials_drawn_with_replacement(censored):
-    given_trials = weibull_trials(4, 200, censored=censored, whole=True)
-    expected = means_one_by_one(*given_trials, 600, seed=11)  # several blocks
+    given_trials = weibull_trials(4, 400, censored=censored, whole=True)
+    expected = means_one_by_one(*given_trials, 250, seed=11)  # several blocks
     assert np.isinf(expected).any() == (censored == 0.9)
-    np.testing.assert_allclose(weibull_resamples(*given_trials, 600, seed=11), expected, rtol=1e-6)
+    np.testing.assert_allclose(weibull_resamples(*given_trials, 250, seed=11), expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -224,8 +225,8 @@ def test_bootstrap_means_are_the_means_of_trials_drawn_with_replacement(censored
 )
 def test_resamples_that_little_resemble_the_sample_are_fitted_as_well(times, censored):
     given_trials = np.array(times, float), np.arange(len(times)) >= censored
-    expected = means_one_by_one(*given_trials, 200, seed=0)
-    np.testing.assert_allclose(weibull_resamples(*given_trials, 200), expected, rtol=1e-5)
+    expected = means_one_by_one(*given_trials, 100, seed=0)
+    np.testing.assert_allclose(weibull_resamples(*given_trials, 100), expected, rtol=1e-5)
 
 
 def test_resamples_without_a_fit_are_infinite_if_any_of_their_trials_is_censored():
@@ -243,6 +244,7 @@ def test_resamples_without_a_fit_are_infinite_if_any_of_their_trials_is_censored
 
 
 @given(trials)
+@settings(max_examples=30)
 def test_bootstrap_means_of_any_trials_are_not_negative_and_raise_no_warning(given_trials):
     times, observed = given_trials
     with np.errstate(all="raise", under="ignore"):
