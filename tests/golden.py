@@ -28,7 +28,7 @@ from epuck_sim.util.builtin import ARENAS, builtin_files
 
 FILE = Path(__file__).with_suffix(".json")
 ROOT = FILE.parent.parent
-CASES: dict[str, dict[str, dict[str, Any]]] = yaml.safe_load((FILE.parent / "golden_cases.yaml").read_text())
+CASES: dict[str, dict[str, Any]] = yaml.load(FILE.with_name("golden_cases.yaml").read_text(), yaml.CSafeLoader)
 Felt = Callable[[Step], Iterator[np.ndarray]]
 CASE_S = 20
 CASE_CYCLES = 40
