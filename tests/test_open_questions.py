@@ -56,16 +56,16 @@ def test_kilobots_whose_messages_reach_7_cm_are_sooner_in_step_if_they_are_fast(
     def cycles(speed_cm_s: float) -> list[int | None]:
         settings = ["robots.0.signal.range_cm=7", f"robots.0.parameters.speed_cm_s={speed_cm_s}"]
         scenario = load_scenario("kilobots", [*settings, "stop.max_cycles=300"])
-        return [result.t_sync_cycles for result in results(scenario, (1, 2, 3))]
+        return [result.t_sync_cycles for result in results(scenario, (1, 2))]
 
-    assert cycles(1.0).count(None) <= 1
-    assert cycles(0.1) == [None] * 3
+    assert cycles(1.0).count(None) == 0
+    assert cycles(0.1) == [None] * 2
 
 
 def test_robots_that_turn_every_second_are_sooner_in_step_than_those_that_go_straight():
     def cycles(persistence: float) -> float:
         walk = {"run_s": 1.0, "persistence": persistence, "speed_cm_s": 0.4}
         robots = [{"count": 10, "controller": "walking_firefly", "parameters": walk}]
-        return float(np.mean([result.t_sync_cycles for result in results({"robots": robots}, range(20))]))
+        return float(np.mean([result.t_sync_cycles for result in results({"robots": robots}, range(12))]))
 
     assert cycles(0.0) < 0.75 * cycles(1.0)

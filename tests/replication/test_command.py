@@ -125,7 +125,7 @@ def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
 
 
 def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
-    longer = {"neighbourhood": {"k": 1}, "measures": ["neighbour_change"], "trials": 20, "stop": {"max_cycles": 5000}}
+    longer = {"neighbourhood": {"k": 1}, "measures": ["neighbour_change"], "trials": 20, "stop": {"max_cycles": 2000}}
     sweep = {**SWEEP, "keys": {**SWEEP["keys"], **longer}}
     checks = [
         {"test": "superiority", "between": FASTER["between"], "where": {SPEED: 1}, "below": 0.5},

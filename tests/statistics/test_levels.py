@@ -53,10 +53,10 @@ def test_intervals_of_slopes_through_few_points_however_they_scatter(points: int
 
 def test_chance_in_the_far_tail_of_permutations() -> None:
     ours = []
-    for seed in range(2500):
+    for seed in range(1200):
         pair = pair_up(*(measured(np.random.default_rng([seed, n]).lognormal(0, 0.8, 10)) for n in (0, 1)))
         ours.append(share_as_large(studentised([permute(pair, seed, of_logarithms=True, count=599)])))
-    assert 0.001 < np.mean(np.array(ours) <= 0.005) < 0.0105  # 0.005 with four standard deviations
+    assert 0 < np.mean(np.array(ours) <= 0.005) < 0.013  # 0.005 with four standard deviations
 
 
 def test_chance_in_the_far_tail_of_ratios() -> None:

@@ -56,7 +56,7 @@ def looks_at(times, limit: float = math.inf) -> list[Estimate]:
 
 @pytest.mark.parametrize("share_censored", [0.0, 0.4])
 def test_intervals_of_skewed_times_hold_at_all_looks_and_at_the_first_narrow_one(share_censored) -> None:
-    samples, random = 600, np.random.default_rng(5)
+    samples, random = 400, np.random.default_rng(5)
     limit = (-math.log(share_censored)) ** (1 / 1.35) if share_censored else math.inf
     truth = np.minimum(random.weibull(1.35, 10**6), limit).mean()
     experiments = (looks_at(times, limit) for times in random.weibull(1.35, (samples, LIMIT)))

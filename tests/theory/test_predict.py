@@ -16,7 +16,6 @@ def test_swarms_have_the_regime_that_trials_find_and_where_they_find_it() -> Non
     for settings, verdict, v_p in [
         ((), "yes", 2.2),
         (("neighbourhood={kind: cone_of_vision, angle_deg: 60, radius_cm: 142}",), "yes", 3.45),
-        (("neighbourhood.k=5",), "no", None),
         (("neighbourhood={kind: cone_of_emission, angle_deg: 60, radius_cm: 142}",), "no", None),
         (("neighbourhood.k=2",), "no", None),
         (("neighbourhood.k=2", "agents.count=24", "response.coupling=0.2"), "yes", 1.1),
