@@ -232,6 +232,8 @@ def _values_of_range(key: str, parts: re.Match[str]) -> list[float]:
     if key.rpartition(".")[2] in COUNTS:
         inner = np.round(inner)
     values = [first, *(float(f"{value:.6g}") for value in inner), last]
+    if (different := len({*values})) < number:
+        raise ValueError(f"{key} is {parts[0]}; rounded, only {different} values differ; allowed: fewer, or with :lin")
     is_whole = {*"eE."}.isdisjoint(parts[1] + parts[2]) and all(value == int(value) for value in values)
     return [int(value) for value in values] if is_whole else values
 
