@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import FloatArray
@@ -62,6 +62,7 @@ def farthest(path: FloatArray, pieces: FloatArray) -> float:
     return worst
 
 
+@settings(max_examples=40)
 @given(st.integers(0, 10_000), st.floats(0.01, 45), st.sampled_from([1, 2]), st.booleans())
 def test_nothing_is_drawn_where_the_agent_was_not(seed: int, step_cm: float, dimensions: int, is_cyclic: bool) -> None:
     travelled = step_cm * np.arange(ROWS)

@@ -75,8 +75,8 @@ EXTREMA = FORM.searches
 
 
 def axes_of(curves, axis=SPEED) -> Axes:
-    """Return the panel of curves without a minimum and a peak, laid out."""
-    return laid_out(form_of(curves, axis, [NOTHING] * len(curves)).draw_figure()).axes[0]
+    """Return the panel of curves without a minimum and a peak."""
+    return form_of(curves, axis, [NOTHING] * len(curves)).draw_figure().axes[0]
 
 
 @pytest.fixture(scope="module")

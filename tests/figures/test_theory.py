@@ -1,5 +1,7 @@
 """What figures of T_sync against speed show of predictions: what `predict` says of the scenario of each curve."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -19,6 +21,7 @@ def folder(tmp_path_factory):
     return store(tmp_path_factory.mktemp("agents") / "run", asked, lambda point: weibull(point, 60))
 
 
+@cache
 def of_nearest(k: int, speed: float = 30):
     return predict(load_scenario("particles", [*SETTINGS, f"neighbourhood.k={k}", f"agents.speed_cm_s={speed}"]))
 

@@ -33,7 +33,7 @@ def law(point):
     return ended(drawn.times, drawn.times < 200) if count == 7 else drawn
 
 
-POINTS = in_memory(sweep({COUNT: COUNTS, SPEED: SPEEDS}), law)
+POINTS = in_memory(sweep({COUNT: COUNTS, SPEED: SPEEDS}, trials=40), law)
 FORM = Violins(axis=SPEED, curves=read_violins(POINTS, SPEED, CENSORED_AT), censored_at=CENSORED_AT)
 OPEN = Violins(axis=SPEED, curves=read_violins(POINTS, SPEED))
 

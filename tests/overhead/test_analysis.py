@@ -193,7 +193,7 @@ def test_ctrl_c_leaves_as_many_counts_as_times(monkeypatch: pytest.MonkeyPatch) 
     flickers=st.lists(st.integers(0, 179), max_size=3),
     threshold_s=st.floats(0.02, 0.2),
 )
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
     seed: int, together_s: float, lit: int, flickers: list[int], threshold_s: float
 ) -> None:

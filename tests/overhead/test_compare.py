@@ -238,7 +238,7 @@ def test_coupled_robots_whose_cycles_are_hardly_ever_their_own_do_not_tell_the_p
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.2))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8)
 def test_a_known_spread_is_found(seed: int, half_width: float) -> None:
     generator = np.random.default_rng(seed)
     values = 5 * generator.uniform(1 - half_width, 1 + half_width, 200)

@@ -194,7 +194,7 @@ def frames_unless_refused(path) -> list[tuple[float, int]]:
     return []
 
 
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=FLIPS, share=st.floats(0, 1, exclude_max=True))
 def test_a_film_that_is_changed_or_cut_off_ends_in_no_traceback(whole, tmp_path, flips, share):
     content, kind, ticks = whole

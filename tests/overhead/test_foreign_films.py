@@ -21,6 +21,8 @@ from tests.overhead.score import Score, score_rows
 from tests.overhead.webcam import GOOD, KINDS, Extra, Swarm, Webcam, shoot, swarm
 
 NOWHERE = np.empty((0, 2))
+OF_POINTS = {"is_fisheye": True, "above_cm": 38.0, "focal_px": 320.0}
+CAMERAS = KINDS | {"fisheye of points": KINDS["points"]._replace(**OF_POINTS)}
 
 
 def tracked(folder: Path, camera: Webcam, filmed: Swarm, extras: tuple[Extra, ...] = ()) -> tuple[Track, Score]:
@@ -36,21 +38,21 @@ def tracked(folder: Path, camera: Webcam, filmed: Swarm, extras: tuple[Extra, ..
 @pytest.mark.parametrize(
     "kind",
     [
-        *("points", "burnt out, white", "fisheye", "typical webcam"),
+        *("burnt out, white", "fisheye of points", "typical webcam"),
         *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("orange", "flicker in bands")),
     ],
 )
 def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
-    track, score = tracked(tmp_path, KINDS[kind].scaled(0.5), swarm(6, 4, 2, seed=1, period_s=2.0))
+    track, score = tracked(tmp_path, CAMERAS[kind].scaled(0.4), swarm(5, 4, 2, seed=1, period_s=1.6))
     assert score.found + score.missed > 20
     assert (score.recall >= 0.95, score.precision >= 0.99, score.rms_cm <= 0.4) == (True, True, True), score
     assert track.reasons == ()
-    assert track.histogram_periods == pytest.approx(2.55, abs=0.25)
+    assert track.t_sync_cycles == pytest.approx(3, abs=0.25)
 
 
 def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_path: Path) -> None:
-    robots = swarm(5, 5, 2, seed=2, period_s=2.0)
-    neighbour = Extra((68.0, 30.0), tuple(0.3 + 2.3 * np.arange(5)), 0.3)
+    robots = swarm(4, 4, 2, seed=2, period_s=1.6)
+    neighbour = Extra((68.0, 30.0), tuple(0.3 + 1.3 * np.arange(5)), 0.3)
     free = max(
         ((x, y) for x in (10.0, 30.0, 50.0) for y in (10.0, 30.0, 50.0)),
         key=lambda place: np.hypot(*(robots.homes_cm - place).T).min(),

@@ -83,7 +83,7 @@ def test_no_flashes_are_of_no_robots() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8)
 def test_a_long_film_is_linked_in_parts_as_whole(seed: int) -> None:
     generator = np.random.default_rng(seed)
     grid = np.array([(x, y) for x in (10.0, 30.0, 50.0) for y in (10.0, 50.0)])
@@ -94,6 +94,7 @@ def test_a_long_film_is_linked_in_parts_as_whole(seed: int) -> None:
     assert all(len(set(found.robot[whose == robot])) == 1 for robot in range(6))
 
 
+@settings(max_examples=40)
 @given(st.lists(st.lists(st.floats(-5, 0), min_size=4, max_size=4), min_size=1, max_size=4))
 def test_links_cost_least(costs: list[list[float]]) -> None:
     rows, flashes = len(costs), len(costs) + 4

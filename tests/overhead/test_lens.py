@@ -57,7 +57,7 @@ def test_a_board_that_is_not_there_is_missed_in_clear_words() -> None:
 def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]:
     """Return views through a lens of 600 px, with noise of 0.1 px, of a board that is moved, turned and tilted."""
     random = np.random.default_rng(3)
-    across, down = np.meshgrid(np.arange(8.0), np.arange(5.0))
+    across, down = np.meshgrid(np.arange(6.0), np.arange(4.0))
     board = np.column_stack([across.ravel(), down.ravel(), np.zeros(across.size)])[:, None]
     views, project = [], cv2.fisheye.projectPoints if is_fisheye else cv2.projectPoints
     for tilt_deg in tilts_deg:

@@ -116,7 +116,7 @@ def test_noise_has_the_spread_that_is_asked_for() -> None:
 
 def test_same_seed_same_pictures() -> None:
     def render(seed: int) -> list[bytes]:
-        _, renderer = make_renderer(seed=seed)
+        _, renderer = make_renderer(seed=seed, width_px=120, height_px=120)
         return [renderer.render(standing((20, 20, 1)), room_is_lit=room).tobytes() for room in (True, False, False)]
 
     assert render(3) == render(3)

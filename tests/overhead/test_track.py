@@ -16,6 +16,7 @@ from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.track import Track, look_again, ring_writer, track_film
+from tests.overhead.cameras import floor_corners
 from tests.overhead.films import (
     LIT,
     PLACES,
@@ -84,14 +85,14 @@ def test_doubled_and_dropped_frames_move_nothing(tracked: Track, tmp_path: Path)
 
 
 def test_only_numbered_pictures_whose_rate_is_not_given_are_doubted_for_it(tmp_path: Path) -> None:
-    for number, frame in enumerate(reel()[:70]):
+    for number, frame in enumerate(reel()[:40]):
         cv2.imwrite(str(tmp_path / f"{7 + number}.png"), frame.picture[..., ::-1])
-    options = TrackOptions(period_s=1.0, robots=6)
+    options = TrackOptions(period_s=1.0, robots=6, corners_px=floor_corners(make_camera()))
     assumed, given = (
         track_film(str(tmp_path / "%d.png"), options._replace(fps=fps), None, passed) for fps in (None, 30.0)
     )
     assert "numbered pictures have no times: 25 frames per second are assumed; give --fps" in assumed.warnings
-    assert (given.frames, given.fps, given.warnings) == (70, pytest.approx(30), ())
+    assert (given.frames, given.fps, given.warnings) == (40, pytest.approx(30), ())
 
 
 def test_snapshot_shows_all_rings_of_the_moment(tracked: Track) -> None:

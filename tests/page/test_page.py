@@ -69,7 +69,7 @@ def test_modules_ask_for_nothing(model: Any) -> None:
     assert 2 not in sections  # imports
 
 
-@pytest.mark.parametrize("name", ["particles", "thesis", "kilobots", "obstacles", "crowded", "physical", "spotlight"])
+@pytest.mark.parametrize("name", ["particles", "kilobots", "obstacles", "spotlight"])
 def test_a_page_is_one_small_file_that_names_no_other(name: str) -> None:
     page = make_page(load_scenario(name), name)
     assert page == make_page(load_scenario(name), name)

@@ -1,7 +1,7 @@
 """Axes of a sweep: which values meet, in which order, how the command line adds them, and what is refused."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
@@ -48,6 +48,7 @@ def rows_one_by_one(given):
     return found
 
 
+@settings(max_examples=40)
 @given(sweeps())
 def test_rows_are_those_found_by_splitting_one_axis_after_the_other(given: dict) -> None:
     found, expected = rows(**given), rows_one_by_one(given)

@@ -44,7 +44,7 @@ def numbered_sweeps(draw):
     return {key: draw(st.lists(SWEPT[key], min_size=1, max_size=3, unique=True)) for key in keys}
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(numbered_sweeps())
 def test_each_point_is_the_scenario_with_its_values_set_one_by_one(axes: dict) -> None:
     scenario = load_scenario({"name": "base", "trials": 5, "seed": 9, "sweep": {"grid": axes}})
@@ -68,7 +68,7 @@ JSON = st.recursive(
 COLUMNS = st.lists(JSON, min_size=1, max_size=3)
 
 
-@settings(max_examples=50)
+@settings(max_examples=20)
 @given(columns=st.dictionaries(st.sampled_from(["arena", "noise", WIDTH]), COLUMNS, min_size=1), listed=JSON)
 def test_a_sweep_that_is_written_is_read_again(columns: dict, listed) -> None:
     scenario = load_scenario({"sweep": {"grid": columns, "zip": {"stop": [listed]}, "points": [{"timing": listed}]}})
@@ -106,7 +106,7 @@ def test_a_seed_changes_with_the_point_and_with_the_trial(master: int, point: st
     assert (seed == point_seed(master, other, trial)) == (point == other)
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(axes=numbered_sweeps(), data=st.data())
 def test_adding_a_value_to_an_axis_leaves_the_keys_and_seeds_of_the_other_points(axes: dict, data) -> None:
     key = data.draw(st.sampled_from(sorted(axes)))
@@ -119,7 +119,7 @@ def test_adding_a_value_to_an_axis_leaves_the_keys_and_seeds_of_the_other_points
     assert before.items() <= after.items()
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(axes=numbered_sweeps(), chance=st.randoms(use_true_random=False))
 def test_a_grid_shuffled_listed_or_zipped_and_with_other_numbers_has_the_same_keys_and_seeds(axes, chance) -> None:
     scenario = load_scenario({"sweep": {"grid": axes}})

@@ -100,7 +100,7 @@ def test_a_pogobot_tells_how_bright_it_is_on_three_sides() -> None:
     lamp = {"x_cm": 0, "y_cm": 20, "height_cm": 5}
     given = {"robot": "pogobot", "arena": {"width_cm": 40, "height_cm": 40, "lamps": [lamp]}, "noise": "off"}
     group = {"poses": [[20, 20, math.pi]], "controller": "external", "signal": {"kind": "radio"}}
-    light = Simulation({**given, "robots": [group]}, 1).advance(1).readings["light"][0]
+    light = Simulation({**given, "robots": [group]}, 1, interpret=True).advance(1).readings["light"][0]
     assert light[0] > light[1] == pytest.approx(light[2])
 
 

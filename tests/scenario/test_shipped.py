@@ -41,9 +41,8 @@ def test_a_shipped_scenario_is_checked_written_and_read_again_and_its_figure_is_
     assert printed.stderr in ("", on_a_busy_machine)
     assert printed.stdout.startswith(write_scenario(scenario))
     written = parse_yaml(printed.stdout, "stdout")
-    assert load_scenario(written) == complete(scenario, name) == scenario
+    assert load_scenario(written) == complete(scenario, name) == scenario  # and so are its points
     found = points(scenario)
-    assert points(load_scenario(written)) == found
     assert len(found) == (scenario.sweep.point_count if scenario.sweep else 1)
     keys = set(scenario.all_keys(written))
     assert {key for key in flat(written) if not re.match(r"sweep|measures|robots\.\d+\.poses\.", key)} <= keys
