@@ -166,7 +166,7 @@ def test_panels_share_their_scales_end_at_the_outermost_points_and_have_one_colo
     assert [label.get_text() for label in bar.get_yticklabels()] == ["10", "100", "1000"]
 
 
-@pytest.mark.parametrize(("count", "width_cm", "shape"), [(1, None, (1, 1)), (3, 8.5, (2, 2)), (4, None, (2, 3))])
+@pytest.mark.parametrize(("count", "width_cm", "shape"), [(1, None, (1, 1)), (3, 8.5, (2, 2)), (5, None, (2, 3))])
 def test_panels_are_arranged_in_rows_that_the_width_has_room_for_with_numbers_below(count, width_cm, shape) -> None:
     (one,) = read_maps(measured({WIDTH: [40, 60], SPEED: [1, 2]}), SPEED, WIDTH)
     maps = [one._replace(axes={PIXELS: n}) for n in range(count)]

@@ -4,7 +4,6 @@ import errno
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 from matplotlib import image
 from matplotlib.figure import Figure
@@ -110,7 +109,3 @@ def test_text_is_text_in_every_format_that_has_any(tmp_path) -> None:
     words = [element.text for element in ElementTree.parse(svg).iter("{http://www.w3.org/2000/svg}text")]
     assert "some words" in words
     assert b"/CIDFontType2" in pdf.read_bytes()  # TrueType, which programs edit, and not outlines of type 3
-
-
-def test_a_name_in_letters_that_the_font_lacks_raises_no_warning(tmp_path) -> None:
-    assert np.all([file.is_file() for file in save_figure(Target(tmp_path / "T"), lambda: draw("群れ"))])

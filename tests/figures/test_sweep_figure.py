@@ -22,7 +22,7 @@ from tests.runs.made_folders import (
     weibull,
 )
 
-SPEEDS = [0.5, 1, 5]
+SPEEDS = [0.5, 5]
 POINTS = in_memory(sweep({WIDTH: [40, 60], SPEED: SPEEDS}, trials=9), lambda point: weibull(point, 50))
 AGENTS = sweep(
     {"agents.speed_cm_s": [3, 30]},

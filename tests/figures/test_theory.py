@@ -22,12 +22,16 @@ def folder(tmp_path_factory):
 
 
 @cache
-def of_nearest(k: int, speed: float = 30):
+def of_nearest(k: int, speed: float):
     return predict(load_scenario("particles", [*SETTINGS, f"neighbourhood.k={k}", f"agents.speed_cm_s={speed}"]))
 
 
-def test_lines_and_limits_are_those_of_predict(folder) -> None:
-    form = read_form(folder, {"theory": True})
+@pytest.fixture(scope="module")
+def form(folder) -> PredictedCurves:
+    return read_form(folder, {"theory": True})
+
+
+def test_lines_and_limits_are_those_of_predict(form) -> None:
     figure = laid_out(form.draw_figure())
     (panel,) = figure.axes
     for k, predicted in zip((1, 5), form.predicted, strict=True):
@@ -36,18 +40,17 @@ def test_lines_and_limits_are_those_of_predict(folder) -> None:
         assert predicted.times[[0, -1]] == pytest.approx(
             [of_nearest(k, v).t_sync.value for v in (0.1, 30)], nan_ok=True
         )
-        limits = [of_nearest(k).t_sync_frozen.value, of_nearest(k).t_sync_fast.value]
+        limits = [of_nearest(k, 30).t_sync_frozen.value, of_nearest(k, 30).t_sync_fast.value]
         at_edges = [line.get_ydata()[0] for line in panel.lines if list(line.get_xdata())[-1:] in ([EDGE], [1])]
         assert np.isin(limits, at_edges).tolist() == [k == 5, True]  # none of K = 1 that stands can
     assert legend_texts(figure)[-2:] == ["predicted", "predicted $V_\\mathrm{m}$ and $V_\\mathrm{p}$"]
 
 
-def test_minimum_and_peak_are_marked_where_a_regime_is_predicted_alone(folder) -> None:
-    form = read_form(folder, {"theory": True})
+def test_minimum_and_peak_are_marked_where_a_regime_is_predicted_alone(form) -> None:
     (panel,) = form.draw_figure().axes
     drawn = [line for line in panel.lines if line.get_markersize() == 5 and len(line.get_xdata()) == 3]
     marks = {line.get_marker(): line.get_xdata()[1] for line in drawn}
-    nearest = of_nearest(1)
+    nearest = of_nearest(1, 30)
     assert marks == pytest.approx({"v": nearest.v_m_cm_s.value, "^": nearest.v_p_cm_s.value})
     one, five = written(form.tables["-theory.csv"])
     assert [one["regime"], five["regime"], five["v_p"]] == ["yes", "no", ""]

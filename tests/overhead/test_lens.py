@@ -13,7 +13,7 @@ from epuck_sim.overhead.camera import CameraModel, Frame, Lens
 from epuck_sim.overhead.lens import MIN_VIEWS, Board, View, calibrate_lens, find_views, read_lens, save_lens
 from tests.overhead.boards import charuco, checkerboard, film, lens_matrix
 
-SIZE = (640, 480)
+SIZE = (480, 360)
 
 
 def error_px(found: Lens, true_lens: Lens) -> float:
@@ -32,9 +32,9 @@ def error_px(found: Lens, true_lens: Lens) -> float:
     ],
 )
 def test_a_board_tells_the_lens(kind, draw, coefficients, is_fisheye, tmp_path) -> None:
-    matrix = lens_matrix(420.0)
+    matrix = lens_matrix(315.0, SIZE)
     true_lens = Lens(matrix[0, 0], matrix[1, 1], (matrix[0, 2], matrix[1, 2]), coefficients, is_fisheye)
-    views = find_views(film(draw(9, 6), matrix, np.array(coefficients), is_fisheye), Board(kind, 9, 6))
+    views = find_views(film(draw(9, 6), matrix, np.array(coefficients), is_fisheye, SIZE, 10), Board(kind, 9, 6))
     found = calibrate_lens("film", views, SIZE, is_fisheye)
     assert found.views >= MIN_VIEWS
     assert found.error_px < 0.5
@@ -55,7 +55,7 @@ def test_a_board_that_is_not_there_is_missed_in_clear_words() -> None:
 
 
 def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]:
-    """Return views through a lens of 600 px, with noise of 0.1 px, of a board that is moved, turned and tilted."""
+    """Return views through a lens of 450 px, with noise of 0.1 px, of a board that is moved, turned and tilted."""
     random = np.random.default_rng(3)
     across, down = np.meshgrid(np.arange(6.0), np.arange(4.0))
     board = np.column_stack([across.ravel(), down.ravel(), np.zeros(across.size)])[:, None]
@@ -63,7 +63,7 @@ def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]
     for tilt_deg in tilts_deg:
         turn = Rotation.from_euler("zx", [random.uniform(-40, 40), tilt_deg], degrees=True).as_rotvec()
         shift = np.array([*random.uniform(-6, -1, 2), random.uniform(12, 18)])
-        pixels, _ = project(board, turn, shift, lens_matrix(600.0), np.zeros(4))
+        pixels, _ = project(board, turn, shift, lens_matrix(450.0, SIZE), np.zeros(4))
         noisy = (pixels + random.normal(0, 0.1, pixels.shape)).reshape(-1, 2)
         views.append(dict(zip(map(tuple, board[:, 0].tolist()), noisy, strict=True)))
     return views
@@ -72,7 +72,7 @@ def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]
 @pytest.mark.parametrize(("is_fisheye", "tilt_deg"), [(False, 0.0), (False, 12.0), (True, 12.0)])
 def test_a_board_that_is_never_or_always_tilted_alike_does_not_determine_a_lens(is_fisheye: bool, tilt_deg) -> None:
     views = views_of_a_board(np.linspace(-35, 35, 12), is_fisheye)
-    assert calibrate_lens("film", views, SIZE, is_fisheye).focal_px == pytest.approx(600, rel=0.02)
+    assert calibrate_lens("film", views, SIZE, is_fisheye).focal_px == pytest.approx(450, rel=0.02)
     with pytest.raises(FilmError, match=r"^film: the views of the board do not determine a lens; show it tilted"):
         calibrate_lens("film", views_of_a_board([tilt_deg] * 12, is_fisheye), SIZE, is_fisheye)
 
