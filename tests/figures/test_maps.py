@@ -111,12 +111,9 @@ def test_cells_hold_logarithms_in_one_set_of_colours_and_what_is_undetermined_is
         assert max(abs(np.subtract(to_rgb(COLOURS(step)), to_rgb(GREY)))) > 0.1
 
 
-def test_a_legend_names_what_is_undetermined_where_there_is_any(figure) -> None:
+def test_a_legend_names_what_is_undetermined_over_which_no_contour_reaches(figure) -> None:
     assert legend_texts(figure) == ["half of the trials or more are censored"]
     assert legend_texts(Maps(x=SPEED, y=WIDTH, maps=MAPS[:1]).draw_figure()) == []
-
-
-def test_contours_do_not_reach_over_holes(figure) -> None:
     for speed, width in ((2.0, 60), (1.0, 80)):
         assert not is_covered(figure.axes[1], math.log10(speed), width)
     assert is_covered(figure.axes[1], math.log10(0.5), 80)

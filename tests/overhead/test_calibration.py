@@ -89,9 +89,8 @@ def test_corners_that_are_given_need_no_ring() -> None:
     assert worst_cm(found.camera, straight) <= 0.01
 
 
-@pytest.mark.parametrize("hand", [0, 9], ids=["at once", "behind a hand"])
-def test_lit_beginning_gives_the_floor(hand: int) -> None:
-    found = calibrated(plain(120, hand) + film(1, lit_until_s=0.3))
+def test_lit_beginning_gives_the_floor_even_behind_a_hand() -> None:
+    found = calibrated(plain(120, 9) + film(1, lit_until_s=0.3))
     assert found.calibration == LIGHT
     assert worst_cm(found.camera, make_camera()) <= 0.3
 
@@ -144,9 +143,9 @@ def test_height_and_arena_are_those_that_are_known() -> None:
 def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
     flash = film(0.55)[-1:]
     assert flash[0].picture[..., 0].max() > 200
-    reel = iter(plain(0, dark) + flash + plain(0, 1000))
+    reel = iter(plain(0, dark) + flash + plain(0, STUDIED_FRAMES + 50))
     assert calibrated(reel).calibration == RINGS
-    assert len(list(reel)) >= (1000 - STUDIED_FRAMES - 2 if dark else 0)  # in the first frame, it might be a lamp
+    assert len(list(reel)) >= (50 - 2 if dark else 0)  # in the first frame, it might be a lamp
 
 
 def test_film_without_light_is_refused() -> None:

@@ -104,9 +104,8 @@ def off_px(camera, corners):
     {"tilt_deg": 15.0, "turn_deg": 15.0, **VGA},  # farther, walls hide the floor
 ], ids=str)  # fmt: skip
 def test_finds_the_floor(settings):
-    for noise in (0.0, 10.0):
-        picture = picture_of([], room=True, noise_levels=noise, **settings)
-        assert off_px(camera_of(**settings), find_corners(picture)) < 1.0
+    picture = picture_of([], room=True, noise_levels=10.0, **settings)
+    assert off_px(camera_of(**settings), find_corners(picture)) < 1.0
 
 
 def test_finds_it_behind_robots():

@@ -117,11 +117,7 @@ def test_snapshot_leaves_out_rings_that_stay_lit(tracked: Track) -> None:
     assert len(gone.rings_px) == 6
 
 
-@pytest.mark.parametrize("is_together", [True, False])
-def test_annotation_says_what_the_track_says(
-    tracked: Track, tmp_path: Path, is_together: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    track = tracked if is_together else tracked._replace(histogram_s=None)
+def test_annotation_says_what_the_track_says(tracked: Track, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     annotated: list[TrackedFrame] = []
 
     def annotate(annotator: Annotator, tracked: TrackedFrame) -> Any:
@@ -129,10 +125,10 @@ def test_annotation_says_what_the_track_says(
         return np.zeros((annotator.height_px, annotator.width_px, 3), np.uint8)
 
     monkeypatch.setattr(Annotator, "annotate", annotate)
-    look_again(track, tmp_path / "annotated.mp4", passed)
-    assert annotated[-1].histogram_s == track.histogram_s
-    assert [tracked.evaluation for tracked in annotated if tracked.evaluation] == list(track.evaluations)
-    assert [len(tracked.rings) for tracked in annotated] == track.counts.tolist()
+    look_again(tracked, tmp_path / "annotated.mp4", passed)
+    assert annotated[-1].histogram_s == tracked.histogram_s
+    assert [each.evaluation for each in annotated if each.evaluation] == list(tracked.evaluations)
+    assert [len(each.rings) for each in annotated] == tracked.counts.tolist()
 
 
 def test_table_keeps_the_times_of_a_long_film(tmp_path: Path) -> None:

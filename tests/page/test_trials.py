@@ -178,7 +178,7 @@ def test_what_sliders_change_is_what_the_command_says(opened, name: str) -> None
     browser = opened(name, ["stop.max_cycles=30"])
     settings = page_data(load_scenario(name, ["stop.max_cycles=30"]), name)["settings"]
     random = np.random.default_rng(3)
-    for _ in range(8):
+    for _ in range(5):
         chosen = [each for each in settings if each["key"] != "stop.max_cycles" and random.random() < 0.5]
         values = {each["key"]: each["stops"][random.integers(len(each["stops"]))] for each in chosen}
         values |= {"robots.0.count": min(values["robots.0.count"], 10)} if "robots.0.count" in values else {}
