@@ -17,7 +17,7 @@ from tests.tools import MissingTools
 
 os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="epuck-sim-tests-")  # not what the user trusts
 
-settings.register_profile("same", deadline=None, max_examples=100, derandomize=True, print_blob=True)
+settings.register_profile("same", deadline=None, max_examples=50, derandomize=True, print_blob=True)
 settings.register_profile("search", deadline=None, max_examples=500, print_blob=True)
 # without bytecode, hundreds of processes read the sources of numba and of all else that they import
 os.environ["PYTHONDONTWRITEBYTECODE"] = ""
