@@ -1,10 +1,13 @@
 """Users' code that crashes, never returns or takes too long costs a sweep its own trial alone; edits are noticed."""
 
+import time
+from itertools import count
+
 import pytest
 
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.sweep.run import run_sweep
-from epuck_sim.sweep.worker import LIMIT_VARIABLE, out_of_time
+from epuck_sim.sweep.worker import LIMIT_VARIABLE, Watchdog, out_of_time, watchdog
 from epuck_sim.trial.model import simulate
 from tests.cli.commands import called
 from tests.sweep.pool_here import pool_here
@@ -63,6 +66,20 @@ def test_firmware_that_crashes_or_never_returns_costs_its_own_trials_alone(tmp_p
     assert all("its worker died" in message for message in failed.values())
     assert sorted(trial for _, trial in failed) == [1, 2]  # of each controller one
     assert "robot 0, step 3: its controller has not returned for 0.5 s; its worker is ended\n" in err
+
+
+def test_a_trial_that_goes_on_may_take_longer_than_a_step(monkeypatch) -> None:
+    monkeypatch.setenv(LIMIT_VARIABLE, "0.2")
+    ended: list[str] = []
+    monkeypatch.setattr(Watchdog, "_end", lambda _, why: ended.append(why))
+    steps = count()
+    with watchdog() as dog:
+        dog.begin("a trial")
+        dog.watch_steps(lambda: (0, next(steps), "controller"))
+        began = time.process_time()
+        while time.process_time() - began < 0.6:
+            pass
+    assert ended == []
 
 
 MEASURE = """
