@@ -28,11 +28,12 @@ def test_swarms_have_the_regime_that_trials_find_and_where_they_find_it() -> Non
         assert found.reason
 
 
-def test_a_users_curve_is_taken_as_it_is(tmp_path) -> None:
+def test_a_users_curve_is_taken_as_it_is_and_speeds_are_in_lengths_a_period(tmp_path) -> None:
     (tmp_path / "curve.py").write_text("def phase_shift(phase, coupling, parameters):\n    return coupling * phase\n")
-    own, shipped = of_agents(f"response.curve={tmp_path / 'curve.py'}"), of_agents()
+    own, shipped = of_agents(f"response.curve={tmp_path / 'curve.py'}", "clocks.period_s=2"), of_agents()
     assert own.t_sync_fast == shipped.t_sync_fast
     assert own.pair == shipped.pair
+    assert 2 * own.v_p_cm_s.value == pytest.approx(shipped.v_p_cm_s.value)
 
 
 def test_receivers_drawn_for_each_pulse_have_no_regime_at_any_speed() -> None:
