@@ -74,7 +74,6 @@ trials: $(VENV)/installed ## make the tables of trials anew, on which claims and
 figures: $(VENV)/installed ## make the figures and tables of the docs anew, from tables of trials where these take long
 	$(BIN)/python -m docs.figures.tables runs
 	$(BIN)/epuck-sim run thesis --seed 13 --record runs/thesis_run.rrd
-	$(BIN)/epuck-sim plot runs/thesis_run.rrd --to docs/figures/thesis_run
 	$(BIN)/epuck-sim replay runs/thesis_run.rrd --screenshot docs/figures/viewer.png --at 89
 	$(BIN)/python docs/figures/animation.py
 	$(BIN)/python docs/run_notebook.py docs/notebook.ipynb
