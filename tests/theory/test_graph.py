@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -28,7 +28,6 @@ def reachable(links):
 
 
 @given(graphs)
-@settings(max_examples=50)
 def test_components_are_who_reach_each_other_and_those_without_a_way_in_are_reached_by_nobody_else(snapshots) -> None:
     components, without_way_in = count_components(snapshots)
     for links, found, closed in zip(snapshots, components, without_way_in, strict=True):
@@ -41,7 +40,6 @@ def test_components_are_who_reach_each_other_and_those_without_a_way_in_are_reac
 
 
 @given(graphs)
-@settings(max_examples=50)
 def test_degrees_and_sources_are_counted_agent_by_agent(snapshots) -> None:
     measured = measure_graphs(snapshots)
     count, agents, _ = snapshots.shape

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.embodied.cells import set_cells
@@ -81,7 +81,6 @@ def test_a_search_visits_a_part_of_the_cells_and_ends_where_all_is_met(heading):
     assert 5 * strips.width_cm - 2 * RADIUS_CM < fifth < 6 * strips.width_cm * math.sqrt(2)
 
 
-@settings(max_examples=50)
 @given(headings, st.floats(0.01, 3), st.floats(-math.pi, math.pi), st.floats(4, 300))
 def test_a_robot_well_beside_a_view_is_ruled_out(heading: float, width: float, bearing: float, distance: float) -> None:
     off = abs(math.remainder(bearing - heading, 2 * math.pi)) - width / 2
@@ -92,13 +91,11 @@ def test_a_robot_well_beside_a_view_is_ruled_out(heading: float, width: float, b
     assert may_contain_robot(view_of(0.0, 0.0, heading, 3.2), dx, dy)
 
 
-@settings(max_examples=50)
 @given(st.floats(-100, 100).filter(bool), st.floats(-100, 100))
 def test_the_fast_angle_is_as_good_as_it_says(ahead: float, aside: float) -> None:
     assert abs(math.remainder(fast_atan2(ahead, aside) - math.atan2(aside, ahead), 2 * math.pi)) <= ATAN2_ERROR_RAD
 
 
-@settings(max_examples=50)
 @given(st.floats(3.7, 1000))
 def test_the_bound_of_the_angular_radius_is_above_it_and_near_it(distance: float) -> None:
     exact = math.asin(min(RADIUS_CM / distance, 1.0))
