@@ -1,11 +1,12 @@
 """Finds measures: shipped and installed ones by name, users' as FILE.py:NAME, or as FILE.py if it holds one."""
 
 import inspect
+import re
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-from epuck_sim.control.names import check_draws, first_use
+from epuck_sim.control.names import check_draws
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import CALLED, Measure, default_parameters
 from epuck_sim.user_files import Kind, Place, PythonFile, kept, load_python_file
@@ -108,7 +109,8 @@ def _check_methods(make: type, file: PythonFile) -> None:
         if not inspect.isfunction(function) or method.startswith("_") or method in CALLED:
             continue
         looks_so = nearest_name(method, CALLED) or len(inspect.signature(function).parameters) == 3
-        if looks_so and first_use(method, file.sources) is None:
+        use = re.compile(rf"\b(self|{name})\.{method}\b".encode())  # `state.cycles` is no use of a method cycles
+        if looks_so and not any(map(use.search, file.sources.values())):
             where = f"{file.path}:{function.__code__.co_firstlineno}: {name}"
             called = ", ".join(CALLED)
             raise MeasureError(
