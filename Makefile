@@ -54,7 +54,7 @@ page-types: ## check the types of the pages' scripts, with npm
 	npx --yes --package typescript@5 tsc -p epuck_sim/page/web
 
 bench: $(VENV)/test-tools ## measure; figures as ratios within one run
-	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
+	$(BIN)/python -m pytest -s tests/benchmarks
 	$(BIN)/python -m tests.benchmarks.ratios
 
 slow: $(VENV)/test-tools ## the science that takes minutes

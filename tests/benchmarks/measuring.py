@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -32,17 +31,14 @@ def status(line: str) -> int:
     return int(found.split()[1])
 
 
-def take_turns(benchmark: Any, works: Mapping[str, Work], rounds: int) -> dict[str, FloatArray]:
+def take_turns(works: Mapping[str, Work], rounds: int) -> dict[str, FloatArray]:
     """Return the CPU time of this thread, (rounds,) us, for each call of each work; a first one compiles."""
     spent_us: dict[str, list[float]] = {name: [] for name in works}
-
-    def turn() -> None:
+    for _ in range(1 + rounds):
         for name, work in works.items():
             began = time.thread_time()
             work()
             spent_us[name].append((time.thread_time() - began) * 1e6)
-
-    benchmark.pedantic(turn, rounds=rounds, warmup_rounds=1)
     return {name: np.array(found[1:]) for name, found in spent_us.items()}
 
 

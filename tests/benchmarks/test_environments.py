@@ -48,7 +48,7 @@ def random_step(env: Any) -> Work:
 
 
 @pytest.mark.parametrize("swarms", [1, 16, 256])
-def test_steps_of_environments(benchmark, show, swarms: int) -> None:
+def test_steps_of_environments(show, swarms: int) -> None:
     random, alone, times = np.random.default_rng(0), Simulation(SWARM, 1), max(1, 64 // swarms)
     env = our_env(swarms, lambda situation: situation.time_s)
 
@@ -57,16 +57,16 @@ def test_steps_of_environments(benchmark, show, swarms: int) -> None:
         alone.advance(16)
 
     works = {"ours": repeat(random_step(env), times), "alone": repeat(advance_alone, 10)}
-    found = take_turns(benchmark, works, ROUNDS)
+    found = take_turns(works, ROUNDS)
     step_us = found["ours"] / times / swarms
     show(COLUMNS, swarms, np.median(step_us), np.median(step_us / found["alone"] * 160))
 
 
-def test_resets(benchmark, show) -> None:
+def test_resets(show) -> None:
     scenario = load_scenario("thesis")
     used = Simulation(scenario, 1)
     works = {"built": repeat(lambda: Simulation(scenario, 2), 10), "reset": repeat(lambda: used.reset(2), 50)}
-    found = take_turns(benchmark, works, ROUNDS)
+    found = take_turns(works, ROUNDS)
     built_us, reset_us = found["built"] / 10, found["reset"] / 50
     show(STARTS, np.median(built_us), np.median(reset_us), np.median(built_us / reset_us))
 
@@ -86,23 +86,23 @@ def vmas_step(vmas: Any, example: str, swarms: int) -> Work:
     return partial(env.step, [torch.rand(swarms, 2) * 2 - 1 for _ in range(AGENTS)])
 
 
-def compare(benchmark: Any, show: Any, ours: Work, theirs: Work, *row: object, times: int) -> None:
+def compare(show: Any, ours: Work, theirs: Work, *row: object, times: int) -> None:
     """Show how many times as long a step of theirs takes."""
-    found = take_turns(benchmark, {"ours": repeat(ours, 4 * times), "theirs": repeat(theirs, times)}, ROUNDS)
+    found = take_turns({"ours": repeat(ours, 4 * times), "theirs": repeat(theirs, times)}, ROUNDS)
     ours_us, theirs_us = (found[name] / row[-1] / count for name, count in (("ours", 4 * times), ("theirs", times)))
     show(OTHERS, *row, np.median(ours_us), np.median(theirs_us), np.median(theirs_us / ours_us))
 
 
-def test_beside_pettingzoos(benchmark, show) -> None:
+def test_beside_pettingzoos(show) -> None:
     spread = pytest.importorskip("mpe2.simple_spread_v3")
     theirs = spread.parallel_env(N=AGENTS, max_cycles=10**9, continuous_actions=True)
     ours = parallel_env(SWARM, seed=1, reward="aggregation", episode_s=float("inf"))
-    compare(benchmark, show, swarm_step(ours), swarm_step(theirs), "PettingZoo's simple_spread", 1, times=10)
+    compare(show, swarm_step(ours), swarm_step(theirs), "PettingZoo's simple_spread", 1, times=10)
 
 
 @pytest.mark.parametrize(("swarms", "times"), [(1, 5), (256, 2), (1024, 1)])
 @pytest.mark.parametrize("example", ["simple_spread", "navigation"])
-def test_beside_vmass(benchmark, show, example: str, swarms: int, times: int) -> None:
+def test_beside_vmass(show, example: str, swarms: int, times: int) -> None:
     vmas = pytest.importorskip("vmas")
     ours, theirs = random_step(our_env(swarms)), vmas_step(vmas, example, swarms)
-    compare(benchmark, show, ours, theirs, f"VMAS's {example}", swarms, times=times)
+    compare(show, ours, theirs, f"VMAS's {example}", swarms, times=times)

@@ -69,10 +69,10 @@ COLUMNS = "measure", "trials", "times as long", "us a step or cycle"
 
 
 @pytest.mark.parametrize(("robots", "name"), measured(ROBOTS))
-def test_measures_of_robots(benchmark, show, robots: int, name: str) -> None:
-    show(COLUMNS, name, f"{robots:,} robots", *benchmark.pedantic(compare, (ROBOTS[robots], name), rounds=1))
+def test_measures_of_robots(show, robots: int, name: str) -> None:
+    show(COLUMNS, name, f"{robots:,} robots", *compare(ROBOTS[robots], name))
 
 
 @pytest.mark.parametrize(("agents", "name"), measured(AGENTS))
-def test_measures_of_agents(benchmark, show, agents: int, name: str) -> None:
-    show(COLUMNS, name, f"{agents:,} agents", *benchmark.pedantic(compare, (AGENTS[agents], name), rounds=1))
+def test_measures_of_agents(show, agents: int, name: str) -> None:
+    show(COLUMNS, name, f"{agents:,} agents", *compare(AGENTS[agents], name))

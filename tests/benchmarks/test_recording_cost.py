@@ -22,7 +22,7 @@ COLUMNS = "robots", "level", "us a step", "over the step", "kB a minute", "ms an
 
 @pytest.mark.parametrize("level", Level)
 @pytest.mark.parametrize("robots", SWARMS)
-def test_a_step_and_a_minute(benchmark, show, tmp_path, robots: int, level: Level) -> None:
+def test_a_step_and_a_minute(show, tmp_path, robots: int, level: Level) -> None:
     """CPU time of all threads, but for that of the simulation itself and of a recording with nothing in it."""
     file, (side_cm, steps) = tmp_path / "t.rrd", SWARMS[robots]
 
@@ -42,8 +42,7 @@ def test_a_step_and_a_minute(benchmark, show, tmp_path, robots: int, level: Leve
 
     recording_and_simulating_s(1)
     empty_s, empty = min(recording_and_simulating_s(0)[0] for _ in range(3)), file.stat().st_size
-    found = []
-    benchmark.pedantic(lambda: found.append(recording_and_simulating_s(steps)), rounds=3)
+    found = [recording_and_simulating_s(steps) for _ in range(3)]
     minute_kb = (file.stat().st_size - empty) / 1000 / (steps / 600)
     recording_s, simulating_s = (min(column) for column in zip(*found, strict=True))
     added_s = recording_s - empty_s
@@ -51,21 +50,17 @@ def test_a_step_and_a_minute(benchmark, show, tmp_path, robots: int, level: Leve
     show(COLUMNS, robots, level, added_s / steps * 1e6, added_s / simulating_s, minute_kb, 1e3 * empty_s, target)
 
 
-def test_ten_hours(benchmark, tmp_path) -> None:
+def test_ten_hours(tmp_path) -> None:
     """Memory after each simulated hour."""
     simulation = Simulation("thesis", 1)
     watch = SynchronyWatch(simulation)
     resident = []
-
-    def record_ten_hours() -> None:
-        with record(tmp_path / "t.rrd", simulation.scenario, 1) as recorder:
-            for _ in range(10):
-                for step in islice(simulation, 36_000):
-                    watch.look(step)
-                    recorder(step, watch)
-                resident.append(status("VmRSS") / 1024)
-
-    benchmark.pedantic(record_ten_hours, rounds=1)
+    with record(tmp_path / "t.rrd", simulation.scenario, 1) as recorder:
+        for _ in range(10):
+            for step in islice(simulation, 36_000):
+                watch.look(step)
+                recorder(step, watch)
+            resident.append(status("VmRSS") / 1024)
     size_mb = (tmp_path / "t.rrd").stat().st_size / 1e6
     print(f"\nten hours: {size_mb:.0f} MB; memory after each hour: {', '.join(f'{mb:.0f}' for mb in resident)} MB")
     assert resident[-1] <= 1.1 * resident[0]

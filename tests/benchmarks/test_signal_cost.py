@@ -49,11 +49,11 @@ def swarm(robots: int, signal: dict[str, Any], parameters: dict[str, float]) -> 
 
 
 @pytest.mark.parametrize("robots", SWARMS)
-def test_what_signals_cost(benchmark, show, robots: int) -> None:
+def test_what_signals_cost(show, robots: int) -> None:
     simulations = {name: swarm(robots, signal, OSCILLATING) for name, signal in SIGNALS.items()}
     simulations[DARK] = swarm(robots, SIGNALS[CAMERA], STAYING_DARK)
     works = {name: partial(simulation.advance, BLOCK) for name, simulation in simulations.items()}
-    found = take_turns(benchmark, works, max(15, 3000 // robots))
+    found = take_turns(works, max(15, 3000 // robots))
     own_us = {name: np.median(found[name] - found[DARK]) / BLOCK for name in SIGNALS}
     for name in SIGNALS:
         ratios = own_us[name] / own_us[CAMERA], np.median(found[name] / found[CAMERA])

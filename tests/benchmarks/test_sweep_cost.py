@@ -38,7 +38,7 @@ def cpu_of_command(*arguments: str) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def test_the_share_of_a_sweep_that_is_not_simulation(benchmark, tmp_path) -> None:
+def test_the_share_of_a_sweep_that_is_not_simulation(tmp_path) -> None:
     """CPU seconds of the command on two workers beside those of the same trials in a plain loop."""
     axis = f"robots.0.parameters.speed_cm_s={SPEEDS}"
     found = points(load_scenario("thesis", [f"trials={TRIALS}"], [axis]))
@@ -48,7 +48,7 @@ def test_the_share_of_a_sweep_that_is_not_simulation(benchmark, tmp_path) -> Non
     folder = tmp_path / "run"
     arguments = ("run", "thesis", "--sweep", axis, "--trials", str(TRIALS), "--out", str(folder), "--workers", "2")
     began = time.perf_counter()
-    swept = benchmark.pedantic(cpu_of_command, arguments, rounds=1)
+    swept = cpu_of_command(*arguments)
     wall = time.perf_counter() - began
     nothing_to_do = cpu_of_command("run", str(folder))
     assert read_status(folder).stored == len(tasks)
@@ -60,19 +60,15 @@ def test_the_share_of_a_sweep_that_is_not_simulation(benchmark, tmp_path) -> Non
     )
 
 
-def test_ten_thousand_short_trials_in_one_process(benchmark) -> None:
+def test_ten_thousand_short_trials_in_one_process() -> None:
     """Time and memory of the last thousand beside the second thousand; the first warms caches up."""
     found = points(load_scenario("pair", ["trials=10000", "stop.max_cycles=1"]))
     tasks = [*missing_tasks(found, [range(10000)], FinishedTrials([]), interpret=False)]
     blocks = [tasks[first : first + 1000] for first in range(0, len(tasks), 1000)]
     seconds, resident = [], []
-
-    def all_blocks() -> None:
-        for block in blocks:
-            seconds.append(statistics.median(cpu_s(partial(run_chunk, [task])) for task in block))
-            resident.append(status("VmRSS"))
-
-    benchmark.pedantic(all_blocks, rounds=1)
+    for block in blocks:
+        seconds.append(statistics.median(cpu_s(partial(run_chunk, [task])) for task in block))
+        resident.append(status("VmRSS"))
     assert resident[-1] <= 1.05 * resident[1]
     print(
         f"\n10,000 trials: {seconds[1] * 1e3:.2f} ms each in the second thousand, {seconds[-1] / seconds[1]:.3f} x "
