@@ -35,6 +35,9 @@ FIXED: Mapping[type, Sequence[str]] = {Sensor: ("world", "robot", "parameters"),
 GENERATORS = (random.Random, np.random.RandomState, np.random.Generator)
 """Classes whose methods draw numbers that are no robot's own."""
 
+UNSEEDED = (random.Random, np.random.RandomState, np.random.default_rng)
+"""What makes generators that nobody can make again, unless a seed is given."""
+
 SEEN_OF_ROBOTS = ("x", "y", "heading", "radius_cm", "ring_on", "present", "number")
 """What a sensor sees of a robot's record."""
 
@@ -151,13 +154,13 @@ def check_draws(file: PythonFile, instead: str) -> None:
 def _draws(nodes: Iterable[ast.AST], values: Mapping[str, object], instead: str) -> Iterator[tuple[int, str]]:
     """Yield lines of code that draw numbers which follow from no seed of a trial, and what to do instead."""
     for node in nodes:
-        if isinstance(node, ast.Call) and isinstance(
-            getattr(_value_of(node.func, values), "__self__", None), GENERATORS
-        ):
-            yield (
-                node.lineno,
-                f"calls {ast.unparse(node.func)}, whose numbers follow from no seed of a trial; {instead}",
-            )
+        if not isinstance(node, ast.Call):
+            continue
+        called = _value_of(node.func, values)
+        is_unseeded = not (node.args or node.keywords) and any(called is each for each in UNSEEDED)
+        if is_unseeded or isinstance(getattr(called, "__self__", None), GENERATORS):
+            said = f"calls {ast.unparse(node.func)}, whose numbers follow from no seed of a trial; {instead}"
+            yield node.lineno, said
 
 
 def _names_of_parts(nodes: Sequence[ast.AST], names: Mapping[str, str]) -> dict[str, str]:
