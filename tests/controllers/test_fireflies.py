@@ -1,17 +1,170 @@
-"""Fireflies flash as `oscillator` does and move in ways of their own, and neither depends on the other."""
+"""Oscillators and fireflies: each step is the thesis's own, and neither flashes nor motion depend on the other."""
 
 import math
+from math import floor
+from types import SimpleNamespace
 
+import hypothesis
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import stats
 
+from epuck_sim import load_scenario, run_trial
+from epuck_sim.control.loader import find_controller
 from epuck_sim.epuck import OUT_OF_RANGE_MM
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.testing import TestRobot
-from epuck_sim.trial.model import run_trial, simulate
-from tests.control.bench import Bench, settings
-from tests.particles.distributions import UNLIKELY
+from epuck_sim.trial.model import simulate
+from tests.control.bench import Bench, exactly, function, settings
+from tests.particles.test_motion import UNLIKELY
+
+
+def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pixels=60, new=True, **parameters):
+    robot = TestRobot("oscillator", parameters, pixels=pixels, step_ms=step_ms)
+    robot.memory.phase_ms, robot.memory.flash_seen = phase_ms, seen
+    robot.ring_on, robot.new_picture = ring_on, new
+    robot.camera[: red if flash else 0] = 1
+    robot.step()
+    return robot.memory.phase_ms, robot.ring_on
+
+
+@pytest.mark.parametrize(("pixels", "red"), [(60, 1), (60, 2), (1000, 255), (1000, 256), (1000, 512), (1000, 1000)])
+def test_so_many_red_pixels_are_a_flash_however_wide_the_camera_is(pixels, red):
+    assert stepped(1000, flash=True, red=red, pixels=pixels, flash_pixels=red) == (1210, False)
+    assert stepped(1000, flash=True, red=red, pixels=pixels, flash_pixels=red + 1) == (1100, False)
+
+
+ONCE = {"once_per_sighting": True}
+
+
+@hypothesis.settings(max_examples=30)
+@given(phase=st.integers(0, 4999), ring=st.booleans())
+def test_a_picture_that_is_not_new_acts_like_a_dark_one(phase, ring):
+    assert stepped(phase, flash=True, ring_on=ring, new=False) == stepped(phase, flash=False, ring_on=ring)
+
+
+@pytest.mark.parametrize(
+    ("flashes", "new_pictures", "given_", "phases"),
+    [
+        ([1, 1, 1, 0], None, {}, [1210, 1441, 1695, 1795]),
+        ([1, 1, 0, 1, 1], None, ONCE, [1210, 1310, 1410, 1661, 1761]),
+        ([1, 1, 1], None, ONCE | {"refractory_fraction": 0.23}, [1100, 1200, 1300]),  # used up while it is refractory
+        ([1, 1, 1, 1, 0], [1, 0, 0, 1, 1], {}, [1210, 1310, 1410, 1661, 1761]),
+        ([1, 1, 1, 0, 0, 1, 1], [1, 0, 1, 1, 0, 1, 0], ONCE, [1210, 1310, 1410, 1510, 1610, 1881, 1981]),
+    ],
+)
+def test_each_new_picture_of_a_flash_updates_or_the_first_of_a_sighting_alone(flashes, new_pictures, given_, phases):
+    robot = TestRobot("oscillator", given_)
+    robot.memory.phase_ms, found = 1000, []
+    for robot.camera, robot.new_picture in zip(flashes, new_pictures or [1] * len(flashes), strict=True):
+        robot.step()
+        found.append(robot.memory.phase_ms)
+    assert found == phases
+
+
+class World:
+    """The thesis's symbols, as exact numbers."""
+
+    def __init__(self, step_ms=100, period_s=5.0, coupling=0.1, flash=0.075, refractory=0.15, delay_ms=0):
+        self.dt, self.delta, self.epsilon = step_ms, delay_ms, exactly(coupling)
+        self.tau = exactly(period_s) * 1000
+        self.phi_led, self.phi_ref = exactly(flash) * self.tau, exactly(refractory) * self.tau
+
+    def parameters(self, **others):
+        given_ = {"period_s": float(self.tau / 1000), "coupling": float(self.epsilon), "delay_ms": self.delta}
+        given_ |= {"flash_fraction": float(self.phi_led / self.tau)}
+        return given_ | {"refractory_fraction": float(self.phi_ref / self.tau)} | others
+
+
+def phase_update_1(phi, ring, world):
+    """Algorithm 1, line 5."""
+    return floor((1 + world.epsilon) * phi), ring
+
+
+def phase_update_2(phi, ring, world):
+    """Algorithm 2; in line 7 a new cycle begins at phase 0.
+
+    Line 2's modulo must not swallow a cycle that is complete: with no delay that would not be Algorithm 1.
+    """
+    phi = phi - world.delta
+    if phi < world.tau:
+        phi = phi % world.tau
+    if phi > world.phi_ref:
+        phi = floor((1 + world.epsilon) * phi)
+    if phi > world.tau:
+        phi = 0
+        ring = True
+    phi = phi + world.delta
+    return phi, ring
+
+
+def algorithm_1(phi, ring, was_flash_detected, world):
+    """Algorithm 1, with the update of Algorithm 2 where there is a delay."""
+    phi = phi + world.dt
+    phase_update = phase_update_2 if world.delta else phase_update_1
+    if phi > world.phi_ref and was_flash_detected:
+        phi, ring = phase_update(phi, ring, world)
+    if phi >= world.tau:
+        phi = 0
+        ring = True
+    if phi > world.phi_led:
+        ring = False
+    return phi, ring
+
+
+@st.composite
+def worlds(draw):
+    period_ms = draw(st.integers(100, 20_000))
+    refractory = draw(st.integers(0, 999))
+    flash = draw(st.integers(0, refractory))
+    delay = draw(st.just(0) | st.integers(0, flash * period_ms // 1000))
+    return World(
+        step_ms=draw(st.sampled_from([1, 10, 25, 100])),
+        period_s=period_ms / 1000,
+        coupling=draw(st.integers(1, 999_999)) / 10 ** draw(st.integers(5, 6)),
+        flash=flash / 1000,
+        refractory=refractory / 1000,
+        delay_ms=delay,
+    )
+
+
+@hypothesis.settings(max_examples=40)
+@given(world=worlds(), chance=st.randoms(use_true_random=False))
+def test_each_step_is_the_thesis_s_own(world, chance):
+    """Forty worlds, thirty states in each, and the states around each of its limits."""
+    step, parameters = find_controller("oscillator").step, settings("oscillator", **world.parameters())
+    limits = [0, world.phi_led, world.phi_ref, world.phi_ref + world.delta, world.tau / (1 + world.epsilon), world.tau]
+    near = [floor(limit) - world.dt + offset for limit in limits for offset in (-1, 0, 1)]
+    phases = [chance.randrange(int(world.tau)) for _ in range(30)]
+    phases += [phase for phase in near if 0 <= phase < world.tau]
+    for phase in phases:
+        flash, ring = chance.random() < 0.7, chance.random() < 0.5
+        memory = SimpleNamespace(phase_ms=phase, flash_seen=0)
+        actuators = SimpleNamespace(ring_on=ring)
+        sensed = SimpleNamespace(step_ms=world.dt, camera=np.array([int(flash)]), new_picture=True)
+        step(sensed, memory, actuators, parameters, None)
+        assert (memory.phase_ms, actuators.ring_on) == algorithm_1(phase, ring, flash, world), f"from {phase}, {flash}"
+
+
+def test_phases_begin_uniform_over_all_whole_milliseconds_below_tau():
+    phases = Bench("oscillator", {"period_s": 0.02}, robots=20_000, interpret=False).memory["phase_ms"]
+    counts = np.bincount(phases, minlength=20)
+    assert len(counts) == 20
+    assert ((counts - 1000) ** 2 / 1000).sum() < 43.8  # chi-square, 19 degrees of freedom, 0.1 %
+
+
+@given(millionths=st.integers(1, 10_000_000), phase=st.integers(1, 7_854_545), ms=st.integers(0, 20_000))
+def test_every_coupling_of_whole_millionths_and_seconds_of_whole_milliseconds_are_taken_as_written(
+    millionths, phase, ms
+):
+    """Of 1.001 s, say, binary fractions alone would make 1000 ms."""
+    day = settings(
+        "oscillator", coupling=millionths / 1e6, period_s=86_400.0, flash_fraction=0.0, refractory_fraction=0.0
+    )
+    assert function("updated", "oscillator")(phase, day) == (phase + phase * millionths // 1_000_000, False)
+    assert function("whole_ms", "oscillator")(ms / 1000) == ms
+
 
 MOTIONS = {"firefly": "obstacle_avoidance", "walking_firefly": "random_walk", "reorienting_firefly": "reorientation"}
 """Controllers that are an oscillator and this one at once."""

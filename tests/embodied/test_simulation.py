@@ -1,21 +1,22 @@
-"""Claims about the simulation: the same seed makes the same trial, and all robots sense the same instant."""
+"""Claims about simulations: one seed makes one trial, resets and copies are equal to the bit, and commands act."""
 
+import copy
+import gc
 import math
+import pickle
+import random
 from itertools import islice
 
 import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from epuck_sim.embodied.simulation import Simulation
+from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulation, load_scenario
+from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.start import Part, spawned
-from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.builtin import ARENAS, builtin_files
-from tests.control.bench import MODES, with_step
-from tests.embodied.changing import CHANGING, swarm_of
-from tests.embodied.steps import bits, kept
+from tests.control.bench import EMPTY, MODES, with_step
+from tests.embodied.steps import CHANGING, bits, kept, swarm_of
 
 SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
 LONG = ("crowded", "obstacles", "physical", "thesis")
@@ -215,3 +216,255 @@ def test_no_step_makes_numba_look_for_types_anew(monkeypatch):
     monkeypatch.setattr(Dispatcher, "_compile_for_args", refuse)
     for simulation in simulations:
         next(simulation)
+
+
+def following(simulation, steps):
+    return [bits(step) for step in islice(simulation, steps)]
+
+
+UNLIKE = load_scenario(
+    {
+        "robots": [
+            {"count": 8, "camera": {"pixels": 20}, "memory": {"phase_ms": [*range(0, 4000, 500)]}},
+            {"count": 12, "controller": "external"},
+            {"count": 5, "placement": "grid", "parameters": {"speed_cm_s": 2}, "camera": {"frames_per_s": 7}},
+        ],
+        "contact": {"friction": 0.3},
+        "arena": {"width_cm": 70, "height_cm": 70},
+    }
+)
+
+
+def test_reset_keeps_the_seed_unless_another_is_given_and_a_refused_one_changes_nothing():
+    simulation = Simulation("thesis", 4)
+    first = following(simulation, 20)
+    simulation.reset()
+    assert following(simulation, 20) == first
+    with pytest.raises(ScenarioError, match="seed is -1; allowed"):
+        simulation.reset(-1)
+    assert (simulation.steps, simulation.seed) == (20, 4)
+    simulation.reset(5)
+    simulation.reset()
+    assert simulation.seed == 5
+
+
+def test_many_resets_in_crowds_leave_no_body_behind():
+    """Bodies and shapes are freed by turns with spaces in which they were; pymunk aborts if they are still in one."""
+    crowds = [Simulation("crowded", seed) for seed in range(2)]
+    chance = random.Random(1)
+    for _ in range(20):
+        crowd = chance.choice(crowds)
+        crowd.advance(chance.randint(1, 12))
+        crowd.reset(chance.randint(0, 99))
+        if chance.random() < 0.2:
+            crowds[crowds.index(crowd)] = Simulation("crowded", 1)
+            del crowd
+            gc.collect()
+    used = crowds[0]
+    used.reset(7)
+    assert following(used, 30) == following(Simulation("crowded", 7), 30)
+
+
+def drive(simulation, steps, chance):
+    """Command and change at random for some steps."""
+    taken = []
+    robots = len(simulation.external_wheels)
+    for _ in range(steps):
+        taken.append(bits(next(simulation)))
+        if chance.random() < 0.5:
+            simulation.command(chance.uniform(-20, 20, robots), 12.8, chance.random(robots) < 0.5)
+        if chance.random() < 0.1:
+            simulation.set_parameters(2, speed_cm_s=chance.uniform(0, 12))
+    return taken
+
+
+COPIES = {
+    "restored": lambda simulation: simulation.restore(simulation.snapshot()) or simulation,
+    "copied": copy.copy,
+    "deep copied": copy.deepcopy,
+    "pickled": lambda simulation: pickle.loads(pickle.dumps(simulation)),
+    "of a pickled snapshot": lambda simulation: restored_elsewhere(pickle.dumps(simulation.snapshot())),
+}
+
+
+def restored_elsewhere(dumped):
+    simulation = Simulation(UNLIKE, 99)
+    simulation.advance(30)
+    simulation.restore(pickle.loads(dumped))
+    return simulation
+
+
+@pytest.mark.parametrize("way", COPIES)
+@pytest.mark.parametrize("steps", [0, 67])
+def test_copies_go_on_equal_to_the_bit_among_contacts_commands_and_changes(way, steps):
+    original, alone = (Simulation(UNLIKE, 3) for _ in range(2))
+    for simulation in (original, alone):
+        drive(simulation, steps, np.random.default_rng(1))
+    made = COPIES[way](original)
+    assert made.steps == alone.steps
+    expected = drive(alone, 40, np.random.default_rng(2))
+    assert drive(made, 40, np.random.default_rng(2)) == expected
+    if made is not original:  # which neither notices its copy nor shares anything with it
+        assert drive(original, 40, np.random.default_rng(2)) == expected
+
+
+def test_a_snapshot_is_a_moment_which_later_steps_do_not_change_and_one_of_another_scenario_is_refused():
+    simulation = Simulation(UNLIKE, 3)
+    drive(simulation, 20, np.random.default_rng(1))
+    snapshot = simulation.snapshot()
+    assert "steps=20" in repr(snapshot)
+    first = drive(simulation, 30, np.random.default_rng(2))
+    with pytest.raises(ValueError, match="cannot be restored from Snapshot"):
+        simulation.restore(Simulation("crowded", 3).snapshot())
+    assert simulation.steps == 50
+    simulation.restore(snapshot)
+    assert drive(simulation, 30, np.random.default_rng(2)) == first
+
+
+def test_changed_parameters_act_from_the_next_step_on_and_reset_takes_them_back():
+    apart = [{"poses": [[15, 15, 0]]}, {"poses": [[15, 30, 0], [15, 45, 0]]}]
+    simulation = Simulation({"robots": apart, "noise": "off"}, 1)
+    simulation.advance(3)
+    simulation.set_parameters(1, speed_cm_s=1.5, period_s=3.0)
+    assert simulation.period_ms.tolist() == [5000, 3000, 3000]
+    simulation.set_parameters(1, coupling=0.2)
+    assert next(simulation).wheels_cm_s.max(axis=1).tolist() == [12.8, 1.5, 1.5]
+    simulation.reset()
+    assert simulation.period_ms.tolist() == [5000, 5000, 5000]
+    assert next(simulation).wheels_cm_s.max() == 12.8
+
+
+@pytest.mark.parametrize(
+    ("group", "values", "kind", "message"),
+    [
+        (0, {"speed_cm_s": 99.0}, ScenarioError, r"robots.0.parameters: speed_cm_s is 99.0; allowed: 0 to 12.8"),
+        (0, {"sped_cm_s": 1.0}, ScenarioError, "speed_cm_s"),
+        (0, {"period_s": 0.1}, ScenarioError, "longer than a control step"),
+        (1, {"speed_cm_s": 1.0}, ValueError, "group is 1; allowed: 0 to 0"),
+    ],
+)
+def test_parameters_that_a_controller_does_not_take_are_refused(group, values, kind, message):
+    simulation = Simulation("thesis", 1)
+    with pytest.raises(kind, match=message):
+        simulation.set_parameters(group, **values)
+    assert simulation.period_ms.tolist() == [5000] * 10
+    assert not simulation.snapshot().changes
+
+
+def test_a_controller_that_raises_at_a_restart_is_named(tmp_path):
+    path = tmp_path / "late.py"
+    path.write_text(with_step("pass").replace("    pass\n", "    x = 1 / (int(random[0] % 2))\n", 1))
+    scenario = load_scenario({"robots": [{"controller": str(path), "count": 1}]})
+    is_good = {}
+    for seed in range(20):
+        try:
+            simulation, is_good[seed] = Simulation(scenario, seed, interpret=True), True
+        except ControllerError:
+            is_good[seed] = False
+    good, bad = (next(seed for seed in is_good if is_good[seed] == wanted) for wanted in (True, False))
+    with pytest.raises(ControllerError, match=rf"robot 0, step 0, seed {bad}: .*late.py"):
+        simulation.reset(bad)
+    simulation.reset(good)
+    assert next(simulation).number == 0
+
+
+POLICY = with_step(
+    """actuators.left_cm_s = 12.8 - sensors.infrared[7] / 50.0
+    actuators.right_cm_s = -3.0 if sensors.camera.sum() > 0 else 40.0
+    actuators.ring_on = sensors.distance_mm.min() < 60 or memory.steps % 17 == 0
+    memory.steps += 1""",
+    MEMORY="{'steps': int}",
+)
+
+
+def act(simulation, step):
+    robots = simulation.external_wheels
+    seen = step.camera[robots].sum(axis=1) > 0
+    near = step.distance_mm[robots].min(axis=1) < 60
+    left = 12.8 - step.infrared[robots, 7] / 50.0
+    simulation.command(left, np.where(seen, -3.0, 40.0), near | (step.number % 17 == 0))
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+def test_robots_commanded_from_outside_move_and_flash_as_with_a_controller_to_the_bit(interpret, tmp_path):
+    path, others = tmp_path / "policy.py", [{"count": 3}, {"count": 2, "controller": "oscillator"}]
+    path.write_text(POLICY)
+    imperfect = {"spread": {"wheel_speed": 0.2, "infrared_gain": 0.1}, "stuck": {"per_hour": 900, "mean_s": 2}}
+    ruled, free = (
+        load_scenario({"robots": [*others, {"count": 6, "controller": name}], **imperfect})
+        for name in (str(path), "external")
+    )
+    commanded = Simulation(free, 3, interpret=interpret)
+    for theirs in kept(Simulation(ruled, 3, interpret=True), 100):
+        step = next(commanded)
+        act(commanded, step)
+        for name in ("poses", "infrared", "distance_mm", "camera", "wheels_cm_s", "ring_on"):
+            np.testing.assert_array_equal(getattr(step, name), getattr(theirs, name), err_msg=name)
+    assert step.ring_on.any()
+
+
+def test_a_command_holds_until_the_next_what_is_left_out_stays_and_parts_are_commanded_apart():
+    robots = [{"controller": "external_wheels", "count": 3}, {"controller": "external_ring", "count": 2}]
+    simulation = Simulation({"robots": robots}, 1, interpret=True)
+    assert simulation.external_wheels.tolist() == [0, 1, 2]
+    assert simulation.external_rings.tolist() == [3, 4]
+    simulation.command(left_cm_s=-5.0, right_cm_s=[5.0, 6.0, -20.0], ring_on=[False, True])
+    simulation.command(left_cm_s=-6.0)
+    steps = kept(simulation, 100)
+    rings = np.array([step.ring_on for step in steps])
+    assert rings[:, :3].any(axis=0).all()  # oscillators with commanded wheels flash by themselves
+    assert not rings[:, 3].any()
+    assert rings[:, 4].all()
+    assert all(step.wheels_cm_s[:3].tolist() == [[-6, 5], [-6, 6], [-6, -12.8]] for step in steps)
+    assert (steps[-1].wheels_cm_s[3:] > 0).any()
+
+
+def test_faults_and_absence_come_after_commands():
+    robots = [{"controller": "external", "count": 3, "placement": "grid"}]
+    faults, schedule = [{"kind": "ring_dead", "robots": [0]}], [{"at_s": 0, "remove": [1]}]
+    simulation = Simulation({"robots": robots, "faults": faults, "schedule": schedule}, 1, interpret=True)
+    next(simulation)
+    simulation.command(5, 5, ring_on=True)
+    assert simulation.last_step.ring_on.tolist() == [False, False, True]
+    assert simulation.last_step.wheels_cm_s.tolist() == [[5, 5], [0, 0], [5, 5]]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"left_cm_s": np.zeros(3)}, r"left_cm_s has the shape \(3,\); allowed: \(2,\)"),
+        ({"left_cm_s": [1.0, np.nan]}, "left_cm_s is nan for robot 9; allowed: numbers"),
+        ({"left_cm_s": ["fast", "slow"]}, "left_cm_s is fast for robot 8; allowed: numbers"),
+        ({"right_cm_s": 1.0, "ring_on": [True, 2]}, "ring_on is 2 for robot 9; allowed: true and false"),
+        ({"right_cm_s": 1.0, "ring_on": [True]}, r"ring_on has the shape \(1,\)"),
+    ],
+)
+def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded(given, message):
+    simulation = Simulation({"robots": [{"count": 8}, {"count": 2, "controller": "external"}]}, 1, interpret=True)
+    with pytest.raises(ValueError, match=message):
+        simulation.command(**given)
+    step = next(simulation)
+    assert not step.wheels_cm_s[8:].any()
+    assert not step.ring_on[8:].any()
+
+
+@pytest.mark.parametrize(
+    ("controller", "command", "message"),
+    [
+        ("firefly", {"left_cm_s": 0}, "no robot has its wheels commanded from outside; give a group `controller: e"),
+        ("external_wheels", {"ring_on": True}, "no robot has its ring commanded"),
+        ("external", {}, "nothing is commanded; give left_cm_s, right_cm_s or ring_on"),
+    ],
+)
+def test_robots_that_have_controllers_are_not_commanded_and_nothing_is_no_command(controller, command, message):
+    with pytest.raises(ValueError, match=message):
+        Simulation({"robots": [{"controller": controller}]}, 1, interpret=True).command(**command)
+
+
+def test_a_file_says_what_is_external(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(EMPTY + "\nEXTERNAL = ('ring',)\n")
+    assert find_controller(str(path)).external == ("ring",)
+    path.write_text(EMPTY + "\nEXTERNAL = ('camera',)  # no actuator\n")
+    with pytest.raises(ControllerError, match=r"EXTERNAL is \('camera',\); allowed: a tuple of wheels, ring"):
+        find_controller(str(path))

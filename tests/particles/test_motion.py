@@ -1,17 +1,102 @@
-"""Walls are reached on time, and directions have the thesis's distributions, in closed form where there is one.
-
-In a cyclic space positions stay uniform and headings never change: p(t) = p(0) + v t, modulo the side. Between mirrors,
-and in a segment with walls that only turn agents back, each agent is on a triangle wave.
-"""
+"""Motion: initial conditions, walls, and random walks have their distributions, in closed form where there is one."""
 
 import itertools
 import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from tests.particles.distributions import is_uniform
 from tests.particles.simulations import make_simulation, set_trajectories
+
+UNLIKELY = 1e-4
+"""Seeds are fixed: chance fails no test; what is wrong gives far less than this."""
+
+
+def fits(observed, expected):
+    """Whether counts are those of a distribution with these shares, by a chi-square test."""
+    shares = np.asarray(expected) / np.sum(expected)
+    assert (shares * np.sum(observed)).min() > 20
+    return stats.chisquare(np.ravel(observed), np.ravel(shares * np.sum(observed))).pvalue > UNLIKELY
+
+
+def is_uniform(values, low, high):
+    return stats.kstest(np.ravel(values), "uniform", args=(low, high - low)).pvalue > UNLIKELY
+
+
+def is_anywhere(headings):
+    """Whether (agents, dimensions) headings are uniform over all directions."""
+    if headings.shape[1] == 1:
+        return set(headings.ravel()) == {-1.0, 1.0} and fits(np.unique(headings, return_counts=True)[1], [1, 1])
+    if headings.shape[1] == 2:
+        return is_uniform(np.arctan2(headings[:, 1], headings[:, 0]), -math.pi, math.pi)
+    azimuth = np.arctan2(headings[:, 1], headings[:, 0])
+    return is_uniform(headings[:, 2], -1, 1) and is_uniform(azimuth, -math.pi, math.pi)
+
+
+@pytest.mark.parametrize("dimensions", [1, 2, 3])
+def test_agents_begin_anywhere_in_any_direction_at_any_phase(dimensions):
+    swarm = make_simulation(5, space={"dimensions": dimensions}, agents={"count": 20_000})
+    assert is_uniform(swarm.positions(), 0, 100)
+    assert is_anywhere(swarm.headings())
+    assert is_uniform(swarm.phases(), 0, 1)
+    assert abs(np.corrcoef(swarm.positions()[:, 0], swarm.phases())[0, 1]) < 0.03
+
+
+@pytest.mark.parametrize("dimensions", [1, 2, 3])
+@pytest.mark.parametrize("part", ["phases", "positions_cm", "headings"])
+def test_what_is_given_takes_the_place_of_what_is_drawn_and_all_else_stays(dimensions, part):
+    scene = {"space": {"dimensions": dimensions, "side_cm": 64.0}, "agents": {"count": 4, "speed_cm_s": 9.0}}
+    drawn = make_simulation(7, **scene)
+    other = make_simulation(8, **scene)
+    states = {"phases": "phases", "positions_cm": "positions", "headings": "headings"}
+    start = {part: (getattr(other, states[part])() * (3 if part == "headings" else 1)).tolist()}  # of any length
+    given = make_simulation(7, start=start, **scene)
+    for key, method in states.items():
+        expected = getattr(other if key == part else drawn, method)()
+        assert getattr(given, method)() == pytest.approx(expected, abs=1e-15)
+    assert (given._arrays.streams == drawn._arrays.streams).all()
+
+
+MANY = 6_000
+
+
+def speeds(**agents):
+    """Return the speeds of many agents, measured from their motion, as shares of the mean."""
+    swarm = make_simulation(3, agents={"count": MANY, "speed_cm_s": 4.0, **agents}, space={"side_cm": 1e6})
+    start = swarm.positions()
+    swarm._arrays.scene.now = 0.1  # before anybody fires or comes far
+    return np.linalg.norm(swarm.positions() - start, axis=1) / 0.4
+
+
+SIGMA = math.log(1 + 0.7**2) ** 0.5  # of the logarithm of lognormal speeds whose deviation is 0.7 of their mean
+
+
+def test_speeds_have_the_distribution_and_the_mean_of_the_scenario():
+    for distribution, spread, expected in [
+        *(("uniform", spread, stats.uniform(1 - spread, 2 * spread)) for spread in (0.1, 1.0)),
+        *(("normal", spread, stats.truncnorm(-1 / spread, 1 / spread, 1, spread)) for spread in (0.1, 0.5, 1.0)),
+        ("lognormal", 0.7, stats.lognorm(SIGMA, scale=math.exp(-(SIGMA**2) / 2))),
+        ("exponential", None, stats.expon()),
+    ]:
+        drawn = speeds(speed_distribution=distribution, **({} if spread is None else {"speed_spread": spread}))
+        assert stats.kstest(drawn, expected.cdf).pvalue > UNLIKELY
+        low, high = expected.support()
+        assert ((drawn >= low - 1e-6) & (drawn <= high + 1e-6)).all()
+        assert drawn.mean() == pytest.approx(1, abs=0.03)
+
+
+@pytest.mark.parametrize("jitter", [5e-5, 0.2])
+def test_jittered_periods_are_normal_around_the_nominal_one(jitter):
+    swarm = make_simulation(1, agents={"count": MANY}, clocks={"jitter": jitter, "period_s": 3.0})
+    start = swarm.phases()
+    swarm._arrays.scene.now = 1e-3
+    periods = 1e-3 / (swarm.phases() - start)
+    assert stats.kstest(swarm._arrays.period, stats.norm(1, jitter).cdf).pvalue > UNLIKELY
+    assert periods == pytest.approx(swarm._arrays.period, rel=1e-9)
+    assert swarm._arrays.period.min() >= 0.1
+    assert stats.kstest(start, "uniform").pvalue > UNLIKELY  # jitter leaves phases uniform
+
 
 CLOSED = [(1, "bounded"), *itertools.product((1, 2, 3), ("cyclic", "mirrored"))]
 """Dimensions and boundaries of spaces with a closed form."""
@@ -81,3 +166,63 @@ def test_walls_turn_agents_by_a_uniform_angle_in_a_square_and_over_the_hemispher
         assert is_uniform(along, 0, 1)
         assert is_uniform(np.arctan2(*aside), -math.pi, math.pi)
     assert abs(np.corrcoef(along, towards)[0, 1]) < 0.06
+
+
+dimensions = pytest.mark.parametrize("dimensions", [1, 2, 3])
+
+BROWNIAN = {"kind": "brownian", "run_s": 2.0}
+CORRELATED = {"kind": "correlated", "run_s": 0.5, "persistence": 0.8}
+LEVY = {"kind": "levy", "run_s": 0.3, "exponent": 2.2}
+
+
+def walkers(walk, count=4000, speed_cm_s=1.0, seed=0, agents=None, **sections):
+    """Return uncoupled agents that fire together once a cycle, far from any wall unless `sections` say otherwise."""
+    sections = {"space": {"side_cm": 1e6}, "neighbourhood": {"kind": "all"}, "response": {"coupling": 0}, **sections}
+    motion = {"count": count, "speed_cm_s": speed_cm_s, "walk": walk, **(agents or {})}
+    return make_simulation(seed, agents=motion, start={"phases": "synchronised"}, **sections)
+
+
+@pytest.mark.parametrize("exponent", [2.2, 3.0])
+def test_runs_of_a_levy_walk_have_a_power_law_above_the_shortest(exponent):
+    swarm = walkers({**LEVY, "exponent": exponent}, count=20_000)
+    durations = swarm._arrays.run_end_cycle + swarm._arrays.run_end_time
+    assert durations.min() >= 0.3
+    assert stats.kstest(durations, "pareto", args=(exponent - 1, 0, 0.3)).pvalue > UNLIKELY
+
+
+@dimensions
+@pytest.mark.parametrize(("walk", "reorients"), [(BROWNIAN, False), (CORRELATED, False), (CORRELATED, True)])
+def test_the_mean_squared_displacement_is_that_of_theory(dimensions, walk, reorients):
+    agents = {"reorient_on": ["emitting"]} if reorients else {}
+    swarm = walkers(walk, speed_cm_s=3.0, agents=agents, space={"dimensions": dimensions, "side_cm": 1e6})
+    start = swarm.positions()
+    rate = (1 - walk.get("persistence", 0.0)) / walk["run_s"]
+    for time_s in (0.4, 1.0, 7.5) if not reorients else (0.5, 1.0):  # reorientation is at 1 s, and then each second
+        swarm.run_to(time_s)
+        expected = 2 * 9.0 / rate * (time_s - (1 - math.exp(-rate * time_s)) / rate)
+        squares = ((swarm.positions() - start) ** 2).sum(axis=1)
+        assert abs(squares.mean() - expected) < 4 * squares.std() / math.sqrt(len(squares))
+
+
+DISTRIBUTIONS = {
+    "uniform": {"speed_spread": 0.5},
+    "normal": {"speed_spread": 0.6},
+    "exponential": {},
+    "lognormal": {"speed_spread": 2.0},
+    "two_speeds": {"fast_share": 0.1, "fast_ratio": 10.0},
+}
+
+
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+def test_speeds_of_later_runs_have_the_distribution_of_the_first(distribution):
+    agents = {"speed_distribution": distribution, "speed_per_run": True, **DISTRIBUTIONS[distribution]}
+    swarm = walkers({"kind": "brownian", "run_s": 0.1}, count=10_000, speed_cm_s=4.0, agents=agents)
+    table = swarm._arrays.run_speeds
+    assert table.mean() == pytest.approx(4.0)
+    assert swarm._arrays.scene.max_speed == max(table.max(), swarm._arrays.speed.max())
+    first = swarm.speeds_cm_s
+    swarm.run_to(3.0)
+    later = swarm.speeds_cm_s
+    assert (first != later).mean() > 0.15  # of two speeds most are the same again
+    assert stats.ks_2samp(first.round(9), later.round(9)).pvalue > UNLIKELY
+    assert abs(later.mean() - 4.0) < 4 * later.std() / math.sqrt(len(later))

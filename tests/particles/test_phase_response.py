@@ -1,4 +1,4 @@
-"""Response curves: their shapes, their caps, and what they do to the order of two."""
+"""Response curves: their shapes and caps, what they do to the order of two, and curves of users' own."""
 
 import math
 
@@ -7,8 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_shift
+from epuck_sim import ParticleSimulation, load_scenario, points
+from epuck_sim.errors import CurveError
+from epuck_sim.particles.phase_response import CURVES, Response, make_response, order_change, phase_shift
+from epuck_sim.scenario.yaml_io import write_yaml
 from tests.particles.naive_model import shift
+from tests.particles.simulations import make_simulation
 
 MULTIPLICATIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR = 0, 4, 5
 unit = st.floats(0, 1)
@@ -49,3 +53,105 @@ def test_shapes_are_kept_whether_or_not_an_array_is_a_block():
         phases = np.linspace(0.1, 0.9, math.prod(shape)).reshape(shape).T
         assert phase_shift(response, phases) == pytest.approx(0.1 * phases)
         assert order_change(response, phases).shape == phases.shape
+
+
+POWER = """
+from beside import power
+
+PARAMETERS = {"bend": 1.0, "times": 1}
+
+def phase_shift(phase, coupling, parameters):
+    shift = coupling * power(phase, parameters.bend)
+    return shift * parameters.times
+"""
+BESIDE = """
+def power(phase, bend):
+    return phase**bend
+"""
+
+
+@pytest.fixture
+def power(tmp_path):
+    (tmp_path / "beside.py").write_text(BESIDE)
+    path = tmp_path / "power.py"
+    path.write_text(POWER)
+    return path
+
+
+def write(folder, source):
+    path = folder / "curve.py"
+    path.write_text(source)
+    return path
+
+
+def scenario_of(curve, **response):
+    return {"model": "particles", "response": {"curve": str(curve), "coupling": 0.1, **response}}
+
+
+def test_a_curve_that_says_what_the_multiplicative_one_does_gives_the_same_bits(power):
+    one, other = ParticleSimulation(scenario_of(power), 3), ParticleSimulation({"model": "particles"}, 3)
+    one.run(2000)
+    other.run(2000)
+    assert one.phases().tobytes() == other.phases().tobytes()
+    assert one.instants == other.instants > 10_000
+
+
+def test_parameters_and_the_coupling_reach_the_function(power):
+    phases = np.linspace(0.01, 1, 30)
+    for coupling, bend, times in [(0.1, 2.0, 1), (0.3, 0.5, -2), (0.1, 3.0, 1)]:
+        section = scenario_of(power, parameters={"bend": bend, "times": times}, coupling=coupling)
+        response = make_response(load_scenario(section).response)
+        expected = np.clip(phases + times * coupling * phases**bend, 0, 1) - phases
+        assert phase_shift(response, phases) == pytest.approx(expected, abs=1e-14)
+        assert order_change(response, phases).shape == phases.shape
+
+
+def test_two_curves_take_turns_in_one_process_and_a_changed_file_is_another_curve(power, tmp_path):
+    added = write(tmp_path, "def phase_shift(phase, coupling, parameters):\n    return coupling")
+    scenes = [{"response": {"curve": str(curve), "coupling": 0.05}} for curve in (power, added)]
+    alone = [
+        make_simulation(1, **scene) for scene in (scenes[0], {"response": {"curve": "additive", "coupling": 0.05}})
+    ]
+    for swarm in alone:
+        swarm.run(50)
+    together = [make_simulation(1, **scene) for scene in scenes]
+    added.write_text("def phase_shift(phase, coupling, parameters):\n    return 2 * coupling")
+    assert phase_shift(make_response(load_scenario(scenario_of(added)).response), 0.5) == pytest.approx(0.2)
+    for cycle in range(50):
+        for swarm in together:
+            swarm.run(cycle + 1)
+    phases = [swarm.phases().tobytes() for swarm in together]
+    assert phases == [swarm.phases().tobytes() for swarm in alone]
+    assert phases[0] != phases[1]
+
+
+def test_curves_and_their_parameters_can_be_swept_and_a_path_is_relative_to_the_scenario_s_file(power):
+    path = power.parent / "scene.yaml"
+    path.write_text(write_yaml(scenario_of("power.py", parameters={"bend": 2})))
+    response = load_scenario(str(path)).response
+    assert (response.curve, response.parameters) == (str(power), {"bend": 2.0, "times": 1})
+    axes = {"response.curve": ["sine", str(power)], "response.coupling": [0.1, 0.2]}
+    found = points({"model": "particles", "sweep": {"grid": axes}})
+    assert [point.axes["response.curve"] for point in found] == ["sine", "sine", "power.py", "power.py"]
+    assert found[2].scenario.response.parameters == {"bend": 1.0, "times": 1}
+    (_, bent) = points({**scenario_of(power), "sweep": {"grid": {"response.parameters.bend": [1, 2]}}})
+    assert bent.scenario.response.parameters == {"bend": 2.0, "times": 1}
+
+
+@pytest.mark.parametrize(
+    ("failure", "message"),
+    [
+        ("raise ValueError('not here')", r"curve.py:5: at phase 0.50\d+: ValueError: not here"),
+        ("return 1 / int(phase)", r"curve.py:5: at phase 0.50\d+: ZeroDivisionError: "),
+        ("return math.inf", r"curve.py: phase_shift returns inf at phase 0.50\d+$"),
+    ],
+    ids=lambda text: text[:10],
+)
+def test_an_error_during_a_trial_names_the_file(tmp_path, failure, message):
+    # between the phases at which curves are tried
+    head = "import math\n\ndef phase_shift(phase, coupling, parameters):\n    if 0.502 < phase < 0.508:\n"
+    swarm = ParticleSimulation(
+        scenario_of(write(tmp_path, f"{head}        {failure}\n    return coupling * phase\n")), 1
+    )
+    with pytest.raises(CurveError, match=message):
+        swarm.run(10_000)

@@ -15,7 +15,7 @@ from epuck_sim.recording.layers.arena import OBSTACLES, WALLS
 from epuck_sim.recording.reader import Entities
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from tests.embodied.changes.test_arena_change import GATE, PILLARS
+from tests.embodied.steps import GATE, PILLARS
 
 WALLS_CHANGE = {
     "arena": {"obstacles": GATE},

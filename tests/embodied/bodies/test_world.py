@@ -1,4 +1,4 @@
-"""Claims about the rigid bodies: nothing overlaps or tunnels, a push shares momentum, contacts slide."""
+"""Claims about rigid bodies: nothing overlaps or tunnels, contacts slide, none is missed, and movables are pushed."""
 
 import math
 import sys
@@ -7,12 +7,16 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
+from epuck_sim import Simulation, epuck, load_scenario
 from epuck_sim.arena import clearance_cm, make_arena
-from epuck_sim.embodied.bodies.contacts import NOBODY
-from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.bodies import chipmunk, public_space
+from epuck_sim.embodied.bodies.contacts import MARGIN_CM, NOBODY, PUSHED_CM, find_contact_candidates
+from epuck_sim.embodied.bodies.shapes import DYNES_PER_NEWTON, GRAVITY_CM_S2
 from epuck_sim.geometry import box_corners
-from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld, advanced, overlap_cm
+from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld, advanced, overlap_cm, squeeze
 
 RADIUS_CM = 3.7
 FULL_CM_S = 12.8
@@ -148,3 +152,260 @@ def test_other_threads_run_while_bodies_move():
         sys.setswitchinterval(interval)
     assert other.is_set()
     thread.join()
+
+
+CONTROL_S = 0.1
+CONTACT_CM = 2 * (RADIUS_CM + MARGIN_CM)
+WALL_CM = RADIUS_CM + 2 * MARGIN_CM
+
+
+def candidates(poses, velocities, side):
+    world = MovedWorld(make_arena(side, side, [], []), poses)
+    world.velocities[:] = velocities
+    find_contact_candidates(world.block)
+    robots = world.swarm.robots
+    return (robots.may_touch | (robots.partner != NOBODY)).tolist()
+
+
+def slow_twin(positions, velocities, side, slack_cm):
+    """Return what `candidates` does on a bare floor, from all pairs at many instants, with a slack."""
+    times = np.linspace(0, CONTROL_S, 201)[:, None, None]
+    paths = positions + times * velocities
+    apart = np.linalg.norm(paths[:, :, None] - paths[:, None], axis=3).min(axis=0)
+    np.fill_diagonal(apart, np.inf)
+    gaps = np.minimum(paths, side - paths).min(axis=(0, 2))
+    meets = (apart <= CONTACT_CM + slack_cm).any(axis=1) | (gaps <= WALL_CM + slack_cm)
+    start = np.linalg.norm(positions[:, None] - positions, axis=2)
+    reach = start <= CONTACT_CM + 2 * (np.linalg.norm(velocities, axis=1).max() * CONTROL_S + PUSHED_CM) + slack_cm
+    for _ in positions:
+        meets |= (reach & meets).any(axis=1)
+    return meets
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.floats(24, 80))
+def test_candidates_are_those_of_the_slow_twin(seed, robots, side):
+    random = np.random.default_rng(seed)
+    positions = random.uniform(4, side - 4, (robots, 2))
+    velocities = random.uniform(-9, 9, (robots, 2)) * random.choice([0, 1], (robots, 1))
+    found = candidates(np.column_stack([positions, np.zeros(robots)]), np.pad(velocities, ((0, 0), (0, 1))), side)
+    surely, perhaps = (slow_twin(positions, velocities, side, slack_cm) for slack_cm in (-1e-3, 1e-3))
+    assert (surely <= found).all()
+    assert (found <= perhaps).all()
+
+
+@settings(max_examples=20)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    robots=st.integers(1, 16),
+    aside=st.floats(0.2, 3),
+    met=st.just((0.0, 0.0)) | st.tuples(st.floats(0.05, 0.095), st.sampled_from([6.0, 10.0, 12.8])),
+    step=st.sampled_from([(10, 100), (5, 100), (20, 200)]),
+    others=st.sampled_from([0, 300]),
+)
+@example(seed=0, robots=8, aside=1.1, met=(0.0, 0.0), step=(10, 100), others=300)
+@example(seed=0, robots=15, aside=1.1, met=(0.0, 0.0), step=(10, 100), others=300)
+@example(seed=0, robots=12, aside=0.536, met=(0.071, 10.0), step=(10, 100), others=0)  # far in the last physics step
+def test_no_contact_is_missed_however_far_and_late_robots_are_squeezed_out(seed, robots, aside, met, step, others):
+    """Who is not in the space has touched nobody, and has moved as in the slow twin, where all are in the space."""
+    random = np.random.default_rng(seed)
+    steps, physics_hz = step
+    arena, poses, velocities = squeeze(robots, aside, *met)
+    for x, y in random.uniform(100, 150, (others, 2)):
+        if np.hypot(poses[:, 0] - x, poses[:, 1] - y).min() > 2 * RADIUS_CM:
+            poses = np.vstack([poses, [x, y, 0]])
+    placed = random.uniform(-1, 1, (len(poses) - len(velocities), 2))
+    velocities = np.vstack([velocities, np.pad(placed, ((0, 0), (0, 1)))])
+    worlds = [kind(arena, poses, 0.0, physics_hz) for kind in (MovedWorld, FullSpaceWorld)]
+    world, twin = advanced(worlds, velocities, steps)
+    apart = np.linalg.norm(world.poses[:, None, :2] - world.poses[None, :, :2], axis=2) + 100 * np.eye(len(poses))
+    assert apart[~world.is_in_space & (world.swarm.robots.partner == NOBODY)].min(initial=100) > CONTACT_CM
+    free = ~world.is_in_space
+    np.testing.assert_allclose(world.poses[free], twin.poses[free], rtol=0, atol=1e-9)
+    assert overlap_cm(world.poses[:, :2]) <= max(overlap_cm(twin.poses[:, :2]), 0) + 0.05
+
+
+DIAMETER_CM = 2 * epuck.RADIUS_CM
+DISC_CM = 6.0
+STEP_S = 0.01
+SETTLING = 25
+"""Physics steps that forces take to balance: 18.0 were the most, with four pushers of 2 N each near the threshold."""
+
+DISC = {"x_cm": 50, "y_cm": 30, "radius_cm": DISC_CM, "mass_kg": 1, "friction": 0.1}
+
+
+def row_of(pushers, force_n, friction_n, mass_g, discs=1):
+    """Return a world with robots in a row that touch each other, and discs in a row ahead of them."""
+    first = 10 + DIAMETER_CM * (pushers - 1) + epuck.RADIUS_CM + DISC_CM
+    friction = friction_n * DYNES_PER_NEWTON / (mass_g * GRAVITY_CM_S2)
+    movables = [(first + 2 * DISC_CM * place, 30, DISC_CM, mass_g, friction) for place in range(discs)]
+    poses = np.array([[10 + DIAMETER_CM * place, 30, 0] for place in range(pushers)])
+    return MovedWorld(make_arena(900, 60, [], [], movables), poses, drive_force_n=force_n)
+
+
+def way_cm(world, speed, seconds):
+    """Return how far the first disc comes in some seconds when all robots drive at a speed, cm/s."""
+    disc = world.swarm.circles[0]
+    start = disc.x
+    for _ in range(round(10 * seconds)):
+        world.velocities[:] = speed, 0, 0
+        world.advance(10)
+    return disc.x - start
+
+
+@settings(max_examples=12)
+@given(
+    pushers=st.integers(1, 4),
+    force_n=st.floats(0.1, 2),
+    share=st.one_of(st.floats(0.1, 0.95), st.floats(1.05, 3)),
+    mass_g=st.floats(200, 2000),
+    speed=st.floats(0.5, 12.8),
+)
+def test_a_disc_moves_if_the_forces_of_its_pushers_sum_to_more_than_its_friction(
+    pushers, force_n, share, mass_g, speed
+):
+    """The closed form: it accelerates by what forces are left over to the pushers' speed, which it keeps; or stays."""
+    friction_n = share * pushers * force_n
+    found = way_cm(row_of(pushers, force_n, friction_n, mass_g), speed, seconds=5)
+    if share > 1:
+        assert found == pytest.approx(0, abs=SETTLING * STEP_S * speed)
+    else:
+        left_over = (pushers * force_n - friction_n) * DYNES_PER_NEWTON
+        acceleration = left_over / (mass_g + pushers * epuck.MASS_G)
+        until_s = min(speed / acceleration, 5)
+        expected = acceleration * until_s**2 / 2 + speed * (5 - until_s)
+        assert found == pytest.approx(expected, abs=SETTLING * STEP_S * speed)
+
+
+def abreast(speeds, friction_n):
+    """Return how far a disc comes in 10 s that two robots in a lane push at different speeds, cm/s."""
+    friction = friction_n * DYNES_PER_NEWTON / (1000 * GRAVITY_CM_S2)
+    arena = make_arena(300, 14.9, [], [], [(25, 7.45, 7, 1000, friction)])
+    world = MovedWorld(arena, [[10, 3.74, 0], [10, 11.16, 0]], drive_force_n=0.5)
+    places = []
+    for _ in range(250):
+        world.velocities[:, 0] = speeds
+        world.velocities[:, 1:] = 0
+        world.advance(10)
+        places.append(world.swarm.circles[0].x)
+    return places[-1] - places[-101]
+
+
+@pytest.mark.parametrize(
+    ("speeds", "friction_n", "way"), [((2, 4), 0.3, 40), ((2, 4), 0.8, 20), ((2, 4), 1.2, 0), ((4, 0), 0.8, 0)]
+)
+def test_of_two_with_different_speeds_the_faster_moves_it_if_it_can_alone_and_else_the_slower_holds_it_up(
+    speeds, friction_n, way
+):
+    assert abreast(speeds, friction_n) == pytest.approx(way, abs=0.01 if way else 1e-6)
+
+
+@pytest.mark.parametrize(("discs", "moves"), [(1, True), (2, True), (3, False)])
+def test_what_is_pushed_by_what_is_pushed_adds_its_friction(discs, moves):
+    found = way_cm(row_of(2, force_n=0.5, friction_n=0.4, mass_g=500, discs=discs), 3.0, seconds=10)
+    assert (found > 25) if moves else (abs(found) < 1e-3)
+
+
+def scene(groups, **arena):
+    robots = [
+        {"poses": [pose], "controller": "constant", "parameters": {"left_cm_s": v, "right_cm_s": v, "ring_on": lit}}
+        for pose, v, lit in groups
+    ]
+    return {"arena": {"width_cm": 150, "height_cm": 100} | arena, "robots": robots, "noise": "off"}
+
+
+def test_sensors_see_a_disc_where_it_was_pushed_to_as_an_obstacle_that_stands_there():
+    groups = [([50 - DISC_CM - epuck.RADIUS_CM, 30, 0], 5.0, False), ([90, 34, 3], 0.0, False)]
+    pushed = Simulation(scene(groups, movables=[DISC | {"friction": 0.02}]), 1).advance(60)
+    ((x, y),) = pushed.movables
+    assert x > 75
+    there = [(pose.tolist(), v, lit) for pose, (_, v, lit) in zip(pushed.poses, groups, strict=True)]
+    obstacle = {"shape": "circle", "x_cm": x, "y_cm": y, "radius_cm": DISC_CM - 1e-6}
+    still = next(Simulation(scene(there, obstacles=[obstacle]), 1))
+    assert (pushed.infrared[1] > 100).any()
+    np.testing.assert_allclose(pushed.infrared, still.infrared, rtol=0, atol=0.5)
+    assert pushed.contacts.tolist() == [[0, -1]] == still.contacts.tolist()
+
+
+def test_a_strong_robot_that_touches_nothing_moves_as_where_there_is_nothing_to_push_a_physics_step_later():
+    speed = 5
+    poses = {"poses": [[50, 50, 1]], "controller": "constant", "parameters": {"left_cm_s": 3, "right_cm_s": 7}}
+    far = DISC | {"x_cm": 90, "y_cm": 90}
+    arena = {"width_cm": 100, "height_cm": 100}
+    with_disc = {"arena": arena | {"movables": [far]}, "robots": [poses], "contact": {"drive_force_n": 1000}}
+    ways = [Simulation(each, 1).advance(200).poses.copy() for each in ({"arena": arena, "robots": [poses]}, with_disc)]
+    assert 0 < np.hypot(*(ways[0] - ways[1])[0, :2]) < 1.1 * speed * STEP_S
+    assert ways[0][0, 2] == pytest.approx(ways[1][0, 2], abs=1e-9)
+
+
+def test_movables_may_begin_side_by_side():
+    load_scenario(scene([([10, 10, 0], 0, False)], movables=[DISC, DISC | {"x_cm": 62}]))
+
+
+PILLARS = ([(20, 20, 5)], [box_corners(40, 40, 10, 2, 0.5)])
+MOVABLES = [(30, 60, 6, 500, 0.1), (42.5, 60, 6, 300, 0.2)]
+
+
+@pytest.fixture
+def patches(monkeypatch):
+    """Have it tried again whether compiled code can call Chipmunk, when something was changed, and afterwards."""
+    yield monkeypatch
+    monkeypatch.undo()
+    forget()
+
+
+def forget():
+    chipmunk.function_addresses.cache_clear()
+    public_space.reason_for_public_way.cache_clear()
+
+
+def ways(arena, poses, velocities, friction=0.0):
+    """Return where robots are after each of twelve control steps, and movables, in two trials."""
+    world = MovedWorld(arena, poses, friction)
+    found = [np.full(1, world.world.is_public)]
+    for trial in range(2):
+        if trial:
+            world.poses[:] = poses
+            world.world.place()
+        for step in range(12):
+            world.velocities[:] = velocities[(step + trial) % len(velocities)]
+            world.advance()
+            found += [world.poses.copy(), np.array(world.swarm.circles.tolist()), world.is_in_space.copy()]
+            if step == 6:
+                world.world.move(0, (70.0, 6.0, 0.5))
+    return found
+
+
+def crowd(seed, movables=()):
+    random = np.random.default_rng(seed)
+    poses = [[x, y, random.uniform(-3, 3)] for x in range(5, 76, 10) for y in (5, 32, 75)]
+    velocities = random.uniform(-9, 9, (4, len(poses), 3)) * random.choice([0, 1], (4, len(poses), 1))
+    return make_arena(80, 80, *PILLARS, movables), np.array(poses), velocities
+
+
+def test_outcomes_are_equal_to_the_bit(patches):
+    arena, poses, velocities = squeeze(10)
+    scenes = [(*crowd(1), 0.0), (*crowd(2), 0.5), (*crowd(3, MOVABLES), 0.3), (arena, poses, velocities[None], 0.0)]
+    compiled = [ways(*scene) for scene in scenes]
+    patches.setitem(chipmunk.FUNCTIONS, "cpSpaceStep", "void(*)(cpSpace *)")
+    forget()
+    with pytest.warns(UserWarning, match=r"pymunk .* numba .*cpSpaceStep is .*, not .*; install pymunk 7\.3"):
+        public = [ways(*scene) for scene in scenes]
+    for one, other in zip(compiled, public, strict=True):
+        assert (one[0], other[0]) == (False, True)
+        for compiled_way, public_way in zip(one[1:], other[1:], strict=True):
+            np.testing.assert_array_equal(compiled_way, public_way)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (lambda to: to.setitem(chipmunk.FUNCTIONS, "cpSpaceFly", "void(*)(cpSpace *)"), "cpSpaceFly"),
+        (lambda to: to.setattr(chipmunk, "ffi", None), "addressof"),
+        (lambda to: to.setattr(public_space.platform, "machine", lambda: "vax"), "vax"),
+    ],
+)
+def test_what_is_other_than_expected_is_found_and_named(patches, change, named):
+    change(patches)
+    forget()
+    assert named in public_space.reason_for_public_way()

@@ -24,7 +24,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util.rng import next_word, uniform
 from epuck_sim.util.seeds import robot_streams
-from tests.embodied.changing import EVERYTHING, FAULTY, NOWHERE, steps_of, swarm_of
+from tests.embodied.steps import EVERYTHING, FAULTY, NOWHERE, steps_of, swarm_of
 
 STEP_MS = 100
 

@@ -1,18 +1,21 @@
-"""Claims about the line camera: closed forms, and a slow twin on random scenes."""
+"""Claims about the line camera: slow twins, what walls mirror, and which picture a controller has, and since when."""
 
 import math
 from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from epuck_sim import Simulation, load_scenario
 from epuck_sim.arrays import ByteArray, IntArray
-from epuck_sim.embodied.sensors.camera import look
-from epuck_sim.embodied.swarm import HIDE, swarm_at
+from epuck_sim.embodied.sensors.camera import begin_pictures, look, take_pictures
+from epuck_sim.embodied.swarm import HIDE, make_block, open_block, swarm_at
 from epuck_sim.util.jit import jit_no_alloc
 from epuck_sim.util.native import address_of
+from epuck_sim.util.rng import uniform
+from epuck_sim.util.seeds import robot_streams
 from tests.embodied.scenes import (
     ADDRESSES,
     BODIES,
@@ -26,6 +29,7 @@ from tests.embodied.scenes import (
     scenes,
     slow_rows,
 )
+from tests.embodied.steps import steps_of
 
 SEEDS = st.integers(0, 2**32 - 1)
 MIRRORED_CM = st.sampled_from([0.0, 0.0, 10_000.0, 15.0, 40.0])
@@ -107,3 +111,102 @@ def test_rings_that_faults_hide_from_a_robot_are_dark_to_it_alone(scene, camera)
         visible = scene._replace(lit=scene.lit & ((robot + numbers) % 3 > 0))
         found = block.swarm.pixels.reshape(-1, camera.pixels)[robot]
         np.testing.assert_array_equal(found, rows(visible, camera)[robot])
+
+
+@pytest.mark.parametrize("beyond_cm", [0.0, 0.03])
+@pytest.mark.parametrize("others_are_lit", [False, True])
+def test_a_robot_that_presses_its_nose_against_a_wall_sees_its_own_ring_at_most(beyond_cm, others_are_lit):
+    poses = np.array([(200 - RADIUS_CM + beyond_cm, 100.0, 0.0), (150.0, 100.0, 0.0), (170.0, 120.0, 0.0)])
+    for own in (False, True):
+        scene = Scene(poses, np.array([own, others_are_lit, others_are_lit]), empty_arena())
+        assert rows(scene, CameraSettings(reflection_range_cm=10_000.0))[0].tolist() == [int(own)] * 60
+
+
+def facing_a_wall(range_cm=200, **keys):
+    """Return a scenario of a robot that faces a wall, and one behind it whose ring is lit from the start for 0.3 s."""
+    still = {"speed_cm_s": 0.0, "flash_fraction": 0.075}
+    robots = [{"poses": [[45, 30, 0], [20, 42, 0]], "parameters": still, "memory": {"phase_ms": [1000, 4900]}}]
+    robots[0]["camera"] = {"reflection_range_cm": range_cm}
+    return {"noise": "off", "robots": robots, **keys}
+
+
+def test_robots_see_what_walls_mirror_where_the_key_is_set_and_see_whom_they_see_directly():
+    shown = steps_of(facing_a_wall(), 60, 2)
+    camera, lit = shown["camera"], shown["ring_on"]
+    assert steps_of(facing_a_wall(0), 60, 2)["camera"][:, 0].sum() == 0
+    seen = camera[:, 0].any(axis=1)
+    assert 2 < seen.sum() < 30
+    np.testing.assert_array_equal(seen[1:], lit[:-1].any(axis=1))  # its own ring, too
+    first = np.flatnonzero(seen)[0]
+    assert len(Simulation(facing_a_wall(), seed=2).advance(first + 1).sightings) == 0
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"kind": "ring_dead", "robots": [1]},
+        {"kind": "camera_blind", "robots": [0]},
+        {"kind": "camera_misses", "missed": 1, "at_s": 1000},
+    ],
+)
+def test_a_fault_hides_reflections_as_it_hides_rings_once_it_has_begun(fault):
+    until_own_flash = 30
+    healthy, faulty = (
+        steps_of(facing_a_wall(**keys), until_own_flash, 2)["camera"] for keys in ({}, {"faults": [fault]})
+    )
+    assert healthy[:, 0].any()
+    np.testing.assert_array_equal(faulty[:, 0], healthy[:, 0] if "at_s" in fault else 0)
+
+
+@st.composite
+def paces(draw):
+    interval = draw(st.sampled_from([1.0, 1.5, 40 / 15, 5.0, 12.5, 40.0]) | st.floats(1, 50))
+    return interval, interval * draw(st.sampled_from([0.0, 0.4, 1.0]) | st.floats(0, 1))
+
+
+def filmed(interval, latency, steps, robots, seed):
+    """Return (steps, robots) the step whose picture each controller has, -1 for none, and whether it is new."""
+    pixels = 3 * robots
+    block, addresses = make_block({"robots": robots, "groups": 1, "pixels": 3 * pixels}), np.zeros(3, np.int64)
+    swarm = open_block(block)
+    swarm.robots.signal_random = robot_streams(np.random.SeedSequence(seed), robots)
+    group = swarm.groups[0]
+    group.count, group.pixels, group.in_view, group.waiting = robots, 3, pixels, 2 * pixels
+    group.camera.interval, group.camera.latency = interval, latency
+    begin_pictures(block, 0)
+    camera, in_view = swarm.pixels[:pixels].reshape(robots, 3), swarm.pixels[pixels : 2 * pixels]
+    shown, is_new = np.empty((steps, robots), np.int64), np.empty((steps, robots), bool)
+    for step in range(steps):
+        swarm.scene[0].step, in_view[:] = step, step + 1
+        take_pictures(block, addresses, 0)
+        assert (camera == camera[:, :1]).all()
+        shown[step], is_new[step] = camera[:, 0] - 1, swarm.robots.sensors.new_picture
+    return shown, is_new
+
+
+def slow_twin(interval, latency, steps, stream):
+    """Return what `filmed` does of a robot, from the list of all its pictures: when taken, when there."""
+    first = interval * uniform(stream)
+    instants = [first + number * interval for number in range(steps + 1)]
+    pictures = [(math.floor(instant), math.floor(instant + latency * uniform(stream))) for instant in instants]
+    shown = [max((taken for taken, there in pictures if there <= step), default=-1) for step in range(steps)]
+    arrivals = {there for _, there in pictures}
+    return shown, [step in arrivals for step in range(steps)]
+
+
+@settings(max_examples=20)
+@given(paces(), st.integers(0, 2**32 - 1))
+@example((1.0, 0.0), 1)
+@example((1.0, 1.0), 2)
+def test_each_step_shows_the_last_picture_that_has_arrived(pace, seed):
+    shown, is_new = filmed(*pace, 200, 3, seed)
+    for robot, stream in enumerate(robot_streams(np.random.SeedSequence(seed), 3)):
+        assert (shown[:, robot].tolist(), is_new[:, robot].tolist()) == slow_twin(*pace, 200, stream)
+
+
+def test_a_picture_in_every_step_is_as_good_as_no_pace():
+    plain, paced = Simulation("thesis", 3), Simulation(load_scenario("thesis", ["robots.0.camera.frames_per_s=10"]), 3)
+    for one, other, _ in zip(plain, paced, range(100), strict=False):
+        assert one.poses.tobytes() == other.poses.tobytes()
+        assert one.memories[0].tobytes() == other.memories[0].tobytes()
+        assert one.camera.tobytes() == other.camera.tobytes()

@@ -1,14 +1,16 @@
-"""The agents that receive each pulse are those that a brute-force search finds, whatever was cached before."""
+"""Receivers are those of a brute-force search, whatever was cached before; links; and the selection of the smallest."""
 
 import itertools
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from epuck_sim import ScenarioError
+from epuck_sim.particles.selection import SAMPLED, find_two_smallest, select_smallest
 from tests.particles.distributions import UNLIKELY
 from tests.particles.naive_model import receivers_of
 from tests.particles.simulations import BY_POSITION, TOO_CLOSE, as_set, make_resting, make_simulation, neighbourhoods
@@ -140,3 +142,72 @@ def test_the_adjacency_matrix_is_that_of_brute_force_at_any_time_and_asking_chan
             assert (matrix[sender] == inside)[~close].all()
     untouched.run_to(7.77)
     assert (untouched.phases() == swarm.phases()).all()
+
+
+RULES = [
+    {"kind": "nearest", "k": 2},
+    {"kind": "cone_of_vision", "angle_deg": 120, "radius_cm": 60},
+    {"kind": "cone_of_emission", "angle_deg": 90},
+]
+
+
+def swarm(rule, **agents):
+    return make_simulation(4, agents={"count": 12, "speed_cm_s": 20.0, **agents}, neighbourhood=rule)
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule["kind"])
+@pytest.mark.parametrize("reorient_on", [[], ["emitting", "receiving"], ["arriving"]], ids=str)
+def test_pulse_links_are_found_before_anybody_turns(rule, reorient_on):
+    simulation, shifted = swarm(rule, reorient_on=reorient_on), 0
+    before = simulation.headings()
+    for _ in range(150):
+        event = next(simulation)
+        if len(event.fired):
+            senders, receivers, shifts = simulation.pulse_links().T
+            assert receivers[shifts == 1].tolist() == list(dict.fromkeys(receivers[shifts == 1].tolist()))
+            assert set(receivers[shifts == 1].tolist()) == set(event.received.tolist())
+            assert list(dict.fromkeys(senders.tolist())) == [each for each in event.fired if each in senders]
+            for sender in event.fired:
+                expected, _ = receivers_of(simulation.scenario, simulation.positions(), before, sender)
+                assert sorted(receivers[senders == sender]) == np.flatnonzero(expected).tolist()
+            shifted += int(shifts.sum())
+        before = simulation.headings()
+    assert shifted > 20
+
+
+def test_agents_drawn_at_random_have_no_links():
+    simulation = swarm({"kind": "random", "k": 3}, reorient_on=["arriving"])
+    simulation.run(3)
+    assert len(simulation.last_instant().fired)
+    assert simulation.pulse_links().shape == (0, 3)
+    for ask in (simulation.neighbour_links, simulation.adjacency):
+        with pytest.raises(ScenarioError, match="receivers are drawn anew for each pulse"):
+            ask()
+
+
+many_ties = st.sampled_from([0.0, 5e-324, 1.0, 1.0, 2.0, 2.0000000000000004, 9.0, 1e300])
+distances = st.lists(st.one_of(st.floats(0, 1e5), st.floats(0, 1e300), many_ties), min_size=1, max_size=60)
+
+
+@settings(max_examples=40)
+@given(distances, st.data())
+@example([0.0], None)
+@example([1.0] * 40, None)
+@example([5e-324] * 20 + [0.0] * 20, None)
+@example([1.0 if index % SAMPLED == 0 else 1e6 - index for index in range(100)], None)  # far above the sampled ones
+def test_the_smallest_are_selected_in_order_and_of_equal_ones_the_first(given_distances, data):
+    own = 0 if data is None else data.draw(st.integers(0, len(given_distances)))
+    values = [*given_distances[:own], math.inf, *given_distances[own:]]
+    for wanted in range(1, len(values) + 1) if data is None else [data.draw(st.integers(1, len(values)))]:
+        scratch, found = np.full((2, len(values)), -7), np.full(len(values), -7)
+        select_smallest(np.array(values), len(values), wanted, *scratch, found)
+        assert found[:wanted].tolist() == np.argsort(values, kind="stable")[:wanted].tolist()
+
+
+@settings(max_examples=40)
+@given(st.lists(st.one_of(many_ties, st.just(math.inf), st.floats(0, 1e5)), min_size=1, max_size=30))
+def test_one_pass_finds_the_first_minimum_and_the_next_value(values):
+    lowest, second = sorted([*values, math.inf])[:2]
+    found = find_two_smallest(np.array(values), len(values))
+    assert found == (values.index(lowest) if lowest < math.inf else 0, lowest, second)
+    assert find_two_smallest(np.array([*values, 0.0]), len(values)) == found  # what is beyond `count` does not count

@@ -1,0 +1,270 @@
+"""Claims about signals other than the camera's: the ideal cone and Enki's camera, against slow twins, and radio."""
+
+import math
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from epuck_sim import Simulation
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.embodied.observers import write_sightings
+from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, set_cone
+from epuck_sim.scenario.robots import ConeSection, EnkiCameraSignal
+from tests.control.bench import with_step
+from tests.embodied.scenes import (
+    ADDRESSES,
+    BODIES,
+    EDGE_CM,
+    Block,
+    CameraSettings,
+    Scene,
+    block_of,
+    cast_on_discs,
+    cast_on_segments,
+    scenes,
+)
+
+cones = st.builds(
+    ConeSection,
+    range_cm=st.sampled_from([None, 15.0, 40.0]),
+    angle_deg=st.sampled_from([360.0, 180.0]) | st.floats(1, 360),
+    of=st.sampled_from(["vision", "emission"]),
+)
+
+
+def with_cone(scene: Scene, section: ConeSection, occlusion: bool, observer: int = 0) -> Block:
+    block = block_of(scene, CameraSettings(1, 56.0, 1), observer)
+    cone = block.swarm.groups[0].cone
+    set_cone(cone, section, scene.body.camera_forward_cm)
+    cone.occlusion = occlusion
+    return block
+
+
+def pairs(scene: Scene, section: ConeSection, occlusion: bool) -> BoolArray:
+    """Return (robots, robots) whether the first perceives the ring of the second."""
+    robots = len(scene.poses)
+    found, seen = np.zeros((robots**2, 3), np.int64), np.zeros((robots, robots), bool)
+    everybody = np.ones((1, robots), bool)
+    block = with_cone(scene, section, occlusion).bytes
+    count = write_sightings(block, 0, True, scene.poses[None], everybody, found)
+    seen[found[:count, 1], found[:count, 2]] = True
+    return seen
+
+
+def slow_cone(scene: Scene, section: ConeSection) -> tuple[BoolArray, BoolArray]:
+    """Return (robots, robots) whether the first receives from the second, and whether rounding may reverse that."""
+    offset = scene.poses[None, :, :2] - scene.poses[:, None, :2]
+    distance = np.hypot(offset[..., 0], offset[..., 1])
+    bearing = np.arctan2(offset[..., 1], offset[..., 0])
+    headings = scene.poses[:, 2]
+    off = bearing - headings[:, None] if section.of == "vision" else bearing + math.pi - headings[None]
+    off = np.degrees(np.abs(np.arctan2(np.sin(off), np.cos(off))))
+    reach = math.inf if section.range_cm is None else section.range_cm
+    inside = (distance <= reach) & (off <= section.angle_deg / 2)
+    on_edge = (np.abs(off - section.angle_deg / 2) < 1e-6) & (section.angle_deg < 360)
+    return inside & ~np.eye(len(headings), dtype=bool), on_edge | (np.abs(distance - reach) < EDGE_CM)
+
+
+def slow_hidden(scene: Scene) -> tuple[BoolArray, BoolArray]:
+    """Return (robots, robots) whether something is between the two, and whether rounding may reverse that."""
+    robots = len(scene.poses)
+    hidden, doubtful = np.zeros((2, robots, robots), bool)
+    bodies = np.column_stack([scene.poses[:, :2], scene.radii_cm])
+    for one, other in permutations(range(robots), 2):
+        way = bodies[other, :2] - bodies[one, :2]
+        length = np.hypot(*way)
+        ray = bodies[[one], :2], way[None] / length
+        discs = np.vstack([np.delete(bodies, [one, other], axis=0), scene.arena.circles])
+        to_discs, by_disc = cast_on_discs(*ray, discs)
+        to_edges, by_edge = cast_on_segments(*ray, scene.arena.edges)
+        depths = np.hstack([to_discs, to_edges])
+        hidden[one, other] = (depths < length).any()
+        doubtful[one, other] = np.hstack([by_disc, by_edge, np.abs(depths - length) < EDGE_CM]).any()
+    return hidden, doubtful
+
+
+@settings(max_examples=60)
+@given(scenes(robots=(1, 2, 3, 10)), cones, st.booleans())
+def test_who_perceives_whom_is_as_angles_distances_and_what_is_between_the_centres_say(scene, section, occlusion):
+    expected, doubtful = slow_cone(scene, section)
+    if occlusion:
+        hidden, by_an_edge = slow_hidden(scene)
+        expected, doubtful = expected & ~hidden, doubtful | by_an_edge
+    found = pairs(scene, section, occlusion)
+    assert (found == expected)[~doubtful].all()
+
+
+@settings(max_examples=40)
+@given(scenes(robots=(2, 10, 40)), cones, st.booleans(), st.integers(0, 3))
+def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, occlusion, observer):
+    assume(observer < len(scene.poses))
+    block = with_cone(scene, section, occlusion, observer)
+    perceive_flashes(block.bytes, ADDRESSES, 0)
+    expected = pairs(scene, section, occlusion)[observer:, scene.lit].any(axis=1)
+    np.testing.assert_array_equal(block.swarm.pixels, expected)
+
+
+def lit_pair(signal: dict, apart_cm: float) -> Simulation:
+    controller = {"controller": "constant", "parameters": {"ring_on": True}}
+    robots = {"poses": [[20, 50, 0], [20 + apart_cm, 50, 0]], "signal": signal, **controller}
+    return Simulation({"arena": {"width_cm": 100, "height_cm": 100}, "robots": [robots], "noise": "off"})
+
+
+@pytest.mark.parametrize(("range_cm", "seen"), [(40, 1), (39.9, 0)])
+def test_a_swarm_with_an_ideal_sensor_has_a_picture_of_one_pixel(range_cm, seen):
+    simulation = lit_pair({"kind": "cone", "range_cm": range_cm, "angle_deg": 60}, 40)
+    assert [simulation.advance(1).camera.tolist() for _ in range(2)] == [[[0], [0]], [[seen], [0]]]
+
+
+RAYS = 1440
+ANGLES = np.arange(RAYS) * 2 * math.pi / RAYS
+DIRECTIONS = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+
+enki_cameras = st.builds(
+    EnkiCameraSignal,
+    kind=st.just("enki_camera"),
+    range_cm=st.sampled_from([None, 15.0, 40.0]),
+    angle_deg=st.sampled_from([360.0, 350.0, 180.0]) | st.floats(1, 360),
+)
+
+
+def offsets(bearing: FloatArray) -> FloatArray:
+    """Return (rays, n) rad between 0 and pi from each ray of the fan to each of (n,) directions."""
+    return np.abs((ANGLES[:, None] - bearing[None] + math.pi) % (2 * math.pi) - math.pi)
+
+
+def narrow(each: BoolArray) -> BoolArray:
+    """Return (rays, ...) what holds of a ray and both beside it."""
+    return each & np.roll(each, 1, axis=0) & np.roll(each, -1, axis=0)
+
+
+def wide(each: BoolArray) -> BoolArray:
+    return ~narrow(~each)
+
+
+def slow_camera(
+    scene: Scene, section: EnkiCameraSignal, occlusion: bool, observers: slice
+) -> tuple[BoolArray, BoolArray]:
+    """Return (observers, robots) whether each sees each by a ray, and whether it may do so between rays."""
+    robots = len(scene.poses)
+    looking = range(robots)[observers]
+    surely, perhaps = np.zeros((2, len(looking), robots), bool)
+    discs = np.vstack([np.column_stack([scene.poses[:, :2], scene.radii_cm]), scene.arena.circles])
+    reach = math.inf if section.range_cm is None else section.range_cm
+    for row, one in enumerate(looking):
+        centre_x, centre_y, heading = scene.poses[one]
+        x, y = np.array([centre_x, centre_y]) + scene.body.camera_forward_cm * np.array(
+            [math.cos(heading), math.sin(heading)]
+        )
+        away = np.hypot(discs[:, 0] - x, discs[:, 1] - y)
+        covers = offsets(np.arctan2(discs[:, 1] - y, discs[:, 0] - x)) <= np.arctan(discs[:, 2] / away)
+        edge_depths, _ = cast_on_segments(np.tile((x, y), (RAYS, 1)), DIRECTIONS, scene.arena.edges)
+        view = offsets(np.array([heading])) <= math.radians(section.angle_deg / 2) + 1e-12
+        for other in range(robots):
+            gap = math.hypot(*(discs[other, :2] - [centre_x, centre_y])) - discs[other, 2]
+            if other == one or gap > reach + EDGE_CM:
+                continue
+            nearer = (away < away[other]) & (np.arange(len(discs)) != one)
+            hides = np.column_stack([covers[:, nearer], edge_depths < away[other]]) & occlusion
+            shown = covers[:, other] & view[:, 0]
+            surely[row, other] = (shown & ~hides.any(axis=1)).any() and gap < reach - EDGE_CM
+            shown = wide(covers[:, other]) & wide(view)[:, 0]
+            perhaps[row, other] = (shown & ~narrow(hides).any(axis=1)).any()
+    return surely, perhaps
+
+
+@settings(max_examples=25)
+@given(scenes(robots=(2, 3, 10, 25), bodies=BODIES), enki_cameras, st.booleans())
+def test_a_robot_is_seen_if_a_ray_of_a_fan_meets_it_first(scene, section, occlusion):
+    observers = slice(0, None, 1 + len(scene.poses) // 4)
+    surely, perhaps = slow_camera(scene, section, occlusion, observers)
+    found = pairs(scene, section, occlusion)[observers]
+    assert (surely <= found).all()
+    assert (found <= perhaps).all()
+
+
+@pytest.mark.parametrize(("apart_cm", "seen"), [(28.69, 1), (28.71, 0)])
+def test_the_range_is_that_from_the_robots_centre_to_the_others_rim(apart_cm, seen):
+    simulation = lit_pair({"kind": "enki_camera", "range_cm": 25, "angle_deg": 100}, apart_cm)
+    assert simulation.advance(2).camera.tolist() == [[seen], [0]]
+
+
+SENDER = with_step(
+    """due = memory.steps >= parameters.first and (memory.steps - parameters.first) % parameters.every == 0
+    actuators.ring_on = due and parameters.message == 0
+    actuators.send = parameters.message if due else 0
+    memory.pulses = sensors.pulses
+    memory.total += sensors.pulses
+    memory.heard[:] = sensors.messages
+    memory.steps += 1""",
+    PARAMETERS="{'first': 3, 'every': 1000, 'message': 0}",
+    MEMORY="{'steps': int, 'pulses': int, 'heard': (int, 8), 'total': int}",
+)
+
+
+@pytest.fixture
+def swarm(tmp_path):
+    """Return a function that makes groups of one robot each, on a line 20 cm apart."""
+    (tmp_path / "sender.py").write_text(SENDER)
+
+    def make(*parameters, **signal):
+        robot = {"controller": str(tmp_path / "sender.py"), "signal": {"kind": "radio", **signal}}
+        poses = [[[10 + 20 * place, 20, 0]] for place in range(len(parameters))]
+        groups = [robot | {"poses": at, "parameters": given} for at, given in zip(poses, parameters, strict=True)]
+        arena = {"width_cm": 20 * len(parameters) + 20, "height_cm": 40}
+        return Simulation({"arena": arena, "robots": groups}, 1, interpret=True)
+
+    return make
+
+
+def pulses(simulation, steps):
+    return [[int(memory["pulses"][0]) for memory in simulation.advance(1).memories] for _ in range(steps)]
+
+
+SEND, LISTEN = {}, {"first": 10**6}
+
+
+def test_a_pulse_arrives_once_in_the_step_after_it_was_sent_or_later_by_the_latency(swarm):
+    for latency_ms, late in ((0, 1), (1, 2), (100, 2), (250, 4)):
+        heard = pulses(swarm(SEND, LISTEN, latency_ms=latency_ms), 10)
+        assert heard == [[0, int(step == 3 + late)] for step in range(10)]
+
+
+def test_a_message_arrives_with_its_pulse_and_a_flash_without_one(swarm):
+    simulation = swarm({"message": 77}, SEND, LISTEN)
+    simulation.advance(4)
+    step = simulation.advance(1)
+    heard = step.memories[2]
+    assert heard["pulses"][0] == 2
+    assert heard["heard"][0].tolist() == [77, 0, 0, 0, 0, 0, 0, 0]
+    assert step.camera[:, 0].tolist() == [1, 1, 1]
+    assert simulation.advance(1).memories[2]["heard"][0].tolist() == [0] * 8
+
+
+@pytest.mark.parametrize(
+    ("robots", "signal", "heard"),
+    [
+        # pulses pass through bodies, and end at the range
+        ([SEND, LISTEN, LISTEN, LISTEN], {"range_cm": 40}, [0, 1, 1, 0]),
+        ([LISTEN, SEND, LISTEN], {"angle_deg": 90, "of": "emission"}, [0, 0, 1]),
+        ([LISTEN, SEND, LISTEN], {"angle_deg": 90}, [1, 0, 0]),
+        *(([SEND, SEND, LISTEN], {"collisions": collide}, [1, 1, 0 if collide else 2]) for collide in (False, True)),
+        *(([SEND, SEND, LISTEN], {"half_duplex": deaf}, [0, 0, 2] if deaf else [1, 1, 2]) for deaf in (False, True)),
+        *(([SEND, LISTEN], {"loss": loss}, [0, 1 - loss]) for loss in (0, 1)),
+    ],
+)
+def test_who_hears_a_pulse_of_the_step_before(swarm, robots, signal, heard):
+    assert pulses(swarm(*robots, **signal), 5)[4] == heard
+
+
+def test_pulses_are_lost_one_by_one_with_the_given_probability(swarm):
+    steps = 2000
+    step = swarm({"every": 2}, LISTEN, LISTEN, loss=0.3).advance(steps)
+    sent = (steps - 4 + 1) // 2
+    totals = np.array([int(memory["total"][0]) for memory in step.memories])
+    assert totals[0] == 0
+    assert (np.abs(totals[1:] - 0.7 * sent) < 4 * np.sqrt(0.21 * sent)).all()
+    assert totals[1] != totals[2]
