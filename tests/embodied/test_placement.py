@@ -7,14 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim import Simulation, load_scenario, points
 from epuck_sim.arena import clearance_cm
 from epuck_sim.embodied.observers import make_scene
 from epuck_sim.embodied.placement import begin_placement, draw_places, is_free, put_at_given_poses
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import Part, draw_start, spawned
 from epuck_sim.embodied.swarm import poses_of
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robots import members
 
 RADIUS_CM = 3.7

@@ -198,7 +198,7 @@ def test_it_does_what_the_agent_of_a_swarm_does_to_the_bit():
             robot.step(action)
 
 
-def test_wrappers_that_people_use_work():
+def test_wrappers_of_a_robot_that_people_use_work():
     wrapped = gymnasium.make(ROBOT_ENV, max_episode_steps=12, reward="coverage", render_mode="rgb_array")
     assert isinstance(wrapped, TimeLimit)
     wrapped = RecordEpisodeStatistics(FrameStackObservation(NormalizeObservation(FlattenObservation(wrapped)), 4))

@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from epuck_sim import ParticleScenario, ParticleSimulation
 from epuck_sim.arrays import BoolArray, FloatArray, StreamArray
-from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.rng import uniform
 
 SIMULTANEITY_CYCLES = 1e-12

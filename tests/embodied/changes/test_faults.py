@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim import Simulation, load_scenario, run_trial
 from epuck_sim.embodied.changes.faults import (
     LOGGED_STEPS,
     change_faults,
@@ -16,12 +17,9 @@ from epuck_sim.embodied.changes.faults import (
     set_faults,
     take_events,
 )
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.scenario.changes import TrialEvent
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.model import run_trial
 from epuck_sim.util.rng import next_word, uniform
 from epuck_sim.util.seeds import robot_streams
 from tests.embodied.steps import EVERYTHING, FAULTY, NOWHERE, steps_of, swarm_of

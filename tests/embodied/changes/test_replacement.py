@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from epuck_sim import EpuckSimError, Simulation, load_scenario
 from epuck_sim.control.loader import find_controller, load_controller
 from epuck_sim.embodied.changes import replacement
 from epuck_sim.embodied.changes.replacement import SETTLED_S, ControllerFiles
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.errors import EpuckSimError
-from epuck_sim.scenario.loader import load_scenario
 from tests.control.bench import MODES
 from tests.embodied.steps import bits
 
