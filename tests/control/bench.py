@@ -72,7 +72,6 @@ class Bench:
         pixels: int = 60,
         step_ms: int = 100,
         interpret: bool = True,
-        start: bool = True,
     ) -> None:
         if isinstance(controller, str):
             controller = find_controller(controller)
@@ -88,8 +87,7 @@ class Bench:
         self.senses.step_ms[:] = step_ms
         self.control.parameters[:] = controller.parameter_record(controller.resolve(given or {}))
         self.memory = self.control.memory
-        if start:
-            self.control.start()
+        self.control.start()
 
     def sense(self, chance: np.random.Generator) -> None:
         """Have each robot sense something else: anything that the sensors can give."""
@@ -128,6 +126,12 @@ def with_step(line: str, **assignments: str) -> str:
     """Return `EMPTY` with `line` as its step, and with e.g. PARAMETERS="{'gain': 2.0}"."""
     head, _, _ = EMPTY.rpartition("    pass")
     return head + f"    {line}\n" + "".join(f"{name} = {value}\n" for name, value in assignments.items())
+
+
+def with_sense(lines: str, readings: str, parameters: str = "{}") -> str:
+    """Return the file of a sensor."""
+    given = f"PARAMETERS = {parameters}\nREADINGS = {readings}\n\n"
+    return f"{given}def sense(world, robot, readings, parameters, random):\n    {lines}\n"
 
 
 def function(name: str, controller: str) -> Any:

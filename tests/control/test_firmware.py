@@ -11,15 +11,12 @@ from epuck_sim.control.firmware import FLAGS, HEADERS, load_firmware
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.rng import randint, uniform
-from tests.control.bench import Bench
+from tests.control.bench import MODES, Bench
 from tests.tools import needs_compiler
 
 pytestmark = needs_compiler
 
 FIREFLY = Path(__file__).parents[1] / "controllers" / "firmware" / "firefly.c"
-
-
-MODES = pytest.mark.parametrize("interpret", [True, False], ids=["called by Python", "called by compiled code"])
 
 
 def write_firmware(path: Path, step: str = "", head: str = "", memory: str = "E_FLOAT(x)", start: str = ""):
@@ -36,7 +33,7 @@ def test_the_firefly_in_c_has_the_parameters_and_the_memory_of_the_one_in_python
     assert firmware.is_oscillator
 
 
-def test_random_numbers_are_those_of_python(tmp_path):
+def test_random_numbers_are_those_of_python_and_errors_of_other_controllers_are_not_those_of_firmware(tmp_path):
     step = "memory->x = e_uniform(); memory->n = e_randint(1000);"
     bench = Bench(write_firmware(tmp_path / "mine.c", step, memory="E_FLOAT(x) E_INT(n)"), robots=3)
     streams = bench.streams.copy()
@@ -44,6 +41,7 @@ def test_random_numbers_are_those_of_python(tmp_path):
         bench.control.step()
         assert bench.memory.tolist() == [(uniform(stream), randint(stream, 1000)) for stream in streams]
     assert (bench.streams == streams).all()
+    assert bench.control.fault(ValueError("elsewhere")) is None
 
 
 @MODES
@@ -121,32 +119,22 @@ def test_tables_of_constants_are_no_shared_variables_and_neither_list_is_needed(
     Bench(firmware, robots=2).control.step()
 
 
-def test_a_library_that_is_none_or_of_something_else_is_refused(tmp_path):
+def test_a_library_that_is_none_of_something_else_or_without_its_end_is_refused_before_it_is_loaded(tmp_path):
     (tmp_path / "other.c").write_text("int answer(void) { return 42; }\n")
     subprocess.run(["cc", "-shared", "-fPIC", "other.c", "-o", "other.so"], cwd=tmp_path, check=True)
     (tmp_path / "text.so").write_bytes(b"no library")
     for name, said in (("text", ""), ("other", ".*e_version")):
         with pytest.raises(ControllerError, match=rf"{name}\.so: is no firmware, which includes <epuck\.h>: {said}"):
             find_controller(str(tmp_path / f"{name}.so"))
-
-
-def test_a_library_whose_end_is_missing_is_refused_before_it_is_loaded(tmp_path):
     (tmp_path / "mine.c").write_text(FIREFLY.read_text())
-    whole = load_firmware(tmp_path / "mine.c").library._name
-    contents = Path(whole).read_bytes()
+    contents = Path(load_firmware(tmp_path / "mine.c").library._name).read_bytes()
     for length in (10, 60, 5000, len(contents) - 1):
         (tmp_path / "cut.so").write_bytes(contents[:length])
         with pytest.raises(ControllerError, match=r"cut\.so: is no whole library: its end is missing"):
             find_controller(str(tmp_path / "cut.so"))
 
 
-def test_without_a_compiler_the_way_out_is_said(tmp_path, monkeypatch):
-    monkeypatch.setenv("CC", "no-such-compiler -m32")
-    with pytest.raises(ControllerError, match=r"mine\.c: needs a C compiler, and no-such-compiler is not found; inst"):
-        write_firmware(tmp_path / "mine.c")
-
-
-def test_a_file_is_compiled_once_for_its_contents_and_again_by_another_compiler_or_when_damaged(tmp_path, monkeypatch):
+def test_a_file_is_compiled_once_and_again_by_another_compiler_or_when_damaged_but_not_without(tmp_path, monkeypatch):
     monkeypatch.setattr(compiling, "cache_root", lambda **_: tmp_path / "cache")
     compiled = []
     run = compiling._run
@@ -166,8 +154,6 @@ def test_a_file_is_compiled_once_for_its_contents_and_again_by_another_compiler_
     monkeypatch.setenv("CC", str(other))
     write_firmware(tmp_path / "d.c")
     assert sum(compiled) == 3
-
-
-def test_no_error_of_another_controller_is_taken_for_one_of_firmware(tmp_path):
-    bench = Bench(write_firmware(tmp_path / "mine.c"))
-    assert bench.control.fault(ValueError("elsewhere")) is None
+    monkeypatch.setenv("CC", "no-such-compiler -m32")
+    with pytest.raises(ControllerError, match=r"e\.c: needs a C compiler, and no-such-compiler is not found; inst"):
+        write_firmware(tmp_path / "e.c")

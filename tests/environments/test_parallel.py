@@ -13,10 +13,13 @@ from pettingzoo.utils import AssertOutOfBoundsWrapper, OrderEnforcingWrapper, pa
 from epuck_sim import ScenarioError, Simulation, epuck, load_scenario, run_trial
 from epuck_sim.environments import parallel_env
 from epuck_sim.environments.rewards import Situation, aggregation, coverage, synchrony
+from tests.control.bench import with_sense
 
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
 DANCERS = {"name": "dancers", "robots": [{"count": 4, "controller": "external_wheels"}]}
 BLINKERS = {"name": "blinkers", "robots": [{"count": 2, "controller": "external_ring"}]}
+AGENTS = ["robot_0", "robot_1", "robot_2"]
+"""Those of `SWARM`."""
 
 
 @pytest.mark.parametrize("actions", ["continuous", "discrete"])
@@ -46,7 +49,7 @@ def test_where_no_robot_is_driven_from_outside_all_are_commanded(name):
 def test_observations_are_in_their_space_and_mean_what_is_documented(actions):
     env = parallel_env(SWARM, seed=4, actions=actions)
     observations, _ = env.reset()
-    assert env.agents == ["robot_0", "robot_1", "robot_2"]
+    assert env.agents == AGENTS
     alone = Simulation(SWARM, 4)
     step = next(alone)
     for _ in range(40):
@@ -150,38 +153,28 @@ def test_episodes_end_as_gymnasium_means_it_and_then_only_reset_is_allowed():
         assert len(env.agents) == 3
 
 
-def test_a_seed_begins_a_row_of_episodes_which_all_differ():
+def test_a_seed_begins_a_row_of_episodes_which_all_differ_and_a_refused_one_changes_nothing():
     def rows(env, seed):
         return [env.reset(seed if number == 0 else None)[0]["robot_0"].tolist() for number in range(3)]
 
-    one, other = parallel_env(SWARM, seed=4), parallel_env(SWARM)
+    one, other = parallel_env(SWARM, seed=np.int64(4), render_mode="rgb_array"), parallel_env(SWARM)
+    for look in (one.state, one.render):
+        with pytest.raises(ValueError, match="call reset"):
+            look()
+    for seed in (-1, 1.5, [1.5]):
+        with pytest.raises(ValueError, match=r"seed is -?1(\.5)?; allowed: whole numbers from 0"):
+            one.reset(seed)
+    assert one.agents == []
     first = rows(one, None)
     assert rows(other, 4) == first
     assert rows(one, 4) == first
     assert len({tuple(row) for row in first}) == 3
 
 
-def test_a_refused_seed_changes_nothing():
-    env = parallel_env(SWARM, seed=np.int64(4), render_mode="rgb_array")
-    for look in (env.state, env.render):
-        with pytest.raises(ValueError, match="call reset"):
-            look()
-    for seed in (-1, 1.5, [1.5]):
-        with pytest.raises(ValueError, match=r"seed is -?1(\.5)?; allowed: whole numbers from 0"):
-            env.reset(seed)
-    assert env.agents == []
-    seen, expected = (each.reset()[0]["robot_0"] for each in (env, parallel_env(SWARM, seed=4)))
-    np.testing.assert_array_equal(seen, expected)
-
-
 def test_infinite_readings_are_observed_as_they_are(tmp_path):
-    path = tmp_path / "far.py"
-    path.write_text(
-        "import math\nREADINGS = {'far': (float, 2)}\n"
-        "def sense(world, robot, readings, parameters, random):\n"
-        "    readings.far[0], readings.far[1] = math.inf, -math.inf\n"
-    )
-    env = parallel_env({**SWARM, "sensors": [str(path)]})
+    text = "import math\n" + with_sense("readings.far[0], readings.far[1] = math.inf, -math.inf", "{'far': (float, 2)}")
+    (tmp_path / "far.py").write_text(text)
+    env = parallel_env({**SWARM, "sensors": [str(tmp_path / "far.py")]})
     assert env.reset()[0]["robot_0"][env.observation_fields["sensors.far"]].tolist() == [math.inf, -math.inf]
 
 
@@ -235,14 +228,8 @@ def test_environments_that_make_no_sense_are_refused(scenario, given, kind, mess
 @pytest.mark.parametrize(
     ("action", "message"),
     [
-        (
-            {agent: np.zeros(2) for agent in ("robot_0", "robot_1", "robot_2")},
-            r"an agent's action has the shape \(2,\); allowed: \(3,\)",
-        ),
-        (
-            {agent: np.full(3, np.nan) for agent in ("robot_0", "robot_1", "robot_2")},
-            "an agent's action has nan; allowed: finite",
-        ),
+        (dict.fromkeys(AGENTS, np.zeros(2)), r"an agent's action has the shape \(2,\); allowed: \(3,\)"),
+        (dict.fromkeys(AGENTS, np.full(3, np.nan)), "an agent's action has nan; allowed: finite"),
         ({"robot_0": np.zeros(3)}, "missing or unknown: .'robot_1', 'robot_2'"),
     ],
 )
@@ -256,17 +243,11 @@ def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost(action, message
     env.step({agent: np.zeros(3) for agent in env.agents})
 
 
-@pytest.mark.parametrize(
-    ("robots", "reward", "said"),
-    [
-        (SWARM["robots"], lambda _: np.array([np.nan]), "reward returned NaN; allowed"),
-        (SWARM["robots"], lambda _: np.ones(3), r"reward returned the shape \(3,\); allowed"),
-    ],
-)
-def test_rewards_that_are_no_number_for_each_swarm_or_robot_are_refused(robots, reward, said):
-    env = parallel_env({"robots": robots}, reward=reward)
+@pytest.mark.parametrize(("reward", "said"), [([np.nan], "NaN"), (np.ones(3), r"the shape \(3,\)")])
+def test_rewards_that_are_no_number_for_each_swarm_or_robot_are_refused(reward, said):
+    env = parallel_env(SWARM, reward=lambda _: np.array(reward))
     env.reset()
-    with pytest.raises((ValueError, ScenarioError), match=said):
+    with pytest.raises((ValueError, ScenarioError), match=f"reward returned {said}; allowed"):
         env.step({agent: np.zeros(3) for agent in env.agents})
 
 
@@ -304,19 +285,12 @@ def situation(poses, phase=None, side=60.0):
     return Situation(np.zeros(shape[:-1]), poses, np.zeros((*shape, 2)), np.zeros(shape, bool), phases, side, side)
 
 
-def test_synchrony_is_the_order_parameter_of_those_that_are_oscillators():
-    poses = np.zeros((3, 4, 3))
+def test_rewards_are_the_order_of_oscillators_the_share_of_others_that_are_near_and_that_of_the_floor_near_robots():
     phases = [[0.2, 0.2, 0.2, np.nan], [0, 1 / 3, 2 / 3, np.nan], [0, 0.5, 0, np.nan]]
-    np.testing.assert_allclose(synchrony(situation(poses, phases)), [1, 0, 1 / 3], atol=1e-12)
-
-
-def test_aggregation_is_the_share_of_others_that_are_near():
+    np.testing.assert_allclose(synchrony(situation(np.zeros((3, 4, 3)), phases)), [1, 0, 1 / 3], atol=1e-12)
     poses = [[10, 10, 0], [20, 10, 0], [34, 10, 0], [60, 60, 0]]
     np.testing.assert_allclose(aggregation(situation(poses)), [1 / 3, 2 / 3, 1 / 3, 0])
     assert aggregation(situation([[10, 10, 0]])).tolist() == [0]
-
-
-def test_coverage_is_the_share_of_the_floor_near_robots():
     assert coverage(situation([[30, 30, 0]])) == pytest.approx(np.pi * 100 / 3600, rel=0.2)
     grid = [[x, y, 0] for x in (5, 15, 25, 35, 45, 55) for y in (5, 15, 25, 35, 45, 55)]
     assert coverage(situation(grid)) == 1

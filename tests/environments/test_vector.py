@@ -111,26 +111,12 @@ def test_resets_take_one_seed_or_one_for_each_swarm():
         batch.reset(seed=[1, 2])
 
 
-def test_wrappers_that_people_use_work():
-    batch = RecordSwarms(vector_env(SWARM, 2, seed=1, actions="discrete", episode_s=1.0))
-    batch.reset(seed=1)
-    for _ in range(10):
-        *_, truncated, infos = batch.step(batch.action_space.sample())
-    assert truncated.all()
-    assert infos["episode"]["l"].tolist() == [10] * 6
-
-
-def test_actions_are_needed_for_each_agent_of_an_episode_that_has_begun():
+def test_steps_need_actions_for_each_agent_of_an_episode_that_has_begun_and_the_controllers_that_were_there():
     batch = vector_env(SWARM, 2)
     for message in ("call reset", "allowed: 6 rows"):
         with pytest.raises(ValueError, match=message):
             batch.step(np.zeros((5, 3)))
         batch.reset()
-
-
-def test_no_step_is_taken_with_a_controller_that_was_replaced():
-    batch = vector_env(SWARM, 2)
-    batch.reset()
     batch.simulations[1].replace_controller(1, find_controller("firefly"))
     with pytest.raises(ValueError, match="have got another controller"):
         batch.step(np.zeros((6, 3)))
@@ -139,8 +125,8 @@ def test_no_step_is_taken_with_a_controller_that_was_replaced():
 def test_an_error_of_a_controller_in_a_thread_reaches_the_caller(tmp_path):
     path = tmp_path / "late.py"
     path.write_text(with_step("memory.x += 1; actuators.left_cm_s = 1 / (5 - memory.x)"))
-    scenario = {"robots": [{"count": 1, "controller": "external"}, {"count": 1, "controller": str(path)}]}
-    batch = vector_env(scenario, 3, threads=2)
+    robots = [{"count": 1, "controller": controller} for controller in ("external", str(path))]
+    batch = vector_env({"robots": robots}, 3, threads=2)
     batch.reset()
     for _ in range(3):
         batch.step(np.zeros((3, 3)))
@@ -198,7 +184,7 @@ def test_it_does_what_the_agent_of_a_swarm_does_to_the_bit():
             robot.step(action)
 
 
-def test_wrappers_of_a_robot_that_people_use_work():
+def test_wrappers_that_people_use_work():
     wrapped = gymnasium.make(ROBOT_ENV, max_episode_steps=12, reward="coverage", render_mode="rgb_array")
     assert isinstance(wrapped, TimeLimit)
     wrapped = RecordEpisodeStatistics(FrameStackObservation(NormalizeObservation(FlattenObservation(wrapped)), 4))
@@ -214,6 +200,12 @@ def test_wrappers_of_a_robot_that_people_use_work():
     assert infos["episode"]["r"] == pytest.approx(total)
     assert wrapped.render().shape == (480, 480, 3)
     wrapped.close()
+    batch = RecordSwarms(vector_env(SWARM, 2, seed=1, actions="discrete", episode_s=1.0))
+    batch.reset(seed=1)
+    for _ in range(10):
+        *_, truncated, infos = batch.step(batch.action_space.sample())
+    assert truncated.all()
+    assert infos["episode"]["l"].tolist() == [10] * 6
 
 
 def test_a_batch_of_robots_has_the_same_episodes_as_robots_one_by_one():

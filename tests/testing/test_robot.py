@@ -59,7 +59,7 @@ def test_what_is_set_by_hand_reaches_the_controller_and_comes_back(mine, interpr
     assert (robot.send, robot.turn_rad) == (42, 1.0)
 
 
-def test_names_that_there_are_not_are_refused_with_the_nearest(mine):
+def test_names_that_there_are_not_are_refused_with_the_nearest_and_copies_as_records_lie_in_one_block(mine):
     robot = TestRobot(mine)
     with pytest.raises(AttributeError, match="memory has no 'seenn'; did you mean 'seen'"):
         robot.memory.seenn = 1
@@ -71,6 +71,10 @@ def test_names_that_there_are_not_are_refused_with_the_nearest(mine):
         TestRobot(mine, gian=1)
     assert dir(robot.memory) == ["row", "seen", "x"]
     assert repr(robot.parameters) == "parameters(gain=1.5, seed=3)"
+    with pytest.raises(TypeError, match="sensors of a robot cannot be copied; make another TestRobot"):
+        copy.deepcopy(robot._senses)
+    with pytest.raises(TypeError, match="cannot be copied; make another TestRobot"):
+        copy.deepcopy(robot)
 
 
 def test_arrays_of_the_wrong_shape_and_what_is_no_number_are_refused(mine):
@@ -95,13 +99,6 @@ def test_arrays_of_the_wrong_shape_and_what_is_no_number_are_refused(mine):
             TestRobot(mine, **{name: 0})
 
 
-def test_a_robot_is_not_copied_as_its_records_lie_in_one_block(mine):
-    with pytest.raises(TypeError, match="sensors of a robot cannot be copied; make another TestRobot"):
-        copy.deepcopy(TestRobot(mine)._senses)
-    with pytest.raises(TypeError, match="cannot be copied; make another TestRobot"):
-        copy.deepcopy(TestRobot(mine))
-
-
 def test_random_numbers_follow_from_the_seed_and_firmware_in_c_is_tested_likewise():
     phases = [TestRobot("oscillator", seed=seed).memory.phase_ms for seed in (1, 1, 2)]
     assert phases[0] == phases[1] != phases[2]
@@ -111,14 +108,11 @@ def test_random_numbers_follow_from_the_seed_and_firmware_in_c_is_tested_likewis
     assert (robot.ring_on, robot.memory.phase_ms, robot.left_cm_s) == (True, 0, 3.0)
 
 
-def test_a_robot_faces_a_wall_at_the_given_distance():
+def test_a_robot_faces_a_wall_or_a_robot_that_is_lit_or_dark_at_the_given_distance():
     near, far = (facing_wall("constant", gap_cm=gap).advance(1) for gap in (2.0, 50.0))
     assert near.distance_mm[0, [0, 7]].max() < 40
     assert (far.distance_mm == 65535).all()
     assert near.poses[0].tolist() == [100 - 3.7 - 2, 50, 0]
-
-
-def test_a_robot_faces_a_robot_that_is_lit_or_dark():
     lit, dark = (facing_robot("constant", gap_cm=20, lit=lit).advance(2) for lit in (True, False))
     assert lit.camera[0, 29:31].all()
     assert not dark.camera.any()

@@ -26,28 +26,19 @@ graphs = (
 )
 
 
-def reachable(links):
-    """Return who reaches whom along links, each itself included, by powers of the matrix."""
-    reach = np.eye(len(links), dtype=bool) | links
-    for _ in range(len(links)):
-        reach = reach @ reach
-    return reach
-
-
 @given(graphs)
-def test_components_are_who_reach_each_other_and_those_without_a_way_in_are_reached_by_nobody_else(snapshots) -> None:
+def test_components_are_who_reach_each_other_and_degrees_and_sources_are_counted_agent_by_agent(snapshots) -> None:
+    """Components without a way in are reached by nobody else."""
     components, without_way_in = count_components(snapshots)
     for links, found, closed in zip(snapshots, components, without_way_in, strict=True):
-        reach = reachable(links)
+        reach = np.eye(len(links), dtype=bool) | links  # who reaches whom, by powers of the matrix
+        for _ in range(len(links)):
+            reach = reach @ reach
         both = reach & reach.T
         kinds = {tuple(np.flatnonzero(row)) for row in both}
         assert found == len(kinds)
         others = [[agent for agent in range(len(links)) if agent not in kind] for kind in kinds]
         assert closed == sum(not reach[np.ix_(rest, kind)].any() for rest, kind in zip(others, kinds, strict=True))
-
-
-@given(graphs)
-def test_degrees_and_sources_are_counted_agent_by_agent(snapshots) -> None:
     measured = measure_graphs(snapshots)
     count, agents, _ = snapshots.shape
     deaf = [(g, a) for g in range(count) for a in range(agents) if not snapshots[g, :, a].any()]
@@ -73,29 +64,24 @@ def test_a_range_is_reciprocal_and_the_nearest_of_a_plane_are_in_the_known_share
     assert found.low - 0.01 < 6 * math.pi / (8 * math.pi + 3 * math.sqrt(3)) < found.high + 0.01
 
 
-def test_robots_see_whom_the_observers_of_a_trial_see() -> None:
+def test_robots_see_whom_the_observers_of_a_trial_see_and_radio_reaches_whoever_is_in_range_through_bodies() -> None:
     scenario = load_scenario("thesis")
     (snapshot,) = take_snapshots(scenario, 1, seed=3)
-    simulation = Simulation(scenario, seed=3)
-    stretch = simulation.stretch(1)
-    views = {(seen, looks) for _, looks, seen in stretch.views}
+    views = {(seen, looks) for _, looks, seen in Simulation(scenario, seed=3).stretch(1).views}
     links = {(sender, receiver) for sender, receiver in np.argwhere(snapshot)}
     assert len(links) > 3
     assert len(views ^ links) <= 2  # they have moved for a step
-
-
-def test_radio_reaches_whoever_is_in_range_through_bodies() -> None:
     everybody = load_scenario("thesis", ["robots.0.signal={kind: radio}"])
     assert take_snapshots(everybody, 2).sum() == 2 * 10 * 9
     near = load_scenario("thesis", ["robots.0.signal={kind: radio, range_cm: 20}"])
     assert measure_graphs(take_snapshots(near, 20)).reciprocity.value == 1
 
 
-@pytest.mark.parametrize("name", ["particles", "thesis"])
-def test_the_faster_swarms_move_the_more_links_change_and_the_fewest_where_they_stand(name: str) -> None:
-    changed = changed_links(load_scenario(name), [0.0, 0.2, 1.0, 5.0], 20)
-    assert changed[0] == 0
-    assert (np.diff(changed) > 0).all()
+def test_the_faster_swarms_move_the_more_links_change_and_the_fewest_where_they_stand() -> None:
+    for name in ("particles", "thesis"):
+        changed = changed_links(load_scenario(name), [0.0, 0.2, 1.0, 5.0], 20)
+        assert changed[0] == 0
+        assert (np.diff(changed) > 0).all()
 
 
 MULTIPLICATIVE = Response(0, 0.1, 0.0)
@@ -154,11 +140,10 @@ def test_pairs_grow_and_meet_as_their_curve_says() -> None:
     assert measure_pair(Response(0, 0.0, 0.0), THRESHOLD).cycles == math.inf
 
 
-def limit(cycles: float, error: float = 1.05) -> Limit:
-    return Limit(Estimate(cycles, cycles / error, cycles * error), Estimate(1.0), cycles)
+def test_a_rise_is_from_a_slower_swarm_to_a_faster_one_and_decides_and_t_sync_lies_between_those_of_two_holds() -> None:
+    def limit(cycles: float, error: float = 1.05) -> Limit:
+        return Limit(Estimate(cycles, cycles / error, cycles * error), Estimate(1.0), cycles)
 
-
-def test_a_rise_is_from_a_slower_swarm_to_a_faster_one_and_decides() -> None:
     holds = (8.0, 4.0, 2.0, 1.0, 0.0)
     peaked = Course(holds, tuple(map(limit, (200.0, 20.0, 400.0, 30.0, 20.0))))
     rise = find_rise(peaked)
@@ -168,9 +153,6 @@ def test_a_rise_is_from_a_slower_swarm_to_a_faster_one_and_decides() -> None:
     assert find_rise(falling).log_ratio == 0  # that of the fast limit is none
     assert judge(rise).verdict == "yes"
     assert judge(find_rise(falling)).verdict == "no"
-
-
-def test_t_sync_at_a_speed_lies_between_those_of_two_holds() -> None:
     course = Course((8.0, 4.0, 0.0), tuple(map(limit, (100.0, 25.0, 10.0))))
     assert time_at(course, math.sqrt(32)).value == pytest.approx(50)
     assert time_at(course, 16.0).value == pytest.approx(200)
@@ -206,14 +188,11 @@ def test_a_users_curve_is_taken_as_it_is_and_speeds_are_in_lengths_a_period(tmp_
     assert 2 * own.v_p_cm_s.value == pytest.approx(shipped.v_p_cm_s.value)
 
 
-def test_receivers_drawn_for_each_pulse_have_no_regime_at_any_speed() -> None:
+def test_receivers_drawn_for_each_pulse_and_robots_by_a_radio_that_all_receive_have_no_regime_at_any_speed() -> None:
     found = of_agents("neighbourhood={kind: random, k: 2}")
     assert (found.intermediate_regime.verdict, found.intermediate_regime.probability) == ("no", 0)
     assert found.t_sync == found.t_sync_fast
     assert "any speed" in found.reason
-
-
-def test_radio_that_all_receive_joins_robots_of_any_speed() -> None:
     found = predict(load_scenario("thesis", ["robots.0.signal={kind: radio}"]))
     assert (found.graph.joined.value, found.graph.reciprocity.value) == (1, 1)
     assert found.intermediate_regime.verdict == "no"
