@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Mapping
-from fractions import Fraction
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
@@ -149,8 +148,3 @@ def random_distances(chance: np.random.Generator, shape: tuple[int, ...]) -> np.
     distances[far < 0.6] = OUT_OF_RANGE_MM
     distances[far < 0.1] = chance.integers(95, 121, shape)[far < 0.1]
     return distances
-
-
-def exactly(value: float) -> Fraction:
-    """Return the decimal number that was written, not its nearest binary one."""
-    return Fraction(repr(value))

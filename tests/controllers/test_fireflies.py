@@ -1,6 +1,7 @@
 """Oscillators and fireflies: each step is the thesis's own, and neither flashes nor motion depend on the other."""
 
 import math
+from fractions import Fraction
 from math import floor
 from types import SimpleNamespace
 
@@ -16,8 +17,8 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.testing import TestRobot
 from epuck_sim.trial.model import simulate
-from tests.control.bench import Bench, exactly, function, settings
-from tests.particles.test_motion import UNLIKELY
+from tests.control.bench import MODES, Bench, function, settings
+from tests.particles.simulations import UNLIKELY
 
 
 def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pixels=60, new=True, **parameters):
@@ -63,25 +64,6 @@ def test_each_new_picture_of_a_flash_updates_or_the_first_of_a_sighting_alone(fl
     assert found == phases
 
 
-class World:
-    """The thesis's symbols, as exact numbers."""
-
-    def __init__(self, step_ms=100, period_s=5.0, coupling=0.1, flash=0.075, refractory=0.15, delay_ms=0):
-        self.dt, self.delta, self.epsilon = step_ms, delay_ms, exactly(coupling)
-        self.tau = exactly(period_s) * 1000
-        self.phi_led, self.phi_ref = exactly(flash) * self.tau, exactly(refractory) * self.tau
-
-    def parameters(self, **others):
-        given_ = {"period_s": float(self.tau / 1000), "coupling": float(self.epsilon), "delay_ms": self.delta}
-        given_ |= {"flash_fraction": float(self.phi_led / self.tau)}
-        return given_ | {"refractory_fraction": float(self.phi_ref / self.tau)} | others
-
-
-def phase_update_1(phi, ring, world):
-    """Algorithm 1, line 5."""
-    return floor((1 + world.epsilon) * phi), ring
-
-
 def phase_update_2(phi, ring, world):
     """Algorithm 2; in line 7 a new cycle begins at phase 0.
 
@@ -102,9 +84,10 @@ def phase_update_2(phi, ring, world):
 def algorithm_1(phi, ring, was_flash_detected, world):
     """Algorithm 1, with the update of Algorithm 2 where there is a delay."""
     phi = phi + world.dt
-    phase_update = phase_update_2 if world.delta else phase_update_1
-    if phi > world.phi_ref and was_flash_detected:
-        phi, ring = phase_update(phi, ring, world)
+    if phi > world.phi_ref and was_flash_detected and not world.delta:
+        phi = floor((1 + world.epsilon) * phi)  # line 5
+    elif phi > world.phi_ref and was_flash_detected:
+        phi, ring = phase_update_2(phi, ring, world)
     if phi >= world.tau:
         phi = 0
         ring = True
@@ -115,17 +98,20 @@ def algorithm_1(phi, ring, was_flash_detected, world):
 
 @st.composite
 def worlds(draw):
-    period_ms = draw(st.integers(100, 20_000))
-    refractory = draw(st.integers(0, 999))
+    """Return the thesis's symbols, as exact numbers, and the parameters that mean them."""
+    tau, refractory = draw(st.integers(100, 20_000)), draw(st.integers(0, 999))
     flash = draw(st.integers(0, refractory))
-    delay = draw(st.just(0) | st.integers(0, flash * period_ms // 1000))
-    return World(
-        step_ms=draw(st.sampled_from([1, 10, 25, 100])),
-        period_s=period_ms / 1000,
-        coupling=draw(st.integers(1, 999_999)) / 10 ** draw(st.integers(5, 6)),
-        flash=flash / 1000,
-        refractory=refractory / 1000,
-        delay_ms=delay,
+    delta = draw(st.just(0) | st.integers(0, flash * tau // 1000))
+    coupling = draw(st.integers(1, 999_999)) / 10 ** draw(st.integers(5, 6))
+    shares = {"flash_fraction": flash / 1000, "refractory_fraction": refractory / 1000}
+    return SimpleNamespace(
+        dt=draw(st.sampled_from([1, 10, 25, 100])),
+        tau=tau,
+        delta=delta,
+        epsilon=Fraction(repr(coupling)),  # the decimal number that was written, not its nearest binary one
+        phi_led=Fraction(flash * tau, 1000),
+        phi_ref=Fraction(refractory * tau, 1000),
+        parameters={"period_s": tau / 1000, "coupling": coupling, "delay_ms": delta, **shares},
     )
 
 
@@ -133,10 +119,10 @@ def worlds(draw):
 @given(world=worlds(), chance=st.randoms(use_true_random=False))
 def test_each_step_is_the_thesis_s_own(world, chance):
     """Forty worlds, thirty states in each, and the states around each of its limits."""
-    step, parameters = find_controller("oscillator").step, settings("oscillator", **world.parameters())
+    step, parameters = find_controller("oscillator").step, settings("oscillator", **world.parameters)
     limits = [0, world.phi_led, world.phi_ref, world.phi_ref + world.delta, world.tau / (1 + world.epsilon), world.tau]
     near = [floor(limit) - world.dt + offset for limit in limits for offset in (-1, 0, 1)]
-    phases = [chance.randrange(int(world.tau)) for _ in range(30)]
+    phases = [chance.randrange(world.tau) for _ in range(30)]
     phases += [phase for phase in near if 0 <= phase < world.tau]
     for phase in phases:
         flash, ring = chance.random() < 0.7, chance.random() < 0.5
@@ -179,6 +165,7 @@ def test_a_firefly_flashes_as_an_oscillator_that_nothing_is_near_and_moves_as_it
     motion = Bench(MOTIONS[name], robots=10) if name in MOTIONS else None
     oscillator.memory["phase_ms"] = firefly.memory["phase_ms"]
     if motion:
+        assert vars(settings(name)) == vars(settings(MOTIONS[name])) | vars(settings("oscillator"))
         motion.streams[:] = firefly.streams  # after the phases were drawn
     for _ in range(120):
         firefly.sense(chance)
@@ -196,11 +183,6 @@ def test_a_firefly_flashes_as_an_oscillator_that_nothing_is_near_and_moves_as_it
             assert (firefly.streams == motion.streams).all()
 
 
-@pytest.mark.parametrize(("name", "motion"), MOTIONS.items())
-def test_a_firefly_has_the_parameters_of_both_parts_with_their_defaults(name, motion):
-    assert vars(settings(name)) == vars(settings(motion)) | vars(settings("oscillator"))
-
-
 @pytest.mark.parametrize("name", ["switching", "varied_firefly"])
 def test_with_a_speed_of_its_own_a_firefly_turns_away_from_walls_as_fast_as_ever(name):
     robot = TestRobot(name, speed_cm_s=2)
@@ -209,9 +191,6 @@ def test_with_a_speed_of_its_own_a_firefly_turns_away_from_walls_as_fast_as_ever
     robot.distance_mm[0] = 10
     robot.step()
     assert (robot.left_cm_s, robot.right_cm_s) == (-12.8, 12.8)
-
-
-IN_WINDOW_MS, ELSEWHERE_MS = 300, 2000
 
 
 def flash_at(robot: TestRobot, phase_ms: int) -> None:
@@ -223,36 +202,29 @@ def flash_at(robot: TestRobot, phase_ms: int) -> None:
     robot.step()
 
 
-@pytest.fixture(params=[True, False], ids=["interpreted", "compiled"])
-def switching(request) -> TestRobot:
-    return TestRobot("switching", speed_cm_s=8, slow_cm_s=0.5, flashes_to_settle=3, interpret=request.param)
-
-
-def test_it_is_slow_after_flashes_in_a_row_in_its_window_and_fast_after_one_elsewhere(switching):
+@MODES
+def test_switching_is_slow_after_flashes_in_a_row_in_its_window_and_fast_after_one_elsewhere(interpret):
+    """A flash that lasts counts once, and one that makes it fire is in its window."""
+    robot = TestRobot("switching", speed_cm_s=8, slow_cm_s=0.5, flashes_to_settle=3, interpret=interpret)
+    within, elsewhere = 300, 2000  # ms
     for phase_ms, speed in (
-        *((IN_WINDOW_MS, 8), (IN_WINDOW_MS, 8), (ELSEWHERE_MS, 8)),
-        *((IN_WINDOW_MS, 8), (IN_WINDOW_MS, 8), (IN_WINDOW_MS, 0.5), (IN_WINDOW_MS, 0.5), (ELSEWHERE_MS, 8)),
+        *((within, 8), (within, 8), (elsewhere, 8)),
+        *((within, 8), (within, 8), (within, 0.5), (within, 0.5), (elsewhere, 8)),
     ):
-        flash_at(switching, phase_ms)
-        assert (switching.left_cm_s, switching.right_cm_s) == (speed, speed)
+        flash_at(robot, phase_ms)
+        assert (robot.left_cm_s, robot.right_cm_s) == (speed, speed)
+    robot.memory.phase_ms = 0
+    robot.camera[:] = 1
+    robot.step(4)
+    assert robot.memory.flashes_in_window == 1
+    robot.camera[:] = 0
+    robot.step()
+    flash_at(robot, 4800)  # times 1.1 it passes the period
+    assert robot.memory.flashes_in_window == 2
 
 
-def test_a_flash_that_lasts_counts_once_and_one_that_makes_it_fire_is_in_its_window(switching):
-    switching.memory.phase_ms = 0
-    switching.camera[:] = 1
-    switching.step(4)
-    assert switching.memory.flashes_in_window == 1
-    switching.camera[:] = 0
-    switching.step()
-    flash_at(switching, 4800)  # times 1.1 it passes the period
-    assert switching.memory.flashes_in_window == 2
-
-
-VARIED = {"speed_cm_s": 2.0, "speed_spread": 0.5}
-
-
-def speeds_of(robot: TestRobot, steps: int) -> list[float]:
-    speeds = []
+def speeds_of(steps: int, **parameters) -> list[float]:
+    robot, speeds = TestRobot("varied_firefly", {"speed_cm_s": 2.0, "speed_spread": 0.5}, **parameters), []
     for _ in range(steps):
         robot.step()
         assert robot.left_cm_s == robot.right_cm_s
@@ -260,28 +232,19 @@ def speeds_of(robot: TestRobot, steps: int) -> list[float]:
     return speeds
 
 
-def is_lognormal(speeds: list[float]) -> bool:
+def test_robots_draw_lognormal_speeds_and_keep_them_or_draw_new_ones_after_exponential_times():
+    """Without spread they have the mean."""
     sd = math.sqrt(math.log(1 + 0.5**2))
-    return stats.kstest(speeds, "lognorm", args=(sd, 0, 2.0 * math.exp(-(sd**2) / 2))).pvalue > UNLIKELY
-
-
-def test_robots_draw_lognormal_speeds_and_keep_them_and_without_spread_have_the_mean():
-    speeds = [speeds_of(TestRobot("varied_firefly", VARIED, seed=seed), 2) for seed in range(150)]
-    assert is_lognormal([first for first, _ in speeds])
-    assert all(first == second for first, second in speeds)
-    assert speeds_of(TestRobot("varied_firefly", VARIED | {"speed_spread": 0}), 1) == [2.0]
-
-
-def test_a_robot_draws_a_new_speed_after_exponential_times():
-    speeds = speeds_of(TestRobot("varied_firefly", VARIED, new_speed_s=0.5, seed=1, interpret=False), 1500)
+    lognormal = stats.lognorm(sd, 0, 2.0 * math.exp(-(sd**2) / 2)).cdf
+    drawn = [speeds_of(2, seed=seed) for seed in range(150)]
+    assert stats.kstest([first for first, _ in drawn], lognormal).pvalue > UNLIKELY
+    assert all(first == second for first, second in drawn)
+    assert speeds_of(1, speed_spread=0) == [2.0]
+    speeds = speeds_of(1500, new_speed_s=0.5, seed=1, interpret=False)
     changed = np.flatnonzero(np.diff(speeds))
-    assert is_lognormal([speeds[step] for step in changed])
+    assert stats.kstest([speeds[step] for step in changed], lognormal).pvalue > UNLIKELY
     expected = len(speeds) * (1 - math.exp(-0.1 / 0.5))
     assert abs(len(changed) - expected) < 4 * math.sqrt(expected)
-
-
-CYCLES_PER_HOUR = 720
-LIT_S = 0.4  # of the steps at phases 0, 100, 200 and 300 ms
 
 
 def test_it_drives_while_it_is_lit_and_stands_else():
@@ -304,6 +267,7 @@ def test_a_disc_moves_at_the_flashes_of_as_many_as_it_takes(needed):
     for together in {max(needed - 1, 1), needed}:
         changes["robots.0.memory"] = {"phase_ms": [2500] * together + [1500, 500, 3500][: 4 - together]}
         scenario = load_scenario("pushing", [f"{key}={value}" for key, value in changes.items()])
-        share = run_trial(simulate(scenario, 1)).measures["moved"] / (CYCLES_PER_HOUR * LIT_S * 2)
+        # in an hour are 720 cycles with 0.4 s of light, of the steps at phases 0, 100, 200 and 300 ms
+        share = run_trial(simulate(scenario, 1)).measures["moved"] / (720 * 0.4 * 2)
         # of 30 cycles, up to 14 are over before all have come as far as the disc
         assert 0.4 < share < 1 if together == needed else share < 0.01

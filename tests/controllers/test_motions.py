@@ -16,7 +16,8 @@ from epuck_sim.epuck import WHEEL_BASE_CM
 from epuck_sim.testing import TestRobot
 from epuck_sim.util.seeds import robot_streams
 from tests.control.bench import Bench, function, random_distances, settings
-from tests.particles.distributions import UNLIKELY
+from tests.embodied.steps import constant
+from tests.particles.simulations import UNLIKELY
 from tests.tools import needs_compiler
 
 LIMIT_CM_S, BEYOND_CM_S = 12.8, np.nextafter(12.8, 13)
@@ -53,13 +54,16 @@ LIMITS = [
 """Controller, parameter, its values at limits and beyond, and other parameters."""
 
 
-def test_up_to_its_limits_a_parameter_is_allowed_and_what_lies_beyond_is_named():
+def test_up_to_its_limits_a_parameter_is_allowed_and_what_lies_beyond_is_named_and_small_speeds_keep_fractions():
     for controller, name, inside, outside, others in LIMITS:
         for value in inside:
             settings(controller, **others, **{name: value})
         for value in outside:
             with pytest.raises(ValueError, match=rf"^{name} is {value}; allowed: ."):
                 settings(controller, **others, **{name: value})
+    robot = TestRobot("obstacle_avoidance", {"speed_cm_s": 0.03125})
+    robot.step()
+    assert (robot.left_cm_s, robot.right_cm_s) == (0.03125, 0.03125)
 
 
 SPEEDS = st.floats(-12.8, 12.8)
@@ -77,22 +81,6 @@ def test_constant_commands_the_same_whatever_it_senses(left, right, ring, seed):
 
 
 LISTING = str(Path(__file__).with_name("firmware") / "firefly.c")
-
-
-def test_a_speed_below_1_mm_s_keeps_its_fraction():
-    robot = TestRobot("obstacle_avoidance", {"speed_cm_s": 0.03125})
-    robot.step()
-    assert (robot.left_cm_s, robot.right_cm_s) == (0.03125, 0.03125)
-
-
-def wandering(steps, robots, seed=3):
-    """Return (steps, robots, 8) mm: what is near stays for a while, as walls do."""
-    chance = np.random.default_rng(seed)
-    distances = random_distances(chance, (steps, robots, 8))
-    for step in range(1, steps):
-        stays = chance.random((robots, 1)) < 0.6
-        distances[step] = np.where(stays, distances[step - 1], distances[step])
-    return distances
 
 
 @needs_compiler
@@ -118,7 +106,10 @@ def wandering(steps, robots, seed=3):
 def test_long_drives_and_flashes_are_the_thesis_s(given):
     benches = in_c, in_python = [Bench(name, given, robots=20, interpret=False) for name in (LISTING, "firefly")]
     streams, chance, lit = in_python.streams.copy(), np.random.default_rng(4), 0
-    for number, distances in enumerate(wandering(500, 20)):
+    distances = random_distances(chance, (20, 8))
+    for number in range(500):
+        stays = chance.random((20, 1)) < 0.6  # for a while, as walls do
+        distances = np.where(stays, distances, random_distances(chance, (20, 8)))
         in_python.sense(chance)
         in_c.sense_like(in_python)
         for bench in benches:
@@ -138,12 +129,12 @@ def test_long_drives_and_flashes_are_the_thesis_s(given):
 STEP_S = 0.1
 
 
-def runs_and_turns(count: int, **parameters) -> tuple[np.ndarray, np.ndarray]:
-    """Return s: durations of the runs, and rad: angles of the turns, of one robot far from everything."""
-    robot = TestRobot("random_walk", parameters, seed=4, interpret=False)
-    runs, turns = [0.0], [0.0]
+@pytest.mark.parametrize("persistence", [0.0, 0.7])
+def test_turns_are_wrapped_cauchy_and_runs_exponential(persistence):
+    robot = TestRobot("random_walk", run_s=2.0, persistence=persistence, seed=4, interpret=False)
+    runs, turns = [0.0], [0.0]  # s, rad: of a robot far from everything
     was_turning = False
-    while len(turns) <= count:
+    while len(turns) <= 400:
         robot.step()
         angle = (robot.right_cm_s - robot.left_cm_s) / WHEEL_BASE_CM * STEP_S
         if angle and not was_turning:
@@ -155,15 +146,9 @@ def runs_and_turns(count: int, **parameters) -> tuple[np.ndarray, np.ndarray]:
         else:
             runs[-1] += STEP_S
         was_turning = bool(angle)
-    return np.array(runs[1:-1]), np.array(turns[1:-1])
-
-
-@pytest.mark.parametrize("persistence", [0.0, 0.7])
-def test_turns_are_wrapped_cauchy_and_runs_exponential(persistence):
-    runs, turns = runs_and_turns(400, run_s=2.0, persistence=persistence)
-    angles = np.abs(turns)
+    runs, turns = np.array(runs[1:-1]), np.array(turns[1:-1])
     cauchy = stats.uniform(0, math.pi).cdf if persistence == 0 else lambda a: 2 * stats.wrapcauchy(persistence).cdf(a)
-    assert stats.kstest(angles, cauchy).pvalue > UNLIKELY
+    assert stats.kstest(np.abs(turns), cauchy).pvalue > UNLIKELY
     assert 0.4 < (turns > 0).mean() < 0.6
     steps = np.random.default_rng(0).uniform(-STEP_S, 0, len(runs))  # a run ends at the end of a step
     assert stats.kstest(runs + steps, "expon", args=(0, 2.0)).pvalue > UNLIKELY
@@ -205,7 +190,6 @@ def test_robots_without_persistence_forget_their_direction_and_those_with_all_of
 
 
 ARENA = {"width_cm": 100, "height_cm": 100}
-AHEAD = {"controller": "constant", "parameters": {"left_cm_s": 5, "right_cm_s": 5}}
 
 
 def swarm(group, **sections) -> Simulation:
@@ -246,18 +230,14 @@ def test_a_robot_goes_straight_ahead_between_walls_and_never_touches_one():
 @pytest.mark.parametrize(("robots", "x_cm", "off_cm"), [(False, [50, 30], 1e-9), (True, [40 - 3.7, 40 + 3.7], 0.1)])
 def test_robots_that_do_not_touch_pass_through_each_other_but_not_through_walls(robots, x_cm, off_cm):
     poses = [[30.0, 50.0, 0.0], [50.0, 50.0, math.pi], [90.0, 10.0, 0.0]]
-    step = swarm({"poses": poses, **AHEAD}, contact={"robots": robots}).advance(41)
+    step = swarm(constant(poses, 5), contact={"robots": robots}).advance(41)
     np.testing.assert_allclose(step.poses[:2, 0], x_cm, atol=off_cm)
     assert step.poses[2, 0] == pytest.approx(100 - 3.7, abs=0.1)
 
 
 def test_robots_of_chapter_3_synchronise_fast_when_they_see_far_and_all_around():
-    group = {
-        "count": 20,
-        "controller": "reorienting_firefly",
-        "parameters": {"period_s": 8, "flash_fraction": 0.0375, "refractory_fraction": 0.1},
-        "infrared": {"robots": False},
-    }
+    parameters = {"period_s": 8, "flash_fraction": 0.0375, "refractory_fraction": 0.1}
+    group = reorienting(count=20) | {"controller": "reorienting_firefly", "parameters": parameters}
     stop, cycles = {"metric": "reference", "max_cycles": 200}, []
     for signal in ({"kind": "cone"}, {"kind": "cone", "range_cm": 10, "angle_deg": 30}):
         trial = run_trial(Simulation({"arena": ARENA, "robots": [{**group, "signal": signal}], "stop": stop}, 4))

@@ -301,7 +301,7 @@ def _bodies(scene: Scene) -> FloatArray:
     return np.column_stack([scene.poses[:, :2], scene.radii_cm])
 
 
-def _towards(angles: FloatArray) -> FloatArray:
+def directions_of(angles: FloatArray) -> FloatArray:
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
@@ -322,10 +322,10 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
     bodies = _bodies(scene)
     walls = walls_of(scene.arena)
     for robot, (x, y, heading) in enumerate(scene.poses):
-        forward, left = _towards(heading), _towards(heading + math.pi / 2)
+        forward, left = directions_of(heading), directions_of(heading + math.pi / 2)
         positions = (x, y) + sensors[:, :1] * forward + sensors[:, 1:2] * left
         angles = heading + np.radians(sensors[:, 2:] + spread)
-        rays = np.repeat(positions, 3, axis=0), _towards(angles.ravel())
+        rays = np.repeat(positions, 3, axis=0), directions_of(angles.ravel())
         discs, by_disc = cast_on_discs(*rays, np.vstack([np.delete(bodies, robot, axis=0), scene.arena.circles]))
         flats, by_flat = cast_on_segments(*rays, np.vstack([walls, scene.arena.edges]))
         distance = np.hstack([discs, flats]).min(axis=1).reshape(count, 3)
@@ -353,8 +353,8 @@ class Pixels(NamedTuple):
 
 def slow_pixels(scene: Scene, camera: CameraSettings, robot: int) -> Pixels:
     x, y, heading = scene.poses[robot]
-    directions = _towards(heading + camera.angles()[camera.window()])
-    rays = np.tile((x, y) + scene.body.camera_forward_cm * _towards(heading), (len(directions), 1)), directions
+    directions = directions_of(heading + camera.angles()[camera.window()])
+    rays = np.tile((x, y) + scene.body.camera_forward_cm * directions_of(heading), (len(directions), 1)), directions
     to_robots, by_robot = cast_on_discs(*rays, _bodies(scene))
     to_robots[:, robot], by_robot[:, robot] = np.inf, False
     to_circles, by_circle = cast_on_discs(*rays, scene.arena.circles)

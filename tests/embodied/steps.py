@@ -18,6 +18,12 @@ def bare_step(number: int, time_s: float, ring_on: BoolArray, phase_ms: Sequence
     return Step(number, time_s, *[np.empty(0)] * 5, ring_on, ring_on, *seen)
 
 
+def constant(poses, speed_cm_s=0.0, **parameters):
+    """Return a group of robots that drive straight ahead at a speed for ever."""
+    parameters = {"left_cm_s": speed_cm_s, "right_cm_s": speed_cm_s, **parameters}
+    return {"poses": poses, "controller": "constant", "parameters": parameters}
+
+
 def kept(simulation, count):
     """Return the next `count` steps with arrays of their own."""
     return [

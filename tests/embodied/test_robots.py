@@ -14,10 +14,12 @@ from epuck_sim.embodied.loop import act, stop_and_release, tick
 from epuck_sim.embodied.observers import find_contacts, make_scene
 from epuck_sim.embodied.start import vary
 from epuck_sim.embodied.swarm import make_block, open_block
+from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.util.rng import uniform
 from epuck_sim.util.seeds import robot_streams
+from tests.control.bench import with_sense
 from tests.embodied.bodies.worlds import MovedWorld
-from tests.embodied.steps import NOWHERE
+from tests.embodied.steps import NOWHERE, constant
 
 BASE_CM = 5.1
 LIMIT_CM_S = 12.8
@@ -28,9 +30,8 @@ speeds = st.floats(-LIMIT_CM_S, LIMIT_CM_S)
 differences = st.builds(lambda sign, exponent: sign * 10.0**exponent, st.sampled_from([-1, 1]), st.integers(-16, -2))
 wheels = st.one_of(
     st.tuples(speeds, speeds),
-    *(
-        speeds.map(lambda speed, sides=sides: (sides[0] * speed, sides[1] * speed))
-        for sides in ((1, 1), (1, -1), (0, 1))
+    st.builds(
+        lambda speed, sides: (sides[0] * speed, sides[1] * speed), speeds, st.sampled_from([(1, 1), (1, -1), (0, 1)])
     ),
     st.builds(lambda speed, difference: (0.9 * speed, 0.9 * speed + difference), speeds, differences),
 )
@@ -165,8 +166,13 @@ def test_no_millisecond_of_a_clock_is_lost_or_counted_twice(rates, step_ms):
     assert (swarm.robots.sensors.step_ms == step_ms).all()
 
 
-def stuck_over(steps, robots=1, step_ms=100):
-    """Return (steps, robots) whether robots are stuck that are so for 5 s and free for 10 s on average."""
+@pytest.mark.parametrize("step_ms", [100, 50])
+def test_robots_are_free_and_stuck_by_turns_for_exponential_times_as_a_slow_twin_draws(step_ms):
+    steps, robots = 5_000, 9
+    changes = []
+    for stream in robot_streams(np.random.SeedSequence(4), robots):
+        times = [-mean_s * math.log(1 - uniform(stream)) for _ in range(100) for mean_s in (10, 5)]
+        changes.append(np.searchsorted(np.cumsum(times), step_ms / 1000 * np.arange(steps), side="right"))
     block = block_of(robots, step_ms=step_ms)
     swarm = open_block(block)
     swarm.scene[0].mean_stuck_s, swarm.scene[0].mean_free_s = 5, 10
@@ -178,29 +184,11 @@ def stuck_over(steps, robots=1, step_ms=100):
         assert ((gain == 0.75) | (gain == 0)).all()
         found[step] = gain[:, 0] == 0
         np.testing.assert_array_equal(gain[:, 0], gain[:, 1])
-    return found
-
-
-@pytest.mark.parametrize("step_ms", [100, 50])
-def test_robots_are_free_and_stuck_by_turns_for_exponential_times_as_a_slow_twin_draws(step_ms):
-    steps, robots = 5_000, 9
-    changes = []
-    for stream in robot_streams(np.random.SeedSequence(4), robots):
-        times = [-mean_s * math.log(1 - uniform(stream)) for _ in range(100) for mean_s in (10, 5)]
-        changes.append(np.searchsorted(np.cumsum(times), step_ms / 1000 * np.arange(steps), side="right"))
-    np.testing.assert_array_equal(stuck_over(steps, robots, step_ms), np.transpose(changes) % 2 == 1)
+    np.testing.assert_array_equal(found, np.transpose(changes) % 2 == 1)
 
 
 RADIO = {"kind": "radio"}
-NOTHING_MM = 65535
 FLOOR = {"width_cm": 50, "height_cm": 50}
-
-
-def drive(poses, left_cm_s, right_cm_s, robot="kilobot", signal=RADIO, **sections) -> Simulation:
-    """Return a simulation of robots whose wheels turn all the time."""
-    parameters = {"left_cm_s": left_cm_s, "right_cm_s": right_cm_s}
-    group = {"poses": poses, "controller": "constant", "parameters": parameters, "signal": signal}
-    return Simulation({"arena": FLOOR, "noise": "off", "robot": robot, "robots": [group], **sections}, 1)
 
 
 @pytest.mark.parametrize(
@@ -212,7 +200,8 @@ def drive(poses, left_cm_s, right_cm_s, robot="kilobot", signal=RADIO, **section
     ],
 )
 def test_a_robot_turns_on_the_spot_by_its_wheels_limit_and_distance(robot, limit, base):
-    step = drive([[25, 25, 0]], -12.8, 12.8, robot).advance(11)
+    group = {**constant([[25, 25, 0]], left_cm_s=-12.8, right_cm_s=12.8), "signal": RADIO}
+    step = Simulation({"arena": FLOOR, "noise": "off", "robot": robot, "robots": [group]}, 1).advance(11)
     assert step.wheels_cm_s.tolist() == [[-limit, limit]]
     np.testing.assert_allclose(step.poses[0], [25, 25, 2 * limit / base], rtol=0, atol=1e-9)  # in a second
 
@@ -220,14 +209,7 @@ def test_a_robot_turns_on_the_spot_by_its_wheels_limit_and_distance(robot, limit
 def mixed(*groups, interpret=False, **sections) -> Simulation:
     """Return a simulation of robots of some kinds; groups: kind, poses, speed of both wheels, and further keys."""
     robots = [
-        {
-            "kind": kind,
-            "poses": poses,
-            "controller": "constant",
-            "parameters": {"left_cm_s": speed, "right_cm_s": speed, "ring_on": True},
-            "signal": RADIO,
-            **further,
-        }
+        {"kind": kind, **constant(poses, speed, ring_on=True), "signal": RADIO, **further}
         for kind, poses, speed, further in groups
     ]
     return Simulation({"arena": FLOOR, "noise": "off", "robots": robots, **sections}, 1, interpret=interpret)
@@ -263,13 +245,11 @@ def test_the_contact_of_two_kinds_lies_between_their_surfaces():
 
 
 def test_own_sensors_know_the_radius_of_the_robot_that_senses_and_of_others(tmp_path):
-    (tmp_path / "sizes.py").write_text(
-        "from epuck_sim.embodied.sensing import distance_cm\n\nREADINGS = {'sizes': (float, 3)}\n\n\n"
-        "def sense(world, robot, readings, parameters, random):\n"
-        "    other = world.robots[1 - robot.number]\n"
-        "    readings.sizes[0], readings.sizes[1] = robot.radius_cm, other.radius_cm\n"
-        "    readings.sizes[2] = distance_cm(world, robot.x, robot.y, robot.heading, 30.0, robot.number)\n"
-    )
+    lines = """other = world.robots[1 - robot.number]
+    readings.sizes[0], readings.sizes[1] = robot.radius_cm, other.radius_cm
+    readings.sizes[2] = distance_cm(world, robot.x, robot.y, robot.heading, 30.0, robot.number)"""
+    text = with_sense(lines, "{'sizes': (float, 3)}")
+    (tmp_path / "sizes.py").write_text("from epuck_sim.embodied.sensing import distance_cm\n" + text)
     sensors = {"sensors": [str(tmp_path / "sizes.py")]}
     groups = ("epuck", [[10, 25, 0]], 0, sensors), ("kilobot", [[30, 25, math.pi]], 0, sensors)
     sizes = mixed(*groups, interpret=True).advance(1).readings["sizes"]
@@ -281,4 +261,4 @@ def test_a_robot_without_infrared_sensors_reads_nothing_in_range_from_all():
     simulation = Simulation({"arena": FLOOR, "robot": "kilobot", "robots": [group]}, 1)
     for step in islice(simulation, 10):  # the noise of readings is on
         assert (step.infrared == 0).all()
-        assert (step.distance_mm == NOTHING_MM).all()
+        assert (step.distance_mm == OUT_OF_RANGE_MM).all()

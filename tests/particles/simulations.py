@@ -15,6 +15,9 @@ from tests.particles.naive_model import NaiveModel
 TOO_CLOSE = 1e-11
 """Relative margin below which a decision may go either way, because the kernel rounds differently."""
 
+UNLIKELY = 1e-4
+"""The p-value below which a sample does not fit: seeds are fixed, and what is wrong gives far less than this."""
+
 BY_POSITION = ("nearest", "range", "cone_of_vision", "cone_of_emission", "all")
 KINDS = (*BY_POSITION, "random")
 

@@ -7,17 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.particles.simulations import make_simulation, set_trajectories
-
-UNLIKELY = 1e-4
-"""Seeds are fixed: chance fails no test; what is wrong gives far less than this."""
-
-
-def fits(observed, expected):
-    """Whether counts are those of a distribution with these shares, by a chi-square test."""
-    shares = np.asarray(expected) / np.sum(expected)
-    assert (shares * np.sum(observed)).min() > 20
-    return stats.chisquare(np.ravel(observed), np.ravel(shares * np.sum(observed))).pvalue > UNLIKELY
+from tests.particles.simulations import UNLIKELY, make_simulation, set_trajectories
 
 
 def is_uniform(values, low, high):
@@ -27,11 +17,10 @@ def is_uniform(values, low, high):
 def is_anywhere(headings):
     """Whether (agents, dimensions) headings are uniform over all directions."""
     if headings.shape[1] == 1:
-        return set(headings.ravel()) == {-1.0, 1.0} and fits(np.unique(headings, return_counts=True)[1], [1, 1])
-    if headings.shape[1] == 2:
-        return is_uniform(np.arctan2(headings[:, 1], headings[:, 0]), -math.pi, math.pi)
-    azimuth = np.arctan2(headings[:, 1], headings[:, 0])
-    return is_uniform(headings[:, 2], -1, 1) and is_uniform(azimuth, -math.pi, math.pi)
+        values, counts = np.unique(headings, return_counts=True)
+        return values.tolist() == [-1, 1] and stats.chisquare(counts).pvalue > UNLIKELY
+    is_round = is_uniform(np.arctan2(headings[:, 1], headings[:, 0]), -math.pi, math.pi)
+    return is_round and (headings.shape[1] == 2 or is_uniform(headings[:, 2], -1, 1))
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
@@ -58,28 +47,19 @@ def test_what_is_given_takes_the_place_of_what_is_drawn_and_all_else_stays(dimen
     assert (given._arrays.streams == drawn._arrays.streams).all()
 
 
-MANY = 6_000
-
-
-def speeds(**agents):
-    """Return the speeds of many agents, measured from their motion, as shares of the mean."""
-    swarm = make_simulation(3, agents={"count": MANY, "speed_cm_s": 4.0, **agents}, space={"side_cm": 1e6})
-    start = swarm.positions()
-    swarm._arrays.scene.now = 0.1  # before anybody fires or comes far
-    return np.linalg.norm(swarm.positions() - start, axis=1) / 0.4
-
-
-SIGMA = math.log(1 + 0.7**2) ** 0.5  # of the logarithm of lognormal speeds whose deviation is 0.7 of their mean
-
-
 def test_speeds_have_the_distribution_and_the_mean_of_the_scenario():
+    sigma = math.log(1 + 0.7**2) ** 0.5  # of the logarithm of lognormal speeds whose deviation is 0.7 of their mean
     for distribution, spread, expected in [
         *(("uniform", spread, stats.uniform(1 - spread, 2 * spread)) for spread in (0.1, 1.0)),
         *(("normal", spread, stats.truncnorm(-1 / spread, 1 / spread, 1, spread)) for spread in (0.1, 0.5, 1.0)),
-        ("lognormal", 0.7, stats.lognorm(SIGMA, scale=math.exp(-(SIGMA**2) / 2))),
+        ("lognormal", 0.7, stats.lognorm(sigma, scale=math.exp(-(sigma**2) / 2))),
         ("exponential", None, stats.expon()),
     ]:
-        drawn = speeds(speed_distribution=distribution, **({} if spread is None else {"speed_spread": spread}))
+        speeds = {"speed_distribution": distribution, **({} if spread is None else {"speed_spread": spread})}
+        swarm = make_simulation(3, agents={"count": 6000, "speed_cm_s": 4.0, **speeds}, space={"side_cm": 1e6})
+        start = swarm.positions()
+        swarm._arrays.scene.now = 0.1  # before anybody fires or comes far
+        drawn = np.linalg.norm(swarm.positions() - start, axis=1) / 0.4
         assert stats.kstest(drawn, expected.cdf).pvalue > UNLIKELY
         low, high = expected.support()
         assert ((drawn >= low - 1e-6) & (drawn <= high + 1e-6)).all()
@@ -88,7 +68,7 @@ def test_speeds_have_the_distribution_and_the_mean_of_the_scenario():
 
 @pytest.mark.parametrize("jitter", [5e-5, 0.2])
 def test_jittered_periods_are_normal_around_the_nominal_one(jitter):
-    swarm = make_simulation(1, agents={"count": MANY}, clocks={"jitter": jitter, "period_s": 3.0})
+    swarm = make_simulation(1, agents={"count": 6000}, clocks={"jitter": jitter, "period_s": 3.0})
     start = swarm.phases()
     swarm._arrays.scene.now = 1e-3
     periods = 1e-3 / (swarm.phases() - start)
@@ -102,10 +82,14 @@ CLOSED = [(1, "bounded"), *itertools.product((1, 2, 3), ("cyclic", "mirrored"))]
 """Dimensions and boundaries of spaces with a closed form."""
 
 
-def uncoupled(count, speed_cm_s=100.0, seed=0, **sections):
+FAR = {"space": {"side_cm": 1e6}, "neighbourhood": {"kind": "all"}}
+"""Sections of agents that come near no wall."""
+
+
+def uncoupled(count, speed_cm_s=100.0, agents=None, **sections):
     """Return uncoupled agents that fire together once a cycle, so that simulating their motion is fast."""
-    agents = {"count": count, "speed_cm_s": speed_cm_s}
-    return make_simulation(seed, agents=agents, start={"phases": "synchronised"}, response={"coupling": 0}, **sections)
+    sections |= {"start": {"phases": "synchronised"}, "response": {"coupling": 0}}
+    return make_simulation(agents={"count": count, "speed_cm_s": speed_cm_s, **(agents or {})}, **sections)
 
 
 @pytest.mark.parametrize(("dimensions", "boundary"), CLOSED)
@@ -168,33 +152,28 @@ def test_walls_turn_agents_by_a_uniform_angle_in_a_square_and_over_the_hemispher
     assert abs(np.corrcoef(along, towards)[0, 1]) < 0.06
 
 
-dimensions = pytest.mark.parametrize("dimensions", [1, 2, 3])
-
 BROWNIAN = {"kind": "brownian", "run_s": 2.0}
 CORRELATED = {"kind": "correlated", "run_s": 0.5, "persistence": 0.8}
-LEVY = {"kind": "levy", "run_s": 0.3, "exponent": 2.2}
-
-
-def walkers(walk, count=4000, speed_cm_s=1.0, seed=0, agents=None, **sections):
-    """Return uncoupled agents that fire together once a cycle, far from any wall unless `sections` say otherwise."""
-    sections = {"space": {"side_cm": 1e6}, "neighbourhood": {"kind": "all"}, "response": {"coupling": 0}, **sections}
-    motion = {"count": count, "speed_cm_s": speed_cm_s, "walk": walk, **(agents or {})}
-    return make_simulation(seed, agents=motion, start={"phases": "synchronised"}, **sections)
 
 
 @pytest.mark.parametrize("exponent", [2.2, 3.0])
 def test_runs_of_a_levy_walk_have_a_power_law_above_the_shortest(exponent):
-    swarm = walkers({**LEVY, "exponent": exponent}, count=20_000)
+    swarm = uncoupled(20_000, agents={"walk": {"kind": "levy", "run_s": 0.3, "exponent": exponent}}, **FAR)
     durations = swarm._arrays.run_end_cycle + swarm._arrays.run_end_time
     assert durations.min() >= 0.3
     assert stats.kstest(durations, "pareto", args=(exponent - 1, 0, 0.3)).pvalue > UNLIKELY
 
 
-@dimensions
+@pytest.mark.parametrize("dimensions", [1, 2, 3])
 @pytest.mark.parametrize(("walk", "reorients"), [(BROWNIAN, False), (CORRELATED, False), (CORRELATED, True)])
 def test_the_mean_squared_displacement_is_that_of_theory(dimensions, walk, reorients):
-    agents = {"reorient_on": ["emitting"]} if reorients else {}
-    swarm = walkers(walk, speed_cm_s=3.0, agents=agents, space={"dimensions": dimensions, "side_cm": 1e6})
+    """2 v^2 tau (t - tau (1 - exp(-t / tau))), with the speed v, in any number of dimensions.
+
+    Agents that keep a direction for a time of mean T, and turn by an angle of mean cosine g, forget it after a mean
+    of tau = T / (1 - g): the correlation of two headings a time t apart is exp(-t / tau).
+    """
+    agents = {"walk": walk, "reorient_on": ["emitting"] * reorients}
+    swarm = uncoupled(4000, 3.0, agents, **FAR | {"space": {"dimensions": dimensions, "side_cm": 1e6}})
     start = swarm.positions()
     rate = (1 - walk.get("persistence", 0.0)) / walk["run_s"]
     for time_s in (0.4, 1.0, 7.5) if not reorients else (0.5, 1.0):  # reorientation is at 1 s, and then each second
@@ -216,7 +195,7 @@ DISTRIBUTIONS = {
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS)
 def test_speeds_of_later_runs_have_the_distribution_of_the_first(distribution):
     agents = {"speed_distribution": distribution, "speed_per_run": True, **DISTRIBUTIONS[distribution]}
-    swarm = walkers({"kind": "brownian", "run_s": 0.1}, count=10_000, speed_cm_s=4.0, agents=agents)
+    swarm = uncoupled(10_000, 4.0, {**agents, "walk": {"kind": "brownian", "run_s": 0.1}}, **FAR)
     table = swarm._arrays.run_speeds
     assert table.mean() == pytest.approx(4.0)
     assert swarm._arrays.scene.max_speed == max(table.max(), swarm._arrays.speed.max())

@@ -11,9 +11,16 @@ from scipy import stats
 
 from epuck_sim import ScenarioError
 from epuck_sim.particles.selection import SAMPLED, find_two_smallest, select_smallest
-from tests.particles.distributions import UNLIKELY
 from tests.particles.naive_model import receivers_of
-from tests.particles.simulations import BY_POSITION, TOO_CLOSE, as_set, make_resting, make_simulation, neighbourhoods
+from tests.particles.simulations import (
+    BY_POSITION,
+    TOO_CLOSE,
+    UNLIKELY,
+    as_set,
+    make_resting,
+    make_simulation,
+    neighbourhoods,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 by_position = pytest.mark.parametrize("kind", BY_POSITION)
@@ -144,21 +151,19 @@ def test_the_adjacency_matrix_is_that_of_brute_force_at_any_time_and_asking_chan
     assert (untouched.phases() == swarm.phases()).all()
 
 
-RULES = [
-    {"kind": "nearest", "k": 2},
-    {"kind": "cone_of_vision", "angle_deg": 120, "radius_cm": 60},
-    {"kind": "cone_of_emission", "angle_deg": 90},
-]
-
-
-def swarm(rule, **agents):
-    return make_simulation(4, agents={"count": 12, "speed_cm_s": 20.0, **agents}, neighbourhood=rule)
-
-
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule["kind"])
+@pytest.mark.parametrize(
+    "rule",
+    [
+        {"kind": "nearest", "k": 2},
+        {"kind": "cone_of_vision", "angle_deg": 120, "radius_cm": 60},
+        {"kind": "cone_of_emission", "angle_deg": 90},
+    ],
+    ids=str,
+)
 @pytest.mark.parametrize("reorient_on", [[], ["emitting", "receiving"], ["arriving"]], ids=str)
 def test_pulse_links_are_found_before_anybody_turns(rule, reorient_on):
-    simulation, shifted = swarm(rule, reorient_on=reorient_on), 0
+    agents = {"count": 12, "speed_cm_s": 20.0, "reorient_on": reorient_on}
+    simulation, shifted = make_simulation(4, agents=agents, neighbourhood=rule), 0
     before = simulation.headings()
     for _ in range(150):
         event = next(simulation)
@@ -176,7 +181,8 @@ def test_pulse_links_are_found_before_anybody_turns(rule, reorient_on):
 
 
 def test_agents_drawn_at_random_have_no_links():
-    simulation = swarm({"kind": "random", "k": 3}, reorient_on=["arriving"])
+    agents = {"count": 12, "speed_cm_s": 20.0, "reorient_on": ["arriving"]}
+    simulation = make_simulation(4, agents=agents, neighbourhood={"kind": "random", "k": 3})
     simulation.run(3)
     assert len(simulation.last_instant().fired)
     assert simulation.pulse_links().shape == (0, 3)

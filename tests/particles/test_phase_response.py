@@ -14,7 +14,7 @@ from epuck_sim.scenario.yaml_io import write_yaml
 from tests.particles.naive_model import shift
 from tests.particles.simulations import make_simulation
 
-MULTIPLICATIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR = 0, 4, 5
+MULTIPLICATIVE = 0
 unit = st.floats(0, 1)
 
 
@@ -64,24 +64,17 @@ def phase_shift(phase, coupling, parameters):
     shift = coupling * power(phase, parameters.bend)
     return shift * parameters.times
 """
-BESIDE = """
-def power(phase, bend):
-    return phase**bend
-"""
+
+
+def written(path, source):
+    path.write_text(source)
+    return path
 
 
 @pytest.fixture
 def power(tmp_path):
-    (tmp_path / "beside.py").write_text(BESIDE)
-    path = tmp_path / "power.py"
-    path.write_text(POWER)
-    return path
-
-
-def write(folder, source):
-    path = folder / "curve.py"
-    path.write_text(source)
-    return path
+    written(tmp_path / "beside.py", "def power(phase, bend):\n    return phase**bend\n")
+    return written(tmp_path / "power.py", POWER)
 
 
 def scenario_of(curve, **response):
@@ -107,14 +100,14 @@ def test_parameters_and_the_coupling_reach_the_function(power):
 
 
 def test_two_curves_take_turns_in_one_process_and_a_changed_file_is_another_curve(power, tmp_path):
-    added = write(tmp_path, "def phase_shift(phase, coupling, parameters):\n    return coupling")
-    scenes = [{"response": {"curve": str(curve), "coupling": 0.05}} for curve in (power, added)]
-    alone = [
-        make_simulation(1, **scene) for scene in (scenes[0], {"response": {"curve": "additive", "coupling": 0.05}})
-    ]
+    added = written(tmp_path / "curve.py", "def phase_shift(phase, coupling, parameters):\n    return coupling")
+
+    def swarms(*curves):
+        return [make_simulation(1, response={"curve": str(curve), "coupling": 0.05}) for curve in curves]
+
+    alone, together = swarms(power, "additive"), swarms(power, added)
     for swarm in alone:
         swarm.run(50)
-    together = [make_simulation(1, **scene) for scene in scenes]
     added.write_text("def phase_shift(phase, coupling, parameters):\n    return 2 * coupling")
     assert phase_shift(make_response(load_scenario(scenario_of(added)).response), 0.5) == pytest.approx(0.2)
     for cycle in range(50):
@@ -150,8 +143,7 @@ def test_curves_and_their_parameters_can_be_swept_and_a_path_is_relative_to_the_
 def test_an_error_during_a_trial_names_the_file(tmp_path, failure, message):
     # between the phases at which curves are tried
     head = "import math\n\ndef phase_shift(phase, coupling, parameters):\n    if 0.502 < phase < 0.508:\n"
-    swarm = ParticleSimulation(
-        scenario_of(write(tmp_path, f"{head}        {failure}\n    return coupling * phase\n")), 1
-    )
+    curve = written(tmp_path / "curve.py", f"{head}        {failure}\n    return coupling * phase\n")
+    swarm = ParticleSimulation(scenario_of(curve), 1)
     with pytest.raises(CurveError, match=message):
         swarm.run(10_000)

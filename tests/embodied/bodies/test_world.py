@@ -17,15 +17,12 @@ from epuck_sim.embodied.bodies.contacts import MARGIN_CM, NOBODY, PUSHED_CM, fin
 from epuck_sim.embodied.bodies.shapes import DYNES_PER_NEWTON, GRAVITY_CM_S2
 from epuck_sim.geometry import box_corners
 from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld, advanced, overlap_cm, squeeze
+from tests.embodied.steps import constant
 
 RADIUS_CM = 3.7
 FULL_CM_S = 12.8
 MILLIMETRE = 0.1
 TOUCH_CM = 0.005  # bodies that press against each other touch within this
-
-
-def constant(poses, speed=0.0):
-    return {"poses": poses, "controller": "constant", "parameters": {"left_cm_s": speed, "right_cm_s": speed}}
 
 
 def moved(groups, steps, **rest):
@@ -34,7 +31,6 @@ def moved(groups, steps, **rest):
     return np.array([step.poses.copy() for step in islice(simulation, steps + 1)])
 
 
-AHEAD = {"left_cm_s": FULL_CM_S, "right_cm_s": FULL_CM_S}
 OBSTACLES = [
     {"shape": "circle", "x_cm": 15, "y_cm": 15, "radius_cm": 4},
     {"shape": "box", "x_cm": 38, "y_cm": 20, "width_cm": 10, "height_cm": 0.5, "heading_rad": 0.6},
@@ -42,11 +38,11 @@ OBSTACLES = [
 ]
 
 
-@pytest.mark.parametrize("group", [{}, {"controller": "constant", "parameters": AHEAD}], ids=["firefly", "constant"])
+@pytest.mark.parametrize("group", [{}, constant(None, FULL_CM_S)], ids=["firefly", "constant"])
 @pytest.mark.parametrize(("side", "obstacles"), [(45, []), (55, OBSTACLES)], ids=["bare", "obstacles"])
 def test_robots_are_never_more_than_a_millimetre_in_each_other_a_wall_or_an_obstacle(group, side, obstacles):
     arena = {"width_cm": side, "height_cm": side, "obstacles": obstacles}
-    simulation = Simulation({"arena": arena, "robots": [{"count": 20, **group}]}, 1)
+    simulation = Simulation({"arena": arena, "robots": [{**group, "count": 20}]}, 1)
     for step in islice(simulation, 300):
         places = step.poses[:, :2]
         assert overlap_cm(places) <= MILLIMETRE, step.number
@@ -80,24 +76,23 @@ def test_a_robot_slides_along_what_it_touches_and_only_friction_turns_it(frictio
         np.testing.assert_allclose(np.diff(wall[20:, 0]), FULL_CM_S * math.cos(math.pi / 6) * 0.1, rtol=0, atol=1e-9)
 
 
-def crowded(random, obstacles):
-    """Return an arena, and poses and velocities of robots, some at rest, some slow, some quick."""
-    side = random.uniform(46, 80)
-    arena = make_arena(side, side, *obstacles)
-    placed: list[list[float]] = []
-    for x, y, heading in random.uniform([3.7, 3.7, -3], [side - 3.7, side - 3.7, 3], (60, 3)):
-        if clearance_cm(arena, x, y) >= 3.7 and all(math.hypot(x - other[0], y - other[1]) >= 7.4 for other in placed):
-            placed.append([x, y, heading])
-    return arena, placed, random.uniform(-9, 9, (len(placed), 3)) * random.choice([0, 0.1, 1], (len(placed), 1))
+PILLARS = ([(20, 20, 5)], [box_corners(40, 40, 10, 2, 0.5)])
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
-@pytest.mark.parametrize("obstacles", [([], []), ([(20, 20, 5)], [box_corners(40, 40, 10, 2, 0.5)])])
+@pytest.mark.parametrize("obstacles", [([], []), PILLARS])
 def test_robots_move_as_pymunk_moves_them_when_all_are_in_its_space(friction, obstacles):
+    """Some are at rest, some slow, some quick."""
     random = np.random.default_rng(3)
     differences, free = [], 0
     for _ in range(15):
-        arena, start, velocities = crowded(random, obstacles)
+        side = random.uniform(46, 80)
+        arena, start = make_arena(side, side, *obstacles), []
+        for x, y, heading in random.uniform([3.7, 3.7, -3], [side - 3.7, side - 3.7, 3], (60, 3)):
+            apart = [math.hypot(x - other[0], y - other[1]) for other in start]
+            if clearance_cm(arena, x, y) >= 3.7 and min(apart, default=9) >= 7.4:
+                start.append([x, y, heading])
+        velocities = random.uniform(-9, 9, (len(start), 3)) * random.choice([0, 0.1, 1], (len(start), 1))
         world, twin = advanced([kind(arena, start, friction) for kind in (MovedWorld, FullSpaceWorld)], velocities)
         apart = ~world.is_in_space
         free += apart.sum()
@@ -126,9 +121,8 @@ def test_robots_take_their_turns_in_the_space_without_a_trace():
 
 
 def test_steps_too_long_for_the_cell_list_leave_no_robot_out():
-    worlds = [
-        kind(make_arena(200, 200, [], []), [[20, 100, 0], [180, 100, 0]]) for kind in (MovedWorld, FullSpaceWorld)
-    ]
+    scene = make_arena(200, 200, [], []), [[20, 100, 0], [180, 100, 0]]
+    worlds = [MovedWorld(*scene), FullSpaceWorld(*scene)]
     world, twin = advanced(worlds, [[FULL_CM_S, 0, 0], [-FULL_CM_S, 0, 0]], 1000)
     np.testing.assert_array_equal(world.poses, twin.poses)
     assert world.poses[1, 0] - world.poses[0, 0] == pytest.approx(2 * RADIUS_CM, abs=2 * MILLIMETRE)
@@ -159,16 +153,8 @@ CONTACT_CM = 2 * (RADIUS_CM + MARGIN_CM)
 WALL_CM = RADIUS_CM + 2 * MARGIN_CM
 
 
-def candidates(poses, velocities, side):
-    world = MovedWorld(make_arena(side, side, [], []), poses)
-    world.velocities[:] = velocities
-    find_contact_candidates(world.block)
-    robots = world.swarm.robots
-    return (robots.may_touch | (robots.partner != NOBODY)).tolist()
-
-
-def slow_twin(positions, velocities, side, slack_cm):
-    """Return what `candidates` does on a bare floor, from all pairs at many instants, with a slack."""
+def slow_candidates(positions, velocities, side, slack_cm):
+    """Return who may touch something on a bare floor, from all pairs at many instants, with a slack."""
     times = np.linspace(0, CONTROL_S, 201)[:, None, None]
     paths = positions + times * velocities
     apart = np.linalg.norm(paths[:, :, None] - paths[:, None], axis=3).min(axis=0)
@@ -188,8 +174,11 @@ def test_candidates_are_those_of_the_slow_twin(seed, robots, side):
     random = np.random.default_rng(seed)
     positions = random.uniform(4, side - 4, (robots, 2))
     velocities = random.uniform(-9, 9, (robots, 2)) * random.choice([0, 1], (robots, 1))
-    found = candidates(np.column_stack([positions, np.zeros(robots)]), np.pad(velocities, ((0, 0), (0, 1))), side)
-    surely, perhaps = (slow_twin(positions, velocities, side, slack_cm) for slack_cm in (-1e-3, 1e-3))
+    world = MovedWorld(make_arena(side, side, [], []), np.pad(positions, ((0, 0), (0, 1))))
+    world.velocities[:] = np.pad(velocities, ((0, 0), (0, 1)))
+    find_contact_candidates(world.block)
+    found = (world.swarm.robots.may_touch | (world.swarm.robots.partner != NOBODY)).tolist()
+    surely, perhaps = (slow_candidates(positions, velocities, side, slack_cm) for slack_cm in (-1e-3, 1e-3))
     assert (surely <= found).all()
     assert (found <= perhaps).all()
 
@@ -248,8 +237,7 @@ def way_cm(world, speed, seconds):
     disc = world.swarm.circles[0]
     start = disc.x
     for _ in range(round(10 * seconds)):
-        world.velocities[:] = speed, 0, 0
-        world.advance(10)
+        advanced([world], (speed, 0, 0))
     return disc.x - start
 
 
@@ -277,51 +265,40 @@ def test_a_disc_moves_if_the_forces_of_its_pushers_sum_to_more_than_its_friction
         assert found == pytest.approx(expected, abs=SETTLING * STEP_S * speed)
 
 
-def abreast(speeds, friction_n):
-    """Return how far a disc comes in 10 s that two robots in a lane push at different speeds, cm/s."""
-    friction = friction_n * DYNES_PER_NEWTON / (1000 * GRAVITY_CM_S2)
-    arena = make_arena(300, 14.9, [], [], [(25, 7.45, 7, 1000, friction)])
-    world = MovedWorld(arena, [[10, 3.74, 0], [10, 11.16, 0]], drive_force_n=0.5)
-    places = []
-    for _ in range(250):
-        world.velocities[:, 0] = speeds
-        world.velocities[:, 1:] = 0
-        world.advance(10)
-        places.append(world.swarm.circles[0].x)
-    return places[-1] - places[-101]
-
-
 @pytest.mark.parametrize(
     ("speeds", "friction_n", "way"), [((2, 4), 0.3, 40), ((2, 4), 0.8, 20), ((2, 4), 1.2, 0), ((4, 0), 0.8, 0)]
 )
 def test_of_two_with_different_speeds_the_faster_moves_it_if_it_can_alone_and_else_the_slower_holds_it_up(
     speeds, friction_n, way
 ):
-    assert abreast(speeds, friction_n) == pytest.approx(way, abs=0.01 if way else 1e-6)
+    """Of a disc in a lane; the way is that of 10 s."""
+    friction = friction_n * DYNES_PER_NEWTON / (1000 * GRAVITY_CM_S2)
+    arena = make_arena(300, 14.9, [], [], [(25, 7.45, 7, 1000, friction)])
+    world, places = MovedWorld(arena, [[10, 3.74, 0], [10, 11.16, 0]], drive_force_n=0.5), []
+    for _ in range(250):
+        advanced([world], [[speed, 0, 0] for speed in speeds])
+        places.append(world.swarm.circles[0].x)
+    assert places[-1] - places[-101] == pytest.approx(way, abs=0.01 if way else 1e-6)
 
 
 @pytest.mark.parametrize(("discs", "moves"), [(1, True), (2, True), (3, False)])
-def test_what_is_pushed_by_what_is_pushed_adds_its_friction(discs, moves):
+def test_what_is_pushed_by_what_is_pushed_adds_its_friction_and_may_begin_beside_it(discs, moves):
+    load_scenario({"arena": {"width_cm": 150, "movables": [DISC, DISC | {"x_cm": 62}]}, "robots": [{"count": 1}]})
     found = way_cm(row_of(2, force_n=0.5, friction_n=0.4, mass_g=500, discs=discs), 3.0, seconds=10)
     assert (found > 25) if moves else (abs(found) < 1e-3)
 
 
-def scene(groups, **arena):
-    robots = [
-        {"poses": [pose], "controller": "constant", "parameters": {"left_cm_s": v, "right_cm_s": v, "ring_on": lit}}
-        for pose, v, lit in groups
-    ]
-    return {"arena": {"width_cm": 150, "height_cm": 100} | arena, "robots": robots, "noise": "off"}
-
-
 def test_sensors_see_a_disc_where_it_was_pushed_to_as_an_obstacle_that_stands_there():
-    groups = [([50 - DISC_CM - epuck.RADIUS_CM, 30, 0], 5.0, False), ([90, 34, 3], 0.0, False)]
-    pushed = Simulation(scene(groups, movables=[DISC | {"friction": 0.02}]), 1).advance(60)
+    def simulation(poses, **arena):
+        robots = [constant([pose], speed) for pose, speed in zip(poses, (5.0, 0.0), strict=True)]
+        return Simulation({"arena": {"width_cm": 150, "height_cm": 100, **arena}, "robots": robots, "noise": "off"}, 1)
+
+    poses = [50 - DISC_CM - epuck.RADIUS_CM, 30, 0], [90, 34, 3]
+    pushed = simulation(poses, movables=[DISC | {"friction": 0.02}]).advance(60)
     ((x, y),) = pushed.movables
     assert x > 75
-    there = [(pose.tolist(), v, lit) for pose, (_, v, lit) in zip(pushed.poses, groups, strict=True)]
     obstacle = {"shape": "circle", "x_cm": x, "y_cm": y, "radius_cm": DISC_CM - 1e-6}
-    still = next(Simulation(scene(there, obstacles=[obstacle]), 1))
+    still = next(simulation(pushed.poses.tolist(), obstacles=[obstacle]))
     assert (pushed.infrared[1] > 100).any()
     np.testing.assert_allclose(pushed.infrared, still.infrared, rtol=0, atol=0.5)
     assert pushed.contacts.tolist() == [[0, -1]] == still.contacts.tolist()
@@ -329,20 +306,14 @@ def test_sensors_see_a_disc_where_it_was_pushed_to_as_an_obstacle_that_stands_th
 
 def test_a_strong_robot_that_touches_nothing_moves_as_where_there_is_nothing_to_push_a_physics_step_later():
     speed = 5
-    poses = {"poses": [[50, 50, 1]], "controller": "constant", "parameters": {"left_cm_s": 3, "right_cm_s": 7}}
-    far = DISC | {"x_cm": 90, "y_cm": 90}
-    arena = {"width_cm": 100, "height_cm": 100}
-    with_disc = {"arena": arena | {"movables": [far]}, "robots": [poses], "contact": {"drive_force_n": 1000}}
-    ways = [Simulation(each, 1).advance(200).poses.copy() for each in ({"arena": arena, "robots": [poses]}, with_disc)]
+    robots, arena = [constant([[50, 50, 1]], left_cm_s=3, right_cm_s=7)], {"width_cm": 100, "height_cm": 100}
+    without, movables = {"arena": arena, "robots": robots}, [DISC | {"x_cm": 90, "y_cm": 90}]
+    with_disc = {"arena": {**arena, "movables": movables}, "robots": robots, "contact": {"drive_force_n": 1000}}
+    ways = [Simulation(each, 1).advance(200).poses.copy() for each in (without, with_disc)]
     assert 0 < np.hypot(*(ways[0] - ways[1])[0, :2]) < 1.1 * speed * STEP_S
     assert ways[0][0, 2] == pytest.approx(ways[1][0, 2], abs=1e-9)
 
 
-def test_movables_may_begin_side_by_side():
-    load_scenario(scene([([10, 10, 0], 0, False)], movables=[DISC, DISC | {"x_cm": 62}]))
-
-
-PILLARS = ([(20, 20, 5)], [box_corners(40, 40, 10, 2, 0.5)])
 MOVABLES = [(30, 60, 6, 500, 0.1), (42.5, 60, 6, 300, 0.2)]
 
 

@@ -130,7 +130,7 @@ def facing_a_wall(range_cm=200, **keys):
     return {"noise": "off", "robots": robots, **keys}
 
 
-def test_robots_see_what_walls_mirror_where_the_key_is_set_and_see_whom_they_see_directly():
+def test_robots_see_what_walls_mirror_where_the_key_is_set_and_faults_hide_it_as_they_hide_rings():
     shown = steps_of(facing_a_wall(), 60, 2)
     camera, lit = shown["camera"], shown["ring_on"]
     assert steps_of(facing_a_wall(0), 60, 2)["camera"][:, 0].sum() == 0
@@ -138,24 +138,14 @@ def test_robots_see_what_walls_mirror_where_the_key_is_set_and_see_whom_they_see
     assert 2 < seen.sum() < 30
     np.testing.assert_array_equal(seen[1:], lit[:-1].any(axis=1))  # its own ring, too
     first = np.flatnonzero(seen)[0]
-    assert len(Simulation(facing_a_wall(), seed=2).advance(first + 1).sightings) == 0
-
-
-@pytest.mark.parametrize(
-    "fault",
-    [
-        {"kind": "ring_dead", "robots": [1]},
-        {"kind": "camera_blind", "robots": [0]},
-        {"kind": "camera_misses", "missed": 1, "at_s": 1000},
-    ],
-)
-def test_a_fault_hides_reflections_as_it_hides_rings_once_it_has_begun(fault):
-    until_own_flash = 30
-    healthy, faulty = (
-        steps_of(facing_a_wall(**keys), until_own_flash, 2)["camera"] for keys in ({}, {"faults": [fault]})
-    )
-    assert healthy[:, 0].any()
-    np.testing.assert_array_equal(faulty[:, 0], healthy[:, 0] if "at_s" in fault else 0)
+    assert len(Simulation(facing_a_wall(), seed=2).advance(first + 1).sightings) == 0  # whom it sees directly
+    healthy = camera[:30, 0]  # until its own flash
+    assert healthy.any()
+    dead, blind = {"kind": "ring_dead", "robots": [1]}, {"kind": "camera_blind", "robots": [0]}
+    not_yet = {"kind": "camera_misses", "missed": 1, "at_s": 1000}
+    for fault, expected in ((dead, 0), (blind, 0), (not_yet, healthy)):
+        faulty = steps_of(facing_a_wall(faults=[fault]), 30, 2)["camera"]
+        np.testing.assert_array_equal(faulty[:, 0], expected)
 
 
 @st.composite

@@ -37,12 +37,6 @@ E_PUCKS = np.zeros(1, INFRARED).view(np.recarray)[0]
 
 set_infrared(E_PUCKS, EPUCK, InfraredSection(), 0.0)
 
-distances = st.floats(0.3, 12)
-
-
-def f(x):
-    return 3731 * (0.7 - 0.3**2) / (x**2 - 2 * 0.3 * x + 0.7)
-
 
 def sensed(poses, arena, by_table=False, noise_counts=0.0, noise=0.0, gain=1.0):
     scene = Scene(np.array(poses), np.zeros(len(poses), bool), arena)
@@ -62,18 +56,24 @@ def distance_mm(reading):
     return inverse_response_mm(reading, E_PUCKS)
 
 
-@given(distances)
+@given(st.floats(0.3, 12))
 @example(0.3)
 @example(12.0)
 def test_the_response_is_that_of_the_facts_and_a_distance_comes_back_from_it_in_whole_mm(distance):
-    assert response(distance) == pytest.approx(f(distance), rel=1e-12)
+    facts = 3731 * (0.7 - 0.3**2) / (distance**2 - 2 * 0.3 * distance + 0.7)
+    assert response(distance) == pytest.approx(facts, rel=1e-12)
     assert distance_mm(response(distance)) in {int(10 * distance - 1e-6), int(10 * distance + 1e-6)}
 
 
-def test_the_response_peaks_nearer_than_3_mm_and_ends_after_12_cm():
+def test_the_response_peaks_nearer_than_3_mm_and_ends_after_12_cm_the_table_at_29_counts_and_constants_are_the_facts():
     assert response(0.0) == response(0.3) == 3731.0
     assert response(math.nextafter(12.0, 13.0)) == response(math.inf) == 0.0
     assert distance_mm(5000.0) == 3
+    assert firmware_table_mm(math.nextafter(29.0, 0.0)) == firmware_table_mm(0.0) == NOTHING_MM
+    assert firmware_table_mm(5000.0) == 0
+    found = np.column_stack([epuck.INFRARED_POSITIONS_CM, epuck.INFRARED_DIRECTIONS_DEG])
+    np.testing.assert_array_equal(found, SENSORS)
+    assert epuck.INFRARED_RANGE_CM == 12
 
 
 @given(st.floats(29, 4095) | st.sampled_from([29.0, 58.0, 133.0, 558.0, 3591.0, 3756.0, 4095.0]))
@@ -82,11 +82,6 @@ def test_the_firmware_s_table_is_linear_between_its_entries(reading):
     between = np.interp(reading, counts, mm)
     assert firmware_table_mm(reading) in {int(between - 1e-6), int(between + 1e-6)}
     assert reading not in counts or firmware_table_mm(reading) == between
-
-
-def test_the_firmware_s_table_ends_at_29_counts():
-    assert firmware_table_mm(math.nextafter(29.0, 0.0)) == firmware_table_mm(0.0) == NOTHING_MM
-    assert firmware_table_mm(5000.0) == 0
 
 
 @pytest.mark.parametrize("by_table", [False, True])
@@ -126,9 +121,3 @@ def test_readings_are_those_of_the_slow_twin():
     assert tally["sensors"] > 500
     assert tally["reading"] > 0.1 * tally["sensors"]
     assert tally["doubtful"] < 1e-3 * tally["sensors"]
-
-
-def test_the_constants_are_those_of_the_facts():
-    found = np.column_stack([epuck.INFRARED_POSITIONS_CM, epuck.INFRARED_DIRECTIONS_DEG])
-    np.testing.assert_array_equal(found, SENSORS)
-    assert epuck.INFRARED_RANGE_CM == 12

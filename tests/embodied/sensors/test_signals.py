@@ -24,8 +24,10 @@ from tests.embodied.scenes import (
     block_of,
     cast_on_discs,
     cast_on_segments,
+    directions_of,
     scenes,
 )
+from tests.embodied.steps import constant
 
 cones = st.builds(
     ConeSection,
@@ -107,21 +109,8 @@ def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, 
     np.testing.assert_array_equal(block.swarm.pixels, expected)
 
 
-def lit_pair(signal: dict, apart_cm: float) -> Simulation:
-    controller = {"controller": "constant", "parameters": {"ring_on": True}}
-    robots = {"poses": [[20, 50, 0], [20 + apart_cm, 50, 0]], "signal": signal, **controller}
-    return Simulation({"arena": {"width_cm": 100, "height_cm": 100}, "robots": [robots], "noise": "off"})
-
-
-@pytest.mark.parametrize(("range_cm", "seen"), [(40, 1), (39.9, 0)])
-def test_a_swarm_with_an_ideal_sensor_has_a_picture_of_one_pixel(range_cm, seen):
-    simulation = lit_pair({"kind": "cone", "range_cm": range_cm, "angle_deg": 60}, 40)
-    assert [simulation.advance(1).camera.tolist() for _ in range(2)] == [[[0], [0]], [[seen], [0]]]
-
-
 RAYS = 1440
 ANGLES = np.arange(RAYS) * 2 * math.pi / RAYS
-DIRECTIONS = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 
 enki_cameras = st.builds(
     EnkiCameraSignal,
@@ -145,9 +134,7 @@ def wide(each: BoolArray) -> BoolArray:
     return ~narrow(~each)
 
 
-def slow_camera(
-    scene: Scene, section: EnkiCameraSignal, occlusion: bool, observers: slice
-) -> tuple[BoolArray, BoolArray]:
+def slow_camera(scene, section, occlusion, observers) -> tuple[BoolArray, BoolArray]:
     """Return (observers, robots) whether each sees each by a ray, and whether it may do so between rays."""
     robots = len(scene.poses)
     looking = range(robots)[observers]
@@ -155,16 +142,14 @@ def slow_camera(
     discs = np.vstack([np.column_stack([scene.poses[:, :2], scene.radii_cm]), scene.arena.circles])
     reach = math.inf if section.range_cm is None else section.range_cm
     for row, one in enumerate(looking):
-        centre_x, centre_y, heading = scene.poses[one]
-        x, y = np.array([centre_x, centre_y]) + scene.body.camera_forward_cm * np.array(
-            [math.cos(heading), math.sin(heading)]
-        )
+        centre, heading = scene.poses[one, :2], scene.poses[one, 2]
+        x, y = centre + scene.body.camera_forward_cm * directions_of(heading)
         away = np.hypot(discs[:, 0] - x, discs[:, 1] - y)
         covers = offsets(np.arctan2(discs[:, 1] - y, discs[:, 0] - x)) <= np.arctan(discs[:, 2] / away)
-        edge_depths, _ = cast_on_segments(np.tile((x, y), (RAYS, 1)), DIRECTIONS, scene.arena.edges)
+        edge_depths, _ = cast_on_segments(np.tile((x, y), (RAYS, 1)), directions_of(ANGLES), scene.arena.edges)
         view = offsets(np.array([heading])) <= math.radians(section.angle_deg / 2) + 1e-12
         for other in range(robots):
-            gap = math.hypot(*(discs[other, :2] - [centre_x, centre_y])) - discs[other, 2]
+            gap = math.hypot(*(discs[other, :2] - centre)) - discs[other, 2]
             if other == one or gap > reach + EDGE_CM:
                 continue
             nearer = (away < away[other]) & (np.arange(len(discs)) != one)
@@ -186,10 +171,18 @@ def test_a_robot_is_seen_if_a_ray_of_a_fan_meets_it_first(scene, section, occlus
     assert (found <= perhaps).all()
 
 
-@pytest.mark.parametrize(("apart_cm", "seen"), [(28.69, 1), (28.71, 0)])
-def test_the_range_is_that_from_the_robots_centre_to_the_others_rim(apart_cm, seen):
-    simulation = lit_pair({"kind": "enki_camera", "range_cm": 25, "angle_deg": 100}, apart_cm)
-    assert simulation.advance(2).camera.tolist() == [[seen], [0]]
+@pytest.mark.parametrize(
+    ("signal", "apart_cm", "seen"),
+    [
+        *(({"kind": "cone", "range_cm": reach, "angle_deg": 60}, 40, reach == 40) for reach in (40, 39.9)),
+        # the range is that from the robot's centre to the other's rim
+        *(({"kind": "enki_camera", "range_cm": 25, "angle_deg": 100}, apart, apart < 28.7) for apart in (28.69, 28.71)),
+    ],
+)
+def test_a_swarm_with_an_ideal_sensor_has_a_picture_of_one_pixel_up_to_its_range(signal, apart_cm, seen):
+    group = constant([[20, 50, 0], [20 + apart_cm, 50, 0]], ring_on=True) | {"signal": signal}
+    simulation = Simulation({"arena": {"width_cm": 100, "height_cm": 100}, "robots": [group], "noise": "off"})
+    assert [simulation.advance(1).camera.tolist() for _ in range(2)] == [[[0], [0]], [[seen], [0]]]
 
 
 SENDER = with_step(
