@@ -30,13 +30,6 @@ def sightings(
     return find_sightings(make_scene(groups, [EPUCK] * len(groups), arena), poses, min(first, 1)).tolist()
 
 
-def by_observer(found: list[list[int]], observers: int) -> list[list[int]]:
-    """Return the robots that each observer sees in the only step."""
-    assert all(step == 0 for step, _, _ in found)
-    assert [observer for _, observer, _ in found] == sorted(observer for _, observer, _ in found)
-    return [[seen for _, observer, seen in found if observer == robot] for robot in range(observers)]
-
-
 def test_sightings_are_those_of_the_slow_twin_and_a_camera_sees_red_where_one_of_them_is_lit() -> None:
     tally = Counter()
 
@@ -45,13 +38,15 @@ def test_sightings_are_those_of_the_slow_twin_and_a_camera_sees_red_where_one_of
     def compare(scene: Scene, camera: CameraSettings, seed: int) -> None:
         lit = np.random.default_rng(seed).random(len(scene.poses)) < 0.3
         red = rows(Scene(scene.poses, lit, scene.arena), camera).any(axis=1)
-        found = by_observer(sightings(scene.poses[None], scene.arena, camera), len(scene.poses))
+        found = sightings(scene.poses[None], scene.arena, camera)
+        assert all(step == 0 for step, _, _ in found)
+        assert [observer for _, observer, _ in found] == sorted(observer for _, observer, _ in found)
         for robot in range(len(scene.poses)):
             twin = slow_pixels(scene, camera, robot)
             if twin.doubtful.any():
                 continue
             expected = list(dict.fromkeys(twin.shown[twin.shown >= 0].tolist()))  # each where it first appears
-            assert found[robot] == expected
+            assert [seen for _, observer, seen in found if observer == robot] == expected
             assert red[robot] == lit[expected].any()
             dark = bool(expected) and not red[robot]
             tally.update(compared=1, several=len(expected) > 1, red=int(red[robot]), dark=dark)

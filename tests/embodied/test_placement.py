@@ -90,22 +90,23 @@ def test_robots_are_placed_where_a_slow_twin_places_them(groups, has_obstacles, 
     np.testing.assert_array_equal(placed_as(scenario, seed), placed_slowly(scenario, seed))
 
 
-def test_poses_are_taken_as_given_and_may_touch():
+def test_poses_are_taken_as_given_and_may_touch_as_a_robot_that_joins_may():
     poses = [[3.7, 3.7, 1.0], [11.1, 3.7, -20.0], [3.7, 11.1, 0.0], [56.3, 56.3, 7.0]]
     scenario = load_scenario({"arena": {"width_cm": 60, "height_cm": 60}, "robots": [{"poses": poses}]})
     np.testing.assert_array_equal(placed_as(scenario, 0), poses)
-
-
-POSES = [[15, 15, 0.5], [40, 40, 2.0], [15, 40, -1.0]]
-
-
-def start_of(memory) -> np.ndarray:
-    """Return what three robots remember before the first step."""
-    robots = [{"poses": POSES, "controller": "firefly", "memory": memory}]
-    return Simulation({"robots": robots}, 4).last_step.memories[0]
+    scenario = load_scenario({"robots": [{"poses": [[10.0, 10.0, 0.0]]}]})
+    scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
+    put_at_given_poses(scene.swarm, scenario)
+    begin_placement(scene.block)
+    assert is_free(scene.swarm, 17.4001, 10.0, 3.7)
+    assert not is_free(scene.swarm, 17.39, 10.0, 3.7)
 
 
 def test_phases_of_robots_may_be_given_and_all_else_is_as_the_controller_starts() -> None:
+    def start_of(memory) -> np.ndarray:
+        robots = [{"poses": [[15, 15, 0.5], [40, 40, 2.0], [15, 40, -1.0]], "memory": memory}]
+        return Simulation({"robots": robots}, 4).last_step.memories[0]
+
     without, given = start_of({}), start_of({"phase_ms": [0, 1200, 4999]})
     assert given["phase_ms"].tolist() == [0, 1200, 4999]
     assert (without["phase_ms"] != given["phase_ms"]).any()
@@ -125,12 +126,3 @@ def test_another_controller_gets_what_it_can_remember() -> None:
         {"phase_ms": 700},
         {"phase_ms": 700, "rotation_time": 3},
     ]
-
-
-def test_a_robot_that_joins_may_touch_others_as_one_that_starts_may() -> None:
-    scenario = load_scenario({"robots": [{"poses": [[10.0, 10.0, 0.0]]}]})
-    scene = make_scene(scenario.robots, scenario.group_kinds, scenario.arena.build())
-    put_at_given_poses(scene.swarm, scenario)
-    begin_placement(scene.block)
-    assert is_free(scene.swarm, 17.4001, 10.0, 3.7)
-    assert not is_free(scene.swarm, 17.39, 10.0, 3.7)

@@ -12,11 +12,10 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from epuck_sim import ControllerError, EmbodiedScenario, ScenarioError, Simulation, load_scenario
-from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.start import Part, spawned
 from epuck_sim.util.builtin import ARENAS, builtin_files
-from tests.control.bench import EMPTY, MODES, with_step
-from tests.embodied.steps import CHANGING, bits, kept, swarm_of
+from tests.control.bench import EMPTY, MODES, with_step, write_controller
+from tests.embodied.steps import CHANGING, bits, constant, kept, swarm_of
 
 SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
 LONG = ("crowded", "obstacles", "physical", "thesis")
@@ -29,23 +28,28 @@ def test_interpreted_controllers_make_the_same_trial_bit_for_bit(arena):
         assert bits(next(interpreted)) == bits(next(compiled))
 
 
-LAMP = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"ring_on": True}}
-WATCHER = {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 0}}
+LAMP = constant([[30, 30, 0]], ring_on=True)
 
 
-def test_the_seed_is_the_scenarios_own_unless_it_is_given():
+def following(simulation, steps):
+    return [bits(step) for step in islice(simulation, steps)]
+
+
+def test_the_seed_is_the_scenarios_own_unless_it_is_given_reset_keeps_it_and_a_refused_one_changes_nothing():
     own = bits(Simulation(load_scenario("thesis", ["seed=11"])).advance(20))
     assert own == bits(Simulation("thesis", 11).advance(20)) != bits(Simulation("thesis", 8).advance(20))
     with pytest.raises(ScenarioError, match=r"pair: seed is -1; allowed: whole numbers from 0"):
         Simulation("pair", -1)
-
-
-@pytest.mark.parametrize("steps", [0, 2.5, 0.7 / 0.1, math.nan, "3"])
-def test_steps_are_whole_numbers_from_1(steps):
-    for take in (Simulation("pair").advance, Simulation("pair").stretch):
-        with pytest.raises(ValueError, match=f"steps is {steps!r}; allowed: whole numbers from 1"):
-            take(steps)
-    assert Simulation("pair").advance(np.int32(3)).number == 2
+    simulation = Simulation("thesis", 4)
+    first = following(simulation, 20)
+    simulation.reset()
+    assert following(simulation, 20) == first
+    with pytest.raises(ScenarioError, match="seed is -1; allowed"):
+        simulation.reset(-1)
+    assert (simulation.steps, simulation.seed) == (20, 4)
+    simulation.reset(5)
+    simulation.reset()
+    assert simulation.seed == 5
 
 
 REACT = with_step(
@@ -68,24 +72,16 @@ FAIL = with_step(
 ).replace("    pass", "    if parameters.way == 2: raise ValueError('not today')", 1)
 
 
-@pytest.fixture
-def controller(tmp_path):
-    """Return a function that writes a controller's file."""
-
-    def write(source):
-        path = tmp_path / "controller.py"
-        path.write_text(source)
-        return str(path)
-
-    return write
+def written(folder, text):
+    return str(write_controller(folder / "mine.py", text).path)
 
 
 POSES = [[60, 60, 0.1], [71, 60, 2.0], [64, 71, 4.0], [90, 70, 3.0], [120, 60, 3.3], [30, 90, 5.5], [45, 40, 1.0]]
 SEEN = ("poses", "infrared", "distance_mm", "camera", "wheels_cm_s", "ring_on", "phase_ms")
 
 
-def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(controller):
-    react, order = controller(REACT), np.random.default_rng(1).permutation(len(POSES))
+def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(tmp_path):
+    react, order = written(tmp_path, REACT), np.random.default_rng(1).permutation(len(POSES))
 
     def run(*groups):
         robots = [{"poses": [POSES[robot] for robot in group], "controller": react} for group in groups]
@@ -106,11 +102,11 @@ def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(contr
     assert np.any([step.infrared[:3].any(axis=1) for step in straight], axis=0).all()
 
 
-def test_groups_with_different_cameras_and_controllers_work_side_by_side(controller):
+def test_groups_with_different_cameras_and_controllers_work_side_by_side(tmp_path):
     wide = {"poses": [[50, 30, math.pi]], "controller": "constant", "camera": {"pixels": 100, "field_of_view_deg": 112}}
     still = {"speed_cm_s": 0, "period_s": 2}
     few = {"poses": [[30, 50, -math.pi / 2]], "parameters": still, "camera": {"pixels": 20}}
-    blind = {"poses": [[10, 30, 0]], "controller": controller(REACT), "camera": {"pixels": 30, "range_cm": 5}}
+    blind = {"poses": [[10, 30, 0]], "controller": written(tmp_path, REACT), "camera": {"pixels": 30, "range_cm": 5}}
     simulation = Simulation({"robots": [LAMP, wide, few, blind], "noise": "off"}, 1, interpret=True)
     _, step = kept(simulation, 2)
     assert step.camera.shape == (4, 100)
@@ -134,23 +130,24 @@ def test_groups_with_different_cameras_and_controllers_work_side_by_side(control
         (3, 2, 49, "(ZeroDivisionError|FloatingPointError)"),
     ],
 )
-def test_a_controller_that_fails_is_blamed_with_robot_step_and_seed(controller, way, robot, step, message, interpret):
+def test_a_controller_that_fails_is_blamed_with_robot_step_and_seed(tmp_path, way, robot, step, message, interpret):
     """Robot 3, in the second group, stands before a wall."""
     places = [[20, 50, 0], [56, 30, 0], [20, 10, 0]]
-    failing = {"poses": places, "controller": controller(FAIL), "parameters": {"way": way}}
+    failing = {"poses": places, "controller": written(tmp_path, FAIL), "parameters": {"way": way}}
     robots = [{"poses": [[10, 30, 0], [20, 30, 0]], "controller": "constant"}, failing]
-
-    def run():
+    with pytest.raises(ControllerError, match=rf"failing: robot {robot}, step {step}, seed 5: .*{message}"):
         Simulation({"name": "failing", "robots": robots, "noise": "off"}, 5, interpret=interpret).advance(100)
 
-    with pytest.raises(ControllerError, match=rf"failing: robot {robot}, step {step}, seed 5: .*{message}"):
-        run()
 
-
-def test_steps_are_numbered_from_0_and_their_times_are_exact():
+def test_steps_are_numbered_from_0_their_times_are_exact_and_whole_numbers_of_them_are_taken():
     simulation = Simulation(load_scenario("arc", ["timing.control_hz=40", "timing.physics_hz=200"]))
     assert simulation.step_s == 1 / 40
     assert [(step.number, step.time_s) for step in islice(simulation, 50)] == [(n, n / 40) for n in range(50)]
+    for steps in (0, 2.5, 0.7 / 0.1, math.nan, "3"):
+        for take in (simulation.advance, simulation.stretch):
+            with pytest.raises(ValueError, match=f"steps is {steps!r}; allowed: whole numbers from 1"):
+                take(steps)
+    assert simulation.advance(np.int32(3)).number == 52
 
 
 @pytest.mark.parametrize("scenario", CHANGING)
@@ -187,7 +184,7 @@ def test_a_robot_judges_a_flash_by_any_red_pixel_unless_its_controller_does():
     np.testing.assert_array_equal(second.flash_seen, second.camera.any(axis=1))
     assert second.flash_seen[0]
     assert not second.flash_seen.all()
-    watcher = {**WATCHER, "parameters": {"speed_cm_s": 0, "flash_pixels": 61}}
+    watcher = {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 0, "flash_pixels": 61}}
     step = Simulation({"robots": [watcher, LAMP], "noise": "off"}, 1).advance(2)
     assert step.camera[0].any()
     assert not step.flash_seen[0]
@@ -218,10 +215,6 @@ def test_no_step_makes_numba_look_for_types_anew(monkeypatch):
         next(simulation)
 
 
-def following(simulation, steps):
-    return [bits(step) for step in islice(simulation, steps)]
-
-
 UNLIKE = load_scenario(
     {
         "robots": [
@@ -233,19 +226,6 @@ UNLIKE = load_scenario(
         "arena": {"width_cm": 70, "height_cm": 70},
     }
 )
-
-
-def test_reset_keeps_the_seed_unless_another_is_given_and_a_refused_one_changes_nothing():
-    simulation = Simulation("thesis", 4)
-    first = following(simulation, 20)
-    simulation.reset()
-    assert following(simulation, 20) == first
-    with pytest.raises(ScenarioError, match="seed is -1; allowed"):
-        simulation.reset(-1)
-    assert (simulation.steps, simulation.seed) == (20, 4)
-    simulation.reset(5)
-    simulation.reset()
-    assert simulation.seed == 5
 
 
 def test_many_resets_in_crowds_leave_no_body_behind():
@@ -352,9 +332,8 @@ def test_parameters_that_a_controller_does_not_take_are_refused(group, values, k
 
 
 def test_a_controller_that_raises_at_a_restart_is_named(tmp_path):
-    path = tmp_path / "late.py"
-    path.write_text(with_step("pass").replace("    pass\n", "    x = 1 / (int(random[0] % 2))\n", 1))
-    scenario = load_scenario({"robots": [{"controller": str(path), "count": 1}]})
+    late = with_step("pass").replace("    pass\n", "    x = 1 / (int(random[0] % 2))\n", 1)
+    scenario = load_scenario({"robots": [{"controller": written(tmp_path, late), "count": 1}]})
     is_good = {}
     for seed in range(20):
         try:
@@ -362,7 +341,7 @@ def test_a_controller_that_raises_at_a_restart_is_named(tmp_path):
         except ControllerError:
             is_good[seed] = False
     good, bad = (next(seed for seed in is_good if is_good[seed] == wanted) for wanted in (True, False))
-    with pytest.raises(ControllerError, match=rf"robot 0, step 0, seed {bad}: .*late.py"):
+    with pytest.raises(ControllerError, match=rf"robot 0, step 0, seed {bad}: .*mine.py"):
         simulation.reset(bad)
     simulation.reset(good)
     assert next(simulation).number == 0
@@ -387,12 +366,11 @@ def act(simulation, step):
 
 @pytest.mark.parametrize("interpret", [False, True])
 def test_robots_commanded_from_outside_move_and_flash_as_with_a_controller_to_the_bit(interpret, tmp_path):
-    path, others = tmp_path / "policy.py", [{"count": 3}, {"count": 2, "controller": "oscillator"}]
-    path.write_text(POLICY)
+    others = [{"count": 3}, {"count": 2, "controller": "oscillator"}]
     imperfect = {"spread": {"wheel_speed": 0.2, "infrared_gain": 0.1}, "stuck": {"per_hour": 900, "mean_s": 2}}
     ruled, free = (
         load_scenario({"robots": [*others, {"count": 6, "controller": name}], **imperfect})
-        for name in (str(path), "external")
+        for name in (written(tmp_path, POLICY), "external")
     )
     commanded = Simulation(free, 3, interpret=interpret)
     for theirs in kept(Simulation(ruled, 3, interpret=True), 100):
@@ -430,41 +408,28 @@ def test_faults_and_absence_come_after_commands():
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("controller", "given", "message"),
     [
-        ({"left_cm_s": np.zeros(3)}, r"left_cm_s has the shape \(3,\); allowed: \(2,\)"),
-        ({"left_cm_s": [1.0, np.nan]}, "left_cm_s is nan for robot 9; allowed: numbers"),
-        ({"left_cm_s": ["fast", "slow"]}, "left_cm_s is fast for robot 8; allowed: numbers"),
-        ({"right_cm_s": 1.0, "ring_on": [True, 2]}, "ring_on is 2 for robot 9; allowed: true and false"),
-        ({"right_cm_s": 1.0, "ring_on": [True]}, r"ring_on has the shape \(1,\)"),
+        ("external", {"left_cm_s": np.zeros(3)}, r"left_cm_s has the shape \(3,\); allowed: \(2,\)"),
+        ("external", {"left_cm_s": [1.0, np.nan]}, "left_cm_s is nan for robot 9; allowed: numbers"),
+        ("external", {"left_cm_s": ["fast", "slow"]}, "left_cm_s is fast for robot 8; allowed: numbers"),
+        ("external", {"right_cm_s": 1.0, "ring_on": [True, 2]}, "ring_on is 2 for robot 9; allowed: true and false"),
+        ("external", {"right_cm_s": 1.0, "ring_on": [True]}, r"ring_on has the shape \(1,\)"),
+        ("external", {}, "nothing is commanded; give left_cm_s, right_cm_s or ring_on"),
+        ("constant", {"left_cm_s": 0}, "no robot has its wheels commanded from outside; give a group `controller: e"),
+        ("external_wheels", {"ring_on": True}, "no robot has its ring commanded"),
     ],
 )
-def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded(given, message):
-    simulation = Simulation({"robots": [{"count": 8}, {"count": 2, "controller": "external"}]}, 1, interpret=True)
+def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded(controller, given, message):
+    simulation = Simulation({"robots": [{"count": 8}, {"count": 2, "controller": controller}]}, 1, interpret=True)
     with pytest.raises(ValueError, match=message):
         simulation.command(**given)
     step = next(simulation)
     assert not step.wheels_cm_s[8:].any()
-    assert not step.ring_on[8:].any()
-
-
-@pytest.mark.parametrize(
-    ("controller", "command", "message"),
-    [
-        ("firefly", {"left_cm_s": 0}, "no robot has its wheels commanded from outside; give a group `controller: e"),
-        ("external_wheels", {"ring_on": True}, "no robot has its ring commanded"),
-        ("external", {}, "nothing is commanded; give left_cm_s, right_cm_s or ring_on"),
-    ],
-)
-def test_robots_that_have_controllers_are_not_commanded_and_nothing_is_no_command(controller, command, message):
-    with pytest.raises(ValueError, match=message):
-        Simulation({"robots": [{"controller": controller}]}, 1, interpret=True).command(**command)
+    assert controller == "external_wheels" or not step.ring_on[8:].any()
 
 
 def test_a_file_says_what_is_external(tmp_path):
-    path = tmp_path / "mine.py"
-    path.write_text(EMPTY + "\nEXTERNAL = ('ring',)\n")
-    assert find_controller(str(path)).external == ("ring",)
-    path.write_text(EMPTY + "\nEXTERNAL = ('camera',)  # no actuator\n")
+    assert write_controller(tmp_path / "mine.py", EMPTY + "EXTERNAL = ('ring',)\n").external == ("ring",)
     with pytest.raises(ControllerError, match=r"EXTERNAL is \('camera',\); allowed: a tuple of wheels, ring"):
-        find_controller(str(path))
+        write_controller(tmp_path / "mine.py", EMPTY + "EXTERNAL = ('camera',)  # no actuator\n")

@@ -107,16 +107,22 @@ def test_a_fault_changes_nothing_before_it_begins():
         assert any(faulty[name].tobytes() != values.tobytes() for name, values in ideal.items())
 
 
-def test_dead_and_stuck_rings_do_not_do_what_is_commanded_and_nobody_sees_dead_ones():
-    faults = [{"kind": "ring_dead", "robots": [0, 2], "at_s": 1}, {"kind": "ring_stuck_on", "robots": [1, 2]}]
-    shown = steps_of({"faults": faults}, 200)
+def test_dead_and_stuck_rings_do_not_do_what_is_commanded_nobody_sees_dead_ones_and_dead_sensors_read_nothing():
+    rings = [{"kind": "ring_dead", "robots": [0, 2], "at_s": 1}, {"kind": "ring_stuck_on", "robots": [1, 2]}]
+    blind = {"kind": "camera_blind", "robots": [0, 1, 2, 3, 4], "at_s": 5}
+    shown = steps_of({"faults": [*rings, blind, {"kind": "infrared_dead", "robots": [0], "at_s": 1}]}, 200)
     assert shown["ring_commands"].any(axis=0).all()
     assert not shown["ring_on"][10:, [0, 2]].any()
     assert shown["ring_on"][:, 1].all()
     assert shown["ring_on"][:10, 2].all()
     np.testing.assert_array_equal(shown["ring_on"][:, 3:], shown["ring_commands"][:, 3:])
-    assert shown["camera"].any()
     assert not steps_of(with_fault("ring_dead"), 150)["camera"].any()
+    assert not shown["camera"][50:, :5].any()
+    assert shown["camera"][50:, 5:].any()
+    assert shown["camera"][:50, :5].any()
+    assert (shown["infrared"][10:, 0] == 0).all()
+    assert (shown["distance_mm"][10:, 0] == OUT_OF_RANGE_MM).all()
+    assert shown["infrared"][10:, 1:].any()
 
 
 def test_cycles_are_counted_by_what_the_reference_commands():
@@ -158,17 +164,6 @@ def test_a_clock_with_jitter_is_right_on_average_and_uneven():
     assert uneven.mean() == pytest.approx(100, abs=4 * 11.6 / math.sqrt(uneven.size))
     assert uneven.std() == pytest.approx(20 / math.sqrt(3), rel=0.05)
     assert (even == 100).all()
-
-
-def test_dead_sensors_read_nothing_while_they_are_dead():
-    faults = [{"kind": "camera_blind", "robots": [0, 1, 2, 3, 4], "at_s": 5}]
-    shown = steps_of({"faults": [*faults, {"kind": "infrared_dead", "robots": [0], "at_s": 1}]}, 200)
-    assert not shown["camera"][50:, :5].any()
-    assert shown["camera"][50:, 5:].any()
-    assert shown["camera"][:50, :5].any()
-    assert (shown["infrared"][10:, 0] == 0).all()
-    assert (shown["distance_mm"][10:, 0] == OUT_OF_RANGE_MM).all()
-    assert shown["infrared"][10:, 1:].any()
 
 
 @pytest.mark.parametrize("signal", [{"kind": "camera"}, {"kind": "cone", "angle_deg": 30}], ids=["camera", "cone"])

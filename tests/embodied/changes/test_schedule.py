@@ -2,6 +2,7 @@
 
 import math
 from itertools import islice
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +14,22 @@ from epuck_sim.embodied.changes.attendance import put_in, take_out
 from epuck_sim.embodied.changes.schedule import displace_phases
 from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.scenario.changes import RobotDisplacement, TrialEvent
-from tests.control.bench import controlled_swarm, with_step
+from tests.control.bench import controlled_swarm, with_step, write_controller
 from tests.embodied.steps import GATE, PILLARS, REBUILT, SCHEDULED, SIGNALS, steps_of, swarm_of
+
+
+def started_swarm(controllers, counts):
+    """Return a block with groups of robots in the arena, the swarm, and controllers, which have started."""
+    robots = sum(counts)
+    rooms = {"cells": 99, "members": robots, "circles": 9, "numbers": 2 * robots}
+    block, swarm, runs = controlled_swarm(controllers, counts, 3, seed=1, **rooms)
+    swarm.groups.pixels, swarm.groups.row = 1, swarm.groups.first
+    swarm.groups.in_view, swarm.groups.waiting = swarm.groups.row + robots, swarm.groups.row + 2 * robots
+    swarm.scene[0].step, swarm.scene[0].step_ms = -1, 100
+    for run in runs:
+        run.start()
+    return block, swarm, runs
+
 
 APART = {key: SCHEDULED[key] for key in ("robots", "noise", "arena")}
 (LIGHT,) = SCHEDULED["faults"]
@@ -52,9 +67,8 @@ def test_changes_act_from_the_first_control_step_that_is_not_before_their_time()
 def test_faults_that_entries_begin_and_end_at_once_are_as_the_last_entry_says(begun):
     schedule = [{"at_s": 0, "begin": [0]}] * begun
     for keys, expected in ((["begin", "end"], False), (["end", "begin"], True), (["begin", "end", "begin"], True)):
-        simulation = Simulation(
-            {**APART, "faults": [LIGHT], "schedule": [*schedule, *({"at_s": 1, key: [0]} for key in keys)]}, 1
-        )
+        entries = [*schedule, *({"at_s": 1, key: [0]} for key in keys)]
+        simulation = Simulation({**APART, "faults": [LIGHT], "schedule": entries}, 1)
         simulation.advance(12)
         assert swarm_of(simulation).affected.is_active.tolist() == [False, expected, False]
 
@@ -99,14 +113,6 @@ POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40,
 MOVABLES = [{"x_cm": 25, "y_cm": 30, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]
 
 
-class Bodies:
-    def __init__(self, swarm):
-        self.robots = swarm.robots
-
-    def move(self, robot, pose):
-        self.robots.x[robot], self.robots.y[robot], self.robots.heading[robot] = pose
-
-
 @pytest.mark.parametrize("obstacle", [[], [(20, 30, 7.5)]])
 def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_says(obstacle):
     """The slow twin draws from numpy's generator until a place is free."""
@@ -115,8 +121,12 @@ def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_sa
     scenario = load_scenario({"robots": groups})
     controller = find_controller("firefly")
     block, swarm, runs = started_swarm([controller, controller], [3, 4])
-    bodies, robots, sequence = Bodies(swarm), swarm.robots, np.random.SeedSequence(7, spawn_key=(7, 2, 0))
-    robots.radius_cm = RADIUS_CM
+    robots, sequence = swarm.robots, np.random.SeedSequence(7, spawn_key=(7, 2, 0))
+
+    def move(robot, pose):
+        robots.x[robot], robots.y[robot], robots.heading[robot] = pose
+
+    bodies, robots.radius_cm = SimpleNamespace(move=move), RADIUS_CM
     set_cells(swarm, 40, 50, 8)
     swarm.scene[0].circles = len(obstacle)
     for number, circle in enumerate(obstacle):
@@ -219,15 +229,17 @@ def test_who_finds_no_place_ends_the_trial(second, entry, message):
 
 
 def test_a_robot_that_leaves_sends_no_more(tmp_path):
-    sender = with_step("actuators.send = 5\n    memory.x = sensors.pulses")
-    (tmp_path / "sender.py").write_text(sender)
-    group = {"count": 2, "controller": str(tmp_path / "sender.py"), "signal": {"kind": "radio"}}
+    text = with_step("actuators.send = 5\n    memory.x = sensors.pulses")
+    sender = write_controller(tmp_path / "sender.py", text)
+    group = {"count": 2, "controller": str(sender.path), "signal": {"kind": "radio"}}
     simulation = Simulation({"robots": [group], "schedule": [{"at_s": 1, "remove": [1]}]}, 1, interpret=True)
     assert [simulation.advance(steps).memories[0]["x"][0] for steps in (5, 7)] == [1, 0]
 
 
-GATED_POSES = [[10, 10, 0], [10, 25, 0.5], [10, 40, -0.5], [20, 50, 0], [20, 18, 1], [22, 33, 2]]
-GATED = {"arena": {"obstacles": GATE}, "robots": [{"poses": GATED_POSES[:3]}, {"poses": GATED_POSES[3:]}]}
+GATED = {
+    "arena": {"obstacles": GATE},
+    "robots": [REBUILT["robots"][0], {"poses": [[20, 50, 0], [20, 18, 1], [22, 33, 2]]}],
+}
 
 
 @pytest.mark.parametrize("signal", [{"kind": "camera"}, {"kind": "cone", "angle_deg": 360}])
@@ -245,9 +257,8 @@ def test_an_arena_that_is_changed_at_once_is_as_one_that_was_so_from_the_start(s
 
 
 def test_robots_pass_a_wall_once_it_is_lifted_and_stay_within_walls_that_come():
-    simulation = Simulation(
-        {**GATED, "schedule": [{"at_s": 10, "set": {"arena.width_cm": 90, "arena.obstacles": []}}]}, 1
-    )
+    lifted = {"at_s": 10, "set": {"arena.width_cm": 90, "arena.obstacles": []}}
+    simulation = Simulation({**GATED, "schedule": [lifted]}, 1)
     farthest = []
     for number, step in enumerate(islice(simulation, 600)):
         x, y = step.poses[:, 0], step.poses[:, 1]
@@ -280,23 +291,10 @@ def test_a_body_within_a_new_wall_ends_the_trial():
         simulation.advance(1)
     movables = {"movables": [{"x_cm": 50, "y_cm": 50, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]}
     touching = [{"at_s": 1, "set": {"arena.width_cm": width}} for width in (53, 52.8)]
-    for entry, is_free in zip(touching, (True, False), strict=True):
-        simulation = Simulation({"arena": movables, "robots": [{"poses": [[10, 10, 0]]}], "schedule": [entry]}, 3)
-        if is_free:
-            simulation.advance(12)
-        else:
-            with pytest.raises(ScenarioError, match=r"movable 0 at \[50, 50\] would be 0\.2 cm"):
-                simulation.advance(12)
-
-
-def started_swarm(controllers, counts):
-    """Return a block with groups of robots in the arena, the swarm, and controllers, which have started."""
-    robots = sum(counts)
-    rooms = {"cells": 99, "members": robots, "circles": 9, "numbers": 2 * robots}
-    block, swarm, runs = controlled_swarm(controllers, counts, 3, seed=1, **rooms)
-    swarm.groups.pixels, swarm.groups.row = 1, swarm.groups.first
-    swarm.groups.in_view, swarm.groups.waiting = swarm.groups.row + robots, swarm.groups.row + 2 * robots
-    swarm.scene[0].step, swarm.scene[0].step_ms = -1, 100
-    for run in runs:
-        run.start()
-    return block, swarm, runs
+    free, blocked = (
+        Simulation({"arena": movables, "robots": [{"poses": [[10, 10, 0]]}], "schedule": [entry]}, 3)
+        for entry in touching
+    )
+    free.advance(12)
+    with pytest.raises(ScenarioError, match=r"movable 0 at \[50, 50\] would be 0\.2 cm"):
+        blocked.advance(12)

@@ -21,84 +21,26 @@ from epuck_sim.control import compilation
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.environments import parallel_env
 from epuck_sim.testing import TestRobot
+from tests.control.bench import with_sense, with_step
 from tests.embodied.scenes import cast_on_discs, cast_on_segments, walls_of
 
-GROUND = """
-import math
-from epuck_sim.util.rng import uniform
-
-PARAMETERS = {"noise": 0.0, "ahead_cm": 3.0}
-READINGS = {"own_number": int, "ground": (float, 2)}
-
-
-def sense(world, robot, readings, parameters, random):
-    x = robot.x + parameters.ahead_cm * math.cos(robot.heading)
+UNIFORM = "from epuck_sim.util.rng import uniform\n"
+GROUND = f"import math\n{UNIFORM}" + with_sense(
+    """x = robot.x + parameters.ahead_cm * math.cos(robot.heading)
     readings.ground[0] = x / world.width_cm + parameters.noise * uniform(random)
     readings.ground[1] = world.time_s
-    readings.own_number = robot.number
-"""
-
-RANDOM = """
-from epuck_sim.util.rng import uniform
-
-READINGS = {"%s": float}
-
-
-def sense(world, robot, readings, parameters, random):
-    readings.%s = uniform(random)
-"""
-
-COUNTER = """
-READINGS = {"steps": int, "metres": (float, 2)}
-
-
-def sense(world, robot, readings, parameters, random):
-    readings.steps += 1
-    readings.metres[1] += 0.5
-"""
-
-FOLLOWER = """
-PARAMETERS = {"speed_cm_s": 5.0}
-MEMORY = {"seen": float}
-
-
-def start(memory, parameters, random):
-    memory.seen = 0.0
-
-
-def step(sensors, memory, actuators, parameters, random):
-    memory.seen = sensors.ground[0] + sensors.own_number
+    readings.own_number = robot.number""",
+    "{'own_number': int, 'ground': (float, 2)}",
+    "{'noise': 0.0, 'ahead_cm': 3.0}",
+)
+RANDOM = UNIFORM + with_sense("readings.%s = uniform(random)", "{'%s': float}")
+FOLLOWER = with_step(
+    """memory.seen = sensors.ground[0] + sensors.own_number
     actuators.left_cm_s = parameters.speed_cm_s * sensors.ground[0]
-    actuators.right_cm_s = parameters.speed_cm_s
-"""
-
-FAILING = """
-import math
-
-PARAMETERS = {"way": 0}
-READINGS = {"own_number": int, "counts": (int, 2), "ground": (float, 2)}
-
-
-def sense(world, robot, readings, parameters, random):
-    way = parameters.way
-    if way == 1:
-        readings.ground[0] = 1 / (robot.number - 2)
-    elif way == 2:
-        readings.ground[0] = math.nan
-    elif way == 3:
-        readings.own_number = math.nan
-    elif way == 4:
-        readings.own_number = -math.inf
-    elif way == 5:
-        readings.counts[1] = math.nan
-    elif way == 6:
-        raise ValueError("too dark")
-    elif way == 7:
-        readings.own_number = 1e30
-    elif way == 8:
-        readings.ground[1] = math.inf
-"""
-
+    actuators.right_cm_s = parameters.speed_cm_s""",
+    PARAMETERS="{'speed_cm_s': 5.0}",
+    MEMORY="{'seen': float}",
+)
 WANDERER = FOLLOWER.replace("sensors.ground[0] + sensors.own_number", "0.5").replace("sensors.ground[0]", "0.7")
 
 
@@ -117,9 +59,6 @@ def files(tmp_path, monkeypatch):
 
 def scenario(sensors=("ground.py",), controller="follower.py", count=4, **keys):
     return {"robots": [{"count": count, "controller": controller, "sensors": list(sensors)}], **keys}
-
-
-NOISY = [{"ground.py": {"noise": 0.3}}]
 
 
 @pytest.mark.usefixtures("files")
@@ -142,12 +81,12 @@ def test_compiled_and_interpreted_sensors_read_what_the_file_computes_and_so_do_
 @pytest.mark.usefixtures("files")
 def test_a_sensor_that_nobody_reads_changes_no_outcome():
     given = load_scenario("thesis").model_dump(mode="json")
-    given["robots"][0]["sensors"] = NOISY
+    given["robots"][0]["sensors"] = [{"ground.py": {"noise": 0.3}}]
     poses = [Simulation(each, 5).advance(60).poses.tobytes() for each in ("thesis", given)]
     assert poses[0] == poses[1]
 
 
-def test_sensors_draw_from_streams_that_depend_on_their_names_and_the_robot_alone(files):
+def test_sensors_draw_from_streams_that_depend_on_their_files_and_the_robot_alone(files, tmp_path):
     files(other=RANDOM % ("other", "other"))
     alone = Simulation(scenario(["dice.py"], "wanderer.py"), 2, interpret=True)
     beside = Simulation(scenario(["other.py", "dice.py"], "wanderer.py", count=7), 2, interpret=True)
@@ -155,6 +94,11 @@ def test_sensors_draw_from_streams_that_depend_on_their_names_and_the_robot_alon
         drawn, others = alone.advance(1).readings["dice"], beside.advance(1).readings
         np.testing.assert_array_equal(others["dice"][:4], drawn)
         assert len({*others["dice"], *others["other"]}) == 14
+    (tmp_path / "left").mkdir()
+    (tmp_path / "left" / "dice.py").write_text(RANDOM % ("left", "left"))  # a file of the same name
+    robots = [{"count": 3, "controller": "wanderer.py", "sensors": {"a": "dice.py", "b": "left/dice.py"}}]
+    readings = Simulation({"robots": robots}, 1, interpret=True).advance(1).readings
+    assert not (readings["left"] == readings["dice"]).any()
 
 
 @pytest.mark.usefixtures("files")
@@ -177,7 +121,7 @@ def test_a_file_of_several_groups_is_compiled_once(files, monkeypatch):
 
 def test_faults_and_schedules_act_on_a_sensor_by_its_name(files):
     """A dead one reads 0 and counts on; robots that are not in the arena read nothing."""
-    files(counter=COUNTER)
+    files(counter=with_sense("readings.steps += 1; readings.metres[1] += 0.5", "{'steps': int, 'metres': (float, 2)}"))
     given = scenario(
         ["ground.py", "counter.py"],
         faults=[{"kind": "sensor_dead", "sensor": "counter", "robots": [1], "at_s": 1, "until_s": 2}],
@@ -261,24 +205,28 @@ def test_an_edited_sensor_is_compiled_anew(files):
     assert Simulation(scenario(controller="external"), 1).advance(1).readings["own_number"][3] == 30
 
 
+FAILURES = {
+    "readings.ground[0] = 1 / (robot.number - 2)": r"robot 2, step 0, seed 1: .*ground\.py:6: .*by zero",
+    "readings.ground[0] = math.nan": r"robot 0, step 0, seed 1: .*ground\.py:5: .*readings\.ground is not a num",
+    "readings.own_number = math.nan": r"robot 0, .*ground\.py:8: ValueError: cannot convert float NaN",
+    "readings.own_number = -math.inf": r"ground\.py:9: OverflowError: cannot convert float infinity to integer",
+    "readings.counts[1] = math.nan": r"robot 0, .*ground\.py:10: ValueError: cannot convert float NaN",
+    "raise ValueError('too dark')": r"robot 0, step 0, seed 1: .*ground\.py:11: ValueError: too dark",
+    "readings.own_number = 1e30": r"robot 0, step 0, seed 1: .*ground\.py:12: OverflowError: Python int too large",
+}
+
+
 @pytest.mark.parametrize("interpret", [False, True])
-@pytest.mark.parametrize(
-    ("way", "message"),
-    [
-        (1, r"robot 2, step 0, seed 1: .*ground\.py:11: .*by zero"),
-        (2, r"robot 0, step 0, seed 1: .*ground\.py:8: .*readings\.ground is not a num"),
-        (3, r"robot 0, .*ground\.py:15: ValueError: cannot convert float NaN"),
-        (4, r"ground\.py:17: OverflowError: cannot convert float infinity to integer"),
-        (5, r"robot 0, .*ground\.py:19: ValueError: cannot convert float NaN"),
-        (6, r"robot 0, step 0, seed 1: .*ground\.py:21: ValueError: too dark"),
-        (7, r"robot 0, step 0, seed 1: .*ground\.py:23: OverflowError: Python int too large"),
-    ],
-)
+@pytest.mark.parametrize(("way", "message"), enumerate(FAILURES.values()))
 def test_an_error_in_a_sensor_names_file_line_and_robot(files, way, message, interpret):
-    files(ground=FAILING)
+    lines = enumerate([*FAILURES, "readings.ground[1] = math.inf"])
+    text = "\n    ".join(f"if parameters.way == {number}: {line}" for number, line in lines)
+    readings = "{'own_number': int, 'counts': (int, 2), 'ground': (float, 2)}"
+    files(ground="import math\n" + with_sense(text, readings, "{'way': 0}"))
     with pytest.raises(ControllerError, match=message):
         Simulation(scenario([{"ground.py": {"way": way}}]), 1, interpret=interpret).advance(1)
-    far = Simulation(scenario([{"ground.py": {"way": 8}}]), 1, interpret=interpret).advance(1).readings["ground"]
+    beyond = scenario([{"ground.py": {"way": len(FAILURES)}}])
+    far = Simulation(beyond, 1, interpret=interpret).advance(1).readings["ground"]
     assert (far == [0, np.inf]).all()  # as what lies beyond a range
 
 
@@ -296,16 +244,6 @@ def test_sensors_given_anew_take_the_place_of_those_of_all_robots_and_so_do_anot
             for typed in ("ground.noise", "sensors.ground.noise"):
                 if "ground" in load_scenario(base).robots[0].sensors:
                     assert load_scenario(base, [f"{typed}=0.5"]).robots[0].sensors["ground"]["noise"] == 0.5
-
-
-def test_two_files_of_one_name_draw_from_streams_of_their_own(tmp_path, files):
-    files(other=RANDOM % ("second", "second"))
-    (tmp_path / "left").mkdir()
-    (tmp_path / "left" / "dice.py").write_text(RANDOM % ("left", "left"))
-    sensors = {"a": "dice.py", "b": "left/dice.py"}
-    given = {"robots": [{"count": 3, "controller": "wanderer.py", "sensors": sensors}]}
-    readings = Simulation(given, 1, interpret=True).advance(1).readings
-    assert not (readings["left"] == readings["dice"]).any()
 
 
 def test_sensors_and_robots_of_an_axis_are_looked_for_in_the_scenario_s_folder(tmp_path, files, monkeypatch):
@@ -330,32 +268,18 @@ def test_sensors_and_robots_of_an_axis_are_looked_for_in_the_scenario_s_folder(t
         swept("sensors=[gone.py]")
 
 
-LOOKS = """
-import math
-
-from epuck_sim.embodied import sensing
-
-PARAMETERS = {"range_cm": 20.0}
-READINGS = {
-    "brightness": float, "light": float, "clearance": float, "distance": float,
-    "nearest": int, "alone": int, "anywhere": int,
-}
-
-
-def sense(world, robot, readings, parameters, random):
-    readings.brightness = sensing.brightness_at(world, robot.x, robot.y)
-    readings.light = sensing.light_at(world, robot.x, robot.y)
-    readings.clearance = sensing.clearance_cm(world, robot.x, robot.y)
-    readings.nearest = sensing.nearest_robot(world, robot.x, robot.y, parameters.range_cm, robot.number)
-    readings.anywhere = sensing.nearest_robot(world, robot.x, robot.y, math.inf, robot.number)
-    readings.alone = sensing.nearest_robot(world, robot.x, robot.y, parameters.range_cm)
-    readings.distance = sensing.distance_cm(
-        world, robot.x, robot.y, robot.heading, parameters.range_cm, robot.number
-    )
-"""
-
-SQUARE = [[100, 20], [130, 25], [120, 60]]
-
+LOOKS = "import math\nfrom epuck_sim.embodied import sensing\n" + with_sense(
+    """x, y, reach = robot.x, robot.y, parameters.range_cm
+    readings.brightness, readings.light = sensing.brightness_at(world, x, y), sensing.light_at(world, x, y)
+    readings.clearance = sensing.clearance_cm(world, x, y)
+    readings.nearest = sensing.nearest_robot(world, x, y, reach, robot.number)
+    readings.anywhere = sensing.nearest_robot(world, x, y, math.inf, robot.number)
+    readings.alone = sensing.nearest_robot(world, x, y, reach)
+    readings.distance = sensing.distance_cm(world, x, y, robot.heading, reach, robot.number)""",
+    "dict.fromkeys(['brightness', 'light', 'clearance', 'distance'], float)"
+    " | dict.fromkeys(['nearest', 'alone', 'anywhere'], int)",
+    "{'range_cm': 20.0}",
+)
 ARENA = {
     "width_cm": 150,
     "height_cm": 120,
@@ -368,7 +292,7 @@ ARENA = {
 
 PATCHES = [
     {"shape": "circle", "x_cm": 70, "y_cm": 50, "radius_cm": 40, "brightness": 0.25},
-    {"shape": "polygon", "corners_cm": SQUARE, "brightness": 0.5},
+    {"shape": "polygon", "corners_cm": [[100, 20], [130, 25], [120, 60]], "brightness": 0.5},
     {"shape": "circle", "x_cm": 110, "y_cm": 40, "radius_cm": 12, "brightness": 0.75},
 ]
 
@@ -396,20 +320,16 @@ def test_slow_twins_see_the_same(tmp_path, monkeypatch, has_picture):
     levels = set()
     for _ in range(3):
         step = simulation.advance(6)
-        x, y = step.poses[:, :2].T
-        seen = step.readings
-        np.testing.assert_array_equal(seen["brightness"], brightness_at(simulation.last_step.arena, x, y))
-        np.testing.assert_allclose(seen["light"], light_at(simulation.last_step.arena, x, y), rtol=1e-12)
+        (x, y), seen = step.poses[:, :2].T, step.readings
+        np.testing.assert_array_equal(seen["brightness"], brightness_at(step.arena, x, y))
+        np.testing.assert_allclose(seen["light"], light_at(step.arena, x, y), rtol=1e-12)
         apart = np.hypot(x[:, None] - x, y[:, None] - y) + np.diag(np.full(30, np.inf))
         nearest = np.where(apart.min(axis=1) < 20, apart.argmin(axis=1), -1)
         np.testing.assert_array_equal(seen["nearest"], nearest)
         np.testing.assert_array_equal(seen["alone"], np.arange(30))
         np.testing.assert_array_equal(seen["anywhere"], apart.argmin(axis=1))
-        np.testing.assert_allclose(
-            seen["clearance"], [clearance_cm(step.arena, *each) for each in zip(x, y, strict=True)]
-        )
-        for robot in range(30):
-            np.testing.assert_allclose(seen["distance"][robot], distance_ahead(step, robot, 20))
+        np.testing.assert_allclose(seen["clearance"], [clearance_cm(step.arena, *each) for each in step.poses[:, :2]])
+        np.testing.assert_allclose(seen["distance"], [distance_ahead(step, robot, 20) for robot in range(30)])
         levels |= set(seen["brightness"])
     assert {0.25, 0.5} <= levels
     assert len(levels) > 3
