@@ -1,7 +1,6 @@
 """Robots on a bench: tests set what they sense, and read what they remember and command."""
 
 import os
-from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
@@ -34,7 +33,7 @@ def step(sensors, memory, actuators, parameters, random):
 """A controller that does nothing: tests replace parts of it."""
 
 
-def controlled_swarm(controllers, counts, pixels, *, seed=0, interpret=True, **rooms):
+def controlled_swarm(controllers, counts, pixels, *, interpret=True, **rooms):
     """Return the block of groups of e-pucks near which nothing is, the swarm, and controllers that have not started.
 
     Rooms are lengths of further arrays of the block.
@@ -46,7 +45,7 @@ def controlled_swarm(controllers, counts, pixels, *, seed=0, interpret=True, **r
     members, groups, swarm.scene[0].serving = swarm.robots, swarm.groups, -1
     groups.first, groups.count, groups.pixels = np.cumsum([0, *counts])[:-1], counts, pixels
     groups.row = groups.first * pixels
-    members.present, members.random = True, robot_streams(np.random.SeedSequence(seed), robots)
+    members.present, members.random = True, robot_streams(np.random.SeedSequence(1), robots)
     members.wheel_limit_cm_s, members.wheel_base_cm = EPUCK_WHEELS
     members.sensors.distance_mm, members.sensors.new_picture = OUT_OF_RANGE_MM, True
     runs = []
@@ -61,29 +60,15 @@ def controlled_swarm(controllers, counts, pixels, *, seed=0, interpret=True, **r
 class Bench:
     """A group of robots under `GroupControllers`, with sensors to be set by hand."""
 
-    def __init__(
-        self,
-        controller: Controller | str,
-        given: Mapping[str, Value] | None = None,
-        *,
-        robots: int = 1,
-        seed: int = 1,
-        pixels: int = 60,
-        step_ms: int = 100,
-        interpret: bool = True,
-    ) -> None:
+    def __init__(self, controller: Controller | str, given=None, *, robots: int = 1, interpret: bool = True) -> None:
         if isinstance(controller, str):
             controller = find_controller(controller)
-        self._step_ms = step_ms
-        made = controlled_swarm([controller], [robots], pixels, seed=seed, interpret=interpret)
-        _, self.swarm, (self.control,) = made
+        _, self.swarm, (self.control,) = controlled_swarm([controller], [robots], 60, interpret=interpret)
         members = self.swarm.robots
         self.actuators, self.streams = members.actuators, members.random
-        self.senses = SimpleNamespace(
-            **{name: members.sensors[name] for name in SENSED.names or ()},
-            camera=self.swarm.pixels.reshape(robots, pixels),
-        )
-        self.senses.step_ms[:] = step_ms
+        senses = {name: members.sensors[name] for name in SENSED.names or ()}
+        self.senses = SimpleNamespace(**senses, camera=self.swarm.pixels.reshape(robots, 60))
+        self.senses.step_ms[:] = 100
         self.control.parameters[:] = controller.parameter_record(controller.resolve(given or {}))
         self.memory = self.control.memory
         self.control.start()
@@ -94,7 +79,7 @@ class Bench:
         self.senses.infrared[:] = chance.normal(200, 400, (robots, 8))
         self.senses.distance_mm[:] = random_distances(chance, (robots, 8))
         self.senses.camera[:] = chance.random(self.senses.camera.shape) < chance.choice([0, 0.02, 0.5], (robots, 1))
-        self.senses.step_ms[:] = self._step_ms + chance.integers(-1, 2, robots)
+        self.senses.step_ms[:] = 100 + chance.integers(-1, 2, robots)
         self.senses.new_picture[:] = chance.random(robots) < 0.7
 
     def sense_like(self, other: "Bench") -> None:

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
-from epuck_sim.embodied.cells import cells_needed, sort_into_cells
-from epuck_sim.embodied.layout import set_arena, set_bodies
+from epuck_sim.embodied.cells import sort_into_cells
+from epuck_sim.embodied.layout import room_for, set_arena, set_bodies
 from epuck_sim.embodied.sensors.camera import add_reflections, look, set_camera
 from epuck_sim.embodied.sensors.infrared import sense_infrared, set_infrared
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block
 from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import CameraMount, ProximitySection, RobotKind, cell_cm
-from epuck_sim.scenario.robots import CameraSection, InfraredSection
+from epuck_sim.scenario.robots import CameraSection, InfraredSection, RobotGroup
 
 RADIUS_CM = 3.7
 EDGE_CM = 1e-9
@@ -69,6 +69,11 @@ class Scene(NamedTuple):
     def radii_cm(self) -> FloatArray:
         return np.full(len(self.poses), self.body.radius_cm) if self.others_cm is None else self.others_cm
 
+    @property
+    def discs(self) -> FloatArray:
+        """(robots, 3) x, y, radius of each body, cm."""
+        return np.column_stack([self.poses[:, :2], self.radii_cm])
+
 
 class CameraSettings(NamedTuple):
     pixels: int = 60
@@ -79,15 +84,8 @@ class CameraSettings(NamedTuple):
 
     def section(self) -> CameraSection:
         """Return what a scenario says of it, checks left out: some tests look farther by walls than straight ahead."""
-        return CameraSection.model_construct(
-            pixels=self.pixels,
-            field_of_view_deg=self.field_of_view_deg,
-            central_pixels=self.central_pixels,
-            range_cm=None if self.range_cm == math.inf else self.range_cm,
-            reflection_range_cm=self.reflection_range_cm,
-            frames_per_s=None,
-            latency_ms=0.0,
-        )
+        given = self._asdict() | {"range_cm": None if self.range_cm == math.inf else self.range_cm}
+        return CameraSection.model_construct(**given, frames_per_s=None, latency_ms=0.0)
 
     def angles(self) -> FloatArray:
         """Return rad: directions of the middles of the pixels, left of straight ahead, from left to right."""
@@ -98,6 +96,7 @@ class CameraSettings(NamedTuple):
         return slice(outside, self.pixels - outside)
 
 
+CAMERA, INFRARED = CameraSettings(), InfraredSection()
 ADDRESSES = np.zeros(3, np.int64)
 """Addresses of a swarm that calls nothing."""
 
@@ -109,29 +108,12 @@ class Block(NamedTuple):
     swarm: Swarm
 
 
-def block_of(
-    scene: Scene,
-    camera: CameraSettings = CameraSettings(),  # noqa: B008 it cannot be changed
-    observer: int = 0,
-    infrared: InfraredSection = InfraredSection(),  # noqa: B008 it cannot be changed
-    noise_counts: float = 0.0,
-) -> Block:
+def block_of(scene: Scene, camera=CAMERA, observer=0, infrared=INFRARED, noise_counts=0.0) -> Block:
     """Return the robots of a scene, sorted into cells; those from `observer` on are the group."""
     arena, kind, robots = scene.arena, scene.body, len(scene.poses)
     kinds = [kind.model_copy(update={"radius_cm": radius}) for radius in scene.radii_cm.tolist()]
-    lengths = {
-        "robots": robots,
-        "groups": 1,
-        "cells": cells_needed(arena.width_cm, arena.height_cm, robots, cell_cm(kinds)) + 1,
-        "members": robots,
-        "circles": len(arena.circles),
-        "edges": len(arena.edges),
-        "pixels": (robots - observer) * camera.pixels,
-        "rays": camera.pixels,
-        "numbers": 3 * robots + 2 * camera.pixels,
-        "depths": 3 * camera.pixels,
-    }
-    block = make_block(lengths)
+    room = room_for([RobotGroup(count=1, camera=camera.section())] * robots, kinds, [arena])
+    block = make_block({**room, "groups": 1, "pixels": (robots - observer) * camera.pixels, "rays": camera.pixels})
     swarm = open_block(block)
     set_bodies(swarm, kinds)
     set_arena(swarm, arena, cell_cm(kinds))
@@ -165,9 +147,7 @@ def empty_arena(width_cm: float = 200.0, height_cm: float = 200.0) -> Arena:
 
 
 @st.composite
-def scenes(
-    draw: st.DrawFn, robots: tuple[int, ...] = (1, 2, 3, 10, 60), bodies: tuple[RobotKind, ...] = (E_PUCK,)
-) -> Scene:
+def scenes(draw: st.DrawFn, robots=(1, 2, 3, 10, 60), bodies=(E_PUCK,)) -> Scene:
     """Robots that do not overlap, some in contact, in corners or at walls, among obstacles of every kind."""
     count = draw(st.sampled_from(robots))
     body = draw(st.sampled_from(bodies))
@@ -207,12 +187,9 @@ def random_arena(width: float, height: float, obstacles: int, random: np.random.
     return make_arena(width, height, circles, polygons)
 
 
-def random_poses(
-    arena: Arena, count: int, random: np.random.Generator, radii_cm: FloatArray | float = RADIUS_CM
-) -> FloatArray:
-    """Return up to `count` poses of robots of these radii, as many as find room in a few attempts each."""
-    poses, radii = np.empty((count, 3)), np.broadcast_to(radii_cm, count)
-    placed = 0
+def random_poses(arena: Arena, count: int, random: np.random.Generator, radii: FloatArray) -> FloatArray:
+    """Return up to `count` poses of robots of these radii, cm, as many as find room in a few attempts each."""
+    poses, placed = np.empty((count, 3)), 0
     for _ in range(15 * count):
         radius_cm = float(radii[placed])
         discs = np.column_stack([poses[:placed, :2], radii[:placed]])
@@ -226,9 +203,7 @@ def random_poses(
     return poses[:placed]
 
 
-def _candidate(
-    arena: Arena, placed: FloatArray, random: np.random.Generator, radius_cm: float
-) -> tuple[float, float, float]:
+def _candidate(arena: Arena, placed: FloatArray, random: np.random.Generator, radius_cm: float):
     """Return a pose that may be free: anywhere, at one or two walls, touching an obstacle or another robot."""
     low, high = radius_cm, np.array([arena.width_cm, arena.height_cm]) - radius_cm
     x, y = random.uniform(low, high)
@@ -283,9 +258,8 @@ def cast_on_segments(origins: FloatArray, directions: FloatArray, segments: Floa
     crosses = (aside_a > 0) != (aside_b > 0)
     share = aside_a / np.where(crosses, aside_a - aside_b, 1)
     crossing = ahead_a + share * (ahead_b - ahead_a)
-    by_an_end = ((np.abs(aside_a) < EDGE_CM) & (ahead_a > -EDGE_CM)) | (
-        (np.abs(aside_b) < EDGE_CM) & (ahead_b > -EDGE_CM)
-    )
+    by_an_end = (np.abs(aside_a) < EDGE_CM) & (ahead_a > -EDGE_CM)
+    by_an_end |= (np.abs(aside_b) < EDGE_CM) & (ahead_b > -EDGE_CM)
     distance = np.where(crosses & (crossing >= 0), np.maximum(crossing, 0), np.inf)
     return distance, by_an_end | (crosses & (np.abs(crossing) < EDGE_CM))
 
@@ -295,10 +269,6 @@ def walls_of(arena: Arena, out: float = 100.0) -> FloatArray:
     right, top = arena.width_cm, arena.height_cm
     upright = [(x, -out, x, top + out) for x in (0, right)]
     return np.array([*upright, *((-out, y, right + out, y) for y in (0, top))], float)
-
-
-def _bodies(scene: Scene) -> FloatArray:
-    return np.column_stack([scene.poses[:, :2], scene.radii_cm])
 
 
 def directions_of(angles: FloatArray) -> FloatArray:
@@ -319,14 +289,13 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
     count = len(sensors)
     written, doubtful = np.empty((len(scene.poses), count)), np.empty((len(scene.poses), count), bool)
     spread = np.array((-1, 0, 1)) * infrared.spread_deg
-    bodies = _bodies(scene)
     walls = walls_of(scene.arena)
     for robot, (x, y, heading) in enumerate(scene.poses):
         forward, left = directions_of(heading), directions_of(heading + math.pi / 2)
         positions = (x, y) + sensors[:, :1] * forward + sensors[:, 1:2] * left
         angles = heading + np.radians(sensors[:, 2:] + spread)
         rays = np.repeat(positions, 3, axis=0), directions_of(angles.ravel())
-        discs, by_disc = cast_on_discs(*rays, np.vstack([np.delete(bodies, robot, axis=0), scene.arena.circles]))
+        discs, by_disc = cast_on_discs(*rays, np.vstack([np.delete(scene.discs, robot, axis=0), scene.arena.circles]))
         flats, by_flat = cast_on_segments(*rays, np.vstack([walls, scene.arena.edges]))
         distance = np.hstack([discs, flats]).min(axis=1).reshape(count, 3)
         foot = distance[:, 1] / math.cos(math.radians(infrared.spread_deg))
@@ -355,7 +324,7 @@ def slow_pixels(scene: Scene, camera: CameraSettings, robot: int) -> Pixels:
     x, y, heading = scene.poses[robot]
     directions = directions_of(heading + camera.angles()[camera.window()])
     rays = np.tile((x, y) + scene.body.camera_forward_cm * directions_of(heading), (len(directions), 1)), directions
-    to_robots, by_robot = cast_on_discs(*rays, _bodies(scene))
+    to_robots, by_robot = cast_on_discs(*rays, scene.discs)
     to_robots[:, robot], by_robot[:, robot] = np.inf, False
     to_circles, by_circle = cast_on_discs(*rays, scene.arena.circles)
     to_edges, by_edge = cast_on_segments(*rays, scene.arena.edges)
@@ -392,7 +361,7 @@ def _slow_images(scene, camera, rays, reach) -> tuple[BoolArray, BoolArray]:
     for wall in range(4):
         towards = to_walls[:, wall] < np.inf
         doubt |= np.abs(np.where(towards, to_walls[:, wall], -1) - reach) < EDGE_CM
-        discs = np.vstack([_bodies(scene), arena.circles])
+        discs = np.vstack([scene.discs, arena.circles])
         discs[:, :2] = _mirrored(discs[:, :2], wall, arena)
         ends = [_mirrored(arena.edges[:, two], wall, arena) for two in (slice(0, 2), slice(2, 4))]
         to_discs, by_disc = cast_on_discs(*rays, discs)

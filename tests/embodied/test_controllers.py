@@ -235,9 +235,8 @@ def test_an_error_that_is_not_met_again_names_the_file_alone(way, tmp_path, monk
 @MODES
 def test_an_error_late_in_a_trial_leaves_the_swarm_as_it_found_it(interpret, tmp_path):
     """To find its line, only what failed runs again, on a copy, and from what the robot remembered before."""
-    text = "from epuck_sim.util.rng import uniform\n" + with_step(
-        "memory.x += 1\n    actuators.left_cm_s = uniform(random)\n    if memory.x == 10_000: memory.x /= 0"
-    )
+    lines = "memory.x += 1\n    actuators.left_cm_s = uniform(random)\n    if memory.x == 10_000: memory.x /= 0"
+    text = "from epuck_sim.util.rng import uniform\n" + with_step(lines)
     bench = Bench(write_controller(tmp_path / "mine.py", text), robots=3, interpret=interpret)
     bench.memory["x"] = 0, 9_000, 0
     for _ in range(999):
@@ -268,12 +267,6 @@ def test_controllers_of_absent_robots_do_not_run_and_robots_can_start_alone(inte
     assert bench.actuators.send.tolist() == [7, 0, 0]
 
 
-@pytest.fixture
-def _caches(tmp_path, monkeypatch):
-    """A cache of compiled code that begins empty."""
-    monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path / "cache")
-
-
 ELSEWHERE = """
 import sys
 sys.path[:0] = {path!r}
@@ -283,15 +276,6 @@ for file in {files!r}:
     bench.control.step()
     print(bench.memory["x"].tolist()[0])
 """
-
-
-def outcomes_elsewhere(files, cache):
-    """Return what a fresh process makes of controllers' files."""
-    path = [str(Path(__file__).parents[2]), str(Path(jit.__file__).parents[2])]
-    command = [sys.executable, "-c", ELSEWHERE.format(path=path, files=list(map(str, files)))]
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
-    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=120)
-    return [float(line) for line in run.stdout.splitlines() if not line.startswith("so many")]
 
 
 def write_version(folder, edited, number):
@@ -312,8 +296,8 @@ def prints(n):
 """
 
 
-@pytest.mark.usefixtures("_caches")
-def test_an_edit_takes_effect_at_once_in_this_process_and_in_the_next_which_runs_what_numba_must_look_up(tmp_path):
+def test_an_edit_takes_effect_at_once_here_and_in_the_next_process_and_what_numba_must_look_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path / "cache")
     files = []
     for edited, numbers in (("mine", (1,)), ("sibling", (3, 1, 3))):
         folder = tmp_path / edited
@@ -327,7 +311,11 @@ def test_an_edit_takes_effect_at_once_in_this_process_and_in_the_next_which_runs
     write_version(folder, edited, 4)  # the other process meets what this one has cached
     looked_up = write_controller(tmp_path / "mine.py", LOOKED_UP + with_step("memory.x = prints(calls(5))"))
     assert outcome(looked_up) == 120
-    assert outcomes_elsewhere([*files, looked_up.path], tmp_path / "cache") == [1, 4, 120]
+    path = [str(Path(__file__).parents[2]), str(Path(jit.__file__).parents[2])]
+    command = [sys.executable, "-c", ELSEWHERE.format(path=path, files=list(map(str, [*files, looked_up.path])))]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=120)
+    assert [float(line) for line in run.stdout.splitlines() if not line.startswith("so many")] == [1, 4, 120]
     assert [outcome(find_controller(str(file))) for file in files] == [1, 4]
 
 

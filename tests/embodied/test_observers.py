@@ -19,9 +19,7 @@ from epuck_sim.scenario.robots import RobotGroup
 from tests.embodied.scenes import EDGE_CM, RADIUS_CM, CameraSettings, Scene, camera_settings, rows, scenes, slow_pixels
 
 
-def sightings(
-    poses: FloatArray, arena: Arena, camera: CameraSettings, first: int = 0, observers: int | None = None
-) -> list[list[int]]:
+def sightings(poses, arena, camera, first=0, observers=None) -> list[list[int]]:
     """Return what `find_sightings` does of (steps, robots, 3) poses; of all robots from `first` on by default."""
     robots = poses.shape[1]
     number = robots - first if observers is None else observers
@@ -59,9 +57,7 @@ def test_sightings_are_those_of_the_slow_twin_and_a_camera_sees_red_where_one_of
 
 @settings(max_examples=20)
 @given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
-def test_steps_at_once_are_one_after_the_other_and_observers_are_those_of_the_group(
-    scene: Scene, camera: CameraSettings, seed: int
-) -> None:
+def test_steps_at_once_are_one_after_the_other_and_observers_are_those_of_the_group(scene, camera, seed) -> None:
     random = np.random.default_rng(seed)
     poses = np.array([random.permutation(scene.poses) for _ in range(5)])
     everybody = sightings(poses, scene.arena, camera)

@@ -32,9 +32,7 @@ def make_simulation(seed: int = 0, **sections: Any) -> ParticleSimulation:
     return ParticleSimulation(scenario(**sections), seed)
 
 
-def set_trajectories(
-    swarm: ParticleSimulation, positions: Sequence[Sequence[float]], headings: Sequence[Sequence[float]] | None = None
-) -> None:
+def set_trajectories(swarm: ParticleSimulation, positions, headings=None) -> None:
     """Set positions and headings, both (agents, dimensions), of a fresh simulation; headings are normalised."""
     arrays = swarm._arrays
     arrays.origin[:] = np.array(positions, float).T
@@ -44,22 +42,11 @@ def set_trajectories(
     begin_motion(arrays.block)
 
 
-def make_resting(
-    phases: Sequence[float],
-    positions: Sequence[Sequence[float]] | None = None,
-    headings: Sequence[Sequence[float]] | None = None,
-    **sections: Any,
-) -> ParticleSimulation:
+def make_resting(phases, positions=None, headings=None, **sections: Any) -> ParticleSimulation:
     """Return a simulation of agents that stand still and are all neighbours, unless `sections` say otherwise."""
     dimensions = len(positions[0]) if positions else 2
-    swarm = make_simulation(
-        **{
-            "space": {"dimensions": dimensions},
-            "agents": {"count": len(phases), "speed_cm_s": 0},
-            "neighbourhood": {"kind": "all"},
-            **sections,
-        }
-    )
+    still = {"space": {"dimensions": dimensions}, "agents": {"count": len(phases), "speed_cm_s": 0}}
+    swarm = make_simulation(**{**still, "neighbourhood": {"kind": "all"}, **sections})
     swarm._arrays.next_firing[:] = (1 - np.array(phases, float)) * swarm._arrays.period
     forget_earliest(swarm._arrays)
     if positions:
@@ -143,15 +130,11 @@ def neighbourhoods(kind: str, agents: int, side_cm: float) -> st.SearchStrategy[
 
 
 def curve(name: str, couplings: list[float], refractory: list[float], **parameters: list[float]) -> st.SearchStrategy:
-    section = {
-        "curve": st.just(name),
-        "coupling": st.sampled_from(couplings),
-        "refractory": st.sampled_from(refractory),
-    }
+    section = {"coupling": st.sampled_from(couplings), "refractory": st.sampled_from(refractory)}
     if parameters:
         values = {key: st.sampled_from(each) for key, each in parameters.items()}
         section["parameters"] = st.fixed_dictionaries(values)
-    return st.fixed_dictionaries(section)
+    return st.fixed_dictionaries({"curve": st.just(name), **section})
 
 
 responses = st.one_of(

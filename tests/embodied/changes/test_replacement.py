@@ -58,10 +58,6 @@ def twins(path: Path, interpret: bool, steps: int) -> tuple[Simulation, Simulati
     return simulation, twin
 
 
-def memory(simulation: Simulation):
-    return next(simulation).memories[0]
-
-
 @MODES
 def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: bool, tmp_path) -> None:
     path = tmp_path / "mine.py"
@@ -77,13 +73,13 @@ def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: boo
     save(path, source(memory='"drawn": int, "more": int'))  # of another type, and new: they begin anew
     replaced = simulation.replace_controller(0, load_controller(path))
     assert (replaced.kept, replaced.started) == (("steps",), ("drawn", "more"))
-    now = memory(simulation)
+    now = next(simulation).memories[0]
     assert now["steps"].tolist() == [111] * 3
     assert (now["drawn"].dtype, now["drawn"].tolist()) == (np.int64, [0] * 3)
     with pytest.raises(ValueError, match="a controller was replaced after step 10"):
         simulation.snapshot()
     simulation.reset()
-    assert memory(simulation)["steps"].tolist() == [1] * 3
+    assert next(simulation).memories[0]["steps"].tolist() == [1] * 3
     simulation.snapshot()
 
 
@@ -140,9 +136,9 @@ def test_a_new_one_that_is_wrong_is_refused_and_the_old_one_goes_on_to_the_bit(
         assert bits(next(simulation)) == bits(next(twin))
 
 
-def watched(simulation: Simulation) -> tuple[ControllerFiles, list[str]]:
-    said: list[str] = []
-    return ControllerFiles(simulation, said.append), said
+def watched(path: Path) -> tuple[Simulation, ControllerFiles, list[str]]:
+    simulation, said = simulate(path, True), []
+    return simulation, ControllerFiles(simulation, said.append), said
 
 
 def look(files: ControllerFiles) -> None:
@@ -152,8 +148,7 @@ def look(files: ControllerFiles) -> None:
 
 def test_a_file_that_is_saved_is_taken_at_the_next_look_and_told_in_a_line(tmp_path) -> None:
     path = tmp_path / "mine.py"
-    simulation = simulate(path, True)
-    files, said = watched(simulation)
+    simulation, files, said = watched(path)
     simulation.advance(10)
     look(files)
     assert said == []
@@ -163,7 +158,7 @@ def test_a_file_that_is_saved_is_taken_at_the_next_look_and_told_in_a_line(tmp_p
     look(files)
     look(files)
     assert said == ["mine.py: robots go on with the new one from step 10; memory is kept"]
-    assert memory(simulation)["steps"].tolist() == [110] * 3
+    assert next(simulation).memories[0]["steps"].tolist() == [110] * 3
     save(path, source(memory='"drawn": int'))
     look(files)
     assert said[1:] == ["mine.py: robots go on with the new one from step 11; memory: drawn started anew, steps kept"]
@@ -171,13 +166,12 @@ def test_a_file_that_is_saved_is_taken_at_the_next_look_and_told_in_a_line(tmp_p
     look(files)
     look(files)
     assert said[2:] == [f"{path}:16: memory has no 'wiat'; known: steps, drawn; the old one goes on"]
-    assert memory(simulation)["steps"].tolist() == [111] * 3
+    assert next(simulation).memories[0]["steps"].tolist() == [111] * 3
 
 
 def test_files_that_are_imported_are_watched_too_even_new_ones(tmp_path) -> None:
     path = tmp_path / "mine.py"
-    simulation = simulate(path, True)
-    files, said = watched(simulation)
+    simulation, files, said = watched(path)
     save(path, "import how_fast\n" + source(rise="how_fast.RISE"))
     look(files)
     assert "No module named 'how_fast'" in said[0]
@@ -185,13 +179,12 @@ def test_files_that_are_imported_are_watched_too_even_new_ones(tmp_path) -> None
         save(tmp_path / "how_fast.py", f"RISE = {rise}\n")
         look(files)
     assert len(said) == 3
-    assert memory(simulation)["steps"].tolist() == [7] * 3
+    assert next(simulation).memories[0]["steps"].tolist() == [7] * 3
 
 
 def test_a_file_in_the_middle_of_being_saved_and_one_that_is_only_touched_change_nothing(tmp_path, monkeypatch) -> None:
     path = tmp_path / "mine.py"
-    simulation = simulate(path, True)
-    files, said = watched(simulation)
+    simulation, files, said = watched(path)
     controllers = simulation.controllers
     with monkeypatch.context() as slow:
         slow.setattr(replacement, "SETTLED_S", 60)

@@ -22,7 +22,7 @@ def started_swarm(controllers, counts):
     """Return a block with groups of robots in the arena, the swarm, and controllers, which have started."""
     robots = sum(counts)
     rooms = {"cells": 99, "members": robots, "circles": 9, "numbers": 2 * robots}
-    block, swarm, runs = controlled_swarm(controllers, counts, 3, seed=1, **rooms)
+    block, swarm, runs = controlled_swarm(controllers, counts, 3, **rooms)
     swarm.groups.pixels, swarm.groups.row = 1, swarm.groups.first
     swarm.groups.in_view, swarm.groups.waiting = swarm.groups.row + robots, swarm.groups.row + 2 * robots
     swarm.scene[0].step, swarm.scene[0].step_ms = -1, 100

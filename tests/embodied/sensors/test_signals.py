@@ -74,7 +74,7 @@ def slow_hidden(scene: Scene) -> tuple[BoolArray, BoolArray]:
     """Return (robots, robots) whether something is between the two, and whether rounding may reverse that."""
     robots = len(scene.poses)
     hidden, doubtful = np.zeros((2, robots, robots), bool)
-    bodies = np.column_stack([scene.poses[:, :2], scene.radii_cm])
+    bodies = scene.discs
     for one, other in permutations(range(robots), 2):
         way = bodies[other, :2] - bodies[one, :2]
         length = np.hypot(*way)
@@ -139,7 +139,7 @@ def slow_camera(scene, section, occlusion, observers) -> tuple[BoolArray, BoolAr
     robots = len(scene.poses)
     looking = range(robots)[observers]
     surely, perhaps = np.zeros((2, len(looking), robots), bool)
-    discs = np.vstack([np.column_stack([scene.poses[:, :2], scene.radii_cm]), scene.arena.circles])
+    discs = np.vstack([scene.discs, scene.arena.circles])
     reach = math.inf if section.range_cm is None else section.range_cm
     for row, one in enumerate(looking):
         centre, heading = scene.poses[one, :2], scene.poses[one, 2]
