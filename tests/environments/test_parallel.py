@@ -74,8 +74,8 @@ def test_observations_are_in_their_space_and_mean_what_is_documented(actions):
         step = next(alone)
 
 
-def test_oscillators_observe_their_phase_on_a_circle():
-    """One oscillator among robots that never flash, which hears of nothing."""
+def test_oscillators_observe_their_phase_on_a_circle_and_the_reward_for_synchrony_is_that_of_the_phases_observed():
+    """First of one oscillator among robots that never flash, which hears of nothing."""
     others = {"controller": "external_wheels", "count": 1}
     env = parallel_env({"robots": [others, {"controller": "constant", "count": 3}]}, seed=4, reward="synchrony")
     observations, _ = env.reset()
@@ -88,9 +88,6 @@ def test_oscillators_observe_their_phase_on_a_circle():
         assert rewards["robot_0"] == pytest.approx(1)
     as_in_free_run = np.isclose(turned, 2 * np.pi * 0.1 / 5.0, atol=1e-5)
     assert as_in_free_run.sum() >= 58  # but where a cycle ends: what is beyond the period is dropped
-
-
-def test_the_reward_for_synchrony_is_that_of_the_phases_observed():
     env = parallel_env(DANCERS, seed=4, reward="synchrony")
     env.reset()
     observations, rewards, *_ = env.step({agent: np.zeros(2) for agent in env.agents})
@@ -102,12 +99,11 @@ def test_the_reward_for_synchrony_is_that_of_the_phases_observed():
 @pytest.mark.parametrize("control_steps", [1, 7])
 def test_infos_tell_of_the_trial_as_an_observer_of_it_is_told(control_steps):
     """Robots that are told to stand still, and flash by themselves."""
-    told: list[tuple[int, int, bool]] = []
     group = {"count": 6, "controller": "external_wheels", "signal": {"kind": "radio"}, "parameters": {"period_s": 1}}
-    still = {"robots": [group], "stop": {"order_parameter": 0.6}}
+    still, told = {"robots": [group], "stop": {"order_parameter": 0.6}}, {}
 
     def note(step, state):
-        told.append((step.number, state.outcome.cycles, state.is_synchronised))
+        told[step.number] = [state.outcome.cycles, state.is_synchronised]
 
     env = parallel_env(still, seed=4, control_steps=control_steps, episode_s=80)
     simulation = env._rows.simulations[0]
@@ -117,12 +113,10 @@ def test_infos_tell_of_the_trial_as_an_observer_of_it_is_told(control_steps):
         *_, infos = env.step({agent: np.zeros(2) for agent in env.agents})
         shown.append((simulation.steps - 1, infos))
     run_trial(Simulation(still, simulation.seed), [note])
-    assert told[-1][2]
-    after = {number: rest for number, *rest in told}
+    assert [*told.values()][-1][1]
     found = {number: [one["robot_0"][key] for key in ("t_sync_cycles", "synchronised")] for number, one in shown}
-    assert {number: found[number] for number in found if number in after} == {
-        number: after[number] for number in after if number in found
-    }
+    both = told.keys() & found.keys()
+    assert {number: found[number] for number in both} == {number: told[number] for number in both}
 
 
 def test_infos_count_what_each_robot_touches():

@@ -15,7 +15,7 @@ from gymnasium.wrappers import (
     RecordEpisodeStatistics,
     TimeLimit,
 )
-from gymnasium.wrappers.vector import RecordSwarms
+from gymnasium.wrappers.vector import RecordEpisodeStatistics as RecordSwarms
 from matplotlib import pyplot
 
 from epuck_sim import ControllerError, ScenarioError, Simulation

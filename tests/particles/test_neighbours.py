@@ -34,6 +34,12 @@ def brute_force_receivers(swarm, firing):
     return receives, margin < TOO_CLOSE
 
 
+def uncoupled(seed, agents, speed_cm_s, dimensions, boundary, rule):
+    space = {"dimensions": dimensions, "side_cm": SIDE_CM, "boundary": boundary}
+    motion = {"count": agents, "speed_cm_s": speed_cm_s, "speed_distribution": "exponential"}
+    return make_simulation(seed, space=space, agents=motion, neighbourhood=rule, response={"coupling": 0})
+
+
 def compare_receivers(swarm, firings):
     """Compare receivers with brute force at some instants of uncoupled oscillators; return the number compared."""
     compared = 0
@@ -58,13 +64,8 @@ def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, data, 
     agents = data.draw(st.integers(20, 60))
     # slow enough for neighbours to be cached, and for enough cycles for them to change many times; and faster
     pace = data.draw(st.sampled_from([0.0, 1e-3, 0.02, 0.3, 2.0, 50.0]))
-    swarm = make_simulation(
-        seed,
-        space={"dimensions": data.draw(st.integers(1, 3)), "side_cm": SIDE_CM, "boundary": boundary},
-        agents={"count": agents, "speed_cm_s": pace, "speed_distribution": "exponential"},
-        neighbourhood=data.draw(neighbourhoods(kind, agents, SIDE_CM)),
-        response={"coupling": 0},
-    )
+    dimensions, rule = data.draw(st.integers(1, 3)), data.draw(neighbourhoods(kind, agents, SIDE_CM))
+    swarm = uncoupled(seed, agents, pace, dimensions, boundary, rule)
     firings = 300 if 0 < pace <= 2 else 80
     assert compare_receivers(swarm, firings) > 0.85 * firings
 
@@ -84,37 +85,26 @@ def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, data, 
 @pytest.mark.parametrize(("agents", "speed_cm_s"), [(600, 1.0), (1500, 0.01), (1500, 40.0)])
 def test_receivers_in_large_swarms_are_the_agents_in_the_neighbourhood(agents, speed_cm_s, rule):
     for dimensions, boundary in ((1, "cyclic"), (2, "bounded"), (2, "cyclic"), (3, "bounded")):
-        swarm = make_simulation(
-            2,
-            space={"dimensions": dimensions, "side_cm": SIDE_CM, "boundary": boundary},
-            agents={"count": agents, "speed_cm_s": speed_cm_s, "speed_distribution": "exponential"},
-            neighbourhood=rule,
-            response={"coupling": 0},
-        )
+        swarm = uncoupled(2, agents, speed_cm_s, dimensions, boundary, rule)
         assert dimensions != 2 or (swarm._arrays.scene.cells > 0) == (rule.get("angle_deg") != 5)
         compared = compare_receivers(swarm, 20)
         swarm.run_to(1.4)
         assert compared + compare_receivers(swarm, 20) > 35
 
 
-PLACES = [[50.0, 50.0], [60.0, 50.0], [50.0, 65.0], [30.0, 50.0], [50.0, 45.0]]
-
-
-@pytest.mark.parametrize(
-    ("radius_cm", "received"), [(4.9, set()), (5, {4}), (10, {4, 1}), (19, {4, 1, 2}), (20, {1, 2, 3, 4})]
-)
-def test_all_agents_within_a_range_receive_including_its_edge(radius_cm, received):
-    for kind in ("range", "cone_of_vision", "cone_of_emission"):
-        rule = {"kind": kind, "radius_cm": radius_cm, **({} if kind == "range" else {"angle_deg": 360})}
-        swarm = make_resting([0.9, 0.5, 0.5, 0.5, 0.5], PLACES, [[1, 0]] * 5, neighbourhood=rule)
-        assert as_set(next(swarm).received) == received
+def test_all_agents_within_a_range_receive_including_its_edge():
+    places = [[50.0, 50.0], [60.0, 50.0], [50.0, 65.0], [30.0, 50.0], [50.0, 45.0]]
+    for radius_cm, received in ((4.9, set()), (5, {4}), (10, {4, 1}), (19, {4, 1, 2}), (20, {1, 2, 3, 4})):
+        for kind in ("range", "cone_of_vision", "cone_of_emission"):
+            rule = {"kind": kind, "radius_cm": radius_cm, **({} if kind == "range" else {"angle_deg": 360})}
+            swarm = make_resting([0.9, 0.5, 0.5, 0.5, 0.5], places, [[1, 0]] * 5, neighbourhood=rule)
+            assert as_set(next(swarm).received) == received, rule
 
 
 @pytest.mark.parametrize(("agents", "k"), [(6, 1), (6, 2), (6, 4), (5, 4), (2, 1)])
 def test_each_set_of_random_agents_is_drawn_as_often_whoever_fires_and_wherever_agents_are(agents, k):
-    swarm = make_resting(
-        np.linspace(0.1, 0.9, agents), neighbourhood={"kind": "random", "k": k}, response={"coupling": 0}
-    )
+    sections = {"neighbourhood": {"kind": "random", "k": k}, "response": {"coupling": 0}}
+    swarm = make_resting(np.linspace(0.1, 0.9, agents), **sections)
     drawn = {}
     for event in itertools.islice(swarm, 400 * agents):
         (firing,) = event.fired.tolist()

@@ -13,12 +13,7 @@ from epuck_sim.particles.twin import make_twin, simulate_with_twin
 from tests.particles.naive_model import NaiveEvent, NaiveModel
 from tests.particles.simulations import KINDS, any_sections, compare_events, make_simulation, scenario, state_of
 
-PHASES = [0.1, 0.35, 0.6, 0.85]
-RESTING = {
-    "agents": {"count": 4, "speed_cm_s": 0},
-    "response": {"coupling": 0},
-    "start": {"phases": PHASES},
-}
+STILL = {"agents": {"count": 4, "speed_cm_s": 0}, "start": {"phases": [0.1, 0.35, 0.6, 0.85]}}
 
 
 class ChangingModel(NaiveModel):
@@ -101,11 +96,10 @@ def test_what_changes_at_the_start_is_as_if_the_scenario_had_it():
 
 def test_a_curve_of_ones_own_gets_new_parameters(tmp_path):
     path = tmp_path / "own.py"
-    path.write_text(
-        "PARAMETERS = {'by': 0.0}\n\n\ndef phase_shift(phase, coupling, parameters):\n    return parameters.by"
-    )
-    sections = {**RESTING, "neighbourhood": {"kind": "all"}, "response": {"curve": str(path)}}
-    swarm = make_simulation(**sections, schedule=[{"at_s": 0.5, "set": {"response.parameters.by": 0.05}}])
+    text = "PARAMETERS = {'by': 0.0}\n\ndef phase_shift(phase, coupling, parameters):\n    return parameters.by\n"
+    path.write_text(text)
+    sections = {"neighbourhood": {"kind": "all"}, "response": {"curve": str(path)}}
+    swarm = make_simulation(**STILL, **sections, schedule=[{"at_s": 0.5, "set": {"response.parameters.by": 0.05}}])
     swarm.run_to(0.4)  # agents 3 and 2 have fired, at 0.15 and 0.4, in vain
     assert swarm.phases() == pytest.approx([0.5, 0.75, 0, 0.25])
     swarm.run_to(0.65)  # agent 1 shifts the others
@@ -129,9 +123,8 @@ def test_those_that_fire_at_the_time_of_a_change_fire_before_it():
 @pytest.mark.parametrize("first", ["random", 0.25])
 def test_changes_at_one_instant_are_made_in_their_order_and_are_one_event(first):
     changes = ["random", 0.25] if first == "random" else [0.25, "random"]
-    swarm = make_simulation(
-        3, **RESTING, schedule=[{"at_s": 0.05, "displace": {"by_cycles": change}} for change in changes]
-    )
+    schedule = [{"at_s": 0.05, "displace": {"by_cycles": change}} for change in changes]
+    swarm = make_simulation(3, **STILL, response={"coupling": 0}, schedule=schedule)
     event = next(swarm)
     assert (event.turned, len(event.fired), len(event.received)) == (None, 0, 0)
     assert event.time_s == swarm.time_s == 0.05
@@ -173,7 +166,6 @@ def test_a_twin_changes_at_times_alone():
 
 
 MIDDLES = np.arange(0.5, 30)
-SYNCHRONISED = {"phases": "synchronised"}
 
 
 def displaced(by):
@@ -216,7 +208,11 @@ def test_the_deviation_spreads_to_agents_that_were_not_displaced():
 
 
 def test_with_jitter_deviations_grow_with_the_error_of_the_periods_and_wrap_at_half_a_cycle():
-    given = {"clocks": {"jitter": 1e-3, "period_s": 2.0}, "response": {"coupling": 0}, "start": SYNCHRONISED}
+    given = {
+        "clocks": {"jitter": 1e-3, "period_s": 2.0},
+        "response": {"coupling": 0},
+        "start": {"phases": "synchronised"},
+    }
     times = np.linspace(0, 8000, 400)
     found = compare(7, times, **given)
     apart = np.abs(times[:, None] / make_simulation(7, **given).periods_s - times[:, None] / 2.0) % 1
@@ -244,17 +240,9 @@ def test_a_twin_of_ones_own_displacement_is_ahead_by_it_or_by_what_is_left_until
 
 @pytest.mark.parametrize(("reorient_on", "moves_alike"), [([], True), (["receiving"], False)])
 def test_the_twin_has_nominal_periods_no_displaced_agent_and_moves_alike_unless_pulses_turn(reorient_on, moves_alike):
-    given = scenario(
-        start=displaced(0.1),
-        clocks={"jitter": 0.1, "period_s": 3.0},
-        agents={
-            "count": 6,
-            "speed_cm_s": 30,
-            "speed_distribution": "uniform",
-            "speed_spread": 0.5,
-            "reorient_on": reorient_on,
-        },
-    )
+    speeds = {"speed_cm_s": 30, "speed_distribution": "uniform", "speed_spread": 0.5}
+    agents, clocks = {"count": 6, **speeds, "reorient_on": reorient_on}, {"jitter": 0.1, "period_s": 3.0}
+    given = scenario(start=displaced(0.1), clocks=clocks, agents=agents)
     disturbed, twin = ParticleSimulation(given, 9), make_twin(load_scenario(given), 9)
     assert (twin.seed, set(twin.periods_s.tolist()), len(set(disturbed.periods_s.tolist()))) == (9, {3.0}, 6)
     assert disturbed.phases().tolist() == [pytest.approx(0.1)] + [0.0] * 5

@@ -69,11 +69,8 @@ def test_the_comparison_with_the_naive_model_does_not_end_early(kind):
         "random": {"k": 2},
     }[kind]
     for dimensions, boundary in itertools.product([1, 2, 3], ["bounded", "cyclic", "mirrored"]):
-        swarm = make_simulation(
-            space={"dimensions": dimensions, "boundary": boundary},
-            agents={"count": 6, "speed_cm_s": 15.0},
-            neighbourhood={"kind": kind, **rule},
-        )
+        space, agents = {"dimensions": dimensions, "boundary": boundary}, {"count": 6, "speed_cm_s": 15.0}
+        swarm = make_simulation(space=space, agents=agents, neighbourhood={"kind": kind, **rule})
         twin = NaiveModel(swarm)
         assert compare_events(swarm, twin, cycles=20) >= 120
         assert twin.time >= 20
@@ -221,21 +218,6 @@ def test_a_simulation_cannot_go_back_nor_to_a_time_that_is_not_finite_and_cycles
             swarm.run(cycles)
 
 
-def start_oscillators(phases, periods, *, has_parts=False):
-    sizes = (-(-len(phases) // BRANCHES**level) if has_parts or level == 1 else 0 for level in (1, 2, 3))
-    levels = (np.full(size, -math.inf) for size in sizes)
-    return Oscillators(np.zeros(1, SCENE)[0], (1 - phases) * periods, periods, *levels)
-
-
-def check_earliest(oscillators, found):
-    """Return the earliest time, and who fires then, after a look at all."""
-    earliest = earliest_firing(oscillators)
-    assert earliest == oscillators.next_firing.min()
-    firing = found[: firing_now(oscillators, earliest, found)].tolist()
-    assert firing == np.flatnonzero(oscillators.next_firing <= earliest + SIMULTANEITY_CYCLES).tolist()
-    return earliest, firing
-
-
 @settings(max_examples=60)
 @given(st.booleans(), st.integers(1, 3 * BRANCHES), st.integers(0, 2**32 - 1))
 @example(True, BRANCHES**2 + 1, 1)
@@ -243,10 +225,15 @@ def check_earliest(oscillators, found):
 @example(True, 2 * BRANCHES**3 + 5, 3)
 def test_the_earliest_is_the_earliest_of_all_after_any_changes_in_whatever_part_it_is(has_parts, agents, seed):
     random = np.random.default_rng(seed)
-    oscillators = start_oscillators(random.random(agents), np.ones(agents), has_parts=has_parts)
+    sizes = (-(-agents // BRANCHES**level) if has_parts or level == 1 else 0 for level in (1, 2, 3))
+    levels = (np.full(size, -math.inf) for size in sizes)
+    oscillators = Oscillators(np.zeros(1, SCENE)[0], 1 - random.random(agents), np.ones(agents), *levels)
     found = np.zeros(agents + 1, np.int64)
     for _ in range(40):
-        earliest, firing = check_earliest(oscillators, found)
+        earliest = earliest_firing(oscillators)
+        assert earliest == oscillators.next_firing.min()
+        firing = found[: firing_now(oscillators, earliest, found)].tolist()
+        assert firing == np.flatnonzero(oscillators.next_firing <= earliest + SIMULTANEITY_CYCLES).tolist()
         for agent in firing if random.random() < 0.5 else ():
             set_next_firing(oscillators, agent, earliest + 1)
         for agent in random.integers(agents, size=random.integers(6)):  # some to the same instant, or to a later one
@@ -256,20 +243,13 @@ def test_the_earliest_is_the_earliest_of_all_after_any_changes_in_whatever_part_
             set_next_firing(oscillators, agent, random.choice(instants))
 
 
-CYCLES = 200_000  # whose times added up would be off by ten times more than is allowed
-
-
 @pytest.mark.parametrize(("jitter", "period_s"), [(0, 0.3), (0.1, 1.0)])
 def test_after_very_many_cycles_free_oscillators_are_where_they_should_be(jitter, period_s):
-    swarm = make_simulation(
-        4,
-        agents={"count": 4, "speed_cm_s": 12.0},
-        response={"coupling": 0},
-        clocks={"jitter": jitter, "period_s": period_s},
-    )
+    agents, clocks = {"count": 4, "speed_cm_s": 12.0}, {"jitter": jitter, "period_s": period_s}
+    swarm = make_simulation(4, agents=agents, response={"coupling": 0}, clocks=clocks)
     start, periods = swarm.phases(), swarm._arrays.period.copy()
     assert (periods == 1).all() == (not jitter)
-    for cycle in (10, 1001, CYCLES):
+    for cycle in (10, 1001, 200_000):  # whose times added up would be off by ten times more than is allowed
         swarm.run_to((cycle + 0.375) * period_s)
         turns = start + (cycle + 0.375) / periods
         assert max_phase_difference(swarm.phases(), turns % 1) < 1e-9

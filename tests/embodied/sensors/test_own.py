@@ -217,7 +217,7 @@ FAILURES = {
 
 
 @pytest.mark.parametrize("interpret", [False, True])
-@pytest.mark.parametrize(("way", "message"), enumerate(FAILURES.values()))
+@pytest.mark.parametrize(("way", "message"), [*enumerate(FAILURES.values())])
 def test_an_error_in_a_sensor_names_file_line_and_robot(files, way, message, interpret):
     lines = enumerate([*FAILURES, "readings.ground[1] = math.inf"])
     text = "\n    ".join(f"if parameters.way == {number}: {line}" for number, line in lines)
