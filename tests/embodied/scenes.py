@@ -112,7 +112,7 @@ def block_of(scene: Scene, camera=CAMERA, observer=0, infrared=INFRARED, noise_c
     """Return the robots of a scene, sorted into cells; those from `observer` on are the group."""
     arena, kind, robots = scene.arena, scene.body, len(scene.poses)
     kinds = [kind.model_copy(update={"radius_cm": radius}) for radius in scene.radii_cm.tolist()]
-    room = room_for([RobotGroup(count=1, camera=camera.section())] * robots, kinds, [arena])
+    room = room_for([RobotGroup(count=1, camera={"pixels": camera.pixels})] * robots, kinds, [arena])
     block = make_block({**room, "groups": 1, "pixels": (robots - observer) * camera.pixels, "rays": camera.pixels})
     swarm = open_block(block)
     set_bodies(swarm, kinds)

@@ -28,11 +28,10 @@ ARENA = make_arena(1000, 1000, [], [])
 starts = st.tuples(st.floats(300, 700), st.floats(300, 700), st.floats(-10, 10))
 speeds = st.floats(-LIMIT_CM_S, LIMIT_CM_S)
 differences = st.builds(lambda sign, exponent: sign * 10.0**exponent, st.sampled_from([-1, 1]), st.integers(-16, -2))
+sides = st.sampled_from([(1, 1), (1, -1), (0, 1)])
 wheels = st.one_of(
     st.tuples(speeds, speeds),
-    st.builds(
-        lambda speed, sides: (sides[0] * speed, sides[1] * speed), speeds, st.sampled_from([(1, 1), (1, -1), (0, 1)])
-    ),
+    st.builds(lambda speed, side: (side[0] * speed, side[1] * speed), speeds, sides),
     st.builds(lambda speed, difference: (0.9 * speed, 0.9 * speed + difference), speeds, differences),
 )
 gains = st.just((1.0, 1.0)) | st.tuples(st.floats(0, 2), st.floats(0, 2))
@@ -91,20 +90,17 @@ def test_wheels_never_turn_faster_than_their_limit(commands):
     np.testing.assert_array_equal(wheels_of(world), np.clip(commands, -LIMIT_CM_S, LIMIT_CM_S))
 
 
-@pytest.mark.parametrize("part", ["left_cm_s", "right_cm_s", "turn_rad"])
-def test_a_command_that_is_not_a_number_is_reported_with_its_robot(part):
-    world = world_of(np.zeros((4, 3)))
-    world.swarm.robots.actuators[part][2:] = np.nan
-    assert act(world.block) == 2
-
-
-def test_a_turn_on_the_spot_comes_before_the_arc_and_rings_are_lit_at_once():
+def test_a_turn_on_the_spot_comes_before_the_arc_rings_are_lit_at_once_and_what_is_no_number_is_told_with_its_robot():
     world = world_of([(500, 500, 1)])
     world.swarm.robots.actuators["ring_on"] = 7
     command(world, [(3, 4)], turn_rad=0.5)
     expected = arc((500, 500, 1.5), 3, 4)
     np.testing.assert_allclose(world.poses + world.velocities * 0.1, [expected], rtol=0, atol=1e-9)
     assert (world.swarm.robots.ring_on, world.swarm.robots.ring_command) == (True, True)
+    for part in ("left_cm_s", "right_cm_s", "turn_rad"):
+        world = world_of(np.zeros((4, 3)))
+        world.swarm.robots.actuators[part][2:] = np.nan
+        assert act(world.block) == 2
 
 
 def test_noise_makes_each_wheel_faster_or_slower_by_up_to_the_slip():
@@ -116,29 +112,22 @@ def test_noise_makes_each_wheel_faster_or_slower_by_up_to_the_slip():
     np.testing.assert_allclose(slipping.velocities, exact.velocities, rtol=1e-14)
 
 
-SPREADS = ("wheel_speed", "wheel_imbalance", "clock_rate", "infrared_gain")
-
-shares = st.floats(0, 0.99)
-spreads = st.fixed_dictionaries({**dict.fromkeys(SPREADS, shares), "clock_rate": st.floats(0, 0.1)})
-
-
-def block_of(robots, seed=4, step_ms=100):
+def block_of(robots, step_ms=100):
     """Return a block of robots with streams for what they differ in."""
     block = make_block({"robots": robots})
     swarm = open_block(block)
     swarm.scene[0].step_ms, swarm.scene[0].step_s = step_ms, step_ms / 1000
-    swarm.robots.variation_random = robot_streams(np.random.SeedSequence(seed), robots)
+    swarm.robots.variation_random = robot_streams(np.random.SeedSequence(4), robots)
     return block
 
 
 @settings(max_examples=30)
-@given(spreads, st.integers(1, 30))
-def test_robots_differ_as_a_slow_twin_draws_for_each_from_its_own_stream(spread, robots):
+@given(*[st.floats(0, 0.99)] * 3, st.floats(0, 0.1), st.integers(1, 30))
+def test_robots_differ_as_a_slow_twin_draws_for_each_from_its_own_stream(speed, imbalance, gain, clock, robots):
     block = block_of(robots)
     swarm = open_block(block)
-    swarm.scene[0].spread = [spread[name] for name in SPREADS]
+    swarm.scene[0].spread = speed, imbalance, clock, gain
     vary(block)
-    speed, imbalance, clock, gain = (spread[name] for name in SPREADS)
     for robot, stream in zip(swarm.robots, robot_streams(np.random.SeedSequence(4), robots), strict=True):
         drawn = np.array([2 * uniform(stream) - 1 for _ in range(12)])
         np.testing.assert_array_equal(robot.wheel_gain, (1 + speed * drawn[0]) * (1 + imbalance * drawn[1:3]))
@@ -227,15 +216,12 @@ def test_each_robot_drives_with_its_own_wheels_and_stops_where_the_two_bodies_to
     assert turned.advance(11).poses[:, 2].tolist() == pytest.approx([2 / 5.1, 2 / 2.5])
 
 
-def test_heavy_robots_push_light_ones():
+def test_heavy_robots_push_light_ones_and_the_contact_of_two_kinds_lies_between_their_surfaces():
     """Equal speeds meet at the share of the momentum: 152 and 24 g."""
     simulation = mixed(("epuck", [[20, 25, 0]], 1, {}), ("kilobot", [[30, 25, math.pi]], 1, {}))
     before, after = (simulation.advance(100).poses[:, 0].copy() for _ in range(2))
     speed = (152 - 24) / (152 + 24)
     assert (after - before) / 10 == pytest.approx([speed, speed], abs=0.01)
-
-
-def test_the_contact_of_two_kinds_lies_between_their_surfaces():
     simulation = mixed(("epuck", [[20, 25, 0]], 0, {}), ("kilobot", [[20 + 3.7 + 1.65 + 0.01, 25, 0]], 0, {}))
     poses = simulation.advance(1).poses[None].copy()
     scenario = simulation.scenario

@@ -135,8 +135,9 @@ def test_cycles_are_counted_by_what_the_reference_commands():
 
 
 def test_frozen_oscillators_keep_phase_and_ring_while_robots_move_which_stand_still_while_their_wheels_are_dead():
-    wheels = {"kind": "wheels_dead", "robots": [0], "at_s": 1, "until_s": 2}
-    shown = steps_of({"faults": [{"kind": "oscillator_frozen", "at_s": 2, "until_s": 8}, wheels]}, 120)
+    apart, wheels = [[15, 15, 0], [15, 45, 0]], {"kind": "wheels_dead", "robots": [0], "at_s": 1, "until_s": 2}
+    faults = [{"kind": "oscillator_frozen", "at_s": 2, "until_s": 8}, wheels]
+    shown = steps_of({"robots": [{"poses": apart}], "faults": faults}, 120)
     frozen = slice(19, 80)
     assert np.ptp(shown["phase_ms"][frozen], axis=0).max() == 0
     assert (shown["ring_on"][frozen] == shown["ring_on"][19]).all()

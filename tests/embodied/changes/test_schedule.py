@@ -75,10 +75,8 @@ def test_faults_that_entries_begin_and_end_at_once_are_as_the_last_entry_says(be
 
 def test_a_scheduled_restart_happens_once():
     faults = [{"kind": "restart", "scheduled": True}]
-    ideal, anew = (
-        steps_of({**APART, "faults": faults, "schedule": schedule}, 30, 1)["phase_ms"]
-        for schedule in ([], [{"at_s": 1, "begin": [0]}])
-    )
+    scenario, schedules = {**APART, "faults": faults}, ([], [{"at_s": 1, "begin": [0]}])
+    ideal, anew = (steps_of({**scenario, "schedule": each}, 30, 1)["phase_ms"] for each in schedules)
     assert ideal[:10].tobytes() == anew[:10].tobytes()
     assert (ideal[10] != anew[10]).all()
     assert np.isin(np.diff(anew[10:25], axis=0), [100]).mean() > 0.8
@@ -160,15 +158,6 @@ def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_sa
     assert (robots.x[5], robots.y[5], robots.heading[5]) == free
 
 
-def quiet(groups, **others):
-    """Return a scenario without noise, and groups of robots with these numbers among `POSES`."""
-    robots = [
-        {"poses": [POSES[robot] for robot in group], "memory": {"phase_ms": [700 * robot for robot in group]}}
-        for group in groups
-    ]
-    return {"robots": robots, "noise": "off", **others}
-
-
 @pytest.mark.parametrize(
     ("signal", "faults", "movables"),
     [
@@ -180,13 +169,15 @@ def quiet(groups, **others):
 )
 def test_who_is_out_is_as_if_it_did_not_exist(signal, faults, movables):
     def shown(groups, schedule=()):
-        given = quiet(groups, faults=faults, arena={"movables": movables}, schedule=schedule)
-        for number, group in enumerate(given["robots"]):
-            group |= {"signal": signal, "present": number < 2}
-        return steps_of(given, 60, 1)  # more than a period, in which each ring flashes
+        robots = []
+        for number, (first, end) in enumerate(groups):
+            memory = {"phase_ms": [*range(700 * first, 700 * end, 700)]}
+            robots.append({"poses": POSES[first:end], "memory": memory, "signal": signal, "present": number < 2})
+        given = {"robots": robots, "noise": "off", "arena": {"movables": movables}, "faults": faults}
+        return steps_of({**given, "schedule": schedule}, 60, 1)  # more than a period, in which each ring flashes
 
-    expected = shown([[0, 1, 2], [3]])
-    removed, absent = shown([[0, 1, 2], [3, 4, 5]], [{"at_s": 0, "remove": [4, 5]}]), shown([[0, 1, 2], [3], [4, 5]])
+    expected = shown([(0, 3), (3, 4)])
+    removed, absent = shown([(0, 3), (3, 6)], [{"at_s": 0, "remove": [4, 5]}]), shown([(0, 3), (3, 4), (4, 6)])
     for found in (removed, absent):
         for name, values in expected.items():
             assert found[name][:, :4].tobytes() == values.tobytes(), name
@@ -198,9 +189,9 @@ def test_who_is_out_is_as_if_it_did_not_exist(signal, faults, movables):
 
 
 def test_order_counts_those_present():
-    given = quiet([[0, 1, 2, 3, 4, 5]], stop={"order_parameter": 0.95, "max_cycles": 5})
-    given["robots"][0]["memory"] = {"phase_ms": [0, 0, 2500, 2500, 1250, 3750]}
-    given["robots"][0]["parameters"] = {"speed_cm_s": 0, "coupling": 1e-6}
+    memory, still = {"phase_ms": [0, 0, 2500, 2500, 1250, 3750]}, {"speed_cm_s": 0, "coupling": 1e-6}
+    robots, stop = {"poses": POSES, "memory": memory, "parameters": still}, {"order_parameter": 0.95, "max_cycles": 5}
+    given = {"robots": [robots], "noise": "off", "stop": stop}
 
     def after(*removed):
         return run_trial(Simulation({**given, "schedule": [{"at_s": 1, "remove": removed}] if removed else []}, 1))
@@ -291,10 +282,8 @@ def test_a_body_within_a_new_wall_ends_the_trial():
         simulation.advance(1)
     movables = {"movables": [{"x_cm": 50, "y_cm": 50, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]}
     touching = [{"at_s": 1, "set": {"arena.width_cm": width}} for width in (53, 52.8)]
-    free, blocked = (
-        Simulation({"arena": movables, "robots": [{"poses": [[10, 10, 0]]}], "schedule": [entry]}, 3)
-        for entry in touching
-    )
+    apart = {"arena": movables, "robots": [{"poses": [[10, 10, 0]]}]}
+    free, blocked = (Simulation({**apart, "schedule": [entry]}, 3) for entry in touching)
     free.advance(12)
     with pytest.raises(ScenarioError, match=r"movable 0 at \[50, 50\] would be 0\.2 cm"):
         blocked.advance(12)
