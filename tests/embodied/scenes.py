@@ -24,6 +24,7 @@ from epuck_sim.scenario.robots import CameraSection, InfraredSection, RobotGroup
 
 RADIUS_CM = 3.7
 EDGE_CM = 1e-9
+SEEDS = st.integers(0, 2**32 - 1)
 
 SENSORS = np.array(
     [
@@ -147,7 +148,7 @@ def empty_arena(width_cm: float = 200.0, height_cm: float = 200.0) -> Arena:
 
 
 @st.composite
-def scenes(draw: st.DrawFn, robots=(1, 2, 3, 10, 60), bodies=(E_PUCK,)) -> Scene:
+def any_scenes(draw: st.DrawFn, robots=(1, 2, 3, 10, 60), bodies=(E_PUCK,)) -> Scene:
     """Robots that do not overlap, some in contact, in corners or at walls, among obstacles of every kind."""
     count = draw(st.sampled_from(robots))
     body = draw(st.sampled_from(bodies))

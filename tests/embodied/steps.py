@@ -26,13 +26,11 @@ def constant(poses, speed_cm_s=0.0, **parameters):
 
 def kept(simulation, count):
     """Return the next `count` steps with arrays of their own."""
-    return [
-        step._replace(
-            **{name: value.copy() for name, value in step._asdict().items() if isinstance(value, np.ndarray)},
-            memories=tuple(memory.copy() for memory in step.memories),
-        )
-        for step in islice(simulation, count)
-    ]
+    steps = []
+    for step in islice(simulation, count):
+        arrays = {name: value.copy() for name, value in step._asdict().items() if isinstance(value, np.ndarray)}
+        steps.append(step._replace(**arrays, memories=tuple(memory.copy() for memory in step.memories)))
+    return steps
 
 
 def bits(step):
@@ -129,18 +127,16 @@ def coming_and_going(signal):
     }
 
 
-AMONG_MOVABLES = {
-    "robots": [{"poses": [[10, 10, 0.3], [20, 15, 2], [30, 12, 3], [45, 45, 1]]}],
-    "noise": "off",
-    "arena": {"movables": MOVABLES},
-    "schedule": [{"at_s": 2, "remove": [1, 2]}, {"at_s": 4, "add": [1], "set": {"arena.width_cm": 61}}],
-}
-
 CHANGING = {
     "faulty": FAULTY,
     "scheduled": SCHEDULED,
     "rebuilt": REBUILT,
-    "among movables": AMONG_MOVABLES,
+    "among movables": {
+        "robots": [{"poses": [[10, 10, 0.3], [20, 15, 2], [30, 12, 3], [45, 45, 1]]}],
+        "noise": "off",
+        "arena": {"movables": MOVABLES},
+        "schedule": [{"at_s": 2, "remove": [1, 2]}, {"at_s": 4, "add": [1], "set": {"arena.width_cm": 61}}],
+    },
     **{f"by signal {number}": coming_and_going(signal) for number, signal in enumerate(SIGNALS)},
 }
 """Scenarios in which something changes within six seconds."""

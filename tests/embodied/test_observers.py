@@ -16,7 +16,7 @@ from epuck_sim.embodied.observers import find_contacts, find_sightings, make_sce
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import RobotGroup
-from tests.embodied.scenes import EDGE_CM, RADIUS_CM, CameraSettings, Scene, camera_settings, rows, scenes, slow_pixels
+from tests.embodied import scenes
 
 
 def sightings(poses, arena, camera, first=0, observers=None) -> list[list[int]]:
@@ -32,15 +32,15 @@ def test_sightings_are_those_of_the_slow_twin_and_a_camera_sees_red_where_one_of
     tally = Counter()
 
     @settings(max_examples=25)
-    @given(scenes(robots=(2, 3, 10, 40)), camera_settings(), st.integers(0, 2**32 - 1))
-    def compare(scene: Scene, camera: CameraSettings, seed: int) -> None:
+    @given(scenes.any_scenes(robots=(2, 3, 10, 40)), scenes.camera_settings(), scenes.SEEDS)
+    def compare(scene: scenes.Scene, camera: scenes.CameraSettings, seed: int) -> None:
         lit = np.random.default_rng(seed).random(len(scene.poses)) < 0.3
-        red = rows(Scene(scene.poses, lit, scene.arena), camera).any(axis=1)
+        red = scenes.rows(scenes.Scene(scene.poses, lit, scene.arena), camera).any(axis=1)
         found = sightings(scene.poses[None], scene.arena, camera)
         assert all(step == 0 for step, _, _ in found)
         assert [observer for _, observer, _ in found] == sorted(observer for _, observer, _ in found)
         for robot in range(len(scene.poses)):
-            twin = slow_pixels(scene, camera, robot)
+            twin = scenes.slow_pixels(scene, camera, robot)
             if twin.doubtful.any():
                 continue
             expected = list(dict.fromkeys(twin.shown[twin.shown >= 0].tolist()))  # each where it first appears
@@ -56,7 +56,7 @@ def test_sightings_are_those_of_the_slow_twin_and_a_camera_sees_red_where_one_of
 
 
 @settings(max_examples=20)
-@given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+@given(scenes.any_scenes(robots=(2, 10, 60)), scenes.camera_settings(), scenes.SEEDS)
 def test_steps_at_once_are_one_after_the_other_and_observers_are_those_of_the_group(scene, camera, seed) -> None:
     random = np.random.default_rng(seed)
     poses = np.array([random.permutation(scene.poses) for _ in range(5)])
@@ -88,17 +88,17 @@ def slow_contacts(poses: FloatArray, arena: Arena) -> tuple[FloatArray, BoolArra
     for step, places in enumerate(poses[..., :2]):
         for robot, place in enumerate(places):
             for other in places[:robot]:
-                gap = np.hypot(*(other - place)) - 2 * RADIUS_CM
+                gap = np.hypot(*(other - place)) - 2 * scenes.RADIUS_CM
                 found.append((gap, step, *(place + other) / 2))
             near = [(0, place[1]), (arena.width_cm, place[1]), (place[0], 0), (place[0], arena.height_cm)]
             for x, y, radius in arena.circles:
                 away = math.atan2(place[1] - y, place[0] - x)
                 near.append((x + radius * math.cos(away), y + radius * math.sin(away)))
             near += [nearest_on_outline(corners, place) for corners in arena.polygons]
-            found += [(math.hypot(x - place[0], y - place[1]) - RADIUS_CM, step, x, y) for x, y in near]
+            found += [(math.hypot(x - place[0], y - place[1]) - scenes.RADIUS_CM, step, x, y) for x, y in near]
     gaps, points = np.split(np.array(found), [1], axis=1)
-    close = gaps[:, 0] < GAP_CM + EDGE_CM
-    return points[close], gaps[close, 0] > GAP_CM - EDGE_CM
+    close = gaps[:, 0] < GAP_CM + scenes.EDGE_CM
+    return points[close], gaps[close, 0] > GAP_CM - scenes.EDGE_CM
 
 
 def nearest_on_outline(corners: FloatArray, place: FloatArray) -> tuple[float, float]:
@@ -119,7 +119,7 @@ def beside(corners: FloatArray, random: np.random.Generator) -> FloatArray:
     normals = np.array([(along[1], -along[0]) / np.hypot(*along) for along in (here - before, after - here)])
     share, mixture = random.choice([(0.0, random.random()), (random.random(), 0.0)])
     outward = mixture * normals[0] + (1 - mixture) * normals[1]
-    apart = RADIUS_CM + random.uniform(-0.1, 0.3)
+    apart = scenes.RADIUS_CM + random.uniform(-0.1, 0.3)
     return here + share * (after - here) + apart * outward / np.hypot(*outward)
 
 
@@ -131,15 +131,15 @@ def number_at(places: FloatArray, points: FloatArray) -> IntArray:
 @st.composite
 def crowds(draw: st.DrawFn) -> tuple[FloatArray, Arena]:
     """Several steps of robots of which many stand at the brink of touching each other, a wall or an obstacle."""
-    scene: Scene = draw(scenes(robots=(1, 2, 10, 30)))
+    scene: scenes.Scene = draw(scenes.any_scenes(robots=(1, 2, 10, 30)))
     steps = draw(st.integers(1, 3))
-    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    random = np.random.default_rng(draw(scenes.SEEDS))
     poses = np.array([random.permutation(scene.poses) for _ in range(steps)])
     poses[..., :2] += random.choice([0.0, 0.02, 0.15]) * random.uniform(-1, 1, poses[..., :2].shape)
     for pose in poses.reshape(-1, 3)[:: random.integers(1, 5)]:
         if scene.arena.polygons:
             place = beside(scene.arena.polygons[random.integers(len(scene.arena.polygons))], random)
-            if clearance_cm(scene.arena, *place) > 0.9 * RADIUS_CM:
+            if clearance_cm(scene.arena, *place) > 0.9 * scenes.RADIUS_CM:
                 pose[:2] = place
     return poses, scene.arena
 

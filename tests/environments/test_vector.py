@@ -6,16 +6,9 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium import wrappers
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers import (
-    FlattenObservation,
-    FrameStackObservation,
-    NormalizeObservation,
-    RecordEpisodeStatistics,
-    TimeLimit,
-)
-from gymnasium.wrappers.vector import RecordEpisodeStatistics as RecordSwarms
 from matplotlib import pyplot
 
 from epuck_sim import ControllerError, ScenarioError, Simulation
@@ -186,8 +179,10 @@ def test_it_does_what_the_agent_of_a_swarm_does_to_the_bit():
 
 def test_wrappers_that_people_use_work():
     wrapped = gymnasium.make(ROBOT_ENV, max_episode_steps=12, reward="coverage", render_mode="rgb_array")
-    assert isinstance(wrapped, TimeLimit)
-    wrapped = RecordEpisodeStatistics(FrameStackObservation(NormalizeObservation(FlattenObservation(wrapped)), 4))
+    assert isinstance(wrapped, wrappers.TimeLimit)
+    wrapped = wrappers.RecordEpisodeStatistics(
+        wrappers.FrameStackObservation(wrappers.NormalizeObservation(wrappers.FlattenObservation(wrapped)), 4)
+    )
     observation, _ = wrapped.reset(seed=1)
     assert wrapped.observation_space.contains(observation)
     total = 0.0
@@ -200,7 +195,7 @@ def test_wrappers_that_people_use_work():
     assert infos["episode"]["r"] == pytest.approx(total)
     assert wrapped.render().shape == (480, 480, 3)
     wrapped.close()
-    batch = RecordSwarms(vector_env(SWARM, 2, seed=1, actions="discrete", episode_s=1.0))
+    batch = wrappers.vector.RecordEpisodeStatistics(vector_env(SWARM, 2, seed=1, actions="discrete", episode_s=1.0))
     batch.reset(seed=1)
     for _ in range(10):
         *_, truncated, infos = batch.step(batch.action_space.sample())

@@ -9,49 +9,33 @@ from epuck_sim.embodied.bodies.contacts import SLOP_CM
 from epuck_sim.embodied.bodies.shapes import make_bodies
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.observers import make_scene
-from epuck_sim.embodied.swarm import offset_of, open_block, poses_of
+from epuck_sim.embodied.swarm import offset_of, poses_of
 from epuck_sim.scenario.embodied import ContactSection
 from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import RobotGroup
 
 
-def block_of(robots: int, arena: Arena, physics_hz: int):
-    """Return a block with robots at the origin of an arena, and with ten physics steps in a control step."""
-    groups = [RobotGroup(signal={"kind": "radio"}, count=1)] * robots
-    _, block, swarm = make_scene(groups, [EPUCK] * robots, arena)
-    scene = swarm.scene[0]
-    scene.physics_steps, scene.physics_s, scene.touch = 10, 1.0 / physics_hz, True
-    swarm.robots.present, swarm.robots.wheel_gain = True, 1.0
-    return block
-
-
 class MovedWorld:
-    """A world with robots at given places, for any number of physics steps at a time."""
+    """A world with robots at given places, for any number of physics steps at a time.
+
+    Poses and velocities are (robots, 3) cm, cm, rad, and as much in a second: in place.
+    """
 
     def __init__(self, arena: Arena, poses, friction: float = 0.0, physics_hz: int = 100, **how: object) -> None:
-        """Begin a trial; how: further fields of `ContactSection`."""
-        places = np.array(poses, float)
-        self.block = block_of(len(places), arena, physics_hz)
-        self.swarm = open_block(self.block)
-        self.world = World([arena], [EPUCK] * len(places), ContactSection(friction=friction, **how))
+        """Begin a trial with ten physics steps in a control step; how: further fields of `ContactSection`."""
+        places, kinds = np.array(poses, float), [EPUCK] * len(poses)
+        _, self.block, self.swarm = make_scene(
+            [RobotGroup(signal={"kind": "radio"}, count=1)] * len(poses), kinds, arena
+        )
+        scene, robots = self.swarm.scene[0], self.swarm.robots
+        scene.physics_steps, scene.physics_s, scene.touch = 10, 1.0 / physics_hz, True
+        robots.present, robots.wheel_gain = True, 1.0
+        self.world = World([arena], kinds, ContactSection(friction=friction, **how))
         self.world.use(self.block, self.swarm, np.array(self.world.addresses()))
+        self.poses, self.is_in_space = poses_of(robots), robots.in_space
+        self.velocities = np.ndarray((len(robots), 3), np.float64, robots, offset_of("vx"), (robots.strides[0], 8))
         self.poses[:] = places
         self.world.place()
-
-    @property
-    def poses(self) -> FloatArray:
-        """(robots, 3) cm, cm, rad: in place."""
-        return poses_of(self.swarm.robots)
-
-    @property
-    def velocities(self) -> FloatArray:
-        """(robots, 3) cm/s, cm/s, rad/s: in place."""
-        robots = self.swarm.robots
-        return np.ndarray((len(robots), 3), np.float64, robots, offset_of("vx"), (robots.strides[0], 8))
-
-    @property
-    def is_in_space(self):
-        return self.swarm.robots.in_space
 
     def advance(self, steps: int = 10) -> None:
         """Move the bodies for this number of physics steps with the velocities that were written."""

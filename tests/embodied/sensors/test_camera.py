@@ -16,24 +16,11 @@ from epuck_sim.util.jit import jit_no_alloc
 from epuck_sim.util.native import address_of
 from epuck_sim.util.rng import uniform
 from epuck_sim.util.seeds import robot_streams
-from tests.embodied.scenes import (
-    ADDRESSES,
-    BODIES,
-    RADIUS_CM,
-    CameraSettings,
-    Scene,
-    block_of,
-    camera_settings,
-    empty_arena,
-    rows,
-    scenes,
-    slow_rows,
-)
+from tests.embodied import scenes
 from tests.embodied.steps import steps_of
 
-SEEDS = st.integers(0, 2**32 - 1)
 MIRRORED_CM = st.sampled_from([0.0, 0.0, 10_000.0, 15.0, 40.0])
-ONE_PIXEL = CameraSettings(1, 56.0, 1)
+ONE_PIXEL = scenes.CameraSettings(1, 56.0, 1)
 
 
 def test_of_two_robots_as_near_the_lit_one_is_seen():
@@ -42,8 +29,10 @@ def test_of_two_robots_as_near_the_lit_one_is_seen():
     behind = [(10.0 + 8 * place, 10.0, 0.0) for place in range(10)]  # where many are lit, all are looked at alike
     for lit in ([False, True, False], [False, False, True]):
         for others in ([], behind):
-            scene = Scene(np.array([*robots, *others]), np.array([*lit, *[True] * len(others)]), empty_arena())
-            assert rows(scene, ONE_PIXEL)[0] == [1]
+            scene = scenes.Scene(
+                np.array([*robots, *others]), np.array([*lit, *[True] * len(others)]), scenes.empty_arena()
+            )
+            assert scenes.rows(scene, ONE_PIXEL)[0] == [1]
 
 
 @pytest.mark.parametrize("quarter", range(4))
@@ -51,7 +40,7 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
     # the one pixel's ray has the far robot on its right side, and the near one, beyond the next border, on its left
     nose, ahead, right = np.array([(110, 119), (0.5, 0.75**0.5), (0.75**0.5, -0.5)])
     places = np.array(
-        [nose - RADIUS_CM * ahead, nose + 25.15 * ahead + 3.6 * right, nose + 23.35 * ahead - 3.6 * right]
+        [nose - scenes.RADIUS_CM * ahead, nose + 25.15 * ahead + 3.6 * right, nose + 23.35 * ahead - 3.6 * right]
     )
     for _ in range(quarter):
         places = np.column_stack([200 - places[:, 1], places[:, 0]])
@@ -59,10 +48,10 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
     parked = np.repeat([(-5e5, -5e5, 0.0)], 97, axis=0)
     for near_is_lit in (False, True):
         lit = np.array([False, not near_is_lit, near_is_lit])
-        scene = Scene(np.vstack([poses, parked]), np.append(lit, np.zeros(97, bool)), empty_arena())
-        block = block_of(scene, ONE_PIXEL)
+        scene = scenes.Scene(np.vstack([poses, parked]), np.append(lit, np.zeros(97, bool)), scenes.empty_arena())
+        block = scenes.block_of(scene, ONE_PIXEL)
         assert block.swarm.scene[0].columns == block.swarm.scene[0].rows == 10  # cells are 20 cm wide
-        look(block.bytes, ADDRESSES, 0)
+        look(block.bytes, scenes.ADDRESSES, 0)
         assert block.swarm.pixels[0] == near_is_lit
 
 
@@ -70,15 +59,17 @@ def test_rows_are_those_of_the_slow_twin_with_and_without_what_walls_mirror():
     tally = Counter()
 
     @settings(max_examples=40)
-    @given(scenes(robots=(1, 2, 3, 10, 60, 200), bodies=BODIES), camera_settings(), MIRRORED_CM, SEEDS)
+    @given(
+        scenes.any_scenes((1, 2, 3, 10, 60, 200), scenes.BODIES), scenes.camera_settings(), MIRRORED_CM, scenes.SEEDS
+    )
     def compare(scene, camera, mirrored_cm, seed):
         random = np.random.default_rng(seed)
         if random.random() < 0.5 and not mirrored_cm:  # robots that push each other overlap
             scene = scene._replace(poses=scene.poses + random.uniform(-0.05, 0.05, scene.poses.shape))
         every = 1 + len(scene.poses) // 16  # of 60 robots the twin does 15
-        direct, camera = rows(scene, camera), camera._replace(reflection_range_cm=mirrored_cm)
-        expected, doubtful = slow_rows(scene, camera, every)
-        found = rows(scene, camera)
+        direct, camera = scenes.rows(scene, camera), camera._replace(reflection_range_cm=mirrored_cm)
+        expected, doubtful = scenes.slow_rows(scene, camera, every)
+        found = scenes.rows(scene, camera)
         np.testing.assert_array_equal(found[::every][~doubtful], expected[~doubtful])
         assert (found >= direct).all()
         mirrored = (found > direct)[::every]
@@ -99,27 +90,27 @@ def hide_every_third(block: ByteArray, addresses: IntArray, robot: int) -> None:
 
 
 @settings(max_examples=12)
-@given(scenes(robots=(3, 10, 30)), camera_settings())
+@given(scenes.any_scenes(robots=(3, 10, 30)), scenes.camera_settings())
 def test_rings_that_faults_hide_from_a_robot_are_dark_to_it_alone(scene, camera):
-    addresses = ADDRESSES.copy()
+    addresses = scenes.ADDRESSES.copy()
     addresses[HIDE] = address_of(hide_every_third)
-    block = block_of(scene, camera)
+    block = scenes.block_of(scene, camera)
     block.swarm.scene[0].hides_flashes = True
     look(block.bytes, addresses, 0)
     numbers = np.arange(len(scene.poses))
     for robot in range(0, len(scene.poses), 7):
         visible = scene._replace(lit=scene.lit & ((robot + numbers) % 3 > 0))
         found = block.swarm.pixels.reshape(-1, camera.pixels)[robot]
-        np.testing.assert_array_equal(found, rows(visible, camera)[robot])
+        np.testing.assert_array_equal(found, scenes.rows(visible, camera)[robot])
 
 
 @pytest.mark.parametrize("beyond_cm", [0.0, 0.03])
 @pytest.mark.parametrize("others_are_lit", [False, True])
 def test_a_robot_that_presses_its_nose_against_a_wall_sees_its_own_ring_at_most(beyond_cm, others_are_lit):
-    poses = np.array([(200 - RADIUS_CM + beyond_cm, 100.0, 0.0), (150.0, 100.0, 0.0), (170.0, 120.0, 0.0)])
+    poses = np.array([(200 - scenes.RADIUS_CM + beyond_cm, 100.0, 0.0), (150.0, 100.0, 0.0), (170.0, 120.0, 0.0)])
     for own in (False, True):
-        scene = Scene(poses, np.array([own, others_are_lit, others_are_lit]), empty_arena())
-        assert rows(scene, CameraSettings(reflection_range_cm=10_000.0))[0].tolist() == [int(own)] * 60
+        scene = scenes.Scene(poses, np.array([own, others_are_lit, others_are_lit]), scenes.empty_arena())
+        assert scenes.rows(scene, scenes.CameraSettings(reflection_range_cm=10_000.0))[0].tolist() == [int(own)] * 60
 
 
 def facing_a_wall(range_cm=200, **keys):

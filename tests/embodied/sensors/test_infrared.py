@@ -19,17 +19,7 @@ from epuck_sim.embodied.sensors.infrared import (
 from epuck_sim.embodied.swarm import INFRARED
 from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import InfraredSection
-from tests.embodied.scenes import (
-    ADDRESSES,
-    BODIES,
-    SENSORS,
-    Scene,
-    block_of,
-    empty_arena,
-    readings,
-    scenes,
-    slow_readings,
-)
+from tests.embodied import scenes
 
 NOTHING_MM = 65535
 E_PUCKS = np.zeros(1, INFRARED).view(np.recarray)[0]
@@ -39,12 +29,12 @@ set_infrared(E_PUCKS, EPUCK, InfraredSection(), 0.0)
 
 
 def sensed(poses, arena, by_table=False, noise_counts=0.0, noise=0.0, gain=1.0):
-    scene = Scene(np.array(poses), np.zeros(len(poses), bool), arena)
+    scene = scenes.Scene(np.array(poses), np.zeros(len(poses), bool), arena)
     infrared = InfraredSection(distance="firmware_table" if by_table else "inverse_response")
-    block = block_of(scene, infrared=infrared, noise_counts=noise_counts)
+    block = scenes.block_of(scene, infrared=infrared, noise_counts=noise_counts)
     robots = block.swarm.robots
     robots.infrared_noise, robots.infrared_gain = noise, gain
-    sense_infrared(block.bytes, ADDRESSES, 0)
+    sense_infrared(block.bytes, scenes.ADDRESSES, 0)
     return robots.sensors.infrared, robots.sensors.distance_mm
 
 
@@ -72,7 +62,7 @@ def test_the_response_peaks_nearer_than_3_mm_and_ends_after_12_cm_the_table_at_2
     assert firmware_table_mm(math.nextafter(29.0, 0.0)) == firmware_table_mm(0.0) == NOTHING_MM
     assert firmware_table_mm(5000.0) == 0
     found = np.column_stack([epuck.INFRARED_POSITIONS_CM, epuck.INFRARED_DIRECTIONS_DEG])
-    np.testing.assert_array_equal(found, SENSORS)
+    np.testing.assert_array_equal(found, scenes.SENSORS)
     assert epuck.INFRARED_RANGE_CM == 12
 
 
@@ -86,19 +76,19 @@ def test_the_firmware_s_table_is_linear_between_its_entries(reading):
 
 @pytest.mark.parametrize("by_table", [False, True])
 def test_a_wall_at_exactly_12_cm_is_in_range_and_a_hair_further_is_not(by_table):
-    at_range, beyond = (sensed([(50.0, y, 0.0)], empty_arena(100, 30.6), by_table) for y in (15.3, 15.3 - 1e-9))
+    at_range, beyond = (sensed([(50.0, y, 0.0)], scenes.empty_arena(100, 30.6), by_table) for y in (15.3, 15.3 - 1e-9))
     assert at_range[0][0, 5] == response(12.0) > 16
     assert at_range[1][0, 5] in ({NOTHING_MM} if by_table else {119, 120})
     assert (beyond[0][0, 5], beyond[1][0, 5]) == (0.0, NOTHING_MM)
 
 
 @settings(max_examples=25)
-@given(scenes(robots=(2, 10)), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 10.0, 3000.0]), st.booleans())
+@given(scenes.any_scenes(robots=(2, 10)), scenes.SEEDS, st.sampled_from([0.0, 10.0, 3000.0]), st.booleans())
 def test_readings_are_amplified_and_noisy_within_0_and_the_peak_and_distances_are_theirs(scene, seed, noise, by_table):
     random = np.random.default_rng(seed)
     gain, normal = random.uniform(0.5, 1.5, (len(scene.poses), 8)), random.standard_normal((len(scene.poses), 8))
     counts, mm = sensed(scene.poses, scene.arena, by_table, noise, normal, gain)
-    np.testing.assert_array_equal(counts, np.clip(readings(scene) * gain + noise * normal, 0, 3731))
+    np.testing.assert_array_equal(counts, np.clip(scenes.readings(scene) * gain + noise * normal, 0, 3731))
     for reading, found in zip(counts.ravel(), mm.ravel(), strict=True):
         if by_table or reading >= response(12.0):
             assert found == (firmware_table_mm(reading) if by_table else distance_mm(reading))
@@ -110,10 +100,10 @@ def test_readings_are_those_of_the_slow_twin():
     tally = Counter()
 
     @settings(max_examples=15)
-    @given(scenes(robots=(1, 2, 3, 10, 60, 300), bodies=BODIES))
+    @given(scenes.any_scenes(robots=(1, 2, 3, 10, 60, 300), bodies=scenes.BODIES))
     def compare(scene):
-        expected, doubtful = slow_readings(scene)
-        fast = readings(scene)
+        expected, doubtful = scenes.slow_readings(scene)
+        fast = scenes.readings(scene)
         np.testing.assert_allclose(fast[~doubtful], expected[~doubtful], rtol=1e-9, atol=1e-9 * 4500)
         tally.update(sensors=doubtful.size, doubtful=doubtful.sum(), reading=(expected > 0).sum())
 

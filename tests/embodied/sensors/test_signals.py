@@ -14,19 +14,7 @@ from epuck_sim.embodied.observers import write_sightings
 from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, set_cone
 from epuck_sim.scenario.robots import ConeSection, EnkiCameraSignal
 from tests.control.bench import with_step
-from tests.embodied.scenes import (
-    ADDRESSES,
-    BODIES,
-    EDGE_CM,
-    Block,
-    CameraSettings,
-    Scene,
-    block_of,
-    cast_on_discs,
-    cast_on_segments,
-    directions_of,
-    scenes,
-)
+from tests.embodied import scenes
 from tests.embodied.steps import constant
 
 cones = st.builds(
@@ -37,15 +25,15 @@ cones = st.builds(
 )
 
 
-def with_cone(scene: Scene, section: ConeSection, occlusion: bool, observer: int = 0) -> Block:
-    block = block_of(scene, CameraSettings(1, 56.0, 1), observer)
+def with_cone(scene: scenes.Scene, section: ConeSection, occlusion: bool, observer: int = 0) -> scenes.Block:
+    block = scenes.block_of(scene, scenes.CameraSettings(1, 56.0, 1), observer)
     cone = block.swarm.groups[0].cone
     set_cone(cone, section, scene.body.camera_forward_cm)
     cone.occlusion = occlusion
     return block
 
 
-def pairs(scene: Scene, section: ConeSection, occlusion: bool) -> BoolArray:
+def pairs(scene: scenes.Scene, section: ConeSection, occlusion: bool) -> BoolArray:
     """Return (robots, robots) whether the first perceives the ring of the second."""
     robots = len(scene.poses)
     found, seen = np.zeros((robots**2, 3), np.int64), np.zeros((robots, robots), bool)
@@ -56,7 +44,7 @@ def pairs(scene: Scene, section: ConeSection, occlusion: bool) -> BoolArray:
     return seen
 
 
-def slow_cone(scene: Scene, section: ConeSection) -> tuple[BoolArray, BoolArray]:
+def slow_cone(scene: scenes.Scene, section: ConeSection) -> tuple[BoolArray, BoolArray]:
     """Return (robots, robots) whether the first receives from the second, and whether rounding may reverse that."""
     offset = scene.poses[None, :, :2] - scene.poses[:, None, :2]
     distance = np.hypot(offset[..., 0], offset[..., 1])
@@ -67,10 +55,10 @@ def slow_cone(scene: Scene, section: ConeSection) -> tuple[BoolArray, BoolArray]
     reach = math.inf if section.range_cm is None else section.range_cm
     inside = (distance <= reach) & (off <= section.angle_deg / 2)
     on_edge = (np.abs(off - section.angle_deg / 2) < 1e-6) & (section.angle_deg < 360)
-    return inside & ~np.eye(len(headings), dtype=bool), on_edge | (np.abs(distance - reach) < EDGE_CM)
+    return inside & ~np.eye(len(headings), dtype=bool), on_edge | (np.abs(distance - reach) < scenes.EDGE_CM)
 
 
-def slow_hidden(scene: Scene) -> tuple[BoolArray, BoolArray]:
+def slow_hidden(scene: scenes.Scene) -> tuple[BoolArray, BoolArray]:
     """Return (robots, robots) whether something is between the two, and whether rounding may reverse that."""
     robots = len(scene.poses)
     hidden, doubtful = np.zeros((2, robots, robots), bool)
@@ -80,16 +68,16 @@ def slow_hidden(scene: Scene) -> tuple[BoolArray, BoolArray]:
         length = np.hypot(*way)
         ray = bodies[[one], :2], way[None] / length
         discs = np.vstack([np.delete(bodies, [one, other], axis=0), scene.arena.circles])
-        to_discs, by_disc = cast_on_discs(*ray, discs)
-        to_edges, by_edge = cast_on_segments(*ray, scene.arena.edges)
+        to_discs, by_disc = scenes.cast_on_discs(*ray, discs)
+        to_edges, by_edge = scenes.cast_on_segments(*ray, scene.arena.edges)
         depths = np.hstack([to_discs, to_edges])
         hidden[one, other] = (depths < length).any()
-        doubtful[one, other] = np.hstack([by_disc, by_edge, np.abs(depths - length) < EDGE_CM]).any()
+        doubtful[one, other] = np.hstack([by_disc, by_edge, np.abs(depths - length) < scenes.EDGE_CM]).any()
     return hidden, doubtful
 
 
 @settings(max_examples=60)
-@given(scenes(robots=(1, 2, 3, 10)), cones, st.booleans())
+@given(scenes.any_scenes(robots=(1, 2, 3, 10)), cones, st.booleans())
 def test_who_perceives_whom_is_as_angles_distances_and_what_is_between_the_centres_say(scene, section, occlusion):
     expected, doubtful = slow_cone(scene, section)
     if occlusion:
@@ -100,11 +88,11 @@ def test_who_perceives_whom_is_as_angles_distances_and_what_is_between_the_centr
 
 
 @settings(max_examples=40)
-@given(scenes(robots=(2, 10, 40)), cones, st.booleans(), st.integers(0, 3))
+@given(scenes.any_scenes(robots=(2, 10, 40)), cones, st.booleans(), st.integers(0, 3))
 def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, occlusion, observer):
     assume(observer < len(scene.poses))
     block = with_cone(scene, section, occlusion, observer)
-    perceive_flashes(block.bytes, ADDRESSES, 0)
+    perceive_flashes(block.bytes, scenes.ADDRESSES, 0)
     expected = pairs(scene, section, occlusion)[observer:, scene.lit].any(axis=1)
     np.testing.assert_array_equal(block.swarm.pixels, expected)
 
@@ -143,26 +131,27 @@ def slow_camera(scene, section, occlusion, observers) -> tuple[BoolArray, BoolAr
     reach = math.inf if section.range_cm is None else section.range_cm
     for row, one in enumerate(looking):
         centre, heading = scene.poses[one, :2], scene.poses[one, 2]
-        x, y = centre + scene.body.camera_forward_cm * directions_of(heading)
+        x, y = centre + scene.body.camera_forward_cm * scenes.directions_of(heading)
         away = np.hypot(discs[:, 0] - x, discs[:, 1] - y)
         covers = offsets(np.arctan2(discs[:, 1] - y, discs[:, 0] - x)) <= np.arctan(discs[:, 2] / away)
-        edge_depths, _ = cast_on_segments(np.tile((x, y), (RAYS, 1)), directions_of(ANGLES), scene.arena.edges)
+        rays = np.tile((x, y), (RAYS, 1)), scenes.directions_of(ANGLES)
+        edge_depths, _ = scenes.cast_on_segments(*rays, scene.arena.edges)
         view = offsets(np.array([heading])) <= math.radians(section.angle_deg / 2) + 1e-12
         for other in range(robots):
             gap = math.hypot(*(discs[other, :2] - centre)) - discs[other, 2]
-            if other == one or gap > reach + EDGE_CM:
+            if other == one or gap > reach + scenes.EDGE_CM:
                 continue
             nearer = (away < away[other]) & (np.arange(len(discs)) != one)
             hides = np.column_stack([covers[:, nearer], edge_depths < away[other]]) & occlusion
             shown = covers[:, other] & view[:, 0]
-            surely[row, other] = (shown & ~hides.any(axis=1)).any() and gap < reach - EDGE_CM
+            surely[row, other] = (shown & ~hides.any(axis=1)).any() and gap < reach - scenes.EDGE_CM
             shown = wide(covers[:, other]) & wide(view)[:, 0]
             perhaps[row, other] = (shown & ~narrow(hides).any(axis=1)).any()
     return surely, perhaps
 
 
 @settings(max_examples=25)
-@given(scenes(robots=(2, 3, 10, 25), bodies=BODIES), enki_cameras, st.booleans())
+@given(scenes.any_scenes(robots=(2, 3, 10, 25), bodies=scenes.BODIES), enki_cameras, st.booleans())
 def test_a_robot_is_seen_if_a_ray_of_a_fan_meets_it_first(scene, section, occlusion):
     observers = slice(0, None, 1 + len(scene.poses) // 4)
     surely, perhaps = slow_camera(scene, section, occlusion, observers)
