@@ -87,7 +87,7 @@ def test_a_robot_reads_pulses_sends_and_turns_and_sets_leds_one_by_one_or_all(tm
         assert bench.actuators[["send", "turn_rad", "ring_on"]].tolist() == [(3, 0, leds), (904, 4.5, leds)]
 
 
-def test_defaults_types_and_check_are_those_of_the_file(tmp_path):
+def test_defaults_types_and_check_are_those_of_the_file_which_needs_neither_list_and_may_have_tables(tmp_path):
     head = 'const char *check(void) { return parameters->gain < 0 ? e_refuse("gain is %g", parameters->gain) : NULL; }'
     firmware = write_firmware(tmp_path / "mine.c", head=head)
     assert firmware.resolve({}) == {"gain": 2.5, "whole": -3, "flag": True}
@@ -95,6 +95,14 @@ def test_defaults_types_and_check_are_those_of_the_file(tmp_path):
         firmware.resolve({"gain": -1})
     with pytest.raises(ValueError, match="unknown 'gian', did you mean 'gain'"):
         firmware.resolve({"gian": 1})
+    (tmp_path / "empty.c").write_text("#include <epuck.h>\nvoid start(void) {}\nvoid step(void) { {} }\n")
+    firmware = find_controller(str(tmp_path / "empty.c"))
+    assert firmware.resolve({}) == {}
+    Bench(firmware, robots=2).control.step()
+    head = (
+        'static const char *const NAMES[] = {"a", "b"}; static const double GAINS[] = {1, 2};'  # not shared variables
+    )
+    write_firmware(tmp_path / "mine.c", "e_set_led((unsigned)NAMES[e_get_red(1)][0], GAINS[1]);", head=head)
 
 
 def test_a_library_runs_as_its_source_does_and_an_edit_of_either_or_of_what_it_includes_is_noticed(tmp_path):
@@ -108,15 +116,6 @@ def test_a_library_runs_as_its_source_does_and_an_edit_of_either_or_of_what_it_i
             bench = Bench(firmware)
             bench.control.step()
             assert bench.memory["x"].tolist() == [number]
-
-
-def test_tables_of_constants_are_no_shared_variables_and_neither_list_is_needed(tmp_path):
-    head = 'static const char *const NAMES[] = {"a", "b"}; static const double GAINS[] = {1, 2};'
-    write_firmware(tmp_path / "mine.c", "e_set_led((unsigned)NAMES[e_get_red(1)][0], GAINS[1]);", head=head)
-    (tmp_path / "empty.c").write_text("#include <epuck.h>\nvoid start(void) {}\nvoid step(void) { {} }\n")
-    firmware = find_controller(str(tmp_path / "empty.c"))
-    assert firmware.resolve({}) == {}
-    Bench(firmware, robots=2).control.step()
 
 
 def test_a_library_that_is_none_of_something_else_or_without_its_end_is_refused_before_it_is_loaded(tmp_path):

@@ -48,12 +48,6 @@ def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tm
         assert find_controller(name, folder).parameters == {"gain": found}
 
 
-def test_a_file_may_extend_the_shipped_controller_of_its_own_name(tmp_path):
-    text = "import constant\nPARAMETERS = constant.PARAMETERS\nMEMORY = constant.MEMORY\n"
-    text += "start = constant.start\nstep = constant.step\n"
-    assert write_controller(tmp_path / "constant.py", text).parameters["left_cm_s"] == 0.0
-
-
 @pytest.fixture(scope="module")
 def typed(tmp_path_factory):
     path = tmp_path_factory.mktemp("typed") / "typed.py"
@@ -146,6 +140,9 @@ def test_siblings_and_shipped_controllers_can_be_imported_and_are_named_as_sourc
     assert controller.parameters == {"gain": 4.0, "period_s": 5.0}
     beside = {tmp_path / name for name in ("mine.py", "helper.py", "more.py")}
     assert set(controller.sources) == beside | {builtin_folder("controllers") / "oscillator.py"}
+    text = "import constant\nPARAMETERS = constant.PARAMETERS\nMEMORY = constant.MEMORY\n"
+    text += "start = constant.start\nstep = constant.step\n"
+    assert write_controller(tmp_path / "constant.py", text).parameters["left_cm_s"] == 0.0  # of that very name
 
 
 @pytest.mark.parametrize("ending", ["", "\nraise RuntimeError"], ids=["loads", "fails"])

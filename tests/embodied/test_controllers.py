@@ -209,8 +209,11 @@ def test_every_error_names_file_and_line(way, said, interpret, tmp_path):
         assert raised.value.robot == 1
 
 
-ONCE = """
-    k = 0
+@pytest.mark.parametrize("way", [0, 1], ids=["raises nothing", "takes too long"])
+def test_an_error_that_is_not_met_again_names_the_file_alone(way, tmp_path, monkeypatch):
+    """Run again to find the line, the step goes another way, as compiled whole numbers have 64 bits, or is stopped."""
+    monkeypatch.setattr(user_code, "AGAIN_S", 0.1)
+    lines = """k = 0
     if parameters.way:
         for i in range(100_000_000):
             k += i & 5
@@ -218,15 +221,8 @@ ONCE = """
     else:
         k = 2**62
         k = k * 4
-        memory.x = 1 // k
-"""
-
-
-@pytest.mark.parametrize("way", [0, 1], ids=["raises nothing", "takes too long"])
-def test_an_error_that_is_not_met_again_names_the_file_alone(way, tmp_path, monkeypatch):
-    """Run again to find the line, the step goes another way, as compiled whole numbers have 64 bits, or is stopped."""
-    monkeypatch.setattr(user_code, "AGAIN_S", 0.1)
-    text = with_step(ONCE.lstrip(), PARAMETERS="{'way': 0}", MEMORY="{'x': float, 'row': (float, 4)}")
+        memory.x = 1 // k"""
+    text = with_step(lines, PARAMETERS="{'way': 0}", MEMORY="{'x': float, 'row': (float, 4)}")
     bench = Bench(write_controller(tmp_path / "mine.py", text), {"way": way}, interpret=False)
     with pytest.raises(RobotError, match=r"mine\.py: (ZeroDivision|Index)Error: "):
         bench.control.step()

@@ -117,7 +117,7 @@ lengths = st.floats(0.05, 1.6).map(lambda share: round(share, 3))
 """Radii as a share of the side: from a few neighbours at most to all agents."""
 
 
-def neighbourhoods(kind: str, agents: int, side_cm: float) -> st.SearchStrategy[Mapping[str, Any]]:
+def rules(kind: str, agents: int, side_cm: float) -> st.SearchStrategy[Mapping[str, Any]]:
     radii = lengths.map(lambda share: share * side_cm)
     if kind in ("nearest", "random"):
         return st.fixed_dictionaries({"kind": st.just(kind), "k": st.integers(1, agents - 1)})
@@ -194,7 +194,7 @@ def any_sections(draw: st.DrawFn, kind: str, most_agents: int = 7) -> dict[str, 
             "boundary": draw(st.sampled_from(["bounded", "bounded", "cyclic", "mirrored"])),
         },
         "agents": {"count": agents, "reorient_on": draw(PULSES), **motion},
-        "neighbourhood": draw(neighbourhoods(kind, agents, side_cm)),
+        "neighbourhood": draw(rules(kind, agents, side_cm)),
         "response": draw(responses),
         "clocks": {"period_s": period_s, "jitter": draw(st.sampled_from([0.0, 0.0, 1e-3, 0.2]))},
         "stop": {

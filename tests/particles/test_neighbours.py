@@ -12,15 +12,7 @@ from scipy import stats
 from epuck_sim import ScenarioError
 from epuck_sim.particles.selection import SAMPLED, find_two_smallest, select_smallest
 from tests.particles.naive_model import receivers_of
-from tests.particles.simulations import (
-    BY_POSITION,
-    TOO_CLOSE,
-    UNLIKELY,
-    as_set,
-    make_resting,
-    make_simulation,
-    neighbourhoods,
-)
+from tests.particles.simulations import BY_POSITION, TOO_CLOSE, UNLIKELY, as_set, make_resting, make_simulation, rules
 
 SEEDS = st.integers(0, 2**32 - 1)
 by_position = pytest.mark.parametrize("kind", BY_POSITION)
@@ -64,7 +56,7 @@ def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, data, 
     agents = data.draw(st.integers(20, 60))
     # slow enough for neighbours to be cached, and for enough cycles for them to change many times; and faster
     pace = data.draw(st.sampled_from([0.0, 1e-3, 0.02, 0.3, 2.0, 50.0]))
-    dimensions, rule = data.draw(st.integers(1, 3)), data.draw(neighbourhoods(kind, agents, SIDE_CM))
+    dimensions, rule = data.draw(st.integers(1, 3)), data.draw(rules(kind, agents, SIDE_CM))
     swarm = uncoupled(seed, agents, pace, dimensions, boundary, rule)
     firings = 300 if 0 < pace <= 2 else 80
     assert compare_receivers(swarm, firings) > 0.85 * firings
@@ -127,7 +119,7 @@ def test_the_adjacency_matrix_is_that_of_brute_force_at_any_time_and_asking_chan
     sections = {
         "space": {"dimensions": 2, "side_cm": SIDE_CM, "boundary": boundary},
         "agents": {"count": agents, "speed_cm_s": 11.0},
-        "neighbourhood": data.draw(neighbourhoods(kind, agents, SIDE_CM)),
+        "neighbourhood": data.draw(rules(kind, agents, SIDE_CM)),
     }
     swarm, untouched = make_simulation(seed, **sections), make_simulation(seed, **sections)
     for time_s in (0.0, 0.31, 7.77):

@@ -11,14 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import ParticleSimulation, ScenarioError
-from epuck_sim.particles.oscillators import (
-    BRANCHES,
-    SIMULTANEITY_CYCLES,
-    earliest_firing,
-    firing_now,
-    max_phase_offset,
-    set_next_firing,
-)
+from epuck_sim.particles import oscillators
 from epuck_sim.particles.swarm import SCENE, Oscillators
 from tests.particles.naive_model import NaiveModel
 from tests.particles.simulations import (
@@ -219,28 +212,28 @@ def test_a_simulation_cannot_go_back_nor_to_a_time_that_is_not_finite_and_cycles
 
 
 @settings(max_examples=60)
-@given(st.booleans(), st.integers(1, 3 * BRANCHES), st.integers(0, 2**32 - 1))
-@example(True, BRANCHES**2 + 1, 1)
-@example(True, BRANCHES**3 - 1, 2)
-@example(True, 2 * BRANCHES**3 + 5, 3)
+@given(st.booleans(), st.integers(1, 3 * oscillators.BRANCHES), st.integers(0, 2**32 - 1))
+@example(True, oscillators.BRANCHES**2 + 1, 1)
+@example(True, oscillators.BRANCHES**3 - 1, 2)
+@example(True, 2 * oscillators.BRANCHES**3 + 5, 3)
 def test_the_earliest_is_the_earliest_of_all_after_any_changes_in_whatever_part_it_is(has_parts, agents, seed):
     random = np.random.default_rng(seed)
-    sizes = (-(-agents // BRANCHES**level) if has_parts or level == 1 else 0 for level in (1, 2, 3))
+    sizes = (-(-agents // oscillators.BRANCHES**level) if has_parts or level == 1 else 0 for level in (1, 2, 3))
     levels = (np.full(size, -math.inf) for size in sizes)
-    oscillators = Oscillators(np.zeros(1, SCENE)[0], 1 - random.random(agents), np.ones(agents), *levels)
+    swarm = Oscillators(np.zeros(1, SCENE)[0], 1 - random.random(agents), np.ones(agents), *levels)
     found = np.zeros(agents + 1, np.int64)
     for _ in range(40):
-        earliest = earliest_firing(oscillators)
-        assert earliest == oscillators.next_firing.min()
-        firing = found[: firing_now(oscillators, earliest, found)].tolist()
-        assert firing == np.flatnonzero(oscillators.next_firing <= earliest + SIMULTANEITY_CYCLES).tolist()
+        earliest = oscillators.earliest_firing(swarm)
+        assert earliest == swarm.next_firing.min()
+        firing = found[: oscillators.firing_now(swarm, earliest, found)].tolist()
+        assert firing == np.flatnonzero(swarm.next_firing <= earliest + oscillators.SIMULTANEITY_CYCLES).tolist()
         for agent in firing if random.random() < 0.5 else ():
-            set_next_firing(oscillators, agent, earliest + 1)
+            oscillators.set_next_firing(swarm, agent, earliest + 1)
         for agent in random.integers(agents, size=random.integers(6)):  # some to the same instant, or to a later one
-            now = oscillators.next_firing[agent]
+            now = swarm.next_firing[agent]
             earlier = earliest + random.random() * (now - earliest)
             instants = earliest, earliest + 3e-13, earliest + 9e-13, earlier, now + random.random()
-            set_next_firing(oscillators, agent, random.choice(instants))
+            oscillators.set_next_firing(swarm, agent, random.choice(instants))
 
 
 @pytest.mark.parametrize(("jitter", "period_s"), [(0, 0.3), (0.1, 1.0)])
@@ -282,13 +275,13 @@ def test_max_phase_offset_never_rejects_phases_whose_order_reaches_the_threshold
     for reached in (threshold, order, np.nextafter(order, 0)):
         if 0 < reached <= 1:
             farthest = np.abs((phases + 0.5) % 1 - 0.5).max()
-            assert farthest <= max_phase_offset(len(phases), float(reached))
+            assert farthest <= oscillators.max_phase_offset(len(phases), float(reached))
 
 
 @given(st.integers(2, 50), st.floats(-12, -0.01), st.floats(0, 1))
 def test_a_phase_beyond_max_phase_offset_keeps_the_order_below_the_threshold(agents, exponent, share):
     threshold = 1 - 10**exponent
-    near = max_phase_offset(agents, threshold)
+    near = oscillators.max_phase_offset(agents, threshold)
     if near < 0.5:
         phases = np.zeros(agents)
         phases[-1] = near + 2e-7 + share * (0.5 - near)

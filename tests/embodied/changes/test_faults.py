@@ -8,15 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import Simulation, load_scenario, run_trial
-from epuck_sim.embodied.changes.faults import (
-    LOGGED_STEPS,
-    change_faults,
-    hide_flashes,
-    random_share,
-    restart_faults,
-    set_faults,
-    take_events,
-)
+from epuck_sim.embodied.changes import faults as robot_faults
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.scenario.changes import TrialEvent
@@ -35,11 +27,11 @@ def faulty_block(faults, robots, seed):
     size = {"width_cm": 500, "height_cm": 500}
     scenario = load_scenario({"faults": faults, "robots": [{"count": robots}], "arena": size})
     lengths = {"robots": robots, "faults": len(faults), "affected": len(faults) * robots, "numbers": 2 * robots}
-    block = make_block({**lengths, "log": LOGGED_STEPS * len(scenario.faults) * scenario.robot_count})
+    block = make_block({**lengths, "log": robot_faults.LOGGED_STEPS * len(scenario.faults) * scenario.robot_count})
     swarm = open_block(block)
     swarm.scene[0].step_ms = STEP_MS
-    set_faults(swarm, scenario)
-    restart_faults(block, scenario, np.random.SeedSequence(seed))
+    robot_faults.set_faults(swarm, scenario)
+    robot_faults.restart_faults(block, scenario, np.random.SeedSequence(seed))
     return block
 
 
@@ -48,7 +40,7 @@ def active_over(fault, steps, robots=10, seed=3):
     swarm, found = open_block(block), np.empty((steps, robots), bool)
     for step in range(steps):
         swarm.scene[0].step, swarm.scene[0].changes = step, 0
-        change_faults(block, NOWHERE, 0)
+        robot_faults.change_faults(block, NOWHERE, 0)
         found[step] = swarm.affected.is_active
     return found
 
@@ -178,7 +170,7 @@ def test_a_flash_is_missed_as_a_whole_and_independently_of_others(signal):
     key, is_seen = swarm_of(simulation).affected.key[0], []
     next(simulation)
     for flash in range(1, 151):
-        is_seen.append(random_share(key, 1, flash) >= 0.3)
+        is_seen.append(robot_faults.random_share(key, 1, flash) >= 0.3)
         for lit in (True, True, True, False):
             simulation.command(ring_on=[False, lit])
             assert next(simulation).camera[0].any() == (lit and is_seen[-1])
@@ -196,20 +188,20 @@ def test_who_sees_which_flashes_is_as_a_slow_twin_says():
     swarm, random = open_block(block), np.random.default_rng(1)
     swarm.robots.x, swarm.robots.y = random.random((2, 20)) * 60
     swarm.robots.ring_on, swarm.robots.flash_number = random.random(20) < 0.7, random.integers(0, 99, 20)
-    change_faults(block, NOWHERE, 0)
+    robot_faults.change_faults(block, NOWHERE, 0)
     affected, robots = swarm.affected.reshape(4, 20), swarm.robots
 
     def is_missed(robot, other, fault):
         section, distance = faults[fault], math.dist(*((robots.x[each], robots.y[each]) for each in (robot, other)))
         if not affected.is_member[fault, robot] or section["kind"] == "camera_blind":
             return section["kind"] == "camera_blind" and robot == 3
-        share = random_share(affected.key[fault, robot], other, robots.flash_number[other])
+        share = robot_faults.random_share(affected.key[fault, robot], other, robots.flash_number[other])
         near, far = section.get("nearer_than_cm", 0), section.get("farther_than_cm", math.inf)
         return (distance < near or distance > far) and share < section["missed"]
 
     seen = []
     for robot in range(20):
-        hide_flashes(block, NOWHERE, robot)
+        robot_faults.hide_flashes(block, NOWHERE, robot)
         seen.append(swarm.numbers[20:].tolist())
         hidden = [any(is_missed(robot, other, fault) for fault in range(4)) for other in range(20)]
         assert seen[-1] == (robots.ring_on & ~np.array(hidden)).astype(int).tolist()
@@ -217,7 +209,9 @@ def test_who_sees_which_flashes_is_as_a_slow_twin_says():
 
 
 def test_random_shares_are_uniform_and_do_not_depend_on_each_other():
-    shares = np.array([[random_share(np.uint64(k), s, f) for s in range(10) for f in range(50)] for k in range(8)])
+    shares = np.array(
+        [[robot_faults.random_share(np.uint64(k), s, f) for s in range(10) for f in range(50)] for k in range(8)]
+    )
     assert ((np.histogram(shares, 20, (0, 1))[0] - 200) ** 2 / 200).sum() < 43.8
     assert len(np.unique(shares)) == shares.size
     assert np.abs(np.corrcoef(shares)[np.triu_indices(8, 1)]).max() < 5 / math.sqrt(500)
@@ -268,12 +262,12 @@ def test_changes_are_told_once_by_their_times_and_the_log_has_room_for_all():
     ]
     block = faulty_block(faults, 6, 3)
     swarm = open_block(block)
-    for step in range(LOGGED_STEPS):
+    for step in range(robot_faults.LOGGED_STEPS):
         swarm.scene[0].step = step
-        change_faults(block, NOWHERE, 0)
-    events = take_events(swarm)
+        robot_faults.change_faults(block, NOWHERE, 0)
+    events = robot_faults.take_events(swarm)
     begun, ended = [event for event in events if event.source == "faults.1"]
     assert begun == TrialEvent(3, 0.3, "faults.1", "ring_dead begins", (2, 5))
     assert ended == begun._replace(step=5, time_s=0.5, what="ring_dead ends")
     assert [event.step for event in events] == sorted(event.step for event in events)
-    assert take_events(swarm) == []
+    assert robot_faults.take_events(swarm) == []

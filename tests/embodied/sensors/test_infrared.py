@@ -9,13 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import epuck
-from epuck_sim.embodied.sensors.infrared import (
-    firmware_table_mm,
-    inverse_response_mm,
-    reading_at,
-    sense_infrared,
-    set_infrared,
-)
+from epuck_sim.embodied.sensors import infrared
 from epuck_sim.embodied.swarm import INFRARED
 from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import InfraredSection
@@ -25,25 +19,25 @@ NOTHING_MM = 65535
 E_PUCKS = np.zeros(1, INFRARED).view(np.recarray)[0]
 """The e-puck's sensors."""
 
-set_infrared(E_PUCKS, EPUCK, InfraredSection(), 0.0)
+infrared.set_infrared(E_PUCKS, EPUCK, InfraredSection(), 0.0)
 
 
 def sensed(poses, arena, by_table=False, noise_counts=0.0, noise=0.0, gain=1.0):
     scene = scenes.Scene(np.array(poses), np.zeros(len(poses), bool), arena)
-    infrared = InfraredSection(distance="firmware_table" if by_table else "inverse_response")
-    block = scenes.block_of(scene, infrared=infrared, noise_counts=noise_counts)
+    section = InfraredSection(distance="firmware_table" if by_table else "inverse_response")
+    block = scenes.block_of(scene, infrared=section, noise_counts=noise_counts)
     robots = block.swarm.robots
     robots.infrared_noise, robots.infrared_gain = noise, gain
-    sense_infrared(block.bytes, scenes.ADDRESSES, 0)
+    infrared.sense_infrared(block.bytes, scenes.ADDRESSES, 0)
     return robots.sensors.infrared, robots.sensors.distance_mm
 
 
 def response(distance):
-    return reading_at(distance, E_PUCKS)
+    return infrared.reading_at(distance, E_PUCKS)
 
 
 def distance_mm(reading):
-    return inverse_response_mm(reading, E_PUCKS)
+    return infrared.inverse_response_mm(reading, E_PUCKS)
 
 
 @given(st.floats(0.3, 12))
@@ -59,8 +53,8 @@ def test_the_response_peaks_nearer_than_3_mm_and_ends_after_12_cm_the_table_at_2
     assert response(0.0) == response(0.3) == 3731.0
     assert response(math.nextafter(12.0, 13.0)) == response(math.inf) == 0.0
     assert distance_mm(5000.0) == 3
-    assert firmware_table_mm(math.nextafter(29.0, 0.0)) == firmware_table_mm(0.0) == NOTHING_MM
-    assert firmware_table_mm(5000.0) == 0
+    assert infrared.firmware_table_mm(math.nextafter(29.0, 0.0)) == infrared.firmware_table_mm(0.0) == NOTHING_MM
+    assert infrared.firmware_table_mm(5000.0) == 0
     found = np.column_stack([epuck.INFRARED_POSITIONS_CM, epuck.INFRARED_DIRECTIONS_DEG])
     np.testing.assert_array_equal(found, scenes.SENSORS)
     assert epuck.INFRARED_RANGE_CM == 12
@@ -70,8 +64,8 @@ def test_the_response_peaks_nearer_than_3_mm_and_ends_after_12_cm_the_table_at_2
 def test_the_firmware_s_table_is_linear_between_its_entries(reading):
     counts, mm = [29, 58, 133, 558, 3591, 3756, 4095], [100, 75, 50, 25, 10, 3, 0]
     between = np.interp(reading, counts, mm)
-    assert firmware_table_mm(reading) in {int(between - 1e-6), int(between + 1e-6)}
-    assert reading not in counts or firmware_table_mm(reading) == between
+    assert infrared.firmware_table_mm(reading) in {int(between - 1e-6), int(between + 1e-6)}
+    assert reading not in counts or infrared.firmware_table_mm(reading) == between
 
 
 @pytest.mark.parametrize("by_table", [False, True])
@@ -91,7 +85,7 @@ def test_readings_are_amplified_and_noisy_within_0_and_the_peak_and_distances_ar
     np.testing.assert_array_equal(counts, np.clip(scenes.readings(scene) * gain + noise * normal, 0, 3731))
     for reading, found in zip(counts.ravel(), mm.ravel(), strict=True):
         if by_table or reading >= response(12.0):
-            assert found == (firmware_table_mm(reading) if by_table else distance_mm(reading))
+            assert found == (infrared.firmware_table_mm(reading) if by_table else distance_mm(reading))
         else:
             assert found == NOTHING_MM
 

@@ -5,22 +5,14 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from epuck_sim import (
-    ControllerError,
-    EpuckSimError,
-    Simulation,
-    Trace,
-    load_scenario,
-    points,
-    read_recording,
-    record,
-    run_trial,
-)
+from epuck_sim import ControllerError, Simulation, load_scenario, points, read_recording, record, run_trial
 from epuck_sim.arena import brightness_at, clearance_cm, light_at
 from epuck_sim.control import compilation
 from epuck_sim.control.loader import find_controller, find_sensor
 from epuck_sim.environments import parallel_env
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.testing import TestRobot
+from epuck_sim.trial.trace import Trace
 from tests.control.bench import with_sense, with_step
 from tests.embodied.scenes import cast_on_discs, cast_on_segments, walls_of
 
