@@ -4,6 +4,7 @@ import importlib
 import math
 import sys
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
@@ -27,9 +28,7 @@ AGENTS = ["robot_0", "robot_1", "robot_2"]
     ("scenario", "reward"), [(SWARM, "coverage"), (DANCERS, "synchrony"), (BLINKERS, "aggregation")]
 )
 def test_pettingzoos_tests_pass(scenario, reward, actions):
-    def make():
-        return parallel_env(scenario, reward=reward, actions=actions, episode_s=1.0)
-
+    make = partial(parallel_env, scenario, reward=reward, actions=actions, episode_s=1.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         parallel_api_test(make(), num_cycles=15)
@@ -127,10 +126,8 @@ def test_infos_count_what_each_robot_touches():
 
 
 def test_episodes_end_as_gymnasium_means_it_and_then_only_reset_is_allowed():
-    def met(situation):
-        return situation.time_s > 0.55
-
-    for given, expected in (({"episode_s": 6 * 0.1}, (False, True)), ({"terminate": met}, (True, False))):
+    met = {"terminate": lambda situation: situation.time_s > 0.55}
+    for given, expected in (({"episode_s": 6 * 0.1}, (False, True)), (met, (True, False))):
         env = parallel_env(SWARM, seed=4, **given)
         with pytest.raises(ValueError, match="call reset"):
             env.step({})

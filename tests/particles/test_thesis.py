@@ -33,22 +33,17 @@ def falls(values: list[float], slack: float = 1.0) -> bool:
     return all(after <= slack * before for before, after in pairwise(values))
 
 
-def test_with_delay_advance_curves_t_sync_falls_with_speed() -> None:
+def test_t_sync_falls_with_speed_and_with_the_multiplicative_curve_alone_rises_between() -> None:
+    """A refractory period of 0.4 removes the bump, and one of 0.1 does not."""
+    speeds = [0.1, 0.4, 1.5, 5, 20]
     for curve in ("sawtooth", "sine"):
-        found = medians([0.1, 0.4, 1.5, 5, 20], response={"curve": curve, "coupling": 0.1})
+        found = medians(speeds, response={"curve": curve, "coupling": 0.1})
         assert falls(found)
         assert found[0] > 30 * found[-1]
-
-
-def test_with_the_multiplicative_curve_it_falls_rises_and_falls_again() -> None:
     slow, least, peak, fast = medians([0.01, 0.1, 2, 20])
     assert slow > least
     assert peak == CENSORED_AT  # which more than half of the trials reach
     assert fast < 150
-
-
-def test_a_refractory_period_of_0_4_removes_the_bump_and_one_of_0_1_does_not() -> None:
-    speeds = [0.1, 0.4, 1.5, 5, 20]
     assert falls(medians(speeds, response={"refractory": 0.4}))
     before, peak = (times(speed, 20, response={"refractory": 0.1}).mean() for speed in (0.2, 1.5))
     assert peak > 1.5 * before

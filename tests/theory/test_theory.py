@@ -48,15 +48,12 @@ def test_components_are_who_reach_each_other_and_degrees_and_sources_are_counted
     assert measured.frustrated.value + measured.joined.value == pytest.approx(1)
 
 
-def test_links_of_agents_are_those_of_their_simulation() -> None:
+def test_links_of_agents_are_those_of_their_simulation_and_are_reciprocal_as_they_should_be() -> None:
+    """Of random points in a plane, 6 pi / (8 pi + 3 sqrt 3) are nearest to their nearest (Clark and Evans 1955)."""
     scenario = load_scenario("particles", ["agents.count=7", "neighbourhood={kind: cone_of_vision, angle_deg: 90}"])
     snapshots = take_snapshots(scenario, 3, seed=4)
     for snapshot, seed in zip(snapshots, range(4, 7), strict=True):
         assert (snapshot == ParticleSimulation(scenario, seed).adjacency()).all()
-
-
-def test_a_range_is_reciprocal_and_the_nearest_of_a_plane_are_in_the_known_share() -> None:
-    """Of random points in a plane, 6 pi / (8 pi + 3 sqrt 3) are nearest to their nearest (Clark and Evans 1955)."""
     within = load_scenario("particles", ["neighbourhood={kind: range, radius_cm: 30}"])
     assert measure_graphs(take_snapshots(within, 20)).reciprocity.value == 1
     nearest = load_scenario("particles", ["space.boundary=cyclic", "agents.count=40"])

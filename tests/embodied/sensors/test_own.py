@@ -100,7 +100,10 @@ def test_groups_have_sensors_of_their_own_and_common_ones():
     np.testing.assert_array_equal(np.isnan(readings["ground"]).all(axis=1), [False, False, True])
 
 
-def test_a_file_of_several_groups_is_compiled_once(files, monkeypatch):
+def test_a_file_of_several_groups_is_compiled_once_and_an_edited_one_anew(files, monkeypatch):
+    assert Simulation(scenario(controller="external"), 1).advance(1).readings["own_number"][3] == 3
+    files(ground=GROUND.replace("= robot.number", "= robot.number * 10"))
+    assert Simulation(scenario(controller="external"), 1).advance(1).readings["own_number"][3] == 30
     files(ground=GROUND.replace("3.0", "3.125"), sees=FOLLOWER.replace("5.0", "5.125"))
     compiled = []
     monkeypatch.setattr(compilation, "compile_call", lambda *given, make=compilation.compile_call: (
@@ -189,12 +192,6 @@ def test_a_robot_of_a_unit_test_reads_what_is_set():
     robot.readings.ground[1] = np.nan
     with pytest.raises(ValueError, match=r"readings\.ground is \[0.25  +nan\]; allowed: numbers"):
         robot.step()
-
-
-def test_an_edited_sensor_is_compiled_anew(files):
-    assert Simulation(scenario(controller="external"), 1).advance(1).readings["own_number"][3] == 3
-    files(ground=GROUND.replace("= robot.number", "= robot.number * 10"))
-    assert Simulation(scenario(controller="external"), 1).advance(1).readings["own_number"][3] == 30
 
 
 FAILURES = {

@@ -13,7 +13,7 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.observers import write_sightings
 from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, set_cone
 from epuck_sim.scenario.robots import ConeSection, EnkiCameraSignal
-from tests.control.bench import with_step
+from tests.control.bench import with_step, write_controller
 from tests.embodied import scenes
 from tests.embodied.steps import constant
 
@@ -187,19 +187,14 @@ SENDER = with_step(
 )
 
 
-@pytest.fixture
-def swarm(tmp_path):
-    """Return a function that makes groups of one robot each, on a line 20 cm apart."""
-    (tmp_path / "sender.py").write_text(SENDER)
-
-    def make(*parameters, **signal):
-        robot = {"controller": str(tmp_path / "sender.py"), "signal": {"kind": "radio", **signal}}
-        poses = [[[10 + 20 * place, 20, 0]] for place in range(len(parameters))]
-        groups = [robot | {"poses": at, "parameters": given} for at, given in zip(poses, parameters, strict=True)]
-        arena = {"width_cm": 20 * len(parameters) + 20, "height_cm": 40}
-        return Simulation({"arena": arena, "robots": groups}, 1, interpret=True)
-
-    return make
+def swarm(folder, *parameters, **signal):
+    """Return a simulation of groups of one robot each, on a line 20 cm apart."""
+    sender = write_controller(folder / "sender.py", SENDER)
+    robot, groups = {"controller": str(sender.path), "signal": {"kind": "radio", **signal}}, []
+    for place, given in enumerate(parameters):
+        groups.append(robot | {"poses": [[10 + 20 * place, 20, 0]], "parameters": given})
+    arena = {"width_cm": 20 * len(parameters) + 20, "height_cm": 40}
+    return Simulation({"arena": arena, "robots": groups}, 1, interpret=True)
 
 
 def pulses(simulation, steps):
@@ -209,14 +204,14 @@ def pulses(simulation, steps):
 SEND, LISTEN = {}, {"first": 10**6}
 
 
-def test_a_pulse_arrives_once_in_the_step_after_it_was_sent_or_later_by_the_latency(swarm):
+def test_a_pulse_arrives_once_in_the_step_after_it_was_sent_or_later_by_the_latency(tmp_path):
     for latency_ms, late in ((0, 1), (1, 2), (100, 2), (250, 4)):
-        heard = pulses(swarm(SEND, LISTEN, latency_ms=latency_ms), 10)
+        heard = pulses(swarm(tmp_path, SEND, LISTEN, latency_ms=latency_ms), 10)
         assert heard == [[0, int(step == 3 + late)] for step in range(10)]
 
 
-def test_a_message_arrives_with_its_pulse_and_a_flash_without_one(swarm):
-    simulation = swarm({"message": 77}, SEND, LISTEN)
+def test_a_message_arrives_with_its_pulse_and_a_flash_without_one(tmp_path):
+    simulation = swarm(tmp_path, {"message": 77}, SEND, LISTEN)
     simulation.advance(4)
     step = simulation.advance(1)
     heard = step.memories[2]
@@ -238,13 +233,13 @@ def test_a_message_arrives_with_its_pulse_and_a_flash_without_one(swarm):
         *(([SEND, LISTEN], {"loss": loss}, [0, 1 - loss]) for loss in (0, 1)),
     ],
 )
-def test_who_hears_a_pulse_of_the_step_before(swarm, robots, signal, heard):
-    assert pulses(swarm(*robots, **signal), 5)[4] == heard
+def test_who_hears_a_pulse_of_the_step_before(tmp_path, robots, signal, heard):
+    assert pulses(swarm(tmp_path, *robots, **signal), 5)[4] == heard
 
 
-def test_pulses_are_lost_one_by_one_with_the_given_probability(swarm):
+def test_pulses_are_lost_one_by_one_with_the_given_probability(tmp_path):
     steps = 2000
-    step = swarm({"every": 2}, LISTEN, LISTEN, loss=0.3).advance(steps)
+    step = swarm(tmp_path, {"every": 2}, LISTEN, LISTEN, loss=0.3).advance(steps)
     sent = (steps - 4 + 1) // 2
     totals = np.array([int(memory["total"][0]) for memory in step.memories])
     assert totals[0] == 0
