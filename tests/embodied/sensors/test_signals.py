@@ -191,8 +191,8 @@ def swarm(folder, *parameters, **signal):
     """Return a simulation of groups of one robot each, on a line 20 cm apart."""
     sender = write_controller(folder / "sender.py", SENDER)
     robot, groups = {"controller": str(sender.path), "signal": {"kind": "radio", **signal}}, []
-    for place, given in enumerate(parameters):
-        groups.append(robot | {"poses": [[10 + 20 * place, 20, 0]], "parameters": given})
+    for place, own in enumerate(parameters):
+        groups.append(robot | {"poses": [[10 + 20 * place, 20, 0]], "parameters": own})
     arena = {"width_cm": 20 * len(parameters) + 20, "height_cm": 40}
     return Simulation({"arena": arena, "robots": groups}, 1, interpret=True)
 
