@@ -141,13 +141,10 @@ def test_phases_begin_uniform_over_all_whole_milliseconds_below_tau():
 
 
 @given(millionths=st.integers(1, 10_000_000), phase=st.integers(1, 7_854_545), ms=st.integers(0, 20_000))
-def test_every_coupling_of_whole_millionths_and_seconds_of_whole_milliseconds_are_taken_as_written(
-    millionths, phase, ms
-):
+def test_couplings_of_whole_millionths_and_seconds_of_whole_milliseconds_are_taken_as_written(millionths, phase, ms):
     """Of 1.001 s, say, binary fractions alone would make 1000 ms."""
-    day = settings(
-        "oscillator", coupling=millionths / 1e6, period_s=86_400.0, flash_fraction=0.0, refractory_fraction=0.0
-    )
+    given_ = {"coupling": millionths / 1e6, "flash_fraction": 0.0, "refractory_fraction": 0.0}
+    day = settings("oscillator", period_s=86_400.0, **given_)
     assert function("updated", "oscillator")(phase, day) == (phase + phase * millionths // 1_000_000, False)
     assert function("whole_ms", "oscillator")(ms / 1000) == ms
 

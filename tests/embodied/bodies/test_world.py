@@ -249,9 +249,7 @@ def way_cm(world, speed, seconds):
     mass_g=st.floats(200, 2000),
     speed=st.floats(0.5, 12.8),
 )
-def test_a_disc_moves_if_the_forces_of_its_pushers_sum_to_more_than_its_friction(
-    pushers, force_n, share, mass_g, speed
-):
+def test_a_disc_moves_if_its_pushers_forces_sum_to_more_than_its_friction(pushers, force_n, share, mass_g, speed):
     """The closed form: it accelerates by what forces are left over to the pushers' speed, which it keeps; or stays."""
     friction_n = share * pushers * force_n
     found = way_cm(row_of(pushers, force_n, friction_n, mass_g), speed, seconds=5)
@@ -265,20 +263,16 @@ def test_a_disc_moves_if_the_forces_of_its_pushers_sum_to_more_than_its_friction
         assert found == pytest.approx(expected, abs=SETTLING * STEP_S * speed)
 
 
-@pytest.mark.parametrize(
-    ("speeds", "friction_n", "way"), [((2, 4), 0.3, 40), ((2, 4), 0.8, 20), ((2, 4), 1.2, 0), ((4, 0), 0.8, 0)]
-)
-def test_of_two_with_different_speeds_the_faster_moves_it_if_it_can_alone_and_else_the_slower_holds_it_up(
-    speeds, friction_n, way
-):
+def test_of_two_with_different_speeds_the_faster_moves_it_if_it_can_alone_and_else_the_slower_holds_it_up():
     """Of a disc in a lane; the way is that of 10 s."""
-    friction = friction_n * DYNES_PER_NEWTON / (1000 * GRAVITY_CM_S2)
-    arena = make_arena(300, 14.9, [], [], [(25, 7.45, 7, 1000, friction)])
-    world, places = MovedWorld(arena, [[10, 3.74, 0], [10, 11.16, 0]], drive_force_n=0.5), []
-    for _ in range(250):
-        advanced([world], [[speed, 0, 0] for speed in speeds])
-        places.append(world.swarm.circles[0].x)
-    assert places[-1] - places[-101] == pytest.approx(way, abs=0.01 if way else 1e-6)
+    for speeds, friction_n, way in (((2, 4), 0.3, 40), ((2, 4), 0.8, 20), ((2, 4), 1.2, 0), ((4, 0), 0.8, 0)):
+        friction = friction_n * DYNES_PER_NEWTON / (1000 * GRAVITY_CM_S2)
+        arena = make_arena(300, 14.9, [], [], [(25, 7.45, 7, 1000, friction)])
+        world, places = MovedWorld(arena, [[10, 3.74, 0], [10, 11.16, 0]], drive_force_n=0.5), []
+        for _ in range(250):
+            advanced([world], [[speed, 0, 0] for speed in speeds])
+            places.append(world.swarm.circles[0].x)
+        assert places[-1] - places[-101] == pytest.approx(way, abs=0.01 if way else 1e-6), (speeds, friction_n)
 
 
 @pytest.mark.parametrize(("discs", "moves"), [(1, True), (2, True), (3, False)])
@@ -339,8 +333,7 @@ def ways(arena, poses, velocities, friction=0.0):
             world.poses[:] = poses
             world.world.place()
         for step in range(12):
-            world.velocities[:] = velocities[(step + trial) % len(velocities)]
-            world.advance()
+            advanced([world], velocities[(step + trial) % len(velocities)])
             found += [world.poses.copy(), np.array(world.swarm.circles.tolist()), world.is_in_space.copy()]
             if step == 6:
                 world.world.move(0, (70.0, 6.0, 0.5))

@@ -124,9 +124,7 @@ OSCILLATES = source('"phase_ms": float, "drawn": float').replace("left_over", "p
         (True, source() + "def check(parameters):\n    raise ValueError('never')\n", "robots.0.parameters: never"),
     ],
 )
-def test_a_new_one_that_is_wrong_is_refused_and_the_old_one_goes_on_to_the_bit(
-    interpret: bool, text: str, message: str, tmp_path
-) -> None:
+def test_a_new_one_that_is_wrong_is_refused_and_the_old_one_goes_on_to_the_bit(interpret, text, message, tmp_path):
     path = tmp_path / "mine.py"
     simulation, twin = twins(path, interpret, 10)
     save(path, text)

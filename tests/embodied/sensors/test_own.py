@@ -36,7 +36,7 @@ FOLLOWER = with_step(
 WANDERER = FOLLOWER.replace("sensors.ground[0] + sensors.own_number", "0.5").replace("sensors.ground[0]", "0.7")
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def files(tmp_path, monkeypatch):
     """Return a function that writes files into the working directory, an empty one; some are there from the start."""
     monkeypatch.chdir(tmp_path)
@@ -53,7 +53,6 @@ def scenario(sensors=("ground.py",), controller="follower.py", count=4, **keys):
     return {"robots": [{"count": count, "controller": controller, "sensors": list(sensors)}], **keys}
 
 
-@pytest.mark.usefixtures("files")
 def test_compiled_and_interpreted_sensors_read_what_the_file_computes_and_so_do_their_controllers():
     found = []
     for interpret in (False, True):
@@ -70,7 +69,6 @@ def test_compiled_and_interpreted_sensors_read_what_the_file_computes_and_so_do_
     assert found[0] == found[1]
 
 
-@pytest.mark.usefixtures("files")
 def test_a_sensor_that_nobody_reads_changes_no_outcome():
     given = load_scenario("thesis").model_dump(mode="json")
     given["robots"][0]["sensors"] = [{"ground.py": {"noise": 0.3}}]
@@ -93,7 +91,6 @@ def test_sensors_draw_from_streams_that_depend_on_their_files_and_the_robot_alon
     assert not (readings["left"] == readings["dice"]).any()
 
 
-@pytest.mark.usefixtures("files")
 def test_groups_have_sensors_of_their_own_and_common_ones():
     groups = [{"count": 2, "controller": "follower.py"}, {"count": 1, "controller": "wanderer.py", "sensors": []}]
     readings = Simulation({"robots": groups, "sensors": ["ground.py"]}, 1, interpret=True).advance(1).readings
@@ -117,15 +114,9 @@ def test_a_file_of_several_groups_is_compiled_once_and_an_edited_one_anew(files,
 def test_faults_and_schedules_act_on_a_sensor_by_its_name(files):
     """A dead one reads 0 and counts on; robots that are not in the arena read nothing."""
     files(counter=with_sense("readings.steps += 1; readings.metres[1] += 0.5", "{'steps': int, 'metres': (float, 2)}"))
-    given = scenario(
-        ["ground.py", "counter.py"],
-        faults=[{"kind": "sensor_dead", "sensor": "counter", "robots": [1], "at_s": 1, "until_s": 2}],
-        schedule=[
-            {"at_s": 1, "remove": [2]},
-            {"at_s": 2, "add": [2]},
-            {"at_s": 2, "set": {"robots.0.sensors.ground.ahead_cm": 0.0}},
-        ],
-    )
+    dead = {"kind": "sensor_dead", "sensor": "counter", "robots": [1], "at_s": 1, "until_s": 2}
+    later = {"at_s": 2, "add": [2], "set": {"robots.0.sensors.ground.ahead_cm": 0.0}}
+    given = scenario(["ground.py", "counter.py"], faults=[dead], schedule=[{"at_s": 1, "remove": [2]}, later])
     given["robots"].append({"count": 1})
     simulation = Simulation(given, 1, interpret=True)
     for steps, alive in ((10, [1, 1, 1, 1]), (5, [1, 0, 0, 1]), (6, [1, 1, 0, 1])):
@@ -139,7 +130,6 @@ def test_faults_and_schedules_act_on_a_sensor_by_its_name(files):
     np.testing.assert_allclose(step.readings["ground"][:4, 0], step.poses[:4, 0] / 60)
 
 
-@pytest.mark.usefixtures("files")
 def test_readings_are_in_traces_recordings_notebooks_and_observations_without_another_line(tmp_path):
     loaded = load_scenario(scenario(controller="external", stop={"max_time_s": 2}))
     simulation = Simulation(loaded, 1)
@@ -179,7 +169,6 @@ def test_who_is_at_work_is_known_while_it_is(files, code):
     assert simulation.at_work() is None
 
 
-@pytest.mark.usefixtures("files")
 def test_a_robot_of_a_unit_test_reads_what_is_set():
     robot = TestRobot("follower.py", sensors=["ground.py"])
     robot.readings.ground[0], robot.readings.own_number = 0.25, 3
@@ -219,7 +208,6 @@ def test_an_error_in_a_sensor_names_file_line_and_robot(files, way, message, int
     assert (far == [0, np.inf]).all()  # as what lies beyond a range
 
 
-@pytest.mark.usefixtures("files")
 def test_sensors_given_anew_take_the_place_of_those_of_all_robots_and_so_do_another_robot_s(tmp_path):
     for name, sensor in (("one", "dice.py"), ("other", "ground.py")):
         (tmp_path / f"{name}.yaml").write_text(f"radius_cm: 4\nsensors: [{sensor}]\n")
@@ -235,8 +223,7 @@ def test_sensors_given_anew_take_the_place_of_those_of_all_robots_and_so_do_anot
                     assert load_scenario(base, [f"{typed}=0.5"]).robots[0].sensors["ground"]["noise"] == 0.5
 
 
-def test_sensors_and_robots_of_an_axis_are_looked_for_in_the_scenario_s_folder(tmp_path, files, monkeypatch):
-    files()
+def test_sensors_and_robots_of_an_axis_are_looked_for_in_the_scenario_s_folder(tmp_path, monkeypatch):
     (tmp_path / "cart.yaml").write_text("radius_cm: 4\nsensors: [ground.py]\n")
     (tmp_path / "s.yaml").write_text("robots: [{count: 2, controller: wanderer.py}]\n")
     (tmp_path / "elsewhere").mkdir()
@@ -298,9 +285,8 @@ def distance_ahead(step, number, range_cm):
 
 
 @pytest.mark.parametrize("has_picture", [True, False])
-def test_slow_twins_see_the_same(tmp_path, monkeypatch, has_picture):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "looks.py").write_text(LOOKS)
+def test_slow_twins_see_the_same(files, has_picture):
+    files(looks=LOOKS)
     picture = np.random.default_rng(1).integers(0, 256, (13, 31), np.uint8)
     cv2.imwrite("floor.png", picture)
     floor = {"patches": PATCHES, **({"picture": "floor.png"} if has_picture else {"brightness": 0.9})}
