@@ -99,9 +99,7 @@ def test_defaults_types_and_check_are_those_of_the_file_which_needs_neither_list
     firmware = find_controller(str(tmp_path / "empty.c"))
     assert firmware.resolve({}) == {}
     Bench(firmware, robots=2).control.step()
-    head = (
-        'static const char *const NAMES[] = {"a", "b"}; static const double GAINS[] = {1, 2};'  # not shared variables
-    )
+    head = 'static const char *const NAMES[] = {"a", "b"}; static const double GAINS[] = {1, 2};'  # not shared
     write_firmware(tmp_path / "mine.c", "e_set_led((unsigned)NAMES[e_get_red(1)][0], GAINS[1]);", head=head)
 
 

@@ -33,7 +33,8 @@ def test_shipped_controllers_are_found_by_their_names_from_any_folder_whatever_l
     assert find_controller("firefly.py", tmp_path).parameters == {"gain": 1.0}
 
 
-def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tmp_path, monkeypatch):
+def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory_and_not_confused(tmp_path, monkeypatch):
+    """Neither are files of one name in two folders, nor what they import beside them."""
     gain(tmp_path / "scenes" / "mine.py", 1.0)
     monkeypatch.chdir(tmp_path)
     gain(tmp_path / "mine.py", 2.0)
@@ -46,6 +47,14 @@ def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tm
         (str(tmp_path / "mine.py"), tmp_path / "scenes", 2.0),
     ):
         assert find_controller(name, folder).parameters == {"gain": found}
+    text = "import helper\n" + with_step("pass", PARAMETERS="{'gain': helper.GAIN}")
+    for number in (1, 2):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "helper.py").write_text(f"GAIN = {number}.0")
+        write_controller(folder / "mine.py", text)
+    found = [find_controller(f"{number}/mine.py", tmp_path) for number in (1, 2, 1)]
+    assert [controller.parameters["gain"] for controller in found] == [1.0, 2.0, 1.0]
 
 
 @pytest.fixture(scope="module")
@@ -118,17 +127,6 @@ def test_names_are_followed_into_helpers_and_other_files_and_what_may_have_one_i
         "[memory.anything for memory in ()]",
     ):
         check_sensed(write_controller(tmp_path / "mine.py", with_step(line)))
-
-
-def test_two_files_of_one_name_in_two_folders_are_not_confused(tmp_path):
-    """Neither the controllers nor what they import beside them."""
-    for number in (1, 2):
-        folder = tmp_path / str(number)
-        folder.mkdir()
-        (folder / "helper.py").write_text(f"GAIN = {number}.0")
-        write_controller(folder / "mine.py", "import helper\n" + with_step("pass", PARAMETERS="{'gain': helper.GAIN}"))
-    found = [find_controller(f"{number}/mine.py", tmp_path) for number in (1, 2, 1)]
-    assert [controller.parameters["gain"] for controller in found] == [1.0, 2.0, 1.0]
 
 
 def test_siblings_and_shipped_controllers_can_be_imported_and_are_named_as_sources(tmp_path):

@@ -45,23 +45,20 @@ def test_a_picture_that_is_not_new_acts_like_a_dark_one(phase, ring):
     assert stepped(phase, flash=True, ring_on=ring, new=False) == stepped(phase, flash=False, ring_on=ring)
 
 
-@pytest.mark.parametrize(
-    ("flashes", "new_pictures", "given_", "phases"),
-    [
+def test_each_new_picture_of_a_flash_updates_or_the_first_of_a_sighting_alone():
+    for flashes, new_pictures, given_, phases in (
         ([1, 1, 1, 0], None, {}, [1210, 1441, 1695, 1795]),
         ([1, 1, 0, 1, 1], None, ONCE, [1210, 1310, 1410, 1661, 1761]),
         ([1, 1, 1], None, ONCE | {"refractory_fraction": 0.23}, [1100, 1200, 1300]),  # used up while it is refractory
         ([1, 1, 1, 1, 0], [1, 0, 0, 1, 1], {}, [1210, 1310, 1410, 1661, 1761]),
         ([1, 1, 1, 0, 0, 1, 1], [1, 0, 1, 1, 0, 1, 0], ONCE, [1210, 1310, 1410, 1510, 1610, 1881, 1981]),
-    ],
-)
-def test_each_new_picture_of_a_flash_updates_or_the_first_of_a_sighting_alone(flashes, new_pictures, given_, phases):
-    robot = TestRobot("oscillator", given_)
-    robot.memory.phase_ms, found = 1000, []
-    for robot.camera, robot.new_picture in zip(flashes, new_pictures or [1] * len(flashes), strict=True):
-        robot.step()
-        found.append(robot.memory.phase_ms)
-    assert found == phases
+    ):
+        robot = TestRobot("oscillator", given_)
+        robot.memory.phase_ms, found = 1000, []
+        for robot.camera, robot.new_picture in zip(flashes, new_pictures or [1] * len(flashes), strict=True):
+            robot.step()
+            found.append(robot.memory.phase_ms)
+        assert found == phases
 
 
 def phase_update_2(phi, ring, world):

@@ -89,15 +89,9 @@ LISTING = str(Path(__file__).with_name("firmware") / "firefly.c")
     [
         {},
         {"speed_cm_s": 0.7, "rotation_speed_cm_s": 12.7},
-        {"rotation_speed_cm_s": 0.3},
+        {"rotation_speed_cm_s": 0.3, "rotation_max": 100},
         {"speed_cm_s": 0.0, "rotation_speed_cm_s": 0.1, "proximity_threshold": 0, "rotation_max": 1},
-        {
-            "speed_cm_s": 4.3,
-            "rotation_speed_cm_s": 5.1,
-            "rotation_max": 100,
-            "proximity_threshold": 40,
-            "proximity_count_threshold": 0,
-        },
+        {"speed_cm_s": 4.3, "rotation_speed_cm_s": 5.1, "proximity_threshold": 40, "proximity_count_threshold": 0},
         {"proximity_threshold": 85, "proximity_count_threshold": 2},
         {"delay_ms": 62, "flash_pixels": 2, "once_per_sighting": True, "coupling": 0.37},
     ],

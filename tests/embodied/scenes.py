@@ -5,6 +5,7 @@ world, and report which rays run within `EDGE_CM` of a decision, which rounding 
 """
 
 import math
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +13,12 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, clearance_cm, make_arena
-from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.layout import room_for, set_arena, set_bodies
 from epuck_sim.embodied.sensors.camera import add_reflections, look, set_camera
 from epuck_sim.embodied.sensors.infrared import sense_infrared, set_infrared
-from epuck_sim.embodied.swarm import Swarm, make_block, open_block
+from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import CameraMount, ProximitySection, RobotKind, cell_cm
 from epuck_sim.scenario.robots import CameraSection, InfraredSection, RobotGroup
@@ -92,15 +93,8 @@ ADDRESSES = np.zeros(3, np.int64)
 """Addresses of a swarm that calls nothing."""
 
 
-class Block(NamedTuple):
-    """A swarm of one group, and of robots before it that only stand there."""
-
-    bytes: ByteArray
-    swarm: Swarm
-
-
-def block_of(scene: Scene, camera=CAMERA, observer=0, infrared=INFRARED, noise_counts=0.0) -> Block:
-    """Return the robots of a scene, sorted into cells; those from `observer` on are the group."""
+def block_of(scene: Scene, camera=CAMERA, observer=0, infrared=INFRARED, noise_counts=0.0) -> SimpleNamespace:
+    """Return bytes and swarm of a scene's robots, sorted into cells; those from `observer` on are the only group."""
     arena, kind, robots = scene.arena, scene.body, len(scene.poses)
     kinds = [kind.model_copy(update={"radius_cm": radius}) for radius in scene.radii_cm.tolist()]
     room = room_for([RobotGroup(count=1, camera={"pixels": camera.pixels})] * robots, kinds, [arena])
@@ -116,7 +110,7 @@ def block_of(scene: Scene, camera=CAMERA, observer=0, infrared=INFRARED, noise_c
     set_camera(group.camera, swarm.rays, camera.section(), kind, 10.0)
     swarm.pixels[:] = 77
     sort_into_cells(block)
-    return Block(block, swarm)
+    return SimpleNamespace(bytes=block, swarm=swarm)
 
 
 def readings(scene: Scene) -> FloatArray:
@@ -298,20 +292,11 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
     return written, doubtful
 
 
-class Pixels(NamedTuple):
-    """What the pixels of a camera's central window show."""
+def slow_pixels(scene: Scene, camera: CameraSettings, robot: int) -> tuple[tuple, IntArray, FloatArray, BoolArray]:
+    """Return rays of the pixels of a camera's central window, and what they show; all but the rays are (pixels,).
 
-    rays: tuple[FloatArray, FloatArray]
-    """(pixels, 2) where each begins, and its direction."""
-    shown: IntArray
-    """(pixels,) number of the robot that each shows, or -1."""
-    reach_cm: FloatArray
-    """(pixels,) distance of what each ray meets first, however far."""
-    doubtful: BoolArray
-    """(pixels,) where two answers lie within rounding."""
-
-
-def slow_pixels(scene: Scene, camera: CameraSettings, robot: int) -> Pixels:
+    That is the number of a robot, or -1; cm to what each ray meets first; and where two answers lie within rounding.
+    """
     x, y, heading = scene.poses[robot]
     directions = directions_of(heading + camera.angles()[camera.window()])
     rays = np.tile((x, y) + scene.body.camera_forward_cm * directions_of(heading), (len(directions), 1)), directions
@@ -324,7 +309,7 @@ def slow_pixels(scene: Scene, camera: CameraSettings, robot: int) -> Pixels:
     shown = np.where((nearest < len(scene.poses)) & (reach.min(axis=1) < np.inf), nearest, -1)
     first, second = np.sort(reach, axis=1)[:, :2].T
     doubtful = np.hstack([by_robot, by_circle, by_edge]).any(axis=1) | (second < first + EDGE_CM)
-    return Pixels(rays, shown, reach[:, :-1].min(axis=1), doubtful)
+    return rays, shown, reach[:, :-1].min(axis=1), doubtful
 
 
 def slow_rows(scene: Scene, camera: CameraSettings, every: int = 1) -> tuple[BoolArray, BoolArray]:

@@ -380,7 +380,7 @@ def helped(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "change", ["GAIN = 3.0", "TABLE['a'][1] = 5", "ROW[1] = 5", "def scale(x):\n    return x", "FURTHER = 1"]
+    "change", ["GAIN = 3.0", "TABLE['a'][1] = 5", "ROW[1] = 5", "def scale(x): return x", "FURTHER = 1"]
 )
 def test_what_a_program_sets_in_its_own_copy_of_a_helper_in_vain_is_refused(helped, change):
     controller, helper = helped

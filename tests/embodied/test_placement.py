@@ -16,6 +16,7 @@ from epuck_sim.embodied.swarm import poses_of
 from epuck_sim.scenario.robots import members
 
 RADIUS_CM = 3.7
+shapes = st.tuples(st.sampled_from(["random", "grid"]), st.integers(1, 8), st.sampled_from([2.0, 3.7, 4.9]))
 OBSTACLES = [
     {"shape": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 8},
     {"shape": "box", "x_cm": 60, "y_cm": 60, "width_cm": 40, "height_cm": 4, "heading_rad": 0.6},
@@ -69,16 +70,7 @@ def placed_slowly(scenario, seed):
 
 
 @settings(max_examples=30)
-@given(
-    st.lists(
-        st.tuples(st.sampled_from(["random", "grid"]), st.integers(1, 8), st.sampled_from([2.0, 3.7, 4.9])),
-        min_size=1,
-        max_size=4,
-    ),
-    st.booleans(),
-    st.booleans(),
-    st.integers(0, 2**70),
-)
+@given(st.lists(shapes, min_size=1, max_size=4), st.booleans(), st.booleans(), st.integers(0, 2**70))
 def test_robots_are_placed_where_a_slow_twin_places_them(groups, has_obstacles, has_poses, seed):
     robots = [
         {"placement": placement, "count": count, "kind": {"radius_cm": radius, "infrared": None, "wheel_base_cm": 2}}

@@ -180,19 +180,16 @@ RADIO = {"kind": "radio"}
 FLOOR = {"width_cm": 50, "height_cm": 50}
 
 
-@pytest.mark.parametrize(
-    ("robot", "limit", "base"),
-    [
+def test_a_robot_turns_on_the_spot_by_its_wheels_limit_and_distance():
+    for robot, limit, base in (
         ("epuck", 12.8, 5.1),
         ("kilobot", 1.0, 2.5),
         ({"kind": "kilobot", "wheel_limit_cm_s": 3, "wheel_base_cm": 2}, 3, 2),
-    ],
-)
-def test_a_robot_turns_on_the_spot_by_its_wheels_limit_and_distance(robot, limit, base):
-    group = {**constant([[25, 25, 0]], left_cm_s=-12.8, right_cm_s=12.8), "signal": RADIO}
-    step = Simulation({"arena": FLOOR, "noise": "off", "robot": robot, "robots": [group]}, 1).advance(11)
-    assert step.wheels_cm_s.tolist() == [[-limit, limit]]
-    np.testing.assert_allclose(step.poses[0], [25, 25, 2 * limit / base], rtol=0, atol=1e-9)  # in a second
+    ):
+        group = {**constant([[25, 25, 0]], left_cm_s=-12.8, right_cm_s=12.8), "signal": RADIO}
+        step = Simulation({"arena": FLOOR, "noise": "off", "robot": robot, "robots": [group]}, 1).advance(11)
+        assert step.wheels_cm_s.tolist() == [[-limit, limit]]
+        np.testing.assert_allclose(step.poses[0], [25, 25, 2 * limit / base], rtol=0, atol=1e-9)  # in a second
 
 
 def mixed(*groups, interpret=False, **sections) -> Simulation:

@@ -390,9 +390,8 @@ def test_faults_and_absence_come_after_commands():
     assert simulation.last_step.wheels_cm_s.tolist() == [[5, 5], [0, 0], [5, 5]]
 
 
-@pytest.mark.parametrize(
-    ("controller", "given", "message"),
-    [
+def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded():
+    for controller, given, message in (
         ("external", {"left_cm_s": np.zeros(3)}, r"left_cm_s has the shape \(3,\); allowed: \(2,\)"),
         ("external", {"left_cm_s": [1.0, np.nan]}, "left_cm_s is nan for robot 9; allowed: numbers"),
         ("external", {"left_cm_s": ["fast", "slow"]}, "left_cm_s is fast for robot 8; allowed: numbers"),
@@ -401,15 +400,13 @@ def test_faults_and_absence_come_after_commands():
         ("external", {}, "nothing is commanded; give left_cm_s, right_cm_s or ring_on"),
         ("constant", {"left_cm_s": 0}, "no robot has its wheels commanded from outside; give a group `controller: e"),
         ("external_wheels", {"ring_on": True}, "no robot has its ring commanded"),
-    ],
-)
-def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded(controller, given, message):
-    simulation = Simulation({"robots": [{"count": 8}, {"count": 2, "controller": controller}]}, 1, interpret=True)
-    with pytest.raises(ValueError, match=message):
-        simulation.command(**given)
-    step = next(simulation)
-    assert not step.wheels_cm_s[8:].any()
-    assert controller == "external_wheels" or not step.ring_on[8:].any()
+    ):
+        simulation = Simulation({"robots": [{"count": 8}, {"count": 2, "controller": controller}]}, 1, interpret=True)
+        with pytest.raises(ValueError, match=message):
+            simulation.command(**given)
+        step = next(simulation)
+        assert not step.wheels_cm_s[8:].any()
+        assert controller == "external_wheels" or not step.ring_on[8:].any()
 
 
 def test_a_file_says_what_is_external(tmp_path):

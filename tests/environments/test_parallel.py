@@ -216,22 +216,19 @@ def test_environments_that_make_no_sense_are_refused(scenario, given, kind, mess
         parallel_env(scenario, **given)
 
 
-@pytest.mark.parametrize(
-    ("action", "message"),
-    [
+def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost():
+    for action, message in (
         (dict.fromkeys(AGENTS, np.zeros(2)), r"an agent's action has the shape \(2,\); allowed: \(3,\)"),
         (dict.fromkeys(AGENTS, np.full(3, np.nan)), "an agent's action has nan; allowed: finite"),
         ({"robot_0": np.zeros(3)}, "missing or unknown: .'robot_1', 'robot_2'"),
-    ],
-)
-def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost(action, message):
-    env = parallel_env(SWARM, seed=4)
-    env.reset()
-    before = env.state()
-    with pytest.raises(ValueError, match=message):
-        env.step(action)
-    np.testing.assert_array_equal(env.state(), before)
-    env.step({agent: np.zeros(3) for agent in env.agents})
+    ):
+        env = parallel_env(SWARM, seed=4)
+        env.reset()
+        before = env.state()
+        with pytest.raises(ValueError, match=message):
+            env.step(action)
+        np.testing.assert_array_equal(env.state(), before)
+        env.step({agent: np.zeros(3) for agent in env.agents})
 
 
 @pytest.mark.parametrize(("reward", "said"), [([np.nan], "NaN"), (np.ones(3), r"the shape \(3,\)")])

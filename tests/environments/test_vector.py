@@ -127,17 +127,14 @@ def test_an_error_of_a_controller_in_a_thread_reaches_the_caller(tmp_path):
         batch.step(np.zeros((3, 3)))
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
+def test_swarms_and_arenas_that_change_are_refused():
+    for changes in (
         {"schedule": [{"at_s": 1, "remove": [1]}]},
         {"schedule": [{"at_s": 1, "set": {"arena.width_cm": 90}}]},
         {"robots": [*SWARM["robots"], {"count": 1, "present": False}]},
-    ],
-)
-def test_swarms_and_arenas_that_change_are_refused(changes):
-    with pytest.raises(ScenarioError, match="robots come or go, or walls move; allowed in environments: neither"):
-        vector_env({**SWARM, **changes}, 2)
+    ):
+        with pytest.raises(ScenarioError, match="robots come or go, or walls move; allowed in environments: neither"):
+            vector_env({**SWARM, **changes}, 2)
 
 
 AMONG_FIREFLIES = {"robots": [{"count": 2}, {"count": 1, "controller": "external"}]}
@@ -228,13 +225,10 @@ def test_a_window_shows_each_step_by_itself_and_closes(windows):
 
 
 @pytest.mark.parametrize("make", [RobotEnv, lambda scenario: gymnasium.make_vec(ROBOT_ENV, 2, scenario=scenario)])
-@pytest.mark.parametrize(
-    ("scenario", "message"),
-    [
+def test_swarms_without_exactly_one_driven_robot_are_refused(make):
+    for scenario, message in (
         ({"robots": [{"count": 2, "controller": "external"}]}, "2 robots of the scenario are driven from outside"),
         ("thesis", "10 robots of the scenario are driven from outside"),
-    ],
-)
-def test_swarms_without_exactly_one_driven_robot_are_refused(make, scenario, message):
-    with pytest.raises(ScenarioError, match=message):
-        make(scenario)
+    ):
+        with pytest.raises(ScenarioError, match=message):
+            make(scenario)

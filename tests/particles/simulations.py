@@ -187,19 +187,14 @@ def any_sections(draw: st.DrawFn, kind: str, most_agents: int = 7) -> dict[str, 
     is_redrawn = bool(speed) and walk["kind"] != "straight" and draw(st.booleans())
     pace = draw(st.sampled_from([0.0, 0.003, 0.03, 0.3, 1.1, 4.0]))  # sides in a cycle
     motion = {"speed_cm_s": pace * side_cm / period_s, **speed, "walk": walk, "speed_per_run": is_redrawn}
+    boundary = draw(st.sampled_from(["bounded", "bounded", "cyclic", "mirrored"]))
+    metric, reference = draw(st.sampled_from(["complex", "reference"])), draw(st.integers(0, agents - 1))
+    threshold = draw(st.sampled_from([None, 0.3, 0.9, 1 - 1e-9]))
     return {
-        "space": {
-            "dimensions": draw(st.integers(1, 3)),
-            "side_cm": side_cm,
-            "boundary": draw(st.sampled_from(["bounded", "bounded", "cyclic", "mirrored"])),
-        },
+        "space": {"dimensions": draw(st.integers(1, 3)), "side_cm": side_cm, "boundary": boundary},
         "agents": {"count": agents, "reorient_on": draw(PULSES), **motion},
         "neighbourhood": draw(rules(kind, agents, side_cm)),
         "response": draw(responses),
         "clocks": {"period_s": period_s, "jitter": draw(st.sampled_from([0.0, 0.0, 1e-3, 0.2]))},
-        "stop": {
-            "metric": draw(st.sampled_from(["complex", "reference"])),
-            "reference": draw(st.integers(0, agents - 1)),
-            "order_parameter": draw(st.sampled_from([None, 0.3, 0.9, 1 - 1e-9])),
-        },
+        "stop": {"metric": metric, "reference": reference, "order_parameter": threshold},
     }

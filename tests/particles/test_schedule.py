@@ -185,10 +185,7 @@ def test_undisturbed_nothing_deviates_at_any_time(data, seed, kind):
     assert not compare(seed, times, **sections).deviation.any()
 
 
-@pytest.mark.parametrize(
-    ("displacement", "deviation"),
-    [(2**-10, 2**-10), (0.25, 0.25), (0.5, 0.5), (0.875, 0.125)],
-)
+@pytest.mark.parametrize(("displacement", "deviation"), [(2**-10, 2**-10), (0.25, 0.25), (0.5, 0.5), (0.875, 0.125)])
 def test_an_uncoupled_displaced_agent_deviates_by_the_displacement_for_ever(displacement, deviation):
     times = np.concatenate([MIDDLES, np.arange(1000.03125, 20_000, 7_777)])
     found = compare(times=times, start=displaced(displacement), response={"coupling": 0})

@@ -203,20 +203,17 @@ def test_order_counts_those_present():
     assert (alone.order_parameter, alone.t_sync_cycles) == (1, None)
 
 
-@pytest.mark.parametrize(
-    ("second", "entry", "message"),
-    [
+def test_who_finds_no_place_ends_the_trial():
+    for second, entry, message in (
         ([10, 30], {"poses": [[12, 10, 0]]}, r"schedule\.1, at 2 s, seed 1: robot 1 cannot come to \[12, 10\]"),
         ([10, 30], {"poses": [[59, 10, 0]]}, r"robot 1 cannot come to \[59, 10\]"),
         ([30, 10], {"set": {"arena.width_cm": 17, "arena.height_cm": 17}}, r"no free place was found for robot 1"),
-    ],
-)
-def test_who_finds_no_place_ends_the_trial(second, entry, message):
-    robots = [{"poses": [[8.5, 8.5, 0], [*second, 0]], "parameters": {"speed_cm_s": 0}}]
-    schedule = [{"at_s": 1, "remove": [1]}, {"at_s": 2, "add": [1], **entry}]
-    simulation = Simulation({"robots": robots, "schedule": schedule}, 1)
-    with pytest.raises(ScenarioError, match=message):
-        simulation.advance(25)
+    ):
+        robots = [{"poses": [[8.5, 8.5, 0], [*second, 0]], "parameters": {"speed_cm_s": 0}}]
+        schedule = [{"at_s": 1, "remove": [1]}, {"at_s": 2, "add": [1], **entry}]
+        simulation = Simulation({"robots": robots, "schedule": schedule}, 1)
+        with pytest.raises(ScenarioError, match=message):
+            simulation.advance(25)
 
 
 def test_a_robot_that_leaves_sends_no_more(tmp_path):

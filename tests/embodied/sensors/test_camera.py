@@ -19,7 +19,7 @@ from epuck_sim.util.seeds import robot_streams
 from tests.embodied import scenes
 from tests.embodied.steps import steps_of
 
-MIRRORED_CM = st.sampled_from([0.0, 10_000.0, 10_000.0, 15.0, 40.0])
+MIRRORS = st.sampled_from([0.0, 10_000.0, 10_000.0, 15.0, 40.0])
 ONE_PIXEL = scenes.CameraSettings(1, 56.0, 1)
 
 
@@ -59,9 +59,7 @@ def test_rows_are_those_of_the_slow_twin_with_and_without_what_walls_mirror():
     tally = Counter()
 
     @settings(max_examples=40)
-    @given(
-        scenes.any_scenes((1, 2, 3, 10, 60, 200), scenes.BODIES), scenes.camera_settings(), MIRRORED_CM, scenes.SEEDS
-    )
+    @given(scenes.any_scenes((1, 2, 3, 10, 60, 200), scenes.BODIES), scenes.camera_settings(), MIRRORS, scenes.SEEDS)
     def compare(scene, camera, mirrored_cm, seed):
         random = np.random.default_rng(seed)
         if random.random() < 0.5 and not mirrored_cm:  # robots that push each other overlap

@@ -25,7 +25,7 @@ cones = st.builds(
 )
 
 
-def with_cone(scene: scenes.Scene, section: ConeSection, occlusion: bool, observer: int = 0) -> scenes.Block:
+def with_cone(scene: scenes.Scene, section: ConeSection, occlusion: bool, observer: int = 0):
     block = scenes.block_of(scene, scenes.CameraSettings(1, 56.0, 1), observer)
     cone = block.swarm.groups[0].cone
     set_cone(cone, section, scene.body.camera_forward_cm)
@@ -160,18 +160,15 @@ def test_a_robot_is_seen_if_a_ray_of_a_fan_meets_it_first(scene, section, occlus
     assert (found <= perhaps).all()
 
 
-@pytest.mark.parametrize(
-    ("signal", "apart_cm", "seen"),
-    [
+def test_a_swarm_with_an_ideal_sensor_has_a_picture_of_one_pixel_up_to_its_range():
+    for signal, apart_cm, seen in (
         *(({"kind": "cone", "range_cm": reach, "angle_deg": 60}, 40, reach == 40) for reach in (40, 39.9)),
         # the range is that from the robot's centre to the other's rim
         *(({"kind": "enki_camera", "range_cm": 25, "angle_deg": 100}, apart, apart < 28.7) for apart in (28.69, 28.71)),
-    ],
-)
-def test_a_swarm_with_an_ideal_sensor_has_a_picture_of_one_pixel_up_to_its_range(signal, apart_cm, seen):
-    group = constant([[20, 50, 0], [20 + apart_cm, 50, 0]], ring_on=True) | {"signal": signal}
-    simulation = Simulation({"arena": {"width_cm": 100, "height_cm": 100}, "robots": [group], "noise": "off"})
-    assert [simulation.advance(1).camera.tolist() for _ in range(2)] == [[[0], [0]], [[seen], [0]]]
+    ):
+        group = constant([[20, 50, 0], [20 + apart_cm, 50, 0]], ring_on=True) | {"signal": signal}
+        simulation = Simulation({"arena": {"width_cm": 100, "height_cm": 100}, "robots": [group], "noise": "off"})
+        assert [simulation.advance(1).camera.tolist() for _ in range(2)] == [[[0], [0]], [[seen], [0]]]
 
 
 SENDER = with_step(
