@@ -20,6 +20,11 @@ from epuck_sim.trial.model import simulate
 from tests.control.bench import MODES, Bench, function, settings
 from tests.particles.simulations import UNLIKELY
 
+ONCE = {"once_per_sighting": True}
+MOTIONS = {"firefly": "obstacle_avoidance", "walking_firefly": "random_walk", "reorienting_firefly": "reorientation"}
+"""Controllers that are an oscillator and this one at once."""
+WHEELS = ["left_cm_s", "right_cm_s"]
+
 
 def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pixels=60, new=True, **parameters):
     robot = TestRobot("oscillator", parameters, pixels=pixels, step_ms=step_ms)
@@ -34,9 +39,6 @@ def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pi
 def test_so_many_red_pixels_are_a_flash_however_wide_the_camera_is(pixels, red):
     assert stepped(1000, flash=True, red=red, pixels=pixels, flash_pixels=red) == (1210, False)
     assert stepped(1000, flash=True, red=red, pixels=pixels, flash_pixels=red + 1) == (1100, False)
-
-
-ONCE = {"once_per_sighting": True}
 
 
 @hypothesis.settings(max_examples=30)
@@ -144,12 +146,6 @@ def test_couplings_of_whole_millionths_and_seconds_of_whole_milliseconds_are_tak
     day = settings("oscillator", period_s=86_400.0, **given_)
     assert function("updated", "oscillator")(phase, day) == (phase + phase * millionths // 1_000_000, False)
     assert function("whole_ms", "oscillator")(ms / 1000) == ms
-
-
-MOTIONS = {"firefly": "obstacle_avoidance", "walking_firefly": "random_walk", "reorienting_firefly": "reorientation"}
-"""Controllers that are an oscillator and this one at once."""
-
-WHEELS = ["left_cm_s", "right_cm_s"]
 
 
 @pytest.mark.parametrize("name", [*MOTIONS, "pushing", "switching", "varied_firefly"])

@@ -52,6 +52,9 @@ LIMITS = [
     ("varied_firefly", "new_speed_s", (0.0,), (-1.0,), {}),
 ]
 """Controller, parameter, its values at limits and beyond, and other parameters."""
+SPEEDS = st.floats(-12.8, 12.8)
+STEP_S = 0.1
+ARENA = {"width_cm": 100, "height_cm": 100}
 
 
 def test_up_to_its_limits_a_parameter_is_allowed_and_what_lies_beyond_is_named_and_small_speeds_keep_fractions():
@@ -66,9 +69,6 @@ def test_up_to_its_limits_a_parameter_is_allowed_and_what_lies_beyond_is_named_a
     assert (robot.left_cm_s, robot.right_cm_s) == (0.03125, 0.03125)
 
 
-SPEEDS = st.floats(-12.8, 12.8)
-
-
 @hypothesis.settings(max_examples=20)
 @given(left=SPEEDS, right=SPEEDS, ring=st.booleans(), seed=st.integers(0, 2**32))
 def test_constant_commands_the_same_whatever_it_senses(left, right, ring, seed):
@@ -78,9 +78,6 @@ def test_constant_commands_the_same_whatever_it_senses(left, right, ring, seed):
         bench.sense(np.random.default_rng(seed))
         bench.control.step()
         assert bench.actuators.tolist() == [(left, right, ring, 0, 0)] * 3
-
-
-LISTING = str(Path(__file__).with_name("firmware") / "firefly.c")
 
 
 @needs_compiler
@@ -98,7 +95,8 @@ LISTING = str(Path(__file__).with_name("firmware") / "firefly.c")
     ids=str,
 )
 def test_long_drives_and_flashes_are_the_thesis_s(given):
-    benches = in_c, in_python = [Bench(name, given, robots=20, interpret=False) for name in (LISTING, "firefly")]
+    names = str(Path(__file__).with_name("firmware") / "firefly.c"), "firefly"
+    benches = in_c, in_python = [Bench(name, given, robots=20, interpret=False) for name in names]
     streams, chance, lit = in_python.streams.copy(), np.random.default_rng(4), 0
     distances = random_distances(chance, (20, 8))
     for number in range(500):
@@ -118,9 +116,6 @@ def test_long_drives_and_flashes_are_the_thesis_s(given):
     assert (in_c.streams == in_python.streams).all(), "both drew as often"
     assert (streams != in_python.streams).any(), "walls were met"
     assert 0 < lit < 20 * 500
-
-
-STEP_S = 0.1
 
 
 @pytest.mark.parametrize("persistence", [0.0, 0.7])
@@ -181,9 +176,6 @@ def test_robots_without_persistence_forget_their_direction_and_those_with_all_of
     arena = {"width_cm": 5000, "height_cm": 5000}
     last = Simulation({"arena": arena, "noise": "off", "robots": [group]}, 2).advance(300)
     assert np.cos(last.poses[:, 2] - 0.3).mean() == pytest.approx(kept, abs=off)
-
-
-ARENA = {"width_cm": 100, "height_cm": 100}
 
 
 def swarm(group, **sections) -> Simulation:

@@ -18,6 +18,8 @@ from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import RobotGroup
 from tests.embodied import scenes
 
+GAP_CM = 2 * MARGIN_CM
+
 
 def sightings(poses, arena, camera, first=0, observers=None) -> list[list[int]]:
     """Return what `find_sightings` does of (steps, robots, 3) poses; of all robots from `first` on by default."""
@@ -67,9 +69,6 @@ def test_steps_at_once_are_one_after_the_other_and_observers_are_those_of_the_gr
     observers = int(random.integers(1, len(scene.poses) - first + 1))
     wanted = [sighting for sighting in everybody if first <= sighting[1] < first + observers]
     assert sightings(poses, scene.arena, camera, first, observers) == wanted
-
-
-GAP_CM = 2 * MARGIN_CM
 
 
 def contacts(poses: FloatArray, arena: Arena) -> FloatArray:

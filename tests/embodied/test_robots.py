@@ -35,6 +35,8 @@ wheels = st.one_of(
     st.builds(lambda speed, difference: (0.9 * speed, 0.9 * speed + difference), speeds, differences),
 )
 gains = st.just((1.0, 1.0)) | st.tuples(st.floats(0, 2), st.floats(0, 2))
+RADIO = {"kind": "radio"}
+FLOOR = {"width_cm": 50, "height_cm": 50}
 
 
 def arc(pose, left, right, seconds=0.1):
@@ -174,10 +176,6 @@ def test_robots_are_free_and_stuck_by_turns_for_exponential_times_as_a_slow_twin
         found[step] = gain[:, 0] == 0
         np.testing.assert_array_equal(gain[:, 0], gain[:, 1])
     np.testing.assert_array_equal(found, np.transpose(changes) % 2 == 1)
-
-
-RADIO = {"kind": "radio"}
-FLOOR = {"width_cm": 50, "height_cm": 50}
 
 
 def test_a_robot_turns_on_the_spot_by_its_wheels_limit_and_distance():

@@ -19,6 +19,9 @@ from tests.embodied.steps import CHANGING, bits, constant, kept, swarm_of
 
 SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
 LONG = ("crowded", "obstacles", "physical", "thesis")
+LAMP = constant([[30, 30, 0]], ring_on=True)
+POSES = [[60, 60, 0.1], [71, 60, 2.0], [64, 71, 4.0], [90, 70, 3.0], [120, 60, 3.3], [30, 90, 5.5], [45, 40, 1.0]]
+SEEN = ("poses", "infrared", "distance_mm", "camera", "wheels_cm_s", "ring_on", "phase_ms")
 
 
 @pytest.mark.parametrize("arena", SHIPPED)
@@ -26,9 +29,6 @@ def test_interpreted_controllers_make_the_same_trial_bit_for_bit(arena):
     compiled, interpreted = (Simulation(arena, 7, interpret=interpret) for interpret in (False, True))
     for _ in range(100 if arena in LONG else 40):
         assert bits(next(interpreted)) == bits(next(compiled))
-
-
-LAMP = constant([[30, 30, 0]], ring_on=True)
 
 
 def following(simulation, steps):
@@ -74,10 +74,6 @@ FAIL = with_step(
 
 def written(folder, text):
     return str(write_controller(folder / "mine.py", text).path)
-
-
-POSES = [[60, 60, 0.1], [71, 60, 2.0], [64, 71, 4.0], [90, 70, 3.0], [120, 60, 3.3], [30, 90, 5.5], [45, 40, 1.0]]
-SEEN = ("poses", "infrared", "distance_mm", "camera", "wheels_cm_s", "ring_on", "phase_ms")
 
 
 def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(tmp_path):

@@ -17,6 +17,7 @@ from epuck_sim.environments import ROBOT_ENV, RobotEnv, parallel_env, vector_env
 from tests.control.bench import with_step
 
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
+AMONG_FIREFLIES = {"robots": [{"count": 2}, {"count": 1, "controller": "external"}]}
 
 
 def policy(rows):
@@ -135,9 +136,6 @@ def test_swarms_and_arenas_that_change_are_refused():
     ):
         with pytest.raises(ScenarioError, match="robots come or go, or walls move; allowed in environments: neither"):
             vector_env({**SWARM, **changes}, 2)
-
-
-AMONG_FIREFLIES = {"robots": [{"count": 2}, {"count": 1, "controller": "external"}]}
 
 
 @pytest.fixture

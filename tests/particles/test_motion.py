@@ -9,6 +9,13 @@ from scipy import stats
 
 from tests.particles.simulations import UNLIKELY, make_simulation, set_trajectories
 
+CLOSED = [(1, "bounded"), *itertools.product((1, 2, 3), ("cyclic", "mirrored"))]
+"""Dimensions and boundaries of spaces with a closed form."""
+FAR = {"space": {"side_cm": 1e6}, "neighbourhood": {"kind": "all"}}
+"""Sections of agents that come near no wall."""
+BROWNIAN = {"kind": "brownian", "run_s": 2.0}
+CORRELATED = {"kind": "correlated", "run_s": 0.5, "persistence": 0.8}
+
 
 def is_uniform(values, low, high):
     return stats.kstest(np.ravel(values), "uniform", args=(low, high - low)).pvalue > UNLIKELY
@@ -78,14 +85,6 @@ def test_jittered_periods_are_normal_around_the_nominal_one(jitter):
     assert stats.kstest(start, "uniform").pvalue > UNLIKELY  # jitter leaves phases uniform
 
 
-CLOSED = [(1, "bounded"), *itertools.product((1, 2, 3), ("cyclic", "mirrored"))]
-"""Dimensions and boundaries of spaces with a closed form."""
-
-
-FAR = {"space": {"side_cm": 1e6}, "neighbourhood": {"kind": "all"}}
-"""Sections of agents that come near no wall."""
-
-
 def uncoupled(count, speed_cm_s=100.0, agents=None, **sections):
     """Return uncoupled agents that fire together once a cycle, so that simulating their motion is fast."""
     sections |= {"start": {"phases": "synchronised"}, "response": {"coupling": 0}}
@@ -150,10 +149,6 @@ def test_walls_turn_agents_by_a_uniform_angle_in_a_square_and_over_the_hemispher
         assert is_uniform(along, 0, 1)
         assert is_uniform(np.arctan2(*aside), -math.pi, math.pi)
     assert abs(np.corrcoef(along, towards)[0, 1]) < 0.06
-
-
-BROWNIAN = {"kind": "brownian", "run_s": 2.0}
-CORRELATED = {"kind": "correlated", "run_s": 0.5, "persistence": 0.8}
 
 
 @pytest.mark.parametrize("exponent", [2.2, 3.0])

@@ -47,14 +47,6 @@ def test_the_change_is_that_of_the_complex_order_parameter_of_two(curve, couplin
     assert order_change(response, [phase])[0] == pytest.approx(expected, abs=1e-12)
 
 
-def test_shapes_are_kept_whether_or_not_an_array_is_a_block():
-    response = Response(MULTIPLICATIVE, 0.1, 0.0)
-    for shape in ((), (3, 4), (0,)):
-        phases = np.linspace(0.1, 0.9, math.prod(shape)).reshape(shape).T
-        assert phase_shift(response, phases) == pytest.approx(0.1 * phases)
-        assert order_change(response, phases).shape == phases.shape
-
-
 POWER = """
 from beside import power
 
@@ -89,13 +81,18 @@ def test_a_curve_that_says_what_the_multiplicative_one_does_gives_the_same_bits(
     assert one.instants == other.instants > 10_000
 
 
-def test_parameters_and_the_coupling_reach_the_function(power):
+def test_parameters_and_the_coupling_reach_the_function_and_shapes_are_kept_whether_or_not_an_array_is_a_block(power):
     phases = np.linspace(0.01, 1, 30)
     for coupling, bend, times in [(0.1, 2.0, 1), (0.3, 0.5, -2), (0.1, 3.0, 1)]:
         section = scenario_of(power, parameters={"bend": bend, "times": times}, coupling=coupling)
         response = make_response(load_scenario(section).response)
         expected = np.clip(phases + times * coupling * phases**bend, 0, 1) - phases
         assert phase_shift(response, phases) == pytest.approx(expected, abs=1e-14)
+        assert order_change(response, phases).shape == phases.shape
+    response = Response(MULTIPLICATIVE, 0.1, 0.0)
+    for shape in ((), (3, 4), (0,)):
+        phases = np.linspace(0.1, 0.9, math.prod(shape)).reshape(shape).T
+        assert phase_shift(response, phases) == pytest.approx(0.1 * phases)
         assert order_change(response, phases).shape == phases.shape
 
 
@@ -131,19 +128,15 @@ def test_curves_and_their_parameters_can_be_swept_and_a_path_is_relative_to_the_
     assert bent.scenario.response.parameters == {"bend": 2.0, "times": 1}
 
 
-@pytest.mark.parametrize(
-    ("failure", "message"),
-    [
+def test_an_error_during_a_trial_names_the_file(tmp_path):
+    # between the phases at which curves are tried
+    head = "import math\n\ndef phase_shift(phase, coupling, parameters):\n    if 0.502 < phase < 0.508:\n"
+    for failure, message in (
         ("raise ValueError('not here')", r"curve.py:5: at phase 0.50\d+: ValueError: not here"),
         ("return 1 / int(phase)", r"curve.py:5: at phase 0.50\d+: ZeroDivisionError: "),
         ("return math.inf", r"curve.py: phase_shift returns inf at phase 0.50\d+$"),
-    ],
-    ids=lambda text: text[:10],
-)
-def test_an_error_during_a_trial_names_the_file(tmp_path, failure, message):
-    # between the phases at which curves are tried
-    head = "import math\n\ndef phase_shift(phase, coupling, parameters):\n    if 0.502 < phase < 0.508:\n"
-    curve = written(tmp_path / "curve.py", f"{head}        {failure}\n    return coupling * phase\n")
-    swarm = ParticleSimulation(scenario_of(curve), 1)
-    with pytest.raises(CurveError, match=message):
-        swarm.run(10_000)
+    ):
+        curve = written(tmp_path / "curve.py", f"{head}        {failure}\n    return coupling * phase\n")
+        swarm = ParticleSimulation(scenario_of(curve), 1)
+        with pytest.raises(CurveError, match=message):
+            swarm.run(10_000)

@@ -14,6 +14,7 @@ from tests.particles.naive_model import NaiveEvent, NaiveModel
 from tests.particles.simulations import KINDS, any_sections, compare_events, make_simulation, scenario, state_of
 
 STILL = {"agents": {"count": 4, "speed_cm_s": 0}, "start": {"phases": [0.1, 0.35, 0.6, 0.85]}}
+MIDDLES = np.arange(0.5, 30)
 
 
 class ChangingModel(NaiveModel):
@@ -163,9 +164,6 @@ def test_a_twin_changes_at_times_alone():
     make_twin(make_simulation(schedule=[{"at_s": 1, **entry}]).scenario, 1)
     with pytest.raises(ValueError, match="give at_s in the schedule"):
         make_twin(make_simulation(schedule=[{"at_cycle": 1, **entry}]).scenario, 1)
-
-
-MIDDLES = np.arange(0.5, 30)
 
 
 def displaced(by):

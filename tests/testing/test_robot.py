@@ -13,22 +13,18 @@ import pytest
 from epuck_sim.testing import TestRobot, facing_robot, facing_wall
 from tests.control.bench import MODES, with_step, write_controller
 
-ALL = """
-memory.x = sensors.infrared[2] + sensors.distance_mm[3] + sensors.camera[59] + sensors.step_ms
+
+@pytest.fixture
+def mine(tmp_path):
+    lines = """memory.x = sensors.infrared[2] + sensors.distance_mm[3] + sensors.camera[59] + sensors.step_ms
     memory.row[1] = parameters.gain
     memory.seen = sensors.new_picture
     actuators.left_cm_s += 1
     actuators.ring_on = sensors.camera.any()
     actuators.send = sensors.pulses + sensors.messages[1]
-    actuators.turn_rad = 0.5 * sensors.pulses
-"""
-
-
-@pytest.fixture
-def mine(tmp_path):
-    text = with_step(
-        ALL.strip(), PARAMETERS="{'gain': 1.5, 'seed': 3}", MEMORY="{'x': float, 'row': (float, 4), 'seen': bool}"
-    )
+    actuators.turn_rad = 0.5 * sensors.pulses"""
+    memory = "{'x': float, 'row': (float, 4), 'seen': bool}"
+    text = with_step(lines, PARAMETERS="{'gain': 1.5, 'seed': 3}", MEMORY=memory)
     return write_controller(tmp_path / "mine.py", text).path
 
 

@@ -24,6 +24,8 @@ graphs = (
     .flatmap(lambda n: arrays(np.bool_, (3, n, n)))
     .map(lambda found: found & ~np.eye(found.shape[1], dtype=bool))
 )
+MULTIPLICATIVE = Response(0, 0.1, 0.0)
+THRESHOLD = 1 - 1e-9
 
 
 @given(graphs)
@@ -79,10 +81,6 @@ def test_the_faster_swarms_move_the_more_links_change_and_the_fewest_where_they_
         changed = changed_links(load_scenario(name), [0.0, 0.2, 1.0, 5.0], 20)
         assert changed[0] == 0
         assert (np.diff(changed) > 0).all()
-
-
-MULTIPLICATIVE = Response(0, 0.1, 0.0)
-THRESHOLD = 1 - 1e-9
 
 
 def simulated(settings: list[str], trials: int) -> tuple[float, float]:

@@ -23,19 +23,28 @@ RADIUS_CM = 3.7
 FULL_CM_S = 12.8
 MILLIMETRE = 0.1
 TOUCH_CM = 0.005  # bodies that press against each other touch within this
+OBSTACLES = [
+    {"shape": "circle", "x_cm": 15, "y_cm": 15, "radius_cm": 4},
+    {"shape": "box", "x_cm": 38, "y_cm": 20, "width_cm": 10, "height_cm": 0.5, "heading_rad": 0.6},
+    {"shape": "polygon", "corners_cm": [[20, 35], [32, 37], [24, 45]]},
+]
+PILLARS = ([(20, 20, 5)], [box_corners(40, 40, 10, 2, 0.5)])
+CONTROL_S = 0.1
+CONTACT_CM = 2 * (RADIUS_CM + MARGIN_CM)
+WALL_CM = RADIUS_CM + 2 * MARGIN_CM
+DISC_CM = 6.0
+DIAMETER_CM = 2 * epuck.RADIUS_CM
+STEP_S = 0.01
+SETTLING = 25
+"""Physics steps that forces take to balance: 18.0 were the most, with four pushers of 2 N each near the threshold."""
+DISC = {"x_cm": 50, "y_cm": 30, "radius_cm": DISC_CM, "mass_kg": 1, "friction": 0.1}
+MOVABLES = [(30, 60, 6, 500, 0.1), (42.5, 60, 6, 300, 0.2)]
 
 
 def moved(groups, steps, **rest):
     arena = {"width_cm": 100, "height_cm": 60}
     simulation = Simulation({"arena": arena, "robots": groups, "noise": "off", **rest}, 0)
     return np.array([step.poses.copy() for step in islice(simulation, steps + 1)])
-
-
-OBSTACLES = [
-    {"shape": "circle", "x_cm": 15, "y_cm": 15, "radius_cm": 4},
-    {"shape": "box", "x_cm": 38, "y_cm": 20, "width_cm": 10, "height_cm": 0.5, "heading_rad": 0.6},
-    {"shape": "polygon", "corners_cm": [[20, 35], [32, 37], [24, 45]]},
-]
 
 
 @pytest.mark.parametrize("group", [{}, constant(None, FULL_CM_S)], ids=["firefly", "constant"])
@@ -74,9 +83,6 @@ def test_a_robot_slides_along_what_it_touches_and_only_friction_turns_it(frictio
         np.testing.assert_allclose(path[..., 2], np.broadcast_to(path[0, :, 2], path.shape[:2]), rtol=0, atol=1e-9)
         assert wall[20:, 1] == pytest.approx(RADIUS_CM, abs=2 * TOUCH_CM)
         np.testing.assert_allclose(np.diff(wall[20:, 0]), FULL_CM_S * math.cos(math.pi / 6) * 0.1, rtol=0, atol=1e-9)
-
-
-PILLARS = ([(20, 20, 5)], [box_corners(40, 40, 10, 2, 0.5)])
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
@@ -148,11 +154,6 @@ def test_other_threads_run_while_bodies_move():
     thread.join()
 
 
-CONTROL_S = 0.1
-CONTACT_CM = 2 * (RADIUS_CM + MARGIN_CM)
-WALL_CM = RADIUS_CM + 2 * MARGIN_CM
-
-
 def slow_candidates(positions, velocities, side, slack_cm):
     """Return who may touch something on a bare floor, from all pairs at many instants, with a slack."""
     times = np.linspace(0, CONTROL_S, 201)[:, None, None]
@@ -212,15 +213,6 @@ def test_no_contact_is_missed_however_far_and_late_robots_are_squeezed_out(seed,
     free = ~world.is_in_space
     np.testing.assert_allclose(world.poses[free], twin.poses[free], rtol=0, atol=1e-9)
     assert overlap_cm(world.poses[:, :2]) <= max(overlap_cm(twin.poses[:, :2]), 0) + 0.05
-
-
-DIAMETER_CM = 2 * epuck.RADIUS_CM
-DISC_CM = 6.0
-STEP_S = 0.01
-SETTLING = 25
-"""Physics steps that forces take to balance: 18.0 were the most, with four pushers of 2 N each near the threshold."""
-
-DISC = {"x_cm": 50, "y_cm": 30, "radius_cm": DISC_CM, "mass_kg": 1, "friction": 0.1}
 
 
 def row_of(pushers, force_n, friction_n, mass_g, discs=1):
@@ -306,9 +298,6 @@ def test_a_strong_robot_that_touches_nothing_moves_as_where_there_is_nothing_to_
     ways = [Simulation(each, 1).advance(200).poses.copy() for each in (without, with_disc)]
     assert 0 < np.hypot(*(ways[0] - ways[1])[0, :2]) < 1.1 * speed * STEP_S
     assert ways[0][0, 2] == pytest.approx(ways[1][0, 2], abs=1e-9)
-
-
-MOVABLES = [(30, 60, 6, 500, 0.1), (42.5, 60, 6, 300, 0.2)]
 
 
 @pytest.fixture

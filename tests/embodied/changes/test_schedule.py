@@ -17,6 +17,15 @@ from epuck_sim.scenario.changes import RobotDisplacement, TrialEvent
 from tests.control.bench import controlled_swarm, with_step, write_controller
 from tests.embodied.steps import GATE, PILLARS, REBUILT, SCHEDULED, SIGNALS, steps_of, swarm_of
 
+POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40, 20, 5]]
+MOVABLES = [{"x_cm": 25, "y_cm": 30, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]
+APART = {key: SCHEDULED[key] for key in ("robots", "noise", "arena")}
+(LIGHT,) = SCHEDULED["faults"]
+GATED = {
+    "arena": {"obstacles": GATE},
+    "robots": [REBUILT["robots"][0], {"poses": [[20, 50, 0], [20, 18, 1], [22, 33, 2]]}],
+}
+
 
 def started_swarm(controllers, counts):
     """Return a block with groups of robots in the arena, the swarm, and controllers, which have started."""
@@ -29,10 +38,6 @@ def started_swarm(controllers, counts):
     for run in runs:
         run.start()
     return block, swarm, runs
-
-
-APART = {key: SCHEDULED[key] for key in ("robots", "noise", "arena")}
-(LIGHT,) = SCHEDULED["faults"]
 
 
 def test_changes_act_from_the_first_control_step_that_is_not_before_their_time():
@@ -105,10 +110,6 @@ def test_whole_and_broken_phases_are_displaced_as_a_slow_twin_says(by_cycles, ro
     displace_phases(swarm, runs, displacement, np.random.SeedSequence(7))
     assert [*runs[0].memory["phase_ms"], None, *runs[2].memory["phase_ms"]] == expected
     assert swarm.robots.actuators.ring_on.tolist() == [int(each == 3 or each not in displaced) for each in range(6)]
-
-
-POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40, 20, 5]]
-MOVABLES = [{"x_cm": 25, "y_cm": 30, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]
 
 
 @pytest.mark.parametrize("obstacle", [[], [(20, 30, 7.5)]])
@@ -222,12 +223,6 @@ def test_a_robot_that_leaves_sends_no_more(tmp_path):
     group = {"count": 2, "controller": str(sender.path), "signal": {"kind": "radio"}}
     simulation = Simulation({"robots": [group], "schedule": [{"at_s": 1, "remove": [1]}]}, 1, interpret=True)
     assert [simulation.advance(steps).memories[0]["x"][0] for steps in (5, 7)] == [1, 0]
-
-
-GATED = {
-    "arena": {"obstacles": GATE},
-    "robots": [REBUILT["robots"][0], {"poses": [[20, 50, 0], [20, 18, 1], [22, 33, 2]]}],
-}
 
 
 @pytest.mark.parametrize("signal", [{"kind": "camera"}, {"kind": "cone", "angle_deg": 360}])

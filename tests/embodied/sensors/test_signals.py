@@ -23,6 +23,9 @@ cones = st.builds(
     angle_deg=st.sampled_from([360.0, 180.0]) | st.floats(1, 360),
     of=st.sampled_from(["vision", "emission"]),
 )
+RAYS = 1440
+ANGLES = np.arange(RAYS) * 2 * math.pi / RAYS
+SEND, LISTEN = {}, {"first": 10**6}
 
 
 def with_cone(scene: scenes.Scene, section: ConeSection, occlusion: bool, observer: int = 0):
@@ -96,9 +99,6 @@ def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, 
     expected = pairs(scene, section, occlusion)[observer:, scene.lit].any(axis=1)
     np.testing.assert_array_equal(block.swarm.pixels, expected)
 
-
-RAYS = 1440
-ANGLES = np.arange(RAYS) * 2 * math.pi / RAYS
 
 enki_cameras = st.builds(
     EnkiCameraSignal,
@@ -196,9 +196,6 @@ def swarm(folder, *parameters, **signal):
 
 def pulses(simulation, steps):
     return [[int(memory["pulses"][0]) for memory in simulation.advance(1).memories] for _ in range(steps)]
-
-
-SEND, LISTEN = {}, {"first": 10**6}
 
 
 def test_a_pulse_arrives_once_in_the_step_after_it_was_sent_or_later_by_the_latency(tmp_path):
