@@ -63,7 +63,9 @@ def typed(tmp_path_factory):
     return write_controller(path, with_step("pass", PARAMETERS="{'flag': False, 'whole': 5, 'number': 0.5}"))
 
 
-def test_a_value_that_fits_gets_the_default_s_type_and_one_of_another_type_is_refused_with_what_is_allowed(typed):
+def test_a_value_that_fits_gets_the_default_s_type_and_one_of_another_type_is_refused_with_what_is_allowed(
+    typed, tmp_path
+):
     for name, given_, value in (
         *(("flag", True, True), ("whole", -7, -7), ("whole", 7.0, 7)),
         *(("number", 2, 2.0), ("number", -1e300, -1e300)),
@@ -81,6 +83,11 @@ def test_a_value_that_fits_gets_the_default_s_type_and_one_of_another_type_is_re
         for value in values:
             with pytest.raises(ValueError, match=rf"^{name} is .*; allowed: {allowed}$"):
                 typed.resolve({name: value})
+    # a period whose default is written as a whole number makes an oscillator
+    text = with_step("pass", PARAMETERS="{'period_s': 5}", MEMORY="{'phase_ms': float}")
+    controller = write_controller(tmp_path / "mine.py", text)
+    assert controller.is_oscillator
+    assert type(controller.resolve({})["period_s"]) is float
 
 
 @settings(max_examples=30)
@@ -104,13 +111,6 @@ def test_check_sees_all_parameters_and_what_it_raises_comes_through_errors_with_
         controller.resolve({"low": 0.0})
     with pytest.raises(ValueError, match=r"mine\.py:14: refuses the parameters$"):
         controller.resolve({"high": 10.0})
-
-
-def test_a_period_whose_default_is_written_as_a_whole_number_makes_an_oscillator(tmp_path):
-    text = with_step("pass", PARAMETERS="{'period_s': 5}", MEMORY="{'phase_ms': float}")
-    controller = write_controller(tmp_path / "mine.py", text)
-    assert controller.is_oscillator
-    assert type(controller.resolve({})["period_s"]) is float
 
 
 def test_names_are_followed_into_helpers_and_other_files_and_what_may_have_one_is_not_refused(tmp_path):

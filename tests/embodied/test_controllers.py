@@ -47,19 +47,16 @@ MEMORY = MEMORY | {"past": (float, 4), "counts": (int, (2, 3)), "level": float, 
 
 TABLE = np.array([0.1, 0.7, 1.3, 2.9])
 
-
 def start(memory, parameters, random):
     obstacle_avoidance.start(memory, parameters, random)
     oscillator.start(memory, parameters, random)
     for slot in range(4):
         memory.past[slot] = TABLE[slot] * uniform(random)
 
-
 def remember(memory, value, random):
     slot = randint(random, 4)
     memory.past[slot] = value
     memory.counts[slot % 2, slot % 3] += 1
-
 
 def step(sensors, memory, actuators, parameters, random):
     obstacle_avoidance.step(sensors, memory, actuators, parameters, random)

@@ -94,7 +94,7 @@ def test_poses_are_taken_as_given_and_may_touch_as_a_robot_that_joins_may():
     assert not is_free(scene.swarm, 17.39, 10.0, 3.7)
 
 
-def test_phases_of_robots_may_be_given_and_all_else_is_as_the_controller_starts() -> None:
+def test_phases_may_be_given_all_else_is_as_the_controller_starts_and_another_one_gets_what_it_can_remember() -> None:
     def start_of(memory) -> np.ndarray:
         robots = [{"poses": [[15, 15, 0.5], [40, 40, 2.0], [15, 40, -1.0]], "memory": memory}]
         return Simulation({"robots": robots}, 4).last_step.memories[0]
@@ -106,15 +106,10 @@ def test_phases_of_robots_may_be_given_and_all_else_is_as_the_controller_starts(
     assert others
     assert all((without[name] == given[name]).all() for name in others)
     assert start_of({"phase_ms": 700})["phase_ms"].tolist() == [700] * 3
-
-
-def test_another_controller_gets_what_it_can_remember() -> None:
     given = {"robots": [{"memory": {"phase_ms": 700, "rotation_time": 3}}]}
     with pytest.warns(UserWarning, match=r"^scenario: oscillator lacks memory rotation_time: left out$"):
         replaced = load_scenario(given, controller="oscillator")
     assert replaced.robots[0].memory == {"phase_ms": 700}
     swept = points({**given, "sweep": {"grid": {"robots.0.controller": ["oscillator", "firefly"]}}})
-    assert [point.scenario.robots[0].memory for point in swept] == [
-        {"phase_ms": 700},
-        {"phase_ms": 700, "rotation_time": 3},
-    ]
+    memories = [point.scenario.robots[0].memory for point in swept]
+    assert memories == [{"phase_ms": 700}, {"phase_ms": 700, "rotation_time": 3}]

@@ -169,7 +169,7 @@ def test_infinite_readings_are_observed_as_they_are(tmp_path):
     assert env.reset()[0]["robot_0"][env.observation_fields["sensors.far"]].tolist() == [math.inf, -math.inf]
 
 
-def test_rewards_are_given_to_each_agent_or_to_all():
+def test_rewards_are_given_to_each_agent_or_to_all_and_those_that_are_no_number_for_each_are_refused():
     given = []
 
     def reward(situation):
@@ -181,6 +181,11 @@ def test_rewards_are_given_to_each_agent_or_to_all():
     _, rewards, *_ = env.step({agent: np.zeros(3) for agent in env.agents})
     assert list(rewards.values()) == given[0].poses[0, 2:, 0].tolist()
     assert env.state()[:, 0].tolist() == given[0].poses[0, :, 0].tolist()
+    for returned, said in (([np.nan], "NaN"), (np.ones(3), r"the shape \(3,\)")):
+        env = parallel_env(SWARM, reward=lambda _, returned=returned: np.array(returned))
+        env.reset()
+        with pytest.raises((ValueError, ScenarioError), match=f"reward returned {said}; allowed"):
+            env.step({agent: np.zeros(3) for agent in env.agents})
 
 
 def test_pictures_show_the_arena_from_above():
@@ -231,14 +236,6 @@ def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost():
         env.step({agent: np.zeros(3) for agent in env.agents})
 
 
-@pytest.mark.parametrize(("reward", "said"), [([np.nan], "NaN"), (np.ones(3), r"the shape \(3,\)")])
-def test_rewards_that_are_no_number_for_each_swarm_or_robot_are_refused(reward, said):
-    env = parallel_env(SWARM, reward=lambda _: np.array(reward))
-    env.reset()
-    with pytest.raises((ValueError, ScenarioError), match=f"reward returned {said}; allowed"):
-        env.step({agent: np.zeros(3) for agent in env.agents})
-
-
 def test_wrappers_that_people_use_work():
     env = OrderEnforcingWrapper(AssertOutOfBoundsWrapper(parallel_to_aec(parallel_env(SWARM, actions="discrete"))))
     with warnings.catch_warnings():
@@ -274,6 +271,7 @@ def situation(poses, phase=None, side=60.0):
 
 
 def test_rewards_are_the_order_of_oscillators_the_share_of_others_that_are_near_and_that_of_the_floor_near_robots():
+    """Those of a batch are those of its swarms, one by one."""
     phases = [[0.2, 0.2, 0.2, np.nan], [0, 1 / 3, 2 / 3, np.nan], [0, 0.5, 0, np.nan]]
     np.testing.assert_allclose(synchrony(situation(np.zeros((3, 4, 3)), phases)), [1, 0, 1 / 3], atol=1e-12)
     poses = [[10, 10, 0], [20, 10, 0], [34, 10, 0], [60, 60, 0]]
@@ -282,9 +280,6 @@ def test_rewards_are_the_order_of_oscillators_the_share_of_others_that_are_near_
     assert coverage(situation([[30, 30, 0]])) == pytest.approx(np.pi * 100 / 3600, rel=0.2)
     grid = [[x, y, 0] for x in (5, 15, 25, 35, 45, 55) for y in (5, 15, 25, 35, 45, 55)]
     assert coverage(situation(grid)) == 1
-
-
-def test_batches_are_rewarded_as_one_by_one():
     random = np.random.default_rng(1)
     poses, phases = random.uniform(0, 60, (5, 7, 3)), random.random((5, 7))
     for reward in (synchrony, aggregation, coverage):

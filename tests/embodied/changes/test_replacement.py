@@ -20,10 +20,8 @@ from epuck_sim.util.rng import uniform
 PARAMETERS = {{"speed_cm_s": {speed}, "left_over": 1.0}}
 MEMORY = {{"steps": int, {memory}}}
 
-
 def start(memory, parameters, random):
     memory.drawn = uniform(random)
-
 
 def step(sensors, memory, actuators, parameters, random):
     memory.steps += {rise}
@@ -115,9 +113,9 @@ OSCILLATES = source('"phase_ms": float, "drawn": float').replace("left_over", "p
     ("interpret", "text", "message"),
     [
         (True, "PARAMETERS = {\n", "mine.py:1: cannot be loaded: SyntaxError"),
-        (False, source(rise="wiat"), "mine.py:13: cannot be compiled"),
-        (False, DIVIDES, "mine.py:16: ZeroDivisionError"),
-        (True, DIVIDES, "mine.py:16: FloatingPointError"),
+        (False, source(rise="wiat"), "mine.py:11: cannot be compiled"),
+        (False, DIVIDES, "mine.py:14: ZeroDivisionError"),
+        (True, DIVIDES, "mine.py:14: FloatingPointError"),
         (True, source(right="float('nan')"), "mine.py: sets right_cm_s to what is not a number"),
         (True, OSCILLATES, "has become an oscillator"),
         (True, source() + 'EXTERNAL = ("ring",)\n', "EXTERNAL has changed from () to ('ring',)"),
@@ -163,7 +161,7 @@ def test_a_file_that_is_saved_is_taken_at_the_next_look_and_told_in_a_line(tmp_p
     save(path, source(right="memory.wiat"))
     look(files)
     look(files)
-    assert said[2:] == [f"{path}:16: memory has no 'wiat'; known: steps, drawn; the old one goes on"]
+    assert said[2:] == [f"{path}:14: memory has no 'wiat'; known: steps, drawn; the old one goes on"]
     assert next(simulation).memories[0]["steps"].tolist() == [111] * 3
 
 

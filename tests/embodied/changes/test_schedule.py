@@ -68,23 +68,19 @@ def test_changes_act_from_the_first_control_step_that_is_not_before_their_time()
     ]
 
 
-@pytest.mark.parametrize("begun", [False, True])
-def test_faults_that_entries_begin_and_end_at_once_are_as_the_last_entry_says(begun):
-    schedule = [{"at_s": 0, "begin": [0]}] * begun
-    for keys, expected in ((["begin", "end"], False), (["end", "begin"], True), (["begin", "end", "begin"], True)):
-        entries = [*schedule, *({"at_s": 1, key: [0]} for key in keys)]
-        simulation = Simulation({**APART, "faults": [LIGHT], "schedule": entries}, 1)
-        simulation.advance(12)
-        assert swarm_of(simulation).affected.is_active.tolist() == [False, expected, False]
-
-
-def test_a_scheduled_restart_happens_once():
+def test_a_scheduled_restart_happens_once_and_faults_that_begin_and_end_at_once_are_as_the_last_entry_says():
     faults = [{"kind": "restart", "scheduled": True}]
     scenario, schedules = {**APART, "faults": faults}, ([], [{"at_s": 1, "begin": [0]}])
     ideal, anew = (steps_of({**scenario, "schedule": each}, 30, 1)["phase_ms"] for each in schedules)
     assert ideal[:10].tobytes() == anew[:10].tobytes()
     assert (ideal[10] != anew[10]).all()
     assert np.isin(np.diff(anew[10:25], axis=0), [100]).mean() > 0.8
+    for before in ([], [{"at_s": 0, "begin": [0]}]):
+        for keys, expected in ((["begin", "end"], False), (["end", "begin"], True), (["begin", "end", "begin"], True)):
+            entries = [*before, *({"at_s": 1, key: [0]} for key in keys)]
+            simulation = Simulation({**APART, "faults": [LIGHT], "schedule": entries}, 1)
+            simulation.advance(12)
+            assert swarm_of(simulation).affected.is_active.tolist() == [False, expected, False], entries
 
 
 @pytest.mark.parametrize("robots", [None, (1, 2, 5)])

@@ -32,14 +32,13 @@ def test_a_ray_ends_at_a_disc_and_at_a_segment():
         assert sight.to_segment(0.0, 0.0, 1.0, 0.0, *map(float, ends)) == distance
 
 
-REACH_CM = RADIUS_CM + sight.SLACK_CM
 headings = st.floats(-math.pi, math.pi) | st.integers(-4, 4).map(lambda eighths: eighths * math.pi / 4)
 
 
 def view_of(x: float, y: float, heading: float, width: float) -> sight.FieldOfView:
     left, right = heading + width / 2, heading - width / 2
     edges = math.cos(left), math.sin(left), math.cos(right), math.sin(right)
-    return sight.FieldOfView(x, y, *edges, width >= math.pi, REACH_CM)
+    return sight.FieldOfView(x, y, *edges, width >= math.pi, RADIUS_CM + sight.SLACK_CM)
 
 
 @pytest.mark.parametrize("heading", [0.3, 1.4, -2.0, -0.9])

@@ -198,13 +198,11 @@ def pulses(simulation, steps):
     return [[int(memory["pulses"][0]) for memory in simulation.advance(1).memories] for _ in range(steps)]
 
 
-def test_a_pulse_arrives_once_in_the_step_after_it_was_sent_or_later_by_the_latency(tmp_path):
+def test_a_pulse_arrives_once_in_the_step_after_it_was_sent_or_later_by_the_latency_with_its_message(tmp_path):
+    """A flash comes without one."""
     for latency_ms, late in ((0, 1), (1, 2), (100, 2), (250, 4)):
         heard = pulses(swarm(tmp_path, SEND, LISTEN, latency_ms=latency_ms), 10)
         assert heard == [[0, int(step == 3 + late)] for step in range(10)]
-
-
-def test_a_message_arrives_with_its_pulse_and_a_flash_without_one(tmp_path):
     simulation = swarm(tmp_path, {"message": 77}, SEND, LISTEN)
     simulation.advance(4)
     step = simulation.advance(1)
