@@ -63,9 +63,7 @@ def typed(tmp_path_factory):
     return write_controller(path, with_step("pass", PARAMETERS="{'flag': False, 'whole': 5, 'number': 0.5}"))
 
 
-def test_a_value_that_fits_gets_the_default_s_type_and_one_of_another_type_is_refused_with_what_is_allowed(
-    typed, tmp_path
-):
+def test_a_value_that_fits_gets_the_default_s_type_and_one_of_another_is_refused_with_what_is_allowed(typed, tmp_path):
     for name, given_, value in (
         *(("flag", True, True), ("whole", -7, -7), ("whole", 7.0, 7)),
         *(("number", 2, 2.0), ("number", -1e300, -1e300)),

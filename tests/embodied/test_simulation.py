@@ -345,10 +345,8 @@ POLICY = with_step(
 def test_robots_commanded_from_outside_move_and_flash_as_with_a_controller_to_the_bit(interpret, tmp_path):
     others = [{"count": 3}, {"count": 2, "controller": "oscillator"}]
     imperfect = {"spread": {"wheel_speed": 0.2, "infrared_gain": 0.1}, "stuck": {"per_hour": 900, "mean_s": 2}}
-    ruled, free = (
-        load_scenario({"robots": [*others, {"count": 6, "controller": name}], **imperfect})
-        for name in (written(tmp_path, POLICY), "external")
-    )
+    both = [{"count": 6, "controller": name} for name in (written(tmp_path, POLICY), "external")]
+    ruled, free = (load_scenario({"robots": [*others, group], **imperfect}) for group in both)
     commanded = Simulation(free, 3, interpret=interpret)
     for theirs in kept(Simulation(ruled, 3, interpret=True), 100):
         step, robots = next(commanded), commanded.external_wheels

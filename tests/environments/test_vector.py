@@ -175,9 +175,8 @@ def test_it_does_what_the_agent_of_a_swarm_does_to_the_bit():
 def test_wrappers_that_people_use_work():
     wrapped = gymnasium.make(ROBOT_ENV, max_episode_steps=12, reward="coverage", render_mode="rgb_array")
     assert isinstance(wrapped, wrappers.TimeLimit)
-    wrapped = wrappers.RecordEpisodeStatistics(
-        wrappers.FrameStackObservation(wrappers.NormalizeObservation(wrappers.FlattenObservation(wrapped)), 4)
-    )
+    wrapped = wrappers.NormalizeObservation(wrappers.FlattenObservation(wrapped))
+    wrapped = wrappers.RecordEpisodeStatistics(wrappers.FrameStackObservation(wrapped, 4))
     observation, _ = wrapped.reset(seed=1)
     assert wrapped.observation_space.contains(observation)
     total = 0.0

@@ -196,11 +196,8 @@ def test_the_deviation_spreads_to_agents_that_were_not_displaced():
 
 
 def test_with_jitter_deviations_grow_with_the_error_of_the_periods_and_wrap_at_half_a_cycle():
-    given = {
-        "clocks": {"jitter": 1e-3, "period_s": 2.0},
-        "response": {"coupling": 0},
-        "start": {"phases": "synchronised"},
-    }
+    clocks = {"jitter": 1e-3, "period_s": 2.0}
+    given = {"clocks": clocks, "response": {"coupling": 0}, "start": {"phases": "synchronised"}}
     times = np.linspace(0, 8000, 400)
     found = compare(7, times, **given)
     apart = np.abs(times[:, None] / make_simulation(7, **given).periods_s - times[:, None] / 2.0) % 1

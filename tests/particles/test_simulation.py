@@ -179,10 +179,8 @@ OTHERS = [
 @pytest.mark.parametrize(("dimensions", "boundary"), [(1, "bounded"), (2, "cyclic"), (3, "bounded")])
 def test_swarms_of_one_seed_move_alike_whatever_their_oscillators_do(other, dimensions, boundary):
     speeds = {"speed_cm_s": 60.0, "speed_distribution": "uniform", "speed_spread": 0.5}
-    scene = {
-        "space": {"dimensions": dimensions, "boundary": boundary},
-        "agents": {"count": 8, **speeds, "walk": {"kind": "levy", "run_s": 0.3, "exponent": 2.2}},
-    }
+    agents = {"count": 8, **speeds, "walk": {"kind": "levy", "run_s": 0.3, "exponent": 2.2}}
+    scene = {"space": {"dimensions": dimensions, "boundary": boundary}, "agents": agents}
     one, two = make_simulation(9, **scene), make_simulation(9, **scene, **other)
     assert (one.positions() == two.positions()).all()
     for time_s in (0.9, 3.3, 12.6):

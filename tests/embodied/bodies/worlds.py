@@ -24,9 +24,8 @@ class MovedWorld:
     def __init__(self, arena: Arena, poses, friction: float = 0.0, physics_hz: int = 100, **how: object) -> None:
         """Begin a trial with ten physics steps in a control step; how: further fields of `ContactSection`."""
         places, kinds = np.array(poses, float), [EPUCK] * len(poses)
-        _, self.block, self.swarm = make_scene(
-            [RobotGroup(signal={"kind": "radio"}, count=1)] * len(poses), kinds, arena
-        )
+        groups = [RobotGroup(signal={"kind": "radio"}, count=1)] * len(poses)
+        _, self.block, self.swarm = make_scene(groups, kinds, arena)
         scene, robots = self.swarm.scene[0], self.swarm.robots
         scene.physics_steps, scene.physics_s, scene.touch = 10, 1.0 / physics_hz, True
         robots.present, robots.wheel_gain = True, 1.0

@@ -209,9 +209,8 @@ def test_who_sees_which_flashes_is_as_a_slow_twin_says():
 
 
 def test_random_shares_are_uniform_and_do_not_depend_on_each_other():
-    shares = np.array(
-        [[robot_faults.random_share(np.uint64(k), s, f) for s in range(10) for f in range(50)] for k in range(8)]
-    )
+    drawn, flashes = robot_faults.random_share, [(sender, flash) for sender in range(10) for flash in range(50)]
+    shares = np.array([[drawn(np.uint64(key), *flash) for flash in flashes] for key in range(8)])
     assert ((np.histogram(shares, 20, (0, 1))[0] - 200) ** 2 / 200).sum() < 43.8
     assert len(np.unique(shares)) == shares.size
     assert np.abs(np.corrcoef(shares)[np.triu_indices(8, 1)]).max() < 5 / math.sqrt(500)

@@ -21,10 +21,8 @@ POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40,
 MOVABLES = [{"x_cm": 25, "y_cm": 30, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]
 APART = {key: SCHEDULED[key] for key in ("robots", "noise", "arena")}
 (LIGHT,) = SCHEDULED["faults"]
-GATED = {
-    "arena": {"obstacles": GATE},
-    "robots": [REBUILT["robots"][0], {"poses": [[20, 50, 0], [20, 18, 1], [22, 33, 2]]}],
-}
+BEHIND = {"poses": [[20, 50, 0], [20, 18, 1], [22, 33, 2]]}
+GATED = {"arena": {"obstacles": GATE}, "robots": [REBUILT["robots"][0], BEHIND]}
 
 
 def started_swarm(controllers, counts):

@@ -29,9 +29,8 @@ def test_of_two_robots_as_near_the_lit_one_is_seen():
     behind = [(10.0 + 8 * place, 10.0, 0.0) for place in range(10)]  # where many are lit, all are looked at alike
     for lit in ([False, True, False], [False, False, True]):
         for others in ([], behind):
-            scene = scenes.Scene(
-                np.array([*robots, *others]), np.array([*lit, *[True] * len(others)]), scenes.empty_arena()
-            )
+            poses, rings = np.array([*robots, *others]), np.array([*lit, *[True] * len(others)])
+            scene = scenes.Scene(poses, rings, scenes.empty_arena())
             assert scenes.rows(scene, ONE_PIXEL)[0] == [1]
 
 
@@ -39,9 +38,8 @@ def test_of_two_robots_as_near_the_lit_one_is_seen():
 def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
     # the one pixel's ray has the far robot on its right side, and the near one, beyond the next border, on its left
     nose, ahead, right = np.array([(110, 119), (0.5, 0.75**0.5), (0.75**0.5, -0.5)])
-    places = np.array(
-        [nose - scenes.RADIUS_CM * ahead, nose + 25.15 * ahead + 3.6 * right, nose + 23.35 * ahead - 3.6 * right]
-    )
+    far, near = nose + 25.15 * ahead + 3.6 * right, nose + 23.35 * ahead - 3.6 * right
+    places = np.array([nose - scenes.RADIUS_CM * ahead, far, near])
     for _ in range(quarter):
         places = np.column_stack([200 - places[:, 1], places[:, 0]])
     poses = np.column_stack([places, np.full(3, math.radians(60 + 90 * quarter))])
