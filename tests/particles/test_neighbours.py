@@ -18,6 +18,8 @@ SEEDS = st.integers(0, 2**32 - 1)
 by_position = pytest.mark.parametrize("kind", BY_POSITION)
 boundaries = st.sampled_from(["bounded", "cyclic", "mirrored"])
 SIDE_CM = 60.0
+many_ties = st.sampled_from([0.0, 5e-324, 1.0, 1.0, 2.0, 2.0000000000000004, 9.0, 1e300])
+distances = st.lists(st.one_of(st.floats(0, 1e5), st.floats(0, 1e300), many_ties), min_size=1, max_size=60)
 
 
 def brute_force_receivers(swarm, firing):
@@ -171,10 +173,6 @@ def test_agents_drawn_at_random_have_no_links():
     for ask in (simulation.neighbour_links, simulation.adjacency):
         with pytest.raises(ScenarioError, match="receivers are drawn anew for each pulse"):
             ask()
-
-
-many_ties = st.sampled_from([0.0, 5e-324, 1.0, 1.0, 2.0, 2.0000000000000004, 9.0, 1e300])
-distances = st.lists(st.one_of(st.floats(0, 1e5), st.floats(0, 1e300), many_ties), min_size=1, max_size=60)
 
 
 @settings(max_examples=40)

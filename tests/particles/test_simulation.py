@@ -29,6 +29,12 @@ from tests.particles.simulations import (
 
 SEEDS = st.integers(0, 2**63 - 1)
 kinds = pytest.mark.parametrize("kind", KINDS)
+OTHERS = [
+    {"response": {"curve": "sine", "coupling": 0.3, "refractory": 0.4}},
+    {"neighbourhood": {"kind": "cone_of_vision", "angle_deg": 90}},
+    {"start": {"phases": "synchronised", "displacement": 0.001}, "neighbourhood": {"kind": "all"}},
+    {"clocks": {"jitter": 0.1}, "stop": {"reference": 3, "metric": "reference"}},
+]
 
 
 def compare(kind, data, seed, cycles, **limits):
@@ -165,14 +171,6 @@ def test_a_reset_without_a_seed_takes_that_of_the_scenario():
     with pytest.raises(ScenarioError, match="seed is -1"):
         swarm.reset(-1)
     assert (swarm.seed, state_of(swarm)) == (3, state_of(new))
-
-
-OTHERS = [
-    {"response": {"curve": "sine", "coupling": 0.3, "refractory": 0.4}},
-    {"neighbourhood": {"kind": "cone_of_vision", "angle_deg": 90}},
-    {"start": {"phases": "synchronised", "displacement": 0.001}, "neighbourhood": {"kind": "all"}},
-    {"clocks": {"jitter": 0.1}, "stop": {"reference": 3, "metric": "reference"}},
-]
 
 
 @pytest.mark.parametrize("other", OTHERS, ids=str)

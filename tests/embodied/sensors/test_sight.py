@@ -13,6 +13,11 @@ from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from tests.embodied.scenes import RADIUS_CM, Scene, block_of, empty_arena
 
+headings = st.floats(-math.pi, math.pi) | st.integers(-4, 4).map(lambda eighths: eighths * math.pi / 4)
+INFRARED_CM = math.hypot(3.35, 1.05) + 12 + 3.7
+"""Distance of two e-pucks at which an infrared ray of one can meet the other: sensors 0 and 7 are farthest out."""
+sizes = st.floats(7.4, 1000)
+
 
 def test_a_ray_ends_at_a_disc_and_at_a_segment():
     for disc, distance in [
@@ -30,9 +35,6 @@ def test_a_ray_ends_at_a_disc_and_at_a_segment():
         *((ends, math.inf) for ends in ((-5, -1, -5, 1), (5, 1, 5, 2), (5, -2, 5, -1))),
     ]:
         assert sight.to_segment(0.0, 0.0, 1.0, 0.0, *map(float, ends)) == distance
-
-
-headings = st.floats(-math.pi, math.pi) | st.integers(-4, 4).map(lambda eighths: eighths * math.pi / 4)
 
 
 def view_of(x: float, y: float, heading: float, width: float) -> sight.FieldOfView:
@@ -80,12 +82,6 @@ def test_the_bound_of_the_angular_radius_is_above_it_and_near_it(distance: float
     exact = math.asin(min(RADIUS_CM / distance, 1.0))
     assert exact - 1e-15 <= sight.angular_radius_bound(distance, RADIUS_CM)
     assert distance < 2 * RADIUS_CM or sight.angular_radius_bound(distance, RADIUS_CM) < 1.1 * exact
-
-
-INFRARED_CM = math.hypot(3.35, 1.05) + 12 + 3.7
-"""Distance of two e-pucks at which an infrared ray of one can meet the other: sensors 0 and 7 are farthest out."""
-
-sizes = st.floats(7.4, 1000)
 
 
 @st.composite
