@@ -1,6 +1,5 @@
 """Helpers of the tests of commands about films: contents of folders and of films."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,3 @@ def names(folder: Path) -> list[str]:
 def frames_and_description(film: str | Path) -> tuple[list[Frame], dict[str, Any] | None]:
     with open_film(str(film)) as opened:
         return list(opened.frames()), opened.description
-
-
-def shut(monkeypatch, folder: Path) -> None:
-    """Make a folder in which this user may not write, even if it is root."""
-    folder.mkdir()
-    may = os.access
-    monkeypatch.setattr(os, "access", lambda path, mode: Path(path).absolute() != folder and may(path, mode))

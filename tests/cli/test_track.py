@@ -1,26 +1,35 @@
-"""Films tracked by `track`: what it writes and prints, and how mistakes end."""
+"""Films tracked by `track`: its options, what it writes and prints, and how mistakes end."""
 
-import csv
 import json
 import os
 import shutil
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import Console
 
-from epuck_sim.cli.tables import NAMES_WIDTH
+from epuck_sim.cli import progress as progress_module
+from epuck_sim.cli.films import parse_arena, parse_corners
+from epuck_sim.cli.progress import progress_bar
+from epuck_sim.cli.tables import NAMES_WIDTH, print_track
+from epuck_sim.errors import FilmError
 from epuck_sim.overhead import live, track
+from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import Film, open_film
 from tests.cli.commands import call, called, refused
-from tests.cli.films import frames_and_description, names, shut
-from tests.overhead.films import PLACES, described, even, in_step, read_rings, save, shoot
+from tests.cli.films import frames_and_description, names
+from tests.overhead.films import PLACES, TRACK, described, even, in_step, read_rings, save, shoot
 from tests.processes import COMMAND, start, wait_until
+from tests.runs.made_folders import rows
 
 SIDE_PX = 160
 FPS = 20
@@ -60,13 +69,19 @@ def plain(shelf) -> dict[str, Any]:
     return tracked(shelf / "swarm.mp4")
 
 
-def test_the_result_is_one_json_object(shelf, plain) -> None:
+def test_the_result_is_one_json_object_and_options_say_what_is_known(shelf, plain) -> None:
     assert plain.keys() == KEYS
-    assert plain["film"] == str(shelf / "swarm.mp4")
+    film = shelf / "swarm.mp4"
+    assert plain["film"] == str(film)
     assert (plain["frames"], plain["robots_seen"], plain["start_s"]) == (len(TIMES), ROBOTS, 0)
     assert plain["histogram_s"] == pytest.approx(2.55, abs=0.05)
     assert (plain["estimated"], plain["warnings"]) == (["period_s", "threshold_ms"], [])
     assert "size and shape of the rings" in plain["calibration"]
+    words = "--period-s 1 --threshold-ms 5 --order-parameter 1"
+    strict = json.loads(call("track", film, "--json", *words.split()).stdout)
+    assert (strict["threshold_ms"], strict["histogram_s"], strict["histogram_periods"]) == (5, None, None)
+    assert (strict["estimated"], strict["t_sync_s"]) == ([], None)  # r < 1
+    assert tracked(film, "--robots", str(ROBOTS)) == plain
 
 
 def test_the_description_of_our_films_replaces_options(shelf) -> None:
@@ -89,18 +104,15 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, plain, he
     assert names(here) == ["a.mp4", "p.csv", "p.png", "r.csv", "swarm.mp4"]
     assert (here / "swarm.mp4").read_bytes() == before
 
-    with (here / "p.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [*rows[0]] == ["time_s", "periods", "count", "spread_ms"]
-    assert min(float(row["spread_ms"]) for row in rows) < 40
-
+    spreads = rows(here / "p.csv")
+    assert [*spreads[0]] == ["time_s", "periods", "count", "spread_ms"]
+    assert min(float(row["spread_ms"]) for row in spreads) < 40
     rings = read_rings(here / "r.csv")
     assert [*rings[0]] == ["time_s", "x_cm", "y_cm", "radius_cm", "x_px", "y_px", "radius_px", "light"]
     at_cm = np.array([(ring["x_cm"], ring["y_cm"]) for ring in rings])
     off_cm = np.linalg.norm(at_cm[:, None] - PLACES[:ROBOTS], axis=2).min(axis=1)
     assert np.median(off_cm) < 0.8  # two pixels: nothing but the rings' size tells the scale
     assert max(ring["time_s"] for ring in rings) > 2.5
-
     annotated, description = frames_and_description("a.mp4")
     assert [frame.time_s for frame in annotated] == pytest.approx(TIMES, abs=1e-4)
     assert annotated[0].picture.shape[0] > annotated[0].picture.shape[1] == SIDE_PX
@@ -110,16 +122,12 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, plain, he
 def test_who_is_who_is_told_in_tables_and_in_the_summary(shelf, here) -> None:
     found = tracked(shelf / "swarm.mp4", *["--flashes", "f.csv", "--trace", "t.parquet", "--pairs", "p.csv"])
     assert found.keys() == KEYS | {"identities"}
-    assert found["identities"]["by"] == "motion"
-    assert found["identities"]["robots"] == [*range(ROBOTS)]
-    assert found["identities"]["pairs_together"] == ROBOTS * (ROBOTS - 1) // 2
+    told = [found["identities"][name] for name in ("by", "robots", "pairs_together")]
+    assert told == ["motion", [*range(ROBOTS)], ROBOTS * (ROBOTS - 1) // 2]
     assert names(here) == ["f.csv", "p.csv", "t.parquet"]
     flashes = read_rings(here / "f.csv", unknown=-1)
-    by_robot = {flash["robot"]: set() for flash in flashes}
-    for flash in flashes:
-        by_robot[flash["robot"]].add(round(flash["x_cm"]))
-    assert len(by_robot) == ROBOTS
-    assert all(len(places) == 1 for places in by_robot.values())  # they stand still
+    places = {(flash["robot"], round(flash["x_cm"])) for flash in flashes}
+    assert len(places) == len({robot for robot, _ in places}) == ROBOTS  # they stand still
     lines = called("track", shelf / "swarm.mp4", "--pairs", "p.csv").splitlines()
     cells = {line[:NAMES_WIDTH].strip(): line[NAMES_WIDTH:] for line in lines[1:]}
     assert lines[0].strip() == str(shelf / "swarm.mp4")
@@ -130,31 +138,17 @@ def test_who_is_who_is_told_in_tables_and_in_the_summary(shelf, here) -> None:
 def test_tags_tell_who_is_who(here) -> None:
     overhead = {"width_px": 320, "height_px": 320, "frames_per_s": FPS, "ambient": 0.2, "tags": "4X4_50", "tag_cm": 5}
     times = even(2.3, FPS)
-    save(
-        here / "tagged.mp4",
-        shoot(times, in_step(times, ROBOTS), **overhead)[3:],
-        described(**overhead) | {"robots": ROBOTS},
-    )
+    frames = shoot(times, in_step(times, ROBOTS), **overhead)[3:]
+    save(here / "tagged.mp4", frames, described(**overhead) | {"robots": ROBOTS})
     result = call("track", "tagged.mp4", "--json", "--tags", f"4X4_50:0-{ROBOTS - 1}", "--trace", "trace.csv")
     assert result.stderr == ""  # white paper is no light
     found = json.loads(result.stdout)
     assert (found["identities"]["by"], found["identities"]["robots"]) == ("tags", [*range(ROBOTS)])
     assert found["identities"]["warnings"] == []
-    with (here / "trace.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))[ROBOTS : -ROBOTS * 5]
-    for row in rows:
+    for row in rows(here / "trace.csv")[ROBOTS : -ROBOTS * 5]:
         assert np.hypot(*(PLACES[int(row["robot"])] - (float(row["x_cm"]), float(row["y_cm"])))) < 0.5
         assert abs(float(row["heading_rad"])) < 0.15
     assert "no tag is read, or all are seen twice; check" in refused("track", "tagged.mp4", "--tags", "5X5_50")
-
-
-def test_options_say_what_is_known(shelf, plain) -> None:
-    film = shelf / "swarm.mp4"
-    words = "--period-s 1 --threshold-ms 5 --order-parameter 1"
-    strict = json.loads(call("track", film, "--json", *words.split()).stdout)
-    assert (strict["threshold_ms"], strict["histogram_s"], strict["histogram_periods"]) == (5, None, None)
-    assert (strict["estimated"], strict["t_sync_s"]) == ([], None)  # r < 1
-    assert tracked(film, "--robots", str(ROBOTS)) == plain
 
 
 def test_geometry_that_is_given_places_the_rings(shelf, here) -> None:
@@ -176,9 +170,8 @@ def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkey
             yield film
 
     monkeypatch.setattr(live, "LiveCamera", plugged_in)
-    words = "track --camera 1 --period-s 1 --threshold-ms 40 --json --plot p.png --rings r.csv --annotate a.mp4"
-    words += " --record raw.mp4"
-    found = json.loads(called(*words.split()))
+    words = "--period-s 1 --threshold-ms 40 --plot p.png --rings r.csv --annotate a.mp4 --record raw.mp4"
+    found = tracked("--camera=1", *words.split())
     assert found.keys() == KEYS
     assert (found["film"], found["period_s"], found["estimated"]) == ("camera 1", 1, [])
     assert found["start_s"] + found["histogram_s"] == pytest.approx(2.55, abs=0.05)
@@ -190,7 +183,9 @@ def test_what_cannot_be_is_refused_and_leaves_nothing(shelf, here, monkeypatch) 
     stderr = refused("track", shelf / "swarm.mp4", "--corners", corners, "--rings", "r.csv")
     assert stderr.startswith(f"error: --corners {corners}: a corner is far outside of the picture of 160 x 160 px")
     assert names(here) == []
-    shut(monkeypatch, here / "shut")
+    (here / "shut").mkdir()
+    may = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path).name != "shut" and may(path, mode))  # even of root
     monkeypatch.setattr(track, "open_film", lambda *_: pytest.fail("it ran"))
     stderr = refused("track", shelf / "swarm.mp4", "--rings", "shut/t.csv")
     assert "cannot be written: no permission to write in shut" in stderr
@@ -207,3 +202,51 @@ def test_ctrl_c_leaves_nothing_half_written(here) -> None:
     stdout, stderr = process.communicate(timeout=300)
     assert (process.returncode, stdout, stderr) == (130, "", "interrupted\n")
     assert names(here) == ["long.mjpeg"]
+
+
+def test_sides_of_an_arena_are_read_and_no_others_nor_corners() -> None:
+    for text, sides in (("60", (60, 60)), (" 60 x 100.5 ", (60, 100.5)), ("1000000x1", (1e6, 1))):
+        assert parse_arena(text) == sides
+    for text in ["", "60x", "x60", "0.5", "60x0", "-60", "60x100x20", "60,100", "nan", "1e3", "1000001", "٦٠"]:
+        with pytest.raises(FilmError, match=r"^--arena-cm is .*; allowed: .*60x100"):
+            parse_arena(text)
+    for text in ["", "1,2,3,4,5,6,7", "1,2,3,4,5,6,7,8,9", "1 2 3 4 5 6 7 8", "1,2,3,4,5,6,7,x", "1,,2"]:
+        with pytest.raises(FilmError, match=r"^--corners is .*; allowed: four corners in pixels"):
+            parse_corners(text)
+
+
+@settings(max_examples=20)
+@given(st.lists(st.integers(0, 9999).map(lambda tenths: tenths / 10), min_size=8, max_size=8))
+def test_corners_are_read(numbers: list[float]) -> None:
+    corners = parse_corners(",".join(map(str, numbers)))
+    assert [number for corner in corners for number in corner] == numbers
+    assert [len(corner) for corner in corners] == [2] * 4
+
+
+def test_t_sync_comes_first_the_table_fits_a_screen_and_the_name_of_a_film_is_no_markup(monkeypatch, capsys) -> None:
+    monkeypatch.setattr("epuck_sim.cli.tables.terminal_width", lambda: 80)
+    doubts = ("rings are missed, or something shines; give --corners, --arena-cm", "is it 2 s? give --period-s")
+    print_track(TRACK._replace(warnings=doubts, confidence="low"))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split() == ["T_sync", "3.4", "cycles,", "2.5", "s"]
+    assert "low; --corners, --arena-cm, --period-s may settle it" in lines[2]
+    assert len(lines) <= 20
+    assert max(map(len, lines)) <= 80
+    print_track(TRACK._replace(film="[bold]swarm[/bold] [/].mp4", t_sync_s=None, histogram_s=None, estimated=()))
+    text = capsys.readouterr().out
+    assert all(said in text for said in ("[bold]swarm[/bold] [/].mp4", "never"))
+    assert not any(said in text for said in ("by the histogram", "estimated"))
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_frames_are_passed_on_as_they_come(is_terminal: bool, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(progress_module, "Console", partial(Console, force_terminal=is_terminal))
+    film = [Frame(number / 2, np.zeros((2, 2, 3), np.uint8)) for number in range(5)]
+    frames = iter(film)
+    passed = progress_bar("tracking")(frames, 2.0)
+    assert next(iter(passed)) is film[0]
+    assert next(frames) is film[1]  # one at a time
+    assert list(passed) == film[2:]
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert ("tracking" in shown.err) == ("2 s of film" in shown.err) == is_terminal
