@@ -1,23 +1,21 @@
-"""Measures on the command line: `run --measure`, `list --measures` and `new measure`."""
+"""Measures on the command line: run, listed, written anew, and `--of`; trials that have no T_sync."""
 
+import numpy as np
 import pytest
 
 from epuck_sim.measures.loader import SHIPPED, find_measure
-from tests.cli.commands import call, called, read
+from tests.cli.commands import call, called, read, refused
 from tests.measures.files import COUNTER, write
+from tests.runs.made_folders import COUNT, SPEED, rows, store_measured, sweep
 
-pytestmark = pytest.mark.usefixtures("sweeps_run_here")
+pytestmark = pytest.mark.usefixtures("here", "figures_noted", "sweeps_run_here")
 
 SHORT = ["--set", "stop.max_cycles=3"]
 
 
-@pytest.fixture(autouse=True)
-def _mine(here):
-    write(here / "mine.py", COUNTER)
-
-
 @pytest.mark.parametrize("scenario", ["thesis", "particles"])
-def test_run_prints_measures_as_json_and_as_columns(scenario):
+def test_run_prints_measures_as_json_and_as_columns(scenario, here):
+    write(here / "mine.py", COUNTER)
     command = ["run", scenario, *SHORT, "--measure", "order_parameter", "--measure", "mine.py:Counter"]
     trial = read(*command)
     assert list(trial["measures"]) == ["order_parameter", "Counter"]
@@ -27,8 +25,7 @@ def test_run_prints_measures_as_json_and_as_columns(scenario):
     set_too = read(*command[:4], "--measure", "mine.py:Counter: {offset: 2, as: later}")
     assert set_too["measures"] == {"later": 5.0}
     table = called(*command)
-    assert "3 values" in table
-    assert "Counter" in table
+    assert all(said in table for said in ("3 values", "Counter"))
 
 
 def test_list_tells_the_shipped_measures_and_their_parameters():
@@ -41,10 +38,131 @@ def test_list_tells_the_shipped_measures_and_their_parameters():
 
 @pytest.mark.parametrize("scenario", ["thesis", "particles"])
 def test_new_writes_a_measure_that_runs_as_it_stands(scenario, tmp_path):
-    assert (
-        called("new", "measure", "wandering") == "wandering.py: try it: epuck-sim run thesis --measure wandering.py\n"
-    )
+    said = called("new", "measure", "wandering")
+    assert said == "wandering.py: try it: epuck-sim run thesis --measure wandering.py\n"
     assert (tmp_path / "wandering.py").read_text().count("#") > 5
     trial = read("run", scenario, *SHORT, "--measure", "wandering.py")
     assert trial["measures"]["wandering"] > 0
     assert call("new").exit_code == 2
+
+
+SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10]
+
+
+LAWS = {
+    "number": lambda point, random: float(
+        np.exp(1 - (np.log10(point.axes[SPEED]) - 0.2) ** 2 + random.normal(0, 0.05))
+    ),
+    "signed": lambda point, random: float(point.axes[SPEED] - 3 + random.normal()),
+    "truth": lambda point, random: bool(random.random() < 0.1 * point.axes[COUNT]),
+    "course": lambda _, random: random.normal(1, 0.1, random.integers(3, 7)).tolist(),
+}
+
+
+@pytest.fixture
+def folder_of(tmp_path):
+    """Return what makes a run folder with a measure, whose values follow the law of its name."""
+
+    def make(name, trials=25, shift=0):
+        path = write(tmp_path / "mine.py", f"def {name}(simulation): return 0\n")
+        random = np.random.default_rng(3 + shift)
+        scenario = sweep({SPEED: SPEEDS, COUNT: [2, 6]}, measures=[str(path)], figure={"y": COUNT})
+        folder = tmp_path / f"{name}{shift}"
+        return store_measured(folder, scenario, lambda point: [LAWS[name](point, random) for _ in range(trials)])
+
+    return make
+
+
+def test_numbers_are_summarised_drawn_fitted_and_compared(folder_of, here):
+    folder, other = (folder_of("number", shift=shift) for shift in (0, 1))
+    printed, found = called("summarize", folder, "--of", "number"), read("summarize", folder, "--of", "number")
+    assert "censored" not in printed
+    assert "median" in printed
+    assert len(found) == 14
+    means = [row["mean"] for row in found]
+    for form, column in (("curves", "estimate"), ("map", "estimate"), ("violins", "mean")):
+        call("plot", folder, "--of", "number", "--form", form, "--to", form)
+        drawn = [float(row[column]) for row in rows(here / f"{form}.csv")]
+        assert sorted(drawn) == pytest.approx(sorted(means), rel=1e-5)
+    fits = read("fit", folder, "--of", "number")
+    assert [fit["peak"]["place"]["value"] for fit in fits] == pytest.approx([10**0.2] * 2, rel=0.15)
+    assert "peak at" in called("fit", folder, other, "--of", "number")
+    compared = read("compare", folder, other, "--of", "number")
+    assert (compared["of"], compared["compared"]) == ("number", 14)
+    assert "Over all: B / A = " in called("compare", folder, other, "--of", "number")
+
+
+def test_numbers_that_are_not_positive_have_no_ratio_and_no_extremes(folder_of):
+    folder = folder_of("signed")
+    assert "not all of its values are positive" in called("fit", folder, "--of", "signed")
+    words = "compare", folder, "--of", "signed", "--axis", f"{SPEED}=0.1,10"
+    (point, *_) = read(*words)["points"]
+    assert point["ratio"]["value"] is None
+    assert point["difference"]["value"] == pytest.approx(9.9, abs=1)
+    assert point["p_value"] < 0.001
+    assert called(*words).splitlines()[-1].startswith("Over all: B - A = ")
+
+
+def test_truth_values_are_shares(folder_of, here):
+    folder = folder_of("truth", trials=40)
+    printed, (row, *_) = called("summarize", folder, "--of", "truth"), read("summarize", folder, "--of", "truth")
+    assert "share" in printed
+    assert "median" not in printed
+    assert (row["is_share"], row["median"]) == (True, None)
+    called("plot", folder, "--of", "truth", "--form", "curves", "--to", "curves")
+    assert rows(here / "curves.csv")[0]["statistic"] == "share"
+    compared = read("compare", folder, "--of", "truth", "--axis", f"{COUNT}=2,6")
+    assert {point["statistic"] for point in compared["points"]} == {"share"}
+    assert compared["p_value"] < 0.001
+    assert 0.2 < compared["difference"]["value"] < 0.6
+    plot = "plot", folder, "--of", "truth", "--form"
+    assert "truth values have no median" in refused(*plot, "curves", "--statistic", "median")
+    assert "give --form curves" in refused(*plot, "violins")
+    assert "shares of trials are not looked at" in called("fit", folder, "--of", "truth")
+
+
+def test_series_are_summarised_and_drawn_over_the_cycles(folder_of, here):
+    folder = folder_of("course")
+    found = read("summarize", folder, "--of", "course")
+    assert found[0]["cycle"] == [1, 2, 3, 4, 5, 6]
+    assert found[0]["trials"][:3] == [25, 25, 25]
+    assert found[0]["trials"][5] < 25
+    assert "those that reach the cycle" in called("summarize", folder, "--of", "course")
+    plotted = call("plot", folder, "--of", "course", "--width-cm", 12, "--to", "course")
+    assert (plotted.exit_code, plotted.stderr) == (0, "note: no bands where fewer than 5 trials have a value\n")
+    drawn = rows(here / "course.csv")
+    assert float(drawn[1]["mean"]) == pytest.approx(found[0]["mean"][1], rel=1e-5)
+    assert (drawn[1]["cycle"], drawn[1]["trials"]) == ("2", "25")
+    for command in (["fit", folder], ["plan", folder], ["compare", folder, "--axis", f"{COUNT}=2,6"]):
+        assert "course is a series, with a value for each cycle" in refused(*command, "--of", "course")
+    assert "--form map: course is a series" in refused("plot", folder, "--of", "course", "--form", "map")
+
+
+def test_plan_says_how_many_trials_show_a_difference_of_a_measure(folder_of):
+    numbers = "plan", folder_of("number"), "--of", "number", "--difference", 5
+    assert f"{numbers[1]}: number" in " ".join(called(*numbers).split())
+    assert "a difference of 5 % in 80 % of all cases" in called(*numbers)
+    found = read(*numbers)
+    assert (found["of"], found["is_of_shares"], len(found["points"])) == ("number", False, 14)
+    truths = "plan", folder_of("truth", trials=40), "--of", "truth"
+    assert "a difference of 20 percentage points in 80 % of all cases" in called(*truths)
+    assert all(point["trials"] > 20 and point["spread"] is None for point in read(*truths)["points"])
+    assert "no share can differ by so much" in called(*truths, "--difference", 99)
+
+
+def test_nothing_speaks_of_t_sync_where_no_oscillator_is_or_trials_end_at_a_time_or_by_a_measure(here):
+    wandering = ["--set", "robots.0={controller: obstacle_avoidance, count: 3}", "--set", "stop.max_time_s=1"]
+    table = called("run", "thesis", *wandering, "--measure", "near_walls")
+    assert not any(word in table for word in ("T_sync", "censored", "order"))
+    assert "near_walls" in table
+    trial = read("run", "thesis", *wandering)
+    assert (trial["t_sync_cycles"], trial["censored"], trial["order_parameter"]) == (None, None, None)
+    result = call("run", "thesis", *wandering, "--trials", "2", "--out", "run", "--workers", "1")
+    assert result.exit_code == 0
+    assert "censored" not in result.stdout + result.stderr + called("status", "run")
+    called("export", "run", "--to", "t.csv")
+    assert [row["censored"] for row in rows(here / "t.csv")] == ["", ""]
+    stop = ["--set", "stop={when: order_parameter > 0.1, max_cycles: 9}"]
+    table = called("run", "particles", *stop, "--measure", "order_parameter")
+    assert "order_parameter" in table
+    assert not any(word in table for word in ("T_sync", "censored"))
