@@ -1,27 +1,30 @@
-"""Claims about what people see of a sweep: how far it is, how long it takes, what a folder holds, what has failed."""
+"""Claims about what people see: how far a run is, how long it takes, what a folder holds, what failed or compiles."""
 
 import json
 import re
+from collections.abc import Callable
 from contextlib import suppress
 from io import StringIO
+from threading import Event
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from epuck_sim.cli import progress as progress_module
-from epuck_sim.cli import tables
+from epuck_sim.cli import progress, tables
 from epuck_sim.cli.plan import Duration, print_plan
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar
 from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_status
 from epuck_sim.estimate import Estimate
 from epuck_sim.runs.reader import Failure, PointAtLimit, Status, TrialsByOrigin
 from epuck_sim.runs.records import SweepProgress
+from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.util import jit, native
 from epuck_sim.util.provenance import PROVENANCE
 from tests.cli.commands import call, called
 
@@ -32,7 +35,7 @@ TRIALS = 1000
 def clock(monkeypatch) -> SimpleNamespace:
     """Return a clock that stands until its `now` is moved."""
     clock = SimpleNamespace(now=1e6, monotonic=lambda: clock.now)
-    monkeypatch.setattr(progress_module, "time", clock)
+    monkeypatch.setattr(progress, "time", clock)
     return clock
 
 
@@ -43,10 +46,10 @@ def tally(ended: int, before: int = 0, censored: int = 0, failed: int = 0) -> Sw
 def shown(clock, capsys, steps: list[tuple[float, SweepProgress]]) -> list[str]:
     """Return the lines on stderr after tallies came at these times; nothing may be on stdout."""
     began = clock.now
-    with SweepProgressBar() as progress:
+    with SweepProgressBar() as tell:
         for at_s, each in steps:
             clock.now = began + at_s
-            progress(each)
+            tell(each)
     captured = capsys.readouterr()
     assert captured.out == ""
     return captured.err.splitlines()
@@ -55,26 +58,20 @@ def shown(clock, capsys, steps: list[tuple[float, SweepProgress]]) -> list[str]:
 @pytest.mark.parametrize(
     ("steps", "lines"),
     [
-        ([(20, tally(1))], ["1 of 1000 trials, 0 censored; starting workers"]),
+        ([(20, tally(1))], ["1 of 1000 trials, 0 censored"]),
         # the first trial, which waits for the workers to start, is no measure, nor is what was stored before
         (
             [(0, tally(0, 100, 7)), (5, tally(1, 100, 7)), (65, tally(301, 100, 42))],
-            [
-                "100 of 1000 trials, 7 censored; starting workers",
-                "401 of 1000 trials, 42 censored, 300 a minute, 2 min left",
-            ],
+            ["100 of 1000 trials, 7 censored", "401 of 1000 trials, 42 censored, 300 a minute, 2 min left"],
         ),
         (
             [(0, tally(1)), (60, tally(501, failed=100))],
-            [
-                "1 of 1000 trials, 0 censored; starting workers",
-                "401 of 1000 trials, 0 censored, 100 failed, 500 a minute, 60 s left",
-            ],
+            ["1 of 1000 trials, 0 censored", "401 of 1000 trials, 0 censored, 100 failed, 500 a minute, 60 s left"],
         ),
     ],
 )
 def test_a_line_tells_trials_done_censored_and_failed_per_minute_and_time_left(clock, capsys, steps, lines) -> None:
-    assert shown(clock, capsys, steps) == lines
+    assert shown(clock, capsys, steps) == [f"{lines[0]}; starting workers", *lines[1:]]
 
 
 @pytest.mark.parametrize(
@@ -91,45 +88,37 @@ def test_lines_come_no_more_often_than_they_should_and_the_last_always(clock, ca
     assert [int(line.split()[0]) for line in shown(clock, capsys, steps)] == told
 
 
-def on_terminal(monkeypatch, width: int = 120) -> StringIO:
-    """Let stderr be a terminal of this width; return what is written to it."""
-    written = StringIO()
+@pytest.fixture
+def terminal(monkeypatch) -> Callable[..., StringIO]:
+    """Return what lets stderr be a terminal of a width, and returns what is written to it."""
 
-    def console(stderr: bool) -> Console:
-        assert stderr
-        return Console(file=written, force_terminal=True, width=width, color_system=None, legacy_windows=False)
+    def make(width: int = 120) -> StringIO:
+        console = Console(file=StringIO(), force_terminal=True, width=width, color_system=None, legacy_windows=False)
+        monkeypatch.setattr(progress, "Console", lambda *, stderr: console if stderr else pytest.fail("on stdout"))
+        return console.file
 
-    monkeypatch.setattr(progress_module, "Console", console)
-    return written
-
-
-def last_of(written: StringIO) -> str:
-    """Return what is on the terminal at the end: the last of the lines that were written over each other."""
-    last = written.getvalue().rpartition("\r")[2]
-    return re.sub(r"\x1b\[[?\d]*[a-zA-Z]", "", last).strip()
+    return make
 
 
 @pytest.mark.parametrize("width", [120, 60])
-def test_on_a_terminal_there_is_a_bar_with_the_same_words_which_stay_whole(clock, capsys, monkeypatch, width) -> None:
-    written = on_terminal(monkeypatch, width)
+def test_on_a_terminal_there_is_a_bar_with_the_same_words_which_stay_whole(clock, capsys, terminal, width) -> None:
+    written = terminal(width)
     assert shown(clock, capsys, [(0, tally(0)), (5, tally(1)), (65, tally(501, censored=3))]) == []
-    assert 0 < last_of(written).count("━") <= 20  # of 40
-    assert last_of(written).endswith("501 of 1000 trials, 3 censored, 500 a minute, 60 s left")
+    last = re.sub(r"\x1b\[[?\d]*[a-zA-Z]", "", written.getvalue().rpartition("\r")[2]).strip()
+    assert 0 < last.count("━") <= 20  # of 40
+    assert last.endswith("501 of 1000 trials, 3 censored, 500 a minute, 60 s left")
 
 
 @pytest.mark.usefixtures("clock")
-def test_after_ctrl_c_the_terminal_has_its_cursor_again(monkeypatch) -> None:
-    written = on_terminal(monkeypatch)
-    with suppress(KeyboardInterrupt), SweepProgressBar() as progress:
-        progress(tally(1))
+def test_after_ctrl_c_the_terminal_has_its_cursor_again(terminal) -> None:
+    written = terminal()
+    with suppress(KeyboardInterrupt), SweepProgressBar() as tell:
+        tell(tally(1))
         raise KeyboardInterrupt
     assert written.getvalue().rfind("\x1b[?25h") > written.getvalue().rfind("\x1b[?25l") >= 0
 
 
-def failures(count: int) -> list[Failure]:
-    return [Failure(point, 3 * point, 77, f"ValueError: {point}") for point in range(count)]
-
-
+FAILURES = [Failure(point, 3 * point, 77, f"ValueError: {point}") for point in range(MOST_LISTED + 5)]
 HOSTS = {"a": 1000, "b": 234}
 MADE_BY = "epuck_sim 1, pymunk 7, numba 0.65, numpy 2, python 3.11"
 
@@ -149,7 +138,7 @@ def status(**changes) -> Status:
 
 
 def test_the_status_tells_points_trials_time_what_made_them_who_is_at_work_and_the_first_failures(capsys) -> None:
-    print_status(status(at_work="process 5 on here", failed=failures(MOST_LISTED + 5)), as_json=False)
+    print_status(status(at_work="process 5 on here", failed=FAILURES), as_json=False)
     assert capsys.readouterr().out.splitlines() == [
         "fig-4-2a: 100 points, 1234 of 20000 trials have a result",
         "  censored: 56; failed: 15; computing time: 2.0 h",
@@ -181,7 +170,7 @@ def test_on_a_narrow_terminal_lines_end_between_words(capsys, monkeypatch) -> No
 
 def test_the_status_as_json_has_all_failures_and_every_field(capsys) -> None:
     at_limit = (PointAtLimit(3, {"coupling": 0.1}, 20),)
-    given = status(at_work="process 5 on here", failed=failures(MOST_LISTED + 5), at_limit=at_limit)
+    given = status(at_work="process 5 on here", failed=FAILURES, at_limit=at_limit)
     print_status(given, as_json=True)
     (line,) = capsys.readouterr().out.splitlines()
     read = json.loads(line)
@@ -246,8 +235,50 @@ def test_several_trials_end_with_a_line_of_statistics(capsys) -> None:
     assert last == f"T_sync of 20 trials: restricted mean {mean} cycles, median {median}; 20 % censored"
 
 
-@pytest.mark.parametrize("has_widgets", [True, False])
-def test_a_notebook_redraws_progress_if_it_has_widgets(has_widgets: bool, monkeypatch) -> None:
-    monkeypatch.setattr(progress_module, "Console", lambda **_: Console(force_jupyter=True, file=StringIO()))
-    monkeypatch.setattr(progress_module, "find_spec", lambda _: has_widgets or None)
-    assert (SweepProgressBar()._bar is not None) == has_widgets
+def test_a_notebook_redraws_progress_if_it_has_widgets(monkeypatch) -> None:
+    monkeypatch.setattr(progress, "Console", lambda **_: Console(force_jupyter=True, file=StringIO()))
+    for has_widgets in (True, False):
+        monkeypatch.setattr(progress, "find_spec", lambda _, found=has_widgets: found or None)
+        assert (SweepProgressBar()._bar is not None) == has_widgets
+
+
+def test_code_that_is_found_at_the_same_step_of_a_robot_again_is_named_once_a_trial(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(progress, "AT_WORK_S", 0.001)
+
+    def said_of(steps: list[tuple[int, int, str] | None]) -> str:
+        """Return what is said of code whose steps these are, at one look after the other."""
+        looked, left = Event(), iter(steps)
+        with progress.TrialProgress(1, load_scenario("pair").stop) as shown:
+            shown.begin(0, lambda: next(left, None) or looked.set())
+            assert looked.wait(10)
+        return capsys.readouterr().err
+
+    same = (4, 7, "sensor eye")
+    named = "robot 4, step 7: its sensor eye has not returned for 0.001 s; Ctrl-C, given twice, ends it\n"
+    assert said_of([same] * 4) == named
+    assert said_of([same, (4, 8, "sensor eye"), (5, 8, "sensor eye"), (5, 8, "controller")]) == ""
+
+
+def test_what_is_compiled_is_counted_with_all_that_it_calls_and_said_while_it_is(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path)
+    monkeypatch.setattr(progress, "COMPILING_IN_A_LOG_S", 0.001)
+    done, planned = native.count_compiled()
+
+    global leaf  # noqa: PLW0603 kernels find each other among global names
+
+    @jit.jit_inline
+    def leaf(number):
+        return number + 1
+
+    @jit.jit_no_alloc
+    def root(number):
+        return leaf(number) + leaf(number + 1)
+
+    assert native.count_compiled() == (done, planned)
+    for times_said in (1, 0):  # the second time it is compiled
+        with progress.TrialProgress(1, load_scenario("pair").stop):
+            assert root(1) == 5
+        said = re.findall(r"compiling (\d+) of (\d+) functions so far, now test_tables.py", capsys.readouterr().err)
+        assert len(said) == times_said
+        assert all(done <= int(compiled) < int(of) <= planned + 2 for compiled, of in said)
+        assert native.count_compiled() == (done + 2, planned + 2)
