@@ -1,9 +1,12 @@
-"""A command ends when it is asked to, even where a compiled controller never returns."""
+"""A command ends when it is asked to, even where compiled code never returns, and leaves terminals as they were."""
 
 import os
+import pty
+import select
 import signal
 import subprocess
 import sys
+import termios
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -13,11 +16,10 @@ import pytest
 
 from epuck_sim.cli import app as command
 from epuck_sim.cli import interrupt
+from epuck_sim.cli.keys import pressed_keys
 from tests.cli.commands import called
 from tests.control.bench import with_step
 from tests.processes import COMMAND, processes_marked, start, wait_until
-
-ROOT = Path(interrupt.__file__).parents[2]
 
 ENDLESS = with_step("""memory.x += 1
     if memory.x > 5:
@@ -27,18 +29,17 @@ ENDLESS = with_step("""memory.x += 1
 """A controller that never returns from its sixth step."""
 
 
-def write_scene(folder: Path) -> Path:
-    (folder / "endless.py").write_text(ENDLESS)
+def write_scene(folder: Path, controller: str = ENDLESS, max_time_s: float = 60) -> Path:
+    (folder / "mine.py").write_text(controller)
     path = folder / "scene.yaml"
-    path.write_text("name: endless\nrobots: [{controller: endless.py, count: 1}]\nstop: {max_time_s: 60}\n")
+    path.write_text(f"name: mine\nrobots: [{{controller: mine.py, count: 1}}]\nstop: {{max_time_s: {max_time_s}}}\n")
     return path
 
 
 @pytest.fixture(scope="module")
 def _compiled(tmp_path_factory) -> None:
     """Compile, into the cache, what the trials need."""
-    folder = tmp_path_factory.mktemp("compiled")
-    called("run", write_scene(folder), "--set", "stop.max_time_s=0.3")
+    called("run", write_scene(tmp_path_factory.mktemp("compiled"), max_time_s=0.3))
 
 
 @pytest.fixture
@@ -59,7 +60,10 @@ main()
 
 def running(scene: Path, *arguments: str) -> subprocess.Popen:
     """Start the command, whose processes are marked by the scene's folder; they end with the test."""
-    options = {"cwd": scene.parent, "env": {"PYTHONUNBUFFERED": "1", "PYTHONPATH": str(ROOT)}}
+    options = {
+        "cwd": scene.parent,
+        "env": {"PYTHONUNBUFFERED": "1", "PYTHONPATH": str(Path(interrupt.__file__).parents[2])},
+    }
     return start([sys.executable, "-c", IMPATIENT, "run", scene, *arguments], mark=scene.parent.name, **options)
 
 
@@ -85,13 +89,6 @@ def test_a_compiled_controller_in_an_endless_loop_is_ended_and_leaves_nothing(sc
     assert stderr.endswith("ended where Ctrl-C is not heard\n")
     assert "Traceback" not in stdout + stderr
     assert sorted(path.name for path in scene.parent.iterdir()) == before
-
-
-IMPORTS = {
-    "while True:\n    pass\n": signal.SIGTERM,
-    "import re\nre.match('(a*)*b', 'a' * 40)\n": signal.SIGINT,
-}
-"""Ends of controllers' files that keep their import from ending, and requests that end it all the same."""
 
 
 @pytest.mark.parametrize("raised", [ValueError("what an extension makes of it"), KeyboardInterrupt()])
@@ -138,7 +135,11 @@ def importing(folder: Path, end: str) -> subprocess.Popen:
     return process
 
 
-@pytest.mark.parametrize(("end", "request_"), IMPORTS.items(), ids=["loops", "matches"])
+@pytest.mark.parametrize(
+    ("end", "request_"),
+    [("while True:\n    pass\n", signal.SIGTERM), ("import re\nre.match('(a*)*b', 'a' * 40)\n", signal.SIGINT)],
+    ids=["loops", "matches"],
+)
 def test_one_request_ends_an_import_that_never_does(tmp_path, end: str, request_) -> None:
     process = importing(tmp_path, end)
     os.kill(process.pid, request_)
@@ -158,7 +159,6 @@ def test_the_third_request_in_a_row_ends_what_catches_every_one(tmp_path) -> Non
 @pytest.mark.parametrize("request_", [signal.SIGTERM, signal.SIGKILL])
 def test_workers_in_an_endless_loop_end_with_the_command(scene, request_) -> None:
     process = running(scene, "--out", "run", "--trials", "4", "--workers", "2")
-
     wait_until(lambda: any(map(is_busy, {*processes_marked(scene.parent.name)} - {process.pid})), 120)
     os.kill(process.pid, request_)
     process.communicate(timeout=300)
@@ -198,3 +198,71 @@ def test_a_request_in_a_destructor_is_not_lost() -> None:
     _, stderr = process.communicate(timeout=300)
     assert stderr.startswith("interrupted\n")
     assert "Exception ignored" not in stderr
+
+
+READS = """
+import sys
+from epuck_sim.cli.keys import pressed_keys
+with pressed_keys(echo={echo}) as wait:
+    print("ready", flush=True)
+    keys = ""
+    while "q" not in keys:
+        keys += wait(0.5)
+    print(repr(keys), flush=True)
+"""
+
+
+@pytest.mark.parametrize("echo", [False, True])
+def test_keys_are_read_one_by_one_and_the_terminal_is_set_back_and_what_is_none_is_left_alone(echo: bool) -> None:
+    with pressed_keys(echo=echo) as wait:
+        assert wait is None
+    controller, terminal = pty.openpty()
+    before = termios.tcgetattr(terminal)
+    session = f"import os, fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0){READS.format(echo=echo)}"
+    process = start([sys.executable, "-c", session], stdin=terminal)
+    assert process.stdout.readline() == "ready\n"
+    flags = termios.tcgetattr(terminal)[3]
+    assert not flags & termios.ICANON
+    assert bool(flags & termios.ECHO) == echo
+    assert flags & termios.ISIG  # Ctrl-C does what it always does
+    os.write(controller, b" n")
+    time.sleep(0.1)
+    os.write(controller, b"q")
+    assert process.stdout.readline() == "' nq'\n"
+    wait_until(lambda: process.poll() is not None)
+    assert process.returncode == 0
+    assert termios.tcgetattr(terminal) == before
+    with suppress(OSError):
+        os.close(controller)
+    os.close(terminal)
+
+
+def test_the_debugger_has_the_terminal_to_itself_and_leaving_it_ends_the_command_quietly(tmp_path) -> None:
+    scene = write_scene(tmp_path, with_step("breakpoint(); memory.x = 7"), 0.5)
+    ours, theirs = pty.openpty()
+    command = [*COMMAND, "run", scene, "--interpret", "--trace", tmp_path / "t.parquet"]
+    process = start(command, stdin=theirs, stdout=theirs, stderr=theirs)
+    os.close(theirs)
+    assert "(Pdb) " in read_until_silent(ours, 60)
+    time.sleep(0.3)
+    assert not select.select([ours], [], [], 0)[0]
+    os.write(ours, b"p 6 * 7\n")
+    assert read_until_silent(ours, 10).replace("\r", "").endswith("p 6 * 7\n42\n(Pdb) ")
+    os.write(ours, b"q\n")
+    said = read_until_silent(ours, 10)
+    assert "interrupted" in said
+    assert "BdbQuit" not in said
+    assert process.wait(timeout=20) == 130
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.py", "scene.yaml"]
+    os.close(ours)
+
+
+def read_until_silent(terminal: int, limit_s: float) -> str:
+    """Return what is written to a terminal until nothing more comes for half a second."""
+    found = b""
+    while select.select([terminal], [], [], 0.5 if b"(Pdb) " in found or b"interrupted" in found else limit_s)[0]:
+        try:
+            found += os.read(terminal, 4096)
+        except OSError:  # the program has ended
+            break
+    return found.decode()
