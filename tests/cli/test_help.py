@@ -1,12 +1,18 @@
-"""What the command tells of itself: help, completion, lists, and where it does not run."""
+"""What the command tells of itself: help, completion, lists, and what it lacks in a small install."""
 
+import json
+import os
+import re
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
+from epuck_sim.cli.errors import EXTRAS
 from epuck_sim.cli.listing import list_measures
 from tests.cli.commands import called, read
 
@@ -24,23 +30,18 @@ def test_help_of_the_first_commands_fits_a_screen_and_the_rest_is_below_a_fold(c
     assert "…" not in told
 
 
-def test_help_all_shows_every_option_in_groups_and_shells_complete_them() -> None:
+def test_help_all_shows_every_option_in_groups_and_so_does_that_of_track() -> None:
     short, told = called("run", "--help"), called("run", "--help-all")
     places = [told.index(f" {heading} ─") for heading in ("Scenario", "Output", "More output", "Sweeps")]
     assert places == sorted(places)
     assert told.index("--seed") < places[1] < told.index("--record") < places[2] < told.index("--trace") < places[3]
     assert "--trace" not in short
     assert called("run", "--help") == short
-    environment = {"_EPUCK_SIM_COMPLETE": "complete_bash", "COMP_WORDS": "epuck-sim run --work", "COMP_CWORD": "2"}
-    assert CliRunner().invoke(app, [], prog_name="epuck-sim", env=environment).stdout.split() == ["--workers"]
-
-
-def test_the_options_of_track_stand_in_groups() -> None:
     told = called("track", "--help")
     places = [told.index(f" {heading} ─") for heading in ("Film", "Geometry", "Decision", "Output")]
     assert places == sorted(places)
-    for option, before in (("--camera", 1), ("--end-s", 1), ("--lens", 2), ("--threshold-ms", 3), ("--json", 4)):
-        assert ([*places, len(told)][before - 1]) < told.index(option) < ([*places, len(told)][before])
+    for option, place in (("--camera", 0), ("--end-s", 0), ("--lens", 1), ("--threshold-ms", 2), ("--json", 3)):
+        assert places[place] < told.index(option) < [*places, len(told)][place + 1]
 
 
 def test_lists_are_also_json() -> None:
@@ -56,13 +57,14 @@ def test_lists_are_also_json() -> None:
     ("typed", "completed"),
     [
         ("epuck-sim run the", ["thesis"]),
+        ("epuck-sim run --work", ["--workers"]),
         ("epuck-sim check fig-4-3", ["fig-4-3a", "fig-4-3b"]),
         ("epuck-sim run thesis --controller reo", ["reorientation", "reorienting_firefly"]),
         ("epuck-sim run thesis --measure spann", ["spanning_time"]),
         ("epuck-sim summ", ["summarize"]),
     ],
 )
-def test_shells_complete_names(typed: str, completed: list[str]) -> None:
+def test_shells_complete_names_and_options(typed: str, completed: list[str]) -> None:
     words = len(typed.split())
     environment = {"_EPUCK_SIM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(words - 1)}
     result = CliRunner().invoke(app, [], prog_name="epuck-sim", env=environment)
@@ -93,3 +95,57 @@ def test_nothing_heavy_is_loaded_that_is_not_needed() -> None:
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     loads = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
     assert loads == ["loaded []"] * (len(table) + 2)
+
+
+ROOT = Path(__file__).parent.parent.parent
+
+WITHOUT = f"""
+import json, sys
+sys.modules.update(dict.fromkeys({list(EXTRAS)}))
+from epuck_sim.sweep import executors
+from tests.cli.commands import call
+from tests.sweep.pool_here import pool_here
+executors.local_pool = pool_here
+print(json.dumps([(done.exit_code, done.stderr) for done in (call(*words.split()) for words in json.load(sys.stdin))]))
+"""
+"""Calls commands in a process that cannot import any of the optional packages."""
+
+LACKING = {
+    "plot runs": ("matplotlib", "plot"),
+    "report runs --to page.html": ("matplotlib", "plot"),
+    "export runs --to trials.csv": ("pyarrow", "table"),
+    "run pair --trace trace.parquet": ("pyarrow", "table"),
+    "run pair --record pair.rrd": ("rerun-sdk", "view"),
+    "run pair --film pair.mp4": ("opencv-python-headless", "film"),
+    "run pair --set arena.floor.picture=runs/scenario.yaml": ("opencv-python-headless", "film"),
+    "run pair --live": ("rerun-sdk", "view"),
+    "track film.mp4": ("opencv-python-headless", "film"),
+}
+"""Which package each command lacks, and the extra that installs it."""
+
+
+def test_sweeps_and_statistics_need_none_of_them_and_other_commands_say_what_they_lack(tmp_path) -> None:
+    options = "--trials 5 --set stop.max_cycles=5 --out runs --measure component_count"
+    sweep = f"run pair --sweep robots.0.parameters.speed_cm_s=4,8 {options}"
+    whole = [sweep, "summarize runs", "status runs", "fit runs", "plan runs"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    given = {"cwd": tmp_path, "env": environment, "input": json.dumps([*whole, *LACKING])}
+    done = subprocess.run([sys.executable, "-c", WITHOUT], **given, stdout=subprocess.PIPE, text=True, check=True)
+    ended = json.loads(done.stdout)
+    assert [code for code, _ in ended[: len(whole)]] == [0] * len(whole), ended
+    assert ended[len(whole) :] == [
+        [2, f'error: this needs {package}, which is not installed: pip install "epuck-sim[{extra}]"\n']
+        for package, extra in LACKING.values()
+    ]
+
+
+def test_every_extra_installs_what_it_is_named_for_and_the_docs_name_it() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    for package, extra in EXTRAS.values():
+        assert package not in {re.split("[<>=]", each)[0] for each in project["dependencies"]}
+        assert package in [re.split("[<>=]", each)[0] for each in extras[extra]]
+    (everything,) = extras["all"]
+    assert everything == f"epuck-sim[{','.join(sorted(set(extras) - {'all', 'docs', 'page', 'test', 'train'}))}]"
+    page = (ROOT / "docs/small_install.md").read_text()
+    assert set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)) == set(extras) - {"docs", "test"}
