@@ -20,22 +20,20 @@ pytestmark = pytest.mark.usefixtures("here")
 SHORT = ["--set", "stop.max_time_s=1", "--json"]
 
 
-def scene(folder, **files):
-    """Write files, and a scenario of one robot with the controller `mine.py`."""
+def write(folder, **files):
     for name, text in files.items():
         (folder / f"{name}.py").write_text(text)
-    (folder / "scene.yaml").write_text("robots: [{controller: mine.py, count: 1}]\n")
-    return ["run", "scene.yaml", *SHORT]
 
 
-HELPED = {
-    "helper": "def halve(x):\n    raise RuntimeError('no half')\n",
-    "mine": "import helper\n" + with_step("memory.x = helper.halve(sensors.step_ms)"),
-}
+def with_parameters(text):
+    return with_step("pass", PARAMETERS=text)
 
 
 def test_traceback_shows_the_controller_s_own_lines_alone(tmp_path):
-    command = scene(tmp_path, **HELPED)
+    mine = "import helper\n" + with_step("memory.x = helper.halve(sensors.step_ms)")
+    write(tmp_path, helper="def halve(x):\n    raise RuntimeError('no half')\n", mine=mine)
+    (tmp_path / "scene.yaml").write_text("robots: [{controller: mine.py, count: 1}]")
+    command = ["run", "scene.yaml", *SHORT]
     assert "helper.py:2: RuntimeError: no half" in refused(*command, "--interpret")
     result = call(*command, "--interpret", "--traceback")
     assert result.exit_code == 2
@@ -45,8 +43,8 @@ def test_traceback_shows_the_controller_s_own_lines_alone(tmp_path):
     assert "helper.py:2: RuntimeError: no half (in the controller" in result.stderr
 
 
-def test_controller_replaces_that_of_all_robots_and_keeps_the_parameters_that_it_has(tmp_path):
-    (tmp_path / "mine.py").write_text(with_step("pass", PARAMETERS="{'speed_cm_s': 1.0, 'gain': 2.0}"))
+def test_controller_replaces_that_of_all_robots_and_keeps_the_parameters_that_it_has_but_for_set(tmp_path):
+    write(tmp_path, mine=with_parameters("{'speed_cm_s': 1.0, 'gain': 2.0}"))
     (tmp_path / "two.yaml").write_text("robots: [{count: 1, parameters: {speed_cm_s: 5, coupling: 0.2}}, {count: 2}]")
     with pytest.warns(UserWarning, match=r"^two\.yaml: mine lacks the parameter coupling: left out$"):
         scenario = load_scenario("two.yaml", controller="mine.py")
@@ -56,34 +54,22 @@ def test_controller_replaces_that_of_all_robots_and_keeps_the_parameters_that_it
         {"speed_cm_s": 1.0, "gain": 2.0},
     ]
     assert [group.count for group in scenario.robots] == [1, 2]
-
-
-def test_what_was_left_out_is_said_once_and_the_trial_runs(tmp_path):
-    (tmp_path / "mine.py").write_text(with_step("pass", PARAMETERS="{'speed_cm_s': 1.0}"))
+    write(tmp_path, mine=with_parameters("{'speed_cm_s': 1.0}"))
     result = call("run", "thesis", "--controller", "mine.py", "--interpret", *SHORT)
     assert result.exit_code == 0
     lacking = "period_s, coupling, flash_fraction, refractory_fraction"
     assert re.fullmatch(rf"note: thesis: mine lacks parameters {lacking}: left out\n", result.stderr)
-
-
-@pytest.mark.filterwarnings("ignore:.*constant lacks")
-def test_a_shipped_controller_can_be_given_and_set_comes_after_it():
-    scenario = load_scenario("thesis", ["robots.0.parameters.left_cm_s=2"], controller="constant")
+    with pytest.warns(UserWarning, match="constant lacks"):
+        scenario = load_scenario("thesis", ["robots.0.parameters.left_cm_s=2"], controller="constant")
     assert scenario.robots[0].parameters["left_cm_s"] == 2.0
     assert scenario.description.endswith("; with controller=constant; with robots.0.parameters.left_cm_s=2")
 
 
-def controllers(folder, **parameters):
-    for name, text in parameters.items():
-        (folder / f"{name}.py").write_text(with_step("pass", PARAMETERS=text))
-    return f"robots.0.controller={','.join(f'{name}.py' for name in parameters)}"
-
-
 @pytest.mark.parametrize("way", ["option", "grid", "points"])
 def test_an_ending_is_looked_for_among_the_parameters_of_controllers_that_are_an_axis(tmp_path, way):
-    axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0, 'gain': 1.0, 'lead': 1.0}")
-    key, _, values = axis.partition("=")
-    files = values.split(",")
+    faster = with_parameters("{'speed_cm_s': 2.0, 'gain': 1.0, 'lead': 1.0}")
+    write(tmp_path, a=with_parameters("{'speed_cm_s': 1.0}"), b=faster)
+    key, files = "robots.0.controller", ["a.py", "b.py"]
     sweep = {"grid": {key: files}} if way == "grid" else {"points": [{key: file} for file in files]}
     given = {"robots": [{}]} if way == "option" else {"robots": [{}], "sweep": sweep}
     axes = ["controller=a.py,b.py"] if way == "option" else []
@@ -102,24 +88,17 @@ def same_either_way(scenario):
     return compiled
 
 
-def test_new_writes_a_controller_that_runs_as_it_stands(tmp_path):
+def test_new_writes_a_scenario_a_controller_a_sensor_and_a_robot_that_run_as_they_stand(tmp_path):
     said = called("new", "controller", "wanderer")
     assert said == "wanderer.py: try it: epuck-sim run thesis --controller wanderer.py\n"
     assert (tmp_path / "wanderer.py").read_text().count("#") > 8
     scenario = load_scenario({"robots": [{"controller": "wanderer.py", "count": 5}]})
     assert np.isfinite(same_either_way(scenario).phase_ms).all()
-
-
-def test_new_writes_a_scenario_that_runs_as_it_stands(tmp_path):
     assert called("new", "scenario", "pillar-80") == "pillar-80.yaml: try it: epuck-sim run pillar-80.yaml\n"
     text = (tmp_path / "pillar-80.yaml").read_text()
     assert read("run", "pillar-80.yaml", "--set", "stop.max_cycles=1")["cycles"] == 1
-    swept = text.replace("# sweep:", "sweep:").replace("#   ", "  ")
-    (tmp_path / "swept.yaml").write_text(swept)
+    (tmp_path / "swept.yaml").write_text(text.replace("# sweep:", "sweep:").replace("#   ", "  "))
     assert len(points(load_scenario("swept.yaml"))) == 6
-
-
-def test_new_writes_a_sensor_and_a_robot_that_run_as_they_stand():
     assert called("new", "sensor", "eye").startswith("eye.py: try it: epuck-sim run thesis --set ")
     assert called("new", "robot", "cart") == "cart.yaml: try it: epuck-sim run thesis --set robot=cart.yaml\n"
     swarm = load_scenario("thesis", ["robot=cart.yaml", "robots.0.sensors=[eye.py]"])

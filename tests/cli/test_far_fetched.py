@@ -5,6 +5,7 @@ import resource
 import sys
 from io import StringIO
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -20,8 +21,6 @@ class Strange(BaseException):
     def __str__(self):
         raise self
 """
-
-NOT_UTF8 = os.fsdecode(b"b\xffd")
 
 
 def scene(folder: Path, line: str) -> Path:
@@ -46,6 +45,11 @@ def test_whatever_a_controller_raises_is_named_with_its_line(tmp_path, line: str
     assert f"{tmp_path}/mine.py:10: {message}" in stderr
 
 
+def test_an_error_whose_message_is_interrupted_stays_interrupted() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        describe_error(type("Slow", (Exception,), {"__str__": Mock(side_effect=KeyboardInterrupt)})())
+
+
 @pytest.mark.parametrize("line", ["sys.stdout.close()", "sys.stdout = None"])
 def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path, monkeypatch, capsys, line: str) -> None:
     monkeypatch.setattr(sys, "stdout", StringIO())
@@ -67,25 +71,15 @@ def test_a_message_that_is_no_unicode_costs_a_sweep_its_own_trial_alone(tmp_path
     result = call("run", scene(tmp_path, line), "--interpret", "--out", tmp_path / "run", "--trials", "2")
     assert result.exit_code == 1
     assert "--trial 1: " in result.stdout
-    assert [failure.error.rpartition("ValueError: ")[2] for failure in read_status(tmp_path / "run").failed] == [
-        *("\\ud800", "\\ud800")
-    ]
-
-
-def test_an_error_whose_message_is_interrupted_stays_interrupted() -> None:
-    class Slow(Exception):  # noqa: N818
-        def __str__(self) -> str:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        describe_error(Slow())
+    errors = [failure.error.rpartition("ValueError: ")[2] for failure in read_status(tmp_path / "run").failed]
+    assert errors == ["\\ud800"] * 2
 
 
 def test_results_and_traces_may_have_names_that_are_not_utf_8(tmp_path) -> None:
     folder = store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=2), lambda _: ended([5, 6]))
     exported, traced = ("export", folder, "--to"), ("run", "pair", "--set", "stop.max_time_s=0.3", "--trace")
     for words, ending in ((exported, ".csv"), (exported, ".parquet"), (traced, ".parquet")):
-        odd, even = (tmp_path / f"{name}{ending}" for name in (NOT_UTF8, "same"))
+        odd, even = (tmp_path / f"{name}{ending}" for name in (os.fsdecode(b"b\xffd"), "same"))
         for path in (odd, even):
             called(*words, path)
         assert odd.read_bytes() == even.read_bytes()

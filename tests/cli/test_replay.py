@@ -6,11 +6,12 @@ import shutil
 import signal
 import socket
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
+from unittest.mock import Mock
 
 import pytest
 
@@ -38,7 +39,6 @@ stop: {max_cycles: 6}
 trials: 3
 sweep: {grid: {robots.0.parameters.speed_cm_s: [1, 4, 8]}}
 """
-
 ADDRESS = "http://127.0.0.1"
 
 
@@ -136,18 +136,13 @@ def test_the_folder_s_own_name_is_in_the_default_one(swept, tmp_path, monkeypatc
 
 
 def test_an_interpreted_trial_of_a_run_folder_is_the_same_one(swept, tmp_path, views, monkeypatch) -> None:
-    asked: list[bool] = []
-
-    def simulate(*given: Any, interpret: bool) -> Simulation:
-        asked.append(interpret)
-        return Simulation(*given, interpret=interpret)
-
+    simulate = Mock(side_effect=Simulation)
     monkeypatch.setattr("epuck_sim.cli.trials.simulate", simulate)
     words = ["replay", swept, "--point", "1", "--trial", "1", "--record", tmp_path / "t.rrd"]
     called(*words, "--interpret")
     check_is(tmp_path / "t.rrd", swept, 1, 1)
     called(*words)
-    assert asked == [True, False]
+    assert [call.kwargs for call in simulate.call_args_list] == [{"interpret": True}, {"interpret": False}]
     assert len(views.shown) == 2
 
 
@@ -174,21 +169,19 @@ def test_a_trial_that_comes_out_otherwise_than_stored_is_noted(swept, here, view
     folder = Path(shutil.copytree(swept, here / "run"))
     edit(folder, f"UPDATE trials SET epuck_sim = '0.0.1', {change}")
     result = call("replay", folder, "--point", "1", "--trial", "0")
-    assert result.exit_code == 0
+    assert (result.exit_code, bool(result.stderr)) == (0, bool(note))
     assert result.stderr.startswith(note)
-    assert bool(result.stderr) == bool(note)
     assert ("epuck_sim 0.0.1" in result.stderr) == bool(note)
     assert len(views.shown) == len(list(here.glob("*.rrd"))) == 1
 
 
-@pytest.mark.parametrize(("arguments", "port"), [([], 9090), (["--port", "1234"], 1234)])
-def test_a_recording_is_served_and_the_address_printed_with_how_to_end(
-    pair, views, arguments: list[str], port: int
-) -> None:
-    result = call("replay", pair, "--web", *arguments)
-    assert (result.exit_code, result.stdout) == (0, f"{ADDRESS}:{port}\n")
-    assert result.stderr == "open this address in a browser on this machine:\npress Ctrl-C to end\n"
-    assert views == Views([], [(pair, port)], [])
+def test_a_recording_is_served_and_the_address_printed_with_how_to_end(pair, views) -> None:
+    for arguments, port in (([], 9090), (["--port", "1234"], 1234)):
+        result = call("replay", pair, "--web", *arguments)
+        assert (result.exit_code, result.stdout) == (0, f"{ADDRESS}:{port}\n")
+        assert result.stderr == "open this address in a browser on this machine:\npress Ctrl-C to end\n"
+        assert views == Views([], [(pair, port)], [])
+        views.served.clear()
 
 
 def test_a_screenshot_is_drawn_of_the_end_or_the_moment_that_is_given_up_to_the_end(pair, views) -> None:
@@ -199,35 +192,24 @@ def test_a_screenshot_is_drawn_of_the_end_or_the_moment_that_is_given_up_to_the_
         views.drawn.clear()
 
 
-class Live(NamedTuple):
-    """What `--live` asks the viewer for."""
-
-    opened: list[int | None]  # port of each viewer
-    shown: list[tuple[Any, ...]]  # scenario, seed, level and speed of each trial
-    waited: list[None]  # for each viewer that the user closed
-    more: dict[str, Any]
-
-
 @pytest.fixture
-def windows(monkeypatch) -> Callable[..., Live]:
-    """Return what has observers look at each trial that is shown, without a viewer."""
+def windows(monkeypatch) -> Callable[..., SimpleNamespace]:
+    """Return what has observers look at each trial that is shown, and tells what the viewer is asked for."""
 
-    def show_in(look: Callable[[Step, Any], None]) -> Live:
-        found = Live([], [], [], {})
-        window = SimpleNamespace(wait=lambda: found.waited.append(None))
+    def show_in(look: Callable[[Step, Any], None]) -> SimpleNamespace:
+        window, found = Mock(), SimpleNamespace(ports=[], shown=[], more={})
+        found.wait = window.wait
 
-        @contextmanager
-        def live_viewer(port: int | None, tell: Callable[[str], None]) -> Iterator[tuple[Any, int]]:
-            found.opened.append(port)
+        def live_viewer(port: int | None, tell: Callable[[str], None]) -> Any:
+            found.ports.append(port)
             tell("the address")
-            yield window, 77
+            return nullcontext((window, 77))
 
-        @contextmanager
-        def show(viewer: Any, intake: int, *given: Any, **more: Any) -> Iterator[Any]:
+        def show(viewer: Any, intake: int, *given: Any, **more: Any) -> Any:
             assert (viewer, intake) == (window, 77)
             found.shown.append(given)
             found.more.update(more)
-            yield look
+            return nullcontext(look)
 
         monkeypatch.setattr(live, "live_viewer", live_viewer)
         monkeypatch.setattr(live, "live", show)
@@ -253,11 +235,11 @@ def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(windows, argume
     assert result.stderr.rstrip().endswith("to end")
     rows = trials(result.stdout)
     assert rows == trials(called("run", "pair", "--trials", "2", "--json"))
-    assert found.opened == [port]
+    assert found.ports == [port]
     assert [given[1:] for given in found.shown] == [(row["seed"], level, speed) for row in rows]
     assert found.more == {"memory": (), "wait": sleep}  # stdin is no terminal
     assert steps == [*range(rows[0]["steps"]), *range(rows[1]["steps"])]
-    assert len(found.waited) == 1
+    found.wait.assert_called_once()
 
 
 BLINKER = with_step("memory.steps += 1; actuators.ring_on = 0", MEMORY='{"steps": int}')
@@ -285,16 +267,13 @@ def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_t
     assert found.more["memory"] == ("steps",)
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    ["run pair --live", "run pair --record t.rrd --live", "replay PAIR", "replay RUN --point 0 --trial 0"],
-)
-def test_a_port_in_use_is_refused_before_a_trial_runs(pair, swept, here, monkeypatch, arguments: str) -> None:
+def test_a_port_in_use_is_refused_before_a_trial_runs(pair, swept, here, monkeypatch) -> None:
     monkeypatch.setattr("epuck_sim.cli.trials.simulate", lambda *_, **__: pytest.fail("a trial was simulated"))
-    given = [{"PAIR": str(pair), "RUN": str(swept)}.get(word, word) for word in arguments.split()]
+    live, of_folder = ["run", "pair", "--live"], ["replay", swept, "--point", "0", "--trial", "0"]
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        assert f"port {port} cannot be used" in refused(*given, "--web", "--port", port)
+        for given in (live, [*live, "--record", "t.rrd"], ["replay", pair], of_folder):
+            assert f"port {port} cannot be used" in refused(*given, "--web", "--port", port)
     assert list(here.iterdir()) == []
 
 

@@ -1,6 +1,7 @@
 """The commands that read run folders: what they print and write, and how they end where something is wrong."""
 
 import shutil
+from functools import partial
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -19,7 +20,6 @@ from tests.runs.made_folders import (
     bumpy,
     bumpy_mean,
     censored,
-    ended,
     rows,
     store,
     sweep,
@@ -30,42 +30,21 @@ FIGURE = ["T_sync-regimes.csv", "T_sync.csv", "T_sync.png", "T_sync.svg", "T_syn
 SCENARIO = sweep({COUPLING: [0.1, 0.2], SPEED: MANY_SPEEDS}, trials=100, name="fig-x")
 SMALL = sweep({SPEED: SPEEDS}, trials=5)
 
-COMMANDS = (
-    "export FOLDER --to OUT.csv",
-    "export FOLDER --to OUT.parquet",
-    "summarize FOLDER",
-    "plot FOLDER --to OUT",
-    "fit FOLDER GOOD",
-)
-
-
-def words(command: str, folder: Path, good: Path, out: Path) -> list[str]:
-    """Return the words of a command on a folder, and on another one that is good."""
-    given = command.replace("OUT", str(out)).replace("GOOD", str(good)).split()
-    return [str(folder) if word == "FOLDER" else word for word in given]
-
-
-def law(point):
-    if point.number == 0:
-        return ended([])
-    return weibull(point, bumpy_mean(point.axes[SPEED], point.axes[COUPLING] / 0.1), 97)
-
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory) -> Path:
     """Return a run folder that no test changes: point 0 has but three failed trials."""
+
+    def law(point):
+        mean = bumpy_mean(point.axes[SPEED], point.axes[COUPLING] / 0.1)
+        return weibull(point, mean, 97 if point.number else 0)
+
     return store(tmp_path_factory.mktemp("made") / "run", SCENARIO, law, failed=3)
 
 
 @pytest.fixture(scope="module")
 def small_one(tmp_path_factory) -> Path:
     return store(tmp_path_factory.mktemp("small_one") / "run", SMALL, lambda point: weibull(point, 30))
-
-
-@pytest.fixture
-def small(small_one, tmp_path) -> Path:
-    """Return a run folder that the test may change."""
-    return Path(shutil.copytree(small_one, tmp_path / "small"))
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
@@ -80,7 +59,8 @@ def test_export_writes_a_row_for_each_trial_with_a_result_and_tells_of_failed_on
     assert [path.name for path in tmp_path.iterdir()] == [target.name]
 
 
-def test_plot_writes_the_figure_into_the_folder_and_names_its_files(small) -> None:
+def test_plot_writes_the_figure_into_the_folder_and_names_its_files(small_one, tmp_path) -> None:
+    small = Path(shutil.copytree(small_one, tmp_path / "small"))
     before = set(contents(small))
     stdout = called("plot", small)
     assert sorted(Path(line).name for line in stdout.splitlines()) == FIGURE
@@ -117,8 +97,10 @@ def test_what_is_damaged_empty_or_no_folder_is_refused_by_every_command_and_noth
     whole = (shutil.copytree(made, tmp_path / "damaged") / DATABASE).read_bytes()
     (tmp_path / "damaged" / DATABASE).write_bytes(whole[: len(whole) // 2])
     before = contents(tmp_path)
-    for command in COMMANDS:
-        result = call(*words(command, tmp_path / name, made, tmp_path / "out"))
+    exports = [f"export FOLDER --to OUT.{ending}" for ending in ("csv", "parquet")]
+    for command in (*exports, "summarize FOLDER", "plot FOLDER --to OUT", "fit FOLDER GOOD"):
+        given = command.replace("OUT", str(tmp_path / "out")).replace("GOOD", str(made)).split()
+        result = call(*(tmp_path / name if word == "FOLDER" else word for word in given))
         assert (result.exit_code, result.stdout) == (2, "")
         assert result.stderr.startswith("error: ")
         assert f"{tmp_path / name}" in result.stderr
@@ -126,23 +108,17 @@ def test_what_is_damaged_empty_or_no_folder_is_refused_by_every_command_and_noth
         assert contents(tmp_path) == before
 
 
-@pytest.fixture(scope="module", params=[1, 3])
-def few(request, tmp_path_factory) -> Path:
-    """Return a folder with so few trials at each of many speeds."""
-    scenario = sweep({SPEED: MANY_SPEEDS}, trials=request.param)
-    return store(tmp_path_factory.mktemp("few") / "run", scenario, bumpy)
-
-
-def test_with_few_trials_fit_prints_no_p_value_and_says_what_would_be_enough(few) -> None:
+@pytest.mark.parametrize("trials", [1, 3])
+def test_with_few_trials_fit_prints_no_p_value_plot_no_bands_and_no_marks_and_both_say_so(
+    trials, figures_noted, tmp_path
+) -> None:
+    few = store(tmp_path / "few", sweep({SPEED: MANY_SPEEDS}, trials=trials), bumpy)
     stdout = called("fit", few)
     assert "Not looked for on 1 of 1 curves: fewer than 20 trials at 13 of 13 speeds" in stdout
     assert "--trials 20 is the least" in stdout
     (curve,) = read("fit", few)["curves"]
     assert [curve[name] for name in ("p_value", "v_m", "t_m", "v_p", "t_p")] == [None] * 5
     assert curve["reason"].startswith("fewer than 20 trials")
-
-
-def test_with_few_trials_plot_draws_no_bands_and_no_marks_and_says_so(few, figures_noted, tmp_path) -> None:
     result = call("plot", few, "--to", tmp_path / "fig")
     assert result.exit_code == 0
     lines = result.stderr.splitlines()
@@ -156,13 +132,9 @@ def test_with_few_trials_plot_draws_no_bands_and_no_marks_and_says_so(few, figur
 def two(tmp_path_factory) -> tuple[Path, Path]:
     """Return two folders, of which the second has T_sync half as long again."""
     base = tmp_path_factory.mktemp("two")
-
-    def law(which: int):
-        return lambda point: weibull(point, (1 + which / 2) * 90 / point.axes[SPEED])
-
-    grid = {COUNT: [5, 10], SPEED: [1, 2]}
-    first, second = (store(base / "ab"[n], sweep(grid, trials=60, seed=n), law(n)) for n in (0, 1))
-    return first, second
+    swept = partial(sweep, {COUNT: [5, 10], SPEED: [1, 2]}, trials=60)
+    first = store(base / "a", swept(seed=0), lambda point: weibull(point, 90 / point.axes[SPEED]))
+    return first, store(base / "b", swept(seed=1), lambda point: weibull(point, 135 / point.axes[SPEED]))
 
 
 def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> None:
@@ -188,30 +160,23 @@ def test_plan_of_a_folder_tells_how_long_more_trials_take(two) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "printed", "note"),
+    ("stop", "printed", "note"),
     [
-        (
-            {"stop": {"order_parameter": None, "max_cycles": 9}},
-            ": all are stored.",
-            "note: trials have no T_sync; --of",
-        ),
-        ({}, "in 80 % of all cases: all are censored at their limit.", ""),
+        ({"order_parameter": None, "max_cycles": 9}, ": all are stored.", "note: trials have no T_sync; --of"),
+        ({"max_cycles": 5000}, "in 80 % of all cases: all are censored at their limit.", ""),
     ],
 )
-def test_plan_of_a_folder_says_where_trials_tell_of_time_alone(tmp_path, changes, printed: str, note: str) -> None:
-    scenario = sweep({SPEED: [1, 2]}, trials=9, **changes)
+def test_plan_of_a_folder_says_where_trials_tell_of_time_alone(tmp_path, stop, printed: str, note: str) -> None:
+    scenario = sweep({SPEED: [1, 2]}, trials=9, stop=stop)
     result = call("plan", store(tmp_path / "run", scenario, lambda point: censored(point, 9)))
     assert result.exit_code == 0
     assert printed in result.stdout
     assert result.stderr[: len(note) or None] == note
 
 
-def test_plan_names_the_share_that_a_folder_is_for(tmp_path) -> None:
+def test_plan_of_a_scenario_times_some_of_its_trials_and_that_of_a_folder_names_its_share(tmp_path) -> None:
     call("run", "pair", "--set", "stop.max_cycles=2", "--trials", 2, "--share", "1/2", "--out", tmp_path / "run")
     assert "2 trials each: all of share 1/2 are stored." in called("plan", tmp_path / "run")
-
-
-def test_plan_of_a_scenario_times_some_of_its_trials() -> None:
     options = ("--sweep", f"{SPEED}=1,2,4,8,10,12", "--set", "stop.max_cycles=2", "--trials", 1000, "--workers", 2)
     stdout = called("plan", "pair", *options)
     assert stdout.startswith("pair: 6 points, 1000 trials each: 6000 are left: ")
