@@ -1,20 +1,102 @@
-"""Points of a sweep and their seeds: the right scenario at each, the same seed whatever stands beside it."""
+"""Sweeps: which values meet at their points, how the command line adds axes, and seeds whatever stands beside."""
 
+from itertools import product
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.axes import MAX_POINTS, FigureSection, SweepAxes, check_figure_axes
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.seeds import point_seed
 from tests.control.bench import with_step
 
-COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
-CONTROLLER = "robots.0.controller"
+COUNT, SPEED = "robots.0.count", "robots.0.parameters.speed_cm_s"
+WIDTH, HEIGHT = "arena.width_cm", "arena.height_cm"
 
+
+VALUES = st.integers(0, 9) | st.sampled_from(["on", None, 0.5, [1, 2], {"x": 1}])
+
+
+@st.composite
+def sweeps(draw):
+    """Return the points, zip and grid of some sweep; together they have an axis at least."""
+    names = draw(st.permutations("abcdefg"))
+    listed, zipped = names[: draw(st.integers(0, 2))], names[2 : 2 + draw(st.integers(0, 2))]
+    gridded = names[4 : 4 + draw(st.integers(0 if listed or zipped else 1, 3))]
+    together = draw(st.integers(1, 4))
+    row = st.fixed_dictionaries(dict.fromkeys(listed, VALUES))
+    given = {
+        "zip": {name: draw(st.lists(VALUES, min_size=together, max_size=together)) for name in zipped},
+        "grid": {name: draw(st.lists(VALUES, min_size=1, max_size=3)) for name in gridded},
+    }
+    return {**given, "points": draw(st.lists(row, min_size=1, max_size=3))} if listed else given
+
+
+def rows_one_by_one(given):
+    """Return the rows, each axis of the grid in turn splitting every row into one for each of its values."""
+    found = [dict(row) for row in given.get("points", [{}])]
+    if given["zip"]:
+        together = [dict(zip(given["zip"], values, strict=True)) for values in zip(*given["zip"].values(), strict=True)]
+        found = [{**row, **each} for row in found for each in together]
+    for name, values in given["grid"].items():
+        found = [{**row, name: value} for row in found for value in values]
+    return found
+
+
+@settings(max_examples=40)
+@given(sweeps())
+def test_rows_are_those_found_by_splitting_one_axis_after_the_other(given: dict) -> None:
+    axes = SweepAxes.model_validate(given)
+    assert axes.rows() == rows_one_by_one(given)
+    assert {tuple(row) for row in axes.rows()} == {tuple(axes.keys)}
+
+
+def test_too_many_points_are_refused_and_as_many_as_allowed_are_not() -> None:
+    given = {"points": [{"p": 0}, {"p": 1}], "zip": {"z": [*range(50)]}, "grid": {"g": [*range(1000)]}}
+    assert len(SweepAxes.model_validate(given).rows()) == MAX_POINTS == 100_000
+    given["grid"]["g"].append(1000)
+    with pytest.raises(ScenarioError, match=r"^scenario: sweep: the number of points is 100100; allowed: 1 to 100000$"):
+        load_scenario({"sweep": given})
+    with pytest.raises(ScenarioError, match="the number of points is 1e\\+30"):  # at once, however many
+        load_scenario({"sweep": {"grid": {f"x{number}": [*range(10)] for number in range(30)}}})
+
+
+def grid_of(source, *axes: str):
+    return list(load_scenario(source, axes=axes).sweep.grid.items())
+
+
+def test_sweep_on_the_command_line_makes_axes_in_the_given_order_of_words_nothing_lists_and_mappings() -> None:
+    expected = [(COUNT, (2, 3)), (WIDTH, (50.5, 60))]
+    for source in ("pair", load_scenario("pair"), {}):
+        assert grid_of(source, f"{COUNT}=2,3", f"{WIDTH}=50.5, 60") == expected
+    ring = {"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 3}
+    obstacles = "arena.obstacles=[],[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 3}]"
+    given = grid_of({}, "noise=on,off", "stop.max_time_s=null,5", obstacles)
+    assert given == [("noise", ("on", "off")), ("stop.max_time_s", (None, 5)), ("arena.obstacles", ([], [ring]))]
+
+
+def test_sweep_on_the_command_line_adds_to_a_file_s_grid_or_replaces_in_its_place(tmp_path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"sweep: {{zip: {{arena.height_cm: [50, 60]}}, grid: {{{COUNT}: [2, 3], {WIDTH}: [50]}}}}")
+    given = grid_of(path, f"{SPEED}=1,2", f"{COUNT}=9", f"{COUNT}=7")
+    assert given == [(COUNT, (7,)), (WIDTH, (50,)), (SPEED, (1, 2))]
+    assert load_scenario(path, axes=[f"{SPEED}=1"]).sweep.zip == {"arena.height_cm": (50, 60)}
+    assert grid_of(load_scenario(path), f"{SPEED}=1,2", f"{COUNT}=7") == given
+
+
+def test_a_figure_may_name_any_axis() -> None:
+    swept = product((1, 2), (3, 5), ("on", "off"))
+    rows = [{SPEED: speed, COUNT: n, "noise": noise, WIDTH: 10 * n, HEIGHT: 60} for speed, n, noise in swept]
+    for figure in ({}, {"x": SPEED, "y": COUNT}, {"y": HEIGHT}, {"panels": "noise"}, {"base_case": {COUNT: 3}}):
+        check_figure_axes(FigureSection(**figure), rows)
+
+
+CONTROLLER = "robots.0.controller"
 MINE = with_step("actuators.left_cm_s = parameters.pace", PARAMETERS='{"pace": 2.0}')
 
 
@@ -75,15 +157,14 @@ def test_a_sweep_that_is_written_is_read_again(columns: dict, listed) -> None:
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
 
 
-# Seeds
-
-
 @pytest.mark.parametrize(
     ("master", "axes", "key", "expected"),
     [
         (0, {}, "{}", [3863378073750256, 3225868734339422, 3231444368234837]),
         (
-            *(0, {COUNT: 2, SPEED: 0.5}, '{"robots.0.count": 2.0, "robots.0.parameters.speed_cm_s": 0.5}'),
+            0,
+            {COUNT: 2, SPEED: 0.5},
+            f'{{"{COUNT}": 2.0, "{SPEED}": 0.5}}',
             [7015346984533444, 4535980160901266, 2834362922018468],
         ),
         (2016, {"noise": "off"}, '{"noise": "off"}', [8778295633544210, 2125023039864183, 932086395961719]),
@@ -95,9 +176,7 @@ def test_seeds_are_those_of_every_version_before(master: int, axes: dict, key: s
     assert [point.seed(trial) for trial in (0, 1, 199)] == expected
 
 
-@given(
-    master=st.integers(0, 2**64), point=st.text(max_size=20), other=st.text(max_size=20), trial=st.integers(0, 10**7)
-)
+@given(st.integers(0, 2**64), st.text(max_size=20), st.text(max_size=20), st.integers(0, 10**7))
 def test_a_seed_changes_with_the_point_and_with_the_trial(master: int, point: str, other: str, trial: int) -> None:
     seed = point_seed(master, point, trial)
     assert 0 <= seed < 2**53
@@ -140,21 +219,15 @@ def test_seeds_do_not_depend_on_trials_or_on_what_is_the_same_at_all_points() ->
         assert seeds(load_scenario(base, [change])) == seeds(load_scenario(base))
 
 
-# Axes of all kinds
-
-
 def test_words_sections_and_parameters_of_swept_controllers_can_be_axes_too() -> None:
     off, on, some = grid(noise=["off", "on", {"wheel_speed": 0.1}])
     assert [point.scenario.noise.wheel_speed for point in (off, on, some)] == [0, 0.05, 0.1]
     found = grid(robots__0__controller=["oscillator", "firefly"], robots__0__parameters__period_s=[5, 8])
     groups = [point.scenario.robots[0] for point in found]
-    assert [(group.controller, group.parameters["period_s"]) for group in groups] == [
-        *(("oscillator", 5), ("oscillator", 8), ("firefly", 5), ("firefly", 8))
-    ]
+    expected = [("oscillator", 5), ("oscillator", 8), ("firefly", 5), ("firefly", 8)]
+    assert [(group.controller, group.parameters["period_s"]) for group in groups] == expected
     given = {"parameters": {"period_s": 8, "speed_cm_s": 3}, "memory": {"phase_ms": 100}}
-    blinks, moves = points(
-        load_scenario({"robots": [given], "sweep": {"grid": {CONTROLLER: ["oscillator", "firefly"]}}})
-    )
+    blinks, moves = points({"robots": [given], "sweep": {"grid": {CONTROLLER: ["oscillator", "firefly"]}}})
     for point in (blinks, moves):
         assert point.scenario.robots[0].parameters["period_s"] == 8
         assert point.scenario.robots[0].memory == {"phase_ms": 100}
@@ -180,22 +253,17 @@ def test_controllers_are_found_beside_the_scenario_and_known_by_their_file_s_nam
     assert constant.scenario.robots[0].parameters == {"left_cm_s": 0.0, "right_cm_s": 0.0, "ring_on": False}
     assert firefly.scenario == load_scenario({"name": "scene", "robots": [{"count": 2}]})
     whole = "{controller: mine.py, count: 2}"
-    for sweep in (
-        f"zip: {{{CONTROLLER}: [mine.py]}}",
-        f"points: [{{{CONTROLLER}: mine.py}}]",
-        f"grid: {{robots: [[{whole}]]}}",
-    ):
+    one = f"{{{CONTROLLER}: mine.py}}"
+    for sweep in (f"zip: {{{CONTROLLER}: [mine.py]}}", f"points: [{one}]", f"grid: {{robots: [[{whole}]]}}"):
         path.write_text(f"robots: [{{count: 2}}]\nsweep: {{{sweep}}}")
         assert points(load_scenario(path))[0].scenario == mine.scenario
-    (tmp_path / "eye.py").write_text(
-        "READINGS = {'eye': float}\ndef sense(world, robot, readings, parameters, random): 0"
-    )
+    sense = "def sense(world, robot, readings, parameters, random): 0"
+    (tmp_path / "eye.py").write_text(f"READINGS = {{'eye': float}}\n{sense}")
     path.write_text(f"sensors: [eye.py]\nsweep: {{grid: {{{CONTROLLER}: [mine.py, firefly]}}}}")
     assert {point.scenario.robots[0].sensors["eye"]["file"] for point in points(path)} == {str(tmp_path / "eye.py")}
 
 
 def points_of_one_name(folder: Path, first: str, second: str) -> tuple[Point, ...]:
-    """Return the points of a sweep over two controllers in two folders."""
     for number, name in enumerate((first, second)):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(MINE.replace("2.0", f"{number}.5"))
