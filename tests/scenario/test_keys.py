@@ -26,8 +26,6 @@ PLACES = {
     },
     "particles": {"speed_cm_s": "agents.speed_cm_s", "coupling": "response.coupling", "k": "neighbourhood.k"},
 }
-
-
 KEYS = {
     name: scenario.all_keys(scenario.model_dump(mode="json"))
     for name in ("thesis", "particles", "obstacles")
@@ -35,9 +33,11 @@ KEYS = {
 }
 
 
-@pytest.mark.parametrize(("name", "typed"), [(name, typed) for name, each in PLACES.items() for typed in each])
-def test_an_ending_stands_for_the_key_on_which_trials_depend(name: str, typed: str) -> None:
-    assert full_keys(typed, KEYS[name], "x") == [PLACES[name][typed]]
+def test_an_ending_stands_for_the_key_on_which_trials_depend() -> None:
+    for name, places in PLACES.items():
+        assert {typed: full_keys(typed, KEYS[name], "x") for typed in places} == {
+            typed: [places[typed]] for typed in places
+        }
 
 
 @given(st.data())
@@ -50,9 +50,8 @@ def test_every_ending_of_a_key_stands_for_it_or_is_refused_with_it_among_the_can
         found = full_keys(ending, keys, "x")
     except ScenarioError as refused:
         found = str(refused).rpartition("give one of ")[2].split(", ")
-    is_second = key.partition(".")[0] in WITHOUT_EFFECT and any(
-        other.partition(".")[0] not in WITHOUT_EFFECT for other in found
-    )
+    has_effect = {each: each.partition(".")[0] not in WITHOUT_EFFECT for each in (key, *found)}
+    is_second = not has_effect[key] and any(has_effect.values())
     assert key in found or is_second or ending in keys
 
 
@@ -66,10 +65,8 @@ def test_keys_of_sweeps_and_measures_are_not_typed_and_a_longer_name_goes_on_aft
 
 def test_an_ending_sets_what_its_key_sets_and_is_described_by_it() -> None:
     short = load_scenario("thesis", ["speed_cm_s=3", "camera.pixels=20"], ["count=2,3"])
-    long = load_scenario(
-        "thesis", ["robots.0.parameters.speed_cm_s=3", "robots.0.camera.pixels=20"], ["robots.0.count=2,3"]
-    )
-    assert short == long
+    settings = ["robots.0.parameters.speed_cm_s=3", "robots.0.camera.pixels=20"]
+    assert short == load_scenario("thesis", settings, ["robots.0.count=2,3"])
 
 
 def test_an_ending_in_several_groups_means_all_of_them_and_says_so() -> None:
@@ -93,11 +90,8 @@ def test_an_ending_in_several_groups_means_all_of_them_and_says_so() -> None:
 
 def test_an_ending_in_several_groups_is_the_axis_of_the_first_where_they_are_alike() -> None:
     alike = [{"robots.0.count": count, "robots.1.count": count} for count in (2, 3)]
-    assert [axis_key(typed, alike, "--x") for typed in ("count", "1.count", "k")] == [
-        "robots.0.count",
-        "robots.1.count",
-        "k",
-    ]
+    for typed, key in {"count": "robots.0.count", "1.count": "robots.1.count", "k": "k"}.items():
+        assert axis_key(typed, alike, "--x") == key
     with pytest.raises(ScenarioError, match=r"--x: count is the ending of 2 axes; give one of robots.0.count, "):
         axis_key("count", [*alike, {"robots.0.count": 2, "robots.1.count": 3}], "--x")
 
@@ -105,13 +99,10 @@ def test_an_ending_in_several_groups_is_the_axis_of_the_first_where_they_are_ali
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: float(f"{value:.6g}"))
 
 
-@given(
-    NUMBERS,
-    NUMBERS,
-    st.integers(2, 50),
-    st.sampled_from(["", ":lin", ":log"]),
-    st.sampled_from(["a.x", "a.speed_cm_s"]),
-)
+SCALES = st.sampled_from(["", ":lin", ":log"])
+
+
+@given(NUMBERS, NUMBERS, st.integers(2, 50), SCALES, st.sampled_from(["a.x", "a.speed_cm_s"]))
 def test_a_range_is_even_from_its_first_number_to_its_last(a, b, number, scale, key) -> None:
     low, high = sorted((a, b))
     text = f"{low!r}:{high!r}:{number}{scale}"

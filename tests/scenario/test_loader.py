@@ -1,6 +1,7 @@
-"""Scenarios: what is read, that what is written is read again, and quick versions."""
+"""Scenarios: what is read, that what is written is read again, quick versions, and how YAML is read."""
 
 import ast
+import os
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,19 +22,18 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.scenario.yaml_io import MAX_BYTES, parse_yaml, read_yaml
 from tests.cli.commands import call
 from tests.control.bench import with_step
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
 
-@pytest.mark.parametrize(("given", "name"), [({}, "thesis"), ({"model": "particles"}, "particles")])
-def test_what_is_left_out_is_that_of_the_base_cases_of_chapters_4_and_5(given: dict, name: str) -> None:
-    scenario = load_scenario(given)
-    shipped = load_scenario(name, ["speed_cm_s=1"] * (name == "particles")).model_copy(update={"description": ""})
-    assert scenario == shipped
-    assert scenario.stop.metric == "complex"
+def test_what_is_left_out_is_that_of_the_base_cases_of_chapters_4_and_5() -> None:
+    for sections, *shipped in (({}, "thesis"), ({"model": "particles"}, "particles", ["speed_cm_s=1"])):
+        scenario = load_scenario(sections)
+        assert scenario == load_scenario(*shipped).model_copy(update={"description": ""})
+        assert scenario.stop.metric == "complex"
 
 
 def test_a_file_is_read_with_what_lies_beside_it_and_is_called_after_itself(tmp_path) -> None:
@@ -95,8 +95,6 @@ def test_scenarios_are_read_at_the_edge_alone() -> None:
     assert sum(getattr(function, "id", "") == "load_scenario" for function in calls) <= 8
 
 
-# --- written and read again, and what is just allowed -------------------------------------------------
-
 STILL = {"robots.0.parameters.speed_cm_s": 0}
 NEEDED = {"clock_drift": {"rate": 1.1}, "clock_jitter": {"jitter": 0.1}, "camera_misses": {"missed": 0.5}}
 ROBOTS = [
@@ -116,21 +114,14 @@ ROBOTS = [
     },
     *({"name": name} for name in ("1e3", "08")),
 ]
+RULES = [
+    *({"kind": "nearest", "k": 19}, {"kind": "range", "radius_cm": 5}, {"kind": "all"}, {"kind": "random", "k": 19}),
+    *({"kind": "cone_of_vision", "angle_deg": 360}, {"kind": "cone_of_emission", "angle_deg": 0.1, "radius_cm": 1e6}),
+]
+WHEN = {"when": "order_parameter >= 0.9", "for_cycles": 3, "set": {"response.coupling": 1}}
 AGENTS = [
-    *(
-        {"neighbourhood": rule}
-        for rule in (
-            *({"kind": "nearest", "k": 19}, {"kind": "range", "radius_cm": 5}, {"kind": "all"}),
-            *({"kind": "cone_of_vision", "angle_deg": 360}, {"kind": "random", "k": 19}),
-            {"kind": "cone_of_emission", "angle_deg": 0.1, "radius_cm": 1e6},
-        )
-    ),
-    {
-        "schedule": [
-            {"when": "order_parameter >= 0.9", "for_cycles": 3, "set": {"response.coupling": 1}},
-            {"at_s": 3, "displace": {"by_cycles": "random", "agents": [2]}},
-        ]
-    },
+    *({"neighbourhood": rule} for rule in RULES),
+    {"schedule": [WHEN, {"at_s": 3, "displace": {"by_cycles": "random", "agents": [2]}}]},
     {"response": {"curve": "sine", "coupling": 1, "refractory": 0.499}},
     {"response": {"coupling": 5}},
     {"response": {"curve": "mirollo_strogatz", "parameters": {"dissipation": 100}}},
@@ -172,16 +163,15 @@ JUNK = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3) | st.integers(), inner, max_size=2),
     max_leaves=6,
 )
-MODELS = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
-SECTIONS = sorted({*EmbodiedScenario.model_fields, *ParticleScenario.model_fields} - {"model"})
-DEFAULTS = [field.default for kind in MODELS.values() for field in kind.model_fields.values()]
+FIELDS = [*EmbodiedScenario.model_fields.items(), *ParticleScenario.model_fields.items()]
+SECTIONS, DEFAULTS = sorted({*dict(FIELDS)} - {"model"}), [field.default for _, field in FIELDS]
 KEYS = sorted({key for default in DEFAULTS for key in getattr(type(default), "model_fields", ())})
 OF_PYDANTIC = ["input", "Input", "valid ", "should", "Field", "dictionary", "tuple", "another kind", "instance", "<"]
 
 
 @settings(max_examples=40)
 @given(
-    model=st.sampled_from([*MODELS]),
+    model=st.sampled_from(["embodied", "particles"]),
     section=st.sampled_from([*SECTIONS, "other"]),
     value=JUNK | st.dictionaries(st.sampled_from(KEYS), JUNK, min_size=1, max_size=3),
 )
@@ -197,12 +187,9 @@ def test_junk_is_read_or_refused_in_words_that_are_not_the_library_s(model: str,
                 assert not any(word in allowed for word in OF_PYDANTIC), line
 
 
-# --- as Python objects --------------------------------------------------------------------------------
-
-
 def test_a_scenario_is_shown_on_one_line() -> None:
-    short = "EmbodiedScenario(name='fig-4-2a', model='embodied', population=10, points=100)"
     scenario = load_scenario("fig-4-2a")
+    short = "EmbodiedScenario(name='fig-4-2a', model='embodied', population=10, points=100)"
     assert repr(scenario) == str(scenario) == short
     assert repr(load_scenario("particles")) == "ParticleScenario(name='particles', model='particles', population=20)"
 
@@ -236,8 +223,6 @@ def test_a_simulation_needs_its_model_and_one_point_of_a_sweep() -> None:
         with pytest.raises(ScenarioError, match=f"needs model: {model}"):
             kind(other)
 
-
-# --- quick versions -----------------------------------------------------------------------------------
 
 TINY = """
 name: tiny
@@ -291,3 +276,24 @@ def test_run_runs_the_quick_version_and_its_folder_holds_that_alone(tmp_path) ->
     assert (folder / "scenario.yaml").read_text() == write_scenario(quick)
     assert load_scenario(folder) == quick
     assert "stop.max_cycles: 20 in the folder, 40 now" in call("run", tiny, "--out", folder).stderr
+
+
+def test_plain_words_and_numbers_mean_what_they_look_like_and_aliases_and_merge_keys_work() -> None:
+    text = "[1e-3, 1E3, .5, -2., 12, 010, +3, true, False, no, off, 12:30, 0x10, null, ~, a, [2.5], {b: 1}]"
+    values = [0.001, 1000.0, 0.5, -2.0, 12, 10, 3, True, False, "no", "off", "12:30", "0x10", None, None, "a"]
+    assert repr(parse_yaml(text, "here")) == repr([*values, [2.5], {"b": 1}])
+    assert parse_yaml("", "here") is None
+    text = "base: &base {x: 1, y: 2}\nother: {<<: *base, y: 3}"
+    assert parse_yaml(text, "here")["other"] == {"x": 1, "y": 3}
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path) -> None:
+    with pytest.raises(ScenarioError, match="cannot be read: Is a directory"):
+        read_yaml(tmp_path)
+    path = tmp_path / "odd.yaml"
+    path.write_bytes(b"name: caf\xe9")
+    with pytest.raises(ScenarioError, match="is not UTF-8 text"):
+        read_yaml(path)
+    os.truncate(path, 100 * MAX_BYTES)
+    with pytest.raises(ScenarioError, match="larger than 1 MB"):
+        read_yaml(path)
