@@ -1,14 +1,21 @@
-"""The cache of compiled code is named after everything that kernels depend on, and does not grow for ever."""
+"""The cache of compiled code is named after all that kernels depend on, lies in folders of the user or comes with a
+release, and does not grow for ever."""
 
 import ast
 import errno
 import os
 import random
+import resource
 import runpy
 import shutil
+import signal
+import stat
 import subprocess
 import sys
+import tempfile
 import time
+import warnings
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -16,15 +23,11 @@ from typing import Any
 import pytest
 from numba import njit
 
-from epuck_sim.util import jit, machine
-from epuck_sim.util.cache_folder import UNUSED_S, remove_unused
+from epuck_sim.util import cache_folder, jit, machine
+from epuck_sim.util.cache_folder import ROOM_BYTES, UNUSED_S, cache_root, remove_unused
 from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_files
+from epuck_sim.util.machine import USER
 from epuck_sim.util.native import unlikely
-
-MARK = "epuck_sim.util.jit import"
-
-# --- what the digest covers ---------------------------------------------------------------------------
-
 
 BOUND = {"run_group", "run_sensor", "shift_at"}
 """Functions that are compiled with users' files."""
@@ -64,7 +67,11 @@ def sources_of(file: Path, *functions: str) -> dict[str, Path]:
 
 
 def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_covers() -> None:
-    rooms = {path.relative_to(PACKAGE).parts[0] for path in PACKAGE.rglob("*.py") if MARK in path.read_text()}
+    rooms = {
+        path.relative_to(PACKAGE).parts[0]
+        for path in PACKAGE.rglob("*.py")
+        if "epuck_sim.util.jit import" in path.read_text()
+    }
     assert len(rooms) > 5
     for room in rooms:
         covered, found = set(kernel_files(room)), 0
@@ -73,16 +80,14 @@ def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_c
             found += len(sources)
             assert {name for name, source in sources.items() if source not in covered | FREE} == set(), file
         assert found
-
-
-def test_the_check_above_finds_a_constant_in_a_file_that_is_not_covered() -> None:
+    # the check finds a constant in a file that is not covered
     found = sources_of(PACKAGE / "runs" / "share.py", "merge_folders")
     assert found["DATABASE"] == PACKAGE / "runs" / "folder.py"
     assert found["DATABASE"] not in kernel_files("embodied")
 
 
 @pytest.fixture(scope="module")
-def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def package(tmp_path_factory) -> Path:
     """Return a copy of the package's sources."""
     target = tmp_path_factory.mktemp("package") / "epuck_sim"
     return Path(shutil.copytree(PACKAGE, target, ignore=shutil.ignore_patterns("__pycache__")))
@@ -113,21 +118,16 @@ def test_an_edit_compiles_the_rooms_anew_that_use_what_was_edited(package: Path,
     assert changed == list(rooms)
 
 
-@pytest.mark.parametrize("module", ["epuck_sim.embodied.sensors.camera", "tests.embodied.sensors.test_camera"])
-def test_a_kernel_of_a_room_or_of_its_tests_is_kept_under_the_digest_of_the_room(module: str, monkeypatch) -> None:
+def test_a_kernel_of_a_room_or_of_its_tests_is_kept_under_the_digest_of_the_room(monkeypatch) -> None:
     def kernel() -> int:
         return 1
 
-    kernel.__module__ = module
     monkeypatch.setattr(jit, "compile_cached", lambda _, contents_digest, **__: contents_digest)
-    assert jit.jit(kernel).for_python == kernel_digest("embodied")  # type: ignore[attr-defined]
-
-
-def test_the_digest_depends_on_where_one_content_ends_and_the_next_begins() -> None:
+    for module in ("epuck_sim.embodied.sensors.camera", "tests.embodied.sensors.test_camera"):
+        kernel.__module__ = module
+        assert jit.jit(kernel).for_python == kernel_digest("embodied")
+    # which depends on where one content ends and the next begins
     assert digest([b"ab", b"c"]) != digest([b"a", b"bc"])
-
-
-# --- old caches ----------------------------------------------------------------------------------------
 
 
 OLD, RECENT = UNUSED_S + 100, UNUSED_S - 100
@@ -183,10 +183,8 @@ print(compiled(1), sum(compiled.stats.cache_hits.values()))
 
 def in_processes(cache: Path, program: Path, count: int) -> list[str]:
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(PACKAGE.parent)}
-    running = [
-        subprocess.Popen([sys.executable, program], env=environment, stdout=subprocess.PIPE, text=True)
-        for _ in range(count)
-    ]
+    options = {"env": environment, "stdout": subprocess.PIPE, "text": True}
+    running = [subprocess.Popen([sys.executable, program], **options) for _ in range(count)]
     return [process.communicate(timeout=120)[0].strip() for process in running]
 
 
@@ -258,9 +256,6 @@ def test_a_cache_that_gets_full_costs_a_warning_not_the_run(tmp_path, monkeypatc
         assert plus_two(1) == 3
 
 
-# --- how kernels are compiled -------------------------------------------------------------------------
-
-
 def test_what_is_unlikely_happens_all_the_same() -> None:
     @njit
     def which(number: float) -> str:
@@ -269,15 +264,11 @@ def test_what_is_unlikely_happens_all_the_same() -> None:
     assert [which(number) for number in (0.0, 2.0)] == ["likely", "unlikely"]
 
 
-# --- what is loaded with numba ------------------------------------------------------------------------
-
-
 def test_users_functions_multiply_matrices_though_scipy_s_are_loaded_then_alone() -> None:
-    script = (
-        "import sys, numpy, numba, epuck_sim.util.native\n"
-        "assert 'scipy.linalg' not in sys.modules\n"
-        "print(numba.njit(lambda a: numpy.dot(a, a))(numpy.array([[1.0, 2.0], [3.0, 4.0]])).tolist())"
-    )
+    script = """if True:
+        import sys, numpy, numba, epuck_sim.util.native
+        assert "scipy.linalg" not in sys.modules
+        print(numba.njit(lambda a: numpy.dot(a, a))(numpy.array([[1.0, 2.0], [3.0, 4.0]])).tolist())"""
     assert subprocess.check_output([sys.executable, "-c", script], text=True) == "[[7.0, 10.0], [15.0, 22.0]]\n"
 
 
@@ -297,3 +288,93 @@ def test_another_numba_is_told_in_a_sentence_with_what_to_install(other: str, sa
     assert found.stderr.startswith("error: numba 0.")
     assert said in found.stderr
     assert "install a numba that epuck-sim asks for, >=0.65 and <0.70" in found.stderr
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch) -> Iterator[Path]:
+    """Have no cache folder that can be written to, and an empty folder for temporary files."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/cache")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(warnings, "warn", lambda *_, **__: None)
+    cache_root.cache_clear()
+    yield tmp_path
+    cache_root.cache_clear()
+
+
+def test_without_a_cache_folder_there_is_one_of_the_user_among_temporary_files(temporary: Path) -> None:
+    for _ in range(2):
+        folder = cache_root()
+        assert folder == temporary / f"epuck-sim-{USER}"
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+        cache_root.cache_clear()
+
+
+@pytest.mark.parametrize("kind", ["open to all", "link", "of another user"])
+def test_a_folder_that_others_can_write_to_is_not_taken(temporary: Path, kind: str, monkeypatch) -> None:
+    name = temporary / f"epuck-sim-{USER}"
+    if kind == "link":
+        (temporary / "theirs").mkdir()
+        name.symlink_to(temporary / "theirs")
+    else:
+        name.mkdir()
+        name.chmod(0o777 if kind == "open to all" else 0o700)
+    if kind == "of another user":
+        monkeypatch.setattr(cache_folder, "USER", USER + 1)
+        monkeypatch.setattr(machine, "USER", USER + 1)
+        name.rename(temporary / f"epuck-sim-{USER + 1}")
+    folder = cache_root()
+    assert folder.parent == temporary
+    assert folder not in (name, temporary / f"epuck-sim-{USER + 1}")
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+def test_a_full_folder_and_one_that_others_can_write_to_are_said_and_not_used(tmp_path, monkeypatch) -> None:
+    chosen = tmp_path / "chosen"
+    chosen.mkdir()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(chosen))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def root() -> Path:
+        cache_root.cache_clear()
+        return cache_root(to_fill=True)
+
+    assert root() == chosen
+    chosen.chmod(0o777)
+    with pytest.warns(UserWarning, match="NUMBA_CACHE_DIR .*chosen: other users can write to it; compiled code is kep"):
+        assert root() == tmp_path / f"epuck-sim-{USER}"
+    chosen.chmod(0o755)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM_BYTES // 2, before[1]))
+    try:
+        with pytest.warns(UserWarning, match="chosen: File too large; compiled code is kept in"):
+            assert root() == tmp_path / f"epuck-sim-{USER}"
+        assert cache_root() == chosen  # for what it holds already, nothing is written
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ignored)
+        cache_root.cache_clear()
+
+
+def sine(folder: Path, cache: Path) -> str:
+    """Return the sine of 1 that the package in a folder computes in a process of its own."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(cache)}
+    program = [sys.executable, "-c", "from epuck_sim.util.elementary import sin; print(sin(1.0).hex())"]
+    return subprocess.check_output(program, env=environment, cwd=folder, text=True)
+
+
+def test_it_is_used_elsewhere_until_a_kernel_is_edited(tmp_path: Path) -> None:
+    here, elsewhere, cache = (tmp_path / name for name in ("here", "elsewhere", "cache"))
+    for folder in (here, elsewhere):
+        shutil.copytree(PACKAGE, folder / "epuck_sim", ignore=shutil.ignore_patterns("__pycache__", "compiled"))
+        (folder / "epuck_sim" / "compiled").mkdir()  # so that both compile for the same processors
+    expected = sine(here, here / "epuck_sim" / "compiled")
+    shutil.copytree(here / "epuck_sim" / "compiled", elsewhere / "epuck_sim" / "compiled", dirs_exist_ok=True)
+    assert sine(elsewhere, cache) == expected
+    assert not list(cache.rglob("*.nbc"))
+    package = elsewhere / "epuck_sim"
+    assert {folder.name for folder in (package / "compiled").iterdir()} == {kernel_digest("util", package)}
+    with (package / "elementary.py").open("a") as file:
+        file.write("\n# an edit\n")
+    kernel_digest.cache_clear()
+    assert not (package / "compiled" / kernel_digest("util", package)).exists()
