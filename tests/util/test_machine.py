@@ -15,18 +15,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.checks import check_memory
 from epuck_sim.util import machine
-from epuck_sim.util.machine import (
-    HOST,
-    available_bytes,
-    check_port,
-    free_port,
-    is_open_to_others,
-    is_ours,
-    lack_of_memory,
-    signals,
-)
-
-ROOT = Path(__file__).parents[2]
+from epuck_sim.util.machine import HOST, check_port, free_port, is_open_to_others, is_ours, signals
 
 ELSEWHERE = """
 import platformdirs.unix, psutil  # which have files of their own for each system
@@ -59,7 +48,7 @@ if __name__ == "__main__":
 def test_a_trial_a_sweep_and_a_summary_need_nothing_that_windows_lacks(tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(ELSEWHERE)
     (tmp_path / "program.py").write_text(COMMANDS)
-    environment = os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    environment = os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{Path(__file__).parents[2]}"}
     program = [sys.executable, "program.py"]
     done = subprocess.run(program, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -79,21 +68,15 @@ def test_a_signal_that_is_not_there_is_left_out() -> None:
     assert [each.name for each in signals("SIGINT", "SIGNOTHING", "SIGTERM")] == ["SIGINT", "SIGTERM"]
 
 
-# --- memory -------------------------------------------------------------------------------------------
-
 LARGE = {"arena": {"width_cm": 3000, "height_cm": 3000}, "robots": [{"count": 20_000, "camera": {"pixels": 400}}]}
 TOO_LARGE = 1.4  # an estimate that is off by more than this factor misleads
 
 
-@pytest.fixture
-def little(monkeypatch) -> int:
-    """Return how much memory a machine has left that has little of it."""
-    monkeypatch.setattr(machine, "available_bytes", lambda: 70_000_000)
-    return 70_000_000
-
-
-def test_what_is_available_is_less_than_the_machine_has() -> None:
-    assert 0 < available_bytes() < 10**14
+def test_what_is_available_is_less_than_the_machine_has_and_limited_by_a_limit_on_addresses() -> None:
+    assert 0 < machine.available_bytes() < 10**14
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9,) * 2)"
+    code = f"{limit}; from epuck_sim.util.machine import available_bytes; print(available_bytes())"
+    assert 10**9 < int(subprocess.check_output([sys.executable, "-c", code])) < 2 * 10**9
 
 
 def cgroup(folder: Path, *, version: int, limit: str, usage: int, droppable: int) -> None:
@@ -116,36 +99,18 @@ def test_a_control_group_and_those_around_it_limit_what_is_available(tmp_path, v
     assert sorted(machine._of_cgroups(tmp_path, line)) == [1000, 2500]
 
 
-def test_a_limit_on_addresses_limits_what_is_available() -> None:
-    code = (
-        "import resource; from epuck_sim.util.machine import available_bytes; "
-        "resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9,) * 2); print(available_bytes())"
-    )
-    available = int(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
-    assert 10**9 < available < 2 * 10**9
-
-
-def test_both_numbers_are_given_of_what_needs_more_than_there_is(little: int) -> None:
-    assert lack_of_memory(little) is None
-    assert lack_of_memory(9 * little) == "needs about 630 MB of memory, and 70 MB are available here"
-
-
-def test_a_trial_is_refused_before_it_takes_memory(little: int) -> None:
+def test_what_needs_more_memory_than_there_is_is_refused_with_both_numbers(tmp_path, monkeypatch) -> None:
+    little = 70_000_000
+    monkeypatch.setattr(machine, "available_bytes", lambda: little)
+    assert machine.lack_of_memory(little) is None
+    assert machine.lack_of_memory(9 * little) == "needs about 630 MB of memory, and 70 MB are available here"
     scenario = load_scenario(LARGE)
     assert scenario.memory_bytes > little
-    with pytest.raises(
-        ScenarioError, match=r"a trial needs about 160 MB of memory, and 70 MB are available here; give"
-    ):
+    with pytest.raises(ScenarioError, match="a trial needs about 160 MB of memory, and 70 MB are available here; give"):
         Simulation(scenario)
-
-
-@pytest.mark.usefixtures("little")
-def test_a_film_is_refused_before_it_takes_memory(tmp_path) -> None:
     scenario = load_scenario({"overhead": {"width_px": 7680, "height_px": 7680}})
-    with (
-        pytest.raises(FilmError, match=r"a film of 7680 x 7680 pixels needs about 6.7 GB of memory, and 70 MB are"),
-        film_trial(tmp_path / "film.mp4", scenario, 0),
-    ):
+    said = "a film of 7680 x 7680 pixels needs about 6.7 GB of memory, and 70 MB are"
+    with pytest.raises(FilmError, match=said), film_trial(tmp_path / "film.mp4", scenario, 0):
         pass
     assert not list(tmp_path.iterdir())
 
@@ -191,16 +156,8 @@ for camera in ({{"pixels": 1000}}, {{"pixels": 400, "frames_per_s": 8}}):
     assert all(1 / TOO_LARGE < float(ratio) < TOO_LARGE for ratio in told)
 
 
-# --- ports --------------------------------------------------------------------------------------------
-
-
-def test_a_port_at_which_browsers_open_no_page_is_refused() -> None:
-    with pytest.raises(PortError, match=r"^port 6000 cannot be used: browsers open no pages there; .* --port$"):
-        check_port(6000)
-
-
 @pytest.mark.parametrize("address", [HOST, "0.0.0.0"])
-def test_a_free_port_can_be_used_until_a_program_has_it(address: str) -> None:
+def test_a_free_port_can_be_used_until_a_program_has_it_and_none_at_which_browsers_open_no_page(address: str) -> None:
     port = free_port()
     check_port(port)
     with socket.socket() as taken:
@@ -209,3 +166,5 @@ def test_a_free_port_can_be_used_until_a_program_has_it(address: str) -> None:
         with pytest.raises(PortError, match=f"^port {port} cannot be used: Address already in use; give another"):
             check_port(port)
     check_port(port)
+    with pytest.raises(PortError, match=r"^port 6000 cannot be used: browsers open no pages there; .* --port$"):
+        check_port(6000)
