@@ -1,4 +1,5 @@
-"""Claims about the arena: clearance, the edges of obstacles, the brightness of the floor and the light of lamps."""
+"""Claims about polygons and the arena: corners, areas and what is inside; clearance, edges, the brightness of the floor
+and the light of lamps."""
 
 import math
 
@@ -8,7 +9,74 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.arena import brightness_at, clearance_cm, floor_levels, light_at, make_arena, make_floor
-from tests.test_geometry import SQUARE, ring
+from epuck_sim.geometry import box_corners, contains, is_convex, polygon_area, polygon_distance_cm
+
+SQUARE = np.array([(40, 40), (60, 40), (60, 60), (40, 60)], float)
+
+lengths = st.floats(0.1, 40)
+angles = st.floats(-10, 10)
+
+
+def ring(corners, turns=1, first=0.0):
+    """Return points that go evenly round the origin, `turns` times."""
+    around = first + turns * 2 * math.pi * np.arange(corners) / corners
+    return np.column_stack([np.cos(around), np.sin(around)])
+
+
+@given(st.floats(-50, 50), st.floats(-50, 50), lengths, lengths, angles)
+def test_a_turned_box_keeps_its_centre_and_sides_and_goes_counter_clockwise(x, y, width, height, heading):
+    corners = box_corners(x, y, width, height, heading)
+    sides = np.roll(corners, -1, axis=0) - corners
+    along, across = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
+    np.testing.assert_allclose(corners.mean(axis=0), (x, y), atol=1e-9)
+    np.testing.assert_allclose(sides, [width * along, height * across, -width * along, -height * across], atol=1e-9)
+    assert polygon_area(corners) == pytest.approx(width * height)
+
+
+AREAS = [
+    *((SQUARE, 400), (SQUARE[::-1], -400), (SQUARE[:3], 200), (SQUARE[[0, 2, 1, 3]], 0)),
+    (np.insert(SQUARE, 1, (50, 50), axis=0), 300),
+    *((ring(corners), corners / 2 * math.sin(2 * math.pi / corners)) for corners in (3, 6, 100)),
+]
+
+
+def test_the_area_of_a_polygon_in_closed_form_from_whichever_corner_it_begins():
+    for corners, area in AREAS:
+        for shift in range(len(corners)):
+            assert polygon_area(np.roll(corners, shift, axis=0)) == pytest.approx(area, abs=1e-9)
+
+
+CONVEX = [ring(3), SQUARE, box_corners(0, 0, 30, 0.1, 0.7), ring(7, first=0.3), ring(100), ring(5) * (1e-3, 1e3) + 500]
+NOT_CONVEX = {
+    "clockwise": SQUARE[::-1],
+    "star": ring(5, turns=2),
+    "sharp star": ring(7, turns=3),
+    "twice round": np.vstack([SQUARE, SQUARE]),
+    "on a side": np.insert(SQUARE, 1, (50, 40), axis=0),
+    "dent": np.insert(SQUARE, 1, (50, 45), axis=0),
+    "repeated": np.insert(SQUARE, 1, SQUARE[0], axis=0),
+    "flat": np.array([(0, 0), (1, 1), (2, 2)], float),
+    "bow tie": SQUARE[[0, 2, 1, 3]],
+}
+
+
+def test_convex_polygons_are_told_from_others_from_whichever_corner_they_begin():
+    for expected, polygons in ((True, CONVEX), (False, NOT_CONVEX.values())):
+        for corners in polygons:
+            assert {is_convex(np.roll(corners, shift, axis=0)) for shift in range(len(corners))} == {expected}
+
+
+def test_points_inside_and_on_the_edge_are_contained_and_others_are_not():
+    points = [(50, 50), (41, 59), (40, 50), (60, 60), (39, 50), (61, 61), (50, 60.5), (50, -50), (200, 50)]
+    assert contains(SQUARE, np.array(points, float)).tolist() == [True] * 4 + [False] * 5
+
+
+@given(st.integers(3, 9), angles, st.integers(0, 2**32 - 1))
+def test_a_point_is_contained_where_its_distance_to_the_polygon_is_not_positive(corners, first, seed):
+    polygon, points = ring(corners, first=first), np.random.default_rng(seed).uniform(-1.2, 1.2, (4, 5, 2))
+    distances = [[polygon_distance_cm(polygon, *point) for point in row] for row in points]
+    np.testing.assert_array_equal(contains(polygon, points), np.array(distances) <= 0)
+    np.testing.assert_array_equal(contains(polygon, points.astype(np.float32)), contains(polygon, points))
 
 
 def test_clearance_is_negative_beyond_a_wall_and_within_an_obstacle_and_0_at_its_edge():
@@ -59,9 +127,6 @@ def test_the_edges_of_polygons_run_from_corner_to_corner_and_close():
     np.testing.assert_array_equal(edges[4:, 2:], np.roll(triangle, -1, axis=0))
 
 
-LADDER = np.array([(0, 51, 102), (153, 204, 255)], np.uint8)  # a picture: 0, 0.2, 0.4 above 0.6, 0.8, 1
-
-
 def test_a_white_floor_is_bright_everywhere_and_dark_without_lamps():
     arena = make_arena(60, 40, [], [])
     assert arena.floor.is_white
@@ -70,12 +135,13 @@ def test_a_white_floor_is_bright_everywhere_and_dark_without_lamps():
 
 
 def test_a_picture_is_stretched_between_the_walls_with_its_first_row_at_the_largest_y():
-    arena = make_arena(90, 40, [], [], floor=make_floor(1, [(0.5, (45, 20, 1))], LADDER))
+    ladder = np.array([(0, 51, 102), (153, 204, 255)], np.uint8)  # 0, 0.2, 0.4 above 0.6, 0.8, 1
+    arena = make_arena(90, 40, [], [], floor=make_floor(1, [(0.5, (45, 20, 1))], ladder))
     x, y = np.array([5, 45, 85, 85, 45, 5, 45, -9, 99]), np.array([39, 21.5, 39, 1, 1, 1, 20, 50, -1])
     expected = [0, 0.2, 0.4, 1, 0.8, 0.6, 0.5, 0, 1]
     np.testing.assert_allclose(brightness_at(arena, x, y), expected, atol=1e-15)
-    bare = make_arena(90, 60, [], [], floor=make_floor(1, [], LADDER))
-    np.testing.assert_array_equal(floor_levels(bare, 3), LADDER)
+    bare = make_arena(90, 60, [], [], floor=make_floor(1, [], ladder))
+    np.testing.assert_array_equal(floor_levels(bare, 3), ladder)
 
 
 def _slow_brightness(point, width, height, brightness, patches, picture):
