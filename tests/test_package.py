@@ -1,18 +1,22 @@
-"""The built wheel carries what it needs and works from any folder."""
+"""The package: the built wheel carries what it needs and works from any folder; names it shows, and what it refuses."""
 
 import json
 import os
+import pydoc
 import subprocess
 import sys
 import tarfile
 import venv
 import zipfile
+from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 import epuck_sim
+from epuck_sim import EpuckSimError, ParticleSimulation, ScenarioError, Simulation, load_scenario, read_recording
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS
 
 ROOT = Path(__file__).parent.parent
@@ -36,7 +40,9 @@ def wheel(built: Path) -> Path:
     return built / "unpacked"
 
 
-def test_the_source_distribution_holds_what_its_own_commands_need(built: Path) -> None:
+def test_the_source_distribution_holds_what_its_own_commands_need_and_who_cites_this_version_names_it(
+    built: Path,
+) -> None:
     (file,) = built.glob("*.tar.gz")
     assert file.name == f"epuck_sim-{epuck_sim.__version__}.tar.gz"
     with tarfile.open(file) as archive:
@@ -45,9 +51,6 @@ def test_the_source_distribution_holds_what_its_own_commands_need(built: Path) -
     assert needed | {"docs/conf.py", "docs/_ext/reference.py", "arenas/thesis.yaml", "tests/golden.json"} <= held
     old = {str(path.relative_to(ROOT)) for path in (ROOT / "tests" / "old").rglob("*") if path.suffix != ".pyc"}
     assert {name for name in old if (ROOT / name).is_file()} <= held
-
-
-def test_whoever_cites_this_version_names_it() -> None:
     named = yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"]
     assert named == json.loads((ROOT / "codemeta.json").read_text())["version"] == epuck_sim.__version__
 
@@ -70,21 +73,17 @@ def test_the_wheel_runs_in_an_empty_environment_and_both_can_be_published(built:
     run("twine", "check", "--strict", wheel, *built.glob("*.tar.gz"))
 
 
-def test_arenas_and_controllers_are_inside(wheel: Path) -> None:
+def output_of(wheel: Path | str, folder: Path, *command: str | Path) -> str:
+    """Return what a command prints in a folder where Python imports the package from the wheel, if one is given."""
+    return subprocess.check_output(command, cwd=folder, env={**os.environ, "PYTHONPATH": str(wheel)}, text=True)
+
+
+def test_arenas_and_controllers_are_inside_the_wheel_which_is_used_from_any_folder(wheel: Path, tmp_path: Path) -> None:
     for kind in (ARENAS, SWEEPS, CONTROLLERS):
         shipped = {path.name for path in (ROOT / kind).iterdir() if path.is_file()}
         assert {path.name for path in (wheel / "epuck_sim" / kind).iterdir() if path.is_file()} == shipped
     assert (wheel / "epuck_sim" / "py.typed").exists()
     assert (wheel / "epuck_sim" / "control" / "include" / "epuck.h").exists()
-
-
-def output_of(wheel: Path | str, folder: Path, *command: str | Path) -> str:
-    """Return what a command prints in a folder where Python imports the package from the wheel, if one is given."""
-    environment = {**os.environ, "PYTHONPATH": str(wheel)}
-    return subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.PIPE, text=True).stdout
-
-
-def test_it_is_used_from_any_folder(wheel: Path, tmp_path: Path) -> None:
     script = "import epuck_sim; print(epuck_sim.__file__); from epuck_sim.cli.app import app; app(['list'])"
     file, *listed = output_of(wheel, tmp_path, sys.executable, "-c", script).splitlines()
     assert file.startswith(str(wheel))
@@ -96,3 +95,49 @@ def test_it_runs_from_any_folder(wheel: Path, tmp_path: Path) -> None:
     """Compiled code is kept for the folder of its sources: here, all is compiled anew."""
     ran = output_of(wheel, tmp_path, sys.executable, "-m", "epuck_sim", "run", "pair", "--json")
     assert json.loads(ran)["t_sync_cycles"] >= 1
+
+
+def test_dir_star_import_and_help_show_the_public_names_and_no_others() -> None:
+    names = set(dir(epuck_sim))
+    everything: dict[str, object] = {}
+    exec("from epuck_sim import *", everything)
+    assert set(everything) - {"__builtins__"} == names == set(epuck_sim.__all__)
+    assert {"Simulation", "Trace", "film_trial", "run_trial", "load_scenario"} <= names
+    assert all(getattr(epuck_sim, name).__doc__ for name in names)
+    shown = pydoc.plain(pydoc.render_doc(epuck_sim))
+    assert "Simulate swarms of e-puck robots" in shown
+    assert "run_trial" in shown
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    code = "import sys, epuck_sim; print([name for name in ('numpy', 'numba', 'pydantic') if name in sys.modules])"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "[]\n"
+
+
+def test_files_are_given_as_text_or_as_paths_and_a_trace_is_refused_for_agents(tmp_path) -> None:
+    scenario = load_scenario("thesis", ["stop.max_cycles=1", "robots.0.count=2"])
+    observers = {"t.parquet": epuck_sim.Trace, "t.rrd": epuck_sim.record, "t.mp4": epuck_sim.film_trial}
+    with ExitStack() as stack:
+        watching = [stack.enter_context(each(str(tmp_path / name), scenario, 1)) for name, each in observers.items()]
+        epuck_sim.run_trial(Simulation(scenario, 1), watching)
+    assert {path.name for path in tmp_path.iterdir()} == set(observers)
+    assert read_recording(str(tmp_path / "t.rrd")).seed == 1
+    with pytest.raises(ScenarioError, match="particles: model is 'particles'; "):
+        epuck_sim.Trace(tmp_path / "agents.parquet", load_scenario("particles"), 1)
+    assert not (tmp_path / "agents.parquet").exists()
+
+
+def test_a_single_text_is_no_list_of_settings() -> None:
+    for option in ("settings", "axes"):
+        with pytest.raises(ScenarioError, match=f"^{option} is 'arena.width_cm=100'; allowed: a list of such texts$"):
+            load_scenario("thesis", **{option: "arena.width_cm=100"})
+
+
+@pytest.mark.parametrize(("kind", "name"), [(Simulation, "pair"), (ParticleSimulation, "particles")])
+def test_a_seed_may_be_a_whole_number_of_numpy_and_others_are_refused(kind: type, name: str) -> None:
+    simulation = kind(name, np.uint8(200))
+    simulation.reset(np.int64(7))
+    assert type(simulation.seed) is int
+    for seed in ("1", 0.5, -1):
+        with pytest.raises(EpuckSimError, match=f"seed is {seed!r}; allowed: whole numbers from 0"):
+            kind(name, seed)
