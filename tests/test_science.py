@@ -1,4 +1,5 @@
-"""The three regimes of thesis Fig. 4.2: T_sync falls from near stop, rises at intermediate speed, and falls again."""
+"""The three regimes of thesis Fig. 4.2: T_sync falls from near stop, rises at intermediate speed, and falls again; and
+claims of docs/open_questions.md, in trials that are shorter or fewer than those behind the docs."""
 
 import numpy as np
 import pytest
@@ -30,3 +31,64 @@ def test_at_intermediate_speed_they_take_longer_than_at_a_lower_and_at_a_higher_
     lower, intermediate, higher = (synchronisation_times(speed, 1000) for speed in (0.376, 1.029, 2.821))
     assert gap_in_standard_errors(intermediate, lower) > 2
     assert gap_in_standard_errors(intermediate, higher) > 2
+
+
+def test_robots_that_switch_come_together_at_once_again_after_a_push_and_are_slow():
+    push = [{"at_cycle": 120, "displace": {"robots": [5, 6, 7, 8, 9], "by_cycles": 0.5}}]
+    scenario = load_scenario("thesis", ["robots.0.controller=switching"], measures=["order_parameter", "mean_speed"])
+    stop = scenario.stop.model_copy(update={"order_parameter": None, "max_cycles": 240})
+    scenario = load_scenario({**scenario.model_dump(), "stop": stop.model_dump(), "schedule": push})
+    result = run_trial(Simulation(scenario, seed=1))
+    order = np.array(result.measures["order_parameter"], float)
+    assert order[100:120].min() >= 0.95
+    assert order[120:123].min() < 0.5
+    assert order[-20:].min() >= 0.95
+    assert result.measures["mean_speed"] < 6
+
+
+@pytest.mark.parametrize("speed", [0.5, 12.8])
+def test_where_all_hear_all_a_swarm_may_be_locked_out_of_phase_for_ever(speed):
+    """Nine robots fire within a step of each other, and push one as far ahead as it pushes them."""
+    phases = [800, 2504, 800, 800, 800, 800, 900, 800, 800, 800]
+    settings = ["robots.0.signal={kind: radio}", f"robots.0.memory={{phase_ms: {phases}}}", f"speed_cm_s={speed}"]
+    simulation = Simulation(load_scenario("thesis", settings), seed=1)
+    period = next(steps for steps in range(1, 100) if simulation.advance(1).phase_ms.tolist() == phases)
+    for _ in range(50):
+        assert simulation.advance(period).phase_ms.tolist() == phases
+
+
+def results(scenario, seeds):
+    simulation = Simulation(scenario, seed=0)
+    for seed in seeds:
+        simulation.reset(seed)
+        yield run_trial(simulation)
+
+
+def test_robots_that_look_all_around_agree_on_a_word_at_once():
+    def cycles(field_of_view_deg: float) -> int:
+        view = [f"robots.0.camera.field_of_view_deg={field_of_view_deg}", "robots.0.parameters.speed_cm_s=0.5"]
+        stop = ["stop.order_parameter=null", "stop.when=consensus >= 0", "stop.max_cycles=200"]
+        scenario = load_scenario("thesis", [*view, *stop], measures=["consensus"])
+        return sum(result.measures["consensus"] for result in results(scenario, range(3)))
+
+    assert cycles(360) <= 6
+    assert cycles(56) > 20
+
+
+def test_kilobots_whose_messages_reach_7_cm_are_sooner_in_step_if_they_are_fast():
+    def cycles(speed_cm_s: float) -> list[int | None]:
+        settings = ["robots.0.signal.range_cm=7", f"robots.0.parameters.speed_cm_s={speed_cm_s}"]
+        scenario = load_scenario("kilobots", [*settings, "stop.max_cycles=300"])
+        return [result.t_sync_cycles for result in results(scenario, (1, 2))]
+
+    assert cycles(1.0).count(None) == 0
+    assert cycles(0.1) == [None] * 2
+
+
+def test_robots_that_turn_every_second_are_sooner_in_step_than_those_that_go_straight():
+    def cycles(persistence: float) -> float:
+        walk = {"run_s": 1.0, "persistence": persistence, "speed_cm_s": 0.4}
+        robots = [{"count": 10, "controller": "walking_firefly", "parameters": walk}]
+        return float(np.mean([result.t_sync_cycles for result in results({"robots": robots}, range(12))]))
+
+    assert cycles(0.0) < 0.75 * cycles(1.0)
