@@ -1,4 +1,4 @@
-"""The notebook in the docs shows what it promises, and still runs to that; nothing of a machine is in it."""
+"""Notebooks: what things show there; the one in the docs runs to what it holds, and nothing of a machine is in it."""
 
 import json
 import os
@@ -7,10 +7,24 @@ import subprocess
 import sys
 from base64 import b64encode
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from rerun import notebook
 
-from epuck_sim import Simulation, read_points, run_trial, show, summarize
+from epuck_sim import (
+    EpuckSimError,
+    RecordingError,
+    Simulation,
+    load_scenario,
+    read_points,
+    read_recording,
+    run_trial,
+    show,
+    summarize,
+)
+from epuck_sim.recording import Level
+from tests.recording.recordings import recorded
 from tests.runs.made_folders import SPEED, store, sweep, weibull
 
 SCRIPT = Path(__file__).parent.parent / "docs/run_notebook.py"
@@ -37,7 +51,6 @@ def test_things_show_themselves_and_no_paths() -> None:
     assert "data:video/mp4;base64," in film
     assert "data:video/mp4;base64," in moved
     assert points.count("<tr>") == 4
-
     assert re.findall(r"/(?:home|root|tmp|work|Users)\b", NOTEBOOK.read_text()) == []
 
 
@@ -60,3 +73,49 @@ def test_the_notebook_runs_to_what_it_holds(tmp_path) -> None:
     kept, shown = shown_in(NOTEBOOK), shown_in(tmp_path / "run.ipynb")
     assert [each.keys() for each in kept] == [each.keys() for each in shown]
     assert kept[1] == shown[1]
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("notebook") / "t.rrd"
+    recorded(path, load_scenario("pair", ["stop.max_time_s=2"]))
+    return path
+
+
+def test_a_viewer_is_given_the_whole_recording(recording, monkeypatch) -> None:
+    given = {}
+
+    def viewer(**options):
+        given.update(options)
+        given["memory"] = options["recording"].memory_recording()
+        return SimpleNamespace(name="viewer")
+
+    monkeypatch.setattr(notebook, "HAS_NOTEBOOK", True)
+    monkeypatch.setattr(notebook, "Viewer", viewer)
+    assert show(recording).name == "viewer"
+    assert given["blueprint"] is not None
+    assert given["memory"].num_msgs() > 5
+
+
+def test_what_cannot_be_shown_is_refused_and_what_is_missing_named(recording, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(notebook, "HAS_NOTEBOOK", False)
+    monkeypatch.setitem(sys.modules, "IPython.display", None)
+    for name in ("t.txt", "t.mp4", "broken.rrd"):
+        (tmp_path / name).touch()
+    for path, error, said in (
+        (tmp_path / "none.rrd", EpuckSimError, "there is no such file"),
+        (tmp_path / "t.txt", EpuckSimError, r"unknown format '\.txt'; allowed: \.rrd, \.mp4"),
+        (recording, EpuckSimError, r'pip install "epuck-sim\[notebook\]"'),
+        (tmp_path / "t.mp4", EpuckSimError, r'pip install "epuck-sim\[notebook\]"'),
+        (tmp_path / "broken.rrd", RecordingError, "broken.rrd"),
+    ):
+        with pytest.raises(error, match=said):
+            show(path)
+
+
+@pytest.mark.parametrize("level", Level)
+def test_recordings_of_every_level_show_what_they_hold(tmp_path, level: Level) -> None:
+    recorded(tmp_path / "t.rrd", load_scenario("particles", ["stop.max_cycles=2"]), 1, level)
+    html = read_recording(tmp_path / "t.rrd")._repr_html_()
+    assert f"<td>{level}</td>" in html
+    assert html.count("<circle") == (0 if level is Level.SUMMARY else 20)
