@@ -1,8 +1,6 @@
 """Recordings, films and pictures show what changes: walls and obstacles, movables, and who is in the arena."""
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +11,6 @@ from epuck_sim.overhead.film import open_film
 from epuck_sim.overhead.filming import film_recording
 from epuck_sim.recording.layers.arena import OBSTACLES, WALLS
 from epuck_sim.recording.reader import Entities
-from epuck_sim.recording.recorded import Recorded
-from epuck_sim.scenario.embodied import EmbodiedScenario
 from tests.embodied.steps import GATE, PILLARS
 
 WALLS_CHANGE = {
@@ -36,24 +32,13 @@ ROBOTS_COME_AND_GO = {
 }
 PUSHED = ["stop.max_time_s=8", "robots.0.parameters.speed_cm_s=12.8", "robots.0.memory={phase_ms: 4900}"]
 CAMERA = "overhead={light: lit, width_px: 160, height_px: 120, frames_per_s: 3}"
-SCENES: dict[str, Callable[[], EmbodiedScenario]] = {
-    "walls": lambda: load_scenario(WALLS_CHANGE, [CAMERA]),
-    "robots": lambda: load_scenario(ROBOTS_COME_AND_GO, [CAMERA]),
-    "movables": lambda: load_scenario("pushing", [*PUSHED, CAMERA]),
-}
-
-
-class Trial(NamedTuple):
-    name: str
-    folder: Path
-    scenario: EmbodiedScenario
-    steps: list[Any]
-    recorded: Recorded
+SCENES = {"walls": (WALLS_CHANGE, []), "robots": (ROBOTS_COME_AND_GO, []), "movables": ("pushing", PUSHED)}
 
 
 @pytest.fixture(scope="module", params=SCENES)
-def trial(request, tmp_path_factory) -> Trial:
-    folder, scenario, steps = tmp_path_factory.mktemp("changing"), SCENES[request.param](), []
+def trial(request, tmp_path_factory) -> SimpleNamespace:
+    source, settings = SCENES[request.param]
+    folder, scenario, steps = tmp_path_factory.mktemp("changing"), load_scenario(source, [*settings, CAMERA]), []
 
     def look(step, _):
         kept = {"movables": step.movables.copy(), "present": step.present.copy()}
@@ -61,10 +46,11 @@ def trial(request, tmp_path_factory) -> Trial:
 
     with record(folder / "t.rrd", scenario, 1) as recorder, film_trial(folder / "t.mp4", scenario, 1) as camera:
         run_trial(Simulation(scenario, 1), [recorder, camera, look])
-    return Trial(request.param, folder, scenario, steps, read_recording(folder / "t.rrd"))
+    recorded = read_recording(folder / "t.rrd")
+    return SimpleNamespace(name=request.param, folder=folder, scenario=scenario, steps=steps, recorded=recorded)
 
 
-def test_a_recording_holds_what_was_there_and_who_touched_and_saw_it(trial: Trial) -> None:
+def test_a_recording_holds_what_was_there_and_who_touched_and_saw_it(trial) -> None:
     recorded = trial.recorded
     present, movables = (np.array([kept[name] for _, kept, *_ in trial.steps]) for name in ("present", "movables"))
     np.testing.assert_array_equal(np.isnan(recorded.positions).any(axis=2), ~present)
@@ -88,7 +74,7 @@ def test_a_recording_holds_what_was_there_and_who_touched_and_saw_it(trial: Tria
     assert '"nan' not in recorded._repr_html_()
 
 
-def test_what_a_scene_is_of_changes_in_it(trial: Trial) -> None:
+def test_what_a_scene_is_of_changes_in_it_and_films_of_a_trial_and_of_its_recording_show_the_same(trial) -> None:
     heights = dict.fromkeys(arena.height_cm for arena, *_ in trial.steps)
     present = dict.fromkeys(int(kept["present"].sum()) for _, kept, *_ in trial.steps)
     assert ([*heights] == [60, 80]) == (trial.name == "walls")
@@ -99,9 +85,6 @@ def test_what_a_scene_is_of_changes_in_it(trial: Trial) -> None:
         entities = Entities(trial.folder / "t.rrd", WALLS, OBSTACLES)
         assert entities.times(WALLS).tolist() == [time_s for time_s, _ in trial.recorded.arenas]
         assert entities.lengths(OBSTACLES, "LineStrips2D:strips").tolist() == [1, 0, 2]
-
-
-def test_films_of_a_trial_and_of_its_recording_show_the_same(trial: Trial) -> None:
     film_recording(trial.folder / "t.rrd", [], trial.folder / "again.mp4", lambda rows, _: rows)
     films = []
     for name in ("t.mp4", "again.mp4"):
@@ -112,7 +95,7 @@ def test_films_of_a_trial_and_of_its_recording_show_the_same(trial: Trial) -> No
     assert np.abs(films[0][0] - films[0][-1]).max() > 60
 
 
-def test_pictures_show_the_obstacles_and_movables_that_are_given(trial: Trial) -> None:
+def test_pictures_show_the_obstacles_and_movables_that_are_given(trial) -> None:
     view, nobody = ArenaView(trial.scenario, 160, 120), (np.empty((0, 3)), np.empty(0, bool))
     (first, kept, *_), last = trial.steps[0], trial.steps[-1][0]
     shown = view.draw(*nobody, kept["movables"], arena=first)

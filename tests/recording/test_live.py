@@ -41,12 +41,6 @@ def ran(*observers: Observer, scenario: Scenario = SCENARIO) -> TrialResult:
     return run_trial(simulate(scenario, 3), observers)._replace(wall_s=0)
 
 
-@pytest.fixture
-def impatient(monkeypatch) -> None:
-    """Do not wait long for a viewer that has ended to take what it was sent."""
-    monkeypatch.setattr(viewer_module, "FLUSH_S", 0.2)
-
-
 def test_the_viewer_has_the_whole_trial_with_its_layout() -> None:
     port, watched = free_port(), Watched()
     with in_background("--headless", "--port", str(port), "--window-size", "400x300") as window:
@@ -145,27 +139,9 @@ def shown_at(clock: Clock, pace: Pace, steps: int, took_s: float = 0.0) -> list[
     return times
 
 
-@pytest.mark.parametrize("speed", [0.5, 1, 4])
-def test_steps_are_shown_at_their_times(speed: float, begin) -> None:
-    assert shown_at(*begin(speed=speed), 5) == pytest.approx([number * 0.1 / speed for number in range(5)])
-
-
-def test_keys_pause_a_trial_let_it_go_on_and_take_steps(begin) -> None:
-    paused = shown_at(*begin((0.15, PAUSE), (7.2, PAUSE)), 5)
-    assert paused == pytest.approx([0, 0.1, 0.2, 7.3, 7.4])  # nothing is hurried after a pause
-    stepped = shown_at(*begin((0.15, STEP), (5, STEP), (9, STEP + STEP), (20, PAUSE)), 8)
-    assert stepped == pytest.approx([0, 0.1, 0.2, 5.1, 9.1, 9.2, 20.1, 20.2])
-
-
-def test_the_end_key_ends_it_at_once_running_or_paused(begin) -> None:
-    for pressed in ([(0.12, END)], [(0.12, PAUSE), (3, END)]):
-        clock, pace = begin(*pressed)
-        with pytest.raises(KeyboardInterrupt):
-            shown_at(clock, pace, 5)
-        assert clock.now == pressed[-1][0]
-
-
-def test_short_delays_are_caught_up_with_and_long_ones_are_not(begin) -> None:
+def test_steps_are_shown_at_their_times_and_short_delays_but_no_long_ones_are_caught_up_with(begin) -> None:
+    for speed in (0.5, 1, 4):
+        assert shown_at(*begin(speed=speed), 5) == pytest.approx([number * 0.1 / speed for number in range(5)])
     clock, pace = begin()
     pace.wait_until(0.0)
     clock.now += 0.9 * MOST_LATE_S
@@ -181,15 +157,26 @@ def test_short_delays_are_caught_up_with_and_long_ones_are_not(begin) -> None:
     assert clock.waits == 0
 
 
-Told = tuple[list[float], list[tuple[float, str]]]
-"""Simulated time that each recorder holds back, and when it was called, and for what."""
+def test_keys_pause_a_trial_let_it_go_on_take_steps_and_end_it_at_once_running_or_paused(begin) -> None:
+    paused = shown_at(*begin((0.15, PAUSE), (7.2, PAUSE)), 5)
+    assert paused == pytest.approx([0, 0.1, 0.2, 7.3, 7.4])  # nothing is hurried after a pause
+    stepped = shown_at(*begin((0.15, STEP), (5, STEP), (9, STEP + STEP), (20, PAUSE)), 8)
+    assert stepped == pytest.approx([0, 0.1, 0.2, 5.1, 9.1, 9.2, 20.1, 20.2])
+    for pressed in ([(0.12, END)], [(0.12, PAUSE), (3, END)]):
+        clock, pace = begin(*pressed)
+        with pytest.raises(KeyboardInterrupt):
+            shown_at(clock, pace, 5)
+        assert clock.now == pressed[-1][0]
 
 
 @pytest.fixture
-def told(begin, monkeypatch) -> Callable[..., Told]:
-    """Show events of a scenario at some times, with keys pressed at some times of a clock that nobody waits for."""
+def told(begin, monkeypatch) -> Callable[..., tuple[list[float], list[tuple[float, str]]]]:
+    """Show events of a scenario at some times, with keys pressed at some times of a clock that nobody waits for.
 
-    def show(scenario: Scenario, speed: float, times: list[float], *pressed: tuple[float, str]) -> Told:
+    Return what simulated time each recorder holds back, and when it was called, and for what.
+    """
+
+    def show(scenario: Scenario, speed: float, times: list[float], *pressed: tuple[float, str]) -> Any:
         clock, _ = begin(*pressed)
         held_back_s, calls = [], []
 
@@ -228,8 +215,8 @@ def test_agents_that_move_on_between_two_events_are_shown_as_often_as_the_viewer
     assert [at for at, _ in calls] == pytest.approx([0, 0.1, 0.2, 0.3, 0.325, 0.35])
 
 
-@pytest.mark.usefixtures("impatient")
 def test_a_window_that_breaks_down_soon_is_reported_with_its_output(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(viewer_module, "FLUSH_S", 0.2)  # it takes nothing of what it was sent
     monkeypatch.setenv("DISPLAY", ":0")
     replace_rerun(tmp_path / "stand", monkeypatch).answers_and_says("no place for a window", senders=1)
     with (
@@ -241,8 +228,9 @@ def test_a_window_that_breaks_down_soon_is_reported_with_its_output(tmp_path, mo
 
 
 @pytest.mark.parametrize("at", [100, None], ids=["in the middle", "in the end"])
-@pytest.mark.usefixtures("impatient")
-def test_a_viewer_that_is_closed_too_early_is_reported(tmp_path, at: int | None) -> None:
+def test_a_viewer_that_is_closed_too_early_is_reported(tmp_path, monkeypatch, at: int | None) -> None:
+    monkeypatch.setattr(viewer_module, "FLUSH_S", 0.2)
+
     def close() -> None:
         for process in processes_marked(str(tmp_path)):
             os.kill(process, signal.SIGKILL)

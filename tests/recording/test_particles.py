@@ -1,5 +1,6 @@
 """A recording of point-like agents holds what an unrecorded twin does, and is read, drawn and shown correctly."""
 
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -157,12 +158,10 @@ def trial(request, of) -> Trial:
 
 def flat(vectors: FloatArray) -> FloatArray:
     """Return (..., 2) what of (..., dimensions) is seen from above."""
-    return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], 2))], axis=-1)[..., :2] * (
-        [1, 0] if vectors.shape[-1] == 1 else [1, 1]
-    )
+    return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], 2))], axis=-1)[..., :2]
 
 
-def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
+def test_a_recorded_trial_is_the_same_trial_with_a_row_at_each_instant_and_20_in_each_period(trial: Trial) -> None:
     assert trial.result_recorded._replace(wall_s=0) == trial.result._replace(wall_s=0)
     read = trial.recorded
     assert (read.scenario, read.seed, read.level) == (trial.scenario, 4, Level.FULL)
@@ -170,9 +169,6 @@ def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
     assert [time_s for time_s, _ in read.events] == pytest.approx([event.time_s for event in trial.result.events])
     run_rerun("rrd", "verify", str(trial.path))
     check_entities(trial.path, trial.scenario, Level.FULL)
-
-
-def test_there_is_a_row_at_each_instant_and_20_in_each_period(trial: Trial) -> None:
     last = trial.seen[-1]
     frame_ns = trial.scenario.clocks.period_s * 1e9 / FRAMES
     frames = {round(number * frame_ns) for number in range(int(last.time_ns / frame_ns) + 2)}
@@ -180,25 +176,20 @@ def test_there_is_a_row_at_each_instant_and_20_in_each_period(trial: Trial) -> N
     assert trial.time_ns.tolist() == sorted(expected)
 
 
-def test_flashes_are_at_the_instants_to_the_nanosecond(trial: Trial) -> None:
-    counts = np.zeros(trial.scenario.agents.count, int)
-    expected = []
+def test_flashes_are_at_the_instants_to_the_nanosecond_and_the_order_is_the_one_that_decides(trial: Trial) -> None:
+    counts, expected, read = Counter[int](), [], trial.recorded
     for each in trial.instants:
         for agent in sorted(each.event.fired.tolist()):
             counts[agent] += 1
             expected.append((each.time_ns / 1e9, agent, counts[agent]))
-    read = trial.recorded
     assert list(zip(read.flash_s, read.flash_robot, read.flash_cycle, strict=True)) == expected
-
-
-def test_the_order_parameter_at_firings_is_the_one_that_decides(trial: Trial) -> None:
     reference = trial.scenario.stop.reference
     firings = [each for each in trial.instants if reference in each.event.fired]
-    assert trial.recorded.firing_s.tolist() == [each.time_ns / 1e9 for each in firings]
-    assert trial.recorded.firing_order.tolist() == [each.order_parameter for each in firings]
+    assert read.firing_s.tolist() == [each.time_ns / 1e9 for each in firings]
+    assert read.firing_order.tolist() == [each.order_parameter for each in firings]
     assert len(firings) == trial.result.cycles
-    rows = np.searchsorted(trial.recorded.time_s, trial.recorded.firing_s)
-    np.testing.assert_allclose(trial.recorded.order_parameter[rows], trial.recorded.firing_order, rtol=0, atol=1e-12)
+    at = np.searchsorted(read.time_s, read.firing_s)
+    np.testing.assert_allclose(read.order_parameter[at], read.firing_order, rtol=0, atol=1e-12)
 
 
 def test_all_is_as_the_swarm_had_it_and_between_instants_agents_fly_straight_and_phases_rise(trial: Trial) -> None:
@@ -253,9 +244,8 @@ def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial
         assert not waits
         shifts += len(each.event.received)
         drawn = [(*origin, *way, kind) for origin, way, kind in zip(*(part[row] for part in parts), strict=True)]
-        np.testing.assert_allclose(
-            np.array(sorted(drawn)).reshape(-1, 5), np.array(sorted(expected)).reshape(-1, 5), atol=1e-4 * side_cm
-        )
+        shown, wanted = (np.array(sorted(arrows)).reshape(-1, 5) for arrows in (drawn, expected))
+        np.testing.assert_allclose(shown, wanted, atol=1e-4 * side_cm)
     assert shifts or trial.scenario.name == "alone"
     assert sorted(trial.recorded.pulses.tolist()) == sorted(links)
 

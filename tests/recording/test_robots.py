@@ -5,7 +5,8 @@ import subprocess
 from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -31,7 +32,7 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.provenance import versions
-from tests.recording.recordings import Array, Found, Watched, compare, recorded, towards
+from tests.recording.recordings import Found, Watched, compare, recorded, towards
 
 SUMMARY = {"/now", "/flashes", "/order/steps", "/order/firings", "/order/threshold"}
 POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
@@ -82,26 +83,9 @@ CASES = {
 """Longest time, s, and buffers in which scenarios are recorded: chunks are one window, a second, or so many rows."""
 
 
-class Trial(NamedTuple):
-    """A trial that was recorded, and the same one as it was watched without a recorder."""
-
-    scenario: EmbodiedScenario
-    window: int
-    found: Found
-    read: Recorded
-    beside: Watched
-    watched: Watched
-    results: tuple[TrialResult, TrialResult]
-
-    @property
-    def cameras(self) -> Array:
-        """(steps, robots, 2) cm."""
-        forward_cm = np.array([kind.camera_forward_cm for kind in self.scenario.robot_kinds])[:, None]
-        return self.watched["poses"][..., :2] + forward_cm * towards(self.watched["poses"][..., 2])
-
-
 @pytest.fixture(scope="module", params=CASES)
-def trial(request, tmp_path_factory) -> Trial:
+def trial(request, tmp_path_factory) -> SimpleNamespace:
+    """Return a trial that was recorded, and the same one as it was watched without a recorder."""
     longest_s, window = CASES[request.param]
     scenario = load_scenario(SHOWN.get(request.param, request.param), [f"stop.max_time_s={longest_s}"])
     path, beside, alone = tmp_path_factory.mktemp("recording") / "t.rrd", Watched(), Watched()
@@ -111,8 +95,8 @@ def trial(request, tmp_path_factory) -> Trial:
         result = recorded(path, scenario, 2**64 + 5, Level.FULL, beside)
         of_time, of_rows = recorder.BUFFER_S * scenario.timing.control_hz, recorder.BUFFER_ROWS // scenario.robot_count
     results = result._replace(wall_s=0), run_trial(Simulation(scenario, 2**64 + 5), [alone])._replace(wall_s=0)
-    rows = max(1, min(of_time, of_rows))
-    return Trial(scenario, rows, Found(path), read_recording(path), beside, alone, results)
+    made = {"window": max(1, min(of_time, of_rows)), "found": Found(path), "read": read_recording(path)}
+    return SimpleNamespace(scenario=scenario, beside=beside, watched=alone, results=results, **made)
 
 
 def slow_flashes(times: list[float], rings: BoolArray, phases: FloatArray) -> list[tuple[float, int, int]]:
@@ -127,7 +111,7 @@ def slow_flashes(times: list[float], rings: BoolArray, phases: FloatArray) -> li
     return found
 
 
-def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
+def test_a_recorded_trial_is_the_same_trial_each_step_has_its_time_and_each_chunk_is_a_flushed_buffer(trial) -> None:
     recorded_result, result = trial.results
     assert recorded_result == result
     assert trial.beside.is_like(trial.watched)
@@ -135,9 +119,6 @@ def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
     assert (read.scenario, read.seed, read.level) == (trial.scenario, 2**64 + 5, Level.FULL)
     assert read.versions == {**versions(), "rerun": version("rerun-sdk")}
     assert (read.cycles, read.synchronised) == (result.cycles, result.t_sync_cycles is not None)
-
-
-def test_each_step_has_its_time_and_each_chunk_is_a_flushed_buffer(trial: Trial) -> None:
     step_ns = 1_000_000 * trial.scenario.timing.step_ms
     steps = [step * step_ns for step in range(trial.results[1].steps)]
     rare = {"/flashes", "/order/firings", "/phase_lead", "/order/threshold", "/camera/space_time", "/now"}
@@ -151,7 +132,7 @@ def test_each_step_has_its_time_and_each_chunk_is_a_flushed_buffer(trial: Trial)
     assert set(trial.found.array("/order/threshold", "Scalars:scalars").ravel()) == {0.95}
 
 
-def test_poses_phases_and_rings_are_those_of_the_robots(trial: Trial) -> None:
+def test_poses_phases_rings_wheels_cameras_and_infrared_distances_are_those_of_the_robots(trial) -> None:
     read, watched, poses = trial.read, trial.watched, trial.watched["poses"]
     np.testing.assert_array_equal(read.time_s, [step.time_s for step in watched.steps])
     np.testing.assert_array_equal(read.positions, poses[..., :2].astype(np.float32), strict=True)
@@ -162,9 +143,22 @@ def test_poses_phases_and_rings_are_those_of_the_robots(trial: Trial) -> None:
     vectors = trial.found.array("/arena/headings", "Arrows2D:vectors")
     radii = np.array([kind.radius_cm for kind in trial.scenario.robot_kinds])[:, None]
     np.testing.assert_allclose(vectors, radii * towards(poses[..., 2]), rtol=0, atol=1e-6)
+    found = trial.found
+    steps, count, pixels = watched["camera"].shape
+    wheels = found.array("/wheels", "Scalars:scalars")
+    np.testing.assert_array_equal(wheels, watched["wheels_cm_s"].reshape(steps, -1), strict=True)
+    names = [f"robot {robot} {side}" for robot in range(count) for side in ("left", "right")]
+    assert found.static["/wheels"]["SeriesLines:names"] == names
+    rows = found.array("/camera/rows", "SegmentationImage:buffer")
+    np.testing.assert_array_equal(rows.reshape(steps, count, pixels), watched["camera"])
+    distances = np.frombuffer(found.array("/infrared", "DepthImage:buffer").tobytes(), "<u2")
+    np.testing.assert_array_equal(distances.reshape(steps, count, 8), watched["distance_mm"])
+    for entity, archetype, width in (("/camera/rows", "SegmentationImage", pixels), ("/infrared", "DepthImage", 8)):
+        (picture,) = found.static[entity][f"{archetype}:format"]
+        assert (picture["height"], picture["width"]) == (count, width)
 
 
-def test_flashes_are_counted_robot_by_robot_and_the_order_is_that_of_the_watch(trial: Trial) -> None:
+def test_flashes_are_counted_robot_by_robot_and_the_order_is_that_of_the_watch(trial) -> None:
     read, watched = trial.read, trial.watched
     flashes = list(zip(read.flash_s.tolist(), read.flash_robot.tolist(), read.flash_cycle.tolist(), strict=True))
     expected = slow_flashes(read.time_s.tolist(), watched["ring_on"], watched["phase_ms"])
@@ -185,24 +179,7 @@ def test_flashes_are_counted_robot_by_robot_and_the_order_is_that_of_the_watch(t
         assert np.nanmax(np.abs(lead)) <= 0.5
 
 
-def test_wheels_cameras_and_infrared_distances_are_those_of_the_robots(trial: Trial) -> None:
-    found, watched = trial.found, trial.watched
-    steps, count, pixels = watched["camera"].shape
-    wheels = found.array("/wheels", "Scalars:scalars")
-    np.testing.assert_array_equal(wheels, watched["wheels_cm_s"].reshape(steps, -1), strict=True)
-    names = [f"robot {robot} {side}" for robot in range(count) for side in ("left", "right")]
-    assert found.static["/wheels"]["SeriesLines:names"] == names
-    rows = found.array("/camera/rows", "SegmentationImage:buffer")
-    np.testing.assert_array_equal(rows.reshape(steps, count, pixels), watched["camera"])
-    distances = np.frombuffer(found.array("/infrared", "DepthImage:buffer").tobytes(), "<u2")
-    np.testing.assert_array_equal(distances.reshape(steps, count, 8), watched["distance_mm"])
-    formats = (("/camera/rows", "SegmentationImage", pixels), ("/infrared", "DepthImage", 8))
-    for entity, archetype, width in formats:
-        (picture,) = found.static[entity][f"{archetype}:format"]
-        assert (picture["height"], picture["width"]) == (count, width)
-
-
-def test_links_are_those_of_the_cameras_and_bodies(trial: Trial) -> None:
+def test_links_are_those_of_the_cameras_and_bodies(trial) -> None:
     watched, scenario, sightings = trial.watched, trial.scenario, trial.read.sightings
     assert sorted(trial.read.contacts.tolist()) == watched.pairs("contacts")
     assert trial.read.links.contact_points.shape == (len(trial.read.contacts), 2)
@@ -214,10 +191,11 @@ def test_links_are_those_of_the_cameras_and_bodies(trial: Trial) -> None:
         _ = trial.read.pulses
 
 
-def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(trial: Trial) -> None:
-    strips = trial.found.array("/arena/views", "LineStrips2D:strips").astype(float)
+def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(trial) -> None:
+    strips, poses = trial.found.array("/arena/views", "LineStrips2D:strips").astype(float), trial.watched["poses"]
     eyes = strips[:, :, 1]
-    np.testing.assert_allclose(eyes, trial.cameras, rtol=0, atol=1e-5)
+    forward_cm = np.array([kind.camera_forward_cm for kind in trial.scenario.robot_kinds])[:, None]
+    np.testing.assert_allclose(eyes, poses[..., :2] + forward_cm * towards(poses[..., 2]), rtol=0, atol=1e-5)
     views = [group.camera for group in trial.scenario.robots for _ in range(group.count)]
     shares = np.array([(view.central_pixels or view.pixels) / view.pixels for view in views])
     half = np.radians([view.field_of_view_deg for view in views]) * shares / 2
@@ -226,7 +204,7 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
     for place, side in ((0, 1), (2, -1)):
         ends = strips[:, :, place]
         lengths = np.hypot(*np.moveaxis(ends - eyes, 2, 0))
-        rays = lengths[..., None] * towards(trial.watched["poses"][..., 2] + side * half)
+        rays = lengths[..., None] * towards(poses[..., 2] + side * half)
         np.testing.assert_allclose(ends, eyes + rays, rtol=0, atol=2e-5)
         beyond = np.maximum(-ends, ends - walls).max(axis=2)  # how far outside of the nearest wall
         assert ((np.abs(np.maximum(lengths - longest, beyond)) < 1e-4) | (lengths == 0)).all()
@@ -289,7 +267,7 @@ def static_of(folder: Path, scenario: EmbodiedScenario) -> dict[str, dict[str, A
     return Found(folder / "t.rrd").static
 
 
-def test_the_arena_is_shown_with_y_up(tmp_path) -> None:
+def test_the_arena_is_shown_with_y_up_and_its_floor_and_lamps_where_they_are(tmp_path) -> None:
     static = static_of(tmp_path, load_scenario("obstacles", ["arena.height_cm=110"]))
     assert static["/arena"]["Transform3D:translation"] == [[0, 110, 0]]
     assert static["/arena"]["Transform3D:mat3x3"] == [[1, 0, 0, 0, -1, 0, 0, 0, 1]]
@@ -299,9 +277,6 @@ def test_the_arena_is_shown_with_y_up(tmp_path) -> None:
     np.testing.assert_allclose(pillar.mean(axis=0), 30, atol=0.2)
     np.testing.assert_allclose(sorted(np.hypot(*np.diff(bar, axis=0).T)), [4, 4, 30, 30], rtol=1e-5)
     assert wedge.tolist() == [[20, 70], [35, 72], [24, 85], [20, 70]]
-
-
-def test_floor_and_lamps_are_shown_where_they_are(tmp_path) -> None:
     disc = {"shape": "circle", "x_cm": 30, "y_cm": 10, "radius_cm": 10, "brightness": 0.4}
     arena = {"width_cm": 100, "height_cm": 50, "floor": {"patches": [disc]}, "lamps": [{"x_cm": 70, "y_cm": 40}]}
     static = static_of(tmp_path, load_scenario({"arena": arena}))
@@ -325,15 +300,12 @@ def test_a_recording_on_a_floor_whose_picture_is_gone_is_read_without_it(tmp_pat
         assert read_recording(tmp_path / "t.rrd").scenario.arena == load_scenario({}).arena
 
 
-def test_many_robots_have_no_numbers_beside_them(tmp_path) -> None:
+def test_many_robots_have_no_numbers_beside_them_and_that_of_a_row_is_within_it_left_of_the_picture(tmp_path) -> None:
     for robots in (49, 50):
         swarm = {"arena": {"width_cm": 100, "height_cm": 100}, "robots": [{"count": robots}]}
         drawn = static_of(tmp_path, load_scenario(swarm))
         assert (f"/arena/numbers/{robots - 1}" in drawn) == (robots < 50)
         assert drawn["/arena/robots"]["Points2D:radii"] == [np.float32(3.7)] * robots
-
-
-def test_the_number_of_a_row_is_within_it_and_left_of_the_picture() -> None:
     strips = [np.array(strip) for strip in row_numbers(12).strips.as_arrow_array().to_pylist()]
     for row, strip in zip([*range(10), 10, 10, 11, 11], strips, strict=True):
         assert row < strip[:, 1].min() < strip[:, 1].max() < row + 1
@@ -350,9 +322,7 @@ def of_level(request, tmp_path_factory) -> tuple[Level, Path, TrialResult]:
     return request.param, path, recorded(path, load_scenario("obstacles", OF_LEVELS), 3, request.param)
 
 
-def test_each_level_holds_what_it_should_and_no_more_and_says_of_which_trial(
-    of_level: tuple[Level, Path, TrialResult],
-) -> None:
+def test_each_level_holds_what_it_should_and_no_more_and_says_of_which_trial(of_level) -> None:
     level, path, result = of_level
     found, read = Found(path), read_recording(path)
     assert set(found.moving) == MOVING[level]
@@ -378,7 +348,7 @@ def test_each_level_holds_what_it_should_and_no_more_and_says_of_which_trial(
     assert found.property("outcome") == {"cycles": result.cycles, "synchronised": False}
 
 
-def test_the_layout_is_in_the_file_and_the_viewer_takes_it(of_level: tuple[Level, Path, TrialResult]) -> None:
+def test_the_layout_is_in_the_file_and_the_viewer_takes_it(of_level) -> None:
     level, path, _ = of_level
     reader = RrdReader(path)
     ((recording,), (layout,)) = reader.recordings(), reader.blueprints()

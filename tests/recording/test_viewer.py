@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -22,7 +22,6 @@ from rerun.chunk import RrdReader
 from scipy import ndimage
 
 from epuck_sim import load_scenario, read_recording
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.epuck import RADIUS_CM
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level, process, viewer
@@ -39,23 +38,11 @@ RED, UNLIT_PIXEL = (225, 40, 40), (30, 30, 34)  # as in `layers.robots.COLOURS`
 CAMERAS = np.s_[690:868, :955]
 """In a picture of 1600 x 900: columns are laid out as 3 to 2, rows as 3 to 1."""
 
-NO_DRIVER = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES", "__EGL_VENDOR_LIBRARY_FILENAMES")
-
 
 @pytest.fixture(autouse=True)
 def all_has_ended(tmp_path) -> Iterator[None]:
     with nothing_left(tmp_path):
         yield
-
-
-class Moment(NamedTuple):
-    """A step of the thesis arena, as it was and as it is drawn."""
-
-    recorded: Recorded
-    ring_on: BoolArray
-    positions: FloatArray
-    camera: IntArray
-    picture: FloatArray  # (height, width, 3)
 
 
 def lit_step(read: Recorded) -> int:
@@ -77,7 +64,8 @@ def thesis(tmp_path_factory) -> tuple[Path, Watched]:
 
 
 @pytest.fixture(scope="module")
-def moment(thesis: tuple[Path, Watched], tmp_path_factory) -> Moment:
+def moment(thesis, tmp_path_factory) -> SimpleNamespace:
+    """Return a step of the thesis arena, as it was and as it is drawn, (height, width, 3)."""
     path, watched = thesis
     read = read_recording(path)
     step = lit_step(read)
@@ -92,14 +80,15 @@ def moment(thesis: tuple[Path, Watched], tmp_path_factory) -> Moment:
         raise
     assert [file.name for file in folder.iterdir()] == ["p.png"]
     was = watched.steps[step]
-    return Moment(read, was.ring_on, was.poses[:, :2], was.camera, pixels(folder / "p.png"))
+    was.picture = pixels(folder / "p.png")
+    return was
 
 
-def test_each_robot_is_a_disc_red_if_its_ring_is_lit_where_it_was_with_y_up(moment: Moment) -> None:
+def test_each_robot_is_a_disc_red_if_its_ring_is_lit_where_it_was_with_y_up(moment) -> None:
     assert moment.picture.shape == (900, 1600, 3)
     arena, lit = moment.picture[ARENA], int(moment.ring_on.sum())
     assert (len(discs(arena, LIT)), len(discs(arena, DARK))) == (lit, len(moment.ring_on) - lit)
-    groups = [sorted(map(tuple, moment.positions[moment.ring_on == lit])) for lit in (True, False)]
+    groups = [sorted(map(tuple, moment.poses[moment.ring_on == lit, :2])) for lit in (True, False)]
     robots = np.array([robot for group in groups for robot in group])
     shown = np.concatenate([discs(arena, LIT), discs(arena, DARK)])
     (right, left), (up, bottom) = (np.polyfit(robots[:, axis], shown[:, axis], 1) for axis in (0, 1))
@@ -110,7 +99,7 @@ def test_each_robot_is_a_disc_red_if_its_ring_is_lit_where_it_was_with_y_up(mome
     np.testing.assert_allclose(shown[:, 2], RADIUS_CM * right, rtol=0, atol=2.5)
 
 
-def test_camera_rows_are_red_where_a_lit_ring_is_seen(moment: Moment) -> None:
+def test_camera_rows_are_red_where_a_lit_ring_is_seen(moment) -> None:
     pane = moment.picture[CAMERAS]
     red, black = alike(pane, RED), abs(pane - UNLIT_PIXEL).max(axis=-1) < 4
     rows, columns = np.nonzero(ndimage.binary_opening(red | black, iterations=2))
@@ -139,7 +128,7 @@ def test_a_picture_is_taken_once_its_message_has_gone(monkeypatch, size: tuple[i
 
 
 def test_without_a_graphics_driver_an_error_says_what_to_install(thesis, tmp_path, monkeypatch) -> None:
-    for name in NO_DRIVER:
+    for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES", "__EGL_VENDOR_LIBRARY_FILENAMES"):
         monkeypatch.setenv(name, "/nonexistent")
     (tmp_path / "p.png").write_text("older")
     with pytest.raises(RecordingError) as caught:
@@ -150,9 +139,6 @@ def test_without_a_graphics_driver_an_error_says_what_to_install(thesis, tmp_pat
 
 SLEEP = "time.sleep(600)"
 DEAF = ("import signal", "signal.signal(signal.SIGTERM, signal.SIG_IGN)", "open(sys.argv[1], 'w').close()", SLEEP)
-
-# what rerun says where Mesa's OpenGL is there, but no Vulkan driver
-NO_RENDERER = "thread 'main' panicked at 'Failed to get render context'\nre_viewer/src/app/mod.rs:1425"
 
 
 @pytest.fixture
@@ -172,10 +158,10 @@ def test_a_viewer_that_never_answers_or_ends_at_once_is_reported_with_its_last_w
 
 
 def test_where_the_viewer_breaks_down_nothing_is_left_of_a_picture(stand: Stand, tmp_path) -> None:
-    for said, message in (
-        ("it broke", "^the viewer does not work: it broke$"),
-        (NO_RENDERER, "apt install mesa-vulkan"),
-    ):
+    # what rerun says where Mesa's OpenGL is there, but no Vulkan driver
+    no_renderer = "thread 'main' panicked at 'Failed to get render context'\nre_viewer/src/app/mod.rs:1425"
+    at_all = "^the viewer does not work: it broke$"
+    for said, message in (("it broke", at_all), (no_renderer, "apt install mesa-vulkan")):
         stand.answers_and_says(said)
         with pytest.raises(RecordingError, match=message):
             draw_screenshot(tmp_path / "t.rrd", 1.0, tmp_path / "p.png")
@@ -271,7 +257,6 @@ def waiting(stand: Stand) -> subprocess.Popen[str]:
     """Return a process that waits for its viewer to be closed; its parent ignored signals."""
     stand.acts(SLEEP)
     process = start([sys.executable, "-c", WAIT, stand.script], preexec_fn=ignore_signals)
-    assert process.stdout is not None
     assert process.stdout.readline() == "open\n"
     return process
 
@@ -307,9 +292,7 @@ def test_the_viewer_ends_even_if_the_process_that_waits_is_killed(stand: Stand) 
     wait_until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE)
 
 
-def test_a_browser_gets_the_whole_recording_with_its_layout_and_nothing_is_done_while_none_looks(
-    thesis, tmp_path
-) -> None:
+def test_a_browser_gets_the_whole_recording_and_layout_and_nothing_is_done_while_none_looks(thesis, tmp_path) -> None:
     received, complete = tmp_path / "received.rrd", tmp_path / "complete.rrd"
 
     def has_all() -> bool:
@@ -331,10 +314,10 @@ def test_a_browser_gets_the_whole_recording_with_its_layout_and_nothing_is_done_
         raise KeyboardInterrupt  # which ends it well
 
     serve(thesis[0], free_port(), look)
-    received_trial, recorded_trial = read_recording(complete), read_recording(thesis[0])
-    for found, expected in zip(received_trial._replace(links=None), recorded_trial._replace(links=None), strict=True):
+    got, sent = read_recording(complete), read_recording(thesis[0])
+    for found, expected in zip(got._replace(links=None), sent._replace(links=None), strict=True):
         np.testing.assert_array_equal(found, expected)
-    np.testing.assert_array_equal(received_trial.sightings, recorded_trial.sightings)
+    np.testing.assert_array_equal(got.sightings, sent.sightings)
     assert [layout.application_id for layout in RrdReader(complete).blueprints()] == ["epuck-sim"]
     assert RrdReader(complete).recordings() == RrdReader(thesis[0]).recordings()
 
