@@ -8,7 +8,7 @@ import runpy
 import shlex
 import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import nullcontext
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -28,10 +28,8 @@ from tests.figures.drawn import note_figures
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-LONG_SWEEPS = ("fig-", "switching", "neighbour-change", "two-nearest")
-"""What the names of sweeps begin with whose quick versions take minutes."""
-SMALL_PICTURES = ["--set", "overhead.width_px=320", "--set", "overhead.height_px=320"]
-"""Options for films with less than half the pixels, in which tags can still be read."""
+LONG_SWEEPS = ("fig-", "switching", "neighbour-change", "two-nearest")  # whose quick versions take minutes
+SMALL_PICTURES = ["--set", "overhead.width_px=320", "--set", "overhead.height_px=320"]  # tags can still be read
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -39,20 +37,12 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def code(page_part) -> list:
-    return [
-        pytest.param(block, id=f"{page.name}-{number}")
-        for page in PAGES
-        for number, block in enumerate(blocks(page, "python"))
-        if page_part(block)
-    ]
+    found = [(f"{page.name}-{n}", block) for page in PAGES for n, block in enumerate(blocks(page, "python"))]
+    return [pytest.param(block, id=name) for name, block in found if page_part(block)]
 
 
 def is_controller(block: str) -> bool:
     return "PARAMETERS = " in block and ("def step(" in block or "\nstep = " in block)
-
-
-def reads_a_sensor_in_a_file(block: str) -> bool:
-    return "sensors.ground <" in block
 
 
 def write_files(*pages: str) -> dict[str, str]:
@@ -64,19 +54,17 @@ def write_files(*pages: str) -> dict[str, str]:
     return shown
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.usefixtures("_elsewhere")
 @pytest.mark.parametrize("block", code(lambda block: not is_controller(block)))
 def test_examples_run(block: str) -> None:
     write_files("docs/sensors.md")
     exec(compile(block, "example", "exec"), {"__name__": "__main__"})
 
 
-@pytest.mark.usefixtures("_elsewhere")
 def test_the_robots_shown_stop_in_the_dark() -> None:
     files = write_files("docs/sensors.md")
     assert sum(len(text.splitlines()) for text in files.values()) <= 60
@@ -87,11 +75,10 @@ def test_the_robots_shown_stop_in_the_dark() -> None:
     np.testing.assert_array_equal((steps[0].wheels_cm_s == 0).all(axis=1), is_dark)
 
 
-@pytest.mark.parametrize("block", code(lambda block: is_controller(block) and not reads_a_sensor_in_a_file(block)))
-def test_controllers_run_compiled_and_interpreted_alike(block: str, tmp_path) -> None:
-    path = tmp_path / "shown.py"
-    path.write_text(block)
-    scenario = load_scenario({"robots": [{"controller": str(path), "count": 5}, {"count": 5}]})
+@pytest.mark.parametrize("block", code(lambda block: is_controller(block) and "sensors.ground <" not in block))
+def test_controllers_run_compiled_and_interpreted_alike(block: str) -> None:
+    Path("shown.py").write_text(block)
+    scenario = load_scenario({"robots": [{"controller": "shown.py", "count": 5}, {"count": 5}]})
     runs = [islice(Simulation(scenario, 3, interpret=interpret), 200) for interpret in (False, True)]
     for compiled, interpreted in zip(*runs, strict=True):
         assert compiled.poses.tobytes() == interpreted.poses.tobytes()
@@ -111,11 +98,10 @@ def test_tests_shown_pass(tmp_path) -> None:
     assert "4 passed" in run.stdout
 
 
-def test_the_firmware_shown_runs(tmp_path) -> None:
+def test_the_firmware_shown_runs() -> None:
     (block,) = blocks(ROOT / "docs/firmware.md", "c")
-    path = tmp_path / "shown.c"
-    path.write_text(block)
-    simulation = Simulation(load_scenario({"robots": [{"controller": str(path), "count": 5}]}), 3)
+    Path("shown.c").write_text(block)
+    simulation = Simulation({"robots": [{"controller": "shown.c", "count": 5}]}, 3)
     seen = [(step.ring_on.sum(), step.wheels_cm_s.min()) for step in islice(simulation, 100)]
     assert 0 < sum(lit for lit, _ in seen) < 100 * 5
     assert min(slowest for _, slowest in seen) == -400 * 12.8 / 1000
@@ -123,19 +109,17 @@ def test_the_firmware_shown_runs(tmp_path) -> None:
 
 @pytest.mark.parametrize("block", code(lambda block: "def value(self)" in block))
 @pytest.mark.parametrize("model", ["thesis", "particles"])
-def test_measures_shown_measure_trials_of_both_models(model: str, block: str, tmp_path) -> None:
-    path = tmp_path / "shown.py"
-    path.write_text(block)
-    scenario = load_scenario(model, ["stop.max_cycles=5"], measures=[str(path)])
+def test_measures_shown_measure_trials_of_both_models(model: str, block: str) -> None:
+    Path("shown.py").write_text(block)
+    scenario = load_scenario(model, ["stop.max_cycles=5"], measures=["shown.py"])
     (value,) = run_trial(simulate(scenario, 1)).measures.values()
     assert 0 < value <= 1
 
 
 def commands(page: Path) -> list[list[str]]:
     """Return the commands that a page shows; short ones of sweeps that take minutes, and of films."""
-    shown = "".join(blocks(page, "console"))
-    found = [shlex.split(line) for line in re.findall(r"^\$ epuck-sim (.*)$", shown, re.MULTILINE)]
-    return [[*words, *shorter(words)] for words in found]
+    shown = re.findall(r"^\$ epuck-sim (.*)$", "".join(blocks(page, "console")), re.MULTILINE)
+    return [[*words, *shorter(words)] for words in map(shlex.split, shown)]
 
 
 def shorter(words: list[str]) -> list[str]:
@@ -162,23 +146,16 @@ def shown(monkeypatch) -> list[str]:
     def note(recording: Path, *_: object) -> None:
         noted.append(read_recording(recording).scenario.name)
 
-    @contextmanager
-    def no_viewer(*_: object):
-        yield SimpleNamespace(wait=lambda: noted.append("live")), 0
-
-    @contextmanager
-    def nothing_live(*_: object, **__: object):
-        yield lambda *_: None
-
+    no_viewer = SimpleNamespace(wait=lambda: noted.append("live"))
     monkeypatch.setenv("DISPLAY", ":0")
     for way in ("show", "serve", "draw_screenshot"):
         monkeypatch.setattr(viewer, way, note)
-    monkeypatch.setattr(live, "live_viewer", no_viewer)
-    monkeypatch.setattr(live, "live", nothing_live)
+    monkeypatch.setattr(live, "live_viewer", lambda *_: nullcontext((no_viewer, 0)))
+    monkeypatch.setattr(live, "live", lambda *_, **__: nullcontext(lambda *_: None))
     return noted
 
 
-@pytest.mark.usefixtures("sweeps_run_here", "_elsewhere")
+@pytest.mark.usefixtures("sweeps_run_here")
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
 def test_the_commands_shown_run(page: Path, shown: list[str], monkeypatch) -> None:
     note_figures(monkeypatch)  # pictures are looked at in tests/figures, those of reports in tests/report
@@ -192,15 +169,10 @@ def test_the_commands_shown_run(page: Path, shown: list[str], monkeypatch) -> No
     assert shown == ["live" if "--live" in words else "thesis" for words in looked_at]
 
 
-@pytest.mark.usefixtures("_elsewhere")
-def test_commands_and_files_are_found_and_the_readmes_controller_is_as_short_as_promised() -> None:
+def test_the_readmes_controller_is_as_short_as_promised_and_the_tutorial_tells_what_comes_out() -> None:
     assert len(commands(ROOT / "README.md")) >= 15
     assert write_files("README.md").keys() == {"turner.py"}
     assert len([line for line in Path("turner.py").read_text().splitlines() if line.strip()]) <= 20
-
-
-@pytest.mark.usefixtures("_elsewhere")
-def test_the_tutorial_tells_what_comes_out() -> None:
     assert write_files("docs/tutorial.md").keys() == {"listener.py", "lowest_order.py"}
     told = " ".join((ROOT / "docs/tutorial.md").read_text().split())
     three = ["--seed", "1", "--trials", "3"]
@@ -237,13 +209,10 @@ def is_broken(page: Path, name: str, place: str) -> bool:
     return place not in {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-def test_links_lead_somewhere() -> None:
+def test_links_lead_somewhere_pages_say_for_whom_they_are_and_doors_are_short() -> None:
     links = [(page, link) for page in PAGES for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text())]
     parted = [(page, *link.partition("#")) for page, link in links]
     assert [(page.name, name, place) for page, name, _, place in parted if is_broken(page, name, place)] == []
-
-
-def test_pages_say_for_whom_they_are_and_doors_are_short() -> None:
     for page in PAGES:
         first, *others = page.read_text().splitlines()
         is_made = page.stem == "replication" or first.startswith("```{include}")

@@ -39,9 +39,7 @@ def test_as_it_stands_the_response_is_the_thesiss_to_the_bit(period_s):
     assert moved > 100
 
 
-@given(
-    response=st.lists(st.floats(-0.1, 0.1), min_size=8, max_size=8), phase_ms=st.integers(0, 4999), sees=st.booleans()
-)
+@given(st.lists(st.floats(-0.1, 0.1), min_size=8, max_size=8), st.integers(0, 4999), st.booleans())
 @settings(max_examples=30)
 def test_a_flash_moves_the_phase_by_the_response_in_between_its_nodes(response, phase_ms, sees):
     nodes = {f"response_{node}": value for node, value in enumerate(response, 1)}

@@ -27,8 +27,6 @@ from tests import golden
 GOLDEN = json.loads(golden.FILE.read_text())
 SAME_PLATFORM = golden.here() == GOLDEN["platform"]
 EARLY = {"poses", "phases"}
-CASES = [(kind, name) for kind, names in golden.CASES.items() for name in names]
-ROBOTS, AGENTS = (list(golden.CASES[kind]) for kind in ("robots", "agents"))
 WITHOUT_OUTCOME = ("OverheadSection", "FigureSection", "Condition", "SweepAxes")
 
 
@@ -40,8 +38,12 @@ def _platform(record_testsuite_property) -> None:
         print(f"golden values are of {GOLDEN['platform']}, this is {golden.here()}: compared within tolerances")
 
 
-def test_every_shipped_scenario_has_golden_values() -> None:
+def test_every_shipped_scenario_has_golden_values_and_no_two_cases_the_same_so_that_none_is_without_effect() -> None:
     assert set(GOLDEN["scenarios"]) == set(builtin_files(ARENAS))
+    for kind, cases in golden.CASES.items():
+        assert GOLDEN["cases"][kind].keys() == cases.keys()
+    values = [each for cases in GOLDEN["cases"].values() for each in cases.values()]
+    assert len({json.dumps([each["digest"], each["trials"]]) for each in values}) == len(values)
 
 
 @pytest.mark.parametrize("name", GOLDEN["scenarios"])
@@ -79,22 +81,12 @@ def test_a_recording_and_a_film_hold_the_same(tmp_path) -> None:
         assert found == GOLDEN["pictures"]
 
 
-@pytest.mark.parametrize("name", AGENTS)
+@pytest.mark.parametrize("name", golden.CASES["agents"])
 def test_agents_of_a_case_do_as_they_did(name: str) -> None:
     found, expected = golden.case_values("agents", name), GOLDEN["cases"]["agents"][name]
     np.testing.assert_allclose(found["phases"], expected["phases"], rtol=0, atol=1e-9)
     if SAME_PLATFORM:
         assert found == expected
-
-
-def test_no_two_cases_have_the_same_outcomes_so_that_none_is_without_effect() -> None:
-    assert {(kind, name) for kind, cases in GOLDEN["cases"].items() for name in cases} == set(CASES)
-    found = [
-        json.dumps([values["digest"], values["trials"]])
-        for cases in GOLDEN["cases"].values()
-        for values in cases.values()
-    ]
-    assert len(set(found)) == len(found)
 
 
 def choices(schema: dict[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -109,17 +101,11 @@ def choices(schema: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 
 def chosen(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the plain values in a scenario with the keys that they are at."""
-    parts = (
-        value.items()
-        if isinstance(value, dict)
-        else [(key, part) for part in value]
-        if isinstance(value, list | tuple)
-        else ()
-    )
-    if not isinstance(value, dict | list | tuple):
+    if isinstance(value, dict | list | tuple):
+        for name, part in value.items() if isinstance(value, dict) else ((key, part) for part in value):
+            yield from chosen(part, name)
+    else:
         yield key, value
-    for name, part in parts:
-        yield from chosen(part, name)
 
 
 @pytest.mark.parametrize(("kind", "model"), [("robots", EmbodiedScenario), ("agents", ParticleScenario)])
@@ -131,7 +117,7 @@ def test_cases_have_every_word_that_a_scenario_can_choose(kind: str, model: type
     assert kind == "robots" or set(SHIPPED) < curves
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", golden.CASES["robots"])
 def test_robots_of_a_case_do_as_they_did_also_reset_copied_restored_and_with_all_steps_at_once(name: str) -> None:
     """Half of the steps follow a reset, a quarter each a copy and a snapshot, which went through pickle."""
     scenario, golden_values = golden.case("robots", name), GOLDEN["cases"]["robots"][name]

@@ -142,9 +142,8 @@ def test_a_mistake_ends_the_command_with_one_message_before_anything_runs(row, s
     for name, target in row.get("links", {}).items():
         Path(name).symlink_to(target)
     if "scenario" in row or "text" in row:
-        Path("s.yaml").write_text(
-            row["text"] if "text" in row else yaml_io.write_yaml(row["scenario"]), encoding="utf-8"
-        )
+        text = row["text"] if "text" in row else yaml_io.write_yaml(row["scenario"])
+        Path("s.yaml").write_text(text, encoding="utf-8")
     before = contents(tmp_path)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)

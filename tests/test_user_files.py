@@ -80,7 +80,7 @@ def install(site: Path, package: str, group: str, name: str, module: str, text: 
 
 
 @pytest.mark.usefixtures("plugins")
-def test_what_packages_offer_is_listed_with_their_names():
+def test_what_packages_offer_is_listed_with_their_names_and_used_by_name():
     listed = json.loads(called("list", "--json"))
     assert listed["scenarios"]["plaza"].endswith("how close they come (from crowding)")
     assert listed["controllers"]["dark_walk"] == "Walks straight, and turns now and then. (from darkness)"
@@ -88,10 +88,6 @@ def test_what_packages_offer_is_listed_with_their_names():
     measures = json.loads(called("list", "--measures", "--json"))["measures"]
     assert measures["nearest_robot"].endswith("{most_cm: 1000.0} (from crowding)")
     assert not {"crowding", "darkness"} & sys.modules.keys()
-
-
-@pytest.mark.usefixtures("plugins")
-def test_what_packages_offer_is_used_by_name():
     command = ("run", "plaza", "--controller", "dark_walk", "--set", "max_time_s=600", "--json")
     (trial,) = map(json.loads, called(*command).splitlines())
     interpreted = json.loads(called(*command, "--interpret"))
