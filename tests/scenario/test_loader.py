@@ -1,7 +1,8 @@
-"""Scenarios: what is read, that what is written is read again, quick versions, and how YAML is read."""
+"""Scenarios: what is read and written and read again, quick versions, all that is shipped, and how YAML is read."""
 
 import ast
 import os
+import re
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,15 +15,16 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario import robots
+from epuck_sim.scenario.axes import check_figure_axes
 from epuck_sim.scenario.changes import FAULTS
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.keys import quick_version, set_value, without_quick
-from epuck_sim.scenario.loader import load_scenario, validate, write_scenario
+from epuck_sim.scenario.loader import SCENARIO, complete, load_scenario, validate, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.yaml_io import MAX_BYTES, parse_yaml, read_yaml
+from epuck_sim.scenario.yaml_io import MAX_BYTES, parse_yaml, read_yaml, write_yaml
 from tests.cli.commands import call
 from tests.control.bench import with_step
 
@@ -45,7 +47,7 @@ def test_a_file_is_read_with_what_lies_beside_it_and_is_called_after_itself(tmp_
     assert (scenario.name, group.controller, group.parameters) == ("scene", str(tmp_path / "mine.py"), {"pace": 2.0})
 
 
-def test_set_changes_one_value() -> None:
+def test_set_changes_one_value_later_settings_win_and_the_original_stays() -> None:
     for setting, read in [
         ("robots.0.parameters.period_s=8", lambda s: s.robots[0].parameters["period_s"] == 8.0),
         ("arena.width_cm=1e2", lambda s: s.arena.width_cm == 100.0),
@@ -57,9 +59,6 @@ def test_set_changes_one_value() -> None:
     ]:
         assert read(load_scenario("thesis", [setting]))
         assert read(load_scenario({}, [setting]))
-
-
-def test_later_settings_win_and_the_original_stays() -> None:
     given = {"trials": 1}
     assert set_value(set_value(given, "trials", 2, "x"), "trials", 3, "x")["trials"] == 3
     assert given == {"trials": 1}
@@ -73,18 +72,15 @@ def test_all_mistakes_are_named_at_once_each_with_the_origin() -> None:
     assert [line[:6] for line in lines] == ["here: "] * 3
 
 
-@pytest.mark.parametrize(
-    ("settings", "axes", "notes"),
-    [
+def test_a_description_is_followed_by_the_changes_that_may_have_made_it_untrue() -> None:
+    for changes, axes, notes in (
         (["robots.0.count=5"], [], "; with robots.0.count=5"),
         (["noise=off"], ["arena.width_cm=60,80"], "; with noise=off, sweep arena.width_cm=60,80"),
         (["trials=5", "seed=3", "name=mine", "figure.form=violins"], [], ""),
-    ],
-)
-def test_a_description_is_followed_by_the_changes_that_may_have_made_it_untrue(settings, axes, notes: str) -> None:
-    assert load_scenario("thesis", settings, axes).description == load_scenario("thesis").description + notes
-    assert load_scenario("thesis", [*settings, "description=mine"], axes).description == "mine"
-    assert load_scenario({}, settings, axes).description == ""
+    ):
+        assert load_scenario("thesis", changes, axes).description == load_scenario("thesis").description + notes
+        assert load_scenario("thesis", [*changes, "description=mine"], axes).description == "mine"
+        assert load_scenario({}, changes, axes).description == ""
 
 
 def test_scenarios_are_read_at_the_edge_alone() -> None:
@@ -95,7 +91,6 @@ def test_scenarios_are_read_at_the_edge_alone() -> None:
     assert sum(getattr(function, "id", "") == "load_scenario" for function in calls) <= 8
 
 
-STILL = {"robots.0.parameters.speed_cm_s": 0}
 NEEDED = {"clock_drift": {"rate": 1.1}, "clock_jitter": {"jitter": 0.1}, "camera_misses": {"missed": 0.5}}
 ROBOTS = [
     *({"faults": [{"kind": kind, "count": 2, "per_hour": 3, **NEEDED.get(kind, {})}]} for kind in [*FAULTS][:-1]),
@@ -108,7 +103,12 @@ ROBOTS = [
     {
         "faults": [{"kind": "ring_dead", "scheduled": True}],
         "schedule": [
-            {"when": "order_parameter >= 0.9", "for_cycles": 3, "set": STILL, "begin": [0]},
+            {
+                "when": "order_parameter >= 0.9",
+                "for_cycles": 3,
+                "set": {"robots.0.parameters.speed_cm_s": 0},
+                "begin": [0],
+            },
             {"at_s": 3, "displace": {"by_cycles": "random"}, "end": [0]},
         ],
     },
@@ -194,7 +194,7 @@ def test_a_scenario_is_shown_on_one_line() -> None:
     assert repr(load_scenario("particles")) == "ParticleScenario(name='particles', model='particles', population=20)"
 
 
-def test_what_a_user_has_changed_in_a_copy_is_completed_and_checked_when_it_is_simulated() -> None:
+def test_a_loaded_scenario_is_completed_without_a_look_into_folders_and_a_changed_copy_checked(monkeypatch) -> None:
     loaded = load_scenario("thesis")
     copy = loaded.model_copy(update={"robots": (RobotGroup(count=2, controller="oscillator"),)})
     expected = load_scenario({"robots": [{"count": 2, "controller": "oscillator"}]}).robots
@@ -205,12 +205,9 @@ def test_what_a_user_has_changed_in_a_copy_is_completed_and_checked_when_it_is_s
     ):
         with pytest.raises(ScenarioError, match=said):
             Simulation(loaded.model_copy(update={"robots": (group,)}))
-
-
-def test_a_loaded_scenario_is_completed_without_a_look_into_folders(monkeypatch) -> None:
-    thesis, agents = load_scenario("thesis"), load_scenario("particles")
+    agents = load_scenario("particles")
     monkeypatch.setattr(Path, "glob", None)
-    assert load_scenario(thesis) == thesis
+    assert load_scenario(loaded) == loaded
     monkeypatch.setattr(robots, "find_controller", None)
     assert load_scenario(agents) is agents
 
@@ -224,22 +221,10 @@ def test_a_simulation_needs_its_model_and_one_point_of_a_sweep() -> None:
             kind(other)
 
 
-TINY = """
-name: tiny
-model: particles
-agents: {count: 5, speed_cm_s: 30}
-stop: {max_cycles: 40}
-trials: 3
-sweep: {grid: {agents.speed_cm_s: [3, 30, 90]}}
-quick:
-  trials: 2
-  stop: {max_cycles: 20}
-  sweep: {grid: {agents.speed_cm_s: [3, 90]}}
-"""
 FULL = {"trials": 100, "stop": {"max_cycles": 1000}, "sweep": {"grid": {"a": [1, 2, 3], "b": [4, 5]}}}
 
 
-def test_sections_are_merged_key_by_key_and_everything_else_is_replaced() -> None:
+def test_quick_versions_are_merged_key_by_key_and_forgotten_once_settings_and_axes_count_beside_them() -> None:
     for quick, changed in [
         ({}, {}),
         ({"trials": 5}, {"trials": 5}),
@@ -254,9 +239,6 @@ def test_sections_are_merged_key_by_key_and_everything_else_is_replaced() -> Non
         assert quick_version(given, "here") == {**FULL, **changed}
         assert given == {**FULL, "quick": quick}
         assert without_quick(given) == FULL
-
-
-def test_settings_and_axes_count_beside_the_quick_version_which_is_forgotten_then() -> None:
     given = {"model": "particles", "trials": 9, "quick": {"trials": 2, "stop": {"max_cycles": 5}}}
     assert load_scenario(given) == load_scenario({"model": "particles", "trials": 9})
     scenario = load_scenario(given, ["trials=4"], ["agents.count=3,4"], quick=True)
@@ -266,7 +248,9 @@ def test_settings_and_axes_count_beside_the_quick_version_which_is_forgotten_the
 
 def test_run_runs_the_quick_version_and_its_folder_holds_that_alone(tmp_path) -> None:
     tiny, folder = tmp_path / "tiny.yaml", tmp_path / "run"
-    tiny.write_text(TINY)
+    few = {"trials": 2, "stop": {"max_cycles": 20}, "sweep": {"grid": {"agents.speed_cm_s": [3, 90]}}}
+    full = {"trials": 3, "stop": {"max_cycles": 40}, "sweep": {"grid": {"agents.speed_cm_s": [3, 30, 90]}}}
+    tiny.write_text(write_yaml({"model": "particles", "agents": {"count": 5}, **full, "quick": few}))
     quick = load_scenario(tiny, quick=True)
     one = call("run", tiny, "--quick", "--point", 1, "--trial", 1, "--json")
     assert f'"seed": {points(quick)[1].seed(1)},' in one.stdout
@@ -297,3 +281,71 @@ def test_files_that_cannot_be_read_are_named(tmp_path) -> None:
     os.truncate(path, 100 * MAX_BYTES)
     with pytest.raises(ScenarioError, match="larger than 1 MB"):
         read_yaml(path)
+
+
+HAS_QUICK = {name: "quick" in read_yaml(path) for name, path in SCENARIO.shipped().items()}
+MANY = 60  # points: above so many a sweep's are looked at by the slow tests alone
+
+
+def flat(value, prefix="") -> list[str]:
+    """Return the dotted keys of nested mappings and of sections in lists."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    parts = [(f"{prefix}{name}", each) for name, each in items if isinstance(value, dict) or isinstance(each, dict)]
+    return [key for name, each in parts for key in (name, *flat(each, f"{name}."))]
+
+
+def versions():
+    for name, has_quick in HAS_QUICK.items():
+        for quick in [False, True][: 1 + has_quick]:
+            sweep = load_scenario(name, quick=quick).sweep
+            is_long = sweep is not None and sweep.point_count > MANY
+            yield pytest.param(name, quick, id=f"{name}-quick" if quick else name, marks=[pytest.mark.slow] * is_long)
+
+
+@pytest.mark.parametrize(("name", "quick"), [*versions()])
+def test_a_shipped_scenario_is_checked_written_and_read_again_and_its_figure_is_of_its_axes(name, quick) -> None:
+    scenario = load_scenario(name, quick=quick)
+    printed = call("check", name, *["--quick"] * quick)
+    assert printed.exit_code == 0
+    assert printed.stderr in ("", f"checking {name} takes a while; Ctrl-C ends it\n")  # on a busy machine
+    assert printed.stdout.startswith(write_scenario(scenario))
+    written = parse_yaml(printed.stdout, "stdout")
+    assert load_scenario(written) == complete(scenario, name) == scenario  # and so are its points
+    found = points(scenario)
+    assert len(found) == (scenario.sweep.point_count if scenario.sweep else 1)
+    keys = set(scenario.all_keys(written))
+    assert {key for key in flat(written) if not re.match(r"sweep|measures|robots\.\d+\.poses\.", key)} <= keys
+    for point in found:
+        assert (point.scenario.sweep, point.scenario.name) == (None, scenario.name)
+        assert set(point.axes) == set(scenario.sweep.keys if scenario.sweep else ())
+    if scenario.sweep is None:
+        return
+    figure, axes = scenario.figure, scenario.sweep.keys
+    named = [key for key in (figure.x, figure.y, figure.panels) if key is not None]
+    assert set(named) <= set(axes)
+    assert len(set(named)) == len(named)
+    check_figure_axes(figure, [point.axes for point in found])
+    assert (figure.y is not None) <= (figure.form == "map")
+    assert (figure.panels is not None) <= (figure.form == "curves")
+    assert (figure.censored_at_cycles is not None) <= (figure.form == "violins")
+    if figure.form in ("perturbation", "course"):
+        assert isinstance(scenario, ParticleScenario)
+        assert (scenario.start.phases, scenario.stop.order_parameter) == ("synchronised", None)
+
+
+def test_sweeps_of_particles_have_a_quick_version_and_each_is_less_of_the_same_figure_with_the_same_trials() -> None:
+    shipped = map(load_scenario, HAS_QUICK)
+    sweeps = [each.name for each in shipped if each.sweep and each.model == "particles"]
+    assert len(sweeps) >= 15
+    assert [name for name in sweeps if not HAS_QUICK[name]] == []
+    for name in (name for name, has_quick in HAS_QUICK.items() if has_quick):
+        full, quick = load_scenario(name), load_scenario(name, quick=True)
+        assert full != quick
+        assert (quick.name, quick.description, quick.seed) == (full.name, full.description, full.seed)
+        assert quick.sweep.keys == full.sweep.keys, name
+        assert quick.sweep.point_count <= full.sweep.point_count, name
+        assert (quick.trials, quick.stop.max_cycles) <= (full.trials, full.stop.max_cycles), name
+        assert quick.figure.model_copy(update={"censored_at_cycles": full.figure.censored_at_cycles}) == full.figure
+        alone = [each.model_copy(update={"sweep": None}).model_dump() for each in (full, quick)]
+        changed = {part for part in alone[0] if alone[0][part] != alone[1][part]}
+        assert changed <= {"stop", "trials", "figure", "agents"}, name

@@ -148,7 +148,7 @@ def test_keys_that_are_given_change_a_kind_and_the_others_stay_or_are_those_of_e
         load_scenario({"robot": {"infrared": {"sensors": [[1, 2]]}}})
 
 
-def test_groups_have_kinds_of_their_own_or_that_of_all(tmp_path) -> None:
+def test_groups_have_kinds_of_their_own_or_that_of_all_and_the_sensors_of_their_kind_or_others(tmp_path) -> None:
     (tmp_path / "cart.yaml").write_text("radius_cm: 5\nwheel_base_cm: 8\n")
     kinds = [None, "kilobot", {"kind": "kilobot", "mass_g": 9}, str(tmp_path / "cart.yaml")]
     groups = [{**RADIO[0], **({} if kind is None else {"kind": kind})} for kind in kinds]
@@ -160,9 +160,6 @@ def test_groups_have_kinds_of_their_own_or_that_of_all(tmp_path) -> None:
     assert again(scenario) == scenario
     found = points({"robots": groups[:2], "sweep": {"grid": {"robots.1.kind": ["kilobot", "pogobot"]}}})
     assert [point.scenario.group_kinds[1].radius_cm for point in found] == [1.65, 2.65]
-
-
-def test_each_kind_brings_its_own_sensors_unless_its_group_has_others() -> None:
     groups = [{**RADIO[0], "kind": kind} for kind in ("pogobot", "kilobot")]
     scenario = load_scenario({"robots": groups})
     assert [list(group.sensors) for group in scenario.robots] == [["photosensors"], []]
@@ -172,7 +169,7 @@ def test_each_kind_brings_its_own_sensors_unless_its_group_has_others() -> None:
     assert list(bare.robots[0].sensors) == []
 
 
-def test_a_swept_kind_has_the_values_of_its_own() -> None:
+def test_a_swept_kind_has_the_values_of_its_own_and_numbers_of_resamples_without_the_section_stay() -> None:
     given = {"robots": RADIO, "timing": {"physics_hz": 200}}
     kinds = ["epuck", "kilobot", {"kind": "kilobot", "radius_cm": 2}, {"wheel_limit_cm_s": 20}]
     robots = [point.scenario.robot for point in points({**given, "sweep": {"grid": {"robot": kinds}}})]
@@ -182,9 +179,6 @@ def test_a_swept_kind_has_the_values_of_its_own() -> None:
     speeds = points({"robot": "kilobot", **given, "sweep": {"grid": {"robot.wheel_limit_cm_s": [0.5, 2]}}})
     assert [each.scenario.robot.wheel_limit_cm_s for each in speeds] == [0.5, 2]
     assert {each.scenario.robot.mass_g for each in speeds} == {24}
-
-
-def test_numbers_of_resamples_of_folders_without_the_section_stay() -> None:
     assert load_scenario("thesis").later_defaults()["robot"] is True
     assert "robot" not in load_scenario("kilobots").later_defaults()
 
