@@ -79,7 +79,7 @@ def server(tmp_path_factory) -> Iterator[tuple[ViewerProcess, int]]:
 
 
 @pytest.mark.parametrize("level", Level)
-def test_a_trial_that_is_shown_is_the_same_trial(server: Any, level: Level) -> None:
+def test_a_trial_that_is_shown_is_the_same_trial_and_an_error_that_ends_it_is_raised_unchanged(server, level) -> None:
     alone, beside = Watched(), Watched()
     with live(*server, SCENARIO, 3, level, FAST) as look:
         result = ran(look, beside)
@@ -88,11 +88,8 @@ def test_a_trial_that_is_shown_is_the_same_trial(server: Any, level: Level) -> N
     assert result == ran(alone)
     assert beside.is_like(alone)
     assert of_agents == ran(scenario=AGENTS)
-
-
-def test_an_error_that_ends_the_trial_is_raised_unchanged(server: tuple[ViewerProcess, int]) -> None:
     for error in (ZeroDivisionError, KeyboardInterrupt):
-        with pytest.raises(error), live(*server, SCENARIO, 3, Level.FULL, FAST):
+        with pytest.raises(error), live(*server, SCENARIO, 3, level, FAST):
             raise error
 
 
@@ -201,15 +198,12 @@ def told(begin, monkeypatch) -> Callable[..., tuple[list[float], list[tuple[floa
     return show
 
 
-@pytest.mark.parametrize("speed", [0.1, 1.0, 10.0])
-def test_the_viewer_gets_what_is_new_ten_times_a_second_and_all_of_it_in_a_pause(told, speed: float) -> None:
-    held_back_s, calls = told(SCENARIO, speed, [0, 0.1, 0.2], (0.15 / speed, PAUSE), (9 / speed, PAUSE))
-    assert held_back_s == [pytest.approx(0.1 * speed)]
-    assert [what for _, what in calls] == ["event", "event", "event", "flush"]
-    assert [at for at, _ in calls[:3]] == pytest.approx([0, 0.1 / speed, 0.2 / speed])
-
-
-def test_agents_that_move_on_between_two_events_are_shown_as_often_as_the_viewer_is_told(told) -> None:
+def test_the_viewer_gets_what_is_new_ten_times_a_second_as_agents_that_move_on_and_all_of_it_in_a_pause(told) -> None:
+    for speed in (0.1, 1.0, 10.0):
+        held_back_s, calls = told(SCENARIO, speed, [0, 0.1, 0.2], (0.15 / speed, PAUSE), (9 / speed, PAUSE))
+        assert held_back_s == [pytest.approx(0.1 * speed)]
+        assert [what for _, what in calls] == ["event", "event", "event", "flush"]
+        assert [at for at, _ in calls[:3]] == pytest.approx([0, 0.1 / speed, 0.2 / speed])
     _, calls = told(AGENTS, 2.0, [0.1, 0.75, 0.8])
     assert [what for _, what in calls] == ["event", "until 0.3", "until 0.5", "until 0.7", "event", "event"]
     assert [at for at, _ in calls] == pytest.approx([0, 0.1, 0.2, 0.3, 0.325, 0.35])

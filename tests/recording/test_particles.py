@@ -4,21 +4,21 @@ from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from epuck_sim import EpuckSimError, ParticleScenario, TrialResult, load_scenario, read_recording, run_trial
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim import EpuckSimError, ParticleScenario, load_scenario, read_recording, run_trial
+from epuck_sim.arrays import FloatArray
 from epuck_sim.figures.trial_page import draw_page
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles.simulation import SHIFTS_ONLY, Event, ParticleSimulation
 from epuck_sim.recording import Level, recorder, rows
 from epuck_sim.recording.layers.arena import UNLABELLED
 from epuck_sim.recording.process import run_rerun
-from epuck_sim.recording.recorded import Recorded
 from epuck_sim.scenario.yaml_io import parse_yaml
 from tests.particles.naive_model import receivers_of
 from tests.recording.recordings import Found, recorded
@@ -85,74 +85,34 @@ def load(name: str, **more: Any) -> ParticleScenario:
     return scenario
 
 
-class Seen(NamedTuple):
-    event: Event
-    time_ns: int
-    phases: FloatArray
-    positions: FloatArray
-    headings: FloatArray
-    order_parameter: float | None
-
-
-class Trial(NamedTuple):
-    """A trial that was recorded, and the same one as it was watched without a recorder."""
-
-    scenario: ParticleScenario
-    path: Path
-    recorded: Recorded
-    seen: list[Seen]
-    result: TrialResult
-    result_recorded: TrialResult
-
-    @property
-    def instants(self) -> list[Seen]:
-        return [each for each in self.seen if len(each.event.fired)]
-
-    @property
-    def places(self) -> list[int]:
-        return np.searchsorted(self.time_ns, [each.time_ns for each in self.instants]).tolist()
-
-    @property
-    def time_ns(self) -> IntArray:
-        return np.round(self.recorded.time_s * 1e9).astype(np.int64)
-
-    @property
-    def between(self) -> dict[int, tuple[FloatArray, FloatArray, FloatArray]]:
-        """Phases, positions and headings at the rows between instants, of a twin that goes from one to the next."""
-        twin, rows = ParticleSimulation(self.scenario, 4), {}
-        for row in sorted({*range(len(self.time_ns))} - {*self.places}):
-            twin.run_to(self.time_ns[row] / 1e9)
-            rows[row] = twin.phases(), twin.positions(), twin.headings()
-        return rows
-
-
-def watched(scenario: ParticleScenario) -> tuple[list[Seen], TrialResult]:
-    seen: list[Seen] = []
-
-    def look(event: Event, swarm: ParticleSimulation) -> None:
-        state = swarm.phases(), swarm.positions(), swarm.headings(), swarm.order_parameter
-        seen.append(Seen(event, round(event.time_s * 1e9), *state))
-
-    return seen, run_trial(ParticleSimulation(scenario, 4), [look])
-
-
 @pytest.fixture(scope="module")
-def of(tmp_path_factory) -> Callable[[str], Trial]:
-    """Return a function that makes a trial of a scenario, once."""
+def of(tmp_path_factory) -> Callable[[str], SimpleNamespace]:
+    """Return what makes a trial of a scenario, once, recorded and as it was watched without a recorder."""
 
     @cache
-    def make(name: str) -> Trial:
+    def make(name: str) -> SimpleNamespace:
         scenario, path = load(name), tmp_path_factory.mktemp("recording") / "t.rrd"
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(recorder, "BUFFER_ROWS", 173)
-            result = recorded(path, scenario, 4)
-        return Trial(scenario, path, read_recording(path), *watched(scenario), result)
+            made = SimpleNamespace(scenario=scenario, path=path, result_recorded=recorded(path, scenario, 4))
+        made.recorded, made.seen = read_recording(path), []
+
+        def look(event: Event, swarm: ParticleSimulation) -> None:
+            state = {name: getattr(swarm, name)() for name in ("phases", "positions", "headings")}
+            state["order_parameter"] = swarm.order_parameter
+            made.seen.append(SimpleNamespace(event=event, time_ns=round(event.time_s * 1e9), **state))
+
+        made.result = run_trial(ParticleSimulation(scenario, 4), [look])
+        made.instants = [each for each in made.seen if len(each.event.fired)]
+        made.time_ns = np.round(made.recorded.time_s * 1e9).astype(np.int64)
+        made.places = np.searchsorted(made.time_ns, [each.time_ns for each in made.instants]).tolist()
+        return made
 
     return make
 
 
 @pytest.fixture(params=SCENARIOS)
-def trial(request, of) -> Trial:
+def trial(request, of) -> SimpleNamespace:
     return of(request.param)
 
 
@@ -161,7 +121,7 @@ def flat(vectors: FloatArray) -> FloatArray:
     return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], 2))], axis=-1)[..., :2]
 
 
-def test_a_recorded_trial_is_the_same_trial_with_a_row_at_each_instant_and_20_in_each_period(trial: Trial) -> None:
+def test_a_recorded_trial_is_the_same_trial_with_a_row_at_each_instant_and_20_in_each_period(trial) -> None:
     assert trial.result_recorded._replace(wall_s=0) == trial.result._replace(wall_s=0)
     read = trial.recorded
     assert (read.scenario, read.seed, read.level) == (trial.scenario, 4, Level.FULL)
@@ -176,7 +136,7 @@ def test_a_recorded_trial_is_the_same_trial_with_a_row_at_each_instant_and_20_in
     assert trial.time_ns.tolist() == sorted(expected)
 
 
-def test_flashes_are_at_the_instants_to_the_nanosecond_and_the_order_is_the_one_that_decides(trial: Trial) -> None:
+def test_flashes_are_at_the_instants_to_the_nanosecond_and_the_order_is_the_one_that_decides(trial) -> None:
     counts, expected, read = Counter[int](), [], trial.recorded
     for each in trial.instants:
         for agent in sorted(each.event.fired.tolist()):
@@ -192,8 +152,12 @@ def test_flashes_are_at_the_instants_to_the_nanosecond_and_the_order_is_the_one_
     np.testing.assert_allclose(read.order_parameter[at], read.firing_order, rtol=0, atol=1e-12)
 
 
-def test_all_is_as_the_swarm_had_it_and_between_instants_agents_fly_straight_and_phases_rise(trial: Trial) -> None:
-    read, period_ms, swarms = trial.recorded, 1000 * trial.scenario.clocks.period_s, trial.between
+def test_all_is_as_the_swarm_had_it_and_between_instants_agents_fly_straight_and_phases_rise(trial) -> None:
+    read, period_ms = trial.recorded, 1000 * trial.scenario.clocks.period_s
+    twin, swarms = ParticleSimulation(trial.scenario, 4), {}
+    for row in sorted({*range(len(trial.time_ns))} - {*trial.places}):  # between instants
+        twin.run_to(trial.time_ns[row] / 1e9)
+        swarms[row] = twin.phases(), twin.positions(), twin.headings()
     assert len(swarms) > 15
     assert len(trial.instants) == trial.result.steps > 2
     for row, each in zip(trial.places, trial.instants, strict=True):
@@ -209,7 +173,7 @@ def test_all_is_as_the_swarm_had_it_and_between_instants_agents_fly_straight_and
         np.testing.assert_allclose(np.angle(turned[turned != 0]), 0, atol=1e-5)
 
 
-def test_agents_that_have_just_fired_are_lit(trial: Trial) -> None:
+def test_agents_that_have_just_fired_are_lit(trial) -> None:
     expected = np.zeros_like(trial.recorded.ring_on)
     glow_ns = 1e9 * GLOW * trial.scenario.clocks.period_s
     for each in trial.instants:
@@ -221,7 +185,7 @@ def test_agents_that_have_just_fired_are_lit(trial: Trial) -> None:
     assert not expected.all()
 
 
-def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial: Trial) -> None:
+def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial) -> None:
     found, side_cm = Found(trial.path), trial.scenario.space.side_cm
     parts = [found.lists("/arena/links", f"Arrows2D:{part}") for part in ("origins", "vectors", "class_ids")]
     assert np.round(np.array(found.times("/arena/links"))).tolist() == trial.time_ns.tolist()

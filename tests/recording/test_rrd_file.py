@@ -34,11 +34,6 @@ def record_thesis(path: Path, *others: Observer) -> None:
     recorded(path, THESIS, 1, Level.FULL, *others)
 
 
-@pytest.fixture
-def small_buffers(monkeypatch) -> None:
-    monkeypatch.setattr(recorder, "BUFFER_ROWS", 73)
-
-
 def fail_at(number: int, error: type[BaseException]) -> Observer:
     def fail(step: Step, _: SynchronyWatch) -> None:
         if step.number == number:
@@ -47,14 +42,29 @@ def fail_at(number: int, error: type[BaseException]) -> Observer:
     return fail
 
 
-@pytest.mark.usefixtures("small_buffers")
-def test_where_the_trial_fails_nothing_is_left_and_an_older_recording_stays(tmp_path) -> None:
+def test_where_the_trial_fails_nothing_is_left_and_a_full_disk_ends_it_when_the_next_buffer_is_written(
+    tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setattr(recorder, "BUFFER_ROWS", 73)
     (tmp_path / "older.rrd").write_text("older")
     for number, error in ((0, ZeroDivisionError), (200, KeyboardInterrupt)):
         for name in ("older.rrd", "new.rrd"):
             with pytest.raises(error):
                 record_thesis(tmp_path / name, fail_at(number, error))
             assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {"older.rrd": "older"}
+    calls, steps = [], []
+
+    def write_some(*_, **__) -> None:
+        calls.append(len(steps))
+        if len(calls) > 4:  # the seal, what does not change, and two buffers
+            raise RuntimeError("No space left on device")
+
+    monkeypatch.setattr(LazyChunkStream, "write_rrd", write_some)
+    with pytest.raises(EpuckSimError) as caught:
+        record_thesis(tmp_path / "t.rrd", lambda step, _: steps.append(step.number))
+    assert str(caught.value) == f"{tmp_path / 't.rrd'}: cannot be written: No space left on device"
+    assert calls == [0, 0, 6, 13, 20]
+    assert list(tmp_path.iterdir()) == [tmp_path / "older.rrd"]
 
 
 def test_runs_that_record_to_the_same_file_one_through_a_link_do_not_harm_each_other(tmp_path) -> None:
@@ -88,23 +98,6 @@ def test_where_there_is_no_room_nothing_is_left(tmp_path, part: str) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert path.read_text() == "older"
     assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.mark.usefixtures("small_buffers")
-def test_a_full_disk_ends_the_trial_when_the_next_buffer_is_written(tmp_path, monkeypatch) -> None:
-    calls, steps = [], []
-
-    def write_some(*_, **__) -> None:
-        calls.append(len(steps))
-        if len(calls) > 4:  # the seal, what does not change, and two buffers
-            raise RuntimeError("No space left on device")
-
-    monkeypatch.setattr(LazyChunkStream, "write_rrd", write_some)
-    with pytest.raises(EpuckSimError) as caught:
-        record_thesis(tmp_path / "t.rrd", lambda step, _: steps.append(step.number))
-    assert str(caught.value) == f"{tmp_path / 't.rrd'}: cannot be written: No space left on device"
-    assert calls == [0, 0, 6, 13, 20]
-    assert list(tmp_path.iterdir()) == []
 
 
 LONG = """

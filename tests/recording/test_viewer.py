@@ -35,9 +35,6 @@ from tests.recording.viewers import ARENA, DARK, LIT, Stand, alike, answer, disc
 
 RED, UNLIT_PIXEL = (225, 40, 40), (30, 30, 34)  # as in `layers.robots.COLOURS`
 
-CAMERAS = np.s_[690:868, :955]
-"""In a picture of 1600 x 900: columns are laid out as 3 to 2, rows as 3 to 1."""
-
 
 @pytest.fixture(autouse=True)
 def all_has_ended(tmp_path) -> Iterator[None]:
@@ -100,7 +97,7 @@ def test_each_robot_is_a_disc_red_if_its_ring_is_lit_where_it_was_with_y_up(mome
 
 
 def test_camera_rows_are_red_where_a_lit_ring_is_seen(moment) -> None:
-    pane = moment.picture[CAMERAS]
+    pane = moment.picture[690:868, :955]  # of 1600 x 900: columns are laid out as 3 to 2, rows as 3 to 1
     red, black = alike(pane, RED), abs(pane - UNLIT_PIXEL).max(axis=-1) < 4
     rows, columns = np.nonzero(ndimage.binary_opening(red | black, iterations=2))
     height, width = moment.camera.shape
