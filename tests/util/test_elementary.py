@@ -16,7 +16,7 @@ from numba import njit
 from epuck_sim import elementary
 from epuck_sim.util import elementary as kernels
 
-DIGESTS = {
+DIGESTS = {  # of what each function gives, on every machine
     "sin": "e1d96b6307f7f3be",
     "cos": "040f3a79bf9523b0",
     "tan": "ac3eed5848beee1d",
@@ -26,21 +26,15 @@ DIGESTS = {
     "log": "f06e75d6abbd35c0",
     "log1p": "8611d7aa3241ef3e",
 }
-"""Of what each function gives, on every machine."""
-
-BITS = 1300
-"""As many as it takes to tell the largest angles apart from multiples of pi."""
-
+# near multiples of a quarter turn, on both sides of where the reduction changes
 near = st.integers(-700_000, 700_000).map(lambda quarter: quarter * math.pi / 2)
-"""Angles near multiples of a quarter turn, on both sides of where the reduction changes."""
-
 angles = st.one_of(st.floats(-10, 10), near, st.floats(allow_nan=False, allow_infinity=False))
 numbers = st.one_of(st.floats(-2, 2), st.floats(-800, 800), st.floats(allow_nan=False))
 
 
 def ulps(function, *arguments):
     """Return the distance of a result from the exact one, in units in the last place of the latter."""
-    with mpmath.workprec(BITS):
+    with mpmath.workprec(1300):  # as it takes to tell the largest angles apart from multiples of pi
         exact = getattr(mpmath, function)(*map(mpmath.mpf, arguments))
         unit = math.ulp(float(exact))
         return abs(float((mpmath.mpf(getattr(elementary, function)(*arguments)) - exact) / mpmath.mpf(unit)))

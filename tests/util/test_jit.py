@@ -29,9 +29,7 @@ from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_
 from epuck_sim.util.machine import USER
 from epuck_sim.util.native import unlikely
 
-BOUND = {"run_group", "run_sensor", "shift_at"}
-"""Functions that are compiled with users' files."""
-
+BOUND = {"run_group", "run_sensor", "shift_at"}  # which are compiled with users' files
 FREE = {PACKAGE / "util" / name for name in ("jit.py", "cache_folder.py", "machine.py")} | {PACKAGE / "arrays.py"}
 """`jit` itself, and where it keeps compiled code, are no values of a kernel."""
 
@@ -86,36 +84,20 @@ def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_c
     assert found["DATABASE"] not in kernel_files("embodied")
 
 
-@pytest.fixture(scope="module")
-def package(tmp_path_factory) -> Path:
-    """Return a copy of the package's sources."""
-    target = tmp_path_factory.mktemp("package") / "epuck_sim"
-    return Path(shutil.copytree(PACKAGE, target, ignore=shutil.ignore_patterns("__pycache__")))
-
-
-ROOMS = ("embodied", "particles")
-
-
-@pytest.mark.parametrize(
-    ("file", "rooms"),
-    [
+def test_an_edit_compiles_the_rooms_anew_that_use_what_was_edited(tmp_path) -> None:
+    package = Path(shutil.copytree(PACKAGE, tmp_path / "copy", ignore=shutil.ignore_patterns("__pycache__")))
+    rooms = ["embodied", "particles"]
+    for file, expected in (
         *((file, []) for file in ("errors.py", "trial/result.py", "cli/app.py", "scenario/scenario.py")),
-        ("epuck.py", ROOMS),
-        ("util/rng.py", ROOMS),
-        ("util/native.py", ROOMS),
-        ("control/interface.py", ROOMS),
-        ("embodied/swarm.py", ["embodied"]),
-        ("embodied/sensors/infrared.py", ["embodied"]),
+        *((file, rooms) for file in ("epuck.py", "util/rng.py", "util/native.py", "control/interface.py")),
+        *((f"embodied/{file}.py", ["embodied"]) for file in ("swarm", "sensors/infrared")),
         ("particles/events.py", ["particles"]),
-    ],
-)
-def test_an_edit_compiles_the_rooms_anew_that_use_what_was_edited(package: Path, file: str, rooms) -> None:
-    before = (package / file).read_text()
-    (package / file).write_text(f"{before}\nMORE = 1\n")
-    kernel_digest.cache_clear()
-    changed = [room for room in ROOMS if kernel_digest(room, package) != kernel_digest(room)]
-    (package / file).write_text(before)
-    assert changed == list(rooms)
+    ):
+        before = (package / file).read_text()
+        (package / file).write_text(f"{before}\nMORE = 1\n")
+        kernel_digest.cache_clear()
+        assert [room for room in rooms if kernel_digest(room, package) != kernel_digest(room)] == expected, file
+        (package / file).write_text(before)
 
 
 def test_a_kernel_of_a_room_or_of_its_tests_is_kept_under_the_digest_of_the_room(monkeypatch) -> None:
@@ -181,19 +163,15 @@ print(compiled(1), sum(compiled.stats.cache_hits.values()))
 """
 
 
-def in_processes(cache: Path, program: Path, count: int) -> list[str]:
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(PACKAGE.parent)}
-    options = {"env": environment, "stdout": subprocess.PIPE, "text": True}
-    running = [subprocess.Popen([sys.executable, program], **options) for _ in range(count)]
-    return [process.communicate(timeout=120)[0].strip() for process in running]
-
-
 def test_a_cache_in_use_is_marked_so_and_old_ones_go_when_a_new_one_is_made(tmp_path, monkeypatch, capsys) -> None:
     program = tmp_path / "program.py"
     program.write_text(ADD_ONE)
     cache = tmp_path / "cache"
     old, used = make_cache(cache / ("0" * 16), OLD), cache / "0123456789abcdef"
-    assert in_processes(cache, program, 2)[0].startswith("2 ")  # both at once make it
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(PACKAGE.parent)}
+    options = {"env": environment, "stdout": subprocess.PIPE, "text": True}
+    both = [subprocess.Popen([sys.executable, program], **options) for _ in range(2)]  # at once make it
+    assert [process.communicate(timeout=120)[0][:2] for process in both] == ["2 "] * 2
     assert not old.exists()
     old = make_cache(cache / ("0" * 16), OLD)
     os.utime(used, (0, 0))
@@ -363,7 +341,7 @@ def sine(folder: Path, cache: Path) -> str:
     return subprocess.check_output(program, env=environment, cwd=folder, text=True)
 
 
-def test_it_is_used_elsewhere_until_a_kernel_is_edited(tmp_path: Path) -> None:
+def test_code_that_comes_with_a_release_is_used_elsewhere_until_a_kernel_is_edited(tmp_path: Path) -> None:
     here, elsewhere, cache = (tmp_path / name for name in ("here", "elsewhere", "cache"))
     for folder in (here, elsewhere):
         shutil.copytree(PACKAGE, folder / "epuck_sim", ignore=shutil.ignore_patterns("__pycache__", "compiled"))
