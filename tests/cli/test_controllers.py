@@ -1,17 +1,24 @@
-"""Controllers on the command line: what is said of errors in them, and which one runs."""
+"""Controllers on the command line: which one runs, what is said of errors in them; and mistakes as far-fetched as theirs."""
 
 import re
+import sys
+from io import StringIO
+from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments.rewards import find_reward
 from epuck_sim.replication.claims import read_claims
 from epuck_sim.replication.sweeps import needed_sweeps
+from epuck_sim.runs.reader import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
+from epuck_sim.util.messages import describe_error
 from tests.cli.commands import call, called, read, refused
 from tests.control.bench import with_step
 
@@ -88,7 +95,7 @@ def same_either_way(scenario):
     return compiled
 
 
-def test_new_writes_a_scenario_a_controller_a_sensor_and_a_robot_that_run_as_they_stand(tmp_path):
+def test_new_writes_files_of_every_kind_that_run_as_they_stand(tmp_path):
     said = called("new", "controller", "wanderer")
     assert said == "wanderer.py: try it: epuck-sim run thesis --controller wanderer.py\n"
     assert (tmp_path / "wanderer.py").read_text().count("#") > 8
@@ -104,9 +111,6 @@ def test_new_writes_a_scenario_a_controller_a_sensor_and_a_robot_that_run_as_the
     swarm = load_scenario("thesis", ["robot=cart.yaml", "robots.0.sensors=[eye.py]"])
     assert same_either_way(swarm).readings["eye"].tolist() == [1.0] * 10
     assert swarm.robot.radius_cm == 3
-
-
-def test_new_writes_a_curve_a_reward_and_claims_that_run_as_they_stand(tmp_path):
     assert called("new", "curve", "bent").endswith("try it: epuck-sim run particles --set response.curve=bent.py\n")
     assert "parameters: {bend: 2.0}" in called("check", "particles", "--set", "response.curve=bent.py")
     assert 'vector_env("thesis", 8, reward="lit.py") in Python' in called("new", "reward", "lit")
@@ -115,3 +119,56 @@ def test_new_writes_a_curve_a_reward_and_claims_that_run_as_they_stand(tmp_path)
     assert "epuck-sim replicate --claims mine.yaml --out mine" in called("new", "claims", "mine")
     claims = read_claims(tmp_path / "mine.yaml")
     assert needed_sweeps(claims, claims.choose(())).keys() == {"couplings"}
+
+
+def scene(folder: Path, line: str) -> Path:
+    """Write a scenario of one robot whose controller does `line` in each step."""
+    strange = "class Strange(BaseException):\n    def __str__(self):\n        raise self\n"
+    (folder / "mine.py").write_text(f"import sys\n{with_step(line)}\n{strange}")
+    path = folder / "scene.yaml"
+    path.write_text("robots: [{controller: mine.py, count: 1}]\nstop: {max_time_s: 0.3}\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("raise BaseException('mine')", "BaseException: mine"),
+        ("raise GeneratorExit", "GeneratorExit: "),
+        ("raise Strange", "Strange: its message cannot be shown: Strange"),
+        ("raise ValueError('\\ud800')", "ValueError: \\ud800"),
+    ],
+)
+def test_whatever_a_controller_raises_is_named_with_its_line(tmp_path, line: str, message: str) -> None:
+    stderr = refused("run", scene(tmp_path, line), "--interpret")
+    assert f"{tmp_path}/mine.py:10: {message}" in stderr
+
+
+def test_an_error_whose_message_is_interrupted_stays_interrupted() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        describe_error(type("Slow", (Exception,), {"__str__": Mock(side_effect=KeyboardInterrupt)})())
+
+
+@pytest.mark.parametrize("line", ["sys.stdout.close()", "sys.stdout = None"])
+def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path, monkeypatch, capsys, line: str) -> None:
+    monkeypatch.setattr(sys, "stdout", StringIO())
+    with pytest.raises(SystemExit) as ended:
+        app(["run", str(scene(tmp_path, line)), "--interpret"])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == "error: the output cannot be written: it was closed\n"
+
+
+def test_a_message_that_is_no_unicode_costs_a_sweep_its_own_trial_alone(tmp_path) -> None:
+    line = "raise ValueError('\\ud800')"
+    result = call("run", scene(tmp_path, line), "--interpret", "--out", tmp_path / "run", "--trials", "2")
+    assert result.exit_code == 1
+    assert "--trial 1: " in result.stdout
+    errors = [failure.error.rpartition("ValueError: ")[2] for failure in read_status(tmp_path / "run").failed]
+    assert errors == ["\\ud800"] * 2
+
+
+def test_more_workers_than_the_system_allows_files_are_refused_at_once(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (64, 64))
+    result = call("run", "thesis", "--trials", "99", "--workers", "64", "--out", tmp_path / "run")
+    said = "error: 64 workers need 152 open files; allowed: 64, enough for 20 workers; ulimit -n raises it"
+    assert (result.exit_code, result.stderr.splitlines()[-1]) == (2, said)

@@ -8,7 +8,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pytest
 from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
@@ -17,17 +16,14 @@ from epuck_sim.cli.listing import list_measures
 from tests.cli.commands import called, read
 
 
-@pytest.mark.parametrize("words", [(), ("run",), ("new", "controller")])
-def test_h_is_short_for_help(words: tuple[str, ...]) -> None:
-    assert called(*words, "-h") == called(*words, "--help")
-
-
-@pytest.mark.parametrize("command", ["run", "summarize", "plot"])
-def test_help_of_the_first_commands_fits_a_screen_and_the_rest_is_below_a_fold(command: str) -> None:
-    told = called(command, "--help", env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"})
-    assert len(told.splitlines()) <= 40
-    assert max(map(len, told.splitlines())) <= 80
-    assert "…" not in told
+def test_h_is_short_for_help_and_that_of_the_first_commands_fits_a_screen_with_the_rest_below_a_fold() -> None:
+    for words in ((), ("run",), ("new", "controller")):
+        assert called(*words, "-h") == called(*words, "--help")
+    for command in ("run", "summarize", "plot"):
+        told = called(command, "--help", env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"})
+        assert len(told.splitlines()) <= 40, command
+        assert max(map(len, told.splitlines())) <= 80, command
+        assert "…" not in told
 
 
 def test_help_all_shows_every_option_in_groups_and_so_does_that_of_track() -> None:
@@ -53,22 +49,18 @@ def test_lists_are_also_json() -> None:
     assert read("list", "--measures") == list_measures()
 
 
-@pytest.mark.parametrize(
-    ("typed", "completed"),
-    [
-        ("epuck-sim run the", ["thesis"]),
-        ("epuck-sim run --work", ["--workers"]),
-        ("epuck-sim check fig-4-3", ["fig-4-3a", "fig-4-3b"]),
-        ("epuck-sim run thesis --controller reo", ["reorientation", "reorienting_firefly"]),
-        ("epuck-sim run thesis --measure spann", ["spanning_time"]),
-        ("epuck-sim summ", ["summarize"]),
-    ],
-)
-def test_shells_complete_names_and_options(typed: str, completed: list[str]) -> None:
-    words = len(typed.split())
-    environment = {"_EPUCK_SIM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(words - 1)}
-    result = CliRunner().invoke(app, [], prog_name="epuck-sim", env=environment)
-    assert result.stdout.split() == completed
+def test_shells_complete_names_and_options() -> None:
+    for typed, completed in {
+        "epuck-sim run the": ["thesis"],
+        "epuck-sim run --work": ["--workers"],
+        "epuck-sim check fig-4-3": ["fig-4-3a", "fig-4-3b"],
+        "epuck-sim run thesis --controller reo": ["reorientation", "reorienting_firefly"],
+        "epuck-sim run thesis --measure spann": ["spanning_time"],
+        "epuck-sim summ": ["summarize"],
+    }.items():
+        words = {"COMP_WORDS": typed, "COMP_CWORD": str(len(typed.split()) - 1)}
+        environment = {"_EPUCK_SIM_COMPLETE": "complete_bash", **words}
+        assert CliRunner().invoke(app, [], prog_name="epuck-sim", env=environment).stdout.split() == completed
 
 
 LOADED = """

@@ -1,7 +1,9 @@
-"""A command ends when it is asked to, even where compiled code never returns, and leaves terminals as they were."""
+"""A command ends when it is asked to, even where compiled code never returns, and leaves terminals as they were; and
+the docs' job array, with stand-ins for what SLURM brings, ends in time and is queued again."""
 
 import os
 import pty
+import re
 import select
 import signal
 import subprocess
@@ -17,10 +19,14 @@ import pytest
 from epuck_sim.cli import app as command
 from epuck_sim.cli import interrupt
 from epuck_sim.cli.keys import pressed_keys
+from epuck_sim.runs.folder import DATABASE
+from epuck_sim.runs.reader import read_status
 from tests.cli.commands import called
 from tests.control.bench import with_step
 from tests.processes import COMMAND, processes_marked, start, wait_until
+from tests.sweep.short_sweeps import short_sweep, stored
 
+ROOT = Path(interrupt.__file__).parents[2]
 ENDLESS = with_step("""memory.x += 1
     if memory.x > 5:
         print("in the loop")
@@ -47,24 +53,18 @@ def scene(tmp_path, _compiled) -> Path:
     return write_scene(tmp_path)
 
 
-IMPATIENT = """
-import sys
-from epuck_sim.__main__ import main
-from epuck_sim.cli import interrupt
-interrupt.GRACE_S = 0.3
-sys.argv[0] = "epuck-sim"
-main()
-"""
-"""The command, that waits less long for a main thread that does not react."""
-
-
 def running(scene: Path, *arguments: str) -> subprocess.Popen:
     """Start the command, whose processes are marked by the scene's folder; they end with the test."""
     options = {
         "cwd": scene.parent,
-        "env": {"PYTHONUNBUFFERED": "1", "PYTHONPATH": str(Path(interrupt.__file__).parents[2])},
+        "env": {"PYTHONUNBUFFERED": "1", "PYTHONPATH": str(ROOT)},
+        "mark": scene.parent.name,
     }
-    return start([sys.executable, "-c", IMPATIENT, "run", scene, *arguments], mark=scene.parent.name, **options)
+    # waits less long for a main thread that does not react
+    impatient = (
+        "from epuck_sim.cli import interrupt; interrupt.GRACE_S = 0.3; from epuck_sim.__main__ import main; main()"
+    )
+    return start([sys.executable, "-c", impatient, "run", scene, *arguments], **options)
 
 
 def end_of(process: subprocess.Popen) -> tuple[int, str]:
@@ -195,7 +195,7 @@ def test_a_request_in_a_destructor_is_not_lost() -> None:
     process = start([sys.executable, "-c", DROPPED])
     assert process.stdout.readline() == "in a destructor\n"
     process.send_signal(signal.SIGTERM)
-    _, stderr = process.communicate(timeout=300)
+    _, stderr = end_of(process)
     assert stderr.startswith("interrupted\n")
     assert "Exception ignored" not in stderr
 
@@ -266,3 +266,34 @@ def read_until_silent(terminal: int, limit_s: float) -> str:
         except OSError:  # the program has ended
             break
     return found.decode()
+
+
+def queue(folder: Path, scenario: Path, number: int, of: int) -> subprocess.Popen:
+    """Start the script as SLURM would start job `number` of an array of `of`, for a scenario of ours."""
+    blocks = re.findall(r"^```bash\n(.*?)^```", (ROOT / "docs/clusters.md").read_text(), re.M | re.S)
+    (script,) = [block for block in blocks if "#SBATCH" in block]
+    (folder / "array.sh").write_text(script.replace("fig-4-2a", str(scenario)).replace("/40", f"/{of}"))
+    tools = {"epuck-sim": f'exec {sys.executable} -m epuck_sim "$@"', "scontrol": f'echo "$@" >> {folder}/requeued'}
+    (folder / "bin").mkdir(exist_ok=True)
+    for name, line in tools.items():
+        (folder / "bin" / name).write_text(f"#!/bin/sh\n{line}\n")
+        (folder / "bin" / name).chmod(0o755)
+    given = {"SLURM_ARRAY_TASK_ID": str(number), "SLURM_ARRAY_JOB_ID": "77", "SLURM_CPUS_PER_TASK": "1"}
+    path = {"PATH": f"{folder / 'bin'}:{os.environ['PATH']}", "SLURM_TMPDIR": str(folder / "node")}
+    return subprocess.Popen(["bash", "array.sh"], cwd=folder, env={**os.environ, **given, **path})
+
+
+def test_a_job_whose_time_is_nearly_up_is_queued_again_and_goes_on_to_the_end_of_its_share(tmp_path) -> None:
+    scenario, local = short_sweep(tmp_path, 60), tmp_path / "node" / "share-77-2"
+    job = queue(tmp_path, scenario, 2, 3)
+    wait_until(lambda: stored(local) > 0, 300)
+    job.send_signal(signal.SIGUSR1)
+    assert job.wait(300) == 0
+    assert (tmp_path / "requeued").read_text() == "requeue 77_2\n"
+    kept = tmp_path / "runs/shares/2"
+    assert 0 < stored(kept) < 160
+    (local / DATABASE).unlink()  # the next job may have another node
+    assert queue(tmp_path, scenario, 2, 3).wait(300) == 0
+    status = read_status(kept)
+    assert (status.share, status.stored, status.trials) == ("2/3", 160, 160)
+    assert (tmp_path / "requeued").read_text() == "requeue 77_2\n"

@@ -10,8 +10,9 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NamedTuple
-from unittest.mock import Mock
+from typing import Any
+from unittest.mock import ANY, Mock
+from unittest.mock import call as method
 
 import pytest
 
@@ -23,22 +24,14 @@ from epuck_sim.recording.live import sleep
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.runs.reader import read_outcome
-from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util import machine
 from tests.cli.commands import call, called, cells, contents, refused, trials
 from tests.control.bench import with_step
 from tests.processes import COMMAND, start, wait_until
-from tests.runs.made_folders import edit
+from tests.runs.made_folders import SPEED, edit, sweep
 
-SWEEP = """
-name: short
-arena: {width_cm: 40, height_cm: 40}
-robots: [{count: 3, controller: firefly}]
-stop: {max_cycles: 6}
-trials: 3
-sweep: {grid: {robots.0.parameters.speed_cm_s: [1, 4, 8]}}
-"""
 ADDRESS = "http://127.0.0.1"
 
 
@@ -60,33 +53,21 @@ def pair(tmp_path_factory) -> Path:
 def swept(tmp_path_factory) -> Path:
     """Return a run folder that no test changes: 3 points of 3 trials."""
     folder = tmp_path_factory.mktemp("swept")
-    (folder / "short.yaml").write_text(SWEEP)
+    small = {"arena": {"width_cm": 40, "height_cm": 40}, "robots": [{"count": 3}], "stop": {"max_cycles": 6}}
+    (folder / "short.yaml").write_text(write_scenario(sweep({SPEED: [1, 4, 8]}, 3, "short", **small)))
     assert call("run", folder / "short.yaml", "--out", folder / "run", "--workers", "1").exit_code == 0
     return folder / "run"
 
 
-class Views(NamedTuple):
-    """What the command asks viewers for."""
-
-    shown: list[Path]
-    served: list[tuple[Path, int]]
-    drawn: list[tuple[Path, float, Path]]
-
-
 @pytest.fixture
-def views(monkeypatch) -> Views:
-    """Have no viewer opened."""
-    found = Views([], [], [])
-
-    def serve(path: Path, port: int, tell) -> None:
-        found.served.append((path, port))
-        tell(f"{ADDRESS}:{port}")
-
+def views(monkeypatch) -> Mock:
+    """Have no viewer opened, and noted what is asked of them."""
+    found = Mock()
+    found.serve.side_effect = lambda _, port, tell: tell(f"{ADDRESS}:{port}")
     monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.setattr(machine, "check_port", lambda _: None)
-    monkeypatch.setattr(viewer, "show", found.shown.append)
-    monkeypatch.setattr(viewer, "serve", serve)
-    monkeypatch.setattr(viewer, "draw_screenshot", lambda *call: found.drawn.append(call))
+    for way in ("show", "serve", "draw_screenshot"):
+        monkeypatch.setattr(viewer, way, getattr(found, way))
     return found
 
 
@@ -97,7 +78,7 @@ def test_the_level_says_how_much_is_recorded_and_any_is_shown(tmp_path, views, l
     assert read.level is level
     assert read.memory["phase_ms"].shape == (len(read.time_s), 2)
     called("replay", tmp_path / "t.rrd")
-    assert views.shown == [tmp_path / "t.rrd"]
+    views.show.assert_called_once_with(tmp_path / "t.rrd")
 
 
 def test_trials_of_a_run_folder_are_simulated_again_and_shown(swept, here, views) -> None:
@@ -105,7 +86,7 @@ def test_trials_of_a_run_folder_are_simulated_again_and_shown(swept, here, views
     for point, trial in [(0, 0), (1, 1), (2, 1)]:
         name = f"run-point-{point}-trial-{trial}.rrd"
         assert called("replay", swept, "--point", point, "--trial", trial).splitlines()[-1] == name
-        assert views.shown.pop() == Path(name)
+        views.show.assert_called_with(Path(name))
         recorded = check_is(here / name, swept, point, trial)
         outcomes.add(read_outcome(swept, point, trial))
         assert read_outcome(swept, point, trial) == (recorded.cycles, not recorded.synchronised)
@@ -115,13 +96,21 @@ def test_trials_of_a_run_folder_are_simulated_again_and_shown(swept, here, views
     assert contents(swept) == before
 
 
-def test_it_is_recorded_to_the_file_that_is_given(swept, here, views) -> None:
+def test_it_is_recorded_to_the_file_that_is_given_also_interpreted(swept, here, views, monkeypatch) -> None:
     target = here / "mine.rrd"
     words = ["replay", swept, "--point", "0", "--trial", "1", "--record", target, "--web", "--port", "1234"]
     assert call(*words).stdout.splitlines()[-2:] == [str(target), f"{ADDRESS}:1234"]
     assert list(here.iterdir()) == [target]
     check_is(target, swept, 0, 1)
-    assert views.served == [(target, 1234)]
+    views.serve.assert_called_once_with(target, 1234, ANY)
+    simulate = Mock(side_effect=Simulation)
+    monkeypatch.setattr("epuck_sim.cli.trials.simulate", simulate)
+    words = ["replay", swept, "--point", "1", "--trial", "1", "--record", here / "t.rrd"]
+    called(*words, "--interpret")
+    check_is(here / "t.rrd", swept, 1, 1)
+    called(*words)
+    assert [call.kwargs for call in simulate.call_args_list] == [{"interpret": True}, {"interpret": False}]
+    assert views.show.call_count == 2
 
 
 @pytest.mark.parametrize("name", ["v0.5", "thesis"])  # which is a shipped scenario, too
@@ -131,19 +120,8 @@ def test_the_folder_s_own_name_is_in_the_default_one(swept, tmp_path, monkeypatc
     words = ["--point", "0", "--trial", "0", "--screenshot", "p.png", "--at", "0.5"]
     file = Path(f"{name}-point-0-trial-0.rrd")
     assert called("replay", "." if name == "v0.5" else name, *words).splitlines()[-1] == str(file)
-    assert views.drawn == [(file, 0.5, Path("p.png"))]
+    views.draw_screenshot.assert_called_once_with(file, 0.5, Path("p.png"))
     assert read_recording(file).scenario.name == "short"
-
-
-def test_an_interpreted_trial_of_a_run_folder_is_the_same_one(swept, tmp_path, views, monkeypatch) -> None:
-    simulate = Mock(side_effect=Simulation)
-    monkeypatch.setattr("epuck_sim.cli.trials.simulate", simulate)
-    words = ["replay", swept, "--point", "1", "--trial", "1", "--record", tmp_path / "t.rrd"]
-    called(*words, "--interpret")
-    check_is(tmp_path / "t.rrd", swept, 1, 1)
-    called(*words)
-    assert [call.kwargs for call in simulate.call_args_list] == [{"interpret": True}, {"interpret": False}]
-    assert len(views.shown) == 2
 
 
 def test_where_nothing_can_be_shown_the_trial_is_recorded_all_the_same(swept, here, monkeypatch) -> None:
@@ -172,24 +150,23 @@ def test_a_trial_that_comes_out_otherwise_than_stored_is_noted(swept, here, view
     assert (result.exit_code, bool(result.stderr)) == (0, bool(note))
     assert result.stderr.startswith(note)
     assert ("epuck_sim 0.0.1" in result.stderr) == bool(note)
-    assert len(views.shown) == len(list(here.glob("*.rrd"))) == 1
+    assert views.show.call_count == len(list(here.glob("*.rrd"))) == 1
 
 
-def test_a_recording_is_served_and_the_address_printed_with_how_to_end(pair, views) -> None:
+def test_a_recording_is_served_with_an_address_and_how_to_end_or_drawn_at_the_end_or_the_moment_given(
+    pair, views
+) -> None:
     for arguments, port in (([], 9090), (["--port", "1234"], 1234)):
         result = call("replay", pair, "--web", *arguments)
         assert (result.exit_code, result.stdout) == (0, f"{ADDRESS}:{port}\n")
         assert result.stderr == "open this address in a browser on this machine:\npress Ctrl-C to end\n"
-        assert views == Views([], [(pair, port)], [])
-        views.served.clear()
-
-
-def test_a_screenshot_is_drawn_of_the_end_or_the_moment_that_is_given_up_to_the_end(pair, views) -> None:
+        assert views.method_calls == [method.serve(pair, port, ANY)]
+        views.reset_mock()
     end = read_recording(pair).time_s[-1]
     for at, drawn in ((None, end), (0.0, 0.0), (0.5, 0.5), (end, end)):
         assert called("replay", pair, "--screenshot", "p.png", *([] if at is None else ["--at", f"{at:g}"])) == ""
-        assert views == Views([], [], [(pair, drawn, Path("p.png"))])
-        views.drawn.clear()
+        assert views.method_calls == [method.draw_screenshot(pair, drawn, Path("p.png"))]
+        views.reset_mock()
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """The commands that read run folders: what they print and write, and how they end where something is wrong."""
 
+import os
 import shutil
 from functools import partial
 from pathlib import Path
@@ -11,24 +12,10 @@ from matplotlib import image
 from epuck_sim.estimate import Estimate, significant
 from epuck_sim.runs.folder import DATABASE
 from tests.cli.commands import call, called, cells, contents, read
-from tests.runs.made_folders import (
-    COUNT,
-    COUPLING,
-    MANY_SPEEDS,
-    SPEED,
-    SPEEDS,
-    bumpy,
-    bumpy_mean,
-    censored,
-    rows,
-    store,
-    sweep,
-    weibull,
-)
+from tests.runs import made_folders
+from tests.runs.made_folders import COUNT, COUPLING, MANY_SPEEDS, SPEED, SPEEDS, bumpy, rows, store, sweep, weibull
 
 FIGURE = ["T_sync-regimes.csv", "T_sync.csv", "T_sync.png", "T_sync.svg", "T_sync.txt"]
-SCENARIO = sweep({COUPLING: [0.1, 0.2], SPEED: MANY_SPEEDS}, trials=100, name="fig-x")
-SMALL = sweep({SPEED: SPEEDS}, trials=5)
 
 
 @pytest.fixture(scope="module")
@@ -36,15 +23,16 @@ def made(tmp_path_factory) -> Path:
     """Return a run folder that no test changes: point 0 has but three failed trials."""
 
     def law(point):
-        mean = bumpy_mean(point.axes[SPEED], point.axes[COUPLING] / 0.1)
+        mean = made_folders.bumpy_mean(point.axes[SPEED], point.axes[COUPLING] / 0.1)
         return weibull(point, mean, 97 if point.number else 0)
 
-    return store(tmp_path_factory.mktemp("made") / "run", SCENARIO, law, failed=3)
+    scenario = sweep({COUPLING: [0.1, 0.2], SPEED: MANY_SPEEDS}, trials=100, name="fig-x")
+    return store(tmp_path_factory.mktemp("made") / "run", scenario, law, failed=3)
 
 
-@pytest.fixture(scope="module")
-def small_one(tmp_path_factory) -> Path:
-    return store(tmp_path_factory.mktemp("small_one") / "run", SMALL, lambda point: weibull(point, 30))
+@pytest.fixture
+def small(tmp_path) -> Path:
+    return store(tmp_path / "small", sweep({SPEED: SPEEDS}, trials=5), lambda point: weibull(point, 30))
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
@@ -59,8 +47,7 @@ def test_export_writes_a_row_for_each_trial_with_a_result_and_tells_of_failed_on
     assert [path.name for path in tmp_path.iterdir()] == [target.name]
 
 
-def test_plot_writes_the_figure_into_the_folder_and_names_its_files(small_one, tmp_path) -> None:
-    small = Path(shutil.copytree(small_one, tmp_path / "small"))
+def test_plot_writes_the_figure_into_the_folder_and_names_its_files(small) -> None:
     before = set(contents(small))
     stdout = called("plot", small)
     assert sorted(Path(line).name for line in stdout.splitlines()) == FIGURE
@@ -69,9 +56,9 @@ def test_plot_writes_the_figure_into_the_folder_and_names_its_files(small_one, t
     assert image.imread(small / "T_sync.png").std() > 0.05
 
 
-def test_options_of_the_figure_are_those_of_the_section(small_one, figures_noted, tmp_path) -> None:
+def test_options_of_the_figure_are_those_of_the_section(small, figures_noted, tmp_path) -> None:
     words = ["--title", "mine", "--label", f"{SPEED}=speed = V", "--linear", "--points", "--font-pt", 9]
-    assert call("plot", small_one, *words, "--to", tmp_path / "fig").exit_code == 0
+    assert call("plot", small, *words, "--to", tmp_path / "fig").exit_code == 0
     (panel,) = figures_noted[0].axes
     assert (figures_noted[0].get_suptitle(), panel.get_xlabel(), panel.get_yscale()) == ("mine", "speed = V", "linear")
     assert panel.xaxis.label.get_fontsize() == 9
@@ -109,9 +96,7 @@ def test_what_is_damaged_empty_or_no_folder_is_refused_by_every_command_and_noth
 
 
 @pytest.mark.parametrize("trials", [1, 3])
-def test_with_few_trials_fit_prints_no_p_value_plot_no_bands_and_no_marks_and_both_say_so(
-    trials, figures_noted, tmp_path
-) -> None:
+def test_with_few_trials_fit_prints_no_p_value_and_plot_no_bands_nor_marks(trials, figures_noted, tmp_path) -> None:
     few = store(tmp_path / "few", sweep({SPEED: MANY_SPEEDS}, trials=trials), bumpy)
     stdout = called("fit", few)
     assert "Not looked for on 1 of 1 curves: fewer than 20 trials at 13 of 13 speeds" in stdout
@@ -128,19 +113,12 @@ def test_with_few_trials_fit_prints_no_p_value_plot_no_bands_and_no_marks_and_bo
     assert [row["low"] + row["high"] for row in rows(tmp_path / "fig.csv")] == [""] * len(MANY_SPEEDS)
 
 
-@pytest.fixture(scope="module")
-def two(tmp_path_factory) -> tuple[Path, Path]:
-    """Return two folders, of which the second has T_sync half as long again."""
-    base = tmp_path_factory.mktemp("two")
+def test_compare_prints_points_and_what_holds_over_all_and_plan_how_long_more_trials_take(tmp_path) -> None:
     swept = partial(sweep, {COUNT: [5, 10], SPEED: [1, 2]}, trials=60)
-    first = store(base / "a", swept(seed=0), lambda point: weibull(point, 90 / point.axes[SPEED]))
-    return first, store(base / "b", swept(seed=1), lambda point: weibull(point, 135 / point.axes[SPEED]))
-
-
-def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> None:
-    stdout = called("compare", *two)
-    found = read("compare", *two)
-    assert (found["a"], found["b"]) == (str(two[0]), str(two[1]))
+    first = store(tmp_path / "a", swept(seed=0), lambda point: weibull(point, 90 / point.axes[SPEED]))
+    second = store(tmp_path / "b", swept(seed=1), lambda point: weibull(point, 135 / point.axes[SPEED]))
+    stdout, found = called("compare", first, second), read("compare", first, second)
+    assert (found["a"], found["b"]) == (str(first), str(second))
     assert "trials A 60; trials B 60; censored A 0 %; censored B 0 %" in stdout
     for row, point in zip(cells(stdout), found["points"], strict=True):
         estimates = [str(Estimate(**point[name])) for name in ("first", "second", "ratio")]
@@ -149,10 +127,7 @@ def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> Non
         assert row == [str(point["axes"][COUNT]), str(point["axes"][SPEED]), *estimates, *p_values]
     assert found["ratio"]["low"] < 1.5 < found["ratio"]["high"]
     assert f"B / A = {Estimate(**found['ratio'])}, the geometric mean of 4 points; p = 0.0002" in stdout
-
-
-def test_plan_of_a_folder_tells_how_long_more_trials_take(two) -> None:
-    more = "plan", two[0], "--trials", 100_060, "--workers", 4
+    more = "plan", first, "--trials", 100_060, "--workers", 4
     stdout, duration = called(*more), read(*more)["duration"]
     assert "4 points, 100060 trials each: 400000 are left: 7 min of computing, 2 min with 4 workers." in stdout
     assert duration["compute_s"]["value"] == pytest.approx(400)
@@ -168,7 +143,7 @@ def test_plan_of_a_folder_tells_how_long_more_trials_take(two) -> None:
 )
 def test_plan_of_a_folder_says_where_trials_tell_of_time_alone(tmp_path, stop, printed: str, note: str) -> None:
     scenario = sweep({SPEED: [1, 2]}, trials=9, stop=stop)
-    result = call("plan", store(tmp_path / "run", scenario, lambda point: censored(point, 9)))
+    result = call("plan", store(tmp_path / "run", scenario, lambda point: made_folders.censored(point, 9)))
     assert result.exit_code == 0
     assert printed in result.stdout
     assert result.stderr[: len(note) or None] == note
@@ -195,3 +170,13 @@ def test_a_report_is_written_beside_its_folder_wherever_it_is_called(tmp_path, m
     monkeypatch.chdir(folder)
     assert called("report", ".") == f"{page.resolve()}\n"
     assert page.exists()
+
+
+def test_results_and_traces_may_have_names_that_are_not_utf_8(tmp_path) -> None:
+    folder = store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=2), lambda _: made_folders.ended([5, 6]))
+    exported, traced = ("export", folder, "--to"), ("run", "pair", "--set", "stop.max_time_s=0.3", "--trace")
+    for words, ending in ((exported, ".csv"), (exported, ".parquet"), (traced, ".parquet")):
+        odd, even = (tmp_path / f"{name}{ending}" for name in (os.fsdecode(b"b\xffd"), "same"))
+        for path in (odd, even):
+            called(*words, path)
+        assert odd.read_bytes() == even.read_bytes()

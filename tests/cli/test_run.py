@@ -114,15 +114,12 @@ SWEEP = ("particles", "--sweep", "agents.speed_cm_s=1,2,3", "--set", "trials=400
 LARGE = ("arena.width_cm=5000", "arena.height_cm=5000", "robots.0.count=20000", "robots.0.camera.pixels=900")
 
 
-def test_check_says_how_many_points_and_trials_there_are_and_what_they_and_measures_and_large_swarms_take() -> None:
+def test_check_and_sweeps_say_how_many_points_and_trials_there_are_and_what_they_take(tmp_path) -> None:
     printed = called("check", *SWEEP)
     assert printed.endswith("\n# 3 points, 1200 trials: about 174 kB on disk\n")
     assert load_scenario(parse_yaml(printed, "stdout")).trials == 400
     last = called("check", "thesis", *set_to(*LARGE, "measures=[order_parameter]")).splitlines()[-1]
     assert last == "# 1 point, 1 trial: about 0.14 kB on disk, besides its measures; up to 240 MB of memory for a trial"
-
-
-def test_a_sweep_begins_with_its_size_and_its_folder_is_none_for_trials_of_robots(tmp_path) -> None:
     result = call("run", *SWEEP, "--trials", "2", "--out", tmp_path / "run", "--json", "--workers", "1")
     assert result.exit_code == 0
     assert result.stderr.startswith("particles: 3 points, 6 trials: about 0.87 kB on disk\n")
@@ -165,22 +162,12 @@ def test_json_holds_what_the_library_gives_also_where_the_reference_never_fires(
     assert (t_sync, censored, order) == ("-", "yes, at 0", "-")
 
 
-LOUD = """
-import runpy, sys
-from epuck_sim.cli import progress
-progress.LINE_S = 0.05
-sys.argv[0] = "epuck-sim"
-runpy.run_module("epuck_sim", run_name="__main__")
-"""
-"""The command, that tells more often how far it is."""
-
-
 def test_ctrl_c_ends_a_long_trial_soon(tmp_path) -> None:
     options = set_to("agents.speed_cm_s=0", "response.coupling=0", "stop.max_cycles=1000000000")
-    errors = tmp_path / "stderr"
+    errors, path = tmp_path / "stderr", {"PYTHONPATH": str(Path(progress.__file__).parents[2])}
+    loud = "from epuck_sim.cli import progress; progress.LINE_S = 0.05; from epuck_sim.__main__ import main; main()"
     with errors.open("w") as stderr:
-        path = {"PYTHONPATH": str(Path(progress.__file__).parents[2])}
-        process = start([sys.executable, "-c", LOUD, "run", "particles", *options], env=path, stderr=stderr)
+        process = start([sys.executable, "-c", loud, "run", "particles", *options], env=path, stderr=stderr)
     wait_until(lambda: errors.read_text().count("x real time") > 3)
     process.send_signal(signal.SIGINT)
     stdout, _ = process.communicate(timeout=300)  # the trial itself would take hours

@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from contextlib import suppress
 from io import StringIO
 from threading import Event
@@ -28,8 +27,6 @@ from epuck_sim.util import jit, native
 from epuck_sim.util.provenance import PROVENANCE
 from tests.cli.commands import call, called
 
-TRIALS = 1000
-
 
 @pytest.fixture
 def clock(monkeypatch) -> SimpleNamespace:
@@ -40,7 +37,7 @@ def clock(monkeypatch) -> SimpleNamespace:
 
 
 def tally(ended: int, before: int = 0, censored: int = 0, failed: int = 0) -> SweepProgress:
-    return SweepProgress(TRIALS, before + ended - failed, censored, failed, ended)
+    return SweepProgress(1000, before + ended - failed, censored, failed, ended)
 
 
 def shown(clock, capsys, steps: list[tuple[float, SweepProgress]]) -> list[str]:
@@ -88,30 +85,17 @@ def test_lines_come_no_more_often_than_they_should_and_the_last_always(clock, ca
     assert [int(line.split()[0]) for line in shown(clock, capsys, steps)] == told
 
 
-@pytest.fixture
-def terminal(monkeypatch) -> Callable[..., StringIO]:
-    """Return what lets stderr be a terminal of a width, and returns what is written to it."""
-
-    def make(width: int = 120) -> StringIO:
-        console = Console(file=StringIO(), force_terminal=True, width=width, color_system=None, legacy_windows=False)
-        monkeypatch.setattr(progress, "Console", lambda *, stderr: console if stderr else pytest.fail("on stdout"))
-        return console.file
-
-    return make
-
-
 @pytest.mark.parametrize("width", [120, 60])
-def test_on_a_terminal_there_is_a_bar_with_the_same_words_which_stay_whole(clock, capsys, terminal, width) -> None:
-    written = terminal(width)
+def test_on_a_terminal_there_is_a_bar_whose_words_stay_whole_and_after_ctrl_c_the_cursor_again(
+    clock, capsys, monkeypatch, width
+) -> None:
+    written = StringIO()
+    console = Console(file=written, force_terminal=True, width=width, color_system=None, legacy_windows=False)
+    monkeypatch.setattr(progress, "Console", lambda *, stderr: console if stderr else pytest.fail("on stdout"))
     assert shown(clock, capsys, [(0, tally(0)), (5, tally(1)), (65, tally(501, censored=3))]) == []
     last = re.sub(r"\x1b\[[?\d]*[a-zA-Z]", "", written.getvalue().rpartition("\r")[2]).strip()
     assert 0 < last.count("━") <= 20  # of 40
     assert last.endswith("501 of 1000 trials, 3 censored, 500 a minute, 60 s left")
-
-
-@pytest.mark.usefixtures("clock")
-def test_after_ctrl_c_the_terminal_has_its_cursor_again(terminal) -> None:
-    written = terminal()
     with suppress(KeyboardInterrupt), SweepProgressBar() as tell:
         tell(tally(1))
         raise KeyboardInterrupt
@@ -119,7 +103,6 @@ def test_after_ctrl_c_the_terminal_has_its_cursor_again(terminal) -> None:
 
 
 FAILURES = [Failure(point, 3 * point, 77, f"ValueError: {point}") for point in range(MOST_LISTED + 5)]
-HOSTS = {"a": 1000, "b": 234}
 MADE_BY = "epuck_sim 1, pymunk 7, numba 0.65, numpy 2, python 3.11"
 
 
@@ -132,7 +115,7 @@ def status(**changes) -> Status:
         censored=56,
         failed=[],
         wall_s=7200.0,
-        versions=[TrialsByOrigin("1", "7", "0.65", "2", "3.11", host, trials) for host, trials in HOSTS.items()],
+        versions=[TrialsByOrigin("1", "7", "0.65", "2", "3.11", host, n) for host, n in (("a", 1000), ("b", 234))],
         at_work=None,
     )._replace(**changes)
 
@@ -215,18 +198,15 @@ def trial(number: int, **changes) -> TrialResult:
     return TrialResult("thesis", number, 10 + number, False, 10 + number, 0.9, 9, 9.0, 0.4)._replace(**changes)
 
 
-@pytest.mark.parametrize("width", [200, 80, None])
-def test_a_table_of_trials_has_units_and_whole_seeds_on_any_terminal(monkeypatch, capsys, width: int | None) -> None:
-    monkeypatch.setattr(tables, "terminal_width", lambda: width)
-    tables.print_trials([trial(24, seed=2**53 - 1)], 100)
-    shown = capsys.readouterr().out
-    assert str(2**53 - 1) in shown
-    assert shown.count("(s)") == 2
-    assert "(cycles)" in shown
-    assert "T_sync of" not in shown
-
-
-def test_several_trials_end_with_a_line_of_statistics(capsys) -> None:
+def test_a_table_of_trials_has_units_and_whole_seeds_and_several_a_line_of_statistics(monkeypatch, capsys) -> None:
+    for width in (200, 80, None):
+        monkeypatch.setattr(tables, "terminal_width", lambda width=width: width)
+        tables.print_trials([trial(24, seed=2**53 - 1)], 100)
+        shown = capsys.readouterr().out
+        assert str(2**53 - 1) in shown
+        assert shown.count("(s)") == 2
+        assert "(cycles)" in shown
+        assert "T_sync of" not in shown
     late = {"t_sync_cycles": None, "censored": True, "cycles": 25}
     tables.print_trials([trial(n, **late if n > 15 else {}) for n in range(20)], 25)
     measured = Measured(np.minimum(10.0 + np.arange(20), 25), np.arange(20) <= 15, 25, 0)
