@@ -40,12 +40,6 @@ AREAS = [
 ]
 
 
-def test_the_area_of_a_polygon_in_closed_form_from_whichever_corner_it_begins():
-    for corners, area in AREAS:
-        for shift in range(len(corners)):
-            assert polygon_area(np.roll(corners, shift, axis=0)) == pytest.approx(area, abs=1e-9)
-
-
 CONVEX = [ring(3), SQUARE, box_corners(0, 0, 30, 0.1, 0.7), ring(7, first=0.3), ring(100), ring(5) * (1e-3, 1e3) + 500]
 NOT_CONVEX = {
     "clockwise": SQUARE[::-1],
@@ -60,7 +54,10 @@ NOT_CONVEX = {
 }
 
 
-def test_convex_polygons_are_told_from_others_from_whichever_corner_they_begin():
+def test_areas_and_convexity_of_polygons_are_found_from_whichever_corner_they_begin():
+    for corners, area in AREAS:
+        for shift in range(len(corners)):
+            assert polygon_area(np.roll(corners, shift, axis=0)) == pytest.approx(area, abs=1e-9)
     for expected, polygons in ((True, CONVEX), (False, NOT_CONVEX.values())):
         for corners in polygons:
             assert {is_convex(np.roll(corners, shift, axis=0)) for shift in range(len(corners))} == {expected}
@@ -79,10 +76,15 @@ def test_a_point_is_contained_where_its_distance_to_the_polygon_is_not_positive(
     np.testing.assert_array_equal(contains(polygon, points.astype(np.float32)), contains(polygon, points))
 
 
-def test_clearance_is_negative_beyond_a_wall_and_within_an_obstacle_and_0_at_its_edge():
+def test_clearance_is_negative_beyond_walls_and_in_obstacles_and_edges_of_polygons_run_from_corner_to_corner():
     arena = make_arena(100, 40, [(20, 20, 4)], [])
     for point, clearance in [((50, 41), -1), ((-3, 20), -3), ((-3, -4), -4), ((20, 24), 0), ((20, 20), -4)]:
         assert clearance_cm(arena, *point) == pytest.approx(clearance, abs=1e-12)
+    triangle = ring(3)
+    edges = make_arena(100, 100, [(5, 5, 1)], [SQUARE, triangle]).edges
+    np.testing.assert_array_equal(edges[:, :2], np.vstack([SQUARE, triangle]))
+    np.testing.assert_array_equal(edges[:4, 2:], np.roll(SQUARE, -1, axis=0))
+    np.testing.assert_array_equal(edges[4:, 2:], np.roll(triangle, -1, axis=0))
 
 
 def _on_boundary(corners, share):
@@ -119,22 +121,11 @@ def test_clearance_is_that_of_the_nearest_of_many_points_on_walls_and_obstacles(
     assert found == pytest.approx(min(gaps), abs=0.015)  # points lie up to 0.025 cm apart
 
 
-def test_the_edges_of_polygons_run_from_corner_to_corner_and_close():
-    triangle = ring(3)
-    edges = make_arena(100, 100, [(5, 5, 1)], [SQUARE, triangle]).edges
-    np.testing.assert_array_equal(edges[:, :2], np.vstack([SQUARE, triangle]))
-    np.testing.assert_array_equal(edges[:4, 2:], np.roll(SQUARE, -1, axis=0))
-    np.testing.assert_array_equal(edges[4:, 2:], np.roll(triangle, -1, axis=0))
-
-
-def test_a_white_floor_is_bright_everywhere_and_dark_without_lamps():
+def test_a_picture_is_stretched_between_the_walls_and_a_floor_is_white_without_one_and_dark_without_lamps():
     arena = make_arena(60, 40, [], [])
     assert arena.floor.is_white
     assert brightness_at(arena, [[0, 30], [60, 99]], 7.0).tolist() == [[1, 1], [1, 1]]
     assert light_at(arena, [0, 30], [0, 20]).tolist() == [0, 0]
-
-
-def test_a_picture_is_stretched_between_the_walls_with_its_first_row_at_the_largest_y():
     ladder = np.array([(0, 51, 102), (153, 204, 255)], np.uint8)  # 0, 0.2, 0.4 above 0.6, 0.8, 1
     arena = make_arena(90, 40, [], [], floor=make_floor(1, [(0.5, (45, 20, 1))], ladder))
     x, y = np.array([5, 45, 85, 85, 45, 5, 45, -9, 99]), np.array([39, 21.5, 39, 1, 1, 1, 20, 50, -1])

@@ -26,8 +26,6 @@ from tests import golden
 
 GOLDEN = json.loads(golden.FILE.read_text())
 SAME_PLATFORM = golden.here() == GOLDEN["platform"]
-EARLY = {"poses", "phases"}
-WITHOUT_OUTCOME = ("OverheadSection", "FigureSection", "Condition", "SweepAxes")
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -49,7 +47,7 @@ def test_every_shipped_scenario_has_golden_values_and_no_two_cases_the_same_so_t
 @pytest.mark.parametrize("name", GOLDEN["scenarios"])
 def test_a_shipped_scenario_runs_as_it_did(name: str) -> None:
     found, expected = golden.scenario(name), GOLDEN["scenarios"][name]
-    for key in EARLY & set(expected):
+    for key in {"poses", "phases"} & set(expected):
         np.testing.assert_allclose(found[key], expected[key], rtol=0, atol=1e-9)
     if SAME_PLATFORM:
         assert found == expected
@@ -91,8 +89,9 @@ def test_agents_of_a_case_do_as_they_did(name: str) -> None:
 
 def choices(schema: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the keys of a model that take one of some words, or a truth value, with each of these values."""
+    without_outcome = ("OverheadSection", "FigureSection", "Condition", "SweepAxes")
     for name, section in {"": schema, **schema["$defs"]}.items():
-        for key, value in section.get("properties", {}).items() if name not in WITHOUT_OUTCOME else ():
+        for key, value in section.get("properties", {}).items() if name not in without_outcome else ():
             for choice in (value, value.get("items", {}), *value.get("anyOf", ())):
                 words = choice.get("enum", [choice["const"]] if "const" in choice else [])
                 values = [False, True] if choice.get("type") == "boolean" else words

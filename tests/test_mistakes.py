@@ -16,7 +16,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,6 @@ from epuck_sim.scenario import yaml_io
 from tests.cli.commands import call, called, contents
 from tests.runs.made_folders import COUNT, SPEED, SPEEDS, WIDTH, Law, ended, store, store_measured, sweep, weibull
 from tests.tools import needs_compiler
-
-TABLE = Path(__file__).with_name("mistakes.yaml")
 
 AGENTS = {
     "agents.reorient_on": [[], ["emitting"], ["emitting", "receiving"]],
@@ -114,18 +112,16 @@ class FastLoader(yaml.CSafeLoader):
     yaml_implicit_resolvers = yaml_io._Loader.yaml_implicit_resolvers
 
 
-@cache
-def rows() -> list[dict[str, Any]]:
-    return yaml.load(TABLE.read_text(encoding="utf-8"), FastLoader)
-
-
 def marked(row: dict[str, Any]) -> Any:
     """Return a row as a parameter; firmware in C is compiled where there is a compiler."""
     in_c = any(name.endswith(".c") for name in row.get("files", ()))
     return pytest.param(row, marks=needs_compiler if in_c else (), id=row["says"][:70])
 
 
-@pytest.mark.parametrize("row", list(map(marked, rows())))
+ROWS = yaml.load(Path(__file__).with_name("mistakes.yaml").read_text(encoding="utf-8"), FastLoader)
+
+
+@pytest.mark.parametrize("row", list(map(marked, ROWS)))
 def test_a_mistake_ends_the_command_with_one_message_before_anything_runs(row, shelf, tmp_path, monkeypatch) -> None:
     for name in row.get("beside", ()):
         if not (shelf / name).exists():
@@ -160,4 +156,4 @@ def test_a_mistake_ends_the_command_with_one_message_before_anything_runs(row, s
 
 
 def test_what_has_a_name_lies_beside_a_row() -> None:
-    assert {name for row in rows() for name in row.get("beside", ())} == MAKERS.keys()
+    assert {name for row in ROWS for name in row.get("beside", ())} == MAKERS.keys()

@@ -31,13 +31,12 @@ def held_then(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "values.json").read_text())
 
 
-NAMES_NOW = {
+NAMES_NOW = {  # of what version 0.1.0 found in a film
     "t_sync_s": "histogram_s",
     "t_sync_periods": "histogram_periods",
     "t_sync_onsets_s": "t_sync_s",
     "t_sync_onsets_periods": "t_sync_periods",
 }
-"""Names of what version 0.1.0 found in a film that have changed."""
 
 
 def stored(folder: Path) -> dict[tuple[str, int], tuple[float, bool]]:

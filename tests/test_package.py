@@ -97,7 +97,7 @@ def test_it_runs_from_any_folder(wheel: Path, tmp_path: Path) -> None:
     assert json.loads(ran)["t_sync_cycles"] >= 1
 
 
-def test_dir_star_import_and_help_show_the_public_names_and_no_others() -> None:
+def test_dir_star_import_and_help_show_the_public_names_and_no_others_and_nothing_heavy_is_loaded() -> None:
     names = set(dir(epuck_sim))
     everything: dict[str, object] = {}
     exec("from epuck_sim import *", everything)
@@ -107,9 +107,6 @@ def test_dir_star_import_and_help_show_the_public_names_and_no_others() -> None:
     shown = pydoc.plain(pydoc.render_doc(epuck_sim))
     assert "Simulate swarms of e-puck robots" in shown
     assert "run_trial" in shown
-
-
-def test_importing_the_package_loads_nothing_heavy() -> None:
     code = "import sys, epuck_sim; print([name for name in ('numpy', 'numba', 'pydantic') if name in sys.modules])"
     assert subprocess.check_output([sys.executable, "-c", code], text=True) == "[]\n"
 

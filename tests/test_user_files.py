@@ -131,7 +131,7 @@ def test_the_docs_show_one_of_them():
         assert (PACKAGES / "crowding" / file).read_text() in shown
 
 
-def test_a_curve_and_a_reward_may_come_from_packages(site):
+def test_a_curve_and_a_reward_may_come_from_packages_and_a_file_without_a_reward_is_refused(site, tmp_path):
     path = install(site, "bends", "curves", "bent", "bends.bent", CURVE_FILE)
     install(site, "prizes", "rewards", "calm", "prizes", "def reward(situation):\n    return -situation.time_s\n")
     curve = find_curve("bent")
@@ -141,6 +141,9 @@ def test_a_curve_and_a_reward_may_come_from_packages(site):
     assert by_name.compiled == ("particles", "bent")
     situation = type("Situation", (), {"time_s": np.array([2.0])})
     assert find_reward("calm")(situation) == find_reward(str(site / "prizes.py"))(situation) == -2.0
+    for text, place in (("", ""), ("\nreward = 3", ":2")):
+        with pytest.raises(ScenarioError, match=f"mine.py{place}: a reward needs a function reward"):
+            find_reward(str(write(tmp_path / "mine.py", text)))
 
 
 @pytest.mark.parametrize("file", ["dark.py", "dark/__init__.py", "deep/dark.py", "deep/dark/__init__.py"])
@@ -209,9 +212,3 @@ def test_an_unknown_name_is_answered_with_the_nearest_and_what_is_installed(site
     known = r"response curves: dusk, .* and 2 more; or give a file that ends in \.py$"
     with pytest.raises(CurveError, match=rf"^unknown 'dask', did you mean 'dusk'\?; {known}"):
         find_curve("dask")
-
-
-def test_a_file_without_a_reward_is_refused(tmp_path):
-    for text, place in (("", ""), ("\nreward = 3", ":2")):
-        with pytest.raises(ScenarioError, match=f"mine.py{place}: a reward needs a function reward"):
-            find_reward(str(write(tmp_path / "mine.py", text)))
