@@ -1,4 +1,4 @@
-"""Controllers on the command line: which one runs, what is said of errors in them; and mistakes as far-fetched as theirs."""
+"""Controllers on the command line: which one runs, what is said of errors in them; and mistakes as far-fetched."""
 
 import re
 import sys
@@ -168,7 +168,7 @@ def test_a_message_that_is_no_unicode_costs_a_sweep_its_own_trial_alone(tmp_path
 
 
 def test_more_workers_than_the_system_allows_files_are_refused_at_once(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(resource, "getrlimit", lambda _: (64, 64))
+    monkeypatch.setattr("resource.getrlimit", lambda _: (64, 64))
     result = call("run", "thesis", "--trials", "99", "--workers", "64", "--out", tmp_path / "run")
     said = "error: 64 workers need 152 open files; allowed: 64, enough for 20 workers; ulimit -n raises it"
     assert (result.exit_code, result.stderr.splitlines()[-1]) == (2, said)
