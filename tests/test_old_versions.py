@@ -74,9 +74,7 @@ def test_a_film_shows_what_it_showed(old: Path) -> None:
         assert now == (pytest.approx(value, rel=0.02) if isinstance(value, float) else value), name
 
 
-def test_a_finished_run_folder_stays_finished_until_it_takes_further_trials_and_says_which_versions_made_them(
-    old: Path,
-) -> None:
+def test_a_finished_run_folder_stays_so_until_it_takes_further_trials_and_says_which_versions_made_them(old) -> None:
     held = run_values(old / RUN)
     progress = run_sweep(load_scenario(old / RUN), old / RUN, pool_here)
     assert (progress.ended, progress.stored) == (0, 6)

@@ -40,9 +40,7 @@ def wheel(built: Path) -> Path:
     return built / "unpacked"
 
 
-def test_the_source_distribution_holds_what_its_own_commands_need_and_who_cites_this_version_names_it(
-    built: Path,
-) -> None:
+def test_the_source_distribution_holds_what_its_commands_need_and_who_cites_this_version_names_it(built) -> None:
     (file,) = built.glob("*.tar.gz")
     assert file.name == f"epuck_sim-{epuck_sim.__version__}.tar.gz"
     with tarfile.open(file) as archive:

@@ -168,7 +168,7 @@ def test_a_scenario_of_a_package_names_files_beside_it_and_a_folder_of_its_name_
     assert load_scenario("square").population == 3
 
 
-def test_a_name_of_two_packages_is_refused_with_both_and_the_rest_works(site):
+def test_a_name_of_two_packages_or_of_one_and_ours_is_refused_when_it_is_used_and_the_rest_works(site):
     for package in ("night", "moon"):
         install(site, package, "controllers", "dark", f"{package}.dark", EMPTY)
     with pytest.raises(ControllerError, match=r"^'dark' is the name of two controllers: offered by \w+ and by \w+;"):
@@ -177,11 +177,9 @@ def test_a_name_of_two_packages_is_refused_with_both_and_the_rest_works(site):
     assert find_controller("firefly").name == "firefly"
     said = json.loads(called("list", "--json"))["controllers"]["dark"]
     assert {"night", "moon"} <= set(said.replace(";", "").split())
-
-
-def test_a_shipped_name_that_a_package_takes_is_refused_when_it_is_used(site):
-    install(site, "night", "measures", "coverage", "night.area", "def area(simulation): return 1")
-    said = "'coverage' is the name of two measures: offered by epuck-sim and by night; uninstall one of these"
+    install(site, "sky", "measures", "coverage", "sky.area", "def area(simulation): return 1")
+    look_again()
+    said = "'coverage' is the name of two measures: offered by epuck-sim and by sky; uninstall one of these"
     assert said in refused("run", "pair", "--measure", "coverage")
     assert said in json.loads(called("list", "--measures", "--json"))["measures"]["coverage"]
     assert find_measure("degree").name == "degree"

@@ -153,9 +153,7 @@ def test_a_trial_that_comes_out_otherwise_than_stored_is_noted(swept, here, view
     assert views.show.call_count == len(list(here.glob("*.rrd"))) == 1
 
 
-def test_a_recording_is_served_with_an_address_and_how_to_end_or_drawn_at_the_end_or_the_moment_given(
-    pair, views
-) -> None:
+def test_a_recording_is_served_with_an_address_and_how_to_end_or_drawn_at_its_end_or_a_moment(pair, views) -> None:
     for arguments, port in (([], 9090), (["--port", "1234"], 1234)):
         result = call("replay", pair, "--web", *arguments)
         assert (result.exit_code, result.stdout) == (0, f"{ADDRESS}:{port}\n")

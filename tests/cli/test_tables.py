@@ -86,9 +86,7 @@ def test_lines_come_no_more_often_than_they_should_and_the_last_always(clock, ca
 
 
 @pytest.mark.parametrize("width", [120, 60])
-def test_on_a_terminal_there_is_a_bar_whose_words_stay_whole_and_after_ctrl_c_the_cursor_again(
-    clock, capsys, monkeypatch, width
-) -> None:
+def test_a_terminal_has_a_bar_whose_words_stay_whole_and_its_cursor_after_ctrl_c(clock, capsys, monkeypatch, width):
     written = StringIO()
     console = Console(file=written, force_terminal=True, width=width, color_system=None, legacy_windows=False)
     monkeypatch.setattr(progress, "Console", lambda *, stderr: console if stderr else pytest.fail("on stdout"))

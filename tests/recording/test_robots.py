@@ -15,7 +15,6 @@ import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from epuck_sim import RecordingError, Scenario, Simulation, TrialResult, load_scenario, record, run_trial
-from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.observers import find_sightings, make_scene
 from epuck_sim.embodied.step import Step, memory_values
 from epuck_sim.recording import Level, recorder
@@ -99,18 +98,6 @@ def trial(request, tmp_path_factory) -> SimpleNamespace:
     return SimpleNamespace(scenario=scenario, beside=beside, watched=alone, results=results, **made)
 
 
-def slow_flashes(times: list[float], rings: BoolArray, phases: FloatArray) -> list[tuple[float, int, int]]:
-    """Return time, robot and cycle: a ring that lights up, or that is lit already while the phase falls."""
-    found, cycles = [], Counter[int]()
-    for row, time in enumerate(times):
-        for robot in np.flatnonzero(rings[row]).tolist():
-            was_lit = row > 0 and rings[row - 1][robot]
-            if not was_lit or phases[row][robot] < phases[row - 1][robot]:
-                cycles[robot] += 1
-                found.append((time, robot, cycles[robot]))
-    return found
-
-
 def test_a_recorded_trial_is_the_same_trial_each_step_has_its_time_and_each_chunk_is_a_flushed_buffer(trial) -> None:
     recorded_result, result = trial.results
     assert recorded_result == result
@@ -161,7 +148,12 @@ def test_poses_phases_rings_wheels_cameras_and_infrared_distances_are_those_of_t
 def test_flashes_are_counted_robot_by_robot_and_the_order_is_that_of_the_watch(trial) -> None:
     read, watched = trial.read, trial.watched
     flashes = list(zip(read.flash_s.tolist(), read.flash_robot.tolist(), read.flash_cycle.tolist(), strict=True))
-    expected = slow_flashes(read.time_s.tolist(), watched["ring_on"], watched["phase_ms"])
+    expected, cycles, rings, phases = [], Counter[int](), watched["ring_on"], watched["phase_ms"]
+    for row, time_s in enumerate(read.time_s.tolist()):
+        for robot in np.flatnonzero(rings[row]).tolist():  # that lights up, or is lit already while the phase falls
+            if row == 0 or not rings[row - 1][robot] or phases[row][robot] < phases[row - 1][robot]:
+                cycles[robot] += 1
+                expected.append((time_s, robot, cycles[robot]))
     assert flashes == expected
     np.testing.assert_array_equal(read.order_parameter, watched.order)
     assert list(zip(read.firing_s.tolist(), read.firing_order.tolist(), strict=True)) == watched.firings
@@ -238,9 +230,7 @@ def test_cones_of_any_signal_show_their_edges_and_those_all_around_are_circles(t
 
 
 @pytest.mark.parametrize(("rows", "robots"), [(recorder.BUFFER_ROWS, 3), (100, 2)])
-def test_in_a_picture_of_a_minute_time_runs_down_and_robots_with_room_stand_side_by_side(
-    tmp_path, monkeypatch, rows: int, robots: int
-) -> None:
+def test_in_a_picture_of_a_minute_time_runs_down_and_robots_with_room_are_beside(tmp_path, monkeypatch, rows, robots):
     """Two and a half pictures, of 120 steps each."""
     monkeypatch.setattr(layers, "PICTURE_STEPS", 120)
     monkeypatch.setattr(layers, "MAX_COLUMNS", robots * 16 + 10)

@@ -34,23 +34,20 @@ def record_thesis(path: Path, *others: Observer) -> None:
     recorded(path, THESIS, 1, Level.FULL, *others)
 
 
-def fail_at(number: int, error: type[BaseException]) -> Observer:
-    def fail(step: Step, _: SynchronyWatch) -> None:
-        if step.number == number:
-            raise error
-
-    return fail
-
-
-def test_where_the_trial_fails_nothing_is_left_and_a_full_disk_ends_it_when_the_next_buffer_is_written(
+def test_where_the_trial_fails_nothing_is_left_and_a_full_disk_ends_it_at_the_next_buffer(
     tmp_path, monkeypatch
 ) -> None:
     monkeypatch.setattr(recorder, "BUFFER_ROWS", 73)
     (tmp_path / "older.rrd").write_text("older")
     for number, error in ((0, ZeroDivisionError), (200, KeyboardInterrupt)):
+
+        def fail(step: Step, _: SynchronyWatch, at: int = number, error: type[BaseException] = error) -> None:
+            if step.number == at:
+                raise error
+
         for name in ("older.rrd", "new.rrd"):
             with pytest.raises(error):
-                record_thesis(tmp_path / name, fail_at(number, error))
+                record_thesis(tmp_path / name, fail)
             assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {"older.rrd": "older"}
     calls, steps = [], []
 

@@ -26,7 +26,6 @@ from epuck_sim.epuck import RADIUS_CM
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level, process, viewer
 from epuck_sim.recording.process import NO_GRAPHICS, in_background, run_rerun
-from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.viewer import draw_screenshot, has_display, serve, show, web_viewer
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, start, wait_until
@@ -42,17 +41,6 @@ def all_has_ended(tmp_path) -> Iterator[None]:
         yield
 
 
-def lit_step(read: Recorded) -> int:
-    """Return a step at which some rings have been lit for a while, and all robots stand free."""
-    positions, ring_on = read.positions.astype(float), read.ring_on
-    gaps = np.linalg.norm(positions[:, :, None] - positions[:, None], axis=-1) + 100 * np.eye(ring_on.shape[1])
-    beside = np.diff(np.sort(positions[..., 0], axis=1), axis=1).min(axis=1)
-    free = (gaps.min(axis=(1, 2)) > 8.5) & (beside > 0.2)
-    glowing = np.zeros_like(ring_on)
-    glowing[2:] = ring_on[2:] & ring_on[1:-1] & ring_on[:-2]
-    return int(np.flatnonzero(free & (ring_on.sum(axis=1) > 2) & (glowing.sum(axis=1) > 1))[0])
-
-
 @pytest.fixture(scope="module")
 def thesis(tmp_path_factory) -> tuple[Path, Watched]:
     path, watched = tmp_path_factory.mktemp("thesis") / "t.rrd", Watched()
@@ -64,9 +52,15 @@ def thesis(tmp_path_factory) -> tuple[Path, Watched]:
 def moment(thesis, tmp_path_factory) -> SimpleNamespace:
     """Return a step of the thesis arena, as it was and as it is drawn, (height, width, 3)."""
     path, watched = thesis
-    read = read_recording(path)
-    step = lit_step(read)
-    folder = tmp_path_factory.mktemp("picture")
+    read, folder = read_recording(path), tmp_path_factory.mktemp("picture")
+    # a step at which some rings have been lit for a while, and all robots stand free
+    positions, ring_on = read.positions.astype(float), read.ring_on
+    gaps = np.linalg.norm(positions[:, :, None] - positions[:, None], axis=-1) + 100 * np.eye(ring_on.shape[1])
+    beside = np.diff(np.sort(positions[..., 0], axis=1), axis=1).min(axis=1)
+    free = (gaps.min(axis=(1, 2)) > 8.5) & (beside > 0.2)
+    glowing = np.zeros_like(ring_on)
+    glowing[2:] = ring_on[2:] & ring_on[1:-1] & ring_on[:-2]
+    step = int(np.flatnonzero(free & (ring_on.sum(axis=1) > 2) & (glowing.sum(axis=1) > 1))[0])
     try:
         with nothing_left(folder), pytest.MonkeyPatch.context() as patch:
             patch.setattr(viewer, "MESSAGES_S", 0)  # it looks whether there are any all the same
@@ -225,35 +219,25 @@ print("ended")
 
 def test_a_browser_finds_the_viewer_on_this_machine_only_until_the_block_ends_or_fails(tmp_path) -> None:
     port = free_port()
-
-    def look_and_fail(server: process.ViewerProcess, address: str, intake: int) -> None:
-        page, marked = urlsplit(address), processes_marked(str(tmp_path))
-        assert (page.scheme, page.netloc) == ("http", f"127.0.0.1:{port}")
-        assert parse_qs(page.query) == {"url": [f"rerun+http://127.0.0.1:{intake}/proxy"]}
-        assert "<title>Rerun Viewer" in answer(address)
-        assert not server.has_ended
-        connections = [each for number in marked for each in psutil.Process(number).net_connections("tcp")]
-        heard = {tuple(each.laddr) for each in connections if each.status == psutil.CONN_LISTEN}
-        assert heard == {("127.0.0.1", port), ("127.0.0.1", intake)}
-        assert os.getpgrp() not in map(os.getpgid, marked)  # Ctrl-C in a terminal reaches us
-        raise ZeroDivisionError
-
     for _ in range(2):  # the port is free again
-        with pytest.raises(ZeroDivisionError), web_viewer(port) as started:
-            look_and_fail(*started)
+        with pytest.raises(ZeroDivisionError), web_viewer(port) as (server, address, intake):  # noqa: PT012 at its end
+            page, marked = urlsplit(address), processes_marked(str(tmp_path))
+            assert (page.scheme, page.netloc) == ("http", f"127.0.0.1:{port}")
+            assert parse_qs(page.query) == {"url": [f"rerun+http://127.0.0.1:{intake}/proxy"]}
+            assert "<title>Rerun Viewer" in answer(address)
+            assert not server.has_ended
+            connections = [each for number in marked for each in psutil.Process(number).net_connections("tcp")]
+            heard = {tuple(each.laddr) for each in connections if each.status == psutil.CONN_LISTEN}
+            assert heard == {("127.0.0.1", port), ("127.0.0.1", intake)}
+            assert os.getpgrp() not in map(os.getpgid, marked)  # Ctrl-C in a terminal reaches us
+            raise ZeroDivisionError
         wait_until(lambda: not processes_marked(str(tmp_path)))
-
-
-def ignore_signals() -> None:
-    """Do to a child process what a shell does to a background job, and more."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
 
 
 def waiting(stand: Stand) -> subprocess.Popen[str]:
     """Return a process that waits for its viewer to be closed; its parent ignored signals."""
     stand.acts(SLEEP)
-    process = start([sys.executable, "-c", WAIT, stand.script], preexec_fn=ignore_signals)
+    process = start(["bash", "-c", "trap '' INT TERM; exec \"$@\"", "bash", sys.executable, "-c", WAIT, stand.script])
     assert process.stdout.readline() == "open\n"
     return process
 
@@ -346,14 +330,15 @@ def test_a_second_ctrl_c_while_it_is_ended_leaves_none_behind(stand: Stand, tmp_
     assert window.has_ended
 
 
-def test_a_viewer_that_breaks_down_before_it_has_the_recording_is_reported(thesis, stand: Stand, monkeypatch) -> None:
+def test_a_viewer_that_breaks_down_before_it_has_the_recording_or_later_is_reported(
+    thesis, stand, tmp_path, monkeypatch
+):
     monkeypatch.setattr(viewer, "FLUSH_S", 0.2)
     stand.answers_and_says("no more of this", senders=1)  # rerun waits 10 s for one that it does not reach
     with pytest.raises(RecordingError, match=r"^the viewer does not work: no more of this$"):
         serve(thesis[0], free_port(), pytest.fail)
+    monkeypatch.undo()  # the real program
 
-
-def test_a_viewer_that_breaks_down_later_is_reported(thesis, tmp_path) -> None:
     def end_it(_: str) -> None:
         for each in processes_marked(str(tmp_path)):
             os.kill(each, signal.SIGKILL)

@@ -70,9 +70,7 @@ def test_keys_of_sweeps_and_measures_are_not_typed_and_a_longer_name_goes_on_aft
     assert "did you mean side_cm (space.side_cm)?" in guess("side", [], ["space.sides", "space.side_cm"])
 
 
-def test_an_ending_in_several_groups_means_all_of_them_and_says_so_and_an_axis_of_the_first_where_they_are_alike() -> (
-    None
-):
+def test_an_ending_in_several_groups_means_all_and_says_so_and_is_the_axis_of_the_first_where_they_are_alike() -> None:
     groups = {"name": "two", "robots": [{"count": 2}, {"count": 3}]}
     with pytest.warns(UserWarning, match=r"speed_cm_s stands for robots\.0\.\S+ and robots\.1\.parameters\.speed_cm_s"):
         scenario = load_scenario(groups, ["speed_cm_s=3"])

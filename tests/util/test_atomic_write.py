@@ -91,9 +91,7 @@ def test_temporary_files_and_folders_can_be_removed_from_outside_their_blocks(tm
         assert list(tmp_path.iterdir()) == []
 
 
-def test_what_a_killed_process_leaves_is_known_by_its_name_and_goes_when_the_file_is_written_a_day_later(
-    tmp_path,
-) -> None:
+def test_what_a_killed_process_leaves_is_known_by_its_name_and_goes_when_the_file_is_written_later(tmp_path) -> None:
     program = (
         "import os, sys; from pathlib import Path; from epuck_sim.util.atomic_write import atomic_write\n"
         "with atomic_write(Path(sys.argv[1])) as part:\n    part.touch()\n    os._exit(9)"
