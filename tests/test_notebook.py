@@ -12,17 +12,8 @@ from types import SimpleNamespace
 import pytest
 from rerun import notebook
 
-from epuck_sim import (
-    EpuckSimError,
-    RecordingError,
-    Simulation,
-    load_scenario,
-    read_points,
-    read_recording,
-    run_trial,
-    show,
-    summarize,
-)
+from epuck_sim import EpuckSimError, Simulation, load_scenario, read_points, read_recording, run_trial, show, summarize
+from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level
 from tests.recording.recordings import recorded
 from tests.runs.made_folders import SPEED, store, sweep, weibull

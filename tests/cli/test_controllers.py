@@ -10,14 +10,12 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+from epuck_sim import Simulation, load_scenario, points
 from epuck_sim.cli.app import app
-from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments.rewards import find_reward
 from epuck_sim.replication.claims import read_claims
 from epuck_sim.replication.sweeps import needed_sweeps
 from epuck_sim.runs.reader import read_status
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
 from epuck_sim.util.messages import describe_error
 from tests.cli.commands import call, called, read, refused
 from tests.control.bench import with_step

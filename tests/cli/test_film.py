@@ -20,16 +20,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from epuck_sim import Simulation, film_trial, load_scenario
+from epuck_sim import FilmError, Simulation, film_trial, load_scenario, read_recording
 from epuck_sim.cli import progress as progress_module
 from epuck_sim.cli.films import parse_arena, parse_corners
 from epuck_sim.cli.progress import progress_bar
 from epuck_sim.cli.tables import NAMES_WIDTH, print_track
-from epuck_sim.errors import FilmError
 from epuck_sim.overhead import live, track
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.film import Film, open_film
-from epuck_sim.recording.reader import read_recording
 from tests.cli.commands import call, called, refused, set_to, trials
 from tests.cli.films import frames_and_description, names
 from tests.overhead.films import PLACES, TRACK, described, even, in_step, read_rings, save, shoot

@@ -59,22 +59,17 @@ LAWS = {
 }
 
 
-@pytest.fixture
-def folder_of(tmp_path):
-    """Return what makes a run folder with a measure, whose values follow the law of its name."""
-
-    def make(name, trials=25, shift=0):
-        path = write(tmp_path / "mine.py", f"def {name}(simulation): return 0\n")
-        random = np.random.default_rng(3 + shift)
-        scenario = sweep({SPEED: SPEEDS, COUNT: [2, 6]}, measures=[str(path)], figure={"y": COUNT})
-        folder = tmp_path / f"{name}{shift}"
-        return store_measured(folder, scenario, lambda point: [LAWS[name](point, random) for _ in range(trials)])
-
-    return make
+def folder_of(here, name, trials=25, shift=0):
+    """Make a run folder with a measure, whose values follow the law of its name."""
+    path = write(here / "mine.py", f"def {name}(simulation): return 0\n")
+    random = np.random.default_rng(3 + shift)
+    scenario = sweep({SPEED: SPEEDS, COUNT: [2, 6]}, measures=[str(path)], figure={"y": COUNT})
+    folder = here / f"{name}{shift}"
+    return store_measured(folder, scenario, lambda point: [LAWS[name](point, random) for _ in range(trials)])
 
 
-def test_numbers_are_summarised_drawn_fitted_and_compared(folder_of, here):
-    folder, other = (folder_of("number", shift=shift) for shift in (0, 1))
+def test_numbers_are_summarised_drawn_fitted_and_compared(here):
+    folder, other = (folder_of(here, "number", shift=shift) for shift in (0, 1))
     printed, found = called("summarize", folder, "--of", "number"), read("summarize", folder, "--of", "number")
     assert "censored" not in printed
     assert "median" in printed
@@ -92,8 +87,8 @@ def test_numbers_are_summarised_drawn_fitted_and_compared(folder_of, here):
     assert "Over all: B / A = " in called("compare", folder, other, "--of", "number")
 
 
-def test_numbers_that_are_not_positive_have_no_ratio_and_no_extremes(folder_of):
-    folder = folder_of("signed")
+def test_numbers_that_are_not_positive_have_no_ratio_and_no_extremes(here):
+    folder = folder_of(here, "signed")
     assert "not all of its values are positive" in called("fit", folder, "--of", "signed")
     words = "compare", folder, "--of", "signed", "--axis", f"{SPEED}=0.1,10"
     (point, *_) = read(*words)["points"]
@@ -103,8 +98,8 @@ def test_numbers_that_are_not_positive_have_no_ratio_and_no_extremes(folder_of):
     assert called(*words).splitlines()[-1].startswith("Over all: B - A = ")
 
 
-def test_truth_values_are_shares(folder_of, here):
-    folder = folder_of("truth", trials=40)
+def test_truth_values_are_shares(here):
+    folder = folder_of(here, "truth", trials=40)
     printed, (row, *_) = called("summarize", folder, "--of", "truth"), read("summarize", folder, "--of", "truth")
     assert "share" in printed
     assert "median" not in printed
@@ -121,8 +116,8 @@ def test_truth_values_are_shares(folder_of, here):
     assert "shares of trials are not looked at" in called("fit", folder, "--of", "truth")
 
 
-def test_series_are_summarised_and_drawn_over_the_cycles(folder_of, here):
-    folder = folder_of("course")
+def test_series_are_summarised_and_drawn_over_the_cycles(here):
+    folder = folder_of(here, "course")
     found = read("summarize", folder, "--of", "course")
     assert found[0]["cycle"] == [1, 2, 3, 4, 5, 6]
     assert found[0]["trials"][:3] == [25, 25, 25]
@@ -138,13 +133,13 @@ def test_series_are_summarised_and_drawn_over_the_cycles(folder_of, here):
     assert "--form map: course is a series" in refused("plot", folder, "--of", "course", "--form", "map")
 
 
-def test_plan_says_how_many_trials_show_a_difference_of_a_measure(folder_of):
-    numbers = "plan", folder_of("number"), "--of", "number", "--difference", 5
+def test_plan_says_how_many_trials_show_a_difference_of_a_measure(here):
+    numbers = "plan", folder_of(here, "number"), "--of", "number", "--difference", 5
     assert f"{numbers[1]}: number" in " ".join(called(*numbers).split())
     assert "a difference of 5 % in 80 % of all cases" in called(*numbers)
     found = read(*numbers)
     assert (found["of"], found["is_of_shares"], len(found["points"])) == ("number", False, 14)
-    truths = "plan", folder_of("truth", trials=40), "--of", "truth"
+    truths = "plan", folder_of(here, "truth", trials=40), "--of", "truth"
     assert "a difference of 20 percentage points in 80 % of all cases" in called(*truths)
     assert all(point["trials"] > 20 and point["spread"] is None for point in read(*truths)["points"])
     assert "no share can differ by so much" in called(*truths, "--difference", 99)

@@ -16,16 +16,13 @@ from unittest.mock import call as method
 
 import pytest
 
+from epuck_sim import Simulation, Step, points, read_recording
 from epuck_sim.embodied.changes import replacement
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.step import Step
 from epuck_sim.recording import Level, live, viewer
 from epuck_sim.recording.live import sleep
-from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.runs.reader import read_outcome
 from epuck_sim.scenario.loader import load_scenario, write_scenario
-from epuck_sim.scenario.points import points
 from epuck_sim.util import machine
 from tests.cli.commands import call, called, cells, contents, refused, trials
 from tests.control.bench import with_step
@@ -167,30 +164,25 @@ def test_a_recording_is_served_with_an_address_and_how_to_end_or_drawn_at_its_en
         views.reset_mock()
 
 
-@pytest.fixture
-def windows(monkeypatch) -> Callable[..., SimpleNamespace]:
-    """Return what has observers look at each trial that is shown, and tells what the viewer is asked for."""
+def watch_live(monkeypatch, look: Callable[[Step, Any], None]) -> SimpleNamespace:
+    """Have an observer look at each trial that is shown, and return what the viewer is asked for."""
+    window, found = Mock(), SimpleNamespace(ports=[], shown=[], more={})
+    found.wait = window.wait
 
-    def show_in(look: Callable[[Step, Any], None]) -> SimpleNamespace:
-        window, found = Mock(), SimpleNamespace(ports=[], shown=[], more={})
-        found.wait = window.wait
+    def live_viewer(port: int | None, tell: Callable[[str], None]) -> Any:
+        found.ports.append(port)
+        tell("the address")
+        return nullcontext((window, 77))
 
-        def live_viewer(port: int | None, tell: Callable[[str], None]) -> Any:
-            found.ports.append(port)
-            tell("the address")
-            return nullcontext((window, 77))
+    def show(viewer: Any, intake: int, *given: Any, **more: Any) -> Any:
+        assert (viewer, intake) == (window, 77)
+        found.shown.append(given)
+        found.more.update(more)
+        return nullcontext(look)
 
-        def show(viewer: Any, intake: int, *given: Any, **more: Any) -> Any:
-            assert (viewer, intake) == (window, 77)
-            found.shown.append(given)
-            found.more.update(more)
-            return nullcontext(look)
-
-        monkeypatch.setattr(live, "live_viewer", live_viewer)
-        monkeypatch.setattr(live, "live", show)
-        return found
-
-    return show_in
+    monkeypatch.setattr(live, "live_viewer", live_viewer)
+    monkeypatch.setattr(live, "live", show)
+    return found
 
 
 @pytest.mark.parametrize(
@@ -201,9 +193,9 @@ def windows(monkeypatch) -> Callable[..., SimpleNamespace]:
         (["--speed", "0.5", "--web", "--port", "1234"], 0.5, 1234, Level.FULL),
     ],
 )
-def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(windows, arguments, speed, port, level) -> None:
+def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(monkeypatch, arguments, speed, port, level) -> None:
     steps: list[int] = []
-    found = windows(lambda step, _: steps.append(step.number))
+    found = watch_live(monkeypatch, lambda step, _: steps.append(step.number))
     result = call("run", "pair", "--trials", "2", "--json", "--live", *arguments)
     assert result.exit_code == 0
     assert "the address\n" in result.stderr
@@ -221,7 +213,7 @@ BLINKER = with_step("memory.steps += 1; actuators.ring_on = 0", MEMORY='{"steps"
 
 
 @pytest.mark.usefixtures("here")
-def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_then_on(monkeypatch, windows) -> None:
+def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_then_on(monkeypatch) -> None:
     file, rings = Path("blinker.py"), []
     file.write_text(BLINKER)
 
@@ -231,7 +223,7 @@ def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_t
             file.write_text(BLINKER.replace("ring_on = 0", "ring_on = 1" if step.number == 10 else "ring ="))
             os.utime(file, ns=(0, step.number))
 
-    found = windows(look)
+    found = watch_live(monkeypatch, look)
     monkeypatch.setattr(replacement, "LOOK_S", 0)
     options = ("--set", "stop.max_time_s=4", "--memory", "steps", "--interpret")
     result = call("run", "pair", "--controller", "blinker.py", "--live", *options)

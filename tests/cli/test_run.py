@@ -9,12 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim import __version__, load_scenario
+from epuck_sim import ParticleSimulation, __version__, load_scenario, run_trial
 from epuck_sim.cli import errors, progress
 from epuck_sim.cli.errors import word_if_slow
-from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.trial.model import run_trial
 from epuck_sim.util import atomic_write
 from tests.cli.commands import call, called, cells, read, refused, set_to, trials
 from tests.processes import start, wait_until
@@ -61,23 +59,20 @@ def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch) -> None
     assert len(result.stdout.splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
+def test_a_trial_that_looks_hopeless_says_so_once_and_what_to_do_and_ends_as_it_would() -> None:
+    for changes, says in (
         (["count=1", "coupling=0"], "ends at its limit: one oscillator has none to synchronise with"),
         (["count=3", "coupling=0"], "looks hopeless: over 200 cycles the order parameter, 0."),
-    ],
-)
-def test_a_trial_that_looks_hopeless_says_so_once_and_what_to_do_and_ends_as_it_would(changes, says) -> None:
-    alone = ("run", "thesis", *set_to(*changes), "--json")
-    result = call(*alone, "--set", "max_cycles=700", "--trials", "2")
-    assert [json.loads(line)["cycles"] for line in result.stdout.splitlines()] == [700, 700]
-    said = [line for line in result.stderr.splitlines() if " of 2 " in line]
-    assert len(said) == 2
-    assert said[1].startswith(f"trial 2 of 2 {says}")
-    assert said[1].endswith("; sooner: --set stop.max_cycles=300")
-    called(*alone, "--set", "max_cycles=300")  # which is what to do
-    called(*alone, "--set", "max_cycles=700", "--set", "order_parameter=null")  # nobody waits for synchrony
+    ):
+        alone = ("run", "thesis", *set_to(*changes), "--json")
+        result = call(*alone, "--set", "max_cycles=700", "--trials", "2")
+        assert [json.loads(line)["cycles"] for line in result.stdout.splitlines()] == [700, 700]
+        said = [line for line in result.stderr.splitlines() if " of 2 " in line]
+        assert len(said) == 2
+        assert said[1].startswith(f"trial 2 of 2 {says}")
+        assert said[1].endswith("; sooner: --set stop.max_cycles=300")
+        called(*alone, "--set", "max_cycles=300")  # which is what to do
+        called(*alone, "--set", "max_cycles=700", "--set", "order_parameter=null")  # nobody waits for synchrony
 
 
 def test_without_an_oscillator_and_a_limit_trials_end_after_ten_minutes_and_the_command_says_so() -> None:

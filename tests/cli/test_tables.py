@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from epuck_sim import TrialResult, load_scenario
 from epuck_sim.cli import progress, tables
 from epuck_sim.cli.plan import Duration, print_plan
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar
@@ -18,11 +19,9 @@ from epuck_sim.cli.tables import MOST_LISTED, describe_at_limit, print_status
 from epuck_sim.estimate import Estimate
 from epuck_sim.runs.reader import Failure, PointAtLimit, Status, TrialsByOrigin
 from epuck_sim.runs.records import SweepProgress
-from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
-from epuck_sim.trial.result import TrialResult
 from epuck_sim.util import jit, native
 from epuck_sim.util.provenance import PROVENANCE
 from tests.cli.commands import call, called
@@ -52,37 +51,32 @@ def shown(clock, capsys, steps: list[tuple[float, SweepProgress]]) -> list[str]:
     return captured.err.splitlines()
 
 
-@pytest.mark.parametrize(
-    ("steps", "lines"),
-    [
-        ([(20, tally(1))], ["1 of 1000 trials, 0 censored"]),
+def test_a_line_tells_trials_done_censored_and_failed_per_minute_and_time_left(clock, capsys) -> None:
+    for steps, *lines in (
+        ([(20, tally(1))], "1 of 1000 trials, 0 censored"),
         # the first trial, which waits for the workers to start, is no measure, nor is what was stored before
         (
             [(0, tally(0, 100, 7)), (5, tally(1, 100, 7)), (65, tally(301, 100, 42))],
-            ["100 of 1000 trials, 7 censored", "401 of 1000 trials, 42 censored, 300 a minute, 2 min left"],
+            *("100 of 1000 trials, 7 censored", "401 of 1000 trials, 42 censored, 300 a minute, 2 min left"),
         ),
         (
             [(0, tally(1)), (60, tally(501, failed=100))],
-            ["1 of 1000 trials, 0 censored", "401 of 1000 trials, 0 censored, 100 failed, 500 a minute, 60 s left"],
+            *("1 of 1000 trials, 0 censored", "401 of 1000 trials, 0 censored, 100 failed, 500 a minute, 60 s left"),
         ),
-    ],
-)
-def test_a_line_tells_trials_done_censored_and_failed_per_minute_and_time_left(clock, capsys, steps, lines) -> None:
-    assert shown(clock, capsys, steps) == [f"{lines[0]}; starting workers", *lines[1:]]
+    ):
+        assert shown(clock, capsys, steps) == [f"{lines[0]}; starting workers", *lines[1:]]
 
 
-@pytest.mark.parametrize(
-    ("steps", "told"),
-    [
-        ([(number / 10, tally(number)) for number in range(600)], [*range(0, 600, round(10 * LINE_S))]),
-        ([(0, tally(0)), (95, tally(1)), (95.1, tally(2)), (104.9, tally(3)), (105.1, tally(4))], [0, 1, 4]),
+def test_lines_come_no_more_often_than_they_should_and_the_last_always(clock, capsys) -> None:
+    now_and_then = [(number / 10, tally(number)) for number in range(600)]
+    after_a_pause = [(0, tally(0)), (95, tally(1)), (95.1, tally(2)), (104.9, tally(3)), (105.1, tally(4))]
+    for steps, told in (
+        (now_and_then, [*range(0, 600, round(10 * LINE_S))]),
+        (after_a_pause, [0, 1, 4]),
         ([(0, tally(998, failed=1)), (0.1, tally(999, failed=1)), (0.2, tally(1000, failed=2))], [997, 998]),
-        ([(0, tally(0)), (10, tally(1)), (10, tally(500)), (10, tally(1000))], [0, 1, 1000]),
-    ],
-    ids=["now and then", "once after a pause", "the last always", "at one moment"],
-)
-def test_lines_come_no_more_often_than_they_should_and_the_last_always(clock, capsys, steps, told) -> None:
-    assert [int(line.split()[0]) for line in shown(clock, capsys, steps)] == told
+        ([(0, tally(0)), (10, tally(1)), (10, tally(500)), (10, tally(1000))], [0, 1, 1000]),  # at one moment
+    ):
+        assert [int(line.split()[0]) for line in shown(clock, capsys, steps)] == told
 
 
 @pytest.mark.parametrize("width", [120, 60])

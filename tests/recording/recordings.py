@@ -13,8 +13,6 @@ from rerun.chunk import RrdReader
 
 from epuck_sim import Scenario, Step, TrialResult, record
 from epuck_sim.recording import Level
-from epuck_sim.recording.process import run_rerun
-from epuck_sim.recording.rrd_file import SEAL
 from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial, simulate
 
@@ -93,11 +91,3 @@ class Found:
             shape.append(length)
             column = column.flatten()
         return column.to_numpy(zero_copy_only=False).reshape(shape)
-
-
-def compare(one: Path, other: Path) -> None:
-    """Raise RecordingError if two recordings differ, but for the digests of their files: rerun numbers each anew."""
-    unsealed = [path.with_suffix(".unsealed.rrd") for path in (one, other)]
-    for path, left in zip((one, other), unsealed, strict=True):
-        run_rerun("rrd", "filter", "--drop-entity", SEAL, str(path), "-o", str(left))
-    run_rerun("rrd", "compare", *map(str, unsealed))

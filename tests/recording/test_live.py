@@ -2,7 +2,7 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext
 from functools import partial
 from types import SimpleNamespace
@@ -114,14 +114,10 @@ class Clock:
         return ""
 
 
-@pytest.fixture
-def begin(monkeypatch) -> Any:
-    def begin(*pressed: tuple[float, str], speed: float = 1.0) -> tuple[Clock, Pace]:
-        clock = Clock(*pressed)
-        monkeypatch.setattr(live_module, "time", clock)
-        return clock, Pace(speed, clock.wait)
-
-    return begin
+def begin(monkeypatch, *pressed: tuple[float, str], speed: float = 1.0) -> tuple[Clock, Pace]:
+    clock = Clock(*pressed)
+    monkeypatch.setattr(live_module, "time", clock)
+    return clock, Pace(speed, clock.wait)
 
 
 def shown_at(clock: Clock, pace: Pace, steps: int, took_s: float = 0.0) -> list[float]:
@@ -136,10 +132,12 @@ def shown_at(clock: Clock, pace: Pace, steps: int, took_s: float = 0.0) -> list[
     return times
 
 
-def test_steps_are_shown_at_their_times_and_short_delays_but_no_long_ones_are_caught_up_with(begin) -> None:
+def test_steps_are_shown_at_their_times_and_short_delays_but_no_long_ones_are_caught_up_with(monkeypatch) -> None:
     for speed in (0.5, 1, 4):
-        assert shown_at(*begin(speed=speed), 5) == pytest.approx([number * 0.1 / speed for number in range(5)])
-    clock, pace = begin()
+        assert shown_at(*begin(monkeypatch, speed=speed), 5) == pytest.approx(
+            [number * 0.1 / speed for number in range(5)]
+        )
+    clock, pace = begin(monkeypatch)
     pace.wait_until(0.0)
     clock.now += 0.9 * MOST_LATE_S
     pace.wait_until(0.1)
@@ -149,62 +147,60 @@ def test_steps_are_shown_at_their_times_and_short_delays_but_no_long_ones_are_ca
     pace.wait_until(2.6)
     pace.wait_until(2.7)
     assert clock.now == pytest.approx(32.6)
-    clock, pace = begin(speed=10.0)
+    clock, pace = begin(monkeypatch, speed=10.0)
     assert shown_at(clock, pace, 50, took_s=0.02) == pytest.approx(0.02 * np.arange(1, 51))
     assert clock.waits == 0
 
 
-def test_keys_pause_a_trial_let_it_go_on_take_steps_and_end_it_at_once_running_or_paused(begin) -> None:
-    paused = shown_at(*begin((0.15, PAUSE), (7.2, PAUSE)), 5)
+def test_keys_pause_a_trial_let_it_go_on_take_steps_and_end_it_at_once_running_or_paused(monkeypatch) -> None:
+    paused = shown_at(*begin(monkeypatch, (0.15, PAUSE), (7.2, PAUSE)), 5)
     assert paused == pytest.approx([0, 0.1, 0.2, 7.3, 7.4])  # nothing is hurried after a pause
-    stepped = shown_at(*begin((0.15, STEP), (5, STEP), (9, STEP + STEP), (20, PAUSE)), 8)
+    stepped = shown_at(*begin(monkeypatch, (0.15, STEP), (5, STEP), (9, STEP + STEP), (20, PAUSE)), 8)
     assert stepped == pytest.approx([0, 0.1, 0.2, 5.1, 9.1, 9.2, 20.1, 20.2])
     for pressed in ([(0.12, END)], [(0.12, PAUSE), (3, END)]):
-        clock, pace = begin(*pressed)
+        clock, pace = begin(monkeypatch, *pressed)
         with pytest.raises(KeyboardInterrupt):
             shown_at(clock, pace, 5)
         assert clock.now == pressed[-1][0]
 
 
-@pytest.fixture
-def told(begin, monkeypatch) -> Callable[..., tuple[list[float], list[tuple[float, str]]]]:
-    """Show events of a scenario at some times, with keys pressed at some times of a clock that nobody waits for.
+def told(monkeypatch, scenario: Scenario, speed: float, times: list[float], *pressed: tuple[float, str]) -> Any:
+    """Show events at some times, with keys pressed at some times of a clock that nobody waits for.
 
     Return what simulated time each recorder holds back, and when it was called, and for what.
     """
+    clock, _ = begin(monkeypatch, *pressed)
+    held_back_s, calls = [], []
 
-    def show(scenario: Scenario, speed: float, times: list[float], *pressed: tuple[float, str]) -> Any:
-        clock, _ = begin(*pressed)
-        held_back_s, calls = [], []
+    def note(*_: Any, what: str = "event") -> None:
+        calls.append((round(clock.now, 6), what))
 
-        def note(*_: Any, what: str = "event") -> None:
-            calls.append((round(clock.now, 6), what))
+    def begin_recorder(*given: Any) -> Mock:
+        held_back_s.append(given[3])
+        recorder = Mock(side_effect=note)
+        recorder.catch_up.side_effect = lambda time_s: note(what=f"until {time_s:g}")
+        recorder.flush.side_effect = partial(note, what="flush")
+        return recorder
 
-        def begin_recorder(*given: Any) -> Mock:
-            held_back_s.append(given[3])
-            recorder = Mock(side_effect=note)
-            recorder.catch_up.side_effect = lambda time_s: note(what=f"until {time_s:g}")
-            recorder.flush.side_effect = partial(note, what="flush")
-            return recorder
-
-        monkeypatch.setattr(live_module, "Recorder", begin_recorder)
-        monkeypatch.setattr(live_module, "chunk_stream", lambda *_: nullcontext())
-        viewer = SimpleNamespace(has_ended=False)
-        with live(viewer, free_port(), scenario, 0, Level.FULL, speed, wait=clock.wait) as look:
-            for time_s in times:
-                look(SimpleNamespace(time_s=time_s), None)
-        return held_back_s, calls
-
-    return show
+    monkeypatch.setattr(live_module, "Recorder", begin_recorder)
+    monkeypatch.setattr(live_module, "chunk_stream", lambda *_: nullcontext())
+    viewer = SimpleNamespace(has_ended=False)
+    with live(viewer, free_port(), scenario, 0, Level.FULL, speed, wait=clock.wait) as look:
+        for time_s in times:
+            look(SimpleNamespace(time_s=time_s), None)
+    return held_back_s, calls
 
 
-def test_the_viewer_gets_what_is_new_ten_times_a_second_as_agents_that_move_on_and_all_of_it_in_a_pause(told) -> None:
+def test_the_viewer_gets_what_is_new_ten_times_a_second_as_agents_that_move_on_and_all_of_it_in_a_pause(
+    monkeypatch,
+) -> None:
     for speed in (0.1, 1.0, 10.0):
-        held_back_s, calls = told(SCENARIO, speed, [0, 0.1, 0.2], (0.15 / speed, PAUSE), (9 / speed, PAUSE))
+        pressed = (0.15 / speed, PAUSE), (9 / speed, PAUSE)
+        held_back_s, calls = told(monkeypatch, SCENARIO, speed, [0, 0.1, 0.2], *pressed)
         assert held_back_s == [pytest.approx(0.1 * speed)]
         assert [what for _, what in calls] == ["event", "event", "event", "flush"]
         assert [at for at, _ in calls[:3]] == pytest.approx([0, 0.1 / speed, 0.2 / speed])
-    _, calls = told(AGENTS, 2.0, [0.1, 0.75, 0.8])
+    _, calls = told(monkeypatch, AGENTS, 2.0, [0.1, 0.75, 0.8])
     assert [what for _, what in calls] == ["event", "until 0.3", "until 0.5", "until 0.7", "event", "event"]
     assert [at for at, _ in calls] == pytest.approx([0, 0.1, 0.2, 0.3, 0.325, 0.35])
 

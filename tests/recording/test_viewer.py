@@ -21,9 +21,8 @@ from PIL import Image
 from rerun.chunk import RrdReader
 from scipy import ndimage
 
-from epuck_sim import load_scenario, read_recording
+from epuck_sim import RecordingError, load_scenario, read_recording
 from epuck_sim.epuck import RADIUS_CM
-from epuck_sim.errors import RecordingError
 from epuck_sim.recording import Level, process, viewer
 from epuck_sim.recording.process import NO_GRAPHICS, in_background, run_rerun
 from epuck_sim.recording.viewer import draw_screenshot, has_display, serve, show, web_viewer

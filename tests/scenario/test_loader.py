@@ -11,19 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import epuck_sim
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.errors import ScenarioError
+from epuck_sim import EmbodiedScenario, ParticleScenario, Scenario, ScenarioError, Simulation, points
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario import robots
 from epuck_sim.scenario.axes import check_figure_axes
 from epuck_sim.scenario.changes import FAULTS
-from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.keys import quick_version, set_value, without_quick
 from epuck_sim.scenario.loader import SCENARIO, complete, load_scenario, validate, write_scenario
-from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import MAX_BYTES, parse_yaml, read_yaml, write_yaml
 from tests.cli.commands import call
 from tests.control.bench import with_step

@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.errors import ScenarioError
+from epuck_sim import Point, ScenarioError, points
 from epuck_sim.scenario.axes import MAX_POINTS, FigureSection, SweepAxes, check_figure_axes, with_ranges
 from epuck_sim.scenario.base import guess
 from epuck_sim.scenario.keys import axis_key, full_keys
 from epuck_sim.scenario.loader import load_scenario, write_scenario
-from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.seeds import point_seed

@@ -10,12 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim import Simulation, epuck
+from epuck_sim import ScenarioError, Simulation, epuck, points
 from epuck_sim.arena import brightness_at, light_at
-from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import arena_after, arena_entries, largest_cm
 from epuck_sim.scenario.loader import load_scenario, write_scenario
-from epuck_sim.scenario.points import points
 from epuck_sim.scenario.robot_kind import EPUCK, cell_cm
 from epuck_sim.scenario.stop import Condition
 from epuck_sim.scenario.yaml_io import parse_yaml

@@ -8,11 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.embodied.simulation import Simulation
+from epuck_sim import Simulation, film_trial, load_scenario, points
 from epuck_sim.errors import FilmError, PortError, ScenarioError
-from epuck_sim.overhead.filming import film_trial
-from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
 from epuck_sim.sweep.checks import check_memory
 from epuck_sim.util import machine
 from epuck_sim.util.machine import HOST, check_port, free_port, is_open_to_others, is_ours, signals
