@@ -33,32 +33,29 @@ def test_a_turned_box_keeps_its_centre_and_sides_and_goes_counter_clockwise(x, y
     assert polygon_area(corners) == pytest.approx(width * height)
 
 
-AREAS = [
-    *((SQUARE, 400), (SQUARE[::-1], -400), (SQUARE[:3], 200), (SQUARE[[0, 2, 1, 3]], 0)),
-    (np.insert(SQUARE, 1, (50, 50), axis=0), 300),
-    *((ring(corners), corners / 2 * math.sin(2 * math.pi / corners)) for corners in (3, 6, 100)),
-]
-
-
-CONVEX = [ring(3), SQUARE, box_corners(0, 0, 30, 0.1, 0.7), ring(7, first=0.3), ring(100), ring(5) * (1e-3, 1e3) + 500]
-NOT_CONVEX = {
-    "clockwise": SQUARE[::-1],
-    "star": ring(5, turns=2),
-    "sharp star": ring(7, turns=3),
-    "twice round": np.vstack([SQUARE, SQUARE]),
-    "on a side": np.insert(SQUARE, 1, (50, 40), axis=0),
-    "dent": np.insert(SQUARE, 1, (50, 45), axis=0),
-    "repeated": np.insert(SQUARE, 1, SQUARE[0], axis=0),
-    "flat": np.array([(0, 0), (1, 1), (2, 2)], float),
-    "bow tie": SQUARE[[0, 2, 1, 3]],
-}
-
-
 def test_areas_and_convexity_of_polygons_are_found_from_whichever_corner_they_begin():
-    for corners, area in AREAS:
+    areas = [
+        *((SQUARE, 400), (SQUARE[::-1], -400), (SQUARE[:3], 200), (SQUARE[[0, 2, 1, 3]], 0)),
+        (np.insert(SQUARE, 1, (50, 50), axis=0), 300),
+        *((ring(corners), corners / 2 * math.sin(2 * math.pi / corners)) for corners in (3, 6, 100)),
+    ]
+    for corners, area in areas:
         for shift in range(len(corners)):
             assert polygon_area(np.roll(corners, shift, axis=0)) == pytest.approx(area, abs=1e-9)
-    for expected, polygons in ((True, CONVEX), (False, NOT_CONVEX.values())):
+    rings = [ring(3), ring(7, first=0.3), ring(100), ring(5) * (1e-3, 1e3) + 500]
+    convex = [SQUARE, box_corners(0, 0, 30, 0.1, 0.7), *rings]
+    not_convex = {
+        "clockwise": SQUARE[::-1],
+        "star": ring(5, turns=2),
+        "sharp star": ring(7, turns=3),
+        "twice round": np.vstack([SQUARE, SQUARE]),
+        "on a side": np.insert(SQUARE, 1, (50, 40), axis=0),
+        "dent": np.insert(SQUARE, 1, (50, 45), axis=0),
+        "repeated": np.insert(SQUARE, 1, SQUARE[0], axis=0),
+        "flat": np.array([(0, 0), (1, 1), (2, 2)], float),
+        "bow tie": SQUARE[[0, 2, 1, 3]],
+    }
+    for expected, polygons in ((True, convex), (False, not_convex.values())):
         for corners in polygons:
             assert {is_convex(np.roll(corners, shift, axis=0)) for shift in range(len(corners))} == {expected}
 

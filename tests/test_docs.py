@@ -138,26 +138,16 @@ def shorter(words: list[str]) -> list[str]:
     return []
 
 
-@pytest.fixture
-def shown(monkeypatch) -> list[str]:
-    """Have viewers only take note of what they are to show; they are looked at in tests/recording."""
-    noted: list[str] = []
-
-    def note(recording: Path, *_: object) -> None:
-        noted.append(read_recording(recording).scenario.name)
-
-    no_viewer = SimpleNamespace(wait=lambda: noted.append("live"))
-    monkeypatch.setenv("DISPLAY", ":0")
-    for way in ("show", "serve", "draw_screenshot"):
-        monkeypatch.setattr(viewer, way, note)
-    monkeypatch.setattr(live, "live_viewer", lambda *_: nullcontext((no_viewer, 0)))
-    monkeypatch.setattr(live, "live", lambda *_, **__: nullcontext(lambda *_: None))
-    return noted
-
-
 @pytest.mark.usefixtures("sweeps_run_here")
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
-def test_the_commands_shown_run(page: Path, shown: list[str], monkeypatch) -> None:
+def test_the_commands_shown_run(page: Path, monkeypatch) -> None:
+    shown: list[str] = []  # viewers only take note of what they are to show; they are looked at in tests/recording
+    no_viewer = SimpleNamespace(wait=lambda: shown.append("live"))
+    monkeypatch.setenv("DISPLAY", ":0")
+    for way in ("show", "serve", "draw_screenshot"):
+        monkeypatch.setattr(viewer, way, lambda path, *_: shown.append(read_recording(path).scenario.name))
+    monkeypatch.setattr(live, "live_viewer", lambda *_: nullcontext((no_viewer, 0)))
+    monkeypatch.setattr(live, "live", lambda *_, **__: nullcontext(lambda *_: None))
     note_figures(monkeypatch)  # pictures are looked at in tests/figures, those of reports in tests/report
     monkeypatch.setattr(report, "_draw", lambda *_: ())
     write_files("README.md", str(page))

@@ -31,14 +31,6 @@ def held_then(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "values.json").read_text())
 
 
-NAMES_NOW = {  # of what version 0.1.0 found in a film
-    "t_sync_s": "histogram_s",
-    "t_sync_periods": "histogram_periods",
-    "t_sync_onsets_s": "t_sync_s",
-    "t_sync_onsets_periods": "t_sync_periods",
-}
-
-
 def stored(folder: Path) -> dict[tuple[str, int], tuple[float, bool]]:
     """Return how each trial of a run folder ended, by its point and seed."""
     return {
@@ -69,8 +61,14 @@ def test_a_film_shows_what_it_showed(old: Path) -> None:
     assert found["frames"] == then["frames"]
     assert found["colours"] == pytest.approx(then["colours"], abs=0.2)
     del then["tracked"]["t_sync_cycles"]  # of the histogram then
+    names_now = {  # of what version 0.1.0 found in a film
+        "t_sync_s": "histogram_s",
+        "t_sync_periods": "histogram_periods",
+        "t_sync_onsets_s": "t_sync_s",
+        "t_sync_onsets_periods": "t_sync_periods",
+    }
     for name, value in then["tracked"].items():
-        now = found["tracked"][NAMES_NOW.get(name, name) if old.name == "0.1.0" else name]
+        now = found["tracked"][names_now.get(name, name) if old.name == "0.1.0" else name]
         assert now == (pytest.approx(value, rel=0.02) if isinstance(value, float) else value), name
 
 

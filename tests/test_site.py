@@ -20,13 +20,13 @@ from tests.browsers import shown
 from tests.tools import needs_browser
 
 ROOT = Path(__file__).parent.parent
-SPHINX = ("--fail-on-warning", "--keep-going", "--fresh-env", "--quiet")
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
     target = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "sphinx", *SPHINX, "--doctree-dir", target / "doctrees", "docs", target / "html"]
+    options = ("--fail-on-warning", "--keep-going", "--fresh-env", "--quiet", "--doctree-dir", target / "doctrees")
+    command = [sys.executable, "-m", "sphinx", *options, "docs", target / "html"]
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     return target / "html"

@@ -27,7 +27,7 @@ def table(factor: float, points: int = 60, limit: float = math.inf, odd: float =
     return compare_table(PEERS[0], compared)
 
 
-def test_equal_distributions_are_found_equal_and_their_z_is_normal() -> None:
+def test_equal_distributions_are_found_equal_their_z_is_normal_and_trials_at_the_limit_say_nothing() -> None:
     for limit in (math.inf, LIMIT / 4):
         overall = table(1, limit=limit)
         assert min(findings([overall])) > LEVEL
@@ -35,24 +35,18 @@ def test_equal_distributions_are_found_equal_and_their_z_is_normal() -> None:
     z = np.array([compare_point({}, sample(4, 15, n), sample(4, 20, 5000 + n)).z for n in range(400)])
     assert z.mean() == pytest.approx(0, abs=0.1)
     assert (z**2).mean() == pytest.approx(1, abs=0.15)
+    same, other = sample(1e6, 20, 1, LIMIT), compare_point({}, sample(9, 9, 1), sample(9, 9, 2))
+    assert compare_table(PEERS[0], [compare_point({}, same, same), other]).compared == 1
 
 
-def test_a_shift_of_all_points_is_found_that_no_single_point_shows() -> None:
+def test_a_shift_of_all_points_is_found_that_no_single_point_shows_and_one_point_that_differs() -> None:
     single, whole = findings([table(1.12)])
     assert single > LEVEL
     assert whole < LEVEL
     assert table(1.12).ratio.value == pytest.approx(1.12, abs=0.05)
-
-
-@pytest.mark.parametrize("limit", [math.inf, LIMIT / 4])
-def test_one_point_that_differs_is_found(limit: float) -> None:
-    assert findings([table(1, limit=limit, odd=3.0)])[0] < LEVEL
-    assert ("log-rank" in table(1, 2, limit).points[0].p_values) == (limit < math.inf)
-
-
-def test_trials_that_all_reached_the_limit_say_nothing() -> None:
-    same, other = sample(1e6, 20, 1, LIMIT), compare_point({}, sample(9, 9, 1), sample(9, 9, 2))
-    assert compare_table(PEERS[0], [compare_point({}, same, same), other]).compared == 1
+    for limit in (math.inf, LIMIT / 4):
+        assert findings([table(1, limit=limit, odd=3.0)])[0] < LEVEL
+        assert ("log-rank" in table(1, 2, limit).points[0].p_values) == (limit < math.inf)
 
 
 def test_tables_have_the_points_and_trials_that_their_page_names() -> None:

@@ -109,7 +109,7 @@ SWEEP = ("particles", "--sweep", "agents.speed_cm_s=1,2,3", "--set", "trials=400
 LARGE = ("arena.width_cm=5000", "arena.height_cm=5000", "robots.0.count=20000", "robots.0.camera.pixels=900")
 
 
-def test_check_and_sweeps_say_how_many_points_and_trials_there_are_and_what_they_take(tmp_path) -> None:
+def test_check_and_sweeps_say_what_points_and_trials_take_and_too_much_memory_is_refused(tmp_path, monkeypatch) -> None:
     printed = called("check", *SWEEP)
     assert printed.endswith("\n# 3 points, 1200 trials: about 174 kB on disk\n")
     assert load_scenario(parse_yaml(printed, "stdout")).trials == 400
@@ -123,14 +123,11 @@ def test_check_and_sweeps_say_how_many_points_and_trials_there_are_and_what_they
     result = call("run", "pair", "--out", tmp_path / "one")
     assert result.exit_code == 2
     assert "  model: 'particles' in the folder, 'embodied' now\n" in result.stderr
-
-
-def test_a_sweep_that_needs_too_much_memory_is_refused_and_leaves_nothing(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("epuck_sim.util.machine.available_bytes", lambda: 1000)
     monkeypatch.setattr("epuck_sim.sweep.checks.available_bytes", lambda: 1000)
-    message = refused("run", "thesis", *set_to(*LARGE[:3]), "--out", tmp_path / "run", "--workers", "2")
+    message = refused("run", "thesis", *set_to(*LARGE[:3]), "--out", tmp_path / "large", "--workers", "2")
     assert "on each of 2 workers needs about 211 MB of memory, and 1 kB are available here" in message
-    assert not list(tmp_path.iterdir())
+    assert not (tmp_path / "large").exists()
 
 
 @pytest.mark.parametrize(("lasts_s", "is_said"), [(0.0, False), (0.3, True)])

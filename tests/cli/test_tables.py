@@ -112,7 +112,9 @@ def status(**changes) -> Status:
     )._replace(**changes)
 
 
-def test_the_status_tells_points_trials_time_what_made_them_who_is_at_work_and_the_first_failures(capsys) -> None:
+def test_the_status_tells_what_made_trials_who_is_at_work_and_the_first_failures_and_as_json_all_of_them(
+    capsys,
+) -> None:
     print_status(status(at_work="process 5 on here", failed=FAILURES), as_json=False)
     assert capsys.readouterr().out.splitlines() == [
         "fig-4-2a: 100 points, 1234 of 20000 trials have a result",
@@ -123,6 +125,17 @@ def test_the_status_tells_points_trials_time_what_made_them_who_is_at_work_and_t
         *(f"  failed: --point {n} --trial {3 * n}: ValueError: {n}" for n in range(MOST_LISTED)),
         "  and 5 more",
     ]
+    at_limit = (PointAtLimit(3, {"coupling": 0.1}, 20),)
+    given = status(at_work="process 5 on here", failed=FAILURES, at_limit=at_limit)
+    print_status(given, as_json=True)
+    (line,) = capsys.readouterr().out.splitlines()
+    read = json.loads(line)
+    assert [Failure(**each) for each in read["failed"]] == given.failed
+    assert [TrialsByOrigin(**each) for each in read["versions"]] == given.versions
+    assert {*read["versions"][0]} == {*PROVENANCE, "trials"}
+    assert read["at_limit"] == [{"point": 3, "axes": {"coupling": 0.1}, "trials": 20}]
+    lists = {"failed": None, "versions": None, "at_limit": None}
+    assert {**read, **lists} == {**given._asdict(), **lists}
 
 
 def test_on_a_narrow_terminal_lines_end_between_words(capsys, monkeypatch) -> None:
@@ -141,20 +154,6 @@ def test_on_a_narrow_terminal_lines_end_between_words(capsys, monkeypatch) -> No
         lines = capsys.readouterr().out.splitlines()
         assert max(map(len, lines)) <= 50
         assert " ".join(lines[-3:]).split()[-len(words) :] == words
-
-
-def test_the_status_as_json_has_all_failures_and_every_field(capsys) -> None:
-    at_limit = (PointAtLimit(3, {"coupling": 0.1}, 20),)
-    given = status(at_work="process 5 on here", failed=FAILURES, at_limit=at_limit)
-    print_status(given, as_json=True)
-    (line,) = capsys.readouterr().out.splitlines()
-    read = json.loads(line)
-    assert [Failure(**each) for each in read["failed"]] == given.failed
-    assert [TrialsByOrigin(**each) for each in read["versions"]] == given.versions
-    assert {*read["versions"][0]} == {*PROVENANCE, "trials"}
-    assert read["at_limit"] == [{"point": 3, "axes": {"coupling": 0.1}, "trials": 20}]
-    lists = {"failed": None, "versions": None, "at_limit": None}
-    assert {**read, **lists} == {**given._asdict(), **lists}
 
 
 WHAT_TO_DO = "; go on, or take another limit in a new folder: --set stop.max_cycles=N"

@@ -221,24 +221,21 @@ def test_a_recording_shows_no_links_to_agents_drawn_at_random(tmp_path) -> None:
     assert len(read.pulses) == 0
 
 
-@pytest.mark.parametrize(("name", "half", "longest"), [("cyclic", 50, 20), ("emitting", 75, 12.5)])
-def test_a_cone_is_drawn_from_its_agent_up_to_its_reach_or_the_walls(of, name, half, longest) -> None:
-    read, side_cm = of(name).recorded, of(name).scenario.space.side_cm
-    strips = Found(of(name).path).array("/arena/cones", "LineStrips2D:strips").astype(float)
-    for end in (0, -1):
-        np.testing.assert_array_equal(strips[:, :, end], read.positions)
-    arc = strips[:, :, 1:-1] - read.positions[:, :, None]
-    lengths = np.linalg.norm(arc, axis=-1)
-    beyond = np.maximum(-strips[:, :, 1:-1], strips[:, :, 1:-1] - side_cm).max(axis=-1)  # the nearest wall
-    np.testing.assert_allclose(np.maximum(lengths - longest, beyond)[lengths > 1e-3], 0, atol=1e-3)
-    turned = np.angle(np.exp(1j * (np.arctan2(arc[..., 1], arc[..., 0]) - read.headings[..., None])))
-    corners = np.linspace(-half, half, arc.shape[2])
-    far = lengths > 0.1
-    assert far.mean() > 0.9
-    np.testing.assert_allclose(np.degrees(turned)[far], np.broadcast_to(corners, far.shape)[far], atol=0.1)
-
-
-def test_a_range_is_drawn_as_circles_around_the_agents(of) -> None:
+def test_a_cone_is_drawn_from_its_agent_up_to_its_reach_or_the_walls_and_a_range_as_circles(of) -> None:
+    for trial, half, longest in ((of("cyclic"), 50, 20), (of("emitting"), 75, 12.5)):
+        read, side_cm = trial.recorded, trial.scenario.space.side_cm
+        strips = Found(trial.path).array("/arena/cones", "LineStrips2D:strips").astype(float)
+        for end in (0, -1):
+            np.testing.assert_array_equal(strips[:, :, end], read.positions)
+        arc = strips[:, :, 1:-1] - read.positions[:, :, None]
+        lengths = np.linalg.norm(arc, axis=-1)
+        beyond = np.maximum(-strips[:, :, 1:-1], strips[:, :, 1:-1] - side_cm).max(axis=-1)  # the nearest wall
+        np.testing.assert_allclose(np.maximum(lengths - longest, beyond)[lengths > 1e-3], 0, atol=1e-3)
+        turned = np.angle(np.exp(1j * (np.arctan2(arc[..., 1], arc[..., 0]) - read.headings[..., None])))
+        corners = np.linspace(-half, half, arc.shape[2])
+        far = lengths > 0.1
+        assert far.mean() > 0.9
+        np.testing.assert_allclose(np.degrees(turned)[far], np.broadcast_to(corners, far.shape)[far], atol=0.1)
     found = Found(of("cyclic segment").path)
     centers = found.array("/arena/ranges", "Ellipses2D:centers")
     np.testing.assert_array_equal(centers, of("cyclic segment").recorded.positions)
@@ -287,18 +284,14 @@ def test_what_cannot_be_recorded_is_refused_in_words(tmp_path, monkeypatch) -> N
         assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["cyclic", "cyclic cube"])
-def test_paths_have_gaps_where_a_cyclic_space_is_left(of, name: str) -> None:
-    scenario = of(name).scenario
-    arena, *_ = draw_page(of(name).recorded).axes
-    paths = [line for line in arena.get_lines() if to_hex(line.get_color()) != "#ffffff"]
-    assert len(paths) == scenario.agents.count
-    steps = np.concatenate([np.diff(np.column_stack(line.get_data()), axis=0) for line in paths])
-    assert np.isnan(steps).any()
-    assert np.nanmax(np.abs(steps)) < scenario.space.side_cm / 4
-
-
-def test_in_a_segment_paths_go_up_in_time(of) -> None:
+def test_paths_have_gaps_where_a_cyclic_space_is_left_and_go_up_in_time_in_a_segment(of) -> None:
+    for trial in (of("cyclic"), of("cyclic cube")):
+        arena, *_ = draw_page(trial.recorded).axes
+        paths = [line for line in arena.get_lines() if to_hex(line.get_color()) != "#ffffff"]
+        assert len(paths) == trial.scenario.agents.count
+        steps = np.concatenate([np.diff(np.column_stack(line.get_data()), axis=0) for line in paths])
+        assert np.isnan(steps).any()
+        assert np.nanmax(np.abs(steps)) < trial.scenario.space.side_cm / 4
     read = of("segment").recorded
     arena, *_ = draw_page(read).axes
     assert (arena.get_xlabel(), arena.get_ylabel()) == ("x (cm)", "simulated time (s)")

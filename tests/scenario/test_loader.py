@@ -257,16 +257,13 @@ def test_run_runs_the_quick_version_and_its_folder_holds_that_alone(tmp_path) ->
     assert "stop.max_cycles: 20 in the folder, 40 now" in call("run", tiny, "--out", folder).stderr
 
 
-def test_plain_words_and_numbers_mean_what_they_look_like_and_aliases_and_merge_keys_work() -> None:
+def test_plain_words_and_numbers_mean_what_they_look_like_and_files_that_cannot_be_read_are_named(tmp_path) -> None:
     text = "[1e-3, 1E3, .5, -2., 12, 010, +3, true, False, no, off, 12:30, 0x10, null, ~, a, [2.5], {b: 1}]"
     values = [0.001, 1000.0, 0.5, -2.0, 12, 10, 3, True, False, "no", "off", "12:30", "0x10", None, None, "a"]
     assert repr(parse_yaml(text, "here")) == repr([*values, [2.5], {"b": 1}])
     assert parse_yaml("", "here") is None
     text = "base: &base {x: 1, y: 2}\nother: {<<: *base, y: 3}"
     assert parse_yaml(text, "here")["other"] == {"x": 1, "y": 3}
-
-
-def test_files_that_cannot_be_read_are_named(tmp_path) -> None:
     with pytest.raises(ScenarioError, match="cannot be read: Is a directory"):
         read_yaml(tmp_path)
     path = tmp_path / "odd.yaml"

@@ -170,7 +170,9 @@ def grid_of(source, *axes: str):
     return list(load_scenario(source, axes=axes).sweep.grid.items())
 
 
-def test_sweep_on_the_command_line_makes_axes_in_the_given_order_of_words_nothing_lists_and_mappings() -> None:
+def test_sweep_on_the_command_line_makes_axes_in_the_given_order_and_adds_to_a_file_s_grid_or_replaces(
+    tmp_path,
+) -> None:
     expected = [(COUNT, (2, 3)), (WIDTH, (50.5, 60))]
     for source in ("pair", load_scenario("pair"), {}):
         assert grid_of(source, f"{COUNT}=2,3", f"{WIDTH}=50.5, 60") == expected
@@ -178,9 +180,6 @@ def test_sweep_on_the_command_line_makes_axes_in_the_given_order_of_words_nothin
     obstacles = "arena.obstacles=[],[{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 3}]"
     given = grid_of({}, "noise=on,off", "stop.max_time_s=null,5", obstacles)
     assert given == [("noise", ("on", "off")), ("stop.max_time_s", (None, 5)), ("arena.obstacles", ([], [ring]))]
-
-
-def test_sweep_on_the_command_line_adds_to_a_file_s_grid_or_replaces_in_its_place(tmp_path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(f"sweep: {{zip: {{arena.height_cm: [50, 60]}}, grid: {{{COUNT}: [2, 3], {WIDTH}: [50]}}}}")
     given = grid_of(path, f"{SPEED}=1,2", f"{COUNT}=9", f"{COUNT}=7")

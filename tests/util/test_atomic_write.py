@@ -13,7 +13,7 @@ from epuck_sim.runs.folder import DATABASE
 from epuck_sim.util.atomic_write import atomic_write, is_leftover, remove_unfinished, temporary_path
 
 
-def test_a_file_of_the_user_s_own_that_ends_in_part_stays(tmp_path) -> None:
+def test_a_file_of_the_user_s_own_that_ends_in_part_stays_as_do_permissions_and_where_a_link_leads(tmp_path) -> None:
     own = tmp_path / "table.csv.part"
     own.write_text("mine")
     with atomic_write(tmp_path / "table.csv") as part:
@@ -21,6 +21,15 @@ def test_a_file_of_the_user_s_own_that_ends_in_part_stays(tmp_path) -> None:
     assert (tmp_path / "table.csv").read_text() == "new"
     assert own.read_text() == "mine"
     assert len(list(tmp_path.iterdir())) == 2
+    (tmp_path / "elsewhere").mkdir()
+    target, link = tmp_path / "elsewhere" / "secret.csv", tmp_path / "link.csv"
+    target.touch(0o600)
+    link.symlink_to(target)
+    with atomic_write(link) as part:
+        part.write_text("new")
+    assert link.is_symlink()
+    assert (target.read_text(), target.stat().st_mode & 0o777) == ("new", 0o600)
+    assert [path.name for path in target.parent.iterdir()] == ["secret.csv"]
 
 
 def test_two_writers_of_one_file_each_publish_a_whole_one(tmp_path) -> None:
@@ -68,18 +77,6 @@ def test_the_file_has_the_permissions_that_the_user_s_umask_gives(tmp_path) -> N
         finally:
             os.umask(before)
         assert (tmp_path / f"{mask}.csv").stat().st_mode & 0o777 == 0o666 & ~mask
-
-
-def test_a_file_that_is_there_keeps_its_permissions_and_a_link_leads_where_it_led(tmp_path) -> None:
-    (tmp_path / "elsewhere").mkdir()
-    target, link = tmp_path / "elsewhere" / "secret.csv", tmp_path / "table.csv"
-    target.touch(0o600)
-    link.symlink_to(target)
-    with atomic_write(link) as part:
-        part.write_text("new")
-    assert link.is_symlink()
-    assert (target.read_text(), target.stat().st_mode & 0o777) == ("new", 0o600)
-    assert [path.name for path in target.parent.iterdir()] == ["secret.csv"]
 
 
 def test_temporary_files_and_folders_can_be_removed_from_outside_their_blocks(tmp_path) -> None:

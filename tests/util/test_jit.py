@@ -123,7 +123,9 @@ def make_cache(folder: Path, age_s: float, file: str = "infrared.read-1.py311.1.
     return folder
 
 
-def test_a_cache_that_was_not_used_for_a_month_is_removed_but_nothing_that_may_be_another_program_s(tmp_path) -> None:
+def test_a_cache_not_used_for_a_month_is_removed_but_nothing_that_may_be_another_s_nor_links_and_files(
+    tmp_path, monkeypatch
+):
     make_cache(tmp_path / "0123456789abcdef", OLD)
     strangers = ("0123456789ABCDEF", "0123456789abcde", "0123456789abcdef0", "particles_0123456789")
     kept = [make_cache(tmp_path / name, OLD, "x.nbi") for name in strangers]
@@ -136,9 +138,6 @@ def test_a_cache_that_was_not_used_for_a_month_is_removed_but_nothing_that_may_b
     os.utime(tmp_path / "firmware.so", (0, 0))
     remove_unused(tmp_path.iterdir(), Path.is_file)
     assert set(tmp_path.iterdir()) == set(kept)
-
-
-def test_another_user_s_cache_a_link_and_a_file_stay(tmp_path, monkeypatch) -> None:
     elsewhere, root = make_cache(tmp_path / "elsewhere", OLD), tmp_path / "root"
     root.mkdir()
     (root / "0123456789abcde1").symlink_to(elsewhere)
