@@ -30,9 +30,8 @@ def shown_in(notebook: Path) -> list[dict[str, str]]:
 
 
 def test_things_show_themselves_and_no_paths() -> None:
-    scenario, simulation, step, result, recording, film, moved, points, _ = (
-        formats.get("text/html", "") for formats in shown_in(NOTEBOOK)
-    )
+    shown = (formats.get("text/html", "") for formats in shown_in(NOTEBOOK))
+    scenario, simulation, step, result, recording, film, moved, points, _ = shown
     assert "near_walls" in scenario
     assert simulation.count("<circle") == recording.count("<circle") == 10
     assert 'class="lit"' in recording

@@ -15,9 +15,7 @@ from tests.cli.commands import call, called
 from tests.old.make import FILM, HERE, READERS, RUN, SHARES, run_values, values
 from tests.sweep.pool_here import pool_here
 
-VERSIONS = sorted(
-    path.name for path in HERE.iterdir() if (path / "values.json").exists() and path.name != epuck_sim.__version__
-)
+VERSIONS = sorted({path.parent.name for path in HERE.glob("*/values.json")} - {epuck_sim.__version__})
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
 

@@ -54,11 +54,9 @@ def test_controller_replaces_that_of_all_robots_and_keeps_the_parameters_that_it
     with pytest.warns(UserWarning, match=r"^two\.yaml: mine lacks the parameter coupling: left out$"):
         scenario = load_scenario("two.yaml", controller="mine.py")
     assert scenario.controllers == (str(tmp_path / "mine.py"),) * 2
-    assert [group.parameters for group in scenario.robots] == [
-        {"speed_cm_s": 5.0, "gain": 2.0},
-        {"speed_cm_s": 1.0, "gain": 2.0},
-    ]
-    assert [group.count for group in scenario.robots] == [1, 2]
+    first, second = scenario.robots
+    assert (first.count, first.parameters) == (1, {"speed_cm_s": 5.0, "gain": 2.0})
+    assert (second.count, second.parameters) == (2, {"speed_cm_s": 1.0, "gain": 2.0})
     write(tmp_path, mine=with_parameters("{'speed_cm_s': 1.0}"))
     result = call("run", "thesis", "--controller", "mine.py", "--interpret", *SHORT)
     assert result.exit_code == 0
@@ -79,10 +77,8 @@ def test_an_ending_is_looked_for_among_the_parameters_of_controllers_that_are_an
     given = {"robots": [{}]} if way == "option" else {"robots": [{}], "sweep": sweep}
     axes = ["controller=a.py,b.py"] if way == "option" else []
     found = points(load_scenario(given, ["gain=2", "parameters.lead=3"], axes))
-    assert [point.scenario.robots[0].parameters for point in found] == [
-        {"speed_cm_s": 1.0},
-        {"speed_cm_s": 2.0, "gain": 2.0, "lead": 3.0},
-    ]
+    slow, fast = (point.scenario.robots[0].parameters for point in found)
+    assert (slow, fast) == ({"speed_cm_s": 1.0}, {"speed_cm_s": 2.0, "gain": 2.0, "lead": 3.0})
     assert {point.scenario.overhead.gain for point in found} == {load_scenario({}).overhead.gain}
 
 

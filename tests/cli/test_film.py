@@ -89,10 +89,7 @@ def test_a_recording_is_filmed_as_the_trial_was_and_settings_change_the_camera_a
     assert {**changed, "overhead": 0} == {**described, "overhead": 0}
 
 
-SETTINGS = [
-    *("robots.0.count=4", "robots.0.parameters.speed_cm_s=1.5", "robots.0.parameters.period_s=2.0"),
-    *("overhead.width_px=160", "overhead.height_px=160"),
-]
+SETTINGS = ["count=4", "speed_cm_s=1.5", "period_s=2.0", "overhead.width_px=160", "overhead.height_px=160"]
 
 
 @pytest.fixture(scope="module")
@@ -130,9 +127,8 @@ def test_a_film_is_shown_beside_trials_and_fitted(film, here) -> None:
     lab = load_scenario("lab.yaml")
     assert lab.robots[0].parameters["speed_cm_s"] == pytest.approx(fitted["value"], abs=1e-5)
     printed = call(*words).stdout
-    assert printed.startswith(
-        "3 trials are too few to tell whether the film is like them; give --trials 19 or more.\n\n"
-    )
+    too_few = "3 trials are too few to tell whether the film is like them; give --trials 19 or more.\n\n"
+    assert printed.startswith(too_few)
     assert all(said in printed for said in ("speed straight ahead", "A film does not tell coupling"))
     assert "commands" not in called("run", "lab.yaml", "--set", "stop.max_cycles=2", "--json")
 

@@ -55,16 +55,10 @@ def scene(tmp_path, _compiled) -> Path:
 
 def running(scene: Path, *arguments: str) -> subprocess.Popen:
     """Start the command, whose processes are marked by the scene's folder; they end with the test."""
-    options = {
-        "cwd": scene.parent,
-        "env": {"PYTHONUNBUFFERED": "1", "PYTHONPATH": str(ROOT)},
-        "mark": scene.parent.name,
-    }
-    # waits less long for a main thread that does not react
-    impatient = (
-        "from epuck_sim.cli import interrupt; interrupt.GRACE_S = 0.3; from epuck_sim.__main__ import main; main()"
-    )
-    return start([sys.executable, "-c", impatient, "run", scene, *arguments], **options)
+    impatient = "from epuck_sim.cli import interrupt; interrupt.GRACE_S = 0.3"  # with a main thread that does not react
+    program = [sys.executable, "-c", f"{impatient}; from epuck_sim.__main__ import main; main()"]
+    environment = {"PYTHONUNBUFFERED": "1", "PYTHONPATH": str(ROOT)}
+    return start([*program, "run", scene, *arguments], cwd=scene.parent, env=environment, mark=scene.parent.name)
 
 
 def end_of(process: subprocess.Popen) -> tuple[int, str]:

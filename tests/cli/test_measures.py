@@ -50,9 +50,7 @@ SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10]
 
 
 LAWS = {
-    "number": lambda point, random: float(
-        np.exp(1 - (np.log10(point.axes[SPEED]) - 0.2) ** 2 + random.normal(0, 0.05))
-    ),
+    "number": lambda at, random: float(np.exp(1 - (np.log10(at.axes[SPEED]) - 0.2) ** 2 + random.normal(0, 0.05))),
     "signed": lambda point, random: float(point.axes[SPEED] - 3 + random.normal()),
     "truth": lambda point, random: bool(random.random() < 0.1 * point.axes[COUNT]),
     "course": lambda _, random: random.normal(1, 0.1, random.integers(3, 7)).tolist(),

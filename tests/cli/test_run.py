@@ -79,10 +79,8 @@ def test_without_an_oscillator_and_a_limit_trials_end_after_ten_minutes_and_the_
     wanders = ("run", "thesis", *set_to("controller=constant", "parameters={}", "count=1"))
     result = call(*wanders, "--json")
     assert json.loads(result.stdout)["simulated_s"] == 600
-    assert result.stderr == (
-        "note: robot 0 is no oscillator, so that trials have no T_sync; they end after 600 simulated seconds; "
-        "for another limit: --set stop.max_time_s=3600\n"
-    )
+    said = "note: robot 0 is no oscillator, so that trials have no T_sync; they end after 600 simulated seconds"
+    assert result.stderr == f"{said}; for another limit: --set stop.max_time_s=3600\n"
     for limit, simulated_s in {"max_time_s=700": 700, "max_time_s=600": 600}.items():
         assert read(*wanders, "--set", limit)["simulated_s"] == simulated_s
     result = call(*wanders, "--json", "--set", "max_cycles=130")

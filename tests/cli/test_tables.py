@@ -52,16 +52,16 @@ def shown(clock, capsys, steps: list[tuple[float, SweepProgress]]) -> list[str]:
 
 
 def test_a_line_tells_trials_done_censored_and_failed_per_minute_and_time_left(clock, capsys) -> None:
+    # the first trial, which waits for the workers to start, is no measure, nor is what was stored before
+    resumed = [(0, tally(0, 100, 7)), (5, tally(1, 100, 7)), (65, tally(301, 100, 42))]
+    failing = [(0, tally(1)), (60, tally(501, failed=100))]
     for steps, *lines in (
         ([(20, tally(1))], "1 of 1000 trials, 0 censored"),
-        # the first trial, which waits for the workers to start, is no measure, nor is what was stored before
+        (resumed, "100 of 1000 trials, 7 censored", "401 of 1000 trials, 42 censored, 300 a minute, 2 min left"),
         (
-            [(0, tally(0, 100, 7)), (5, tally(1, 100, 7)), (65, tally(301, 100, 42))],
-            *("100 of 1000 trials, 7 censored", "401 of 1000 trials, 42 censored, 300 a minute, 2 min left"),
-        ),
-        (
-            [(0, tally(1)), (60, tally(501, failed=100))],
-            *("1 of 1000 trials, 0 censored", "401 of 1000 trials, 0 censored, 100 failed, 500 a minute, 60 s left"),
+            failing,
+            "1 of 1000 trials, 0 censored",
+            "401 of 1000 trials, 0 censored, 100 failed, 500 a minute, 60 s left",
         ),
     ):
         assert shown(clock, capsys, steps) == [f"{lines[0]}; starting workers", *lines[1:]]

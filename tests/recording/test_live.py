@@ -134,9 +134,8 @@ def shown_at(clock: Clock, pace: Pace, steps: int, took_s: float = 0.0) -> list[
 
 def test_steps_are_shown_at_their_times_and_short_delays_but_no_long_ones_are_caught_up_with(monkeypatch) -> None:
     for speed in (0.5, 1, 4):
-        assert shown_at(*begin(monkeypatch, speed=speed), 5) == pytest.approx(
-            [number * 0.1 / speed for number in range(5)]
-        )
+        times = shown_at(*begin(monkeypatch, speed=speed), 5)
+        assert times == pytest.approx([number * 0.1 / speed for number in range(5)])
     clock, pace = begin(monkeypatch)
     pace.wait_until(0.0)
     clock.now += 0.9 * MOST_LATE_S

@@ -140,6 +140,7 @@ def test_many_recordings_need_no_more_threads_nor_memory_than_a_few(tmp_path) ->
 
 SMALL = {"arena": {"width_cm": 40, "height_cm": 40}, "robots": [{"count": 2}], "stop": {"max_time_s": 2}}
 SCENARIO = load_scenario(SMALL)
+NEWER = '{"epuck_sim": "9.1"}'
 FLIPS = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(1, 255)), min_size=1, max_size=3)
 
 
@@ -230,10 +231,7 @@ def two_in_one(path: Path) -> None:
         (lambda path: written(path, "epuck-sim", format=1, level="full"), "is not a complete recording: 'scenario'"),
         (two_in_one, "holds 2 recordings"),
         (without_outcome, "is not a complete recording: 'cycles'"),
-        (
-            lambda path: written(path, "epuck-sim", format=7, versions='{"epuck_sim": "9.1"}'),
-            "format 7, made by epuck_sim 9.1",
-        ),
+        (lambda path: written(path, "epuck-sim", format=7, versions=NEWER), "format 7, made by epuck_sim 9.1"),
     ],
 )
 def test_what_is_no_recording_of_ours_is_refused(tmp_path, capfd, make: Callable[[Path], None], message: str) -> None:

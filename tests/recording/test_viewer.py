@@ -329,9 +329,7 @@ def test_a_second_ctrl_c_while_it_is_ended_leaves_none_behind(stand: Stand, tmp_
     assert window.has_ended
 
 
-def test_a_viewer_that_breaks_down_before_it_has_the_recording_or_later_is_reported(
-    thesis, stand, tmp_path, monkeypatch
-):
+def test_a_viewer_that_breaks_down_before_it_has_all_or_later_is_reported(thesis, stand, tmp_path, monkeypatch):
     monkeypatch.setattr(viewer, "FLUSH_S", 0.2)
     stand.answers_and_says("no more of this", senders=1)  # rerun waits 10 s for one that it does not reach
     with pytest.raises(RecordingError, match=r"^the viewer does not work: no more of this$"):

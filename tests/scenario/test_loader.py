@@ -87,6 +87,7 @@ def test_scenarios_are_read_at_the_edge_alone() -> None:
 
 
 NEEDED = {"clock_drift": {"rate": 1.1}, "clock_jitter": {"jitter": 0.1}, "camera_misses": {"missed": 0.5}}
+WHEN = {"when": "order_parameter >= 0.9", "for_cycles": 3}
 ROBOTS = [
     *({"faults": [{"kind": kind, "count": 2, "per_hour": 3, **NEEDED.get(kind, {})}]} for kind in [*FAULTS][:-1]),
     {
@@ -98,12 +99,7 @@ ROBOTS = [
     {
         "faults": [{"kind": "ring_dead", "scheduled": True}],
         "schedule": [
-            {
-                "when": "order_parameter >= 0.9",
-                "for_cycles": 3,
-                "set": {"robots.0.parameters.speed_cm_s": 0},
-                "begin": [0],
-            },
+            {**WHEN, "set": {"robots.0.parameters.speed_cm_s": 0}, "begin": [0]},
             {"at_s": 3, "displace": {"by_cycles": "random"}, "end": [0]},
         ],
     },
@@ -113,10 +109,14 @@ RULES = [
     *({"kind": "nearest", "k": 19}, {"kind": "range", "radius_cm": 5}, {"kind": "all"}, {"kind": "random", "k": 19}),
     *({"kind": "cone_of_vision", "angle_deg": 360}, {"kind": "cone_of_emission", "angle_deg": 0.1, "radius_cm": 1e6}),
 ]
-WHEN = {"when": "order_parameter >= 0.9", "for_cycles": 3, "set": {"response.coupling": 1}}
 AGENTS = [
     *({"neighbourhood": rule} for rule in RULES),
-    {"schedule": [WHEN, {"at_s": 3, "displace": {"by_cycles": "random", "agents": [2]}}]},
+    {
+        "schedule": [
+            {**WHEN, "set": {"response.coupling": 1}},
+            {"at_s": 3, "displace": {"by_cycles": "random", "agents": [2]}},
+        ]
+    },
     {"response": {"curve": "sine", "coupling": 1, "refractory": 0.499}},
     {"response": {"coupling": 5}},
     {"response": {"curve": "mirollo_strogatz", "parameters": {"dissipation": 100}}},

@@ -19,11 +19,8 @@ from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.seeds import point_seed
 from tests.control.bench import with_step
 
-KEYS = {
-    name: scenario.all_keys(scenario.model_dump(mode="json"))
-    for name in ("thesis", "particles", "obstacles")
-    for scenario in [load_scenario(name)]
-}
+LOADED = map(load_scenario, ("thesis", "particles", "obstacles"))
+KEYS = {scenario.name: scenario.all_keys(scenario.model_dump(mode="json")) for scenario in LOADED}
 
 
 def test_an_ending_stands_for_the_key_on_which_trials_depend_and_sets_what_it_sets() -> None:
@@ -251,23 +248,16 @@ def test_a_sweep_that_is_written_is_read_again(columns: dict, listed) -> None:
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
 
 
-@pytest.mark.parametrize(
-    ("master", "axes", "key", "expected"),
-    [
-        (0, {}, "{}", [3863378073750256, 3225868734339422, 3231444368234837]),
-        (
-            0,
-            {COUNT: 2, SPEED: 0.5},
-            f'{{"{COUNT}": 2.0, "{SPEED}": 0.5}}',
-            [7015346984533444, 4535980160901266, 2834362922018468],
-        ),
-        (2016, {"noise": "off"}, '{"noise": "off"}', [8778295633544210, 2125023039864183, 932086395961719]),
-    ],
-)
-def test_seeds_are_those_of_every_version_before(master: int, axes: dict, key: str, expected: list[int]) -> None:
-    (point,) = points(load_scenario({"seed": master, **({"sweep": {"points": [axes]}} if axes else {})}))
-    assert point.key == key
-    assert [point.seed(trial) for trial in (0, 1, 199)] == expected
+def test_seeds_are_those_of_every_version_before() -> None:
+    of_axes = f'{{"{COUNT}": 2.0, "{SPEED}": 0.5}}'
+    for master, axes, key, *expected in (
+        (0, {}, "{}", 3863378073750256, 3225868734339422, 3231444368234837),
+        (0, {COUNT: 2, SPEED: 0.5}, of_axes, 7015346984533444, 4535980160901266, 2834362922018468),
+        (2016, {"noise": "off"}, '{"noise": "off"}', 8778295633544210, 2125023039864183, 932086395961719),
+    ):
+        (point,) = points(load_scenario({"seed": master, **({"sweep": {"points": [axes]}} if axes else {})}))
+        assert point.key == key
+        assert [point.seed(trial) for trial in (0, 1, 199)] == expected
 
 
 @given(st.integers(0, 2**64), st.text(max_size=20), st.text(max_size=20), st.integers(0, 10**7))

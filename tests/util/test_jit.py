@@ -65,11 +65,8 @@ def sources_of(file: Path, *functions: str) -> dict[str, Path]:
 
 
 def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_covers() -> None:
-    rooms = {
-        path.relative_to(PACKAGE).parts[0]
-        for path in PACKAGE.rglob("*.py")
-        if "epuck_sim.util.jit import" in path.read_text()
-    }
+    kernels = [path for path in PACKAGE.rglob("*.py") if "epuck_sim.util.jit import" in path.read_text()]
+    rooms = {path.relative_to(PACKAGE).parts[0] for path in kernels}
     assert len(rooms) > 5
     for room in rooms:
         covered, found = set(kernel_files(room)), 0
@@ -123,9 +120,7 @@ def make_cache(folder: Path, age_s: float, file: str = "infrared.read-1.py311.1.
     return folder
 
 
-def test_a_cache_not_used_for_a_month_is_removed_but_nothing_that_may_be_another_s_nor_links_and_files(
-    tmp_path, monkeypatch
-):
+def test_a_cache_not_used_for_a_month_is_removed_but_nothing_that_may_be_another_s_nor_links(tmp_path, monkeypatch):
     make_cache(tmp_path / "0123456789abcdef", OLD)
     strangers = ("0123456789ABCDEF", "0123456789abcde", "0123456789abcdef0", "particles_0123456789")
     kept = [make_cache(tmp_path / name, OLD, "x.nbi") for name in strangers]
