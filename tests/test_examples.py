@@ -21,7 +21,6 @@ RESPONSIVE = EXAMPLES / "responsive_firefly.py"
 
 @pytest.fixture
 def examples(monkeypatch):
-    """Return a function that imports an example by its name."""
     monkeypatch.syspath_prepend(EXAMPLES)
     return import_module
 

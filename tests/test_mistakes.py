@@ -52,14 +52,12 @@ def never(_: object) -> Any:
 
 
 def measured(folder: Path) -> None:
-    """Make a run folder with a measure, and without T_sync."""
     path = folder.with_name("mine.py")
     path.write_text("def number(simulation): return 0\n")
     store_measured(folder, sweep({SPEED: SPEEDS, COUNT: [2, 6]}, measures=[str(path)]), lambda _: [1.0, 2.0])
 
 
 def half_a_recording(path: Path) -> None:
-    """Make a recording that was cut off."""
     whole = path.with_name("whole.rrd")
     called("run", "pair", "--record", whole)
     path.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])

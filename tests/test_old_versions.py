@@ -21,7 +21,6 @@ pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
 @pytest.fixture(params=VERSIONS)
 def old(request, tmp_path: Path) -> Path:
-    """Return a copy of the folder of a version."""
     return shutil.copytree(HERE / request.param, tmp_path / request.param)
 
 

@@ -46,7 +46,6 @@ def offer(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 @pytest.fixture
 def site(tmp_path, monkeypatch):
-    """A folder in which packages can be installed."""
     yield from offer(tmp_path / "site", monkeypatch)
 
 
@@ -61,7 +60,6 @@ def built(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def plugins(built, monkeypatch):
-    """The two packages in `tests/plugins`, installed."""
     yield from offer(built, monkeypatch)
 
 

@@ -94,7 +94,6 @@ SETTINGS = ["count=4", "speed_cm_s=1.5", "period_s=2.0", "overhead.width_px=160"
 
 @pytest.fixture(scope="module")
 def film(tmp_path_factory) -> Path:
-    """Return a film of twelve seconds."""
     path = tmp_path_factory.mktemp("films") / "swarm.mp4"
     scenario = load_scenario("thesis", SETTINGS)
     with film_trial(path, scenario, seed=1) as observe:

@@ -116,7 +116,6 @@ def words_of(sequence, count=4):
 
 
 def both(kind, seed, key=()):
-    """Return a generator for compiled code, and numpy's."""
     generator = np.ones(ours.GENERATOR_WORDS, np.uint64)  # which seeding has to overwrite
     {"sfc64": ours.seed_sfc64, "pcg64": ours.seed_pcg64}[kind](generator, sequence_of(ours.seed_words(seed), key))
     return generator, np.random.Generator(IN_NUMPY[kind](np.random.SeedSequence(seed, spawn_key=key)))
