@@ -149,16 +149,13 @@ FPS = 20
 SIZE = {"width_px": SIDE_PX, "height_px": SIDE_PX, "frames_per_s": FPS}
 TIMES = even(3.6, FPS)
 ROBOTS = 4
-FLOOR = "5,5,154,5,154,154,5,154"
-"""About where the floor's corners are in the films."""
-
-KEYS = {
+FLOOR = "5,5,154,5,154,154,5,154"  # about where its corners are in the films
+KEYS = {  # of the JSON object that `track` prints
     *("film", "frames", "fps", "duration_s", "start_s", "calibration", "period_s", "flash_ms", "threshold_ms"),
     *("estimated", "robots_seen", "flashes_per_period", "histogram_s", "histogram_periods", "t_sync_cycles"),
     *("versions", "confidence", "reasons", "rings_outside", "always_lit", "position_error_mm"),
     *("t_sync_s", "t_sync_periods", "warnings"),
 }
-"""Of the JSON object that `track` prints."""
 
 
 def tracked(film: str | Path, *options: str | Path) -> dict[str, Any]:
@@ -223,7 +220,6 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, plain, he
     assert tracked("swarm.mp4", *words.split()) == plain | {"film": "swarm.mp4"}
     assert names(here) == ["a.mp4", "p.csv", "p.png", "r.csv", "swarm.mp4"]
     assert (here / "swarm.mp4").read_bytes() == before
-
     spreads = rows(here / "p.csv")
     assert [*spreads[0]] == ["time_s", "periods", "count", "spread_ms"]
     assert min(float(row["spread_ms"]) for row in spreads) < 40

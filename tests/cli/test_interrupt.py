@@ -42,14 +42,9 @@ def write_scene(folder: Path, controller: str = ENDLESS, max_time_s: float = 60)
     return path
 
 
-@pytest.fixture(scope="module")
-def _compiled(tmp_path_factory) -> None:
-    """Compile, into the cache, what the trials need."""
-    called("run", write_scene(tmp_path_factory.mktemp("compiled"), max_time_s=0.3))
-
-
 @pytest.fixture
-def scene(tmp_path, _compiled) -> Path:
+def scene(tmp_path) -> Path:
+    called("run", write_scene(tmp_path, max_time_s=0.3))  # which compiles what the trials need
     return write_scene(tmp_path)
 
 

@@ -234,7 +234,6 @@ def test_what_is_compiled_is_counted_with_all_that_it_calls_and_said_while_it_is
     monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path)
     monkeypatch.setattr(progress, "COMPILING_IN_A_LOG_S", 0.001)
     done, planned = native.count_compiled()
-
     global leaf  # noqa: PLW0603 kernels find each other among global names
 
     @jit.jit_inline

@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from numba import njit
@@ -176,22 +177,18 @@ def test_a_cache_in_use_is_marked_so_and_old_ones_go_when_a_new_one_is_made(tmp_
     assert old.exists()  # nothing was compiled: there was no need to look
 
 
-@pytest.fixture
-def compiled(tmp_path, monkeypatch):
-    """Return a function that compiles one into a cache, an empty folder at first."""
-    monkeypatch.setattr(jit, "cache_root", lambda **_: tmp_path)
+def compile_into(folder: Path, monkeypatch) -> Any:
+    """Return a function that is compiled, or was, into a cache."""
 
-    def compile_one() -> Any:
-        def plus_two(value: int) -> int:
-            return value + 2
+    def plus_two(value: int) -> int:
+        return value + 2
 
-        return jit.compile_cached(plus_two, "0123456789abcdef", careful=False)
-
-    return compile_one
+    monkeypatch.setattr(jit, "cache_root", lambda **_: folder)
+    return jit.compile_cached(plus_two, "0123456789abcdef", careful=False)
 
 
-def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, compiled) -> None:
-    plus_two = compiled()
+def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monkeypatch) -> None:
+    plus_two = compile_into(tmp_path, monkeypatch)
     os.utime(tmp_path / "0123456789abcdef", (0, 0))
     remove_unused(tmp_path.iterdir(), is_cache)
     assert list(tmp_path.iterdir()) == []
@@ -199,9 +196,9 @@ def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, compi
     assert list(tmp_path.rglob("*.nbi")) != []
 
 
-def test_files_of_the_cache_that_were_damaged_are_compiled_anew_and_healed(tmp_path, compiled) -> None:
+def test_files_of_the_cache_that_were_damaged_are_compiled_anew_and_healed(tmp_path, monkeypatch) -> None:
     def is_from_cache() -> bool:
-        plus_two = compiled()
+        plus_two = compile_into(tmp_path, monkeypatch)
         assert plus_two(1) == 3
         return sum(plus_two.stats.cache_hits.values()) == 1
 
@@ -218,11 +215,9 @@ def test_files_of_the_cache_that_were_damaged_are_compiled_anew_and_healed(tmp_p
             assert [is_from_cache(), is_from_cache()] == [False, True]
 
 
-def test_a_cache_that_gets_full_costs_a_warning_not_the_run(tmp_path, monkeypatch, compiled) -> None:
-    def full(*_: object, **__: object) -> None:
-        raise OSError(errno.EDQUOT, "Disk quota exceeded")
-
-    plus_two = compiled()
+def test_a_cache_that_gets_full_costs_a_warning_not_the_run(tmp_path, monkeypatch) -> None:
+    full = Mock(side_effect=OSError(errno.EDQUOT, "Disk quota exceeded"))
+    plus_two = compile_into(tmp_path, monkeypatch)
     monkeypatch.setattr("numba.core.caching.os.replace", full)
     with pytest.warns(UserWarning, match=rf"{tmp_path}: compiled code cannot be kept here.*: Disk quota exceeded"):
         assert plus_two(1) == 3
