@@ -108,6 +108,9 @@ def test_dir_star_import_and_help_show_the_public_names_and_no_others_and_nothin
 
 
 def test_files_are_given_as_text_or_as_paths_and_a_trace_is_refused_for_agents(tmp_path) -> None:
+    with pytest.raises(ScenarioError, match="particles: model is 'particles'; "):
+        epuck_sim.Trace(tmp_path / "t.parquet", load_scenario("particles"), 1)
+    assert list(tmp_path.iterdir()) == []
     scenario = load_scenario("thesis", ["stop.max_cycles=1", "robots.0.count=2"])
     observers = {"t.parquet": epuck_sim.Trace, "t.rrd": epuck_sim.record, "t.mp4": epuck_sim.film_trial}
     with ExitStack() as stack:
@@ -115,9 +118,6 @@ def test_files_are_given_as_text_or_as_paths_and_a_trace_is_refused_for_agents(t
         epuck_sim.run_trial(Simulation(scenario, 1), watching)
     assert {path.name for path in tmp_path.iterdir()} == set(observers)
     assert read_recording(str(tmp_path / "t.rrd")).seed == 1
-    with pytest.raises(ScenarioError, match="particles: model is 'particles'; "):
-        epuck_sim.Trace(tmp_path / "agents.parquet", load_scenario("particles"), 1)
-    assert not (tmp_path / "agents.parquet").exists()
 
 
 def test_a_single_text_is_no_list_of_settings() -> None:
