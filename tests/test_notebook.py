@@ -44,7 +44,7 @@ def test_things_show_themselves_and_no_paths() -> None:
     assert re.findall(r"/(?:home|root|tmp|work|Users)\b", NOTEBOOK.read_text()) == []
 
 
-def test_films_results_and_points_show_themselves(tmp_path) -> None:
+def test_films_results_points_and_recordings_of_every_level_show_themselves(tmp_path) -> None:
     (tmp_path / "t.mp4").write_bytes(b"film")
     film = show(tmp_path / "t.mp4")._repr_html_()
     assert "<video controls" in film
@@ -53,6 +53,11 @@ def test_films_results_and_points_show_themselves(tmp_path) -> None:
     folder = store(tmp_path / "run", sweep({SPEED: [1, 2, 4]}, trials=6), lambda point: weibull(point, 30))
     assert read_points(folder)._repr_html_().count("<tr>") == 4
     assert "mean" in summarize(read_points(folder))._repr_html_()
+    for level in Level:
+        recorded(tmp_path / "t.rrd", load_scenario("particles", ["stop.max_cycles=2"]), 1, level)
+        html = read_recording(tmp_path / "t.rrd")._repr_html_()
+        assert f"<td>{level}</td>" in html
+        assert html.count("<circle") == (0 if level is Level.SUMMARY else 20)
 
 
 @pytest.mark.slow
@@ -101,11 +106,3 @@ def test_what_cannot_be_shown_is_refused_and_what_is_missing_named(recording, tm
     ):
         with pytest.raises(error, match=said):
             show(path)
-
-
-@pytest.mark.parametrize("level", Level)
-def test_recordings_of_every_level_show_what_they_hold(tmp_path, level: Level) -> None:
-    recorded(tmp_path / "t.rrd", load_scenario("particles", ["stop.max_cycles=2"]), 1, level)
-    html = read_recording(tmp_path / "t.rrd")._repr_html_()
-    assert f"<td>{level}</td>" in html
-    assert html.count("<circle") == (0 if level is Level.SUMMARY else 20)

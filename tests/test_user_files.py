@@ -4,7 +4,6 @@ import importlib
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +34,7 @@ def look_again() -> None:
         vars(kind).pop("offers", None)
 
 
-def offer(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def offer(folder: Path, monkeypatch: pytest.MonkeyPatch):
     """Have packages in a folder installed, for this process and for those that it starts."""
     monkeypatch.syspath_prepend(folder)
     monkeypatch.setenv("PYTHONPATH", str(folder), prepend=":")

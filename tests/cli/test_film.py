@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import signal
-from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
@@ -27,7 +26,7 @@ from epuck_sim.cli.progress import progress_bar
 from epuck_sim.cli.tables import NAMES_WIDTH, print_track
 from epuck_sim.overhead import live, track
 from epuck_sim.overhead.camera import Frame
-from epuck_sim.overhead.film import Film, open_film
+from epuck_sim.overhead.film import open_film
 from tests.cli.commands import call, called, refused, set_to, trials
 from tests.cli.films import frames_and_description, names
 from tests.overhead.films import PLACES, TRACK, described, even, in_step, read_rings, save, shoot
@@ -270,7 +269,7 @@ def test_tags_tell_who_is_who(here) -> None:
 @pytest.mark.usefixtures("figures_noted")
 def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkeypatch) -> None:
     @contextmanager
-    def plugged_in(number: int, _: object) -> Iterator[Film]:
+    def plugged_in(number: int, _: object):
         with open_film(str(shelf / "swarm.mp4")) as film:
             film.name = f"camera {number}"
             yield film

@@ -48,7 +48,6 @@ def test_new_writes_a_measure_that_runs_as_it_stands(scenario, tmp_path):
 
 SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10]
 
-
 LAWS = {
     "number": lambda at, random: float(np.exp(1 - (np.log10(at.axes[SPEED]) - 0.2) ** 2 + random.normal(0, 0.05))),
     "signed": lambda point, random: float(point.axes[SPEED] - 3 + random.normal()),

@@ -20,7 +20,6 @@ from epuck_sim import Simulation, Step, points, read_recording
 from epuck_sim.embodied.changes import replacement
 from epuck_sim.recording import Level, live, viewer
 from epuck_sim.recording.live import sleep
-from epuck_sim.recording.recorded import Recorded
 from epuck_sim.runs.reader import read_outcome
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.util import machine
@@ -32,7 +31,7 @@ from tests.runs.made_folders import SPEED, edit, sweep
 ADDRESS = "http://127.0.0.1"
 
 
-def check_is(path: Path, swept: Path, point: int, trial: int) -> Recorded:
+def check_is(path: Path, swept: Path, point: int, trial: int):
     chosen, recorded = points(load_scenario(swept))[point], read_recording(path)
     assert (recorded.scenario, recorded.seed) == (load_scenario(chosen.scenario), chosen.seed(trial))
     return recorded

@@ -2,7 +2,6 @@
 
 import os
 import signal
-from collections.abc import Iterator
 from contextlib import nullcontext
 from functools import partial
 from types import SimpleNamespace
@@ -18,8 +17,7 @@ from epuck_sim.recording import Level
 from epuck_sim.recording import live as live_module
 from epuck_sim.recording import viewer as viewer_module
 from epuck_sim.recording.live import END, MOST_LATE_S, PAUSE, STEP, Pace, live, live_viewer
-from epuck_sim.recording.process import NO_GRAPHICS, ViewerProcess, in_background, proxy_url
-from epuck_sim.trial.embodied import SynchronyWatch
+from epuck_sim.recording.process import NO_GRAPHICS, in_background, proxy_url
 from epuck_sim.trial.model import Observer, run_trial, simulate
 from epuck_sim.util.machine import free_port
 from tests.processes import processes_marked, wait_until
@@ -32,7 +30,7 @@ AGENTS = load_scenario("particles", ["stop.max_cycles=5"])
 
 
 @pytest.fixture(autouse=True)
-def all_has_ended(tmp_path) -> Iterator[None]:
+def all_has_ended(tmp_path):
     with nothing_left(tmp_path):
         yield
 
@@ -68,7 +66,7 @@ def test_the_viewer_has_the_whole_trial_with_its_layout() -> None:
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory) -> Iterator[tuple[ViewerProcess, int]]:
+def server(tmp_path_factory):
     """A viewer for browsers, whose page is at the address that it was announced at."""
     port, addresses = free_port(), []
     with nothing_left(tmp_path_factory.mktemp("server")), live_viewer(port, addresses.append) as viewer:
@@ -224,7 +222,7 @@ def test_a_viewer_that_is_closed_too_early_is_reported(tmp_path, monkeypatch, at
         for process in processes_marked(str(tmp_path)):
             os.kill(process, signal.SIGKILL)
 
-    def watch(step: Step, _: SynchronyWatch) -> None:
+    def watch(step: Step, _) -> None:
         if step.number == at:
             close()
 

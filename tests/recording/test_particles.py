@@ -1,7 +1,6 @@
 """A recording of point-like agents holds what an unrecorded twin does, and is read, drawn and shown correctly."""
 
 from collections import Counter
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -86,7 +85,7 @@ def load(name: str, **more: Any) -> ParticleScenario:
 
 
 @pytest.fixture(scope="module")
-def of(tmp_path_factory) -> Callable[[str], SimpleNamespace]:
+def of(tmp_path_factory) -> Any:
     """Return what makes a trial of a scenario, once, recorded and as it was watched without a recorder."""
 
     @cache

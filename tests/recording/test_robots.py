@@ -29,7 +29,6 @@ from epuck_sim.recording.rrd_file import SEAL
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.util.provenance import versions
 from tests.recording.recordings import Found, Watched, recorded, towards
 
@@ -430,7 +429,7 @@ def test_what_robots_remember_and_what_changed_is_read_back_and_has_views(tmp_pa
     }
     scenario, fields, rows = load_scenario(changing), ["rotation_time", "phase_ms"], []
 
-    def remember(step: Step, _: SynchronyWatch) -> None:
+    def remember(step: Step, _) -> None:
         rows.append([memory_values(step.memories, field) for field in fields])
 
     result = recorded(tmp_path / "t.rrd", scenario, 1, Level.SUMMARY, remember, memory=[*fields, "phase_ms"])

@@ -4,7 +4,6 @@ refused in words."""
 import os
 import resource
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from epuck_sim.recording.layout import arrangement_of, layout_file
 from epuck_sim.recording.process import run_rerun
 from epuck_sim.recording.reader import last_moment_s, read_layout
 from epuck_sim.recording.rrd_file import is_whole
-from epuck_sim.trial.embodied import SynchronyWatch
 from epuck_sim.trial.model import Observer, run_trial
 from tests.processes import start, wait_until
 from tests.recording.recordings import recorded
@@ -41,7 +39,7 @@ def test_where_the_trial_fails_nothing_is_left_and_a_full_disk_ends_it_at_the_ne
     (tmp_path / "older.rrd").write_text("older")
     for number, error in ((0, ZeroDivisionError), (200, KeyboardInterrupt)):
 
-        def fail(step: Step, _: SynchronyWatch, at: int = number, error: type[BaseException] = error) -> None:
+        def fail(step: Step, _, at: int = number, error: type[BaseException] = error) -> None:
             if step.number == at:
                 raise error
 
@@ -234,7 +232,7 @@ def two_in_one(path: Path) -> None:
         (lambda path: written(path, "epuck-sim", format=7, versions=NEWER), "format 7, made by epuck_sim 9.1"),
     ],
 )
-def test_what_is_no_recording_of_ours_is_refused(tmp_path, capfd, make: Callable[[Path], None], message: str) -> None:
+def test_what_is_no_recording_of_ours_is_refused(tmp_path, capfd, make, message: str) -> None:
     path = tmp_path / "t.rrd"
     make(path)
     capfd.readouterr()

@@ -3,15 +3,12 @@
 import math
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
-from types import SimpleNamespace
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -35,7 +32,7 @@ RED, UNLIT_PIXEL = (225, 40, 40), (30, 30, 34)  # as in `layers.robots.COLOURS`
 
 
 @pytest.fixture(autouse=True)
-def all_has_ended(tmp_path) -> Iterator[None]:
+def all_has_ended(tmp_path):
     with nothing_left(tmp_path):
         yield
 
@@ -48,7 +45,7 @@ def thesis(tmp_path_factory) -> tuple[Path, Watched]:
 
 
 @pytest.fixture(scope="module")
-def moment(thesis, tmp_path_factory) -> SimpleNamespace:
+def moment(thesis, tmp_path_factory):
     """Return a step of the thesis arena, as it was and as it is drawn, (height, width, 3)."""
     path, watched = thesis
     read, folder = read_recording(path), tmp_path_factory.mktemp("picture")
@@ -233,7 +230,7 @@ def test_a_browser_finds_the_viewer_on_this_machine_only_until_the_block_ends_or
         wait_until(lambda: not processes_marked(str(tmp_path)))
 
 
-def waiting(stand: Stand) -> subprocess.Popen[str]:
+def waiting(stand: Stand):
     """Return a process that waits for its viewer to be closed; its parent ignored signals."""
     stand.acts(SLEEP)
     process = start(["bash", "-c", "trap '' INT TERM; exec \"$@\"", "bash", sys.executable, "-c", WAIT, stand.script])

@@ -92,7 +92,6 @@ def test_an_ending_in_several_groups_means_all_and_says_so_and_is_the_axis_of_th
 
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False).map(lambda value: float(f"{value:.6g}"))
 
-
 SCALES = st.sampled_from(["", ":lin", ":log"])
 
 
@@ -120,7 +119,6 @@ def test_ranges_stand_beside_values_in_files_and_of_whole_numbers_are_whole() ->
 
 COUNT, SPEED = "robots.0.count", "robots.0.parameters.speed_cm_s"
 WIDTH, HEIGHT = "arena.width_cm", "arena.height_cm"
-
 
 VALUES = st.integers(0, 9) | st.sampled_from(["on", None, 0.5, [1, 2], {"x": 1}])
 

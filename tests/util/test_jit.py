@@ -15,7 +15,6 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -256,7 +255,7 @@ def test_another_numba_is_told_in_a_sentence_with_what_to_install(tmp_path) -> N
 
 
 @pytest.fixture
-def temporary(tmp_path, monkeypatch) -> Iterator[Path]:
+def temporary(tmp_path, monkeypatch):
     """Have no cache folder that can be written to, and an empty folder for temporary files."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/cache")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
