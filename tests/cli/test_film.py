@@ -4,12 +4,13 @@ import json
 import os
 import shutil
 import signal
-from contextlib import contextmanager
+from contextlib import nullcontext
 from functools import partial
 from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import ANY, Mock
 
 import cv2
 import numpy as np
@@ -268,15 +269,12 @@ def test_tags_tell_who_is_who(here) -> None:
 
 @pytest.mark.usefixtures("figures_noted")
 def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkeypatch) -> None:
-    @contextmanager
-    def plugged_in(number: int, _: object):
-        with open_film(str(shelf / "swarm.mp4")) as film:
-            film.name = f"camera {number}"
-            yield film
-
-    monkeypatch.setattr(live, "LiveCamera", plugged_in)
     words = "--period-s 1 --threshold-ms 40 --plot p.png --rings r.csv --annotate a.mp4 --record raw.mp4"
-    found = tracked("--camera=1", *words.split())
+    with open_film(str(shelf / "swarm.mp4")) as film:
+        film.name = "camera 1"
+        monkeypatch.setattr(live, "LiveCamera", Mock(return_value=nullcontext(film)))
+        found = tracked("--camera=1", *words.split())
+    live.LiveCamera.assert_called_once_with(1, ANY)
     assert found.keys() == KEYS
     assert (found["film"], found["period_s"], found["estimated"]) == ("camera 1", 1, [])
     assert found["start_s"] + found["histogram_s"] == pytest.approx(2.55, abs=0.05)

@@ -91,34 +91,25 @@ def test_a_trial_that_is_shown_is_the_same_trial_and_an_error_that_ends_it_is_ra
             raise error
 
 
-class Clock:
-    """Time that passes while a pace waits, and keys that are pressed at given times; stands for the module `time`."""
+def begin(monkeypatch, *pressed: tuple[float, str], speed: float = 1.0) -> tuple[SimpleNamespace, Pace]:
+    """Return a clock whose time passes while a pace waits, until keys are pressed at given times, and the pace."""
+    clock, to_press = SimpleNamespace(now=0.0, waits=0, monotonic=lambda: clock.now), list(pressed)
 
-    def __init__(self, *pressed: tuple[float, str]) -> None:
-        self.now = 0.0
-        self.waits = 0
-        self.pressed = list(pressed)
-
-    def monotonic(self) -> float:
-        return self.now
-
-    def wait(self, seconds: float) -> str:
-        self.waits += seconds > 0
-        if self.pressed and self.pressed[0][0] <= self.now + seconds:
-            at, keys = self.pressed.pop(0)
-            self.now = max(self.now, at)
+    def wait(seconds: float) -> str:
+        clock.waits += seconds > 0
+        if to_press and to_press[0][0] <= clock.now + seconds:
+            at, keys = to_press.pop(0)
+            clock.now = max(clock.now, at)
             return keys
-        self.now += seconds
+        clock.now += seconds
         return ""
 
-
-def begin(monkeypatch, *pressed: tuple[float, str], speed: float = 1.0) -> tuple[Clock, Pace]:
-    clock = Clock(*pressed)
+    clock.wait = wait
     monkeypatch.setattr(live_module, "time", clock)
-    return clock, Pace(speed, clock.wait)
+    return clock, Pace(speed, wait)
 
 
-def shown_at(clock: Clock, pace: Pace, steps: int, took_s: float = 0.0) -> list[float]:
+def shown_at(clock: SimpleNamespace, pace: Pace, steps: int, took_s: float = 0.0) -> list[float]:
     """Return when each step, which takes so long to simulate, is shown."""
     times = []
     for number in range(steps):
