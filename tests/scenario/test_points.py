@@ -353,17 +353,14 @@ def points_of_one_name(folder: Path, first: str, second: str) -> tuple[Point, ..
     return points(folder / "scene.yaml")
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "names"),
-    [
-        ("a/c.py", "b/c.py", ["a/c.py", "b/c.py", "firefly"]),
-        ("a/c.py", "b/d.py", ["c.py", "d.py", "firefly"]),
-        ("a/firefly.py", "b/firefly.py", ["a/firefly.py", "b/firefly.py", "firefly"]),
-    ],
-)
-def test_controllers_of_one_file_name_are_distinguished_by_their_folders(tmp_path, first, second, names) -> None:
-    one, other, _ = found = points_of_one_name(tmp_path / "here", first, second)
-    assert [point.axes[CONTROLLER] for point in found] == names
-    assert [one.scenario.robots[0].parameters["pace"], other.scenario.robots[0].parameters["pace"]] == [0.5, 1.5]
-    moved = points_of_one_name(tmp_path / "there" / "deeper", first, second)
-    assert [point.key for point in moved] == [point.key for point in found]
+def test_controllers_of_one_file_name_are_distinguished_by_their_folders(tmp_path) -> None:
+    for folder, first, second, names in (
+        ("one", "a/c.py", "b/c.py", ["a/c.py", "b/c.py"]),
+        ("two", "a/c.py", "b/d.py", ["c.py", "d.py"]),
+        ("three", "a/firefly.py", "b/firefly.py", ["a/firefly.py", "b/firefly.py"]),
+    ):
+        one, other, _ = found = points_of_one_name(tmp_path / folder, first, second)
+        assert [point.axes[CONTROLLER] for point in found] == [*names, "firefly"]
+        assert [each.scenario.robots[0].parameters["pace"] for each in (one, other)] == [0.5, 1.5]
+        moved = points_of_one_name(tmp_path / "deeper" / folder, first, second)
+        assert [point.key for point in moved] == [point.key for point in found]

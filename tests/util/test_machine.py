@@ -75,24 +75,23 @@ def test_what_is_available_is_less_than_the_machine_has_and_limited_by_a_limit_o
     assert 10**9 < int(subprocess.check_output([sys.executable, "-c", code])) < 2 * 10**9
 
 
-def cgroup(folder: Path, *, version: int, limit: str, usage: int, droppable: int) -> None:
-    names = {2: ("memory.max", "memory.current", "inactive_file")}
-    first = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
-    limit_file, usage_file, key = names.get(version, first)
+def cgroup(folder: Path, names: tuple[str, str, str], *, limit: str, droppable: int) -> None:
+    limit_file, usage_file, key = names
     folder.mkdir(parents=True, exist_ok=True)
     (folder / limit_file).write_text(f"{limit}\n")
-    (folder / usage_file).write_text(f"{usage}\n")
+    (folder / usage_file).write_text("3000\n")
     (folder / "memory.stat").write_text(f"anon 5\n{key} {droppable}\n")
 
 
-@pytest.mark.parametrize(("version", "line"), [(2, "0::/job/step"), (1, "7:memory:/job/step")])
-def test_a_control_group_and_those_around_it_limit_what_is_available(tmp_path, version: int, line: str) -> None:
-    root = tmp_path / ("" if version == 2 else "memory")
-    cgroup(root / "job", version=version, limit="5000", usage=3000, droppable=500)
-    cgroup(root / "job" / "step", version=version, limit="max", usage=3000, droppable=500)
-    assert list(machine._of_cgroups(tmp_path, f"3:cpu:/other\n{line}\n")) == [2500]
-    cgroup(root / "job" / "step", version=version, limit="4000", usage=3000, droppable=0)
-    assert sorted(machine._of_cgroups(tmp_path, line)) == [1000, 2500]
+def test_a_control_group_and_those_around_it_limit_what_is_available(tmp_path) -> None:
+    first = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+    second = ("memory.max", "memory.current", "inactive_file")
+    for names, line, root in ((second, "0::/job/step", ""), (first, "7:memory:/job/step", "memory")):
+        cgroup(tmp_path / root / "job", names, limit="5000", droppable=500)
+        cgroup(tmp_path / root / "job" / "step", names, limit="max", droppable=500)
+        assert list(machine._of_cgroups(tmp_path, f"3:cpu:/other\n{line}\n")) == [2500]
+        cgroup(tmp_path / root / "job" / "step", names, limit="4000", droppable=0)
+        assert sorted(machine._of_cgroups(tmp_path, line)) == [1000, 2500]
 
 
 def test_what_needs_more_memory_than_there_is_is_refused_with_both_numbers(tmp_path, monkeypatch) -> None:
