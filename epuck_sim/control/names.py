@@ -28,7 +28,6 @@ ARGUMENTS: Mapping[str, tuple[str, ...]] = {
 }
 """What a controller's functions, and a sensor's, are given, in this order."""
 
-
 FIXED: Mapping[type, Sequence[str]] = {Sensor: ("world", "robot", "parameters"), Controller: ("parameters",)}
 """What is not set: a sensor would change outcomes, and a controller what all robots of its group have."""
 
@@ -153,14 +152,12 @@ def check_draws(file: PythonFile, instead: str) -> None:
 
 def _draws(nodes: Iterable[ast.AST], values: Mapping[str, object], instead: str) -> Iterator[tuple[int, str]]:
     """Yield lines of code that draw numbers which follow from no seed of a trial, and what to do instead."""
-    for node in nodes:
-        if not isinstance(node, ast.Call):
-            continue
-        called = _value_of(node.func, values)
-        is_unseeded = not (node.args or node.keywords) and any(called is each for each in UNSEEDED)
+    for call in (node for node in nodes if isinstance(node, ast.Call)):
+        called = _value_of(call.func, values)
+        is_unseeded = not (call.args or call.keywords) and any(called is each for each in UNSEEDED)
         if is_unseeded or isinstance(getattr(called, "__self__", None), GENERATORS):
-            said = f"calls {ast.unparse(node.func)}, whose numbers follow from no seed of a trial; {instead}"
-            yield node.lineno, said
+            said = f"calls {ast.unparse(call.func)}, whose numbers follow from no seed of a trial; {instead}"
+            yield call.lineno, said
 
 
 def _names_of_parts(nodes: Sequence[ast.AST], names: Mapping[str, str]) -> dict[str, str]:

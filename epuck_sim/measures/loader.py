@@ -112,7 +112,5 @@ def _check_methods(make: type, file: PythonFile) -> None:
         use = re.compile(rf"\b(self|{name})\.{method}\b".encode())  # `state.cycles` is no use of a method cycles
         if looks_so and not any(map(use.search, file.sources.values())):
             where = f"{file.path}:{function.__code__.co_firstlineno}: {name}"
-            called = ", ".join(CALLED)
-            raise MeasureError(
-                f"{where}: nothing calls {method}: {did_you_mean(method, [*CALLED])}; trials call {called}"
-            )
+            said = f"nothing calls {method}: {did_you_mean(method, [*CALLED])}; trials call {', '.join(CALLED)}"
+            raise MeasureError(f"{where}: {said}")

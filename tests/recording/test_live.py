@@ -46,7 +46,9 @@ def test_the_viewer_has_the_whole_trial_with_its_layout() -> None:
             window.wait_for(port)
             with live(window, port, SCENARIO, 3, Level.FULL, FAST) as look:
                 ran(look, watched)
-            state = ViewerClient.connect(proxy_url(port)).get_state()
+            viewer = ViewerClient.connect(proxy_url(port))
+            wait_until(lambda: len(viewer.get_state().views) > 1)  # what it has comes before how it is laid out
+            state = viewer.get_state()
         except (RecordingError, ConnectionError):  # it answers before it looks for a driver
             if str(window.error()) == NO_GRAPHICS:
                 pytest.skip(NO_GRAPHICS)
