@@ -1,7 +1,7 @@
 """Makes docs/figures/overhead_confidence.csv: how often `track` is right where it is sure, in films that cameras spoil.
 
 Each film shows eight robots that flash at random and, from the fourth of six cycles on, together; or two groups that
-stay apart. An effect of `tests/overhead/effects.py` spoils it. `track` is told the floor and its corners, and nothing
+stay apart. An effect of `tests/overhead/webcam.py` spoils it. `track` is told the floor and its corners, and nothing
 else. A number as argument is that of films of each effect and strength, 2 by default. Films that the table has are not
 made again: to repeat them, delete their rows.
 """
@@ -16,9 +16,8 @@ from epuck_sim.display.table import csv_text
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.track import track_film
-from tests.overhead.effects import KINDS, SCALE, Effect, film, is_right
 from tests.overhead.films import passed, save
-from tests.overhead.webcam import GOOD
+from tests.overhead.webcam import EFFECTS, GOOD, SCALE, Effect, film, is_right
 
 TABLE = Path(__file__).with_name("overhead_confidence.csv")
 COLUMNS = ("effect", "strength", "seed", "t_sync_cycles", "confidence", "is_right")
@@ -28,7 +27,7 @@ FLOOR_CM = (60.0, 60.0)
 def cases(films: int) -> Iterator[tuple[str, float, int, Effect, int]]:
     """Yield effect, strength, seed, the effect itself, and the number of groups."""
     for seed in range(1, films + 1):
-        for name, (make, strengths) in KINDS.items():
+        for name, (make, strengths) in EFFECTS.items():
             for strength in strengths:
                 yield name, strength, seed, make(strength), 1
         for groups in (2, 3):

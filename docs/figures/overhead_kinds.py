@@ -26,8 +26,7 @@ from epuck_sim.overhead.calibration import TrackOptions
 from epuck_sim.overhead.camera import Picture
 from epuck_sim.overhead.film import film_file
 from epuck_sim.overhead.track import track_film
-from tests.overhead.films import passed, read_rings
-from tests.overhead.score import Score, compare, score_rows
+from tests.overhead.films import Score, compare, passed, read_rings, score_rows
 from tests.overhead.webcam import KINDS, LED_CIRCLE_CM, LED_HEIGHT_CM, shoot, swarm
 
 BRIGHT = 60  # level of a pixel's brightest colour from which it is bright

@@ -13,8 +13,7 @@ from matplotlib.patches import Circle, StepPatch
 from epuck_sim.figures.films import ACROSS, COLUMNS, FOUND, MARK, choose_moments, draw_track, save_track_figure
 from epuck_sim.overhead.synchrony import evaluate, first_synchronised
 from epuck_sim.overhead.track import Snapshot, Track
-from tests.overhead.counts import counted
-from tests.overhead.films import TRACK, even
+from tests.overhead.films import TRACK, counted, even
 
 PERIOD = 5.0
 START = 2.0

@@ -23,7 +23,7 @@ from epuck_sim.runs.reader import read_status
 from epuck_sim.runs.share import Share
 from epuck_sim.trial.model import simulate
 from tests.golden import digest
-from tests.overhead.boards import charuco, film, lens_matrix
+from tests.overhead.cameras import charuco, film_of, lens_matrix
 from tests.sweep.pool_here import pool_here
 
 HERE = Path(__file__).parent
@@ -75,7 +75,7 @@ def make(folder: Path) -> None:
     robots = load_scenario(ROBOTS)
     with epuck_sim.Trace(folder / TRACE, robots, 5, memory=["rotation_time"], relations=True) as trace:
         run_trial(Simulation(robots, 5), [trace])
-    frames = film(charuco(9, 6), lens_matrix(420.0), np.array([-0.1, 0, 0, 0]))
+    frames = film_of(charuco(9, 6), lens_matrix(420.0), np.array([-0.1, 0, 0, 0]))
     save_lens(folder / LENS, calibrate_lens("film", find_views(frames, Board("charuco", 9, 6)), LENS_SIZE, False))
 
 

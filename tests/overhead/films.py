@@ -1,12 +1,14 @@
-"""Films of robots that stand still and flash on schedule, rendered frame by frame at any times: the truth is exact."""
+"""Films of robots that stand still and flash on schedule, small films of numbered pictures, and how well rings are found."""
 
 import csv
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Self
 
+import av
 import numpy as np
 import pytest
 
@@ -177,3 +179,186 @@ def coded(times_s: Iterable[float], counts: Iterable[int], lit_room: Iterable[bo
         picture[:] = 200 * lit
         picture[0, 0, 2] = count
         yield Frame(float(time_s), picture)
+
+
+def uneven(times: np.ndarray, random: np.random.Generator, dropped: float = 0.03) -> np.ndarray:
+    """Return times that are up to a third of a frame late, without some of the frames."""
+    late = times + np.median(np.diff(times)) * random.uniform(0, 1 / 3, len(times))
+    return late[random.random(len(times)) >= dropped]
+
+
+def counted(onsets: np.ndarray, flash_s: float, times: np.ndarray) -> np.ndarray:
+    """Return (n,) how many rings are lit at (n,) times, of those that go on at the onsets, of any shape."""
+    onsets = np.sort(np.ravel(onsets))
+    begun, ended = (np.searchsorted(each, times + 1e-9, side="right") for each in (onsets, onsets + flash_s))
+    return begun - ended
+
+
+def steady(phases_s: np.ndarray, period_s: float, seconds: float) -> np.ndarray:
+    """Return when robots fire that do so at (n,) phases of every period."""
+    return np.asarray(phases_s) + period_s * np.arange(-1, seconds / period_s + 1)[:, None]
+
+
+WITHIN_CM = 1.0
+"""Largest distance of a reported ring from the true one, in cm; robots are at least 7.4 cm apart."""
+
+
+class Score(NamedTuple):
+    """How well rings were found, in one frame or in many."""
+
+    found: int = 0
+    missed: int = 0
+    """Rings that were lit for the whole exposure and are not reported."""
+    false: int = 0
+    """Rings reported where none was lit at any time of the exposure."""
+    worst_cm: float = 0.0
+    """The largest distance between a ring found and the truth."""
+    squares_cm2: float = 0.0
+    """Sum of the squares of these distances."""
+
+    def __add__(self, other: Self) -> "Score":  # type: ignore[override]
+        found, missed, false, _, squares_cm2 = (one + two for one, two in zip(self, other, strict=True))
+        return Score(found, missed, false, max(self.worst_cm, other.worst_cm), squares_cm2)  # type: ignore[arg-type]
+
+    @property
+    def recall(self) -> float:
+        return self.found / max(1, self.found + self.missed)
+
+    @property
+    def precision(self) -> float:
+        return self.found / max(1, self.found + self.false)
+
+    @property
+    def rms_cm(self) -> float:
+        """Root mean square of the distances."""
+        return float((self.squares_cm2 / max(1, self.found)) ** 0.5)
+
+
+def compare(reported_cm: FloatArray, lit_cm: FloatArray, flickering_cm: FloatArray) -> Score:
+    """Return how well (n, 2) cm reported rings match those that are there.
+
+    lit_cm: (m, 2) of those lit for the whole exposure; flickering_cm: (k, 2) of those lit for a part of it, which may
+    be found or not.
+    """
+    there = np.vstack([lit_cm.reshape(-1, 2), flickering_cm.reshape(-1, 2)])
+    if not len(reported_cm) or not len(there):
+        return Score(missed=len(lit_cm), false=len(reported_cm))
+    distances = np.linalg.norm(there[:, None] - reported_cm, axis=2)
+    nearest = distances.min(axis=1)
+    is_found = nearest <= WITHIN_CM
+    matched = len(np.unique(distances.argmin(axis=1)[is_found]))
+    return Score(
+        found=int(is_found.sum()),
+        missed=int((~is_found[: len(lit_cm)]).sum()),
+        false=len(reported_cm) - matched,
+        worst_cm=float(nearest[is_found].max(initial=0.0)),
+        squares_cm2=float((nearest[is_found] ** 2).sum()),
+    )
+
+
+def score_rows(rows: Iterable[dict[str, float]], truth: Iterable[tuple[float, FloatArray, FloatArray]]) -> Score:
+    """Return how well a table of rings matches the truth: times of frames, and what is lit then, see `compare`."""
+    places = np.array([(row["time_s"], row["x_cm"], row["y_cm"]) for row in rows]).reshape(-1, 3)
+    scores = (compare(places[np.abs(places[:, 0] - time_s) < 2e-3, 1:], *lit_cm) for time_s, *lit_cm in truth)
+    return sum(scores, Score())
+
+
+BITS = 8
+
+
+class Kind(NamedTuple):
+    """A container and codec to write films with."""
+
+    ending: str
+    codec: str
+    pixels: str
+    tick_s: Fraction
+    """Unit of its time stamps."""
+
+
+MP4 = Kind("mp4", "libx264", "yuv420p", Fraction(1, 90_000))
+MKV = Kind("mkv", "libx264", "yuv420p", Fraction(1, 1000))
+MKV_OF_JPEG = Kind("mkv", "mjpeg", "yuvj420p", Fraction(1, 1000))
+TS = Kind("ts", "libx264", "yuv420p", Fraction(1, 90_000))
+WEBM = Kind("webm", "libvpx", "yuv420p", Fraction(1, 1000))
+GIF = Kind("gif", "gif", "rgb8", Fraction(1, 100))
+AVI = Kind("avi", "mjpeg", "yuvj420p", Fraction(1, 15))
+AVI_LATER = Kind("avi", "libx264", "yuv420p", Fraction(1, 15))
+BARE = Kind("h264", "libx264", "yuv420p", Fraction(1, 25))
+
+
+def numbered_picture(number: int, width_px: int = 64, height_px: int = 48) -> np.ndarray:
+    """Return a picture whose columns are bits of `number`, white for 1, over a lower half that is red."""
+    picture = np.zeros((height_px, width_px, 3), np.uint8)
+    for bit in range(BITS):
+        picture[:, bit * width_px // BITS : (bit + 1) * width_px // BITS] = 255 * (number >> bit & 1)
+    picture[height_px // 2 :] = (220, 20, 20)
+    return picture
+
+
+def number_in(picture: np.ndarray) -> int:
+    height_px, width_px = picture.shape[:2]
+    columns = [(2 * bit + 1) * width_px // (2 * BITS) for bit in range(BITS)]
+    return sum(1 << bit for bit, column in enumerate(columns) if picture[height_px // 4, column].mean() > 127)
+
+
+def write_film(
+    path: Path,
+    ticks: Sequence[int],
+    kind: Kind = MP4,
+    size: tuple[int, int] = (64, 48),
+    comment: str = "",
+    options: dict[str, str] | None = None,
+) -> Path:
+    """Write a film of numbered pictures; ticks: increasing time stamps in the unit of its kind."""
+    with av.open(path, "w", options=options or {}) as container:
+        if comment:
+            container.metadata["comment"] = comment
+        stream = container.add_stream(kind.codec, rate=15)
+        stream.width, stream.height = size
+        stream.pix_fmt = kind.pixels
+        stream.time_base = stream.codec_context.time_base = kind.tick_s
+        for number, stamp in enumerate(ticks):
+            frame = av.VideoFrame.from_ndarray(numbered_picture(number, *size), format="rgb24")
+            frame.pts, frame.time_base = stamp, kind.tick_s
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return path
+
+
+def write_packets(
+    path: Path, stamps: Iterable[int], _: Kind = MKV, pictures: Sequence[np.ndarray] | None = None, comment: str = ""
+) -> Path:
+    """Write an MKV film of numbered pictures, or others, whose time stamps, in ms, need not increase."""
+    stamps = list(stamps)
+    pictures = [numbered_picture(number) for number in range(len(stamps))] if pictures is None else pictures
+    with av.open(path, "w") as container:
+        container.metadata["comment"] = comment
+        stream = container.add_stream("mjpeg", rate=30, options={"qmin": "2", "qmax": "2"})
+        stream.height, stream.width, _ = pictures[0].shape
+        stream.pix_fmt = "yuvj444p"
+        stream.time_base = stream.codec_context.time_base = MKV.tick_s
+        for number, (stamp, picture) in enumerate(zip(stamps, pictures, strict=True)):
+            frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+            frame.pts, frame.time_base = number, MKV.tick_s
+            for packet in stream.encode(frame):
+                packet.pts, packet.dts = stamp, min(number, stamp)
+                container.mux(packet)
+    return path
+
+
+def write_sound(path: Path, codec: str = "pcm_s16le") -> Path:
+    with av.open(path, "w") as container:
+        stream = container.add_stream(codec, rate=8000)
+        sound = av.AudioFrame.from_ndarray(np.zeros((1, 8000), np.int16), format="s16", layout="mono")
+        sound.rate = 8000
+        container.mux(stream.encode(sound))
+        container.mux(stream.encode())
+    return path
+
+
+def cut_off(path: Path, share: float = 0.6) -> Path:
+    """Keep the first part of a file."""
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    return path

@@ -17,8 +17,7 @@ from epuck_sim.overhead.flashes import Flash, FlashLinker, RingCounter, count_li
 from epuck_sim.overhead.light import LightMeter
 from epuck_sim.overhead.synchrony import spread_threshold_s
 from epuck_sim.overhead.track import Track, analyse, track_frames, without_steady
-from tests.overhead.counts import counted, uneven
-from tests.overhead.films import code_rings, coded, make_geometry
+from tests.overhead.films import code_rings, coded, counted, make_geometry, uneven
 
 RATE = 30.0
 PHASES = 0.5 + np.arange(6) / 6

@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.camera import Frame, Picture
 from epuck_sim.overhead.film import KEYFRAME_INTERVAL_S, TICKS_PER_S, FilmClock, film_file, open_film
-from tests.overhead import small_films as kit
-from tests.overhead.small_films import cut_off, number_in, numbered_picture, write_film, write_packets, write_sound
+from tests.overhead import films as kit
+from tests.overhead.films import cut_off, number_in, numbered_picture, write_film, write_packets, write_sound
 
 UNEVEN = np.cumsum(np.random.default_rng(4).integers(4500, 8000, 60)).tolist()
 

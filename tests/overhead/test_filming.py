@@ -36,8 +36,7 @@ from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.trial.model import run_trial
 from tests.cli.films import frames_and_description
 from tests.overhead.cameras import ARENA, CLEAN
-from tests.overhead.films import passed, read_rings
-from tests.overhead.score import score_rows
+from tests.overhead.films import passed, read_rings, score_rows
 
 SEED = 4
 """With which flashes last two control steps each, and hardly overlap."""

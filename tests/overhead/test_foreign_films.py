@@ -14,11 +14,8 @@ from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.rings import DISC_LIGHT, RingFinder
 from epuck_sim.overhead.track import Track, track_film
 from tests.overhead.cameras import camera_of, picture_of
-from tests.overhead.effects import KINDS as EFFECTS
-from tests.overhead.effects import padded
-from tests.overhead.films import passed, read_rings, save
-from tests.overhead.score import Score, score_rows
-from tests.overhead.webcam import GOOD, KINDS, Extra, Swarm, Webcam, shoot, swarm
+from tests.overhead.films import Score, passed, read_rings, save, score_rows
+from tests.overhead.webcam import EFFECTS, GOOD, KINDS, Extra, Swarm, Webcam, padded, shoot, swarm
 
 NOWHERE = np.empty((0, 2))
 OF_POINTS = {"is_fisheye": True, "above_cm": 38.0, "focal_px": 320.0}

@@ -11,7 +11,7 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead import lens
 from epuck_sim.overhead.camera import CameraModel, Frame, Lens
 from epuck_sim.overhead.lens import MIN_VIEWS, Board, View, calibrate_lens, find_views, read_lens, save_lens
-from tests.overhead.boards import charuco, checkerboard, film, lens_matrix
+from tests.overhead.cameras import charuco, checkerboard, film_of, lens_matrix
 
 SIZE = (480, 360)
 
@@ -34,7 +34,7 @@ def error_px(found: Lens, true_lens: Lens) -> float:
 def test_a_board_tells_the_lens(kind, draw, coefficients, is_fisheye, tmp_path) -> None:
     matrix = lens_matrix(315.0, SIZE)
     true_lens = Lens(matrix[0, 0], matrix[1, 1], (matrix[0, 2], matrix[1, 2]), coefficients, is_fisheye)
-    views = find_views(film(draw(9, 6), matrix, np.array(coefficients), is_fisheye, SIZE, 10), Board(kind, 9, 6))
+    views = find_views(film_of(draw(9, 6), matrix, np.array(coefficients), is_fisheye, SIZE, 10), Board(kind, 9, 6))
     found = calibrate_lens("film", views, SIZE, is_fisheye)
     assert found.views >= MIN_VIEWS
     assert found.error_px < 0.5

@@ -21,8 +21,7 @@ from tests.overhead.cameras import (
     scattered,
     touching,
 )
-from tests.overhead.films import make_geometry
-from tests.overhead.score import Score, compare
+from tests.overhead.films import Score, compare, make_geometry
 
 SMALL = {"width_px": 240, "height_px": 240}
 NOISY = {"noise_levels": 10}

@@ -28,8 +28,7 @@ from epuck_sim.overhead.synchrony import (
     spread_threshold_s,
     whole_periods,
 )
-from tests.overhead.counts import counted, steady, uneven
-from tests.overhead.films import even
+from tests.overhead.films import counted, even, steady, uneven
 
 PERIOD = 5.0
 FLASH = 0.375

@@ -29,10 +29,10 @@ from tests.overhead.films import (
     read_rings,
     reel,
     save,
+    score_rows,
     shoot,
+    write_packets,
 )
-from tests.overhead.score import score_rows
-from tests.overhead.small_films import write_packets
 
 
 @pytest.fixture(scope="module")

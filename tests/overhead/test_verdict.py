@@ -23,8 +23,7 @@ from epuck_sim.overhead.verdict import (
     objections,
     why_never,
 )
-from tests.overhead.counts import counted
-from tests.overhead.films import make_geometry
+from tests.overhead.films import counted, make_geometry
 
 TIMES = np.arange(240) / 30
 ONSETS = np.array([*(0.1 + np.arange(3)[:, None] + np.arange(4) / 5).ravel(), *np.repeat(3.5 + np.arange(4), 4)])
