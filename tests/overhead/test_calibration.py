@@ -1,13 +1,19 @@
-"""Which camera took a film: by the user's options, else by the film's description, else by its pictures."""
+"""Which camera took a film: by options, its description, corners of the floor, rings, and boards that tell a lens."""
 
-from collections.abc import Iterable
+import itertools
+import math
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from epuck_sim import epuck
 from epuck_sim.errors import FilmError
+from epuck_sim.overhead import lens
 from epuck_sim.overhead.calibration import (
     LIGHT,
     LIT_FRAMES,
@@ -18,9 +24,23 @@ from epuck_sim.overhead.calibration import (
     excerpt,
     parse_metadata,
 )
-from epuck_sim.overhead.camera import Frame, Geometry
-from epuck_sim.overhead.camera_fit import CORNERS, RINGS
-from tests.overhead.cameras import floor_corners, worst_cm
+from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, Lens
+from epuck_sim.overhead.camera_fit import CORNERS, RINGS, SeenRings, expected_rings, fit_camera
+from epuck_sim.overhead.floor import find_corners
+from epuck_sim.overhead.lens import MIN_VIEWS, Board, View, calibrate_lens, find_views, read_lens, save_lens
+from tests.overhead.cameras import (
+    AT_RINGS,
+    FLOOR,
+    camera_of,
+    charuco,
+    checkerboard,
+    film_of,
+    floor_corners,
+    lens_matrix,
+    picture_of,
+    scattered,
+    worst_cm,
+)
 from tests.overhead.films import SMALL, described, even, flashing, make_camera, shoot
 
 SIDE = SMALL["width_px"]
@@ -163,3 +183,260 @@ def test_options_that_leave_less_than_two_frames_are_blamed() -> None:
         with pytest.raises(FilmError, match=said):
             list(excerpt(plain(0, 10), options))
     assert len(list(excerpt(plain(0, 1), TrackOptions(end_s=0.02)))) == 1  # the film's own fault
+
+
+NO_RINGS = SeenRings(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
+VGA = {"width_px": 640, "field_of_view_deg": 61.0}
+
+
+def by_corners(corners, size=(480, 480), floor_cm=(60.0, 60.0), above_cm=110.0):
+    """Return the camera that follows from corners alone."""
+    return fit_camera(size, floor_cm, above_cm, NO_RINGS, corners).camera
+
+
+@pytest.mark.parametrize(("degrees", "k1"), [(None, -0.05), (None, -0.3), (45.0, -0.3), (None, 0.3), (120.0, 0.3)])
+def test_pixels_show_the_points_that_are_seen_there(degrees, k1):
+    camera = camera_of(field_of_view_deg=degrees, distortion=k1)
+    pixels = np.random.default_rng(0).uniform(0, 479, (50, 2))
+    pixels[:4] = (0, 0), (479, 0), (0, 479), (479, 479)
+    for z_cm in (0.0, epuck.RING_HEIGHT_CM):
+        points = np.column_stack([camera.back_project(pixels, z_cm), np.full(50, z_cm)])
+        np.testing.assert_allclose(camera.project(points), pixels, atol=1e-3)
+
+
+@pytest.mark.parametrize("tilt_deg", [1e-4, 1e-3, 1.0])
+def test_a_camera_that_hangs_almost_straight_shows_its_tilt(tilt_deg):
+    straight, tilted = (camera_of(distortion=0.0, tilt_deg=each) for each in (0.0, tilt_deg))
+    above_middle = np.array([(30.0, 30.0, epuck.RING_HEIGHT_CM)])
+    moved_px = (tilted.project(above_middle) - straight.project(above_middle))[0, 1]
+    share = epuck.RING_HEIGHT_CM / (straight.position_cm[2] - epuck.RING_HEIGHT_CM)
+    assert moved_px == pytest.approx(straight.lens.focal_px * share * math.radians(tilt_deg), rel=0.01)
+
+
+@pytest.mark.parametrize("settings", [
+    {}, {"width_px": 1920, "height_px": 1080}, {"field_of_view_deg": 22.0},  # corners are beyond the last one's picture
+    *({"tilt_deg": tilt, "turn_deg": turn, **VGA} for tilt in (1.0, 30.0) for turn in (-40.0, 0.0, 25.0)),
+], ids=str)  # fmt: skip
+def test_finds_a_camera_by_four_corners(settings):
+    camera = camera_of(distortion=0.0, **settings)
+    found = by_corners(camera.project(FLOOR), camera[:2])
+    assert found.lens.focal_px == pytest.approx(camera.lens.focal_px, rel=1e-4)
+    np.testing.assert_allclose(found.position_cm, camera.position_cm, atol=0.05)
+    np.testing.assert_allclose(found.rotation, camera.rotation, atol=1e-3)
+    assert worst_cm(found, camera) < 0.01
+
+
+def test_corners_that_are_a_pixel_off_and_a_usual_distortion_misplace_rings_by_little():
+    for seed in range(10):
+        generator = np.random.default_rng(seed)
+        askew = {"tilt_deg": generator.uniform(0, 20), "turn_deg": generator.uniform(-25, 25)}
+        camera = camera_of(distortion=0.0, **VGA, **askew)
+        corners = camera.project(FLOOR) + generator.uniform(-0.7, 0.7, (4, 2))
+        assert worst_cm(by_corners(corners, camera[:2]), camera) < 0.35
+    camera = camera_of(distortion=-0.05)
+    assert worst_cm(by_corners(camera.project(FLOOR)), camera) < 0.2
+
+
+def test_corners_come_in_any_order_and_the_origin_is_at_the_lower_left():
+    camera = camera_of(distortion=0.0)
+    for mixed in itertools.permutations(camera.project(FLOOR)):
+        assert worst_cm(by_corners(mixed), camera) < 0.01
+
+
+def test_an_arena_that_is_no_square():
+    camera = camera_of(90.0, width_px=640, distortion=0.0)
+    seen = camera.project(np.array([(15, 20, 0), (75, 20, 0), (75, 60, 0), (15, 60, 0)], float))
+    found = by_corners(seen, (640, 480), (60.0, 40.0), 165.0)
+    assert found.lens.focal_px == pytest.approx(camera.lens.focal_px, rel=1e-5)
+    (there,) = found.back_project(camera.project(np.array([(20.0, 50.0, 4.0)])), 4.0)
+    np.testing.assert_allclose(there, (5.0, 30.0), atol=0.01)
+
+
+def test_corners_that_cannot_be():
+    for corners, why in [
+        ([(10, 10), (400, 10), (150, 150), (10, 400)], "no.*convex quadrilateral"),
+        ([(10, 10), (400, 10), (400, 400), (10, 10)], "convex quadrilateral"),
+        ([(10, 10), (980, 10), (400, 400), (10, 400)], "980,10.*far outside of the picture of 480 x 480 px"),
+        ([(-500, 10), (400, 10), (400, 400), (10, 400)], "-500,10.*far outside"),
+        ([(10, 10), (40, 10), (40, 40), (10, 40)], "shortest side is 30 px.*at least 48"),
+    ]:
+        with pytest.raises(FilmError, match=rf"^--corners .*{why}"):
+            by_corners(corners)
+
+
+def off_px(camera, corners):
+    """Return how far corners found are from the true ones, at most."""
+    assert corners is not None
+    return max(np.hypot(*(camera.project(FLOOR) - corner).T).min() for corner in corners)
+
+
+@pytest.mark.parametrize("settings", [
+    {"width_px": 240, "height_px": 240, "distortion": -0.1}, {"width_px": 240, "height_px": 240, "distortion": 0.1},
+    {"width_px": 640, "height_px": 360, "distortion": 0.0}, {"tilt_deg": 5.0, "turn_deg": -30.0, **VGA},
+    {"tilt_deg": 15.0, "turn_deg": 15.0, **VGA},  # farther, walls hide the floor
+], ids=str)  # fmt: skip
+def test_finds_the_floor(settings):
+    picture = picture_of([], room=True, noise_levels=10.0, **settings)
+    assert off_px(camera_of(**settings), find_corners(picture)) < 1.0
+
+
+def test_finds_it_behind_robots():
+    at_walls = [(3.7, 3.7), (3.7, 30.0), (45.0, 56.3), (37.5, 56.3), (56.3, 3.7), (20.0, 3.7)]
+    free = [c for c in scattered(6, np.random.default_rng(0)) if all(math.dist(c, at) > 7.4 for at in at_walls)]
+    corners = find_corners(picture_of(at_walls + free, room=True, lit=False))
+    assert off_px(camera_of(), corners) < 1.0
+
+
+def test_finds_no_floor_where_there_is_none():
+    room = picture_of([], room=True, width_px=240, height_px=240)
+    assert find_corners(room) is not None
+    assert find_corners(picture_of(scattered(8, np.random.default_rng(0)), width_px=240, height_px=240)) is None  # dark
+    assert find_corners(np.full((240, 240, 3), 140, np.uint8)) is None  # nothing but floor
+    assert find_corners(np.ascontiguousarray(room[30:210, 30:210])) is None  # walls out of the picture
+    stripes = np.where(np.arange(240)[:, None, None] // 8 % 2, 60, 220) * np.ones((240, 240, 3))
+    assert find_corners(stripes.astype(np.uint8)) is None
+    for corners in (cv2.ellipse2Poly((120, 120), (100, 100), 0, 0, 360, 5), [(20, 220), (220, 220), (120, 20)]):
+        shape = np.full((240, 240, 3), 30, np.uint8)
+        assert find_corners(cv2.fillPoly(shape, [np.array(corners)], (150, 150, 150))) is None
+
+
+def seen_by(camera, centres=AT_RINGS[:, :2]):
+    """Return rings as a camera shows them."""
+    places = camera.project(np.column_stack([centres, np.full(len(centres), epuck.RING_HEIGHT_CM)]))
+    return expected_rings(camera, places, epuck.RING_RADIUS_CM)
+
+
+def by_rings(rings, above_cm=110.0, corners=None):
+    return fit_camera((640, 480), (60, 60), above_cm, rings, corners)
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 8.0, 25.0])
+@pytest.mark.parametrize("k1", [-0.2, 0.0])
+def test_size_and_shape_of_rings_tell_tilt_and_distortion(k1, tilt_deg):
+    camera = camera_of(tilt_deg=tilt_deg, distortion=k1, width_px=640, field_of_view_deg=49.0)
+    fitted = by_rings(seen_by(camera))
+    assert worst_cm(fitted.camera, camera) < 0.2
+    assert fitted.tilt_deg == pytest.approx(tilt_deg, abs=0.5)
+    assert fitted.error_cm < 6  # a bound that rounding moves, where tilt and distortion hardly differ
+    assert not fitted.camera.lens.is_fisheye
+
+
+def test_a_fisheye_is_told_from_a_usual_lens():
+    camera = camera_of(lens="fisheye", height_cm=40.0, width_px=640, field_of_view_deg=110.0)
+    fitted = by_rings(seen_by(camera), 40.0)
+    assert fitted.camera.lens.is_fisheye
+    assert worst_cm(fitted.camera, camera) < 0.1
+
+
+def test_rings_tell_the_distortion_that_corners_alone_do_not():
+    camera = camera_of(tilt_deg=5.0, distortion=-0.25, width_px=640, field_of_view_deg=49.0)
+    corners = camera.project(FLOOR)
+    assert worst_cm(by_corners(corners, (640, 480)), camera) > 0.3
+    assert worst_cm(by_rings(seen_by(camera), corners=corners).camera, camera) < 0.15
+
+
+def test_a_ring_that_is_none_does_little_harm_and_a_few_tell_the_scale_alone():
+    camera = camera_of(distortion=-0.2, width_px=640, field_of_view_deg=49.0)
+    seen = seen_by(camera)
+    radius = seen.radius_px * np.where(np.arange(len(seen.radius_px)) == 4, 1.5, 1.0)
+    assert worst_cm(by_rings(seen._replace(radius_px=radius)).camera, camera) < 0.3
+    fitted = by_rings(seen_by(camera, np.array([(30.0, 30.0), (20.0, 30.0)])))
+    assert fitted.camera.lens.coefficients[0] == fitted.tilt_deg == 0
+    assert fitted.camera.lens.focal_px == pytest.approx(camera.lens.focal_px, rel=0.02)
+
+
+SIZE = (480, 360)
+
+
+def error_px(found: Lens, true_lens: Lens) -> float:
+    """Return by how many pixels, at most, a lens shows points elsewhere than the true one."""
+    points = np.array([(x, y, 10.0) for x in (-4.0, 0.0, 4.0) for y in (-3.0, 0.0, 3.0)])
+    shown = [CameraModel(*SIZE, each, np.eye(3), np.zeros(3)).project(points) for each in (found, true_lens)]
+    return float(np.linalg.norm(shown[0] - shown[1], axis=1).max())
+
+
+@pytest.mark.parametrize(
+    ("kind", "draw", "coefficients", "is_fisheye"),
+    [
+        ("checkerboard", checkerboard, (-0.25, 0.05, 0.0, 0.0), False),
+        ("charuco", charuco, (-0.1, 0.0, 0.0, 0.0), False),
+        ("checkerboard", checkerboard, (0.02, -0.01, 0.0, 0.0), True),
+    ],
+)
+def test_a_board_tells_the_lens(kind, draw, coefficients, is_fisheye, tmp_path) -> None:
+    matrix = lens_matrix(315.0, SIZE)
+    true_lens = Lens(matrix[0, 0], matrix[1, 1], (matrix[0, 2], matrix[1, 2]), coefficients, is_fisheye)
+    views = find_views(film_of(draw(9, 6), matrix, np.array(coefficients), is_fisheye, SIZE, 10), Board(kind, 9, 6))
+    found = calibrate_lens("film", views, SIZE, is_fisheye)
+    assert found.views >= MIN_VIEWS
+    assert found.error_px < 0.5
+    assert error_px(found.lens, true_lens) < 3.0
+    save_lens(tmp_path / "lens.json", found)
+    assert read_lens(tmp_path / "lens.json", SIZE) == found.lens
+    text = (tmp_path / "lens.json").read_text()
+    (tmp_path / "lens.json").write_text(text.replace('"error_px": 0.', '"error_px": 1.'))
+    with pytest.raises(FilmError, match="was changed since epuck-sim calibrate wrote it; calibrate again"):
+        read_lens(tmp_path / "lens.json", SIZE)
+
+
+def test_a_board_that_is_not_there_is_missed_in_clear_words() -> None:
+    nothing = [Frame(float(second), np.full((120, 160, 3), 120, np.uint8)) for second in range(10)]
+    views = find_views(nothing, Board("checkerboard", 9, 6))
+    with pytest.raises(FilmError, match=r"^dull\.mp4: the board is found in 0 different positions; .*--board"):
+        calibrate_lens("dull.mp4", views, (160, 120), False)
+
+
+def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]:
+    """Return views through a lens of 450 px, with noise of 0.1 px, of a board that is moved, turned and tilted."""
+    random = np.random.default_rng(3)
+    across, down = np.meshgrid(np.arange(6.0), np.arange(4.0))
+    board = np.column_stack([across.ravel(), down.ravel(), np.zeros(across.size)])[:, None]
+    views, project = [], cv2.fisheye.projectPoints if is_fisheye else cv2.projectPoints
+    for tilt_deg in tilts_deg:
+        turn = Rotation.from_euler("zx", [random.uniform(-40, 40), tilt_deg], degrees=True).as_rotvec()
+        shift = np.array([*random.uniform(-6, -1, 2), random.uniform(12, 18)])
+        pixels, _ = project(board, turn, shift, lens_matrix(450.0, SIZE), np.zeros(4))
+        noisy = (pixels + random.normal(0, 0.1, pixels.shape)).reshape(-1, 2)
+        views.append(dict(zip(map(tuple, board[:, 0].tolist()), noisy, strict=True)))
+    return views
+
+
+@pytest.mark.parametrize(("is_fisheye", "tilt_deg"), [(False, 0.0), (False, 12.0), (True, 12.0)])
+def test_a_board_that_is_never_or_always_tilted_alike_does_not_determine_a_lens(is_fisheye: bool, tilt_deg) -> None:
+    views = views_of_a_board(np.linspace(-35, 35, 12), is_fisheye)
+    assert calibrate_lens("film", views, SIZE, is_fisheye).focal_px == pytest.approx(450, rel=0.02)
+    with pytest.raises(FilmError, match=r"^film: the views of the board do not determine a lens; show it tilted"):
+        calibrate_lens("film", views_of_a_board([tilt_deg] * 12, is_fisheye), SIZE, is_fisheye)
+
+
+def test_corners_that_come_and_go_are_no_movement_and_pictures_are_all_searched(monkeypatch) -> None:
+    (view,) = views_of_a_board([20.0], False)
+    flickers = [dict([*view.items()][number:]) for number in (0, 1, 0, 1)]
+    views = views_of_a_board(np.linspace(-30, 30, 10), False)
+    monkeypatch.setattr(lens, "_charuco_corners", lambda *_: flickers.pop())
+    monkeypatch.setattr(lens, "_checkerboard_corners", lambda *_: views.pop())
+    frames = [Frame(number / 25, np.zeros((4, 4, 3), np.uint8)) for number in range(10)]
+    assert len(find_views(frames[:4], Board("charuco", 9, 6), apart_s=0.0)) == 1
+    assert len(find_views(frames, Board("checkerboard", 9, 6), apart_s=0.0)) == 10
+
+
+LENS = (
+    '{"width_px": 640, "height_px": 480, "focal_px": 500, "focal_down_px": 500, "middle_px": [319, 239],'
+    ' "coefficients": [0, 0, 0, 0], "is_fisheye": false}'
+)
+
+
+def test_files_that_are_no_lens_of_this_camera_are_refused(tmp_path) -> None:
+    path = tmp_path / "lens.json"
+    with pytest.raises(FilmError, match=r"lens\.json: no such file"):
+        read_lens(path, (480, 480))
+    for text, why in [
+        ("nothing", "is not a lens"),
+        ("{}", "is not a lens"),
+        (LENS.replace("500", "-5"), "is not a lens"),
+        ("[" * 100_000, "is not a lens"),
+        (LENS, "was calibrated for pictures of 640 x 480 px, but these are 480 x 480"),
+    ]:
+        path.write_text(text)
+        with pytest.raises(FilmError, match=rf"lens\.json: {why}"):
+            read_lens(path, (480, 480))

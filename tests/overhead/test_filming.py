@@ -1,4 +1,4 @@
-"""A trial that runs and its recording give the same film, and what cannot be filmed is refused."""
+"""A trial that runs and its recording give the same film, whose pictures are as the camera model has them."""
 
 import math
 from pathlib import Path
@@ -9,10 +9,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from epuck_sim import epuck
+from epuck_sim.arena import make_arena, make_floor
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import ScenarioError
 from epuck_sim.overhead.calibration import DESCRIPTION, TrackOptions
-from epuck_sim.overhead.camera import Frame
+from epuck_sim.overhead.camera import WALL_HEIGHT_CM, CameraModel, Frame, overhead_camera
 from epuck_sim.overhead.filming import (
     AGENTS_MARGIN_PX,
     AGENTS_PX,
@@ -23,7 +26,24 @@ from epuck_sim.overhead.filming import (
     film_recording,
     film_trial,
 )
-from epuck_sim.overhead.render import ExposureSample
+from epuck_sim.overhead.render import (
+    BODY_SIDE,
+    BODY_TOP,
+    COLOUR_LEVELS,
+    DEPTH,
+    FADE_CM,
+    FLOOR,
+    HEADING_MARK,
+    NOMINAL_EXPOSURE_MS,
+    OBSTACLE,
+    TABLE,
+    WALL_FACE,
+    WALL_TOP,
+    WIDTH_CM,
+    ArenaView,
+    ExposureSample,
+    dimming,
+)
 from epuck_sim.overhead.track import track_film
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording import Level
@@ -35,7 +55,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.trial.model import run_trial
 from tests.cli.films import frames_and_description
-from tests.overhead.cameras import ARENA, CLEAN
+from tests.overhead.cameras import ARENA, CLEAN, EMPTY, make_renderer, pixel_at, shot, standing
 from tests.overhead.films import passed, read_rings, score_rows
 
 SEED = 4
@@ -273,3 +293,232 @@ def test_what_is_given_is_copied_and_forgotten(spied: Spied) -> None:
         list(camera.observe(number * 0.02, STILL, OFF))
     assert len(camera._steps) <= 5
     assert all((sample.poses == STILL).all() and not sample.ring_on[0] for sample in spied[0][0])
+
+
+BEHIND_A_WALL = (5.0, 20.0, 0.3)
+
+
+def slow_picture(camera: CameraModel, samples: list[ExposureSample], section: OverheadSection) -> np.ndarray:
+    """Return (rows, columns, 3) levels by the formula of a ring, at each pixel for each ring and its mirror images."""
+    shown = camera.plane_map(epuck.RING_HEIGHT_CM).astype(float)
+    light = np.zeros(shown.shape[:2])
+    for sample in samples:
+        for x, y, heading in sample.poses[sample.ring_on]:
+            mirrored = [(-x, y, math.pi - heading), (120 - x, y, math.pi - heading)]
+            mirrored += [(x, -y, -heading), (x, 120 - y, -heading)]
+            for share, (ring_x, ring_y, ahead) in [(1.0, (x, y, heading)), *((section.gloss, at) for at in mirrored)]:
+                across = shown - (ring_x, ring_y)
+                off = np.abs(np.hypot(across[..., 0], across[..., 1]) - epuck.RING_RADIUS_CM)
+                angle = np.arctan2(across[..., 1], across[..., 0]) - ahead
+                leds = 1 - DEPTH * (1 - np.cos(8 * angle)) / 2
+                shine = leds * np.exp(-0.5 * (off / WIDTH_CM) ** 2) + section.bloom * np.exp(-off / FADE_CM)
+                light += share * shine / len(samples)
+    light *= section.gain * section.exposure_ms / NOMINAL_EXPOSURE_MS
+    light *= dimming(section.width_px, section.height_px, section.vignetting)
+    return np.minimum(light[..., None] * COLOUR_LEVELS, 255)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"exposure_ms": 4.0, "bloom": 0.1, "width_px": 320, "height_px": 180},
+        {"exposure_ms": 2.0, "bloom": 0.5, "vignetting": 0.5},
+        {"exposure_ms": 1000.0, "frames_per_s": 1},
+        {"gain": 0.2, "bloom": 0.1, "gloss": 0.5, "field_of_view_deg": 45.0},
+        {"gain": 6.0},
+        {"exposure_ms": 4.0, "lens": "fisheye", "height_cm": 40.0},
+        {"exposure_ms": 4.0, "tilt_deg": 20.0, "turn_deg": 30.0},
+    ],
+    ids=str,
+)
+def test_brightness_is_that_of_the_formula_at_each_pixel(settings: dict) -> None:
+    """Rings that move, go on and off in an exposure, and overlap; beyond half a level, haze is cut off."""
+    all_settings = CLEAN | {"width_px": 240, "height_px": 240} | settings
+    section = OverheadSection(**all_settings)
+    camera, renderer = make_renderer(EMPTY, **all_settings)
+    poses = np.array([(21.0, 37.0, 0.8), (27.0, 36.0, -2.0), BEHIND_A_WALL])
+    samples = [
+        ExposureSample(poses + np.array([moved, 0, moved]), np.array(on))
+        for moved, on in ((0.0, [True, False, True]), (0.3, [True, True, True]))
+    ]
+    picture = renderer.render(samples, room_is_lit=False)
+    expected = slow_picture(camera, samples, section)
+    assert expected.max() > 100
+    assert np.abs(picture - expected).max() < 0.6 + 0.5 * 2 * bool(section.bloom)
+
+
+def test_vignetting_darkens_the_corners() -> None:
+    kept = dimming(640, 480, 0.3)
+    assert kept[[0, 0, -1, -1], [0, -1, 0, -1]] == pytest.approx(0.7, abs=1e-6)
+    assert kept[239:241, 319:321] == pytest.approx(1, abs=1e-5)
+    assert kept[240, 0] == pytest.approx(1 - 0.3 * 640**2 / 800**2, abs=1e-5)
+
+
+def test_blur_spreads_a_ring_and_keeps_its_light() -> None:
+    sharp, soft = (shot((30, 30, 0), exposure_ms=4.0, blur_px=blur)[1] for blur in (0, 3))
+    assert soft.max() < 0.8 * sharp.max()
+    assert soft[..., 0].sum(dtype=float) == pytest.approx(sharp[..., 0].sum(dtype=float), rel=0.03)
+
+
+def test_dark_without_a_ring_is_noise_alone() -> None:
+    _, picture = shot((20, 20, 0), lit=False, noise_levels=4)
+    above = picture[picture > 0]
+    assert len(above) / picture.size == pytest.approx(0.5 - 0.05, abs=0.01)  # what rounds to 0 is 1 in 10
+    assert math.sqrt((above.astype(float) ** 2).mean()) == pytest.approx(4.2, abs=0.1)
+    assert not shot((20, 20, 0), lit=False)[1].any()
+
+
+def test_noise_has_the_spread_that_is_asked_for() -> None:
+    _, noisy = make_renderer(**CLEAN | {"noise_levels": 10.0})
+    shots = [noisy.render(standing(), room_is_lit=True).astype(float) for _ in range(2)]
+    floor = (slice(150, 330), slice(150, 330))
+    rest = (shots[0] - shot(room=True)[1])[floor]
+    assert rest.std() == pytest.approx(10, rel=0.03)
+    assert abs(rest.mean()) < 0.5
+    assert (shots[1] - shots[0])[floor].std() == pytest.approx(10 * math.sqrt(2), rel=0.03)
+
+
+def test_same_seed_same_pictures() -> None:
+    def render(seed: int) -> list[bytes]:
+        _, renderer = make_renderer(seed=seed, width_px=120, height_px=120)
+        return [renderer.render(standing((20, 20, 1)), room_is_lit=room).tobytes() for room in (True, False, False)]
+
+    assert render(3) == render(3)
+    assert render(3) != render(4)
+
+
+# --- the lit room ---
+
+
+@pytest.mark.parametrize("exposure_ms", [5, 60])
+def test_lit_room_shows_each_thing_in_its_grey(exposure_ms: int) -> None:
+    camera, picture = shot((10, 20, 0), room=True, lit=False, exposure_ms=exposure_ms)
+    for grey, places in {
+        FLOOR: [(30, 30, 0), (0.5, 0.5, 0)],
+        OBSTACLE: [(45, 45, 0), (48, 45, 0), (15, 45, 0)],
+        WALL_FACE: [(0, 30, 3), (60, 30, 3), (30, 0, 3), (30, 60, 3)],
+        WALL_TOP: [(-0.5, 30, WALL_HEIGHT_CM), (30, 60.5, WALL_HEIGHT_CM)],
+        BODY_TOP: [(10, 20 + 3, epuck.HEIGHT_CM)],
+    }.items():
+        for place in places:
+            assert (picture[pixel_at(camera, *place)] == grey).all(), place
+    assert (picture[0, 0] == TABLE).all()
+
+
+def test_bodies_stand_upright_and_their_marks_point_ahead() -> None:
+    camera, picture = shot((50, 30, 2.5), room=True, lit=False, distortion=0)
+    for ahead, grey in ((2.0, HEADING_MARK), (-2.0, BODY_TOP)):
+        spot = (50 + ahead * math.cos(2.5), 30 + ahead * math.sin(2.5), epuck.HEIGHT_CM)
+        assert (picture[pixel_at(camera, *spot)] == grey).all()
+    assert (picture[pixel_at(camera, 50 - 3.65, 30, 1.0)] == BODY_SIDE).all()  # towards the picture's middle
+    columns = np.flatnonzero(np.isin(picture[pixel_at(camera, 50, 30)[0], :, 0], (BODY_SIDE, BODY_TOP, HEADING_MARK)))
+    ends = camera.project(np.array([(50 - 3.7, 30, 0.0), (50 + 3.7, 30, epuck.HEIGHT_CM)]))[:, 0]
+    assert np.abs(columns[[0, -1]] - ends).max() <= 1
+
+
+def test_inner_body_hides_the_outer_one_in_a_wide_arena() -> None:
+    wide = make_arena(120, 40, [], [])
+    outer, inner = (47.4, 30.0, math.pi), (54.8, 30.0, math.pi)
+    for poses in ((inner, outer), (outer, inner)):
+        camera, picture = shot(*poses, arena=wide, room=True, lit=False, width_px=640, height_px=240)
+        assert (picture[pixel_at(camera, 54.8 - 3.5, 30, epuck.HEIGHT_CM)] == BODY_TOP).all()
+    assert (picture[pixel_at(camera, 119, 39)] == FLOOR).all()
+    assert (picture[pixel_at(camera, 60, 40, 3)] == WALL_FACE).all()
+
+
+def test_a_floor_is_as_grey_as_it_is_bright() -> None:
+    picture = np.array([[0, 255]], np.uint8)
+    arena = make_arena(60, 60, [], [], floor=make_floor(1, [(0.2, (50, 50, 5)), (0.6, (59, 30, 4))], picture))
+    camera, grey = shot(arena=arena, room=True)
+    for place, level in {(10, 30): 0, (40, 30): FLOOR, (50, 52): 0.2 * FLOOR, (58, 30): 0.6 * FLOOR}.items():
+        assert (grey[pixel_at(camera, *place)] == round(level)).all(), place
+    assert (grey[pixel_at(camera, 60, 30, 3)] == WALL_FACE).all()
+
+
+def test_lamps_are_bright_dots_where_the_camera_sees_them_in_the_light() -> None:
+    """The camera hangs 110 cm above (30, 30), so that a lamp at half of that seems twice as far from there."""
+    arena = make_arena(60, 60, [], [], lamps=[(40, 30, 55, 1), (30, 35, 0.1, 2), (20, 20, 110, 1)])
+    camera, grey = shot((30, 35, 0), arena=arena, room=True, lit=False)
+    shown = np.zeros(grey.shape[:2], bool)
+    for x, y, radius in ((50, 30, 1.5), (30, 35, 0.75)):
+        shown |= np.hypot(*np.moveaxis(camera.plane_map(0.0) - (x, y), -1, 0)) <= radius
+    assert (grey.min(axis=-1) == 255).sum() == pytest.approx(shown.sum(), rel=0.1)
+    assert (grey[pixel_at(camera, 50, 30)] == 255).all()
+    assert (grey[pixel_at(camera, 30, 35)] == 255).all()
+    assert not shot(arena=arena)[1].any()
+
+
+def test_robots_beyond_the_picture_are_cut_off() -> None:
+    inside, narrow = ((30, 30, 0), (15.5, 30, 0)), {"field_of_view_deg": 15, "width_px": 120, "height_px": 120}
+    for room in (False, True):
+        seen = [shot(*inside, *beyond, room=room, **narrow)[1] for beyond in ([(3.7, 3.7, 0)], [])]
+        assert np.array_equal(*seen)
+
+
+def test_points_shine_at_the_leds_and_not_between() -> None:
+    camera, picture = shot((30, 30, 0.2), led_points=True)
+
+    def levels(shift: float) -> list[int]:
+        angles = 0.2 + shift + np.arange(8) * math.tau / 8
+        places = 30 + epuck.RING_RADIUS_CM * np.column_stack([np.cos(angles), np.sin(angles)])
+        return [int(picture[pixel_at(camera, *place, epuck.RING_HEIGHT_CM)][0]) for place in places]
+
+    assert min(levels(0.0)) > 200
+    assert max(levels(math.tau / 16)) < 60
+
+
+def test_ambient_light_shows_the_room_as_in_the_light_but_darker() -> None:
+    dim, lit = shot((20, 20, 0), lit=False, ambient=0.25)[1], shot((20, 20, 0), lit=False, room=True)[1]
+    assert np.abs(dim - lit * 0.25).max() <= 1
+
+
+def test_a_tilted_camera_is_aimed_at_the_middle_from_the_same_height() -> None:
+    camera = overhead_camera(OverheadSection(tilt_deg=25.0, turn_deg=-40.0), 60, 60)
+    assert camera.position_cm[2] == pytest.approx(110)
+    assert camera.project(np.array([(30.0, 30.0, 0.0)])) == pytest.approx(np.array([(239.5, 239.5)]))
+    assert math.degrees(math.acos(-camera.rotation[2, 2])) == pytest.approx(25)
+
+
+# --- pictures of the arena for people ---
+
+SCENARIO = load_scenario("obstacles", ["overhead.noise_levels=20", "overhead.blur_px=5"])
+POSES = np.array([[15.0, 45.0, 0.0], [45.0, 15.0, 1.0]])
+
+
+def test_bodies_are_dark_and_lit_rings_red_where_robots_are() -> None:
+    view = ArenaView("thesis", 200, 200)
+    empty = view.draw(np.empty((0, 3)), np.empty(0, bool)).astype(int)
+    picture = view.draw(POSES, np.array([False, True])).astype(int)
+    places = np.argwhere(np.abs(picture - empty).max(axis=-1) > 20) < 100
+    assert set(map(tuple, places.tolist())) == {(True, True), (False, False)}
+    redness = picture[..., 0] - picture[..., 1]
+    assert redness[:100, :100].max() == 0
+    assert redness[100:, 100:].max() > 100
+
+
+def test_the_same_robots_make_the_same_picture_without_the_cameras_faults() -> None:
+    view = ArenaView(SCENARIO, width_px=120, height_px=80)
+    lit = np.array([True, False])
+    first = view.draw(POSES, lit)
+    assert first.shape == (80, 120, 3)
+    np.testing.assert_array_equal(view.draw(POSES, lit), first)
+    np.testing.assert_array_equal(ArenaView("obstacles", 120, 80).draw(POSES, lit), first)
+    for scenario, said in ((SCENARIO, "width_px"), ("particles", "model is 'particles'")):
+        with pytest.raises(ScenarioError, match=said):
+            ArenaView(scenario, width_px=101)
+
+
+def test_a_kilobot_is_drawn_as_wide_as_it_is_and_its_led_where_it_is() -> None:
+    def drawn(robot: str) -> tuple[int, int]:
+        """Return the number of pixels that show a robot, and of those that are red if it is lit."""
+        scenario = load_scenario({"robot": robot, "robots": [{"signal": {"kind": "radio"}}]})
+        view = ArenaView(scenario, 400, 400)
+        pose = np.array([[30.0, 30.0, 0.3]])  # below the camera, which sees no side
+        empty = view.draw(pose[:0], np.zeros(0, bool)).astype(int)
+        dark, lit = (view.draw(pose, np.array([on])).astype(int) for on in (False, True))
+        red = lit[..., 0] - lit[..., 1] > 100
+        return int((np.abs(dark - empty).max(axis=-1) > 20).sum()), int(red.sum())
+
+    (epuck_px, ring_px), (kilobot_px, led_px) = drawn("epuck"), drawn("kilobot")
+    assert kilobot_px / epuck_px == pytest.approx((1.65 / 3.7) ** 2, rel=0.1)
+    assert 0 < led_px < 0.3 * ring_px

@@ -1,14 +1,33 @@
-"""A camera that is plugged in: an imitation, except for the missing one."""
+"""A camera that is plugged in is tracked while it films; but for the missing one, cameras are imitations."""
 
 import itertools
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Self
 
 import cv2
 import numpy as np
 import pytest
 
-from epuck_sim.errors import FilmError
+from epuck_sim.errors import FilmError, PortError
 from epuck_sim.overhead import live
-from epuck_sim.overhead.live import LiveCamera, UnpluggedError
+from epuck_sim.overhead.calibration import TrackOptions, parse_metadata
+from epuck_sim.overhead.camera import Frame
+from epuck_sim.overhead.camera_fit import RINGS
+from epuck_sim.overhead.live import LiveCamera, UnpluggedError, Watching, live_page, track_camera
+from epuck_sim.overhead.track import Track
+from tests.cli.films import frames_and_description
+from tests.overhead.cameras import floor_corners
+from tests.overhead.films import LIT, SMALL, TIMES, even, in_step, make_camera, passed, read_rings, reel, shoot
 
 SIZE = 64, 48
 """Columns and rows of the pictures that come first."""
@@ -128,3 +147,188 @@ def test_opencv_itself_says_nothing(monkeypatch, capfd):
         LiveCamera(97, print)
     assert capfd.readouterr() == ("", "")
     assert cv2.utils.logging.getLogLevel() == level
+
+
+CORNERS_PX = floor_corners(make_camera())
+
+
+class Imitation:
+    """A camera that delivers some frames, and then raises an exception."""
+
+    name = "camera 7"
+    width_px, height_px = SMALL["width_px"], SMALL["height_px"]
+
+    def __init__(self, frames: Iterable[Frame], end: BaseException | None = None) -> None:
+        self.is_open, self.given = False, 0
+        self.warnings: list[str] = []
+        self._frames = self._give(frames, end or KeyboardInterrupt())
+
+    def _give(self, frames: Iterable[Frame], end: BaseException) -> Iterator[Frame]:
+        for frame in frames:
+            self.given += 1
+            yield frame
+        raise end
+
+    @contextmanager
+    def __call__(self, *_: object) -> Iterator[Self]:
+        self.is_open = True
+        try:
+            yield self
+        finally:
+            self.is_open = False
+
+    def frames(self) -> Iterator[Frame]:
+        return self._frames
+
+
+def watch(camera: Imitation, options: TrackOptions, tell: Callable[[str], None] = print, **watching: Any) -> Track:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("epuck_sim.overhead.live.LiveCamera", camera)
+        return track_camera(7, options._replace(period_s=1.0), Watching(**watching), passed, tell)
+
+
+def test_camera_films_until_the_swarm_is_synchronised(tmp_path: Path) -> None:
+    camera = Imitation(reel())
+    table, seen, record = tmp_path / "rings.csv", tmp_path / "seen.mp4", tmp_path / "raw.mp4"
+    track = watch(camera, TrackOptions(robots=6, order_parameter=0.99), rings=table, annotate=seen, record=record)
+    assert not camera.is_open
+    assert (track.film, track.calibration, track.period_s) == ("camera 7", RINGS, 1.0)
+    assert track.estimated == ("threshold_ms",)
+    assert track.start_s + track.histogram_s == pytest.approx(2.55, abs=1e-3)
+    assert camera.given == round(3.05 * 30) + 1
+    assert track.times_s[-1] == pytest.approx(3.05, abs=0.04)
+    assert len(read_rings(table)) == track.counts.sum()
+    assert tuple(len(frames_and_description(each)[0]) for each in (seen, record)) == (track.frames, camera.given)
+    told = parse_metadata(frames_and_description(record)[1])
+    assert (told.period_s, told.robots, told.arena_cm) == (1.0, 6, None)
+
+
+def test_a_camera_that_films_before_the_room_is_dark_waits_until_it_is() -> None:
+    times_s, told = even(5.5), []
+    camera = Imitation(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
+    track = watch(camera, TrackOptions(corners_px=CORNERS_PX, robots=6), told.append)
+    assert told == ["the room is lit; tracking begins when it is dark, or after 30 s"]
+    assert track.start_s == pytest.approx(1)
+    assert track.geometry.ring_light > 0
+
+
+def test_synchrony_that_is_not_believed_is_told_and_filmed_on() -> None:
+    camera, told = Imitation(reel()), []
+    track = watch(camera, TrackOptions(robots=12, threshold_ms=50.0), told.append)
+    assert (track.histogram_s, track.confidence) == (None, "none")
+    assert camera.given == len(TIMES)
+    (said,) = told
+    assert said.startswith("not yet believed to be synchronised: ")
+
+
+@pytest.mark.parametrize("end", [KeyboardInterrupt(), UnpluggedError("camera 7 delivers no pictures")], ids=repr)
+def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(tmp_path: Path, end: BaseException) -> None:
+    camera = Imitation(reel()[:70], end)
+    camera.warnings.append("camera 7 dropped out from 0.1 to 0.2 s")
+    table, seen = tmp_path / "rings.csv", tmp_path / "seen.mp4"
+    track = watch(camera, TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), rings=table, annotate=seen)
+    assert not camera.is_open
+    assert (track.threshold_ms, track.histogram_s, track.frames) == (1.0, None, 70)
+    assert track.counts.tolist() == LIT[:70].sum(axis=1).tolist()
+    assert len(read_rings(table)) == LIT[:70].sum()
+    assert len(frames_and_description(seen)[0]) == 70
+    ends = [str(end)] if isinstance(end, UnpluggedError) else []
+    assert track.warnings == ("camera 7 dropped out from 0.1 to 0.2 s", *ends)
+
+
+def test_ctrl_c_before_the_calibration_leaves_the_film(tmp_path: Path) -> None:
+    camera = Imitation(shoot(even(1), np.zeros((30, 6), bool)))
+    with pytest.raises(KeyboardInterrupt):
+        watch(
+            camera,
+            TrackOptions(),
+            rings=tmp_path / "rings.csv",
+            annotate=tmp_path / "s.mp4",
+            record=tmp_path / "raw.mp4",
+        )
+    assert not camera.is_open
+    assert [path.name for path in tmp_path.iterdir()] == ["raw.mp4"]
+    assert len(frames_and_description(tmp_path / "raw.mp4")[0]) == 30
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+
+sys.path.insert(0, sys.argv[1])
+from tests.overhead.test_track_camera import CORNERS_PX, Imitation, TrackOptions, reel, watch
+
+
+def frames():
+    yield from reel()[:70]
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+outputs = {"rings": Path("rings.csv"), "annotate": Path("seen.mp4"), "record": Path("raw.mp4")}
+watch(Imitation(frames()), TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), **outputs)
+"""
+
+
+def test_what_was_written_until_a_kill_can_be_read(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-c", KILLED, str(root)]
+    ended = subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(root)}, check=False)
+    assert ended.returncode == -signal.SIGKILL
+    rows = read_rings(tmp_path / "rings.csv")
+    assert len(rows) == LIT[:70].sum()
+    for name in ("seen.mp4", "raw.mp4"):
+        assert 30 <= len(frames_and_description(tmp_path / name)[0]) <= 70  # all but about the last second
+
+
+def test_a_camera_is_shown_on_a_page() -> None:
+    told: list[str] = []
+    shown: list[bytes] = []
+
+    def delivered() -> Iterator[Frame]:
+        for frame in reel()[:50]:
+            yield frame
+            shown.append(read(told[0].split(" ", maxsplit=1)[0] + "film"))
+
+    watch(Imitation(delivered()), TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), told.append, port=0)
+    assert told[0].endswith("/ shows camera 7")
+    sizes = {decoded(jpeg).shape for jpeg in shown[:2] + shown[-2:]}
+    assert len(sizes) == 2  # waiting, and with the histogram below
+    assert len(set(shown)) > 10
+
+
+def read(address: str, host: str | None = None) -> bytes:
+    """Return what a browser on this machine reads, as if it had asked for a host."""
+    asked = urllib.request.Request(address, headers={"Host": host} if host else {})
+    with urllib.request.urlopen(asked, timeout=20) as answer:
+        return bytes(answer.read())
+
+
+def decoded(jpeg: bytes) -> Any:
+    return cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_a_page_shows_this_machine_alone_the_newest_picture_until_it_ends(capfd: pytest.CaptureFixture[str]) -> None:
+    red, before = np.full((40, 60, 3), (200, 0, 0), np.uint8), threading.active_count()
+    with live_page("camera <7>", 0) as page:
+        port = int(page.address.split(":")[2].strip("/"))
+        assert "<title>camera &lt;7&gt;</title>" in read(page.address, f"localhost:{port}").decode()
+        for path in ("", "film"):
+            with pytest.raises(urllib.error.HTTPError, match="403"):
+                read(page.address + path, "rebound.example")
+        assert read(page.address + "film") == b""  # not yet
+        page.show(red)
+        shown = decoded(read(page.address + "film?1"))
+        with pytest.raises(PortError, match=rf"port {port} cannot be used: .*; give another"), live_page("two", port):
+            pass
+        assert threading.active_count() > before
+        page.show(np.random.default_rng(0).integers(0, 256, (2000, 2000, 3), np.uint8))
+        with socket.create_connection(("127.0.0.1", port)) as leaving:  # without reading it
+            leaving.send(f"GET /film HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
+            leaving.recv(1)
+    for thread in threading.enumerate():
+        if "process_request_thread" in thread.name:
+            thread.join(20)
+    assert threading.active_count() == before
+    assert capfd.readouterr().err == ""
+    assert shown.shape == red.shape
+    assert np.abs(shown[:, :, ::-1].astype(int) - red).max() < 10

@@ -1,30 +1,267 @@
-"""Tables of who is who in a film: flashes, a trace, and pairs."""
+"""Who is who in a film: by how robots move from flash to flash or by tags on top of them, and the tables of it."""
 
 import csv
+import math
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import csr_array
 
+from epuck_sim.arena import make_arena
+from epuck_sim.arrays import IntArray
+from epuck_sim.errors import FilmError
 from epuck_sim.order_parameter import order_parameter
+from epuck_sim.overhead import identities
+from epuck_sim.overhead import robots as tables
+from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable
-from epuck_sim.overhead.identities import Identities
+from epuck_sim.overhead.identities import SURE, Habits, commonest_speed, link_flashes, ways_between
+from epuck_sim.overhead.render import ExposureSample
 from epuck_sim.overhead.rings import Ring
-from epuck_sim.overhead.robots import (
-    Robots,
-    find_robots,
-    flash_columns,
-    order_of_shares,
-    pair_columns,
-    phase_shares,
-    save_robots,
-    summary,
-    trace_columns,
-    write_table,
-)
+from epuck_sim.overhead.robots import find_robots, flash_columns, pair_columns, summary, trace_columns
+from epuck_sim.overhead.tags import Readings, TagReader
 from epuck_sim.overhead.track import Track
+from tests.overhead.cameras import make_renderer
 from tests.overhead.films import TRACK, even
+
+FLOOR_CM = (60.0, 60.0)
+PERIOD_S = 5.0
+
+
+def straight(places, velocities, phases_s, cycles: int) -> tuple[FlashTable, IntArray]:
+    """Return the flashes of robots that drive straight ahead, in order of their onsets, and whose they are."""
+    robots = len(places)
+    onsets = (phases_s + PERIOD_S * np.arange(cycles)[:, None]).ravel()
+    whose = np.tile(np.arange(robots), cycles)
+    at = places[whose] + onsets[:, None] * velocities[whose]
+    order = np.argsort(onsets, kind="stable")
+    table = FlashTable(onsets[order], onsets[order] + 0.4, at[order], velocities[whose[order]], onsets[order])
+    return table, whose[order]
+
+
+def test_robots_that_cross_each_others_ways_in_step_are_told_apart_by_their_velocities() -> None:
+    places = np.array([(10.0, 30.0), (50.0, 31.0), (30.0, 8.0)])
+    velocities = np.array([(1.5, 0.0), (-1.5, 0.0), (0.0, 1.5)])
+    flashes, whose = straight(places, velocities, np.zeros(3), 5)
+    found = link_flashes(flashes, PERIOD_S, FLOOR_CM)
+    assert found.robots == 3
+    for robot in range(3):
+        assert len(set(found.robot[whose == robot])) == 1
+        assert found.cycle[whose == robot].tolist() == [1, 2, 3, 4, 5]
+    assert found.unsure == 0
+    assert found.speed_cm_s == pytest.approx(1.5)
+
+
+def test_robots_that_cannot_be_told_apart_are_linked_with_half_a_certainty() -> None:
+    # two robots that stand 1 cm apart and flash at once: neither place nor time tells
+    places = np.array([(30.0, 30.0), (30.3, 30.0), (10.0, 10.0)])
+    flashes, _ = straight(places, np.zeros((3, 2)), np.array([0.0, 0.0, 2.0]), 6)
+    found = link_flashes(flashes, PERIOD_S, FLOOR_CM)
+    is_twin = flashes.places_cm[:, 0] > 20
+    certainty = found.certainty[~np.isnan(found.certainty)]
+    assert len(certainty) == 15
+    assert (found.certainty[is_twin & (found.cycle > 1)] < SURE).all()
+    assert (found.certainty[~is_twin & (found.cycle > 1)] > SURE).all()
+    assert found.unsure == pytest.approx(10 / 15)
+
+
+def test_a_flash_that_is_missed_does_not_make_another_robot_but_one_too_far_away_does() -> None:
+    places = np.array([(10.0, 10.0), (45.0, 15.0), (30.0, 45.0)])
+    flashes, whose = straight(places, np.full((3, 2), 0.1), np.array([0.0, 1.5, 3.0]), 8)
+    keep = np.arange(len(whose)) != np.flatnonzero(whose == 1)[3]
+    found = link_flashes(FlashTable(*(column[keep] for column in flashes)), PERIOD_S, FLOOR_CM)
+    assert found.robots == 3
+    assert found.cycle[whose[keep] == 1].tolist() == [1, 2, 3, 4, 5, 6, 7]
+    moved = flashes.places_cm.copy()
+    moved[np.flatnonzero(whose == 0)[2:]] += (0.0, 30.0)  # someone carried it
+    found = link_flashes(flashes._replace(places_cm=moved), PERIOD_S, FLOOR_CM)
+    assert found.robots == 4
+    assert len(set(found.robot[whose == 1])) == 1
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=8)
+def test_a_long_film_is_linked_in_parts_as_whole(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    grid = np.array([(x, y) for x in (10.0, 30.0, 50.0) for y in (10.0, 50.0)])
+    phases = np.sort(generator.uniform(0, 5, 6))
+    flashes, whose = straight(grid, generator.normal(0, 0.02, (6, 2)), phases, 30)
+    found = link_flashes(flashes, PERIOD_S, FLOOR_CM)
+    assert found.robots == 6
+    assert all(len(set(found.robot[whose == robot])) == 1 for robot in range(6))
+
+
+@settings(max_examples=40)
+@given(st.lists(st.lists(st.floats(-5, 0), min_size=4, max_size=4), min_size=1, max_size=4))
+def test_links_cost_least(costs: list[list[float]]) -> None:
+    rows, flashes = len(costs), len(costs) + 4
+    table = np.zeros((flashes, flashes))
+    table[:rows, rows:] = costs
+    parts, links = (identities._link(np.arange(float(flashes)), csr_array(table), block_s) for block_s in (2.0, 20.0))
+    total = sum(table[source, target] for source, target in enumerate(links) if target >= 0)
+    least = min(sum(costs[row][target] for row, target in enumerate(each)) for each in permutations(range(4), rows))
+    assert total == pytest.approx(least)
+    for taken in (parts[parts >= 0].tolist(), links[links >= 0].tolist()):
+        assert len(set(taken)) == len(taken)
+
+
+def test_a_flash_that_follows_one_long_before_or_after_is_no_alternative() -> None:
+    links, onset_s = np.array([2, 3, -1, -1]), np.array([0.0, 5.0, 6.0, 7.0])
+    costs = csr_array(([-5.0, -5.0, -5.0], ([0, 0, 1], [2, 3, 3])), shape=(4, 4))
+    certainty = identities._certainties(links, costs, onset_s, 1.0)
+    assert certainty == pytest.approx([np.nan, np.nan, 1 / (1 + np.exp(-5)), 1 / (1 + np.exp(-5))], nan_ok=True)
+
+
+def table(*rows: tuple[float, float, float, float, float]) -> FlashTable:
+    """Return flashes with an onset, a place and a velocity each."""
+    return FlashTable.of([Flash(at, at + 0.4, x, y, at, *velocity) for at, x, y, *velocity in rows])
+
+
+def test_a_way_is_straight_or_tells_how_long_its_turn_took_and_none_is_faster_than_robots_drive() -> None:
+    flashes = table((0, 10, 10, 2, 0), (5, 20, 10, 2, 0), (5, 20, 13, 2, 0), (5, 17, 10, 2, 0))
+    habits = Habits.at_first(flashes, 5.0, FLOOR_CM)
+    ways = ways_between(flashes, np.zeros(3, int), np.arange(1, 4), habits)
+    assert habits.speed_cm_s == 2
+    assert ways.along == pytest.approx([0, 0, -3])
+    assert ways.aside == pytest.approx([0, 3, 0])
+    assert ways.swerve == pytest.approx(0)
+    assert ways.distance == pytest.approx([10, math.hypot(10, 3), 7])
+    assert np.argmax(habits.log_likelihood(ways)) == 0
+    # 2 s ahead to (14, 10), a turn of 1 s to the left, and 2 s upwards
+    flashes = table((0, 10, 10, 2, 0), (5, 14, 14, 0, 2))
+    habits = Habits.at_first(flashes, 5.0, FLOOR_CM)
+    ways = ways_between(flashes, np.array([0]), np.array([1]), habits)
+    assert ways.has_turn.all()
+    assert ways.turn_s == pytest.approx(1.0)
+    assert ways.swerve == pytest.approx(math.pi / 2)
+    assert ways.wall_s == pytest.approx((60 - 3.7 - 10) / 2, abs=0.1)
+    assert not ways_between(flashes, np.array([1]), np.array([0]), habits).has_turn.any()
+    flashes = table((0, 10, 10, 1, 0), (5, 14, 10, -0.5, 1), (5, 50, 50, 1, 0))
+    habits = Habits.at_first(flashes, 5.0, FLOOR_CM)
+    near, far = habits.log_likelihood(ways_between(flashes, np.zeros(2, int), np.array([1, 2]), habits))
+    assert far < near - 50
+
+
+def test_cycles_are_learnt() -> None:
+    flashes = table(*((5 * k * 0.8, 10 + 0.1 * k, 30, 0.02, 0) for k in range(12)))
+    habits = Habits.at_first(flashes, 5.0, FLOOR_CM)
+    ways = ways_between(flashes, np.arange(11), np.arange(1, 12), habits)
+    learnt = habits.relearnt(ways)
+    gained = learnt.log_likelihood(ways) - habits.log_likelihood(ways)
+    assert (gained > 1).all()
+    assert learnt.kinds.sum() == pytest.approx(1)
+
+
+def test_the_commonest_speed_is_that_of_robots_that_do_not_turn() -> None:
+    generator = np.random.default_rng(0)
+    straight, turning = generator.normal(3, 0.2, 200), generator.uniform(0, 2.5, 150)
+    assert commonest_speed(np.concatenate([straight, turning])) == pytest.approx(3, rel=0.02)
+    assert commonest_speed(np.full(5, 1.5)) == 1.5
+    assert commonest_speed(np.zeros(5)) == 0
+
+
+POSES = np.array([(8.0, 9.0, 0.4), (27.0, 10.0, 2.0), (10.0, 27.0, -3.0), (26.0, 26.0, -1.1)])
+TIMES = np.arange(60) / 10
+
+
+def test_tags_are_read_where_robots_are_and_gathered() -> None:
+    for lit, in_the_light, tilt_deg in [((1,), False, 15.0), ((), False, 0.0), ((0, 2), True, 0.0), ((), True, 0.0)]:
+        settings = {"width_px": 240, "height_px": 240, "tags": "4X4_50", "ambient": 0.2, "tilt_deg": tilt_deg}
+        camera, renderer = make_renderer(make_arena(36, 36, [], []), **settings)
+        samples = [ExposureSample(POSES, np.isin(range(4), lit))]
+        picture = renderer.render(samples, room_is_lit=in_the_light)
+        reader = TagReader(camera, "4X4_50")
+        reader.read(Frame(0.0, picture))
+        found = reader.readings(0.0)
+        assert found.number.tolist() == [0, 1, 2, 3]
+        assert np.hypot(*(found.poses - POSES)[:, :2].T).max() < 0.15
+        assert np.abs(np.exp(1j * found.poses[:, 2]) - np.exp(1j * POSES[:, 2])).max() < 0.06
+    for time_s, shown_then in ((1.0, picture), (2.0, np.zeros_like(picture)), (3.0, picture)):
+        reader.read(Frame(time_s, shown_then))
+    readings = reader.readings(1.0)
+    assert readings.time_s.tolist() == [1] * 4 + [3] * 4
+    assert readings.number.tolist() == [0, 1, 2, 3] * 2
+    assert readings.poses.shape == (8, 3)
+
+
+def read(numbers=(4, 7), without=()) -> Readings:
+    """Return readings of robots that drive along x, but for those of (time, number)."""
+    rows = [
+        (time, number, 5.0 + time + 10 * row, 10.0, 3.1 + 0.1 * time)
+        for time in TIMES
+        for row, number in enumerate(numbers)
+        if (round(time, 1), number) not in without
+    ]
+    columns = np.array(rows)
+    return Readings(columns[:, 0], columns[:, 1].astype(int), columns[:, 2:])
+
+
+def track(*flashes: tuple[float, float], **options) -> Track:
+    """Return a track with flashes at times, of robots that were at x 0 s after the start."""
+    made = tuple(Flash(time, time + 0.3, x + time + 0.15, 10.3, 80.0) for time, x in flashes)
+    return TRACK._replace(flashes=made, times_s=TIMES, start_s=0.0, options=TRACK.options._replace(**options))
+
+
+def test_flashes_are_those_of_the_tags_above_them() -> None:
+    dark = {(round(0.1 * k, 1), 7) for k in range(20, 26)}  # unread while lit
+    tracked = track((1.0, 5.0), (2.1, 15.0), (2.2, 5.0), (3.0, 5.0), (5.9, 40.0), robots=2)
+    robots = find_robots(tracked._replace(tags=read(without=dark)))
+    assert robots.warnings == ()  # the last flash may be one frame of a flash
+    assert robots.numbers.tolist() == [4, 7]
+    table = flash_columns(tracked, robots)
+    assert table["robot"].tolist() == [4, 7, 4, 4, -1]
+    assert table["cycle"].tolist() == [1, 1, 2, 3, 1]
+    assert table["certainty"] == pytest.approx([np.nan, np.nan, 1, 1, np.nan], nan_ok=True)
+    trace = trace_columns(tracked, robots)
+    own = {name: column[trace["robot"] == 7] for name, column in trace.items()}
+    assert own["x_cm"] == pytest.approx(15 + TIMES)  # also where it was not read
+    assert own["heading_rad"] == pytest.approx(3.1 + 0.1 * TIMES)
+    assert own["ring_on"].sum() == 3
+    assert summary(tracked, robots)["by"] == "tags"
+
+
+def test_where_a_tag_is_unread_for_long_it_is_not_known_where_the_robot_is() -> None:
+    gap = {(round(0.1 * k, 1), 4) for k in range(20, 40)}
+    robots = find_robots(track((3.0, 5.0))._replace(tags=read(without=gap)))
+    assert robots.poses is not None
+    assert np.isnan(robots.poses[20:40, 0]).all()
+    assert not np.isnan(robots.poses[:20, 0]).any()
+    assert robots.identities.robot.tolist() == [-1]
+    (warning,) = robots.warnings
+    assert warning.startswith("flashes that are under no tag: 1 of 1; there are robots without a tag")
+
+
+def test_a_tag_that_is_seen_twice_is_said_and_left_out() -> None:
+    once, other = read(), read(numbers=(4,))
+    double = Readings(
+        *(np.concatenate([a, b[:20]]) for a, b in zip(once, other._replace(poses=other.poses + 20), strict=True))
+    )
+    robots = find_robots(track((1.0, 5.0))._replace(tags=double))
+    assert "tag 4 is seen twice in 20 frames, and left out there" in robots.warnings[0]
+    assert robots.poses is not None
+    assert np.isnan(robots.poses[:19, 0]).all()
+    assert robots.poses[30, 0, 0] == pytest.approx(8)
+
+
+def test_unknown_seldom_and_missing_tags_are_said() -> None:
+    seldom = Readings(np.array([1.0]), np.array([33]), np.zeros((1, 3)))
+    both = Readings(*(np.concatenate(columns) for columns in zip(read(), seldom, strict=True)))
+    (warning,) = find_robots(track()._replace(tags=both)).warnings
+    assert warning == "tags that are read in less than 2 % of the frames, and are left out: 33"
+    found = find_robots(track(robots=5, tag_numbers=frozenset({4, 5}))._replace(tags=both)).warnings
+    assert found == (
+        "tags that are not among those given, and are left out: 7",
+        "tags that are never read: 5",
+        "robots whose tags are read: 1, but there are 5",
+    )
+    with pytest.raises(FilmError, match=r"^film.mp4: no tag is read, or all are seen twice; check the dictionary"):
+        find_robots(track(tag_numbers=frozenset({8}))._replace(tags=both))
+
 
 CYCLES = 6
 HOMES = np.array([(10.0, 10.0), (45.0, 15.0), (30.0, 45.0)])
@@ -43,8 +280,7 @@ def track_of(phases_s: list[float], cycles: int = CYCLES) -> Track:
 def test_flashes_have_their_velocity() -> None:
     linker = FlashLinker()
     for number in range(8):
-        rings = [Ring(10 + 0.4 * number, 20 - 0.2 * number, 3.5, 0, 0, 5, 90)] if number < 5 else []
-        linker.add(number / 10, rings)
+        linker.add(number / 10, [Ring(10 + 0.4 * number, 20 - 0.2 * number, 3.5, 0, 0, 5, 90)] * (number < 5))
     (flash,) = linker.flashes
     assert flash == pytest.approx((0.0, 0.5, 10.8, 19.6, 90.0, 4.0, -2.0))
     linker = FlashLinker()
@@ -52,7 +288,7 @@ def test_flashes_have_their_velocity() -> None:
     assert linker.flashes[0][5:] == (0, 0)
 
 
-def test_a_trace_tells_what_is_seen_and_leaves_out_what_is_not() -> None:
+def test_a_trace_tells_what_is_seen_until_the_last_frame_and_leaves_out_what_is_not() -> None:
     track = track_of([0.1, 0.4, 0.7])
     table = trace_columns(track, find_robots(track))
     assert list(table) == ["time_s", "robot", "x_cm", "y_cm", "heading_rad", "ring_on", "phase_ms"]
@@ -69,14 +305,9 @@ def test_a_trace_tells_what_is_seen_and_leaves_out_what_is_not() -> None:
     assert np.isnan(own["phase_ms"][~at]).all()
     # the threshold of a period of 1 s: from one flash to the next in 1000 ms
     assert own["phase_ms"][at] == pytest.approx(1000 * ((own["time_s"][at] - 0.4 + 1e-9) % 1), abs=1e-3)
-
-
-def test_a_ring_that_is_lit_at_the_end_of_the_film_is_lit_in_its_last_frame() -> None:
-    track = track_of([0.1, 0.4, 0.7])
     last_s = float(track.times_s[-1])
     late = Flash(last_s, last_s, 30.0, 45.0, 80.0)
-    flashes = (*(flash for flash in track.flashes if flash.onset_s < last_s - 0.5), late)
-    track = track._replace(flashes=flashes)
+    track = track._replace(flashes=(*(flash for flash in track.flashes if flash.onset_s < last_s - 0.5), late))
     table = trace_columns(track, find_robots(track))
     is_last = table["time_s"] == last_s
     assert table["ring_on"][is_last].sum() == 1
@@ -115,8 +346,8 @@ def test_what_is_doubtful_is_said() -> None:
 def test_tables_are_written_as_csv_and_as_parquet_alike(tmp_path: Path) -> None:
     track = track_of([0.1, 0.4, 0.7])
     robots = find_robots(track)
-    save_robots(track, robots, tmp_path / "f.csv", tmp_path / "t.parquet", tmp_path / "p.csv")
-    save_robots(track, robots, tmp_path / "f.parquet", tmp_path / "t.csv", None)
+    tables.save_robots(track, robots, tmp_path / "f.csv", tmp_path / "t.parquet", tmp_path / "p.csv")
+    tables.save_robots(track, robots, tmp_path / "f.parquet", tmp_path / "t.csv", None)
     for name, expected in (("f", flash_columns(track, robots)), ("t", trace_columns(track, robots))):
         table = pq.read_table(tmp_path / f"{name}.parquet")
         with (tmp_path / f"{name}.csv").open(newline="") as file:
@@ -130,34 +361,29 @@ def test_tables_are_written_as_csv_and_as_parquet_alike(tmp_path: Path) -> None:
     assert table.schema.metadata[b"film"] == b"film.mp4"
 
 
-def test_a_film_without_flashes_gives_tables_without_rows(tmp_path: Path) -> None:
+def test_a_film_without_flashes_has_no_robots_and_gives_tables_without_rows(tmp_path: Path) -> None:
+    assert link_flashes(FlashTable.of(()), PERIOD_S, FLOOR_CM)[::3] == (pytest.approx(np.empty(0)), 0)
+    assert link_flashes(table((1, 30, 30, 0, 0)), PERIOD_S, FLOOR_CM).robot.tolist() == [0]
     track = TRACK._replace(flashes=())
     robots = find_robots(track)
-    assert isinstance(robots, Robots)
+    assert isinstance(robots, tables.Robots)
     for ending in ("csv", "parquet"):
         for name, columns in (("f", flash_columns), ("t", trace_columns), ("p", pair_columns)):
-            write_table(tmp_path / f"{name}.{ending}", columns(track, robots), {})
+            tables.write_table(tmp_path / f"{name}.{ending}", columns(track, robots), {})
     assert (tmp_path / "t.csv").read_text() == "time_s,robot,x_cm,y_cm,heading_rad,ring_on,phase_ms\n"
     assert summary(track, robots)["by_phases_s"] is None
 
 
-ONSETS = np.array([0.0, 0.5, 1.0, 1.4, 2.0, 2.4, 4.0])
-ROBOT = np.array([0, 1, 0, 1, 0, 1, 0])
-
-
-def test_phases_rise_from_flash_to_flash() -> None:
-    times = np.array([0.0, 0.25, 0.5, 0.95, 2.2, 2.5, 3.0, 4.5, 5.5])
-    shares = phase_shares(ONSETS, ROBOT, np.array([0, 1, 2]), times, 1.0)
+def test_phases_rise_from_flash_to_flash_and_the_order_parameter_is_theirs() -> None:
+    onsets, robot = np.array([0.0, 0.5, 1.0, 1.4, 2.0, 2.4, 4.0]), np.array([0, 1, 0, 1, 0, 1, 0])
+    times, nan = np.array([0.0, 0.25, 0.5, 0.95, 2.2, 2.5, 3.0, 4.5, 5.5]), np.nan
+    shares = tables.phase_shares(onsets, robot, np.array([0, 1, 2]), times, 1.0)
     assert np.isnan(shares[:, 2]).all()  # it never flashes
-    nan = np.nan
     # robot 0 was not seen for two periods from 2.0 on; robot 1 flashed early, and last at 2.4
     assert shares[:, 0] == pytest.approx([0, 0.25, 0.5, 0.95, nan, nan, nan, 0.5, nan], nan_ok=True)
     assert shares[:, 1] == pytest.approx([nan, nan, 0, 0.5, 0.8, 0.1, 0.6, nan, nan], nan_ok=True)
-
-
-def test_the_order_parameter_is_that_of_the_phases() -> None:
-    shares = np.array([[0.1, 0.2, 0.3, 0.9], [0.5, 0.5, 0.5, np.nan], [0.5, 0.5, np.nan, np.nan]])
-    order = order_of_shares(shares)
+    shares = np.array([[0.1, 0.2, 0.3, 0.9], [0.5, 0.5, 0.5, nan], [0.5, 0.5, nan, nan]])
+    order = tables.order_of_shares(shares)
     assert order[0] == pytest.approx(float(order_parameter(shares[0], 1.0)))
     assert order[1] == pytest.approx(1)  # three of four are enough
     assert np.isnan(order[2])
@@ -167,8 +393,7 @@ def test_pairs_are_those_whose_flashes_overlap() -> None:
     onsets = np.array([0.0, 0.05, 0.5, 1.0, 1.2, 1.5, 2.0, 2.05])
     flashes = FlashTable.of([Flash(onset, onset + 0.1, 0.0, 0.0, 9.0) for onset in onsets])
     whose = np.array([0, 1, 2, 0, 1, 2, 0, 1])
-    numbers = np.array([0, 1, 2, 3])
-    robots = Robots("tags", flashes, Identities(whose, whose, onsets, 1.0), numbers, None, ())
+    robots = tables.Robots("tags", flashes, identities.Identities(whose, whose, onsets, 1.0), np.arange(4), None, ())
     table = pair_columns(TRACK, robots)
     pairs = list(zip(table["robot"].tolist(), table["other"].tolist(), strict=True))
     assert pairs == [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]

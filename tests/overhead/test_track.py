@@ -1,4 +1,4 @@
-"""A film in a file is tracked from end to end."""
+"""Films in files are tracked from end to end, ours, another renderer's and spoilt ones, and annotated."""
 
 import json
 import math
@@ -8,19 +8,36 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from docs.figures.overhead_confidence import examine
 from epuck_sim.epuck import RING_HEIGHT_CM
-from epuck_sim.overhead.annotate import Annotator, TrackedFrame
+from epuck_sim.overhead.annotate import (
+    BARS,
+    BLUE,
+    CYAN,
+    GREY,
+    OLD_BARS,
+    WHITE,
+    Annotator,
+    TrackedFrame,
+    counts_by_column,
+)
 from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash
-from epuck_sim.overhead.rings import Ring
+from epuck_sim.overhead.floor import find_corners
+from epuck_sim.overhead.light import ring_light
+from epuck_sim.overhead.rings import DISC_LIGHT, Ring, RingFinder
+from epuck_sim.overhead.synchrony import Evaluation
 from epuck_sim.overhead.track import Track, look_again, ring_writer, track_film
-from tests.overhead.cameras import floor_corners
+from tests.overhead.cameras import camera_of, floor_corners, picture_of
 from tests.overhead.films import (
     LIT,
     PLACES,
     TIMES,
+    Score,
     described,
     even,
     in_step,
@@ -33,6 +50,7 @@ from tests.overhead.films import (
     shoot,
     write_packets,
 )
+from tests.overhead.webcam import EFFECTS, GOOD, KINDS, Extra, Swarm, Webcam, padded, shoot, swarm
 
 
 @pytest.fixture(scope="module")
@@ -141,3 +159,239 @@ def test_table_keeps_the_times_of_a_long_film(tmp_path: Path) -> None:
     assert [row["time_s"] for row in rows] == pytest.approx(times_s, abs=1e-5, rel=0)
     assert rows[0]["x_cm"] == pytest.approx(12.345678, abs=1e-3)
     assert list(rows[0]) == ["time_s", *Ring._fields]
+
+
+NOWHERE = np.empty((0, 2))
+OF_POINTS = {"is_fisheye": True, "above_cm": 38.0, "focal_px": 320.0}
+CAMERAS = KINDS | {"fisheye of points": KINDS["points"]._replace(**OF_POINTS)}
+
+
+def tracked(folder: Path, camera: Webcam, filmed: Swarm, extras: tuple[Extra, ...] = ()) -> tuple[Track, Score]:
+    """Return what is found in a film of a swarm, told all about it, and how well its rings are found."""
+    table, shot = folder / "rings.csv", list(shoot(camera, filmed, 12.0, extras))
+    film = save(folder / "film.mp4", [frame for frame, _ in shot])
+    truth = [(frame.time_s, lit_cm, NOWHERE) for frame, lit_cm in shot]
+    floor = tuple((float(x), float(y)) for x, y in camera.floor_px(filmed.arena_cm))
+    told = TrackOptions(filmed.arena_cm, camera.above_cm, floor, filmed.period_s, len(filmed.homes_cm))
+    return track_film(film, told, table, passed), score_rows(read_rings(table), truth)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        *("burnt out, white", "fisheye of points", "typical webcam"),
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("orange", "flicker in bands")),
+    ],
+)
+def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
+    track, score = tracked(tmp_path, CAMERAS[kind].scaled(0.4), swarm(5, 4, 2, seed=1, period_s=1.6))
+    assert score.found + score.missed > 20
+    assert (score.recall >= 0.95, score.precision >= 0.99, score.rms_cm <= 0.4) == (True, True, True), score
+    assert track.reasons == ()
+    assert track.t_sync_cycles == pytest.approx(3, abs=0.25)
+
+
+def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_path: Path) -> None:
+    robots = swarm(4, 4, 2, seed=2, period_s=1.6)
+    neighbour = Extra((68.0, 30.0), tuple(0.3 + 1.3 * np.arange(5)), 0.3)
+    free = max(
+        ((x, y) for x in (10.0, 30.0, 50.0) for y in (10.0, 30.0, 50.0)),
+        key=lambda place: np.hypot(*(robots.homes_cm - place).T).min(),
+    )
+    camera = GOOD._replace(focal_px=640.0, size_px=(640, 480)).scaled(0.4)
+    track, _ = tracked(tmp_path, camera, robots, (neighbour, Extra(free)))
+    assert (track.rings_outside > 10, track.always_lit, track.confidence) == (True, 1, "low")
+    assert track.histogram_periods == pytest.approx(2.55, abs=0.25)
+    assert any("outside of the floor" in warning for warning in track.warnings)
+    assert any("stayed lit" in warning for warning in track.warnings)
+
+
+@pytest.mark.parametrize(
+    ("kind", "strength"),
+    [
+        ("burnt out", 40.0),
+        *(
+            pytest.param(kind, strengths[-1], marks=pytest.mark.slow)
+            for kind, (_, strengths) in EFFECTS.items()
+            if kind not in {"burnt out", "rolling shutter"}  # flashes of 1.4 frames are cut in the middle
+        ),
+    ],
+)
+def test_an_answer_is_right_or_doubtful(kind: str, strength: float) -> None:
+    _, confidence, is_right = examine(EFFECTS[kind][0](strength), 1, 1)
+    assert is_right or confidence != "high"
+
+
+@pytest.mark.parametrize(("kind", "strength"), [("lamp", 0.06), ("screen", 0.08)])
+def test_what_shines_and_flickers_is_told_from_rings_and_doubted(kind: str, strength: float) -> None:
+    _, confidence, is_right = examine(EFFECTS[kind][0](strength), 1, 1)
+    assert (is_right, confidence) == (True, "low")
+
+
+def test_groups_apart_are_not_synchronised() -> None:
+    cycles, confidence, _ = examine(iter, 3, 2)
+    assert cycles == "" or confidence != "high"
+
+
+def test_the_edge_of_padding_is_no_floor() -> None:
+    wide = np.full((480, 560, 3), 145, np.uint8)
+    wide[:, 40:-40] = picture_of([], room=True)
+    assert find_corners(wide) is not None
+    grey = np.full((480, 480, 3), 145, np.uint8)
+    (frame,) = padded(0.1, 0.05)([Frame(0.0, grey)])
+    assert find_corners(frame.picture) is None
+    assert find_corners(np.pad(grey, ((40, 40), (60, 60), (0, 0)))) is None  # bars all round
+    assert find_corners(np.pad(grey, ((40, 40), (60, 60), (0, 0)), constant_values=20)) is not None
+
+
+def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() -> None:
+    camera = camera_of()
+    places = np.array([(15.0, 15.0), (30.0, 40.0), (30.0 + 8.5, 40.0), (50.0, 20.0)])
+    picture = np.zeros((480, 480, 3), np.uint8)
+    for x_px, y_px in camera.project(np.column_stack([places, np.full(4, 4.0)])):
+        cv2.circle(picture, (round(x_px), round(y_px)), round(5.0 * 480 / 65), (255, 255, 255), -1)
+    light, _ = ring_light(picture)
+    rings = RingFinder(camera, sees_discs=True).find(light)
+    found = np.array(sorted((ring.x_cm, ring.y_cm) for ring in rings))
+    assert found == pytest.approx(np.array(sorted(map(tuple, places))), abs=0.5)
+    assert {ring.light for ring in rings} == {DISC_LIGHT}
+    assert RingFinder(camera).find(light) == []
+
+
+PERIOD_S = 5.0
+
+
+def ring(*seen_px: float) -> Ring:
+    return Ring(0.0, 0.0, 3.5, *seen_px)
+
+
+def rings(count: int) -> list[Ring]:
+    return [ring(30 + 40 * number, 50, 15) for number in range(count)]
+
+
+def spread(spread_s: float) -> Evaluation:
+    return Evaluation(0.0, 2, spread_s, 1.0)
+
+
+class Film:
+    """An annotated film of black pictures."""
+
+    def __init__(self, width_px: int = 480, height_px: int = 480) -> None:
+        self.annotator = Annotator(width_px, height_px, PERIOD_S)
+        self.black = np.zeros((height_px, width_px, 3), np.uint8)
+
+    def add(self, time_s: float, found=(), start_s=0.0, evaluation=None, histogram_s=None) -> np.ndarray:
+        """Return the strip below the next picture."""
+        tracked = TrackedFrame(Frame(time_s, self.black), found, start_s, evaluation, histogram_s)
+        self.picture = self.annotator.annotate(tracked)
+        return self.picture[len(self.black) :]
+
+    def add_counts(self, counts: dict[float, int], start_s: float = 0.0) -> np.ndarray:
+        """Return the strip below the last of some pictures; counts: number of rings by time."""
+        return [self.add(time_s, rings(count), start_s) for time_s, count in counts.items()][-1]
+
+
+def has(picture: np.ndarray, *colours: tuple[int, int, int]) -> np.ndarray:
+    return np.any([(picture == colour).all(axis=-1) for colour in colours], axis=0)
+
+
+@pytest.mark.parametrize("size", [(480, 480), (241, 239), (65, 64)])
+def test_both_sides_are_even_and_the_picture_is_untouched(size):
+    annotator = Annotator(*size, PERIOD_S)
+    picture = np.random.default_rng(0).integers(0, 256, (size[1], size[0], 3), np.uint8)
+    before = picture.copy()
+    annotated = annotator.annotate(TrackedFrame(Frame(3.0, picture), (), 0.0, None, None))
+    assert annotated.shape == (annotator.height_px, annotator.width_px, 3)
+    assert annotator.width_px % 2 == annotator.height_px % 2 == 0
+    np.testing.assert_array_equal(annotated[: size[1], : size[0]], before)
+    assert not annotated[: size[1] + size[1] % 2, size[0] :].any()
+    annotator.annotate(TrackedFrame(Frame(3.1, picture), [ring(32, 32, 9)], 0.0, None, None))
+    np.testing.assert_array_equal(picture, before)
+
+
+@pytest.mark.parametrize(("x", "y", "radius"), [(250.3, 100.7, 25.6), (35.5, 440.5, 27.25)])
+def test_rings_are_drawn_where_they_were_found(x, y, radius):
+    """The centre of gravity and the mean radius of their green part are those of the ring, to a fraction of a pixel."""
+    film = Film()
+    film.add(0.0, [ring(x, y, radius)])
+    green = film.picture[:480, :, 1].astype(float)
+    rows, columns = np.mgrid[:480, :480]
+    far = np.hypot(columns - x, rows - y)
+    assert not film.picture[:480, :, 0].any()
+    assert green.max() == CYAN[1]
+    assert not green[np.abs(far - radius) > 4].any()
+    middle = [(green * values).sum() / green.sum() for values in (far, columns, rows)]
+    assert middle == pytest.approx([radius, x, y], abs=0.3)
+
+
+def test_bars_are_as_high_as_the_counts_and_paler_after_a_period():
+    """The present is at the right edge, and ten seconds ago at the left one; marks are around the last period."""
+    lengths = has(Film().add(0.0), BLUE).sum(axis=0)
+    assert np.flatnonzero(lengths).tolist() == [239, 240, 359, 360, 478, 479]
+    assert 0 < 2 * lengths[359] < lengths[239] == lengths[479]
+    strip = Film().add_counts({0.0: 1, 1.0: 2, 2.0: 4, 3.0: 8, 4.0: 0, 4.5: 0})
+    heights = has(strip, BARS).sum(axis=0)[[479 - round(48 * age) for age in (4.2, 3.2, 2.2, 1.2, 0.2)]]
+    np.testing.assert_allclose(heights / heights.max(), [1 / 8, 1 / 4, 1 / 2, 1, 0], atol=0.02)
+    assert heights.max() > 40
+    strip = Film().add_counts({0.0: 4, 10.0: 0})
+    assert np.flatnonzero(has(strip, OLD_BARS).any(axis=0)).tolist() == list(range(239))
+    assert np.flatnonzero(has(strip, BARS).any(axis=0)).tolist() == list(range(241, 478))  # then the present's mark
+
+
+def slow_counts_by_column(history, now_s, window_s, width):
+    """Return the largest count that holds at some time in each column, which is 1/width of the window."""
+    shown = np.zeros(width, int)
+    for column in range(width):
+        end_s = now_s - (width - 1 - column) * window_s / width
+        begin_s = end_s - window_s / width
+        for (time_s, count), until_s in zip(history, [time_s for time_s, _ in history[1:]] + [np.inf], strict=True):
+            if begin_s < time_s <= end_s or (time_s <= end_s < until_s):
+                shown[column] = max(shown[column], count)
+    return shown
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 2000), st.integers(0, 12)), min_size=1, max_size=40),
+    st.integers(0, 3000),
+    st.integers(1, 97),
+)
+def test_columns_against_a_slow_twin(steps, later, width):
+    """Times are odd multiples of 1/1024 s, and ends of columns are not: none depends on rounding."""
+    times = np.cumsum([step for step, _ in steps]) / 512 + 1 / 1024
+    history = [(float(time_s), count) for time_s, (_, count) in zip(times, steps, strict=True)]
+    now_s = history[-1][0] + later / 512 + 1e-4
+    shown = counts_by_column(history, now_s, 10.0, width)
+    np.testing.assert_array_equal(shown, slow_counts_by_column(history, now_s, 10.0, width))
+
+
+def test_what_was_before_the_beginning_is_forgotten():
+    film = Film(64, 64)
+    film.add(26.6, rings(3))
+    film.add(26.8, [], 0.0, spread(0.2))
+    assert not has(film.add(27.0, [], start_s=27.0), BARS).any()
+    np.testing.assert_array_equal(film.add(28.0, [], 27.0), Film(64, 64).add_counts({27.0: 0, 28.0: 0}, 27.0))
+
+
+@pytest.mark.parametrize("size", [(64, 64), (1920, 1080)])
+def test_each_statement_is_in_its_own_corner_and_cut_off_nowhere(size):
+    film, half = Film(*size), size[0] // 2
+    text = film.add(0.1, rings(2))
+    rows = np.flatnonzero(has(text, BLUE).any(axis=1))[0]
+    written = has(text[:rows], GREY) == 0
+    assert written[:, :half].any()
+    assert not written[:, half:].any()
+    film.add(0.2, rings(2), 0.0, spread(12.3456))
+    written = has(film.add(12345.6, rings(100), 0.0, None, 9999.0)[:rows], GREY) == 0
+    assert written[: rows // 2, half:].any()
+    assert written[rows // 2 :, half:].any()
+    assert not written[:, [0, half - 1, half, size[0] - 1]].any()
+    assert not written[0].any()
+
+
+def test_the_last_evaluation_stays_and_synchrony_is_cyan():
+    film = Film()
+    plain, with_spread, later = film.add(1.0), film.add(1.0, [], 0.0, spread(0.2)), film.add(1.0)
+    assert not has(plain, CYAN).any()
+    assert has(with_spread, WHITE).sum() > has(plain, WHITE).sum()
+    np.testing.assert_array_equal(later, with_spread)
+    assert has(film.add(1.0, [], 0.0, None, 0.5), CYAN).any()
