@@ -1,8 +1,8 @@
-"""Films of robots that stand still and flash on schedule, small films of numbered pictures, and how well rings are found."""
+"""Films of robots that stand still and flash on schedule, of numbered pictures, and how well rings are found in them."""
 
 import csv
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
@@ -10,15 +10,12 @@ from typing import Any, NamedTuple, Self
 
 import av
 import numpy as np
-import pytest
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, Light
+from epuck_sim.overhead.camera import CameraModel, Frame, Geometry
 from epuck_sim.overhead.film import film_file
-from epuck_sim.overhead.light import is_lit
 from epuck_sim.overhead.render import ExposureSample
-from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.track import Track
 from epuck_sim.scenario.overhead import OverheadSection
 from tests.overhead.cameras import EMPTY, camera_of, make_renderer
@@ -143,42 +140,6 @@ def read_rings(path: Path, unknown: float = math.nan) -> list[dict[str, float]]:
     """Return the rows of a table of rings, or of another one of numbers, in which `unknown` stands for empty cells."""
     with path.open(newline="") as file:
         return [{name: float(value or unknown) for name, value in row.items()} for row in csv.DictReader(file)]
-
-
-def code_rings(patch: pytest.MonkeyPatch) -> None:
-    """Have counters take the rings that `coded` writes into frames."""
-    where = "epuck_sim.overhead.flashes"
-    patch.setattr(f"{where}.RingFinder", Coded)
-    patch.setattr(f"{where}.Background.light_beyond", lambda _, frame: (frame.picture[:, :, 2], is_lit(frame.picture)))
-    patch.setattr(f"{where}.LightMeter.lit_px", lambda *_: 0)
-
-
-class Coded:
-    """A substitute for `RingFinder` that reads the number of rings from the first pixel.
-
-    The ring that went on first goes off first, and each that goes on is at another place.
-    """
-
-    def __init__(self, *_: object, **__: object) -> None:
-        self._lit: list[int] = []
-        self._next = 0
-
-    def find(self, levels: Light, **_: object) -> list[Ring]:
-        count = int(levels[0, 0])
-        self._lit = self._lit[max(0, len(self._lit) - count) :]
-        while len(self._lit) < count:
-            self._lit.append(self._next)
-            self._next += 1
-        return [Ring(1 + 5 * (place % 11), 1 + 5 * (place // 11 % 11), 3.5, 10, 10, 5) for place in self._lit]
-
-
-def coded(times_s: Iterable[float], counts: Iterable[int], lit_room: Iterable[bool]) -> Iterator[Frame]:
-    """Yield frames for `Coded`."""
-    for time_s, count, lit in zip(times_s, counts, lit_room, strict=True):
-        picture = np.zeros((16, 16, 3), np.uint8)
-        picture[:] = 200 * lit
-        picture[0, 0, 2] = count
-        yield Frame(float(time_s), picture)
 
 
 def uneven(times: np.ndarray, random: np.random.Generator, dropped: float = 0.03) -> np.ndarray:

@@ -13,35 +13,16 @@ from scipy.spatial.transform import Rotation
 
 from epuck_sim import epuck
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead import lens
-from epuck_sim.overhead.calibration import (
-    LIGHT,
-    LIT_FRAMES,
-    STUDIED_FRAMES,
-    TrackOptions,
-    calibrate,
-    described_geometry,
-    excerpt,
-    parse_metadata,
-)
+from epuck_sim.overhead import calibration, lens
+from epuck_sim.overhead.calibration import LIT_FRAMES, TrackOptions, calibrate, described_geometry, parse_metadata
 from epuck_sim.overhead.camera import CameraModel, Frame, Geometry, Lens
 from epuck_sim.overhead.camera_fit import CORNERS, RINGS, SeenRings, expected_rings, fit_camera
 from epuck_sim.overhead.floor import find_corners
 from epuck_sim.overhead.lens import MIN_VIEWS, Board, View, calibrate_lens, find_views, read_lens, save_lens
-from tests.overhead.cameras import (
-    AT_RINGS,
-    FLOOR,
-    camera_of,
-    charuco,
-    checkerboard,
-    film_of,
-    floor_corners,
-    lens_matrix,
-    picture_of,
-    scattered,
-    worst_cm,
-)
+from tests.overhead import cameras
+from tests.overhead.cameras import AT_RINGS, FLOOR, camera_of, floor_corners, picture_of, scattered, worst_cm
 from tests.overhead.films import SMALL, described, even, flashing, make_camera, shoot
+from tests.overhead.webcam import padded
 
 SIDE = SMALL["width_px"]
 TOLD = TrackOptions()
@@ -65,12 +46,11 @@ def film(seconds: float, lit_until_s: float = 0.0, robots: int = 3, **settings: 
     return shoot(times_s, flashing(times_s, 0.5 + np.arange(robots) / 5), lit_until_s, **settings)
 
 
-DESCRIBED = {"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 7}
 USER = TrackOptions((60, 50), 100.0, ((0, 0),) * 4, 2.0, 3, 99.0, 0.9)
 
 
 def test_options_override_the_description() -> None:
-    told = parse_metadata(DESCRIBED)
+    told = parse_metadata({"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 7})
     assert TOLD.with_defaults(told) == TOLD._replace(arena_cm=(90, 80), period_s=4.0, robots=7)
     for empty in (None, {}, {"epuck_sim": "0", "period_s": None, "robots": None}):
         assert TOLD.with_defaults(parse_metadata(empty)) == TOLD
@@ -82,7 +62,7 @@ def test_options_override_the_description() -> None:
     ]
 
 
-def test_described_geometry_is_that_of_the_scenario() -> None:
+def test_described_geometry_is_that_of_the_scenario_and_not_believed_where_something_contradicts_it() -> None:
     told = parse_metadata(described(height_cm=80.0, distortion=-0.1))
     found = described_geometry((SIDE, SIDE), TrackOptions(period_s=1.0, robots=3), told)
     assert found is not None
@@ -91,9 +71,6 @@ def test_described_geometry_is_that_of_the_scenario() -> None:
     assert found.camera[:3] == expected[:3]
     assert (found.camera.rotation == expected.rotation).all()
     assert (found.camera.position_cm == expected.position_cm).all()
-
-
-def test_described_geometry_is_not_believed() -> None:
     for options in ({"corners_px": USER.corners_px}, {"arena_cm": (60, 60)}, {"height_cm": 110.0}):
         assert described_geometry((240, 240), TrackOptions(**options), parse_metadata(described())) is None
     assert described_geometry((240, 180), TOLD, parse_metadata(described())) is None
@@ -102,20 +79,20 @@ def test_described_geometry_is_not_believed() -> None:
     assert described_geometry((240, 240), TOLD, parse_metadata(None)) is None
 
 
-def test_corners_that_are_given_need_no_ring() -> None:
+def test_corners_that_are_given_need_no_ring_and_a_camera_that_sees_the_floor_from_aside_is_refused() -> None:
     straight = make_camera(distortion=0.0)
     found = calibrated(film(0.1, lit_until_s=1), TrackOptions(corners_px=floor_corners(straight)))
     assert found.calibration == CORNERS
     assert worst_cm(found.camera, straight) <= 0.01
+    line = ((5.0, 100.0), (235.0, 100.0), (235.0, 124.1), (5.0, 124.1))
+    with pytest.raises(FilmError, match=r"the camera is tilted by .* degrees; allowed: up to 75"):
+        calibrated(film(1.2), TrackOptions(corners_px=line))
 
 
-def test_lit_beginning_gives_the_floor_even_behind_a_hand() -> None:
+def test_lit_beginning_gives_the_floor_even_behind_a_hand_and_bands_of_light_that_move_are_none() -> None:
     found = calibrated(plain(120, 9) + film(1, lit_until_s=0.3))
-    assert found.calibration == LIGHT
+    assert found.calibration == calibration.LIGHT
     assert worst_cm(found.camera, make_camera()) <= 0.3
-
-
-def test_bands_of_light_that_move_are_no_floor() -> None:
     bands = plain(200, LIT_FRAMES)
     for number, frame in enumerate(bands):
         frame.picture[: 60 + 3 * number] = frame.picture[150 + 2 * number :] = 90
@@ -123,12 +100,6 @@ def test_bands_of_light_that_move_are_no_floor() -> None:
     found = calibrated(bands + film(1.2))
     assert found.calibration == RINGS
     assert worst_cm(found.camera, make_camera()) <= 1.0
-
-
-def test_corners_of_a_camera_that_sees_the_floor_from_aside_are_refused() -> None:
-    line = ((5.0, 100.0), (235.0, 100.0), (235.0, 124.1), (5.0, 124.1))
-    with pytest.raises(FilmError, match=r"the camera is tilted by .* degrees; allowed: up to 75"):
-        calibrated(film(1.2), TrackOptions(corners_px=line))
 
 
 @pytest.mark.parametrize("lit", [LIT_FRAMES, pytest.param(3 * LIT_FRAMES, marks=pytest.mark.slow)])
@@ -148,13 +119,10 @@ def test_a_long_lit_beginning_leaves_the_frames_in_which_rings_are_studied() -> 
     assert len(list(waited)) == 90 + 36 - 60
 
 
-def test_rings_of_a_dark_film_give_its_scale() -> None:
+def test_rings_of_a_dark_film_give_its_scale_and_height_and_arena_are_those_that_are_known() -> None:
     found = calibrated(film(1.2, robots=5, height_cm=150.0))
     assert found.calibration == RINGS
     assert worst_cm(found.camera, make_camera(height_cm=150.0)) <= 1.0
-
-
-def test_height_and_arena_are_those_that_are_known() -> None:
     found = calibrated(film(1.2), TrackOptions(arena_cm=(80.0, 40.0), height_cm=95.0))
     assert found.camera.position_cm.tolist() == [40, 20, 95]
 
@@ -163,7 +131,7 @@ def test_height_and_arena_are_those_that_are_known() -> None:
 def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
     flash = film(0.55)[-1:]
     assert flash[0].picture[..., 0].max() > 200
-    reel = iter(plain(0, dark) + flash + plain(0, STUDIED_FRAMES + 50))
+    reel = iter(plain(0, dark) + flash + plain(0, calibration.STUDIED_FRAMES + 50))
     assert calibrated(reel).calibration == RINGS
     assert len(list(reel)) >= (50 - 2 if dark else 0)  # in the first frame, it might be a lamp
 
@@ -181,8 +149,8 @@ def test_options_that_leave_less_than_two_frames_are_blamed() -> None:
         (TrackOptions(start_s=0.11, end_s=0.12), r"^--end-s is 0\.12, which leaves 0 of the film's frames"),
     ]:
         with pytest.raises(FilmError, match=said):
-            list(excerpt(plain(0, 10), options))
-    assert len(list(excerpt(plain(0, 1), TrackOptions(end_s=0.02)))) == 1  # the film's own fault
+            list(calibration.excerpt(plain(0, 10), options))
+    assert len(list(calibration.excerpt(plain(0, 1), TrackOptions(end_s=0.02)))) == 1  # the film's own fault
 
 
 NO_RINGS = SeenRings(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
@@ -237,13 +205,10 @@ def test_corners_that_are_a_pixel_off_and_a_usual_distortion_misplace_rings_by_l
     assert worst_cm(by_corners(camera.project(FLOOR)), camera) < 0.2
 
 
-def test_corners_come_in_any_order_and_the_origin_is_at_the_lower_left():
+def test_corners_come_in_any_order_from_an_origin_at_the_lower_left_and_of_arenas_that_are_no_square():
     camera = camera_of(distortion=0.0)
     for mixed in itertools.permutations(camera.project(FLOOR)):
         assert worst_cm(by_corners(mixed), camera) < 0.01
-
-
-def test_an_arena_that_is_no_square():
     camera = camera_of(90.0, width_px=640, distortion=0.0)
     seen = camera.project(np.array([(15, 20, 0), (75, 20, 0), (75, 60, 0), (15, 60, 0)], float))
     found = by_corners(seen, (640, 480), (60.0, 40.0), 165.0)
@@ -280,14 +245,10 @@ def test_finds_the_floor(settings):
     assert off_px(camera_of(**settings), find_corners(picture)) < 1.0
 
 
-def test_finds_it_behind_robots():
+def test_finds_it_behind_robots_but_none_where_there_is_none():
     at_walls = [(3.7, 3.7), (3.7, 30.0), (45.0, 56.3), (37.5, 56.3), (56.3, 3.7), (20.0, 3.7)]
     free = [c for c in scattered(6, np.random.default_rng(0)) if all(math.dist(c, at) > 7.4 for at in at_walls)]
-    corners = find_corners(picture_of(at_walls + free, room=True, lit=False))
-    assert off_px(camera_of(), corners) < 1.0
-
-
-def test_finds_no_floor_where_there_is_none():
+    assert off_px(camera_of(), find_corners(picture_of(at_walls + free, room=True, lit=False))) < 1.0
     room = picture_of([], room=True, width_px=240, height_px=240)
     assert find_corners(room) is not None
     assert find_corners(picture_of(scattered(8, np.random.default_rng(0)), width_px=240, height_px=240)) is None  # dark
@@ -298,6 +259,14 @@ def test_finds_no_floor_where_there_is_none():
     for corners in (cv2.ellipse2Poly((120, 120), (100, 100), 0, 0, 360, 5), [(20, 220), (220, 220), (120, 20)]):
         shape = np.full((240, 240, 3), 30, np.uint8)
         assert find_corners(cv2.fillPoly(shape, [np.array(corners)], (150, 150, 150))) is None
+    wide = np.full((480, 560, 3), 145, np.uint8)
+    wide[:, 40:-40] = picture_of([], room=True)
+    assert find_corners(wide) is not None
+    grey = np.full((480, 480, 3), 145, np.uint8)
+    (frame,) = padded(0.1, 0.05)([Frame(0.0, grey)])
+    assert find_corners(frame.picture) is None
+    assert find_corners(np.pad(grey, ((40, 40), (60, 60), (0, 0)))) is None  # bars all round
+    assert find_corners(np.pad(grey, ((40, 40), (60, 60), (0, 0)), constant_values=20)) is not None
 
 
 def seen_by(camera, centres=AT_RINGS[:, :2]):
@@ -321,14 +290,11 @@ def test_size_and_shape_of_rings_tell_tilt_and_distortion(k1, tilt_deg):
     assert not fitted.camera.lens.is_fisheye
 
 
-def test_a_fisheye_is_told_from_a_usual_lens():
+def test_rings_tell_a_fisheye_from_a_usual_lens_and_the_distortion_that_corners_alone_do_not():
     camera = camera_of(lens="fisheye", height_cm=40.0, width_px=640, field_of_view_deg=110.0)
     fitted = by_rings(seen_by(camera), 40.0)
     assert fitted.camera.lens.is_fisheye
     assert worst_cm(fitted.camera, camera) < 0.1
-
-
-def test_rings_tell_the_distortion_that_corners_alone_do_not():
     camera = camera_of(tilt_deg=5.0, distortion=-0.25, width_px=640, field_of_view_deg=49.0)
     corners = camera.project(FLOOR)
     assert worst_cm(by_corners(corners, (640, 480)), camera) > 0.3
@@ -348,29 +314,22 @@ def test_a_ring_that_is_none_does_little_harm_and_a_few_tell_the_scale_alone():
 SIZE = (480, 360)
 
 
-def error_px(found: Lens, true_lens: Lens) -> float:
-    """Return by how many pixels, at most, a lens shows points elsewhere than the true one."""
-    points = np.array([(x, y, 10.0) for x in (-4.0, 0.0, 4.0) for y in (-3.0, 0.0, 3.0)])
-    shown = [CameraModel(*SIZE, each, np.eye(3), np.zeros(3)).project(points) for each in (found, true_lens)]
-    return float(np.linalg.norm(shown[0] - shown[1], axis=1).max())
-
-
 @pytest.mark.parametrize(
-    ("kind", "draw", "coefficients", "is_fisheye"),
-    [
-        ("checkerboard", checkerboard, (-0.25, 0.05, 0.0, 0.0), False),
-        ("charuco", charuco, (-0.1, 0.0, 0.0, 0.0), False),
-        ("checkerboard", checkerboard, (0.02, -0.01, 0.0, 0.0), True),
-    ],
+    ("kind", "k1", "k2", "is_fisheye"),
+    [("checkerboard", -0.25, 0.05, False), ("charuco", -0.1, 0.0, False), ("checkerboard", 0.02, -0.01, True)],
 )
-def test_a_board_tells_the_lens(kind, draw, coefficients, is_fisheye, tmp_path) -> None:
-    matrix = lens_matrix(315.0, SIZE)
+def test_a_board_tells_the_lens(kind, k1, k2, is_fisheye, tmp_path) -> None:
+    draw, coefficients = getattr(cameras, kind), (k1, k2, 0.0, 0.0)
+    matrix = cameras.lens_matrix(315.0, SIZE)
     true_lens = Lens(matrix[0, 0], matrix[1, 1], (matrix[0, 2], matrix[1, 2]), coefficients, is_fisheye)
-    views = find_views(film_of(draw(9, 6), matrix, np.array(coefficients), is_fisheye, SIZE, 10), Board(kind, 9, 6))
+    frames = cameras.film_of(draw(9, 6), matrix, np.array(coefficients), is_fisheye, SIZE, 10)
+    views = find_views(frames, Board(kind, 9, 6))
     found = calibrate_lens("film", views, SIZE, is_fisheye)
     assert found.views >= MIN_VIEWS
     assert found.error_px < 0.5
-    assert error_px(found.lens, true_lens) < 3.0
+    points = np.array([(x, y, 10.0) for x in (-4.0, 0.0, 4.0) for y in (-3.0, 0.0, 3.0)])
+    one, other = (CameraModel(*SIZE, each, np.eye(3), np.zeros(3)).project(points) for each in (found.lens, true_lens))
+    assert np.linalg.norm(one - other, axis=1).max() < 3.0
     save_lens(tmp_path / "lens.json", found)
     assert read_lens(tmp_path / "lens.json", SIZE) == found.lens
     text = (tmp_path / "lens.json").read_text()
@@ -395,7 +354,7 @@ def views_of_a_board(tilts_deg: Sequence[float], is_fisheye: bool) -> list[View]
     for tilt_deg in tilts_deg:
         turn = Rotation.from_euler("zx", [random.uniform(-40, 40), tilt_deg], degrees=True).as_rotvec()
         shift = np.array([*random.uniform(-6, -1, 2), random.uniform(12, 18)])
-        pixels, _ = project(board, turn, shift, lens_matrix(450.0, SIZE), np.zeros(4))
+        pixels, _ = project(board, turn, shift, cameras.lens_matrix(450.0, SIZE), np.zeros(4))
         noisy = (pixels + random.normal(0, 0.1, pixels.shape)).reshape(-1, 2)
         views.append(dict(zip(map(tuple, board[:, 0].tolist()), noisy, strict=True)))
     return views
@@ -420,22 +379,20 @@ def test_corners_that_come_and_go_are_no_movement_and_pictures_are_all_searched(
     assert len(find_views(frames, Board("checkerboard", 9, 6), apart_s=0.0)) == 10
 
 
-LENS = (
-    '{"width_px": 640, "height_px": 480, "focal_px": 500, "focal_down_px": 500, "middle_px": [319, 239],'
-    ' "coefficients": [0, 0, 0, 0], "is_fisheye": false}'
-)
-
-
 def test_files_that_are_no_lens_of_this_camera_are_refused(tmp_path) -> None:
     path = tmp_path / "lens.json"
+    told = (
+        '{"width_px": 640, "height_px": 480, "focal_px": 500, "focal_down_px": 500, "middle_px": [319, 239],'
+        ' "coefficients": [0, 0, 0, 0], "is_fisheye": false}'
+    )
     with pytest.raises(FilmError, match=r"lens\.json: no such file"):
         read_lens(path, (480, 480))
     for text, why in [
         ("nothing", "is not a lens"),
         ("{}", "is not a lens"),
-        (LENS.replace("500", "-5"), "is not a lens"),
+        (told.replace("500", "-5"), "is not a lens"),
         ("[" * 100_000, "is not a lens"),
-        (LENS, "was calibrated for pictures of 640 x 480 px, but these are 480 x 480"),
+        (told, "was calibrated for pictures of 640 x 480 px, but these are 480 x 480"),
     ]:
         path.write_text(text)
         with pytest.raises(FilmError, match=rf"lens\.json: {why}"):

@@ -27,12 +27,11 @@ from epuck_sim.overhead.annotate import (
 from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash
-from epuck_sim.overhead.floor import find_corners
 from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.rings import DISC_LIGHT, Ring, RingFinder
 from epuck_sim.overhead.synchrony import Evaluation
 from epuck_sim.overhead.track import Track, look_again, ring_writer, track_film
-from tests.overhead.cameras import camera_of, floor_corners, picture_of
+from tests.overhead.cameras import camera_of, floor_corners
 from tests.overhead.films import (
     LIT,
     PLACES,
@@ -50,7 +49,7 @@ from tests.overhead.films import (
     shoot,
     write_packets,
 )
-from tests.overhead.webcam import EFFECTS, GOOD, KINDS, Extra, Swarm, Webcam, padded, shoot, swarm
+from tests.overhead.webcam import EFFECTS, GOOD, KINDS, Extra, Swarm, Webcam, shoot, swarm
 
 
 @pytest.fixture(scope="module")
@@ -231,17 +230,6 @@ def test_what_shines_and_flickers_is_told_from_rings_and_doubted(kind: str, stre
 def test_groups_apart_are_not_synchronised() -> None:
     cycles, confidence, _ = examine(iter, 3, 2)
     assert cycles == "" or confidence != "high"
-
-
-def test_the_edge_of_padding_is_no_floor() -> None:
-    wide = np.full((480, 560, 3), 145, np.uint8)
-    wide[:, 40:-40] = picture_of([], room=True)
-    assert find_corners(wide) is not None
-    grey = np.full((480, 480, 3), 145, np.uint8)
-    (frame,) = padded(0.1, 0.05)([Frame(0.0, grey)])
-    assert find_corners(frame.picture) is None
-    assert find_corners(np.pad(grey, ((40, 40), (60, 60), (0, 0)))) is None  # bars all round
-    assert find_corners(np.pad(grey, ((40, 40), (60, 60), (0, 0)), constant_values=20)) is not None
 
 
 def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() -> None:

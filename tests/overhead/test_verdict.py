@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,41 +12,56 @@ from hypothesis import strategies as st
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
+from epuck_sim.overhead import flashes, verdict
 from epuck_sim.overhead.calibration import TrackOptions
-from epuck_sim.overhead.flashes import (
-    CountedRings,
-    Flash,
-    FlashLinker,
-    FlashTable,
-    RingCounter,
-    count_lit,
-    count_places,
-    join_broken,
-)
-from epuck_sim.overhead.light import LightMeter
+from epuck_sim.overhead.camera import Frame, Light
+from epuck_sim.overhead.flashes import Flash, FlashLinker, FlashTable, RingCounter, count_lit
+from epuck_sim.overhead.light import LightMeter, is_lit
 from epuck_sim.overhead.rings import DISC_LIGHT, Ring
 from epuck_sim.overhead.synchrony import evaluate, first_synchronised, spread_threshold_s
 from epuck_sim.overhead.track import Track, analyse, track_frames, without_steady
-from epuck_sim.overhead.verdict import (
-    Evidence,
-    count_images,
-    doubts,
-    light_of_no_ring,
-    may_be_half_a_period,
-    objections,
-    why_never,
-)
-from tests.overhead.films import code_rings, coded, counted, make_geometry, uneven
+from epuck_sim.overhead.verdict import Evidence, doubts, may_be_half_a_period, objections, why_never
+from tests.overhead.films import counted, make_geometry, uneven
 
 RATE = 30.0
-PHASES = 0.5 + np.arange(6) / 6
+
+
+class Coded:
+    """A substitute for `RingFinder` that reads the number of rings from the first pixel.
+
+    The ring that went on first goes off first, and each that goes on is at another place.
+    """
+
+    def __init__(self, *_: object, **__: object) -> None:
+        self._lit: list[int] = []
+        self._next = 0
+
+    def find(self, levels: Light, **_: object) -> list[Ring]:
+        count = int(levels[0, 0])
+        self._lit = self._lit[max(0, len(self._lit) - count) :]
+        while len(self._lit) < count:
+            self._lit.append(self._next)
+            self._next += 1
+        return [Ring(1 + 5 * (place % 11), 1 + 5 * (place // 11 % 11), 3.5, 10, 10, 5) for place in self._lit]
+
+
+def coded(times_s: Iterable[float], counts: Iterable[int], lit_room: Iterable[bool]) -> Iterator[Frame]:
+    """Yield frames for `Coded`."""
+    for time_s, count, lit in zip(times_s, counts, lit_room, strict=True):
+        picture = np.zeros((16, 16, 3), np.uint8)
+        picture[:] = 200 * lit
+        picture[0, 0, 2] = count
+        yield Frame(float(time_s), picture)
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _rings_are_coded() -> Iterator[None]:
-    """Have rings be those coded into frames."""
+    """Have counters take the rings that `coded` writes into frames."""
+    where = "epuck_sim.overhead.flashes"
     with pytest.MonkeyPatch.context() as patch:
-        code_rings(patch)
+        patch.setattr(f"{where}.RingFinder", Coded)
+        patch.setattr(f"{where}.Background.light_beyond", lambda _, shot: (shot.picture[:, :, 2], is_lit(shot.picture)))
+        patch.setattr(f"{where}.LightMeter.lit_px", lambda *_: 0)
         yield
 
 
@@ -62,12 +77,10 @@ def analysed(times_s: Any, counts: Any, options: TrackOptions = TrackOptions(), 
     return analyse("film", counter.counted(), options, ("first",))
 
 
-def swarm(seconds: float = 8.0, from_s: float = 3.0, robots: int = 6) -> tuple[FloatArray, IntArray]:
-    """Return times and counts of robots of a period of 1 s that flash for 0.1 s, and together from a time on."""
-    times_s = np.arange(round(seconds * RATE)) / RATE
-    cycles = np.arange(-1, math.ceil(seconds) + 1)[:, None]
-    onsets = cycles + np.where(cycles + 1 < from_s, PHASES[:robots], 0.5)
-    return times_s, counted(onsets, 0.1, times_s)
+def swarm(from_s: float = 3.0) -> tuple[FloatArray, IntArray]:
+    """Return times and counts of six robots of a period of 1 s that flash for 0.1 s, and together from a time on."""
+    times_s, cycles = np.arange(240) / RATE, np.arange(-1, 9)[:, None]
+    return times_s, counted(cycles + np.where(cycles + 1 < from_s, 0.5 + np.arange(6) / 6, 0.5), 0.1, times_s)
 
 
 def test_track_of_a_swarm() -> None:
@@ -100,8 +113,17 @@ def test_flashes_until_synchrony_count_for_each_robot() -> None:
     assert analysed(times_s, three, TrackOptions(period_s=1.0, robots=3)).t_sync_cycles == pytest.approx(9, abs=0.3)
 
 
-def test_a_film_that_ends_as_the_swarm_synchronises_is_too_short_to_tell() -> None:
-    times_s, counts = swarm(from_s=6.0, seconds=8.0)
+def test_a_swarm_may_never_synchronise_and_a_film_that_ends_as_it_does_is_too_short_to_tell() -> None:
+    times_s, counts = swarm(from_s=math.inf)
+    track = analysed(times_s, counts, TrackOptions(period_s=1.0))
+    assert (track.histogram_s, track.histogram_periods, track.t_sync_cycles) == (None, None, None)
+    (reason,) = track.reasons
+    assert track.confidence == "low"
+    assert "the order parameter was" in reason
+    assert reason.endswith("0.95 is needed")  # and no option that `track` refuses
+    assert track.flashes_per_period == pytest.approx(6, rel=0.1)
+    assert json.loads(json.dumps(track.summary(), allow_nan=False))["histogram_s"] is None
+    times_s, counts = swarm(from_s=6.0)
     whole, cut = (
         analysed(times_s[times_s < end_s], counts[times_s < end_s], TrackOptions(period_s=1.0, robots=6))
         for end_s in (8.0, 6.54)
@@ -120,22 +142,10 @@ def test_a_lamp_that_flickers_is_no_robot() -> None:
     assert (sorted(others), sorted(left_out)) == (sorted(robots), lamp)
     assert without.tolist() == count_lit(sorted(robots), times_s).tolist()
     still = tuple(Flash(k + 0.5, k + 0.6, 10.0 + 8 * n, 20.0, 50.0) for k in range(8) for n in range(4))
-    for flashes in (tuple(robots), (*still, Flash(0.2, 0.3, 55.0, 55.0, 50.0))):
-        assert without_steady(flashes, times_s, counts, 1.0)[1] == ()
+    for kept in (tuple(robots), (*still, Flash(0.2, 0.3, 55.0, 55.0, 50.0))):
+        assert without_steady(kept, times_s, counts, 1.0)[1] == ()
     long, short = (Flash(4.0, 4.0 + lit_s, 55.0, 5.0, 50.0) for lit_s in (3.0, 1.0))
     assert without_steady((*robots, long, short), times_s, counts, None)[1] == (long,)
-
-
-def test_swarm_that_never_synchronises() -> None:
-    times_s, counts = swarm(from_s=math.inf)
-    track = analysed(times_s, counts, TrackOptions(period_s=1.0))
-    assert (track.histogram_s, track.histogram_periods, track.t_sync_cycles) == (None, None, None)
-    (reason,) = track.reasons
-    assert track.confidence == "low"
-    assert "the order parameter was" in reason
-    assert reason.endswith("0.95 is needed")  # and no option that `track` refuses
-    assert track.flashes_per_period == pytest.approx(6, rel=0.1)
-    assert json.loads(json.dumps(track.summary(), allow_nan=False))["histogram_s"] is None
 
 
 def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
@@ -148,18 +158,16 @@ def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
     assert strict.t_sync_s == pytest.approx(5.5, abs=0.1)
 
 
-@pytest.mark.parametrize(("frames", "lit"), [(0, 0), (60, 30)])
-def test_film_without_light_in_the_dark_is_refused(frames: int, lit: int) -> None:
-    counts = np.where(np.arange(frames) < lit, 4, 0)
-    with pytest.raises(FilmError, match=rf"^film: no lit ring is seen in {frames} frames;"):
-        analysed(np.arange(frames) / RATE, counts, TrackOptions(period_s=1.0), lit_until_s=(lit - 0.5) / RATE)
-
-
-def test_trial_of_two_frames_has_few_results() -> None:
+def test_a_film_without_light_in_the_dark_is_refused_and_a_trial_of_two_frames_has_few_results() -> None:
+    told = TrackOptions(period_s=1.0)
+    for frames, lit in ((0, 0), (60, 30)):
+        counts = np.where(np.arange(frames) < lit, 4, 0)
+        with pytest.raises(FilmError, match=rf"^film: no lit ring is seen in {frames} frames;"):
+            analysed(np.arange(frames) / RATE, counts, told, lit_until_s=(lit - 0.5) / RATE)
     with pytest.raises(FilmError, match=r"^film: its trial is one frame long"):
-        analysed([0.0], [3], TrackOptions(period_s=1.0))
+        analysed([0.0], [3], told)
     for counts in ([3, 3], [0, 3], [3, 0]):
-        track = analysed([0.0, 0.1], counts, TrackOptions(period_s=1.0))
+        track = analysed([0.0, 0.1], counts, told)
         assert (track.histogram_s, track.evaluations) == (None, ())
         json.dumps(track.summary(), allow_nan=False)
         with pytest.raises(FilmError, match=r"^film: the period cannot be estimated from 0\.1 s of film.*--period-s$"):
@@ -174,21 +182,18 @@ def process_all(counts: list[int], is_lit: list[bool]) -> RingCounter:
     return counter
 
 
-@pytest.mark.parametrize(
-    ("is_lit", "first"),
-    [
+def test_trial_begins_with_the_first_dark_frame() -> None:
+    counts = [3, 1, 4, 1, 5, 9]
+    for lit, first in [
         ([True] * 5 + [False], 5),
         ([True] * 6, 0),
         ([False, True, True, False, False, False], 0),
         ([True, False, True, True, False, True], 1),
-    ],
-    ids=["all but one lit", "lit", "goes lit", "flickers"],
-)
-def test_trial_begins_with_the_first_dark_frame(is_lit: list[bool], first: int) -> None:
-    counter = process_all([3, 1, 4, 1, 5, 9], is_lit)
-    assert counter.start_s == first / 2
-    assert counter.counted().times_s.tolist() == (np.arange(first, 6) / 2).tolist()
-    assert counter.counted().counts.tolist() == [3, 1, 4, 1, 5, 9][first:]
+    ]:
+        counter = process_all(counts, lit)
+        found = counter.counted()
+        assert (counter.start_s, found.times_s.tolist()) == (first / 2, (np.arange(first, 6) / 2).tolist())
+        assert found.counts.tolist() == counts[first:]
 
 
 def test_ctrl_c_leaves_as_many_counts_as_times(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,7 +266,7 @@ def evidence(onsets=ONSETS, *, flash_s: float = 0.1, apart_cm: float = 12.0, **c
     return seen(Evidence(COUNTED, 0, 1.0, 0.05, None, 4, True)._replace(**changes), flashes, flash_s)
 
 
-COUNTED = CountedRings(240, 0.0, TIMES, np.zeros(240, int), np.zeros(240, int), (), make_geometry())
+COUNTED = flashes.CountedRings(240, 0.0, TIMES, np.zeros(240, int), np.zeros(240, int), (), make_geometry())
 
 
 def seen(known: Evidence, flashes: tuple[Flash, ...], flash_s: float = 0.1, area=None) -> Evidence:
@@ -311,14 +316,6 @@ def test_an_order_parameter_is_named_if_track_takes_it(phases: tuple[float, ...]
     assert ("; --order-parameter" in why_never(evidence(onsets))) == is_named
 
 
-@pytest.mark.parametrize("turns", [1, 2])
-def test_places_that_flash_in_turn_are_noticed(turns: int) -> None:
-    places = tuple(flash(0.5 * k, 10.0 + 25 * (k % turns)) for k in range(16))
-    given = seen(evidence(robots=None, period_is_given=False, period_s=0.5), places, area=0 * TIMES)
-    found = [reason[:39] for reason in objections(given)]
-    assert found == ["places flash again after two periods of"] * (turns == 2)
-
-
 @pytest.mark.parametrize(("moves_cm", "known", "doubted"), [(9, {}, True), (3, {}, False), (9, {"robots": 1}, False)])
 def test_the_double_period_is_doubted_where_robots_move_too_far_to_tell(
     moves_cm: float, known: dict[str, int], doubted: bool
@@ -329,7 +326,12 @@ def test_the_double_period_is_doubted_where_robots_move_too_far_to_tell(
     assert not may_be_half_a_period(given._replace(period_is_given=True))
 
 
-def test_two_groups_in_turn_are_no_swarm_in_step_from_the_beginning() -> None:
+def test_places_that_flash_in_turn_are_noticed_and_two_groups_are_no_swarm_in_step_from_the_beginning() -> None:
+    for turns in (1, 2):
+        places = tuple(flash(0.5 * k, 10.0 + 25 * (k % turns)) for k in range(16))
+        given = seen(evidence(robots=None, period_is_given=False, period_s=0.5), places, area=0 * TIMES)
+        found = [reason[:39] for reason in objections(given)]
+        assert found == ["places flash again after two periods of"] * (turns == 2)
     onsets = 0.55 + np.repeat(np.arange(8), 3)
     flashes = tuple(flash(at, 20.0 + 12 * at + 2 * (k % 3)) for k, at in enumerate(onsets))
     given = seen(evidence(robots=None, period_is_given=False), flashes)
@@ -380,38 +382,38 @@ def test_what_is_doubtful_is_said(given: Evidence, doubt: str) -> None:
 
 def test_light_of_no_ring_is_measured() -> None:
     counts, area = evidence().counted.counts, evidence().counted.areas_px
-    assert light_of_no_ring(area, counts) == pytest.approx(0, abs=1e-9)
-    assert light_of_no_ring(area, CUT) == pytest.approx(1 / 3, abs=0.1)
-    assert light_of_no_ring(area, 0 * counts) == 0
+    assert verdict.light_of_no_ring(area, counts) == pytest.approx(0, abs=1e-9)
+    assert verdict.light_of_no_ring(area, CUT) == pytest.approx(1 / 3, abs=0.1)
+    assert verdict.light_of_no_ring(area, 0 * counts) == 0
 
 
-def test_mirror_images_are_counted() -> None:
+def test_mirror_images_are_counted_and_places_near_each_other_are_one() -> None:
     random = np.random.default_rng(0)
     robots = [Flash(t, t + 0.3, *random.uniform(5, 55, 2), 80.0) for t in np.sort(random.uniform(0, 60, 30))]
     images = [robot._replace(x_cm=-robot.x_cm, light=40.0) for robot in robots[::2]]
-    assert count_images(FlashTable.of(robots)) == 0
-    assert count_images(FlashTable.of(sorted(robots + images))) == len(images)
+    assert verdict.count_images(FlashTable.of(robots)) == 0
+    assert verdict.count_images(FlashTable.of(sorted(robots + images))) == len(images)
+    assert flashes.count_places([(1.0, 1.0), (2.0, 1.0), (9.0, 9.0)]) == 2
 
 
-def ring(x_cm: float, light: float = 9.0) -> Ring:
-    return Ring(x_cm, 20.0, 3.5, 0.0, 0.0, 0.0, light)
-
-
-def test_rings_are_linked_to_flashes_across_a_frame_that_misses_one() -> None:
+def linked(*places_cm: list[float], per_s: float = 1.0) -> tuple[Flash, ...]:
+    """Return the flashes of rings that are seen at places in frames."""
     linker = FlashLinker()
-    for number, places in enumerate([[10.0], [10.5, 30.0], [30.4], [11.0, 30.8], [], [], [], []]):
-        linker.add(float(number), [ring(place) for place in places])
-    one, other = linker.flashes
+    for number, here in enumerate(places_cm):
+        linker.add(number / per_s, [Ring(x_cm, 20.0, 3.5, 0.0, 0.0, 0.0, 9.0) for x_cm in here])
+    return linker.flashes
+
+
+def test_rings_are_linked_to_flashes_across_a_frame_that_misses_one_and_until_the_film_ends() -> None:
+    one, other = linked([10.0], [10.5, 30.0], [30.4], [11.0, 30.8], [], [], [], [])
     assert (one.onset_s, one.end_s, other.onset_s, other.end_s) == (0, 4, 1, 4)
     assert (one.x_cm, other.x_cm) == (pytest.approx(10.5), pytest.approx(30.4))
-    assert count_lit(linker.flashes, np.arange(8.0)).tolist() == [1, 2, 2, 2, 0, 0, 0, 0]
-
-
-def test_a_robot_is_as_fast_in_a_slow_film_and_touches_none() -> None:
-    linker = FlashLinker()
-    for number, place in enumerate([10.0, 14.2, 18.4, 24.5]):
-        linker.add(number / 3, [ring(place)])
-    assert [(flash.onset_s, flash.end_s) for flash in linker.flashes] == [(0, 1), (1, 1)]
+    assert count_lit((one, other), np.arange(8.0)).tolist() == [1, 2, 2, 2, 0, 0, 0, 0]
+    (last,) = linked([], [10.0], [10.0], [10.0])
+    assert (last.onset_s, last.end_s) == (1, 3)
+    assert count_lit((last,), np.arange(4.0)).tolist() == [0, 1, 1, 1]
+    slow = linked([10.0], [14.2], [18.4], [24.5], per_s=3.0)  # a robot is as fast in it, and touches none
+    assert [(each.onset_s, each.end_s) for each in slow] == [(0, 1), (1, 1)]
 
 
 def test_a_flash_that_breaks_off_is_one() -> None:
@@ -419,17 +421,4 @@ def test_a_flash_that_breaks_off_is_one() -> None:
         Flash(*times, x_cm, 20.0, 9.0) for times, x_cm in (((0, 1), 10), ((1.5, 2), 11), ((1.6, 2), 30))
     )
     late = rest._replace(onset_s=3.5, end_s=4.0)
-    assert join_broken([one, rest, other, late], 1.0) == (one._replace(end_s=2), other, late)
-
-
-def test_a_ring_that_is_lit_at_the_end_ends_with_the_film() -> None:
-    linker = FlashLinker()
-    for number in range(4):
-        linker.add(float(number), [ring(10.0)] if number else [])
-    (flash,) = linker.flashes
-    assert (flash.onset_s, flash.end_s) == (1, 3)
-    assert count_lit(linker.flashes, np.arange(4.0)).tolist() == [0, 1, 1, 1]
-
-
-def test_places_near_each_other_are_one() -> None:
-    assert count_places([(1.0, 1.0), (2.0, 1.0), (9.0, 9.0)]) == 2
+    assert flashes.join_broken([one, rest, other, late], 1.0) == (one._replace(end_s=2), other, late)
