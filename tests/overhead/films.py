@@ -1,4 +1,4 @@
-"""Films of robots that stand still and flash on schedule, of numbered pictures, and how well rings are found in them."""
+"""Films of robots that stand still and flash on schedule, or of numbered pictures, and how well rings are found."""
 
 import csv
 import math

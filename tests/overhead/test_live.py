@@ -73,52 +73,53 @@ class Imitation:
         self.released = True
 
 
-@pytest.fixture(autouse=True)
-def clock(monkeypatch):
+@pytest.fixture
+def imitation(monkeypatch) -> type[Imitation]:
     """Let each reading of the clock be a tenth of a second after the previous one, and pauses take none."""
     monkeypatch.setattr(cv2, "VideoCapture", Imitation)
     monkeypatch.setattr(Imitation, "grabbed", 0)
     instants = itertools.count(1000)
     monkeypatch.setattr(live.time, "monotonic", lambda: next(instants) / 10)
     monkeypatch.setattr(live.time, "sleep", lambda _: None)
+    return Imitation
 
 
-def test_frames_are_timed_when_they_come_and_in_red_green_blue():
+def test_frames_are_timed_when_they_come_and_in_red_green_blue(imitation):
     told = []
     with LiveCamera(2, told.append) as camera:
         frames = [*itertools.islice(camera.frames(), 2), *itertools.islice(camera.frames(), 3)]
-    assert Imitation.last.number == 2
+    assert imitation.last.number == 2
     assert (camera.name, camera.width_px, camera.height_px) == ("camera 2", *SIZE)
     assert [frame.time_s for frame in frames] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
     assert [frame.picture[0, 0].tolist() for frame in frames] == [[3 + number, 2, 1] for number in range(5)]
     assert all(frame.picture.shape == (48, 64, 3) and frame.picture.dtype == np.uint8 for frame in frames)
-    assert Imitation.last.released
+    assert imitation.last.released
     assert (told, camera.warnings, list(camera.frames())) == ([], [], [])
 
 
-def test_a_camera_that_is_unplugged():
+def test_a_camera_that_is_unplugged(imitation):
     told = []
     with LiveCamera(1, told.append) as camera, pytest.raises(UnpluggedError, match="1 delivers no pictures, for 30 s"):
         list(camera.frames())
     assert told == ["camera 1 delivers no pictures; it is tried again for 30 s"]
-    assert 100 < Imitation.grabbed < 200  # two readings of the clock a try
-    assert Imitation.last.released
+    assert 100 < imitation.grabbed < 200  # two readings of the clock a try
+    assert imitation.last.released
 
 
 @pytest.mark.parametrize(
     ("fault", "missing", "says"),
     [(None, 3, "delivers no pictures"), ((32, 24), 2, "delivers pictures of 32 x 24 px instead of 64 x 48")],
 )
-def test_a_camera_that_drops_out_goes_on(monkeypatch, fault, missing, says):
-    monkeypatch.setattr(Imitation, "sizes", (SIZE, SIZE, *[fault] * missing, SIZE, SIZE))
+def test_a_camera_that_drops_out_goes_on(imitation, monkeypatch, fault, missing, says):
+    monkeypatch.setattr(imitation, "sizes", (SIZE, SIZE, *[fault] * missing, SIZE, SIZE))
     told = []
     with LiveCamera(0, told.append) as camera:
-        first = Imitation.last
+        first = imitation.last
         frames = list(itertools.islice(camera.frames(), 4))
     assert [frame.picture[0, 0, 0] for frame in frames] == [3, 4, 5 + missing, 6 + missing]
-    assert Imitation.last is not first
+    assert imitation.last is not first
     assert first.released
-    assert Imitation.last.asked == list(SIZE)
+    assert imitation.last.asked == list(SIZE)
     away_s = frames[2].time_s - frames[1].time_s
     assert away_s > 0.3
     assert told == [f"camera 0 {says}; it is tried again for 30 s", f"camera 0 is back after {away_s:.1f} s"]
@@ -133,15 +134,14 @@ def test_a_camera_that_drops_out_goes_on(monkeypatch, fault, missing, says):
         ("opened", False, "cannot be opened; allowed: the number of a camera"),
     ],
 )
-def test_a_camera_without_a_picture_is_released(monkeypatch, name, value, says):
-    monkeypatch.setattr(Imitation, name, value)
+def test_a_camera_without_a_picture_is_released(imitation, monkeypatch, name, value, says):
+    monkeypatch.setattr(imitation, name, value)
     with pytest.raises(FilmError, match=f"camera 3 {says}"):
         LiveCamera(3, print)
-    assert Imitation.last.released
+    assert imitation.last.released
 
 
-def test_opencv_itself_says_nothing(monkeypatch, capfd):
-    monkeypatch.undo()
+def test_opencv_itself_says_nothing(capfd):
     level = cv2.utils.logging.getLogLevel()
     with pytest.raises(FilmError, match="camera 97 cannot be opened"):
         LiveCamera(97, print)
@@ -152,7 +152,7 @@ def test_opencv_itself_says_nothing(monkeypatch, capfd):
 CORNERS_PX = floor_corners(make_camera())
 
 
-class Imitation:
+class Reel:
     """A camera that delivers some frames, and then raises an exception."""
 
     name = "camera 7"
@@ -181,14 +181,14 @@ class Imitation:
         return self._frames
 
 
-def watch(camera: Imitation, options: TrackOptions, tell: Callable[[str], None] = print, **watching: Any) -> Track:
+def watch(camera: Reel, options: TrackOptions, tell: Callable[[str], None] = print, **watching: Any) -> Track:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("epuck_sim.overhead.live.LiveCamera", camera)
         return track_camera(7, options._replace(period_s=1.0), Watching(**watching), passed, tell)
 
 
 def test_camera_films_until_the_swarm_is_synchronised(tmp_path: Path) -> None:
-    camera = Imitation(reel())
+    camera = Reel(reel())
     table, seen, record = tmp_path / "rings.csv", tmp_path / "seen.mp4", tmp_path / "raw.mp4"
     track = watch(camera, TrackOptions(robots=6, order_parameter=0.99), rings=table, annotate=seen, record=record)
     assert not camera.is_open
@@ -203,17 +203,14 @@ def test_camera_films_until_the_swarm_is_synchronised(tmp_path: Path) -> None:
     assert (told.period_s, told.robots, told.arena_cm) == (1.0, 6, None)
 
 
-def test_a_camera_that_films_before_the_room_is_dark_waits_until_it_is() -> None:
+def test_a_dark_room_and_an_answer_that_is_believed_are_waited_for_and_said_to_be() -> None:
     times_s, told = even(5.5), []
-    camera = Imitation(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
+    camera = Reel(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
     track = watch(camera, TrackOptions(corners_px=CORNERS_PX, robots=6), told.append)
     assert told == ["the room is lit; tracking begins when it is dark, or after 30 s"]
     assert track.start_s == pytest.approx(1)
     assert track.geometry.ring_light > 0
-
-
-def test_synchrony_that_is_not_believed_is_told_and_filmed_on() -> None:
-    camera, told = Imitation(reel()), []
+    camera, told = Reel(reel()), []
     track = watch(camera, TrackOptions(robots=12, threshold_ms=50.0), told.append)
     assert (track.histogram_s, track.confidence) == (None, "none")
     assert camera.given == len(TIMES)
@@ -223,7 +220,7 @@ def test_synchrony_that_is_not_believed_is_told_and_filmed_on() -> None:
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt(), UnpluggedError("camera 7 delivers no pictures")], ids=repr)
 def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(tmp_path: Path, end: BaseException) -> None:
-    camera = Imitation(reel()[:70], end)
+    camera = Reel(reel()[:70], end)
     camera.warnings.append("camera 7 dropped out from 0.1 to 0.2 s")
     table, seen = tmp_path / "rings.csv", tmp_path / "seen.mp4"
     track = watch(camera, TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), rings=table, annotate=seen)
@@ -237,15 +234,10 @@ def test_ctrl_c_and_a_camera_that_fails_give_what_is_known_so_far(tmp_path: Path
 
 
 def test_ctrl_c_before_the_calibration_leaves_the_film(tmp_path: Path) -> None:
-    camera = Imitation(shoot(even(1), np.zeros((30, 6), bool)))
+    camera = Reel(shoot(even(1), np.zeros((30, 6), bool)))
+    outputs = {"rings": tmp_path / "rings.csv", "annotate": tmp_path / "s.mp4", "record": tmp_path / "raw.mp4"}
     with pytest.raises(KeyboardInterrupt):
-        watch(
-            camera,
-            TrackOptions(),
-            rings=tmp_path / "rings.csv",
-            annotate=tmp_path / "s.mp4",
-            record=tmp_path / "raw.mp4",
-        )
+        watch(camera, TrackOptions(), **outputs)
     assert not camera.is_open
     assert [path.name for path in tmp_path.iterdir()] == ["raw.mp4"]
     assert len(frames_and_description(tmp_path / "raw.mp4")[0]) == 30
@@ -256,7 +248,7 @@ import os, signal, sys
 from pathlib import Path
 
 sys.path.insert(0, sys.argv[1])
-from tests.overhead.test_track_camera import CORNERS_PX, Imitation, TrackOptions, reel, watch
+from tests.overhead.test_live import CORNERS_PX, Reel, TrackOptions, reel, watch
 
 
 def frames():
@@ -265,7 +257,7 @@ def frames():
 
 
 outputs = {"rings": Path("rings.csv"), "annotate": Path("seen.mp4"), "record": Path("raw.mp4")}
-watch(Imitation(frames()), TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), **outputs)
+watch(Reel(frames()), TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), **outputs)
 """
 
 
@@ -274,22 +266,20 @@ def test_what_was_written_until_a_kill_can_be_read(tmp_path: Path) -> None:
     command = [sys.executable, "-c", KILLED, str(root)]
     ended = subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(root)}, check=False)
     assert ended.returncode == -signal.SIGKILL
-    rows = read_rings(tmp_path / "rings.csv")
-    assert len(rows) == LIT[:70].sum()
+    assert len(read_rings(tmp_path / "rings.csv")) == LIT[:70].sum()
     for name in ("seen.mp4", "raw.mp4"):
         assert 30 <= len(frames_and_description(tmp_path / name)[0]) <= 70  # all but about the last second
 
 
 def test_a_camera_is_shown_on_a_page() -> None:
-    told: list[str] = []
-    shown: list[bytes] = []
+    told, shown = [], []
 
     def delivered() -> Iterator[Frame]:
         for frame in reel()[:50]:
             yield frame
             shown.append(read(told[0].split(" ", maxsplit=1)[0] + "film"))
 
-    watch(Imitation(delivered()), TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), told.append, port=0)
+    watch(Reel(delivered()), TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0), told.append, port=0)
     assert told[0].endswith("/ shows camera 7")
     sizes = {decoded(jpeg).shape for jpeg in shown[:2] + shown[-2:]}
     assert len(sizes) == 2  # waiting, and with the histogram below
