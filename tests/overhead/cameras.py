@@ -77,10 +77,7 @@ def picture_of(
     on = np.broadcast_to(lit * np.asarray(shares, float), len(poses)) * PARTS
     samples = [ExposureSample(poses, part < on) for part in range(PARTS)]
     picture = empty_arena(**settings)[1].render(samples, room_is_lit=room)
-    if quality:
-        coded = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
-        picture = np.ascontiguousarray(cv2.imdecode(coded, cv2.IMREAD_COLOR)[..., ::-1]).astype(np.uint8)
-    return picture
+    return webcam.sent(picture, quality) if quality else picture
 
 
 def rings_in(picture: Picture, **settings: Any) -> list[Ring]:

@@ -10,31 +10,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from epuck_sim.order_parameter import order_parameter
-from epuck_sim.overhead.synchrony import (
-    MAX_HOLD_INTERVALS,
-    MIN_COVERAGE,
-    MIN_PERIODS,
-    Evaluation,
-    SynchronyDetector,
-    _lags,
-    estimate_flash_s,
-    estimate_period_s,
-    evaluate,
-    firing_spread_s,
-    first_synchronised,
-    is_synchronised,
-    order_at_end,
-    order_over_time,
-    spread_threshold_s,
-    whole_periods,
-)
+from epuck_sim.overhead import synchrony
+from epuck_sim.overhead.synchrony import Evaluation, estimate_flash_s, estimate_period_s, evaluate, spread_threshold_s
 from tests.overhead.films import counted, even, steady, uneven
 
 PERIOD = 5.0
 FLASH = 0.375
 RATE = 16.0  # frames begin at floating-point numbers that are exact
-
-TOGETHER = np.zeros(10)
 
 
 def slow_evaluations(times, counts, period):
@@ -65,7 +47,7 @@ def slow_evaluations(times, counts, period):
 def slow_evaluation(shown, middle, period):
     left, right = middle - period / 2, middle + period / 2
     times = [time for time, _ in shown]
-    longest = MAX_HOLD_INTERVALS * median(b - a for a, b in pairwise(times))
+    longest = synchrony.MAX_HOLD_INTERVALS * median(b - a for a, b in pairwise(times))
     seconds, places, lit = [], [], []
     for (time, count), following in zip(shown, [*times[1:], right], strict=True):
         begin, end = max(time, left), min(following, time + longest, right)
@@ -92,9 +74,9 @@ def test_evaluations_are_those_of_the_slow_twin(film, period):
 
 
 def test_an_evaluation_comes_with_the_first_frame_half_a_period_after_its_mode():
-    detector = SynchronyDetector(PERIOD)
+    detector = synchrony.SynchronyDetector(PERIOD)
     times = even(3 * PERIOD, RATE)
-    for time, count in zip(times, counted(steady(TOGETHER + 3, PERIOD, 15), FLASH, times), strict=True):
+    for time, count in zip(times, counted(steady(np.full(10, 3.0), PERIOD, 15), FLASH, times), strict=True):
         evaluation = detector.update(float(time), int(count))
         if evaluation is not None:
             assert 0 <= time - (evaluation.time_s + PERIOD / 2) < 1 / RATE
@@ -102,63 +84,50 @@ def test_an_evaluation_comes_with_the_first_frame_half_a_period_after_its_mode()
 
 def test_the_first_narrow_evaluation_is_the_time_of_synchrony():
     found = [Evaluation(time, 9, spread, 1.0) for time, spread in ((3, 0.3), (8, 0.125), (13, 0.1))]
-    assert first_synchronised(found, 0.125) is found[1]
-    assert first_synchronised(found, 0.09) is None
-    assert first_synchronised([], 0.125) is None
-    just = Evaluation(3.0, 2, 0.125, MIN_COVERAGE)
-    assert is_synchronised(just, 0.125)
-    assert not is_synchronised(just._replace(rings=1), 0.125)  # a lone flash is in step with nobody
-    assert not is_synchronised(just._replace(coverage=MIN_COVERAGE - 0.001), 0.125)
-
-
-# --- onsets -----------------------------------------------------------------------------------------
-
-ONSETS_TOGETHER = np.sort(
-    np.concatenate([np.arange(6) / 6 + cycle for cycle in range(3)] + [np.full(6, 4.5), np.full(6, 5.5)])
-)
-"""Onsets of six robots of a period of 1 s that flash together from 4.5 s on."""
+    assert synchrony.first_synchronised(found, 0.125) is found[1]
+    assert synchrony.first_synchronised(found, 0.09) is None
+    assert synchrony.first_synchronised([], 0.125) is None
+    just = Evaluation(3.0, 2, 0.125, synchrony.MIN_COVERAGE)
+    assert synchrony.is_synchronised(just, 0.125)
+    assert not synchrony.is_synchronised(just._replace(rings=1), 0.125)  # a lone flash is in step with nobody
+    assert not synchrony.is_synchronised(just._replace(coverage=synchrony.MIN_COVERAGE - 0.001), 0.125)
 
 
 @given(st.lists(st.integers(0, 2000), min_size=1, max_size=30), st.integers(100, 3000))
 def test_it_is_that_of_the_onsets_within_half_a_period(onsets_ms: list[int], period_ms: int) -> None:
     onsets = np.sort(np.array(onsets_ms, float))
-    order, numbers = order_over_time(onsets, float(period_ms))
+    order, numbers = synchrony.order_over_time(onsets, float(period_ms))
     for onset, value, number in zip(onsets, order, numbers, strict=True):
         near = onsets[(onsets >= onset - period_ms / 2) & (onsets < onset + period_ms / 2)]
         assert number == len(near)
         assert value == pytest.approx(float(order_parameter(near, float(period_ms))), abs=1e-9)
 
 
-def test_synchrony_begins_with_the_first_flash_together() -> None:
-    assert whole_periods(ONSETS_TOGETHER, 1.0, (0.0, 6.0), 5).first_in_order_s() == 4.5
-    assert whole_periods(ONSETS_TOGETHER, 1.0, (0.0, 4.9), 5).first_in_order_s() is None
-    assert whole_periods(ONSETS_TOGETHER, 1.0, (4.1, 6.0), 5).first_in_order_s() == 5.5
-    assert whole_periods(ONSETS_TOGETHER, 1.0, (0.0, 6.0), 7).first_in_order_s() is None
+def test_synchrony_begins_with_the_first_flash_together_and_robots_are_counted_where_they_are_nearest() -> None:
+    onsets = np.concatenate([*(np.arange(6) / 6 + cycle for cycle in range(3)), np.full(6, 4.5), np.full(6, 5.5)])
+    assert synchrony.whole_periods(onsets, 1.0, (0.0, 6.0), 5).first_in_order_s() == 4.5
+    assert synchrony.whole_periods(onsets, 1.0, (0.0, 4.9), 5).first_in_order_s() is None
+    assert synchrony.whole_periods(onsets, 1.0, (4.1, 6.0), 5).first_in_order_s() == 5.5
+    assert synchrony.whole_periods(onsets, 1.0, (0.0, 6.0), 7).first_in_order_s() is None
     for few in (np.array([1.0, 3.0, 5.0]), np.empty(0)):  # a lone flash is in step with nobody
-        assert whole_periods(few, 1.0, (0.0, 6.0), 2).first_in_order_s() is None
-
-
-def test_robots_are_counted_where_they_are_nearest_together() -> None:
+        assert synchrony.whole_periods(few, 1.0, (0.0, 6.0), 2).first_in_order_s() is None
     early = np.sort(np.concatenate([0.7 * np.arange(5) + shift for shift in (0.0, 0.2, 0.4)]))  # cycles are shortened
     onsets_s = np.concatenate([early, np.repeat(4.5 + np.arange(5), 3) + np.tile([-0.02, 0.0, 0.02], 5)])
-    assert whole_periods(onsets_s, 1.0, (0.0, 9.5), 2).robots() == 3
-    assert whole_periods(onsets_s, 1.0, (0.0, 9.5), 9).robots() == 0
-    assert whole_periods(np.empty(0), 1.0, (0.0, 9.5), 2).robots() == 0
+    assert synchrony.whole_periods(onsets_s, 1.0, (0.0, 9.5), 2).robots() == 3
+    assert synchrony.whole_periods(onsets_s, 1.0, (0.0, 9.5), 9).robots() == 0
+    assert synchrony.whole_periods(np.empty(0), 1.0, (0.0, 9.5), 2).robots() == 0
 
 
 def test_the_order_parameter_at_the_end_is_that_of_the_last_flashes() -> None:
     onsets_s = np.array([1.0, 1.1, 1.2, 2.0, 2.1, 2.2])
     phases = np.array([0.0, 0.1, 0.2])
-    assert order_at_end(onsets_s, 1.0, 2.3, 3) == pytest.approx(np.abs(np.exp(2j * np.pi * phases).mean()))
-    assert order_at_end(onsets_s, 1.0, 2.9, 3) == 0.0
-    assert order_at_end(onsets_s, 1.0, 2.3, 7) == 0.0
-    assert order_at_end(onsets_s, 1.0, 2.3, 0) == 0.0
+    assert synchrony.order_at_end(onsets_s, 1.0, 2.3, 3) == pytest.approx(np.abs(np.exp(2j * np.pi * phases).mean()))
+    assert synchrony.order_at_end(onsets_s, 1.0, 2.9, 3) == 0.0
+    assert synchrony.order_at_end(onsets_s, 1.0, 2.3, 7) == 0.0
+    assert synchrony.order_at_end(onsets_s, 1.0, 2.3, 0) == 0.0
 
 
 SPREAD = np.array([0, 0, 0.05, 0.1, 0.1, 0.13, 0.2, 0.2, 0.2, 0.25])
-
-
-# --- the period -------------------------------------------------------------------------------------
 
 
 @given(st.floats(1.5, 12), st.floats(14, 60), st.floats(0.05, 0.15))
@@ -205,17 +174,13 @@ def test_a_long_film_shows_the_period_and_no_multiple_of_it_to_a_hundredth_of_a_
     assert estimate_period_s(times, counts) == pytest.approx(4.77, abs=0.01 / 15)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_flashes_at_random_have_no_period(seed):
-    random = np.random.default_rng(seed)
+def test_flashes_at_random_and_a_film_of_too_few_periods_have_no_period():
     times = even(60, 15.4)
-    counts = counted(random.uniform(-5, 60, 120), FLASH, times)
-    assert estimate_period_s(times, counts) is None
-
-
-def test_a_film_of_too_few_periods_has_no_estimate():
+    for seed in range(3):
+        counts = counted(np.random.default_rng(seed).uniform(-5, 60, 120), FLASH, times)
+        assert estimate_period_s(times, counts) is None
     for share, is_enough in ((0.95, False), (1.1, True)):
-        times = even(share * MIN_PERIODS * PERIOD, 15.0)
+        times = even(share * synchrony.MIN_PERIODS * PERIOD, 15.0)
         counts = counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)
         assert (estimate_period_s(times, counts) is not None) == is_enough
 
@@ -235,11 +200,8 @@ events = st.lists(st.tuples(st.integers(0, 40), st.integers(1, 3)), max_size=12)
 def test_lags_are_those_of_all_pairs(causes, effects, least, width):
     expected = [(b - a, m * n) for a, m in causes for b, n in effects if least <= b - a < least + width]
     pairs = (np.array(each, float).reshape(-1, 2).T for each in (causes, effects))
-    found = _lags(*map(tuple, pairs), (least, least + width))
+    found = synchrony._lags(*map(tuple, pairs), (least, least + width))
     assert list(zip(*(each.tolist() for each in found), strict=True)) == expected
-
-
-# --- the flash --------------------------------------------------------------------------------------
 
 
 @given(st.floats(0.2, 1.0), st.floats(14, 60))
@@ -259,20 +221,17 @@ def test_the_flash_is_not_longer_where_one_goes_on_as_another_goes_off(seed):
     assert estimate_flash_s(times, counts) == pytest.approx(FLASH, abs=0.6 / 15.4)
 
 
-# --- Appendix C -------------------------------------------------------------------------------------
-
-
 def test_half_early_and_half_late_by_sigma_a_have_that_order_parameter():
     for r in (0.5, 0.95, 0.99):
-        sigma_s = firing_spread_s(PERIOD, r)
+        sigma_s = synchrony.firing_spread_s(PERIOD, r)
         assert order_parameter(np.array([sigma_s, PERIOD - sigma_s]), PERIOD) == pytest.approx(r)
-    assert firing_spread_s(PERIOD) == pytest.approx(0.25, abs=0.005)  # the thesis's figure
+    assert synchrony.firing_spread_s(PERIOD) == pytest.approx(0.25, abs=0.005)  # the thesis's figure
     assert spread_threshold_s(PERIOD, 0.075 * PERIOD) * 15.5 == pytest.approx(2, abs=0.06)
 
 
 @pytest.mark.parametrize("flash_s", [0.05, 0.2, FLASH])
 def test_the_threshold_is_the_spread_of_half_early_and_half_late_in_a_fast_film(flash_s):
-    sigma_s = firing_spread_s(PERIOD)
+    sigma_s = synchrony.firing_spread_s(PERIOD)
     times = even(10, 2000.0)
     onsets = 5 + np.repeat([-sigma_s, sigma_s - flash_s], 5)
     (evaluation,) = evaluate(times, counted(onsets, flash_s, times), PERIOD)
@@ -284,4 +243,4 @@ def test_the_threshold_leaves_room_above_perfect_synchrony_and_scales_with_time(
     threshold_s = spread_threshold_s(period, flash * period)
     assert threshold_s == pytest.approx(period * spread_threshold_s(1.0, flash))
     assert threshold_s > flash * period / math.sqrt(12)
-    assert threshold_s >= firing_spread_s(period) / 2 * (1 - 1e-9)
+    assert threshold_s >= synchrony.firing_spread_s(period) / 2 * (1 - 1e-9)

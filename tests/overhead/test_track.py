@@ -13,17 +13,8 @@ from hypothesis import strategies as st
 
 from docs.figures.overhead_confidence import examine
 from epuck_sim.epuck import RING_HEIGHT_CM
-from epuck_sim.overhead.annotate import (
-    BARS,
-    BLUE,
-    CYAN,
-    GREY,
-    OLD_BARS,
-    WHITE,
-    Annotator,
-    TrackedFrame,
-    counts_by_column,
-)
+from epuck_sim.overhead import annotate
+from epuck_sim.overhead.annotate import BARS, BLUE, CYAN, GREY, OLD_BARS, WHITE, Annotator, TrackedFrame
 from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash
@@ -31,31 +22,15 @@ from epuck_sim.overhead.light import ring_light
 from epuck_sim.overhead.rings import DISC_LIGHT, Ring, RingFinder
 from epuck_sim.overhead.synchrony import Evaluation
 from epuck_sim.overhead.track import Track, look_again, ring_writer, track_film
+from tests.overhead import films, webcam
 from tests.overhead.cameras import camera_of, floor_corners
-from tests.overhead.films import (
-    LIT,
-    PLACES,
-    TIMES,
-    Score,
-    described,
-    even,
-    in_step,
-    make_camera,
-    passed,
-    read_rings,
-    reel,
-    save,
-    score_rows,
-    shoot,
-    write_packets,
-)
-from tests.overhead.webcam import EFFECTS, GOOD, KINDS, Extra, Swarm, Webcam, shoot, swarm
+from tests.overhead.films import LIT, PLACES, TIMES, passed, read_rings, reel, save, score_rows
 
 
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory: pytest.TempPathFactory) -> Track:
     """Return what is found in a film that describes itself."""
-    name = save(tmp_path_factory.mktemp("films") / "named.mp4", reel(), described())
+    name = save(tmp_path_factory.mktemp("films") / "named.mp4", reel(), films.described())
     return track_film(name, TrackOptions(), Path(name).with_suffix(".csv"), passed)
 
 
@@ -70,8 +45,8 @@ def test_described_film_gives_its_trial(tracked: Track) -> None:
 
 
 def test_trial_begins_in_the_dark(tracked: Track, tmp_path: Path) -> None:
-    times_s = even(5.5)
-    frames = shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9)
+    times_s = films.even(5.5)
+    frames = films.shoot(times_s, films.in_step(times_s, from_s=3), lit_until_s=1 - 1e-9)
     name = save(tmp_path / "begins_lit.mp4", frames)
     track = track_film(name, TrackOptions(period_s=1.0), tmp_path / "rings.csv", passed)
     assert (track.calibration, track.frames) == (LIGHT, 165)
@@ -90,8 +65,8 @@ def test_doubled_and_dropped_frames_move_nothing(tracked: Track, tmp_path: Path)
     kept = [k for k in range(len(TIMES)) if k not in {20, 40, 41, 83, 110}]
     frames = [reel()[k] for k in kept for _ in range(3 if k % 7 == 0 else 1)]
     stamps, pictures = [round(1000 * frame.time_s) for frame in frames], [frame.picture for frame in frames]
-    comment = json.dumps(described() | {"period_s": None})
-    film = write_packets(tmp_path / "doubled.mkv", stamps, pictures=pictures, comment=comment)
+    comment = json.dumps(films.described() | {"period_s": None})
+    film = films.write_packets(tmp_path / "doubled.mkv", stamps, pictures=pictures, comment=comment)
     track = track_film(str(film), TrackOptions(), None, passed)
     assert track.counts.tolist() == tracked.counts[kept].tolist()
     assert track.times_s == pytest.approx(TIMES[kept], abs=1e-3)
@@ -104,7 +79,7 @@ def test_doubled_and_dropped_frames_move_nothing(tracked: Track, tmp_path: Path)
 def test_only_numbered_pictures_whose_rate_is_not_given_are_doubted_for_it(tmp_path: Path) -> None:
     for number, frame in enumerate(reel()[:40]):
         cv2.imwrite(str(tmp_path / f"{7 + number}.png"), frame.picture[..., ::-1])
-    options = TrackOptions(period_s=1.0, robots=6, corners_px=floor_corners(make_camera()))
+    options = TrackOptions(period_s=1.0, robots=6, corners_px=floor_corners(films.make_camera()))
     assumed, given = (
         track_film(str(tmp_path / "%d.png"), options._replace(fps=fps), None, passed) for fps in (None, 30.0)
     )
@@ -112,36 +87,30 @@ def test_only_numbered_pictures_whose_rate_is_not_given_are_doubted_for_it(tmp_p
     assert (given.frames, given.fps, given.warnings) == (40, pytest.approx(30), ())
 
 
-def test_snapshot_shows_all_rings_of_the_moment(tracked: Track) -> None:
+def test_snapshot_shows_all_rings_of_the_moment_but_those_that_stay_lit(tracked: Track) -> None:
     shown = look_again(tracked, None, passed)
     assert shown.time_s == pytest.approx(2.5 + 1 / 30, abs=1e-3)
-    ring_px = make_camera().project(np.column_stack([PLACES, np.full(6, 4.0)]))
+    ring_px = films.make_camera().project(np.column_stack([PLACES, np.full(6, 4.0)]))
     away = np.linalg.norm(shown.rings_px[:, None, :2] - ring_px, axis=2)
     assert away.shape == (6, 6)
     assert (away.min(axis=0) <= 1).all()
-    assert look_again(tracked._replace(histogram_s=None), None, passed).time_s == pytest.approx(
-        TIMES[-1], abs=1e-4
-    )  # never
-
-
-def test_snapshot_leaves_out_rings_that_stay_lit(tracked: Track) -> None:
-    x_px, y_px, _ = look_again(tracked, None, passed).rings_px[0]
+    never = look_again(tracked._replace(histogram_s=None), None, passed)
+    assert never.time_s == pytest.approx(TIMES[-1], abs=1e-4)
+    x_px, y_px, _ = shown.rings_px[0]
     (x_cm, y_cm), *_ = tracked.geometry.camera.back_project(np.array([[x_px, y_px]]), RING_HEIGHT_CM)
     lamp = Flash(0.0, math.inf, float(x_cm), float(y_cm), 80.0)
-    shown = look_again(tracked._replace(steady=(lamp,)), None, passed)
-    assert len(shown.rings_px) == 5
-    gone = look_again(tracked._replace(steady=(lamp._replace(end_s=0.1),)), None, passed)
-    assert len(gone.rings_px) == 6
+    for steady, seen in ((lamp, 5), (lamp._replace(end_s=0.1), 6)):
+        assert len(look_again(tracked._replace(steady=(steady,)), None, passed).rings_px) == seen
 
 
 def test_annotation_says_what_the_track_says(tracked: Track, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     annotated: list[TrackedFrame] = []
 
-    def annotate(annotator: Annotator, tracked: TrackedFrame) -> Any:
+    def note(annotator: Annotator, tracked: TrackedFrame) -> Any:
         annotated.append(tracked)
         return np.zeros((annotator.height_px, annotator.width_px, 3), np.uint8)
 
-    monkeypatch.setattr(Annotator, "annotate", annotate)
+    monkeypatch.setattr(Annotator, "annotate", note)
     look_again(tracked, tmp_path / "annotated.mp4", passed)
     assert annotated[-1].histogram_s == tracked.histogram_s
     assert [each.evaluation for each in annotated if each.evaluation] == list(tracked.evaluations)
@@ -160,16 +129,17 @@ def test_table_keeps_the_times_of_a_long_film(tmp_path: Path) -> None:
     assert list(rows[0]) == ["time_s", *Ring._fields]
 
 
-NOWHERE = np.empty((0, 2))
 OF_POINTS = {"is_fisheye": True, "above_cm": 38.0, "focal_px": 320.0}
-CAMERAS = KINDS | {"fisheye of points": KINDS["points"]._replace(**OF_POINTS)}
+CAMERAS = webcam.KINDS | {"fisheye of points": webcam.KINDS["points"]._replace(**OF_POINTS)}
 
 
-def tracked(folder: Path, camera: Webcam, filmed: Swarm, extras: tuple[Extra, ...] = ()) -> tuple[Track, Score]:
+def track_of(
+    folder: Path, camera: webcam.Webcam, filmed: webcam.Swarm, extras: tuple[webcam.Extra, ...] = ()
+) -> tuple[Track, films.Score]:
     """Return what is found in a film of a swarm, told all about it, and how well its rings are found."""
-    table, shot = folder / "rings.csv", list(shoot(camera, filmed, 12.0, extras))
+    table, shot = folder / "rings.csv", list(webcam.shoot(camera, filmed, 12.0, extras))
     film = save(folder / "film.mp4", [frame for frame, _ in shot])
-    truth = [(frame.time_s, lit_cm, NOWHERE) for frame, lit_cm in shot]
+    truth = [(frame.time_s, lit_cm, np.empty((0, 2))) for frame, lit_cm in shot]
     floor = tuple((float(x), float(y)) for x, y in camera.floor_px(filmed.arena_cm))
     told = TrackOptions(filmed.arena_cm, camera.above_cm, floor, filmed.period_s, len(filmed.homes_cm))
     return track_film(film, told, table, passed), score_rows(read_rings(table), truth)
@@ -183,7 +153,7 @@ def tracked(folder: Path, camera: Webcam, filmed: Swarm, extras: tuple[Extra, ..
     ],
 )
 def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
-    track, score = tracked(tmp_path, CAMERAS[kind].scaled(0.4), swarm(5, 4, 2, seed=1, period_s=1.6))
+    track, score = track_of(tmp_path, CAMERAS[kind].scaled(0.4), webcam.swarm(5, 4, 2, seed=1, period_s=1.6))
     assert score.found + score.missed > 20
     assert (score.recall >= 0.95, score.precision >= 0.99, score.rms_cm <= 0.4) == (True, True, True), score
     assert track.reasons == ()
@@ -191,14 +161,14 @@ def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
 
 
 def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_path: Path) -> None:
-    robots = swarm(4, 4, 2, seed=2, period_s=1.6)
-    neighbour = Extra((68.0, 30.0), tuple(0.3 + 1.3 * np.arange(5)), 0.3)
+    robots = webcam.swarm(4, 4, 2, seed=2, period_s=1.6)
+    neighbour = webcam.Extra((68.0, 30.0), tuple(0.3 + 1.3 * np.arange(5)), 0.3)
     free = max(
         ((x, y) for x in (10.0, 30.0, 50.0) for y in (10.0, 30.0, 50.0)),
         key=lambda place: np.hypot(*(robots.homes_cm - place).T).min(),
     )
-    camera = GOOD._replace(focal_px=640.0, size_px=(640, 480)).scaled(0.4)
-    track, _ = tracked(tmp_path, camera, robots, (neighbour, Extra(free)))
+    camera = webcam.GOOD._replace(focal_px=640.0, size_px=(640, 480)).scaled(0.4)
+    track, _ = track_of(tmp_path, camera, robots, (neighbour, webcam.Extra(free)))
     assert (track.rings_outside > 10, track.always_lit, track.confidence) == (True, 1, "low")
     assert track.histogram_periods == pytest.approx(2.55, abs=0.25)
     assert any("outside of the floor" in warning for warning in track.warnings)
@@ -209,27 +179,24 @@ def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_p
     ("kind", "strength"),
     [
         ("burnt out", 40.0),
+        ("groups apart", 2),
         *(
             pytest.param(kind, strengths[-1], marks=pytest.mark.slow)
-            for kind, (_, strengths) in EFFECTS.items()
+            for kind, (_, strengths) in webcam.EFFECTS.items()
             if kind not in {"burnt out", "rolling shutter"}  # flashes of 1.4 frames are cut in the middle
         ),
     ],
 )
 def test_an_answer_is_right_or_doubtful(kind: str, strength: float) -> None:
-    _, confidence, is_right = examine(EFFECTS[kind][0](strength), 1, 1)
+    effect, seed, groups = (iter, 3, 2) if kind == "groups apart" else (webcam.EFFECTS[kind][0](strength), 1, 1)
+    _, confidence, is_right = examine(effect, seed, groups)
     assert is_right or confidence != "high"
 
 
 @pytest.mark.parametrize(("kind", "strength"), [("lamp", 0.06), ("screen", 0.08)])
 def test_what_shines_and_flickers_is_told_from_rings_and_doubted(kind: str, strength: float) -> None:
-    _, confidence, is_right = examine(EFFECTS[kind][0](strength), 1, 1)
+    _, confidence, is_right = examine(webcam.EFFECTS[kind][0](strength), 1, 1)
     assert (is_right, confidence) == (True, "low")
-
-
-def test_groups_apart_are_not_synchronised() -> None:
-    cycles, confidence, _ = examine(iter, 3, 2)
-    assert cycles == "" or confidence != "high"
 
 
 def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() -> None:
@@ -348,16 +315,8 @@ def test_columns_against_a_slow_twin(steps, later, width):
     times = np.cumsum([step for step, _ in steps]) / 512 + 1 / 1024
     history = [(float(time_s), count) for time_s, (_, count) in zip(times, steps, strict=True)]
     now_s = history[-1][0] + later / 512 + 1e-4
-    shown = counts_by_column(history, now_s, 10.0, width)
+    shown = annotate.counts_by_column(history, now_s, 10.0, width)
     np.testing.assert_array_equal(shown, slow_counts_by_column(history, now_s, 10.0, width))
-
-
-def test_what_was_before_the_beginning_is_forgotten():
-    film = Film(64, 64)
-    film.add(26.6, rings(3))
-    film.add(26.8, [], 0.0, spread(0.2))
-    assert not has(film.add(27.0, [], start_s=27.0), BARS).any()
-    np.testing.assert_array_equal(film.add(28.0, [], 27.0), Film(64, 64).add_counts({27.0: 0, 28.0: 0}, 27.0))
 
 
 @pytest.mark.parametrize("size", [(64, 64), (1920, 1080)])
@@ -376,10 +335,15 @@ def test_each_statement_is_in_its_own_corner_and_cut_off_nowhere(size):
     assert not written[0].any()
 
 
-def test_the_last_evaluation_stays_and_synchrony_is_cyan():
+def test_the_last_evaluation_stays_but_nothing_from_before_the_beginning_and_synchrony_is_cyan():
     film = Film()
     plain, with_spread, later = film.add(1.0), film.add(1.0, [], 0.0, spread(0.2)), film.add(1.0)
     assert not has(plain, CYAN).any()
     assert has(with_spread, WHITE).sum() > has(plain, WHITE).sum()
     np.testing.assert_array_equal(later, with_spread)
     assert has(film.add(1.0, [], 0.0, None, 0.5), CYAN).any()
+    film = Film(64, 64)
+    film.add(26.6, rings(3))
+    film.add(26.8, [], 0.0, spread(0.2))
+    assert not has(film.add(27.0, [], start_s=27.0), BARS).any()
+    np.testing.assert_array_equal(film.add(28.0, [], 27.0), Film(64, 64).add_counts({27.0: 0, 28.0: 0}, 27.0))

@@ -143,9 +143,17 @@ def picture(camera, lit_cm, headings, arena_cm, generator, dark_cm=()):
     if len(lit_cm):
         levels += _light(camera, lit_cm, headings, arena_cm)[..., None] * np.array(camera.colour, np.float32)
     levels += camera.noise * generator.standard_normal(levels.shape, np.float32)
-    shot = np.clip(np.round(levels), 0, 255).astype(np.uint8)
-    sent = cv2.imencode(".jpg", shot[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, camera.quality])[1]
-    return np.ascontiguousarray(cv2.imdecode(sent, cv2.IMREAD_COLOR)[..., ::-1])
+    return sent(whole(levels), camera.quality)
+
+
+def whole(levels: np.ndarray) -> Picture:
+    return np.ascontiguousarray(np.clip(np.round(levels), 0, 255).astype(np.uint8))
+
+
+def sent(picture: np.ndarray, quality: int) -> Picture:
+    """Return a picture after its way through a JPEG."""
+    code = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+    return np.ascontiguousarray(np.asarray(cv2.imdecode(code, cv2.IMREAD_COLOR), np.uint8)[..., ::-1])
 
 
 def _light(camera, lit_cm, headings, arena_cm):
@@ -247,10 +255,6 @@ def each(change: Callable[[np.ndarray], np.ndarray]) -> Effect:
     return effect
 
 
-def whole(levels: np.ndarray) -> Picture:
-    return np.ascontiguousarray(np.clip(np.round(levels), 0, 255).astype(np.uint8))
-
-
 def gain(factor: float) -> Effect:
     """Return the effect of an exposure that was set in the dark: rings burn out, first to pink and then to white."""
 
@@ -258,14 +262,6 @@ def gain(factor: float) -> Effect:
         levels = np.maximum(levels - 6.0, 0)  # noise
         far = cv2.GaussianBlur(levels, (0, 0), 6.0)
         return factor * (levels + 0.6 * far + 0.3 * far.mean(axis=2, keepdims=True))
-
-    return each(change)
-
-
-def compression(quality: int) -> Effect:
-    def change(levels: np.ndarray) -> np.ndarray:
-        code = cv2.imencode(".jpg", levels.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
-        return np.asarray(cv2.imdecode(code, cv2.IMREAD_COLOR))
 
     return each(change)
 
@@ -346,7 +342,10 @@ EFFECTS: dict[str, tuple[Callable[..., Effect], tuple[Any, ...]]] = {
     ),
     "burnt out": (gain, (3.0, 10.0, 20.0, 40.0)),
     "noise reduction": (lambda side: each(lambda levels: cv2.medianBlur(levels.astype(np.uint8), side)), (3, 5)),
-    "compression": (compression, (10, 25, 50)),
+    "compression": (
+        lambda quality: each(lambda levels: sent(levels[..., ::-1].astype(np.uint8), quality)[..., ::-1]),
+        (10, 25, 50),
+    ),
     "lamp": (lamp, (0.03, 0.06, 0.1, 0.2)),
     "screen": (lambda radius: lamp(radius, True, (0.8, 0.3)), (0.04, 0.08, 0.12)),
     "padded and skewed": (lambda share: padded(share, 0.5 * share), (0.05, 0.15, 0.3)),
