@@ -10,28 +10,26 @@ from scipy import ndimage
 from epuck_sim import epuck
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.light import Background, LightMeter, is_lit, ring_light
-from epuck_sim.overhead.rings import MAX_CELLS_PER_PIXEL, MAX_REACH_HEIGHTS, fit_ring, rectified_view
-from tests.overhead.cameras import (
-    APART_CM,
-    CLEAN,
-    camera_of,
-    honeycomb_cell,
-    picture_of,
-    rings_in,
-    scattered,
-    touching,
+from epuck_sim.overhead.rings import (
+    DISC_LIGHT,
+    MAX_CELLS_PER_PIXEL,
+    MAX_REACH_HEIGHTS,
+    RingFinder,
+    fit_ring,
+    rectified_view,
 )
+from tests.overhead.cameras import APART_CM, CLEAN, camera_of, honeycomb_cell, picture_of, rings_in, scattered, touching
 from tests.overhead.films import Score, compare, make_geometry
 
 SMALL = {"width_px": 240, "height_px": 240}
 NOISY = {"noise_levels": 10}
-NOWHERE = np.empty((0, 2))
 
 
 def score(rings, centres) -> Score:
     """Compare the rings found with those that are lit, and check that they come from left to right."""
     assert [ring.x_px for ring in rings] == sorted(ring.x_px for ring in rings)
-    return compare(np.array([ring[:2] for ring in rings]).reshape(-1, 2), np.reshape(centres, (-1, 2)), NOWHERE)
+    reported, lit = np.array([ring[:2] for ring in rings]).reshape(-1, 2), np.reshape(centres, (-1, 2))
+    return compare(reported, lit, np.empty((0, 2)))
 
 
 def found(centres, *, room=False, shares=1.0, quality=0, **settings):
@@ -42,9 +40,6 @@ def found(centres, *, room=False, shares=1.0, quality=0, **settings):
     assert (scored.found, scored.missed, scored.false) == (len(centres), 0, 0)
     assert scored.worst_cm < 0.2
     return rings
-
-
-# --- rings ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("size", "k1"), [((240, 240), -0.1), ((480, 480), 0.0), ((320, 240), 0.1)])
@@ -61,12 +56,9 @@ def test_places_a_ring_anywhere(size, k1):
         assert ring.radius_px == pytest.approx(math.hypot(*(side - middle)), rel=0.06)  # distorted: no circle
 
 
-def test_finds_rings_lit_for_a_part_of_the_exposure_but_no_sliver():
+def test_finds_rings_lit_for_a_part_of_the_exposure_but_no_sliver_and_no_reflections_in_walls():
     found([(20.0, 20.0), (20.0, 20.0 + APART_CM), (45.0, 30.0)], shares=[1.0, 0.2, 0.5])
     assert rings_in(picture_of([(20.0, 20.0)], gain=0.01)) == []
-
-
-def test_reflections_in_walls_are_weaker_than_rings():
     found([(8.0, 30.0), (30.0, 52.0)], gloss=0.08, field_of_view_deg=45.0)
 
 
@@ -107,9 +99,6 @@ def test_finds_rings_in_a_lit_room(size):
         found(centres, room=True, **settings)
 
 
-# --- no rings -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("noise", [0.0, 10.0])
 @pytest.mark.parametrize("room", [False, True])
 def test_finds_nothing_where_nothing_shines(room, noise):
@@ -133,7 +122,18 @@ def test_a_lamp_a_disc_with_or_without_a_hole_a_stripe_and_half_a_ring_are_none(
     assert len(rings_in(picture, distortion=0.0)) == 1
 
 
-# --- light ----------------------------------------------------------------------------------------
+def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() -> None:
+    camera = camera_of()
+    places = np.array([(15.0, 15.0), (30.0, 40.0), (30.0 + 8.5, 40.0), (50.0, 20.0)])
+    picture = np.zeros((480, 480, 3), np.uint8)
+    for x_px, y_px in camera.project(np.column_stack([places, np.full(4, 4.0)])):
+        cv2.circle(picture, (round(x_px), round(y_px)), round(5.0 * 480 / 65), (255, 255, 255), -1)
+    light, _ = ring_light(picture)
+    rings = RingFinder(camera, sees_discs=True).find(light)
+    found = np.array(sorted((ring.x_cm, ring.y_cm) for ring in rings))
+    assert found == pytest.approx(np.array(sorted(map(tuple, places))), abs=0.5)
+    assert {ring.light for ring in rings} == {DISC_LIGHT}
+    assert RingFinder(camera).find(light) == []
 
 
 def test_whether_the_room_is_lit():
@@ -145,7 +145,7 @@ def test_whether_the_room_is_lit():
     assert is_lit(np.full((64, 64, 3), 40, np.uint8))
 
 
-def test_light_is_bright_or_coloured():
+def test_light_is_bright_or_coloured_and_does_not_count_outside_of_the_floor():
     picture = np.array([[(200, 90, 120), (90, 200, 120), (90, 90, 90)]], np.uint8)
     learnt = Background(np.array([[4, 4, 3]], np.uint8))
     for (levels, room_is_lit), expected, is_expected_lit in [
@@ -155,19 +155,18 @@ def test_light_is_bright_or_coloured():
         (learnt.light_beyond(Frame(0.5, picture - 80)), [48, 48, 2], False),  # what stays lit becomes background
     ]:
         assert (levels.tolist(), room_is_lit) == ([expected], is_expected_lit)
-
-
-ROWS = COLUMNS = 240
-SPOTS = [(40, 60), (150, 62), (200, 180)]
-SPOT_PX = 10
+    outside = np.zeros((240, 240), np.uint8)
+    outside[:4, :100] = outside[100:200, -4:] = 200
+    assert LightMeter(make_geometry()).lit_px(outside) == 0
+    assert LightMeter(make_geometry()._replace(knows_floor=False)).lit_px(outside) > 700
 
 
 def lamps(level: float, flicker: float, bands: float, turned: bool, spots: int) -> np.ndarray:
-    """Return the light of a room in bands, and of square spots."""
-    along = np.arange(ROWS) / ROWS * bands * 2 * np.pi
-    levels = np.repeat(level * (1 + flicker * np.sin(along))[:, None], COLUMNS, axis=1)
-    for row, column in SPOTS[:spots]:
-        levels[row : row + SPOT_PX, column : column + SPOT_PX] += 100
+    """Return the light of a room in bands, and of square spots of 10 px."""
+    along = np.arange(240) / 240 * bands * 2 * np.pi
+    levels = np.repeat(level * (1 + flicker * np.sin(along))[:, None], 240, axis=1)
+    for row, column in [(40, 60), (150, 62), (200, 180)][:spots]:
+        levels[row : row + 10, column : column + 10] += 100
     return (levels.T if turned else levels).astype(np.uint8)
 
 
@@ -177,19 +176,9 @@ def test_lamps_that_flicker_change_nothing(flicker: float, bands: float, turned:
     meter = LightMeter(make_geometry()._replace(knows_floor=knows_floor))
     for spots in range(4):
         steady = meter.lit_px(lamps(0, 0, 0, turned, spots))
-        assert steady == pytest.approx(spots * (SPOT_PX + 1) ** 2, rel=0.3)
+        assert steady == pytest.approx(spots * 11**2, rel=0.3)
         flickering = cv2.subtract(lamps(20, flicker, bands, turned, spots), lamps(20 * (1 - flicker), 0, 0, False, 0))
         assert meter.lit_px(flickering) == pytest.approx(steady, rel=0.1)
-
-
-def test_light_outside_of_the_floor_does_not_count() -> None:
-    outside = np.zeros((ROWS, COLUMNS), np.uint8)
-    outside[:4, :100] = outside[100:200, -4:] = 200
-    assert LightMeter(make_geometry()).lit_px(outside) == 0
-    assert LightMeter(make_geometry()._replace(knows_floor=False)).lit_px(outside) > 700
-
-
-# --- how it is done -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("settings", [

@@ -94,7 +94,7 @@ def test_the_first_narrow_evaluation_is_the_time_of_synchrony():
 
 
 @given(st.lists(st.integers(0, 2000), min_size=1, max_size=30), st.integers(100, 3000))
-def test_it_is_that_of_the_onsets_within_half_a_period(onsets_ms: list[int], period_ms: int) -> None:
+def test_order_over_time_is_that_of_the_onsets_within_half_a_period(onsets_ms: list[int], period_ms: int) -> None:
     onsets = np.sort(np.array(onsets_ms, float))
     order, numbers = synchrony.order_over_time(onsets, float(period_ms))
     for onset, value, number in zip(onsets, order, numbers, strict=True):

@@ -18,12 +18,11 @@ from epuck_sim.overhead.annotate import BARS, BLUE, CYAN, GREY, OLD_BARS, WHITE,
 from epuck_sim.overhead.calibration import DESCRIPTION, LIGHT, TrackOptions
 from epuck_sim.overhead.camera import Frame
 from epuck_sim.overhead.flashes import Flash
-from epuck_sim.overhead.light import ring_light
-from epuck_sim.overhead.rings import DISC_LIGHT, Ring, RingFinder
+from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.synchrony import Evaluation
 from epuck_sim.overhead.track import Track, look_again, ring_writer, track_film
 from tests.overhead import films, webcam
-from tests.overhead.cameras import camera_of, floor_corners
+from tests.overhead.cameras import floor_corners
 from tests.overhead.films import LIT, PLACES, TIMES, passed, read_rings, reel, save, score_rows
 
 
@@ -197,20 +196,6 @@ def test_an_answer_is_right_or_doubtful(kind: str, strength: float) -> None:
 def test_what_shines_and_flickers_is_told_from_rings_and_doubted(kind: str, strength: float) -> None:
     _, confidence, is_right = examine(webcam.EFFECTS[kind][0](strength), 1, 1)
     assert (is_right, confidence) == (True, "low")
-
-
-def test_rings_that_are_burnt_out_to_discs_are_found_where_the_scale_is_known() -> None:
-    camera = camera_of()
-    places = np.array([(15.0, 15.0), (30.0, 40.0), (30.0 + 8.5, 40.0), (50.0, 20.0)])
-    picture = np.zeros((480, 480, 3), np.uint8)
-    for x_px, y_px in camera.project(np.column_stack([places, np.full(4, 4.0)])):
-        cv2.circle(picture, (round(x_px), round(y_px)), round(5.0 * 480 / 65), (255, 255, 255), -1)
-    light, _ = ring_light(picture)
-    rings = RingFinder(camera, sees_discs=True).find(light)
-    found = np.array(sorted((ring.x_cm, ring.y_cm) for ring in rings))
-    assert found == pytest.approx(np.array(sorted(map(tuple, places))), abs=0.5)
-    assert {ring.light for ring in rings} == {DISC_LIGHT}
-    assert RingFinder(camera).find(light) == []
 
 
 PERIOD_S = 5.0
