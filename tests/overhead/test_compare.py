@@ -10,18 +10,8 @@ from hypothesis import strategies as st
 from epuck_sim import load_scenario
 from epuck_sim.cli.tables import print_comparison
 from epuck_sim.estimate import Estimate
-from epuck_sim.overhead.compare import (
-    QUANTITIES,
-    UNLIKE,
-    QuantityComparison,
-    compare_film,
-    fit_film,
-    fit_scenario,
-    fit_uniform,
-    fitted_values,
-    judge,
-    track_trial,
-)
+from epuck_sim.overhead import compare
+from epuck_sim.overhead.compare import QUANTITIES, QuantityComparison, compare_film, fit_film, judge, track_trial
 from epuck_sim.overhead.flashes import Flash
 from epuck_sim.overhead.robots import find_robots
 from epuck_sim.overhead.tags import Readings
@@ -39,15 +29,12 @@ def compared(film: float, trials: list[float]) -> QuantityComparison:
     return QuantityComparison("T_sync", "cycles", film, np.array(trials))
 
 
-def test_the_percentile_counts_trials_with_smaller_values() -> None:
+def test_the_percentile_counts_trials_with_smaller_values_and_beyond_the_end_of_a_film_is_named(capsys) -> None:
     assert compared(3.0, [1, 2, 3, 4]).percentile == 62.5
     assert compared(3.0, [1, 2, math.nan, 4]).percentile == pytest.approx(200 / 3)
     assert compared(math.inf, [1, 2, math.inf, math.inf]).percentile == 75
     assert math.isnan(compared(math.nan, [1, 2]).percentile)
     assert math.isnan(compared(1.0, [math.nan]).percentile)
-
-
-def test_what_lies_beyond_the_end_of_a_film_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     print_comparison("film", "thesis", [compared(math.inf, [3.0, math.inf, math.inf])], {})
     assert "beyond [3, beyond]" in capsys.readouterr().out
 
@@ -63,23 +50,20 @@ def test_few_films_like_the_trials_are_called_unlike() -> None:
     for _ in range(300):
         drawn = 5 + random.standard_normal((41, 3)) @ mixing
         p_values.append(judge(rows_of(drawn[0].tolist(), drawn[1:])).p_value)
-    assert np.mean(np.array(p_values) <= UNLIKE) <= 0.08  # exactly 2 of 41, give or take
+    assert np.mean(np.array(p_values) <= compare.UNLIKE) <= 0.08  # exactly 2 of 41, give or take
     assert np.mean(np.array(p_values) <= 0.5) == pytest.approx(0.5, abs=0.1)
 
 
-@pytest.mark.parametrize(("off", "way"), [(-6.0, "lower"), (6.0, "higher")])
-def test_a_verdict_names_what_is_far_off(off: float, way: str) -> None:
+def test_a_verdict_names_what_is_far_off_and_judges_nothing_that_is_not_known() -> None:
     trials = 5 + np.random.default_rng(1).standard_normal((40, 3))
-    verdict = judge(rows_of([5.0, 5.0, 5.0 + off], trials))
-    assert verdict.p_value == pytest.approx(1 / 41)
-    assert verdict.sentence == f"the film is unlike the simulated trials (p = 0.024): flash is {way} than theirs"
-
-
-def test_what_is_not_known_is_not_judged() -> None:
+    for off, way in ((-6.0, "lower"), (6.0, "higher")):
+        verdict = judge(rows_of([5.0, 5.0, 5.0 + off], trials))
+        assert verdict.p_value == pytest.approx(1 / 41)
+        assert verdict.sentence == f"the film is unlike the simulated trials (p = 0.024): flash is {way} than theirs"
     trials = 5 + np.random.default_rng(2).standard_normal((40, 2))
     assert "like the simulated trials" in judge(rows_of([5.0, math.nan], trials)).sentence
     trials[:30, 1] = math.nan
-    assert judge(rows_of([5.0, 99.0], trials)).p_value > UNLIKE
+    assert judge(rows_of([5.0, 99.0], trials)).p_value > compare.UNLIKE
     verdict = judge(rows_of([math.nan, math.nan], trials))
     assert (math.isnan(verdict.p_value), "nothing can be said" in verdict.sentence) == (True, True)
 
@@ -97,7 +81,7 @@ def test_too_few_trials_and_too_short_a_film_are_said_in_the_one_sentence() -> N
         "21 of 40 trials are not synchronised when the film ends, so film for longer; by"
     )
     assert "the film is like" in verdict.sentence
-    assert verdict.p_value > UNLIKE
+    assert verdict.p_value > compare.UNLIKE
 
 
 def test_a_trial_is_tracked_as_if_it_were_filmed() -> None:
@@ -128,15 +112,12 @@ def test_a_film_of_the_scenario_itself_is_like_its_trials() -> None:
     assert (measured(film, robots) > 0, math.isnan(measured(aside, robots))) == (True, True)
 
 
-def test_robots_of_several_groups_are_not_fitted_but_shown() -> None:
+def test_robots_of_several_groups_are_not_fitted_and_none_is_faster_than_its_wheels() -> None:
     film, robots = track_trial(SCENARIO, 1, FILM)
     both = load_scenario({"robots": [{"count": 2}, {"count": 3}]})
-    assert fitted_values(both, film, robots).keys() == {"overhead.frames_per_s"}
-
-
-def test_a_speed_beyond_the_wheels_limit_is_fitted_as_the_limit() -> None:
+    assert compare.fitted_values(both, film, robots).keys() == {"overhead.frames_per_s"}
     fast = {"robots.0.parameters.speed_cm_s": Estimate(12.9, 12.5, 13.3)}
-    assert fit_scenario(SCENARIO, fast).robots[0].parameters["speed_cm_s"] == 12.8
+    assert compare.fit_scenario(SCENARIO, fast).robots[0].parameters["speed_cm_s"] == 12.8
 
 
 @pytest.mark.parametrize(("told", "expected"), [(None, None), (9, 4)])
@@ -170,15 +151,12 @@ def test_robots_that_leave_while_they_are_lit_are_nowhere() -> None:
 
 
 FPS = 15.0
-CYCLES = 10
 HOMES = np.array([(x, y) for y in (8.0, 20.0, 32.0, 44.0) for x in (8.0, 30.0)])
 
 
-def track_of(
-    seed: int, period_s: float, clock_rate: float, speed_cm_s: float, wheel_speed: float, cycles: int = CYCLES
-) -> Track:
+def track_of(seed: int, clock_rate=0.0, speed_cm_s=0.0, wheel_speed=0.0, *, cycles: int = 10) -> Track:
     """Return a film of eight robots that see no flashes; its frames come 15 times a second."""
-    generator = np.random.default_rng(seed)
+    generator, period_s = np.random.default_rng(seed), 4.0
     periods_s = period_s * generator.uniform(1 - clock_rate, 1 + clock_rate, len(HOMES))
     speeds = speed_cm_s * generator.uniform(1 - wheel_speed, 1 + wheel_speed, len(HOMES))
     starts_s = generator.uniform(0, period_s, len(HOMES))
@@ -199,7 +177,7 @@ def track_of(
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("clock_rate", "wheel_speed"), [(0.0, 0.0), (0.01, 0.08)])
 def test_intervals_hold_what_is_true(seed: int, clock_rate: float, wheel_speed: float) -> None:
-    track = track_of(seed, 4.0, clock_rate, 0.4, wheel_speed)
+    track = track_of(seed, clock_rate, 0.4, wheel_speed)
     robots = find_robots(track)
     assert robots.identities.unsure == 0
     fitted = fit_film(track, robots)
@@ -219,22 +197,26 @@ def test_intervals_hold_what_is_true(seed: int, clock_rate: float, wheel_speed: 
     assert (fitted["spread.wheel_speed"].low > 0) == (wheel_speed > 0)
 
 
-def test_robots_that_are_mixed_up_tell_nothing_of_their_differences() -> None:
-    track = track_of(0, 4.0, 0.01, 0.4, 0.08)
+def test_robots_mixed_up_tell_no_differences_coupled_ones_no_period_and_those_that_stand_no_speed() -> None:
+    track = track_of(0, 0.01, 0.4, 0.08)
     robots = find_robots(track)
     unsure = robots._replace(identities=robots.identities._replace(certainty=np.full(len(track.flashes), 0.6)))
     told = fit_film(track, unsure).keys()
     assert told == {"robots.0.parameters.speed_cm_s", "robots.0.parameters.flash_fraction", "overhead.frames_per_s"}
-
-
-def test_coupled_robots_whose_cycles_are_hardly_ever_their_own_do_not_tell_the_period() -> None:
-    track = track_of(0, 4.0, 0.0, 0.0, 0.0, cycles=60)
+    track = track_of(0, cycles=60)  # coupled, so that hardly any cycle is a robot's own
     generator = np.random.default_rng(0)
     early = [flash._replace(onset_s=flash.onset_s - generator.uniform(0, 1.2)) for flash in track.flashes]
     track = track._replace(flashes=tuple(sorted(early)))
     fitted = fit_film(track, find_robots(track))
     assert "robots.0.parameters.period_s" not in fitted
     assert "spread.clock_rate" not in fitted
+    track = track_of(0)
+    still = fit_film(track, find_robots(track))
+    assert not still.keys() & {"robots.0.parameters.speed_cm_s", "spread.wheel_speed"}
+    generator = np.random.default_rng(0)
+    shaken = (flash._replace(x_cm_s=0.02 * generator.standard_normal()) for flash in track.flashes)
+    moved = track._replace(flashes=tuple(shaken))
+    assert "spread.wheel_speed" not in fit_film(moved, find_robots(moved))
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.2))
@@ -242,23 +224,13 @@ def test_coupled_robots_whose_cycles_are_hardly_ever_their_own_do_not_tell_the_p
 def test_a_known_spread_is_found(seed: int, half_width: float) -> None:
     generator = np.random.default_rng(seed)
     values = 5 * generator.uniform(1 - half_width, 1 + half_width, 200)
-    mean, spread = fit_uniform(values, np.full(200, 0.001))
+    mean, spread = compare.fit_uniform(values, np.full(200, 0.001))
     assert mean.value == pytest.approx(5, rel=0.05 * half_width + 0.001)
     assert spread.value == pytest.approx(half_width, rel=0.08)
     assert spread.low < spread.value < spread.high
 
 
-def test_robots_that_stand_have_no_speed_to_differ_in() -> None:
-    track = track_of(0, 4.0, 0.0, 0.0, 0.0)
-    still = fit_film(track, find_robots(track))
-    assert not still.keys() & {"robots.0.parameters.speed_cm_s", "spread.wheel_speed"}
-    generator = np.random.default_rng(0)
-    shaken = [flash._replace(x_cm_s=0.02 * generator.standard_normal()) for flash in track.flashes]
-    moved = track._replace(flashes=tuple(shaken))
-    assert "spread.wheel_speed" not in fit_film(moved, find_robots(moved))
-
-
 def test_values_that_are_all_the_same_have_a_mean() -> None:
     for value in (0.0, 3.0):
-        mean, _ = fit_uniform(np.full(4, value), np.zeros(4))
+        mean, _ = compare.fit_uniform(np.full(4, value), np.zeros(4))
         assert mean.value == pytest.approx(value, abs=1e-6)
