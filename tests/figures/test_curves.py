@@ -1,6 +1,7 @@
-"""Claims about figures of curves: what is drawn, and what the tables hold, is what the curves hold."""
+"""Claims about figures of curves, of series and of predictions: what is drawn, and in the tables, is what they hold."""
 
 import math
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -10,27 +11,25 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
+from epuck_sim import load_scenario, read_points
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.curves import Curves
+from epuck_sim.figures.forms.maps import Maps, read_maps
+from epuck_sim.figures.forms.series import MAX_LINES, Series
+from epuck_sim.figures.forms.theory import EDGE, PredictedCurves, predict_curves
+from epuck_sim.figures.forms.violins import Violins, read_violins
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
-from epuck_sim.statistics.curves import Curve
+from epuck_sim.figures.style import has_log_scale
+from epuck_sim.figures.sweep_figure import read_form
+from epuck_sim.statistics.curves import Curve, read_curves
 from epuck_sim.statistics.extrema import ExtremaSearch
 from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.series import PointSeries, series_statistics
+from epuck_sim.theory.predict import predict
 from tests.figures.drawn import in_csv, laid_out, legend_texts, written
-from tests.runs.made_folders import (
-    COUNT,
-    COUPLING,
-    HEIGHT,
-    MANY_SPEEDS,
-    PERIOD,
-    SPEED,
-    WIDTH,
-    bumpy_mean,
-    extremes,
-    falling_mean,
-    sweep,
-)
+from tests.runs import made_folders
+from tests.runs.made_folders import COUNT, COUPLING, MANY_SPEEDS, PERIOD, SPEED, WIDTH, ended, in_memory, sweep, weibull
 
-POINT_COLUMNS = ["trials", "censored", "statistic", "estimate", "low", "high"]
 NOTHING = ExtremaSearch({}, None, "")
 SCENARIO = sweep(None)
 
@@ -64,11 +63,11 @@ def form_of(curves, axis=SPEED, searches=None, split_by=None) -> Curves:
     return form
 
 
-BUMPY = curve_of([bumpy_mean(speed) for speed in MANY_SPEEDS], axes={COUPLING: 0.1}, censored=[0, 8, 9])
+BUMPY = curve_of([made_folders.bumpy_mean(speed) for speed in MANY_SPEEDS], axes={COUPLING: 0.1}, censored=[0, 8, 9])
 MOVED = curve_of(
-    [bumpy_mean(speed, 2, 150) for speed in MANY_SPEEDS], axes={COUPLING: 0.2}, undetermined=[0, 1], seed=1
+    [made_folders.bumpy_mean(speed, 2, 150) for speed in MANY_SPEEDS], axes={COUPLING: 0.2}, undetermined=[0, 1], seed=1
 )
-FALLING = curve_of([falling_mean(speed) for speed in MANY_SPEEDS], axes={COUPLING: 0.4}, seed=2)
+FALLING = curve_of([made_folders.falling_mean(speed) for speed in MANY_SPEEDS], axes={COUPLING: 0.4}, seed=2)
 CURVES = [BUMPY, MOVED, FALLING]
 FORM = form_of(CURVES)
 EXTREMA = FORM.searches
@@ -113,9 +112,6 @@ def drawn(lines: list[Line2D]) -> list[tuple[float, float]]:
 
 def seen(ticks) -> list[str]:
     return [label.get_text() for label in ticks if label.get_text()]
-
-
-# What is drawn
 
 
 def test_each_curve_is_one_line_of_its_own_colour_and_marker_with_gaps_and_a_label(panel) -> None:
@@ -178,16 +174,13 @@ def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> No
     assert legend_texts(figure) == ["ε = 0.1", "ε = 0.2", "95 % interval"]
 
 
-def test_the_bands_span_the_intervals_in_the_colour_of_their_lines(panel) -> None:
+def test_the_bands_span_the_intervals_in_the_colour_of_their_lines_and_one_without_a_neighbour_is_a_bar(panel) -> None:
     for band, line, curve in zip(panel.collections[:-1], lines_of(panel), CURVES, strict=True):
         known = np.isfinite(curve.values)
         x, (low, high) = curve.x[known], curve.intervals[known].T
         corners = {(float(x), float(y)) for path in band.get_paths() for x, y in path.vertices}
         assert corners == {*zip(x, low, strict=True), *zip(x, high, strict=True)}
         assert to_hex(band.get_facecolor()[0]) == to_hex(line.get_color())
-
-
-def test_an_interval_without_a_neighbour_is_a_bar() -> None:
     curve = curve_of([50.0, 40.0, 30.0, 20.0, 10.0], undetermined=[1])
     (bars,) = [each for each in axes_of([curve]).collections if isinstance(each, LineCollection)]
     (bar,) = bars.get_segments()
@@ -216,7 +209,7 @@ def test_undetermined_means_are_crosses_above_all_points_a_row_for_each_curve() 
 def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowhere_else(panel) -> None:
     found, more, none = ({name: place.estimate.value for name, place in each.places.items()} for each in EXTREMA)
     assert not none
-    assert found["V_m"] == pytest.approx(extremes()["v_m"], rel=0.2)
+    assert found["V_m"] == pytest.approx(made_folders.extremes()["v_m"], rel=0.2)
     assert drawn(marked(panel, "v")) == [(pair["V_m"], pair["T_m"]) for pair in (found, more)]
     assert drawn(marked(panel, "^")) == [(pair["V_p"], pair["T_p"]) for pair in (found, more)]
     colours = [to_hex(line.get_color()) for line in lines_of(panel)]
@@ -231,9 +224,6 @@ def test_a_band_without_upper_end_goes_beyond_the_figure_and_does_not_stretch_it
     assert max(y for _, y in axes.collections[0].get_paths()[0].vertices) > top
     assert np.nanmax(BUMPY.values) < top < 10 * np.nanmax(BUMPY.values)
     assert bottom > 0
-
-
-# Axes and words
 
 
 def test_axes_have_the_thesis_s_symbols_and_plain_numbers_and_there_is_no_title(panel) -> None:
@@ -259,7 +249,9 @@ def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade() -> None
         assert axes_of([curve_of([30, 20, 10], x=x)], axis=axis).get_xscale() == scale
 
 
-def test_many_decades_are_labelled_by_powers_of_ten_alone_on_both_axes_and_do_not_overlap() -> None:
+def test_many_decades_are_labelled_by_powers_of_ten_alone_that_do_not_overlap_and_a_narrow_range_has_labels_too() -> (
+    None
+):
     axes = axes_of([curve_of([10.0**n for n in range(1, 8)], x=[10.0**n for n in range(-2, 5)])])
     assert {"$10^{1}$", "$10^{5}$"} <= set(seen(axes.get_yticklabels()))
     for ticks in (axes.get_xticklabels(), axes.get_yticklabels()):
@@ -267,9 +259,6 @@ def test_many_decades_are_labelled_by_powers_of_ten_alone_on_both_axes_and_do_no
         boxes = [label.get_window_extent() for label in ticks if label.get_text()]
         assert len(boxes) > 3
         assert not any(one.overlaps(other) for one, other in pairwise(boxes))
-
-
-def test_a_narrow_range_has_labels_too() -> None:
     axes = axes_of([curve_of([31, 30, 29], x=[60, 61, 62])], axis=WIDTH)
     for axis in (axes.xaxis, axes.yaxis):
         low, high = axis.get_view_interval()
@@ -280,7 +269,11 @@ def test_a_narrow_range_has_labels_too() -> None:
     ("rows", "axis", "labels"),
     [
         ([{COUPLING: 0.1}], SPEED, []),
-        ([{WIDTH: n, HEIGHT: n, COUNT: 10, SPEED: 1} for n in (40, 60.5)], PERIOD, ["L = 40 cm", "L = 60.5 cm"]),
+        (
+            [{WIDTH: n, made_folders.HEIGHT: n, COUNT: 10, SPEED: 1} for n in (40, 60.5)],
+            PERIOD,
+            ["L = 40 cm", "L = 60.5 cm"],
+        ),
         (
             [{"robots.0.controller": file} for file in ("/me/kura.py", "/me/mine.py", "/you/mine.py")],
             SPEED,
@@ -314,38 +307,26 @@ def test_keys_have_the_thesis_s_symbols() -> None:
     assert key_name("a.b.count", ["a.b.parameters.count"]) == "a.b.count"
 
 
-# The tables
-
-
-def test_the_csv_has_the_numbers_of_the_curves() -> None:
+def test_tables_have_the_numbers_of_the_curves_and_their_extrema_or_say_why_there_are_none() -> None:
     table = written(FORM.tables[".csv"])
-    assert list(table[0]) == [COUPLING, SPEED, *POINT_COLUMNS]
+    assert list(table[0]) == [COUPLING, SPEED, "trials", "censored", "statistic", "estimate", "low", "high"]
     expected = []
     for curve in CURVES:
         columns = curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T
         expected += [in_csv(*curve.axes.values(), *row) for row in zip(*columns, strict=True)]
     assert [[*row.values()] for row in table] == expected
-
-
-def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_value_alone() -> None:
     found = written(FORM.tables["-regimes.csv"])
     names = [f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high")]
     assert list(found[0]) == [COUPLING, *names, "p_value", "reason"]
     for row, curve, search in zip(found, CURVES, EXTREMA, strict=True):
         numbers = [end for place in search.places.values() for end in place.estimate.ends] or [math.nan] * 12
         assert [*row.values()] == in_csv(*curve.axes.values(), *numbers, search.p_value, "")
-
-
-@pytest.mark.parametrize(
-    ("curve", "axis", "reason"),
-    [
+    for curve, axis, reason in (
         (curve_of(BUMPY.values[:5]), SPEED, "5 speeds; a minimum and a peak take 6"),
         (curve_of(BUMPY.values, x=np.arange(13) + 2), COUNT, "the axis is no speed"),
-    ],
-)
-def test_where_there_can_be_no_extrema_the_table_says_why(curve, axis, reason) -> None:
-    (row,) = written(form_of([curve], axis).tables["-regimes.csv"])
-    assert [*row.values()] == [*[""] * 13, reason]
+    ):
+        (row,) = written(form_of([curve], axis).tables["-regimes.csv"])
+        assert [*row.values()] == [*[""] * 13, reason]
 
 
 def test_axis_values_are_in_the_csv_as_they_are_in_the_sweep() -> None:
@@ -353,3 +334,142 @@ def test_axis_values_are_in_the_csv_as_they_are_in_the_sweep() -> None:
     for table in form_of([curve_of([3, 2], axes=axes)]).tables.values():
         row = written(table)[0]
         assert {key: row[key] for key in axes} == {key: "" if v is None else str(v) for key, v in axes.items()}
+
+
+LONG = PointSeries({SPEED: 1}, series_statistics([np.array([1.0, 2, 3, 5]) + k / 10 for k in range(6)]))
+SHORT = PointSeries({SPEED: 2}, series_statistics([np.arange(3.0)] * 3 + [np.arange(2.0)] * 3))
+
+
+def test_a_line_is_the_mean_and_dashed_once_a_trial_has_ended_and_too_many_are_refused():
+    figure = Series(of="mine", points=[LONG, SHORT]).draw_figure()
+    (panel,) = figure.axes
+    full, short, ended_before, _ = panel.get_lines()
+    assert full.get_ydata().tolist() == pytest.approx([1.25, 2.25, 3.25, 5.25])
+    assert full.get_xdata().tolist() == [1, 2, 3, 4]
+    assert (short.get_linestyle(), short.get_xdata().tolist()) == ("-", [1, 2])
+    assert (ended_before.get_linestyle(), ended_before.get_xdata().tolist()) == ("--", [2, 3])
+    assert legend_texts(figure) == ["V = 1 cm/s", "V = 2 cm/s", "95 % interval", "some trials have ended"]
+    assert (panel.get_xlabel(), panel.get_ylabel()) == ("cycle", "mine")
+    assert Series(of="mine", points=[LONG, SHORT]).shows.endswith("; 6 trials a point")
+    with pytest.raises(EpuckSimError, match=f"{MAX_LINES + 1} lines, one for each point; allowed: up to {MAX_LINES}"):
+        Series(of="mine", points=[LONG] * (MAX_LINES + 1)).draw_figure()
+
+
+def test_the_table_has_a_row_for_each_cycle():
+    rows = written(Series(of="mine", points=[LONG, SHORT]).tables[".csv"])
+    assert len(rows) == 7
+    names = "cycle trials known mean low high median median_low median_high"
+    assert [*rows[-1]] == [SPEED, *names.split()]
+    assert [*rows[-1].values()] == ["2", "3", "3", "3", "2", "", "", "2", "", ""]
+
+
+def measured(law, trials=5):
+    """Return points with the values of a measure, in memory."""
+    scenario = sweep({SPEED: [1, 2, 10], COUNT: [2, 4]}, trials=trials)
+    random = np.random.default_rng(1)
+    found = in_memory(scenario, lambda _: ended([7] * trials))
+    return [point._replace(of="mine", measured=tuple(law(point, random) for _ in range(trials))) for point in found]
+
+
+WIDE = measured(lambda point, random: point.axes[SPEED] ** 2 * random.uniform(1, 2))
+NARROW = measured(lambda _, random: random.uniform(1, 2))
+SIGNED = measured(lambda _, random: random.normal())
+
+
+@pytest.mark.parametrize(("points", "scale"), [(WIDE, "log"), (NARROW, "linear"), (SIGNED, "linear")])
+def test_a_measure_has_its_name_and_the_scale_that_fits_it(points, scale):
+    curves = read_curves(points, SPEED)
+    curve_panel = Curves(axis=SPEED, curves=curves, of=curves[0].of).draw_figure().axes[0]
+    violin_panel = Violins(axis=SPEED, curves=read_violins(points, SPEED), of="mine").draw_figure().axes[0]
+    assert curve_panel.get_ylabel() == "mine"
+    assert violin_panel.get_ylabel() == "mine"
+    assert (curve_panel.get_yscale(), violin_panel.get_yscale()) == (scale, scale)
+    assert curve_panel.get_ylim()[1] > max(curve.intervals[:, 1].max() for curve in curves)
+    assert curves[0].values.tolist() in [line.get_ydata().tolist() for line in curve_panel.get_lines()]
+    assert list(Curves(axis=SPEED, curves=curves, of=curves[0].of).tables) == [".csv"]
+    maps = read_maps(points, SPEED, COUNT)
+    assert has_log_scale("mine", maps[0].values.ravel()) == (scale == "log")
+    *_, bar = Maps(x=SPEED, y=COUNT, maps=maps, of="mine").draw_figure().axes
+    assert bar.get_ylabel() == "mine"
+
+
+@pytest.mark.parametrize("law", [lambda _, random: random.normal(), lambda point, _: 10.0 ** point.axes[COUNT]])
+def test_points_without_a_value_are_crosses_above_all_others_and_hatched_in_maps(law):
+    gaps = [
+        point._replace(measured=(None,) * 5) if point.axes == {SPEED: 2, COUNT: 4} else point for point in measured(law)
+    ]
+    curves = read_curves(gaps, SPEED)
+    figure = Curves(axis=SPEED, curves=curves, of=curves[0].of).draw_figure()
+    assert "undetermined: no trial has a value" in legend_texts(figure)
+    (panel,) = figure.axes
+    (cross,) = [line for line in panel.get_lines() if line.get_marker() == "x" and len(line.get_xdata())]
+    highest = max(np.nanmax(curve.values) for curve in curves)
+    (_, at), *_ = panel.transAxes.inverted().transform(panel.transData.transform([(1, highest)]))
+    assert cross.get_xdata().tolist() == [2]
+    assert at < cross.get_ydata()[0] < 1
+    maps = Maps(x=SPEED, y=COUNT, maps=read_maps(gaps, SPEED, COUNT), of="mine").draw_figure()
+    assert "no trial has a value" in legend_texts(maps)
+    violins = Violins(axis=SPEED, curves=read_violins(gaps, SPEED), of="mine").draw_figure()
+    assert "undetermined: no trial has a value" in legend_texts(violins)
+
+
+SETTINGS = ("agents.count=10", "trials=5", "stop.max_cycles=5000", "measures=[order_parameter]")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    asked = load_scenario("particles", SETTINGS, ["agents.speed_cm_s=0.1,1,30", "neighbourhood.k=1,5"])
+    return made_folders.store(tmp_path_factory.mktemp("agents") / "run", asked, lambda point: weibull(point, 60))
+
+
+@cache
+def of_nearest(k: int, speed: float):
+    return predict(load_scenario("particles", [*SETTINGS, f"neighbourhood.k={k}", f"agents.speed_cm_s={speed}"]))
+
+
+@pytest.fixture(scope="module")
+def form(folder) -> PredictedCurves:
+    return read_form(folder, {"theory": True})
+
+
+def test_lines_and_limits_are_those_of_predict(form) -> None:
+    figure = laid_out(form.draw_figure())
+    (panel,) = figure.axes
+    for k, predicted in zip((1, 5), form.predicted, strict=True):
+        drawn = [line for line in panel.lines if np.array_equal(line.get_ydata(), predicted.times, equal_nan=True)]
+        assert [line.get_linestyle() for line in drawn] == ["--"]
+        assert predicted.times[[0, -1]] == pytest.approx(
+            [of_nearest(k, v).t_sync.value for v in (0.1, 30)], nan_ok=True
+        )
+        limits = [of_nearest(k, 30).t_sync_frozen.value, of_nearest(k, 30).t_sync_fast.value]
+        at_edges = [line.get_ydata()[0] for line in panel.lines if list(line.get_xdata())[-1:] in ([EDGE], [1])]
+        assert np.isin(limits, at_edges).tolist() == [k == 5, True]  # none of K = 1 that stands can
+    assert legend_texts(figure)[-2:] == ["predicted", "predicted $V_\\mathrm{m}$ and $V_\\mathrm{p}$"]
+
+
+def test_minimum_and_peak_are_marked_where_a_regime_is_predicted_alone(form) -> None:
+    (panel,) = form.draw_figure().axes
+    drawn = [line for line in panel.lines if line.get_markersize() == 5 and len(line.get_xdata()) == 3]
+    marks = {line.get_marker(): line.get_xdata()[1] for line in drawn}
+    nearest = of_nearest(1, 30)
+    assert marks == pytest.approx({"v": nearest.v_m_cm_s.value, "^": nearest.v_p_cm_s.value})
+    one, five = written(form.tables["-theory.csv"])
+    assert [one["regime"], five["regime"], five["v_p"]] == ["yes", "no", ""]
+    assert float(one["v_p_high"]) == pytest.approx(nearest.v_p_cm_s.high, rel=1e-5)
+    assert "who hears whom" in form.caption
+    assert "hollow triangles" in form.caption
+    (still,) = predict_curves("agents.speed_cm_s", [form.curves[0]._replace(x=np.array([0.0]))])
+    assert still.places == []
+
+
+def test_a_scenario_asks_for_them_and_is_told_why_there_are_none_and_an_option_decides(folder) -> None:
+    points = read_points(folder)
+    asks = load_scenario("particles", [*SETTINGS, "figure.theory=true"])
+    points = [point._replace(scenario=asks.model_copy(update={"agents": point.scenario.agents})) for point in points]
+    assert isinstance(read_form(points, {}), PredictedCurves)
+    assert not isinstance(read_form(points, {"theory": False}), PredictedCurves)
+    assert not isinstance(read_form(folder, {}), PredictedCurves)
+    still = load_scenario("particles", [*SETTINGS, "figure.theory=true", "response.coupling=0"])
+    points = [point._replace(scenario=still) for point in points]
+    assert "response.coupling is 0" in read_form(points, {}).caption
+    assert "but this is against neighbourhood.k" in read_form(points, {"x": "neighbourhood.k"}).caption

@@ -1,37 +1,31 @@
-"""Claims about the looks of figures: colours have contrast and are told apart by all eyes, words stay words."""
+"""Claims about looks and files of figures: colours are told apart by all eyes, words stay words, files are whole."""
 
+import errno
 from itertools import combinations
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib import rc_context
+from matplotlib import image, rc_context
 from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures import style as looks
 from epuck_sim.figures.films import BAR, FOUND, MARK, SYNC
 from epuck_sim.figures.forms.violins import LINE, VIOLIN
-from epuck_sim.figures.style import (
-    COLOURS,
-    GREY,
-    MARKERS,
-    add_shared_legend,
-    choose_looks,
-    finish,
-    format_tick,
-    is_plain,
-    make_logarithmic,
-    make_panels,
-    mark_wholes,
-    style,
-    typeset,
-)
+from epuck_sim.figures.saving import Table, Target, parse_target, save_figure
+from epuck_sim.figures.style import COLOURS, GREY, MARKERS, choose_looks, finish, make_panels, style
 from epuck_sim.overhead.annotate import CYAN
 from epuck_sim.recording.layers.arena import DARK, LIT, NIGHT
+from tests.cli.films import names
 from tests.figures.drawn import legend_texts
+from tests.runs.made_folders import rows
 
 MIN_CONTRAST = 3.0
 """Least contrast of graphical objects with what is behind them (Web Content Accessibility Guidelines 2.1, 1.4.11)."""
@@ -90,16 +84,16 @@ def test_all_eyes_tell_curves_apart_and_see_what_is_marked_beside_red(vision: st
 
 @given(st.integers(1, len(COLOURS) * len(MARKERS)))
 def test_each_curve_has_a_look_of_its_own_and_the_first_differ_in_both_colour_and_marker(count: int) -> None:
-    looks = choose_looks(count)
-    assert len({*looks}) == len(looks) == count
-    first = looks[: len(COLOURS)]
+    chosen = choose_looks(count)
+    assert len({*chosen}) == len(chosen) == count
+    first = chosen[: len(COLOURS)]
     assert len({look.colour for look in first}) == len({look.marker for look in first}) == len(first)
     assert {"v", "^", "x"}.isdisjoint(MARKERS)
 
 
 @given(st.text(st.characters(exclude_categories=["C"]), max_size=40))
 def test_any_text_is_shown_as_it_is(text: str) -> None:
-    shown = typeset(text.replace("_", " "))
+    shown = looks.typeset(text.replace("_", " "))
     assert not is_math_text(shown)
     assert shown.replace(r"\$", "$") == text.replace("_", " ")
 
@@ -121,15 +115,15 @@ def test_a_long_label_has_one_line_within_the_figure_with_both_its_ends(width_cm
     panel.plot([0, 2], label=label.replace("_6 = 6", "_6 = 7"))
     legend.remove()
     with rc_context(style()):
-        add_shared_legend(figure, [panel])
+        looks.add_shared_legend(figure, [panel])
     assert len(set(legend_texts(figure))) == 2
 
 
 @given(st.floats(1e-3, 9e4))
 def test_a_plain_number_has_no_exponent_and_is_read_back(number: float) -> None:
-    assert is_plain(number, number)
-    assert float(format_tick(number)) == pytest.approx(number)
-    assert "e" not in format_tick(number)
+    assert looks.is_plain(number, number)
+    assert float(looks.format_tick(number)) == pytest.approx(number)
+    assert "e" not in looks.format_tick(number)
 
 
 @pytest.mark.parametrize(("width_cm", "font_pt", "label"), [(5, 12, "T_sync (cycles)"), (8.5, 8, "a long label, " * 8)])
@@ -147,7 +141,105 @@ def test_a_panel_is_as_high_as_its_label(width_cm: float, font_pt: float, label:
 def test_where_all_values_are_whole_so_are_the_ticks(values: list[float], whole: bool) -> None:
     panel = Figure().subplots()
     panel.set_xlim(values[0], values[-1])
-    mark_wholes(panel.xaxis, np.array(values))
+    looks.mark_wholes(panel.xaxis, np.array(values))
     assert (not (panel.get_xticks() % 1).any()) is whole
-    make_logarithmic(panel, "x")
-    mark_wholes(panel.xaxis, np.array(values))  # which has ticks of its own
+    looks.make_logarithmic(panel, "x")
+    looks.mark_wholes(panel.xaxis, np.array(values))  # which has ticks of its own
+
+
+ENDINGS = (".png", ".svg", ".csv", "-more.csv")
+SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
+
+
+def draw(title: str = "title") -> Figure:
+    """Return a small figure; an SVG names its markers and masks by digests."""
+    figure = Figure(figsize=(2, 1.5), dpi=300)
+    axes = figure.subplots()
+    axes.plot([1, 2, 3], [1, 3, 2], "o-")
+    axes.set_title(title)
+    return figure
+
+
+def tables(value: float = 1.5) -> dict[str, Table]:
+    return {".csv": Table(("a", "b"), [(1, value)]), "-more.csv": Table(("c",), [("x",), ("y, z",)])}
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory) -> Path:
+    """Return the stem of a figure's files."""
+    stem = tmp_path_factory.mktemp("saved") / "fig"
+    assert save_figure(Target(stem), draw, tables()) == [stem.with_name(f"fig{ending}") for ending in ENDINGS]
+    assert names(stem.parent) == sorted(f"fig{ending}" for ending in ENDINGS)
+    return stem
+
+
+def test_the_pictures_are_whole_and_the_tables_hold_their_rows(saved) -> None:
+    picture = image.imread(saved.with_name("fig.png"))
+    assert picture.shape == (450, 600, 4)
+    assert picture[..., :3].std() > 0.05
+    assert ElementTree.parse(saved.with_name("fig.svg")).getroot().tag == "{http://www.w3.org/2000/svg}svg"
+    assert rows(saved.with_name("fig.csv")) == [{"a": "1", "b": "1.5"}]
+    assert rows(saved.with_name("fig-more.csv")) == [{"c": "x"}, {"c": "y, z"}]
+
+
+@pytest.mark.parametrize("ending", [".png", ".svg", ".PDF"])
+def test_a_target_of_one_format_is_that_picture_alone_with_the_tables_beside_it(tmp_path, ending: str) -> None:
+    target = parse_target(tmp_path / f"v0.5{ending}")
+    files = save_figure(target, draw, tables())
+    assert names(tmp_path) == sorted([f"v0.5{ending}", "v0.5.csv", "v0.5-more.csv"])
+    assert files[0].read_bytes().startswith(SIGNATURES[ending.lower()])
+
+
+def test_the_same_figure_gives_the_same_files_byte_for_byte_and_another_one_others(tmp_path, monkeypatch) -> None:
+    target = Target(tmp_path / "fig", (".png", ".svg", ".pdf"))
+    first = [file.read_bytes() for file in save_figure(target, draw, {".csv": tables()[".csv"]})]
+    monkeypatch.setattr("time.time", lambda: 2e9)
+    assert [file.read_bytes() for file in save_figure(target, draw, {".csv": tables()[".csv"]})] == first
+    other = save_figure(target, lambda: draw("other"), {".csv": tables(2.5)[".csv"]})
+    assert all(file.read_bytes() != before for file, before in zip(other, first, strict=True))
+
+
+def test_a_target_is_a_stem_or_one_picture() -> None:
+    for stem in ("fig", "v0.5", "a.b", "runs.old/fig"):
+        assert parse_target(Path(stem)) == Target(Path(stem), (".png", ".svg"))
+        assert parse_target(Path(f"{stem}.png")) == Target(Path(stem), (".png",))
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_where_one_file_cannot_be_written_none_is_and_nothing_is_drawn(tmp_path, ending: str) -> None:
+    def refuse() -> Figure:
+        raise AssertionError
+
+    (tmp_path / f"T{ending}").mkdir()
+    with pytest.raises(EpuckSimError, match=f"T{ending}: cannot be written: is a directory"):
+        save_figure(Target(tmp_path / "T"), refuse, tables())
+    assert names(tmp_path) == [f"T{ending}"]
+
+
+@pytest.mark.parametrize(
+    ("problem", "raised"),
+    [(OSError(errno.ENOSPC, "No space left"), EpuckSimError), (KeyboardInterrupt(), KeyboardInterrupt)],
+    ids=["full disk", "Ctrl-C"],
+)
+def test_where_writing_fails_older_files_stay_and_nothing_is_left_beside_them(
+    tmp_path, monkeypatch, problem: BaseException, raised: type[BaseException]
+) -> None:
+    for ending in ENDINGS:
+        (tmp_path / f"T{ending}").write_text("older")
+
+    def write_half(_: Figure, part: Path, **__) -> None:
+        part.write_text("half")
+        if ".svg" in part.name:  # the second picture
+            raise problem
+
+    monkeypatch.setattr(Figure, "savefig", write_half)
+    with pytest.raises(raised):
+        save_figure(Target(tmp_path / "T"), draw, tables())
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {f"T{end}": "older" for end in ENDINGS}
+
+
+def test_text_is_text_in_every_format_that_has_any(tmp_path) -> None:
+    svg, pdf = save_figure(Target(tmp_path / "fig", (".svg", ".pdf")), lambda: draw("some words"))
+    words = [element.text for element in ElementTree.parse(svg).iter("{http://www.w3.org/2000/svg}text")]
+    assert "some words" in words
+    assert b"/CIDFontType2" in pdf.read_bytes()  # TrueType, which programs edit, and not outlines of type 3

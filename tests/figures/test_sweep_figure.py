@@ -9,18 +9,8 @@ from matplotlib.figure import Figure
 from epuck_sim import EpuckSimError, figures
 from epuck_sim.figures.sweep_figure import read_form
 from tests.figures.drawn import legend_texts, written
-from tests.runs.made_folders import (
-    COUNT,
-    SPEED,
-    WIDTH,
-    censored,
-    ended,
-    in_memory,
-    store,
-    store_measured,
-    sweep,
-    weibull,
-)
+from tests.runs import made_folders
+from tests.runs.made_folders import COUNT, SPEED, WIDTH, censored, ended, in_memory, sweep, weibull
 
 SPEEDS = [0.5, 5]
 POINTS = in_memory(sweep({WIDTH: [40, 60], SPEED: SPEEDS}, trials=9), lambda point: weibull(point, 50))
@@ -78,7 +68,8 @@ def test_labels_are_as_asked_for_and_their_units_stay_out_of_the_legend() -> Non
 
 @pytest.mark.parametrize("form", ["curves", "violins"])
 def test_each_trial_is_a_dot_within_the_figure_and_hollow_if_it_is_censored(form: str) -> None:
-    points = in_memory(sweep({SPEED: SPEEDS}, trials=9), lambda point: censored(point, 9) if point.number else HALF)
+    half = ended([10] * 4 + [5000] * 5, [True] * 4 + [False] * 5)
+    points = in_memory(sweep({SPEED: SPEEDS}, trials=9), lambda point: censored(point, 9) if point.number else half)
     panel = figures.plot(points, form=form, points=True).axes[0]
     for label, is_known in (("a trial", True), ("a censored trial", False)):
         drawn = [line for line in panel.get_lines() if line.get_label() == label]
@@ -86,9 +77,6 @@ def test_each_trial_is_a_dot_within_the_figure_and_hollow_if_it_is_censored(form
         assert found == [t for p in points for t, seen in zip(p.times, p.observed, strict=True) if seen == is_known]
         assert {line.get_markerfacecolor() == "none" for line in drawn} == {not is_known}
     assert panel.get_ylim()[1] > 5000
-
-
-HALF = ended([10] * 4 + [5000] * 5, [True] * 4 + [False] * 5)
 
 
 @pytest.mark.parametrize("form", ["curves", "violins", "map", "series"])
@@ -100,9 +88,6 @@ def test_the_scale_is_as_asked_for(form: str, scale: str) -> None:
         return
     bar = others[-1]
     assert (bar.get_ylim()[1] < 5) == (scale == "log")
-
-
-THREE = {COUNT: [3, 5], WIDTH: [40, 60], SPEED: [1, 2]}
 
 
 def test_axes_are_those_asked_for_or_else_the_scenario_s() -> None:
@@ -120,7 +105,8 @@ def test_axes_are_those_asked_for_or_else_the_scenario_s() -> None:
         ({"form": "map", "x": COUNT, "y": SPEED}, {"form": "curves"}, {"axis": COUNT}),
         ({"panels": COUNT}, {"x": COUNT}, {"axis": COUNT, "split_by": None}),
     ]:
-        form = read_form(in_memory(sweep(THREE, trials=5, figure=figure), lambda point: weibull(point, 30)), options)
+        scenario = sweep({COUNT: [3, 5], WIDTH: [40, 60], SPEED: [1, 2]}, trials=5, figure=figure)
+        form = read_form(in_memory(scenario, lambda point: weibull(point, 30)), options)
         assert {name: getattr(form, name) for name in expected} == expected
 
 
@@ -130,7 +116,7 @@ def folders(tmp_path_factory) -> list[Path]:
     folder = tmp_path_factory.mktemp("folders")
     grid, made = {COUNT: [3, 5], SPEED: SPEEDS}, (("a", "demo", 50), ("b", "other", 90))
     return [
-        store(folder / name / "run", sweep(grid, trials=9, name=scenario), partial(weibull, mean=mean))
+        made_folders.store(folder / name / "run", sweep(grid, trials=9, name=scenario), partial(weibull, mean=mean))
         for name, scenario, mean in made
     ]
 
@@ -163,7 +149,9 @@ def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_ref
         path.parent.mkdir()
         path.write_text(f'UNIT = "{unit}"\n\n\ndef way(simulation): return 1.0\n')
         scenario = sweep({SPEED: SPEEDS}, trials=2, measures=[str(path)])
-        folders.append(store_measured(tmp_path / f"run-{unit}", scenario, lambda point: [point.axes[SPEED]] * 2))
+        folders.append(
+            made_folders.store_measured(tmp_path / f"run-{unit}", scenario, lambda point: [point.axes[SPEED]] * 2)
+        )
     assert [figures.plot(each, of="way").axes[0].get_ylabel() for each in folders] == ["way (cm)", "way (mm)"]
     with pytest.raises(EpuckSimError, match="the unit of way differs: cm, mm; give folders with one"):
         figures.plot(folders, of="way")
